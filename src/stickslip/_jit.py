@@ -1,0 +1,154 @@
+"""The only Numba decorators of the package, and what they promise.
+
+* `compiled`: a plain function that kernels call; compiled into them, never on its own.
+* `implemented_for` / `overload`: one name, several implementations, chosen by the type of a record. Kernels
+  that call the name stay module-level functions, so that they are cached on disk (a law passed in as a function
+  would miss the cache in every new process).
+* `kernel`: an entry point from Python. Cached on disk under a hash of the package's source, because Numba itself
+  looks only at the file of the kernel and would serve old physics after an edit in another file.
+
+``NUMBA_DISABLE_JIT=1`` runs everything as plain Python, for coverage and for stepping through.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import inspect
+import os
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numba
+from numba.core import event
+from numba.extending import overload as _numba_overload
+
+_OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+_PACKAGE = Path(__file__).parent
+
+
+def _source_hash(files: list[Path]) -> str:
+    digest = hashlib.sha256()
+    for file in files:
+        digest.update(file.name.encode())
+        digest.update(file.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def _cache_root() -> Path:
+    """Where compiled kernels are kept: STICKSLIP_CACHE_DIR, or the user's cache folder."""
+    given = os.environ.get("STICKSLIP_CACHE_DIR")
+    if given:
+        return Path(given)
+    if sys.platform == "win32":
+        base = os.environ.get("LOCALAPPDATA", str(Path.home() / "AppData" / "Local"))
+    elif sys.platform == "darwin":
+        base = str(Path.home() / "Library" / "Caches")
+    else:
+        base = os.environ.get("XDG_CACHE_HOME", str(Path.home() / ".cache"))
+    return Path(base) / "stickslip"
+
+
+@functools.cache
+def _package_cache() -> Path:
+    root = _cache_root() / f"kernels-{_source_hash(sorted(_PACKAGE.rglob('*.py')))}"
+    try:
+        root.mkdir(parents=True, exist_ok=True)
+    except OSError:  # a read-only home: still right, only slower in the next process
+        root = Path(tempfile.gettempdir()) / f"stickslip-{os.getuid() if hasattr(os, 'getuid') else 0}" / root.name
+        root.mkdir(parents=True, exist_ok=True)
+    return root
+
+
+class _Announcer(event.Listener):
+    """Says in one line, once per process, that a kernel is being compiled and why the user waits."""
+
+    said = False
+
+    def on_start(self, event: Any) -> None:
+        dispatcher = event.data.get("dispatcher")
+        if self.said or getattr(dispatcher, "py_func", None) not in _KERNELS:
+            return
+        type(self).said = True
+        print("stickslip: compiling the solver for this model, once on this machine (some seconds) ...", file=sys.stderr)
+
+    def on_end(self, event: Any) -> None:
+        """Nothing to say."""
+
+
+_KERNELS: set[Callable[..., Any]] = set()
+event.register("numba:compile", _Announcer())
+
+
+def compiled(function: Callable[..., Any]) -> Any:
+    """A function to be called from kernels (from Python too, for tests)."""
+    return numba.njit(function, **_OPTIONS)
+
+
+def overload(function: Callable[..., Any]) -> Any:
+    """What `function` becomes inside kernels: the decorated function gets types and returns an implementation."""
+    return _numba_overload(function, jit_options=_OPTIONS, target="generic")
+
+
+def record_class(numba_type: Any) -> type | None:
+    """The Python class of a record's Numba type (used inside `overload` functions)."""
+    return getattr(numba_type, "instance_class", None)
+
+
+def _foreign_source(law_type: type) -> Path | None:
+    """The user's file that defines a law, or None for a law of this package."""
+    if law_type.__module__.split(".")[0] == __package__:
+        return None
+    try:
+        return Path(inspect.getfile(law_type)).resolve()
+    except (OSError, TypeError):  # typed in at a prompt
+        return Path()
+
+
+class Kernel:
+    """A compiled entry point whose first argument is a record (in general the friction law).
+
+    Laws of the package share one cache on disk. A law in a user's own file gets a cache of its own, keyed by
+    that file's content, so an edit there is never served stale; a law from a prompt or a script run as
+    ``__main__`` cannot be named in another process and is compiled anew.
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        functools.update_wrapper(self, function)
+        _KERNELS.add(function)
+        self._function = function
+        self._dispatchers: dict[str, Callable[..., Any]] = {}
+        self._by_type: dict[type, Callable[..., Any]] = {}
+
+    def __call__(self, record: Any, *args: Any) -> Any:
+        law_type = type(record)
+        dispatcher = self._by_type.get(law_type)
+        if dispatcher is None:
+            dispatcher = self._by_type[law_type] = self._dispatcher(law_type)
+        return dispatcher(record, *args)
+
+    def _dispatcher(self, law_type: type) -> Callable[..., Any]:
+        source = _foreign_source(law_type)
+        if source is None:
+            folder = _package_cache()
+        elif law_type.__module__ == "__main__" or source == Path():
+            return numba.njit(self._function, **_OPTIONS)
+        else:
+            folder = _package_cache() / f"law-{_source_hash([source])}"
+        key = str(folder)
+        if key not in self._dispatchers:
+            before = numba.config.CACHE_DIR  # type: ignore[attr-defined]
+            numba.config.CACHE_DIR = key  # type: ignore[attr-defined]  # read when the cache is attached, just below
+            try:
+                self._dispatchers[key] = numba.njit(self._function, cache=True, **_OPTIONS)
+            finally:
+                numba.config.CACHE_DIR = before  # type: ignore[attr-defined]
+        return self._dispatchers[key]
+
+
+def kernel(function: Callable[..., Any]) -> Kernel:
+    """Decorator: see `Kernel`."""
+    return Kernel(function)

@@ -1,0 +1,55 @@
+r"""LuGre: a bristle with Stribeck steady state [canudas1995].
+
+.. math:: \dot z = v - \sigma_0 \frac{|v|}{g(v)} z, \qquad F = \sigma_0 z + \sigma_1(v) \dot z + \sigma_2 v
+
+.. math:: g(v) = F_C + (F_S - F_C)\, e^{-(v/v_s)^2}, \qquad \sigma_1(v) = \sigma_1 e^{-(v/v_d)^2}
+
+Valid for one contact whose presliding is small against the stroke. It creeps under a small oscillating load below
+breakaway (see `Elastoplastic`), and with a constant sigma_1 (v_d infinite) it is not passive at high speed
+[olsson1996]: choose v_d of the order of v_s. F_S = F_C is the thesis's form [kang2007, eq. 2.15-2.16].
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+from ..records import Quantity, record
+from ..units import QuantityError
+from .law import register
+
+
+@record
+class LuGre(NamedTuple):
+    """Parameters of the LuGre law [canudas1995]."""
+
+    sigma_0: Annotated[float, Quantity("N/m", "σ₀", "bristle stiffness", above=0)]
+    sigma_1: Annotated[float, Quantity("N s/m", "σ₁", "bristle damping", minimum=0)]
+    sigma_2: Annotated[float, Quantity("N s/m", "σ₂", "viscous friction", minimum=0)]
+    coulomb_force: Annotated[float, Quantity("N", "F_C", "Coulomb friction", above=0)]
+    stiction_force: Annotated[float, Quantity("N", "F_S", "stiction", above=0)]
+    stribeck_velocity: Annotated[float, Quantity("m/s", "v_s", "Stribeck velocity", above=0)] = 1e-3
+    damping_velocity: Annotated[
+        float, Quantity("m/s", "v_d", "velocity above which σ₁ fades", above=0, maximum=math.inf)
+    ] = math.inf
+
+    def _check(self) -> None:
+        if self.stiction_force < self.coulomb_force:
+            raise QuantityError(
+                f"LuGre.stiction_force = {self.stiction_force:g} N is out of range: "
+                f"stiction must be >= coulomb_force = {self.coulomb_force:g} N"
+            )
+
+
+def lugre(law, v, z):
+    g = law.coulomb_force
+    if law.stiction_force > law.coulomb_force:  # the thesis's form needs no exponential
+        g += (law.stiction_force - law.coulomb_force) * math.exp(-((v / law.stribeck_velocity) ** 2))
+    sigma_1 = law.sigma_1
+    if law.damping_velocity < math.inf:
+        sigma_1 *= math.exp(-((v / law.damping_velocity) ** 2))
+    dz = v - law.sigma_0 * abs(v) / g * z
+    return law.sigma_0 * z + sigma_1 * dz + law.sigma_2 * v, dz
+
+
+register(LuGre, lugre)

@@ -1,0 +1,89 @@
+r"""The one form in which kernels see a drive signal: a table of segments.
+
+On segment i, from start[i] to start[i+1], with local time :math:`\tau = t - start_i`,
+
+.. math:: u = c_0 + c_1 \tau + c_2 \tau^2 + c_3 \tau^3 + \sum_j A_j \sin(\varphi_j + \omega_j \tau + \kappa_j \tau^2)
+
+which is exact for every waveform of this package, so that values, slopes and break points are exact too and one
+compiled solver serves them all. The solver ends a step at each start: a jump is never stepped over.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._jit import compiled
+
+
+class Drive(NamedTuple):
+    """A drive signal in segments; the last segment goes on for ever.
+
+    Fields: `before`, value for t < 0, at which everything rests at the start; `start` [n], start times in s, ascending,
+    the first 0; `polynomial` [n, 4], c_0..c_3; `first` [n + 1], rows of `harmonic` that belong to segment i are
+    first[i]..first[i+1]; `harmonic` [m, 4], amplitude, angular frequency (rad/s), phase (rad), chirp rate (rad/s^2).
+    """
+
+    before: float
+    start: NDArray[np.float64]
+    polynomial: NDArray[np.float64]
+    first: NDArray[np.int64]
+    harmonic: NDArray[np.float64]
+
+
+def constant(value: float) -> Drive:
+    """A drive that never changes."""
+    return Drive(
+        float(value),
+        np.zeros(1),
+        np.array([[value, 0.0, 0.0, 0.0]]),
+        np.zeros(2, dtype=np.int64),
+        np.zeros((0, 4)),
+    )
+
+
+@compiled
+def value_slope_curvature(drive, i, t):
+    """u, du/dt and d²u/dt² at time t, by the formula of segment i."""
+    tau = t - drive.start[i]
+    c1, c2, c3 = drive.polynomial[i, 1], drive.polynomial[i, 2], drive.polynomial[i, 3]
+    u = drive.polynomial[i, 0] + tau * (c1 + tau * (c2 + tau * c3))
+    du = c1 + tau * (2.0 * c2 + tau * 3.0 * c3)
+    ddu = 2.0 * c2 + 6.0 * c3 * tau
+    for j in range(drive.first[i], drive.first[i + 1]):
+        amplitude, omega = drive.harmonic[j, 0], drive.harmonic[j, 1]
+        rate = omega + 2.0 * drive.harmonic[j, 3] * tau
+        angle = drive.harmonic[j, 2] + tau * (omega + drive.harmonic[j, 3] * tau)
+        sine, cosine = math.sin(angle), math.cos(angle)
+        u += amplitude * sine
+        du += amplitude * rate * cosine
+        ddu += amplitude * (2.0 * drive.harmonic[j, 3] * cosine - rate * rate * sine)
+    return u, du, ddu
+
+
+def segment_at(drive: Drive, t: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Index of the segment that holds each time; at a break point, the later one."""
+    return np.maximum(np.searchsorted(drive.start, t, side="right") - 1, 0)
+
+
+def evaluate(drive: Drive, t: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Values and slopes at many times; `before` and 0 for t < 0. At a jump, the value after it."""
+    times = np.atleast_1d(np.asarray(t, dtype=float))
+    values = np.full(times.shape, drive.before)
+    slopes = np.zeros(times.shape)
+    order = segment_at(drive, times)
+    for i in np.unique(order[times >= 0]):
+        mask = (order == i) & (times >= 0)
+        tau = times[mask] - drive.start[i]
+        c = drive.polynomial[i]
+        u = c[0] + tau * (c[1] + tau * (c[2] + tau * c[3]))
+        du = c[1] + tau * (2 * c[2] + tau * 3 * c[3])
+        for amplitude, omega, phase, chirp in drive.harmonic[drive.first[i] : drive.first[i + 1]]:
+            angle = phase + tau * (omega + chirp * tau)
+            u = u + amplitude * np.sin(angle)
+            du = du + amplitude * (omega + 2 * chirp * tau) * np.cos(angle)
+        values[mask], slopes[mask] = u, du
+    return values, slopes
