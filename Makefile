@@ -1,0 +1,77 @@
+# Everything a newcomer types. A fresh machine needs Python >= 3.11, git and make; the rest comes from the lock file.
+#
+#   make demo       identify, verify and simulate; writes out/demo/report.html
+#   make test       all tests, with compiled kernels and then with the JIT off (coverage)
+#   make check      lint, format, types, layers
+#   make mutation   flips signs in the physics and asks the tests to notice
+#   make lock       resolve the dependencies anew (LOCK_FLAGS=--upgrade for newer versions)
+
+PYTHON ?= python3
+UV := uv==0.13.8
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+
+# Two processes suit two cores; the first run compiles the kernels, later ones find them in the user's cache.
+PYTEST ?= $(BIN)/python -m pytest -q -n 2 --dist worksteal
+# What the second pass, without compiled kernels, runs over.
+NOJIT_TESTS ?= tests
+COVERAGE ?= 90
+LOCK_FLAGS ?=
+
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test test-jit test-nojit check format mutation lock clean
+
+help:
+	@sed -n 's/^#   //p' Makefile
+
+setup: $(READY)
+
+# The stamp goes first and comes last: a set-up that was interrupted starts again from an empty environment.
+$(READY): requirements.lock pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+	  echo "stickslip needs Python 3.11 or newer; name one with: make PYTHON=python3.12 ..." >&2; exit 1; }
+	@$(PYTHON) -c 'import venv, ensurepip' || { \
+	  echo "$(PYTHON) has no venv module; install it (Debian: apt install python3-venv)" >&2; exit 1; }
+	@if [ -e $(READY) ]; then rm -f $(READY); else rm -rf $(VENV) && $(PYTHON) -m venv $(VENV); fi
+	@if $(BIN)/python -m pip install --quiet --disable-pip-version-check $(UV); then \
+	  install="$(BIN)/uv pip install --quiet --python $(BIN)/python"; \
+	else \
+	  echo "uv cannot be installed here; going on with pip, which is slower" >&2; \
+	  install="$(BIN)/python -m pip install --quiet --disable-pip-version-check"; \
+	fi; \
+	echo "installing the locked dependencies into $(VENV) ..." >&2; \
+	$$install --require-hashes -r requirements.lock && $$install --no-deps --no-build-isolation -e .
+	@touch $(READY)
+
+demo: $(READY)
+	$(BIN)/stickslip demo --out out/demo
+
+test: test-jit test-nojit
+
+test-jit: $(READY)
+	$(PYTEST)
+
+test-nojit: $(READY)
+	NUMBA_DISABLE_JIT=1 NUMBA_ENABLE_CUDASIM=1 $(PYTEST) --cov --cov-fail-under=$(COVERAGE) $(NOJIT_TESTS)
+
+check: $(READY)
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/pyright
+	$(BIN)/lint-imports
+
+format: $(READY)
+	$(BIN)/ruff check --fix
+	$(BIN)/ruff format
+
+mutation: $(READY)
+	$(BIN)/python tools/mutate.py
+
+lock: $(READY)
+	$(BIN)/uv pip compile --quiet --universal --fork-strategy fewest --python-version 3.11 --all-extras \
+	  --generate-hashes --no-emit-index-url --custom-compile-command "make lock" $(LOCK_FLAGS) \
+	  pyproject.toml -o requirements.lock
+
+clean:
+	rm -rf $(VENV) out .pytest_cache .ruff_cache .import_linter_cache .hypothesis .coverage*
