@@ -4,9 +4,11 @@ r"""LuGre: a bristle with Stribeck steady state [canudas1995].
 
 .. math:: g(v) = F_C + (F_S - F_C)\, e^{-(v/v_s)^2}, \qquad \sigma_1(v) = \sigma_1 e^{-(v/v_d)^2}
 
-Valid for one contact whose presliding is small against the stroke. It creeps under a small oscillating load below
-breakaway (see `Elastoplastic`), and with a constant sigma_1 (v_d infinite) it is not passive at high speed
-[olsson1996]: choose v_d of the order of v_s. F_S = F_C is the thesis's form [kang2007, eq. 2.15-2.16].
+Valid for one contact whose presliding is small against the stroke. It creeps under a small oscillating load
+below breakaway (see `Elastoplastic`). With constant sigma_1 (v_d infinite) and F_S > F_C it is passive only
+if sigma_2 >= sigma_1 (F_S - F_C)/F_C [barabanov2000]; it always is if sigma_1(v) |v| <= 4 g(v)
+[olsson1996], for which v_d <= 9.3 F_C/sigma_1 is enough. F_S = F_C is the thesis's form [kang2007, eq.
+2.15-2.16].
 """
 
 from __future__ import annotations
@@ -15,8 +17,8 @@ import math
 from typing import Annotated, NamedTuple
 
 from ..records import Quantity, record
-from ..units import QuantityError
 from .law import register
+from .stribeck import check_stiction, stribeck_curve
 
 
 @record
@@ -34,17 +36,11 @@ class LuGre(NamedTuple):
     ] = math.inf
 
     def _check(self) -> None:
-        if self.stiction_force < self.coulomb_force:
-            raise QuantityError(
-                f"LuGre.stiction_force = {self.stiction_force:g} N is out of range: "
-                f"stiction must be >= coulomb_force = {self.coulomb_force:g} N"
-            )
+        check_stiction(self)
 
 
 def lugre(law, v, z):
-    g = law.coulomb_force
-    if law.stiction_force > law.coulomb_force:  # the thesis's form needs no exponential
-        g += (law.stiction_force - law.coulomb_force) * math.exp(-((v / law.stribeck_velocity) ** 2))
+    g = stribeck_curve(v, law.coulomb_force, law.stiction_force, law.stribeck_velocity, 2.0)
     sigma_1 = law.sigma_1
     if law.damping_velocity < math.inf:
         sigma_1 *= math.exp(-((v / law.damping_velocity) ** 2))

@@ -1,0 +1,93 @@
+r"""Maxwell slip: N springs, each sliding at its own force, and their generalisation [iwan1966; albender2005].
+
+.. math:: F = \sum_i F_i + \sigma_2 v, \qquad F_i = k_i z_i, \qquad
+          \dot F_i = \begin{cases} C \left( \alpha_i\,\mathrm{sgn}\,v - F_i / |s(v)| \right)
+          & v F_i > 0,\ |F_i| \ge \alpha_i |s(v)| \\ k_i v & \text{otherwise}\end{cases}
+
+.. math:: \alpha_i |s(v)| = W_i \left( 1 + (r - 1)\, e^{-(v/v_s)^2} \right), \qquad C = c \sum_i W_i
+
+Presliding hysteresis with non-local memory, without creep. With r = F_S/F_C = 1 each element is
+elastic-perfectly-plastic, the law is rate-independent, and C has no effect. With r > 1 a sliding element
+is drawn to the Stribeck curve s(v) at the rate c. Approximated: in the paper an element that slides goes on
+sliding until the velocity changes sign. Here its regime follows from (v, F_i) alone: where sliding slows
+down and the strength rises above F_i, the spring takes it up, at k_i v and not at the rate C. Both are the
+same while |v| grows.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+from ..records import Quantity, record
+from ..units import QuantityError
+from .law import register
+from .stribeck import stribeck_curve
+
+
+@record
+class MaxwellSlip(NamedTuple):
+    """Parameters of the (generalised) Maxwell-slip law of N elements [albender2005]."""
+
+    stiffness: Annotated[tuple[float, ...], Quantity("N/m", "k_i", "stiffness of each element", above=0)]
+    strength: Annotated[tuple[float, ...], Quantity("N", "W_i", "Coulomb friction of each element", above=0)]
+    sigma_2: Annotated[float, Quantity("N s/m", "σ₂", "viscous friction", minimum=0)] = 0.0
+    stiction_ratio: Annotated[float, Quantity("", "r", "stiction over Coulomb friction", minimum=1)] = 1.0
+    stribeck_velocity: Annotated[float, Quantity("m/s", "v_s", "Stribeck velocity", above=0)] = 1e-3
+    attraction_rate: Annotated[float, Quantity("1/s", "c", "attraction C/F_C", above=0)] = 1e3
+
+    def _check(self) -> None:
+        for name in ("stiffness", "strength"):
+            if not isinstance(getattr(self, name), tuple) or not getattr(self, name):
+                raise QuantityError(f"MaxwellSlip.{name} must be a list, one value per element")
+        if len(self.stiffness) != len(self.strength):
+            raise QuantityError(
+                f"MaxwellSlip has {len(self.stiffness)} values of stiffness [N/m] "
+                f"but {len(self.strength)} of strength [N]: one of each per element"
+            )
+
+
+class MaxwellElement(NamedTuple):
+    """One element as kernels see it; its stiction is r W_i, and only the first has the viscous part."""
+
+    stiffness: float
+    strength: float
+    stiction: float
+    stribeck_velocity: float
+    attraction_rate: float
+    sigma_2: float
+
+
+def maxwell_elements(law):
+    return len(law.stiffness)
+
+
+def maxwell_element(law, i):
+    strength = law.strength[i]
+    return MaxwellElement(
+        law.stiffness[i],
+        strength,
+        strength * law.stiction_ratio,
+        law.stribeck_velocity,
+        law.attraction_rate,
+        law.sigma_2 if i == 0 else 0.0,
+    )
+
+
+def element_rate(law, v, z):
+    strength = stribeck_curve(v, law.strength, law.stiction, law.stribeck_velocity, 2.0)
+    limit = strength / law.stiffness
+    dz = v
+    if v > 0.0 and z >= limit:
+        dz = law.attraction_rate * law.strength / law.stiffness * (1.0 - z / limit)
+    elif v < 0.0 and z <= -limit:
+        dz = law.attraction_rate * law.strength / law.stiffness * (-1.0 - z / limit)
+    return law.stiffness * z + law.sigma_2 * v, dz
+
+
+def element_bound(law, z):
+    limit = law.stiction / law.stiffness
+    return min(max(z, -limit), limit)
+
+
+register(MaxwellSlip, elements=maxwell_elements, element=maxwell_element)
+register(MaxwellElement, element_rate, project=element_bound)

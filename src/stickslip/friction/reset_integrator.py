@@ -1,0 +1,44 @@
+r"""Reset integrator: an elastic bristle that stops at the breakaway deflection [haessig1991].
+
+.. math:: \dot z = \begin{cases} 0 & (v > 0,\ z \ge z_0)\ \text{or}\ (v < 0,\ z \le -z_0) \\
+          v & \text{otherwise}\end{cases}
+
+.. math:: F = (1 + a(z))\,\sigma_0 z + \sigma_2 \dot z, \qquad a(z) = a \text{ if } |z| < z_0 \text{ else } 0
+
+Cheap, with stiction (1 + a) sigma_0 z_0 above the sliding friction sigma_0 z_0. The force jumps at
+breakaway and again at each reversal; presliding is linear, sliding knows neither Stribeck effect nor
+viscous friction (sigma_2 damps the bristle only, and in sliding the bristle stands still).
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+from ..records import Quantity, record
+from .law import register
+
+
+@record
+class ResetIntegrator(NamedTuple):
+    """Parameters of the reset integrator [kang2007, eq. 2.12-2.14]."""
+
+    sigma_0: Annotated[float, Quantity("N/m", "σ₀", "bristle stiffness", above=0)]
+    breakaway_deflection: Annotated[float, Quantity("m", "z_0", "deflection at breakaway", above=0)]
+    stiction_excess: Annotated[
+        float, Quantity("", "a", "stiction over sliding friction, less 1", minimum=0)
+    ] = 0.0
+    sigma_2: Annotated[float, Quantity("N s/m", "σ₂", "damping of the bristle", minimum=0)] = 0.0
+
+
+def reset_integrator(law, v, z):
+    z_0 = law.breakaway_deflection
+    dz = 0.0 if (v > 0.0 and z >= z_0) or (v < 0.0 and z <= -z_0) else v
+    a = law.stiction_excess if abs(z) < z_0 else 0.0
+    return (1.0 + a) * law.sigma_0 * z + law.sigma_2 * dz, dz
+
+
+def reset(law, z):
+    return min(max(z, -law.breakaway_deflection), law.breakaway_deflection)
+
+
+register(ResetIntegrator, reset_integrator, project=reset)
