@@ -2,10 +2,11 @@ r"""The one form in which kernels see a drive signal: a table of segments.
 
 On segment i, from start[i] to start[i+1], with local time :math:`\tau = t - start_i`,
 
-.. math:: u = c_0 + c_1 \tau + c_2 \tau^2 + c_3 \tau^3 + \sum_j A_j \sin(\varphi_j + \omega_j \tau + \kappa_j \tau^2)
+.. math:: u = c_0 + c_1 \tau + c_2 \tau^2 + c_3 \tau^3
+          + \sum_j A_j \sin(\varphi_j + \omega_j \tau + \kappa_j \tau^2)
 
-which is exact for every waveform of this package, so that values, slopes and break points are exact too and one
-compiled solver serves them all. The solver ends a step at each start: a jump is never stepped over.
+which is exact for every waveform of this package, so that values, slopes and break points are exact too and
+one compiled solver serves them all. The solver ends a step at each start: a jump is never stepped over.
 """
 
 from __future__ import annotations
@@ -22,9 +23,10 @@ from .._jit import compiled
 class Drive(NamedTuple):
     """A drive signal in segments; the last segment goes on for ever.
 
-    Fields: `before`, value for t < 0, at which everything rests at the start; `start` [n], start times in s, ascending,
-    the first 0; `polynomial` [n, 4], c_0..c_3; `first` [n + 1], rows of `harmonic` that belong to segment i are
-    first[i]..first[i+1]; `harmonic` [m, 4], amplitude, angular frequency (rad/s), phase (rad), chirp rate (rad/s^2).
+    Fields: `before`, value for t < 0, at which everything rests at the start; `start` [n], start times in s,
+    ascending, the first 0; `polynomial` [n, 4], c_0..c_3; `first` [n + 1], rows of `harmonic` that belong to
+    segment i are first[i]..first[i+1]; `harmonic` [m, 4], amplitude, angular frequency (rad/s), phase (rad),
+    chirp rate (rad/s^2).
     """
 
     before: float
@@ -72,18 +74,16 @@ def segment_at(drive: Drive, t: NDArray[np.float64]) -> NDArray[np.int64]:
 def evaluate(drive: Drive, t: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Values and slopes at many times; `before` and 0 for t < 0. At a jump, the value after it."""
     times = np.atleast_1d(np.asarray(t, dtype=float))
-    values = np.full(times.shape, drive.before)
-    slopes = np.zeros(times.shape)
-    order = segment_at(drive, times)
-    for i in np.unique(order[times >= 0]):
-        mask = (order == i) & (times >= 0)
-        tau = times[mask] - drive.start[i]
-        c = drive.polynomial[i]
-        u = c[0] + tau * (c[1] + tau * (c[2] + tau * c[3]))
-        du = c[1] + tau * (2 * c[2] + tau * 3 * c[3])
-        for amplitude, omega, phase, chirp in drive.harmonic[drive.first[i] : drive.first[i + 1]]:
-            angle = phase + tau * (omega + chirp * tau)
-            u = u + amplitude * np.sin(angle)
-            du = du + amplitude * (omega + 2 * chirp * tau) * np.cos(angle)
-        values[mask], slopes[mask] = u, du
-    return values, slopes
+    segment = segment_at(drive, times)
+    tau = times - drive.start[segment]
+    c0, c1, c2, c3 = np.moveaxis(drive.polynomial[segment], -1, 0)
+    values = c0 + tau * (c1 + tau * (c2 + tau * c3))
+    slopes = c1 + tau * (2 * c2 + tau * 3 * c3)
+    count = np.diff(drive.first)[segment]
+    for j in range(count.max(initial=0)):  # the j-th harmonic of every segment that has so many
+        has = count > j
+        amplitude, omega, phase, chirp = drive.harmonic[drive.first[segment[has]] + j].T
+        angle = phase + tau[has] * (omega + chirp * tau[has])
+        values[has] += amplitude * np.sin(angle)
+        slopes[has] += amplitude * (omega + 2 * chirp * tau[has]) * np.cos(angle)
+    return np.where(times < 0, drive.before, values), np.where(times < 0, 0.0, slopes)

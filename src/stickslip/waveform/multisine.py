@@ -1,0 +1,127 @@
+"""Sum of sines, the excitation for frequency responses."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..records import Quantity
+from ..units import QuantityError
+from .drive import Drive
+from .pieces import Piece, assemble
+from .signal import Unit, breaks_within, signal_record, slope_at, value_at
+
+_POINTS_PER_CYCLE = 32  # of the fastest component: a grid point is then within 0.5 % of the crest beside it
+_LARGEST_GRID = 20_000_000  # points times components, about 0.3 s
+
+
+@signal_record
+class Multisine(NamedTuple):
+    r"""Sum of sines with phases for a low crest, and then rest at `offset`.
+
+    .. math:: u = u_0 + \sum_k A_k \sin(2\pi f_k t + \varphi_k) \quad (t < T)
+
+    Without `phases` they are Schroeder's [schroeder1970],
+
+    .. math:: \varphi_k = \frac{\pi}{2} - 2\pi \sum_{j<k} (k - j)\, p_j, \qquad p_j = A_j^2 / \sum_i A_i^2,
+
+    which are meant for evenly spaced frequencies in ascending order. The sum begins with a jump.
+    """
+
+    amplitudes: Annotated[tuple[float, ...], Quantity("V", "A_k", "amplitude")]
+    frequencies: Annotated[tuple[float, ...], Quantity("Hz", "f_k", "frequency", above=0)]
+    phases: Annotated[tuple[float, ...] | None, Quantity("rad", "φ_k", "phase at t = 0")] = None
+    offset: Annotated[float, Quantity("V", "u_0", "mean, and value at rest")] = 0.0
+    duration: Annotated[float, Quantity("s", "T", "duration", above=0, maximum=math.inf)] = math.inf
+    unit: Unit = "V"
+
+    value, slope, breaks = value_at, slope_at, breaks_within
+
+    def _check(self) -> None:
+        for name in ("amplitudes", "frequencies", "phases"):
+            values = getattr(self, name)
+            if values is not None and not isinstance(values, tuple):
+                raise QuantityError(
+                    f"Multisine.{name} = {values!r} is no list: it holds one number per component"
+                )
+            if values is not None and len(values) != len(self.frequencies):
+                n = len(self.frequencies)
+                raise QuantityError(f"Multisine.{name} has {len(values)} numbers for {n} frequencies (in Hz)")
+        if not self.frequencies:
+            raise QuantityError("Multisine.frequencies is empty: at least one frequency in Hz is needed")
+
+    @property
+    def period(self) -> float | None:
+        """s: the shortest common one; None where the frequencies have no ratios of numbers up to 10 000."""
+        ratios = [Fraction(f / self.frequencies[0]).limit_denominator(10_000) for f in self.frequencies]
+        for ratio, frequency in zip(ratios, self.frequencies, strict=True):
+            if abs(float(ratio) * self.frequencies[0] - frequency) > 1e-12 * frequency:
+                return None
+        common = math.lcm(*(ratio.denominator for ratio in ratios))
+        divisor = math.gcd(*(ratio.numerator * (common // ratio.denominator) for ratio in ratios))
+        return common / divisor / self.frequencies[0]
+
+    def components(self) -> NDArray[np.float64]:
+        """[K, 4] amplitude, angular frequency (rad/s), phase (rad) and 0: rows of `Drive.harmonic`."""
+        amplitudes = np.array(self.amplitudes)
+        phases = schroeder_phases(amplitudes) if self.phases is None else np.array(self.phases)
+        omega = 2 * np.pi * np.array(self.frequencies)
+        return np.column_stack([amplitudes, omega, phases, np.zeros_like(omega)])
+
+    def range(self) -> tuple[float, float]:
+        """The crests themselves, found on a fine grid over one period and polished by Newton's method.
+
+        Where there is no period, or the grid would be too large, the bound offset ± sum |A_k|, which
+        frequencies without a common period come arbitrarily close to.
+        """
+        horizon = min(self.period or math.inf, self.duration)
+        bound = sum(abs(a) for a in self.amplitudes)
+        cycles = horizon * max(self.frequencies)
+        if cycles * _POINTS_PER_CYCLE * len(self.frequencies) > _LARGEST_GRID:
+            return self.offset - bound, self.offset + bound
+        waves = self.components()
+        t = np.linspace(0.0, horizon, math.ceil(cycles * _POINTS_PER_CYCLE) + 1)
+        high = max(0.0, _crest(waves, t))  # 0, for it rests at the offset before t = 0
+        waves[:, 0] *= -1
+        return float(self.offset - max(0.0, _crest(waves, t))), float(self.offset + high)
+
+    def drive(self, duration: float) -> Drive:
+        """The segment table for 0 <= t < duration [s]."""
+        waves = tuple(tuple(row) for row in self.components().tolist())
+        pieces = [Piece(0.0, (self.offset,), waves), Piece(self.duration, (self.offset,))]
+        return assemble(self.offset, pieces, duration)
+
+
+def schroeder_phases(amplitudes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Phases [rad] of sines that give a low crest; see `Multisine`."""
+    power = np.square(amplitudes)
+    share = power / power.sum() if power.any() else power
+    below = np.concatenate([[0.0], np.cumsum(share)[:-1]])  # sum of the p_j with j < k
+    return np.pi / 2 - 2 * np.pi * np.cumsum(below)
+
+
+def _sum(waves: NDArray[np.float64], t: NDArray[np.float64]) -> NDArray[np.float64]:
+    """[3, n]: value, slope and curvature of a sum of sines at the times t."""
+    total = np.zeros((3, len(t)))
+    for amplitude, omega, phase, _ in waves:
+        sine, cosine = np.sin(phase + omega * t), np.cos(phase + omega * t)
+        total += amplitude * np.array([sine, omega * cosine, -omega * omega * sine])
+    return total
+
+
+def _crest(waves: NDArray[np.float64], t: NDArray[np.float64]) -> float:
+    """Greatest value on [t_0, t_n], a uniform grid."""
+    values = _sum(waves, t)[0]
+    step = t[1] - t[0]
+    short_by = np.sum(np.abs(waves[:, 0]) * waves[:, 1] ** 2) * step**2 / 8  # at most: u is that much curved
+    near = t[values >= values.max() - short_by]
+    crest = near
+    for _ in range(4):
+        _, slope, curvature = _sum(waves, crest)
+        move = np.divide(-slope, curvature, out=np.zeros_like(slope), where=curvature < 0)
+        crest = np.clip(crest + move, np.maximum(near - step, t[0]), np.minimum(near + step, t[-1]))
+    return max(values.max(), _sum(waves, crest)[0].max())

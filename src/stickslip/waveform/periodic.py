@@ -1,0 +1,202 @@
+r"""Periodic waveforms: one period each, repeated for ever or `periods` times, then at rest at `offset`.
+
+Amplitude is the whole stroke, `offset` to `offset + amplitude`, except for `Sine`, where it is half of it
+as usual. T = 1/frequency is the period, s the time since it began.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+from ..records import Quantity
+from ..units import QuantityError
+from .drive import Drive
+from .pieces import Piece, assemble, repeat
+from .signal import Unit, breaks_within, signal_record, slope_at, value_at
+
+Amplitude = Annotated[float, Quantity("V", "A", "amplitude")]
+Frequency = Annotated[float, Quantity("Hz", "f", "frequency", above=0)]
+Fraction = Annotated[float, Quantity("", "r", "part of the period", minimum=1e-6, maximum=1)]
+Offset = Annotated[float, Quantity("V", "u_0", "value at rest")]
+Periods = Annotated[float | None, Quantity("", "N", "number of periods", minimum=1)]
+
+
+# What they share, taken into each class by name (see signal.py).
+_period = property(lambda w: 1 / w.frequency, doc="s")
+_duration = property(
+    lambda w: math.inf if w.periods is None else w.periods / w.frequency,
+    doc="s, infinite unless the periods are counted",
+)
+
+
+def _stroke(waveform: Sawtooth | ReverseSawtooth | Triangle | Cycloid) -> tuple[float, float]:
+    """Least and greatest value, exactly."""
+    rest, turn = waveform.offset, waveform.offset + waveform.amplitude
+    return min(rest, turn), max(rest, turn)
+
+
+def _check_periods(waveform: Sawtooth | ReverseSawtooth | Triangle | Cycloid | Sine) -> None:
+    if waveform.periods is not None and waveform.periods % 1:
+        field = f"{type(waveform).__name__}.periods"
+        raise QuantityError(f"{field} = {waveform.periods:g} is out of range: it must be a whole number >= 1")
+
+
+def _check_fraction(value: float, field: str) -> None:
+    if 1 - 1e-6 < value < 1:
+        raise QuantityError(
+            f"{field} = {value!r} is out of range: it leaves less than a millionth of the period (1: a jump)"
+        )
+
+
+@signal_record
+class Sawtooth(NamedTuple):
+    r"""Slow rise, then fast fall: walks forward [kang2007, fig. 3.7].
+
+    .. math:: u = u_0 + A \frac{s}{rT} \ (s < rT), \qquad u = u_0 + A \frac{T - s}{(1 - r)T} \ (s \ge rT)
+
+    With rise_fraction r = 1 it jumps down at the end of each period: u = u_0 + A frac(f t).
+    """
+
+    amplitude: Amplitude
+    frequency: Frequency
+    rise_fraction: Fraction = 1.0
+    offset: Offset = 0.0
+    periods: Periods = None
+    unit: Unit = "V"
+
+    value, slope, breaks = value_at, slope_at, breaks_within
+    period, duration, range = _period, _duration, _stroke
+
+    def _check(self) -> None:
+        _check_periods(self)
+        _check_fraction(self.rise_fraction, "Sawtooth.rise_fraction")
+
+    def drive(self, duration: float) -> Drive:
+        """The segment table for 0 <= t < duration [s]."""
+        top, rate, r = self.offset + self.amplitude, self.amplitude * self.frequency, self.rise_fraction
+        pieces = [Piece(0.0, (self.offset, rate / r))]
+        if r < 1:
+            pieces.append(Piece(r, (top, -rate / (1 - r))))
+        return repeat(pieces, self.frequency, self.periods, self.offset, duration)
+
+
+@signal_record
+class ReverseSawtooth(NamedTuple):
+    r"""Fast rise, then slow fall, the `Sawtooth` mirrored in time: walks backward [kang2007, fig. 3.7].
+
+    .. math:: u = u_0 + A \frac{s}{(1 - r)T} \ (s < (1 - r)T), \qquad
+              u = u_0 + A \frac{T - s}{rT} \ \text{after}
+
+    With fall_fraction r = 1 it jumps up at the begin of each period, the first one too.
+    """
+
+    amplitude: Amplitude
+    frequency: Frequency
+    fall_fraction: Fraction = 1.0
+    offset: Offset = 0.0
+    periods: Periods = None
+    unit: Unit = "V"
+
+    value, slope, breaks = value_at, slope_at, breaks_within
+    period, duration, range = _period, _duration, _stroke
+
+    def _check(self) -> None:
+        _check_periods(self)
+        _check_fraction(self.fall_fraction, "ReverseSawtooth.fall_fraction")
+
+    def drive(self, duration: float) -> Drive:
+        """The segment table for 0 <= t < duration [s]."""
+        top, rate, r = self.offset + self.amplitude, self.amplitude * self.frequency, self.fall_fraction
+        pieces = [Piece(1 - r, (top, -rate / r))]
+        if r < 1:
+            pieces.insert(0, Piece(0.0, (self.offset, rate / (1 - r))))
+        return repeat(pieces, self.frequency, self.periods, self.offset, duration)
+
+
+@signal_record
+class Triangle(NamedTuple):
+    """Up and down at the same speed: a `Sawtooth` with half the period for the rise."""
+
+    amplitude: Amplitude
+    frequency: Frequency
+    offset: Offset = 0.0
+    periods: Periods = None
+    unit: Unit = "V"
+
+    value, slope, breaks = value_at, slope_at, breaks_within
+    period, duration, range = _period, _duration, _stroke
+    _check = _check_periods
+
+    def drive(self, duration: float) -> Drive:
+        """The segment table for 0 <= t < duration [s]."""
+        rate = 2 * self.amplitude * self.frequency
+        pieces = [Piece(0.0, (self.offset, rate)), Piece(0.5, (self.offset + self.amplitude, -rate))]
+        return repeat(pieces, self.frequency, self.periods, self.offset, duration)
+
+
+@signal_record
+class Cycloid(NamedTuple):
+    r"""Rise without a jerk of speed, then a quick return of the same shape.
+
+    .. math:: u = u_0 + A\,q\!\left(\frac{s}{rT}\right) \ (s < rT), \qquad
+              u = u_0 + A - A\,q\!\left(\frac{s - rT}{(1 - r)T}\right) \ \text{after}, \qquad
+              q(p) = p - \frac{\sin 2\pi p}{2\pi}
+
+    Speed and acceleration are zero at both ends of each stroke. With rise_fraction r = 1 the return is a
+    jump; r = 0.5 is the symmetric cycloid, which does not walk.
+    """
+
+    amplitude: Amplitude
+    frequency: Frequency
+    rise_fraction: Fraction = 1.0
+    offset: Offset = 0.0
+    periods: Periods = None
+    unit: Unit = "V"
+
+    value, slope, breaks = value_at, slope_at, breaks_within
+    period, duration, range = _period, _duration, _stroke
+
+    def _check(self) -> None:
+        _check_periods(self)
+        _check_fraction(self.rise_fraction, "Cycloid.rise_fraction")
+
+    def drive(self, duration: float) -> Drive:
+        """The segment table for 0 <= t < duration [s]."""
+        pieces = [_cycloidal_stroke(0.0, self.rise_fraction, self.offset, self.amplitude, self.frequency)]
+        if self.rise_fraction < 1:
+            top, rest = self.offset + self.amplitude, 1 - self.rise_fraction
+            pieces.append(_cycloidal_stroke(self.rise_fraction, rest, top, -self.amplitude, self.frequency))
+        return repeat(pieces, self.frequency, self.periods, self.offset, duration)
+
+
+def _cycloidal_stroke(start: float, fraction: float, level: float, stroke: float, frequency: float) -> Piece:
+    rate = frequency / fraction
+    wave = (-stroke / (2 * math.pi), 2 * math.pi * rate, 0.0, 0.0)
+    return Piece(start, (level, stroke * rate), (wave,))
+
+
+@signal_record
+class Sine(NamedTuple):
+    """u = u_0 + A sin(2 pi f t + phase); a phase other than 0 makes it jump at t = 0, from the offset."""
+
+    amplitude: Amplitude
+    frequency: Frequency
+    phase: Annotated[float, Quantity("rad", "φ", "phase at t = 0")] = 0.0
+    offset: Offset = 0.0
+    periods: Periods = None
+    unit: Unit = "V"
+
+    value, slope, breaks = value_at, slope_at, breaks_within
+    period, duration = _period, _duration
+    _check = _check_periods
+
+    def range(self) -> tuple[float, float]:
+        """Exact."""
+        return self.offset - abs(self.amplitude), self.offset + abs(self.amplitude)
+
+    def drive(self, duration: float) -> Drive:
+        """The segment table for 0 <= t < duration [s]."""
+        wave = (self.amplitude, 2 * math.pi * self.frequency, self.phase, 0.0)
+        pieces = [Piece(0.0, (self.offset,), (wave,)), Piece(self.duration, (self.offset,))]
+        return assemble(self.offset, pieces, duration)

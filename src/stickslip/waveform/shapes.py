@@ -1,0 +1,167 @@
+"""Waveforms that happen once: rest, step, ramp and chirp. At t < 0 each is at its offset."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+from ..records import Quantity
+from .drive import Drive, constant
+from .pieces import Piece, assemble
+from .signal import Unit, breaks_within, signal_record, slope_at, value_at
+
+Offset = Annotated[float, Quantity("V", "u_0", "value at rest")]
+Delay = Annotated[float, Quantity("s", "t_0", "time before it begins", minimum=0)]
+
+
+@signal_record
+class Constant(NamedTuple):
+    """One value for ever."""
+
+    level: Annotated[float, Quantity("V", "u_0", "value")] = 0.0
+    unit: Unit = "V"
+
+    value, slope, breaks = value_at, slope_at, breaks_within
+
+    @property
+    def period(self) -> None:
+        """None: there is none."""
+
+    @property
+    def duration(self) -> float:
+        """s, infinite"""
+        return math.inf
+
+    def range(self) -> tuple[float, float]:
+        """Exact."""
+        return self.level, self.level
+
+    def drive(self, duration: float) -> Drive:
+        """The segment table."""
+        return constant(self.level)
+
+
+@signal_record
+class Rest(NamedTuple):
+    """One value for some time: the pause in a `Sequence`."""
+
+    duration: Annotated[float, Quantity("s", "T", "duration", above=0)]
+    level: Annotated[float, Quantity("V", "u_0", "value")] = 0.0
+    unit: Unit = "V"
+
+    value, slope, breaks = value_at, slope_at, breaks_within
+
+    @property
+    def period(self) -> None:
+        """None: there is none."""
+
+    def range(self) -> tuple[float, float]:
+        """Exact."""
+        return self.level, self.level
+
+    def drive(self, duration: float) -> Drive:
+        """The segment table."""
+        return constant(self.level)
+
+
+@signal_record
+class Step(NamedTuple):
+    """From `offset` to `offset + amplitude` at t = delay, and there for ever."""
+
+    amplitude: Annotated[float, Quantity("V", "A", "amplitude")]
+    delay: Delay = 0.0
+    offset: Offset = 0.0
+    unit: Unit = "V"
+
+    value, slope, breaks = value_at, slope_at, breaks_within
+
+    @property
+    def period(self) -> None:
+        """None: there is none."""
+
+    @property
+    def duration(self) -> float:
+        """s, infinite"""
+        return math.inf
+
+    def range(self) -> tuple[float, float]:
+        """Exact."""
+        top = self.offset + self.amplitude
+        return min(self.offset, top), max(self.offset, top)
+
+    def drive(self, duration: float) -> Drive:
+        """The segment table for 0 <= t < duration [s]."""
+        pieces = [Piece(0.0, (self.offset,)), Piece(self.delay, (self.offset + self.amplitude,))]
+        return assemble(self.offset, pieces, duration)
+
+
+@signal_record
+class Ramp(NamedTuple):
+    """From `offset` at t = delay at a constant rate; after `rise_time` it holds the value reached."""
+
+    rate: Annotated[float, Quantity("V/s", "R", "rate")]
+    delay: Delay = 0.0
+    rise_time: Annotated[float, Quantity("s", "t_r", "rise time", above=0, maximum=math.inf)] = math.inf
+    offset: Offset = 0.0
+    unit: Unit = "V"
+
+    value, slope, breaks = value_at, slope_at, breaks_within
+
+    @property
+    def period(self) -> None:
+        """None: there is none."""
+
+    @property
+    def duration(self) -> float:
+        """s, until it holds; infinite by default"""
+        return self.delay + self.rise_time
+
+    @property
+    def end(self) -> float:
+        """The value it holds at last (V or m); infinite where it never does."""
+        return self.offset + (self.rate * self.rise_time if self.rate else 0.0)
+
+    def range(self) -> tuple[float, float]:
+        """Exact."""
+        return min(self.offset, self.end), max(self.offset, self.end)
+
+    def drive(self, duration: float) -> Drive:
+        """The segment table for 0 <= t < duration [s]."""
+        rise = [Piece(0.0, (self.offset,)), Piece(self.delay, (self.offset, self.rate))]
+        return assemble(self.offset, [*rise, Piece(self.duration, (self.end,))], duration)
+
+
+@signal_record
+class Chirp(NamedTuple):
+    r"""A sine whose frequency goes linearly from start to end, and then rest at `offset`.
+
+    .. math:: u = u_0 + A \sin 2\pi\left(f_0 t + \frac{f_1 - f_0}{2 T} t^2\right) \quad (t < T)
+    """
+
+    amplitude: Annotated[float, Quantity("V", "A", "amplitude")]
+    start_frequency: Annotated[float, Quantity("Hz", "f_0", "frequency at the start", minimum=0)]
+    end_frequency: Annotated[float, Quantity("Hz", "f_1", "frequency at the end", minimum=0)]
+    duration: Annotated[float, Quantity("s", "T", "duration", above=0)]
+    offset: Offset = 0.0
+    unit: Unit = "V"
+
+    value, slope, breaks = value_at, slope_at, breaks_within
+
+    @property
+    def period(self) -> None:
+        """None: there is none."""
+
+    def range(self) -> tuple[float, float]:
+        """Exact, also where the sweep ends before the first crest."""
+        angle = math.pi * (self.start_frequency + self.end_frequency) * self.duration
+        high = 1.0 if angle >= math.pi / 2 else math.sin(angle)
+        low = -1.0 if angle >= 3 * math.pi / 2 else min(0.0, math.sin(angle))
+        turns = (self.offset + self.amplitude * low, self.offset + self.amplitude * high)
+        return min(turns), max(turns)
+
+    def drive(self, duration: float) -> Drive:
+        """The segment table for 0 <= t < duration [s]."""
+        sweep = math.pi * (self.end_frequency - self.start_frequency) / self.duration
+        wave = (self.amplitude, 2 * math.pi * self.start_frequency, 0.0, sweep)
+        pieces = [Piece(0.0, (self.offset,), (wave,)), Piece(self.duration, (self.offset,))]
+        return assemble(self.offset, pieces, duration)

@@ -1,0 +1,116 @@
+"""What every waveform has in common: the protocol, the shared methods, volts or metres, the range check."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Literal, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..records import quantities, record
+from ..units import QuantityError, to_si, with_prefix
+from .drive import Drive, evaluate
+
+T = TypeVar("T")
+Unit = Literal["V", "m"]
+
+
+class Waveform(Protocol):
+    """A drive signal u(t): `unit` is "V" or "m"; after `duration` [s] it is at rest (infinite: never)."""
+
+    @property
+    def unit(self) -> str: ...
+
+    @property
+    def duration(self) -> float: ...
+
+    def drive(self, duration: float) -> Drive:
+        """The segment table, right for 0 <= t < duration [s] (a jump at the very end is left out)."""
+        ...
+
+    def range(self) -> tuple[float, float]:
+        """Least and greatest value over all time, limits of jumps included."""
+        ...
+
+
+# The shared methods are functions that each class takes into its body by name: a NamedTuple cannot have a
+# second base class, and a decorator that adds methods would hide them from editors and type checkers.
+
+
+def value_at(waveform: Waveform, t: ArrayLike) -> NDArray[np.float64]:
+    """u at the times t [s], in an array of their shape; at a jump, the value after it."""
+    return _evaluated(waveform, t, 0)
+
+
+def slope_at(waveform: Waveform, t: ArrayLike) -> NDArray[np.float64]:
+    """du/dt at the times t [s], in an array of their shape; at a kink, the one after it; a jump has none."""
+    return _evaluated(waveform, t, 1)
+
+
+def breaks_within(waveform: Waveform, duration: float) -> NDArray[np.float64]:
+    """Times in [0, duration), 0 first, where a new formula begins: jumps and kinks are among them."""
+    return waveform.drive(duration).start.copy()
+
+
+def _evaluated(waveform: Waveform, t: ArrayLike, which: int) -> NDArray[np.float64]:
+    times = np.asarray(t, dtype=float)
+    last = max(float(times.max(initial=0.0)), 0.0)
+    table = waveform.drive(last * (1 + 1e-9))  # a little further, for a jump at the last time is wanted too
+    return evaluate(table, times)[which].reshape(times.shape)[()]
+
+
+def check_unit(unit: Any, owner: str) -> None:
+    """Raises QuantityError unless the unit is one that waveforms know."""
+    if unit not in ("V", "m"):
+        raise QuantityError(f"{owner}.unit = {unit!r}: a waveform is in 'V' or in 'm'")
+
+
+def signal_record(named_tuple: type[T]) -> type[T]:
+    """`records.record` for a waveform: fields declared in V (or V/s) are read in the unit that `unit` names.
+
+    Arrays become tuples, so that the record stays hashable.
+    """
+    checked = record(named_tuple)
+    checked_new = checked.__new__
+    following = {name: q for name, q in quantities(named_tuple).items() if q.unit.startswith("V")}
+
+    def __new__(cls: Any, *args: Any, **kwargs: Any) -> Any:
+        try:
+            given: dict[str, Any] = named_tuple(*args, **kwargs)._asdict()  # type: ignore[attr-defined]
+        except TypeError:
+            return checked_new(cls, *args, **kwargs)  # which says what field is missing or unknown
+        check_unit(given["unit"], cls.__name__)
+        for name, value in given.items():
+            if isinstance(value, np.ndarray):
+                given[name] = tuple(value.tolist())
+        for name, quantity in following.items():
+            quantity = quantity._replace(unit=quantity.unit.replace("V", given["unit"]))
+            label, value = f"{cls.__name__}.{name}", given[name]
+            if isinstance(value, tuple | list):
+                given[name] = tuple(quantity.check(v, f"{label}[{i}]") for i, v in enumerate(value))
+            else:
+                given[name] = quantity.check(value, label)
+        return checked_new(cls, **given)
+
+    checked.__new__ = staticmethod(__new__)  # type: ignore[method-assign]
+    return checked
+
+
+def check_range(waveform: Waveform, minimum: float | str, maximum: float | str) -> None:
+    """Nothing, if the waveform stays within the limits (in its own unit, or as strings with units).
+
+    Raises:
+        QuantityError: it leaves them; the message names the value reached, the limit and the unit.
+    """
+    unit = waveform.unit
+    low, high = waveform.range()
+    for value, limit, sign, words in (
+        (low, to_si(minimum, unit, "minimum"), -1, "below the minimum"),
+        (high, to_si(maximum, unit, "maximum"), 1, "above the maximum"),
+    ):
+        if math.isnan(limit):
+            raise QuantityError(f"the limit of the drive is no number (expected {unit})")
+        if sign * (value - limit) > 1e-12 * abs(limit):  # 0.1 V + 0.2 V may reach 0.3 V
+            shown, name = with_prefix(value, unit, 6), type(waveform).__name__
+            raise QuantityError(f"{name} reaches {shown}, {words} of {with_prefix(limit, unit, 6)}")
