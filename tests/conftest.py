@@ -1,0 +1,17 @@
+"""Common ground of all tests.
+
+The user's own cache of compiled kernels is used on purpose: a fresh clone compiles once, the next run starts
+at once. It is keyed by the package's source, so it cannot hide an edit; tests of the cache bring a folder.
+"""
+
+from __future__ import annotations
+
+import os
+
+from hypothesis import settings
+
+os.environ["MPLBACKEND"] = "Agg"  # here and in commands that tests start: no display
+
+# The same examples on every run of continuous integration, new ones at a desk; the first example compiles.
+settings.register_profile("stickslip", deadline=None, max_examples=40, derandomize="CI" in os.environ)
+settings.load_profile("stickslip")

@@ -1,0 +1,128 @@
+"""Rules of the house that no linter knows. The layers are contracts of import-linter, in pyproject.toml."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import stickslip
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / "src" / "stickslip"
+SOURCES = sorted(PACKAGE.rglob("*.py"))
+TRACKED = subprocess.run(
+    ["git", "ls-files", "--cached", "-z"], cwd=ROOT, capture_output=True, text=True, check=True
+).stdout.split("\0")[:-1]
+
+LONGEST_FILE = 400
+LARGEST_FILE = 500_000  # bytes
+NO_NAMES = {"utils", "util", "core", "base", "manager", "helpers", "misc", "common"}
+BUILT = {".pyc", ".so", ".o", ".nbi", ".nbc", ".coverage", ".egg-info", ".whl"}
+
+# The rooms that may import a heavy dependency; everything else reaches it through them.
+OWNERS = {
+    "numba": {"_jit", "solve/cuda"},
+    "pint": {"units"},
+    "matplotlib": {"figures"},
+    "typer": {"cli"},
+    "jinja2": {"report"},
+    "pydantic": {"experiment", "cli", "identify"},
+    "fastapi": {"panel"},
+    "dask": {"design"},
+    "pooch": {"datasets"},
+}
+# What `import stickslip` must leave alone: it is the first line of every script.
+HEAVY = ["numba", "scipy", "xarray", "pandas", "matplotlib", "pint", "h5py", "h5netcdf", "typer", "pydantic"]
+HEAVY += ["jinja2", "dask", "fastapi", "arviz"]
+
+
+def room(file: Path) -> str:
+    """The module's path inside the package, without the ending: "solve/rodas"."""
+    return file.relative_to(PACKAGE).with_suffix("").as_posix()
+
+
+def imports(file: Path) -> Iterator[str]:
+    """Dotted names of all that a source file imports, anywhere in it; ".units.to_si" from the package."""
+    folder = file.relative_to(PACKAGE).parent.parts
+    for node in ast.walk(ast.parse(file.read_text())):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            above = ["", *folder[: len(folder) - node.level + 1]] if node.level else []
+            module = [*above, *([node.module] if node.module else [])]
+            yield from (".".join([*module, alias.name]) for alias in node.names)
+
+
+def public_names() -> dict[str, str]:
+    """Public name -> module, as the type stub of the package lists them."""
+    stub = ast.parse((PACKAGE / "__init__.pyi").read_text())
+    return {
+        alias.asname or alias.name: node.module or ""
+        for node in stub.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+
+
+@pytest.mark.parametrize("file", SOURCES, ids=room)
+def test_size_and_name(file: Path) -> None:
+    assert len(file.read_text().splitlines()) <= LONGEST_FILE
+    assert not set(room(file).split("/")) & NO_NAMES
+
+
+@pytest.mark.parametrize("file", SOURCES, ids=room)
+def test_imports(file: Path) -> None:
+    names = list(imports(file))
+    assert not [name for name in names if name.endswith("*")], "a star import hides where names come from"
+    assert not [name for name in names if name.split(".")[0] == "stickslip"], "imports inside are relative"
+    rooms = {child.stem for child in PACKAGE.iterdir()}
+    assert {name.split(".")[1] for name in names if name.startswith(".")} <= rooms, "the root is for users"
+    for dependency in {name.split(".")[0] for name in names} & OWNERS.keys():
+        owners = OWNERS[dependency]
+        assert any(f"{room(file)}/".startswith(f"{owner}/") for owner in owners), (
+            f"{dependency} is for {owners}"
+        )
+
+
+def test_import_is_light() -> None:
+    program = f"import sys, stickslip; print([name for name in {HEAVY} if name in sys.modules])"
+    result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert result.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("name", public_names())
+def test_public_name(name: str) -> None:
+    value = getattr(stickslip, name)
+    assert name in dir(stickslip)
+    if callable(value):
+        documentation = value.__doc__ or ""
+        assert len(documentation.split()) >= 4, "say what it is, in units"
+        assert not documentation.startswith(f"{name}("), "a named tuple's own docstring says nothing"
+
+
+def test_no_module_hides_a_public_function() -> None:
+    modules = {file.stem for file in PACKAGE.iterdir() if file.is_dir() or file.suffix == ".py"}
+    assert not modules & public_names().keys()
+
+
+def test_nothing_large_or_built_is_committed() -> None:
+    tracked = [ROOT / name for name in TRACKED if (ROOT / name).exists()]
+    assert tracked
+    assert not [file for file in tracked if file.stat().st_size > LARGEST_FILE], (
+        "data are fetched, not committed"
+    )
+    assert not [file for file in tracked if file.suffix in BUILT or "__pycache__" in file.parts]
+
+
+def test_every_test_runs() -> None:
+    idle = {"skip", "skipif", "xfail", "importorskip"}
+    for file in sorted((ROOT / "tests").rglob("*.py")):
+        names = {
+            node.attr for node in ast.walk(ast.parse(file.read_text())) if isinstance(node, ast.Attribute)
+        }
+        assert not names & idle, file.name

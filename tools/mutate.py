@@ -1,0 +1,247 @@
+"""The mutation check: would the tests notice a wrong sign in the physics?
+
+    python tools/mutate.py [--list] [--jobs N] [FILE ...]
+
+One at a time, in a copy of the package: + becomes - and back, the first term of a sum is negated, a unary
+minus is dropped, a comparison is turned round, a returned value is negated. Then the tests of that file run,
+without compiled kernels. A change that no test notices is a survivor: it is printed, and the exit status 1.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import importlib
+import multiprocessing
+import os
+import shutil
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from multiprocessing.connection import wait
+from multiprocessing.context import ForkProcess
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / "src" / "stickslip"
+
+
+class Target(NamedTuple):
+    """Where the physics stands, and the fast tests that guard it. No functions named: all of the file's."""
+
+    files: str
+    tests: tuple[str, ...]
+    functions: tuple[str, ...] = ()
+
+
+# The first row that fits a file counts.
+TARGETS = (
+    Target("friction/law.py", ("tests/friction",), ("force",)),
+    Target("friction/*.py", ("tests/friction",)),
+    Target("mechanism.py", ("tests/test_mechanism.py",)),
+)
+# Changes that alter nothing, so that no test can notice: (file, "original -> changed"), with the reason.
+EQUIVALENT: frozenset[tuple[str, str]] = frozenset()
+
+SECONDS_PER_MUTANT = 120.0  # a change can make a loop endless: that is noticed too
+PRELOADED = ("numba", "pint", "pytest", "scipy.integrate", "scipy.optimize", "xarray")
+WRONG_COPY = 97
+
+OPPOSITE: dict[type[ast.AST], type[ast.AST]] = {
+    ast.Add: ast.Sub,
+    ast.Sub: ast.Add,
+    ast.USub: ast.UAdd,
+    ast.Lt: ast.Gt,
+    ast.Gt: ast.Lt,
+    ast.LtE: ast.GtE,
+    ast.GtE: ast.LtE,
+    ast.Eq: ast.NotEq,
+    ast.NotEq: ast.Eq,
+}
+
+
+class Mutant(NamedTuple):
+    """One change: the file inside the package, its line, what was changed into what, and the new source."""
+
+    file: str
+    line: int
+    change: str
+    source: str
+    tests: tuple[str, ...]
+
+
+def negated(value: ast.expr) -> Iterator[ast.expr]:
+    """The value with its sign changed; of a tuple, each element in turn."""
+    if isinstance(value, ast.Tuple):
+        for i, element in enumerate(value.elts):
+            for other in negated(element):
+                yield ast.Tuple(elts=[*value.elts[:i], other, *value.elts[i + 1 :]], ctx=ast.Load())
+    elif isinstance(value, ast.Constant) and value.value in (0, None):
+        return
+    elif not isinstance(value, ast.UnaryOp | ast.Lambda):  # of -x, the minus is dropped elsewhere
+        yield ast.UnaryOp(op=ast.USub(), operand=value)
+
+
+def is_sum(node: ast.AST) -> bool:
+    """Whether the node is a + b or a - b."""
+    return isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add | ast.Sub)
+
+
+def changes(node: ast.AST) -> Iterator[tuple[str, object]]:
+    """The changes to one node of the syntax tree: a field and its new content."""
+    if isinstance(node, ast.BinOp | ast.AugAssign | ast.UnaryOp) and type(node.op) in OPPOSITE:
+        yield "op", OPPOSITE[type(node.op)]()
+    if isinstance(node, ast.BinOp) and is_sum(node) and not is_sum(node.left):
+        for first in negated(node.left):
+            yield "left", first
+    if isinstance(node, ast.Compare):
+        for i, operator in enumerate(node.ops):
+            if type(operator) in OPPOSITE:
+                yield "ops", [*node.ops[:i], OPPOSITE[type(operator)](), *node.ops[i + 1 :]]
+    if isinstance(node, ast.Return) and node.value is not None:
+        for value in negated(node.value):
+            yield "value", value
+
+
+def mutants(file: Path, target: Target) -> Iterator[Mutant]:
+    """Every mutant of a file's target functions."""
+    tree = ast.parse(file.read_text())
+    name = file.relative_to(PACKAGE).as_posix()
+    functions = [node for node in tree.body if isinstance(node, ast.FunctionDef)]
+    for function in functions:
+        if target.functions and function.name not in target.functions:
+            continue
+        for node in ast.walk(function):
+            for field, new in changes(node):
+                old, before = getattr(node, field), ast.unparse(node)
+                setattr(node, field, new)
+                change = f"{before} -> {ast.unparse(node)}"
+                if (name, change) not in EQUIVALENT:
+                    yield Mutant(name, getattr(node, "lineno", 0), change, ast.unparse(tree), target.tests)
+                setattr(node, field, old)
+
+
+def all_mutants(only: Sequence[str]) -> list[Mutant]:
+    """The mutants of all targets, or of the files named."""
+    found: dict[Path, list[Mutant]] = {}
+    for target in TARGETS:
+        files = sorted(PACKAGE.glob(target.files))
+        if not files:
+            sys.exit(
+                f"mutate: no file {target.files} in {PACKAGE.relative_to(ROOT)}: correct the table of targets"
+            )
+        for file in files:
+            if file not in found and (not only or any(str(file).endswith(name) for name in only)):
+                found[file] = list(mutants(file, target))
+    return [mutant for group in found.values() for mutant in group]
+
+
+def run_tests(copy: Path, tests: tuple[str, ...]) -> None:
+    """In a process of its own: run the tests over the copy of the package and exit with pytest's status."""
+    import pytest
+
+    with (copy / "output.txt").open("w") as output:
+        os.dup2(output.fileno(), 1)
+        os.dup2(output.fileno(), 2)
+    os.chdir(ROOT)
+    os.environ["PYTHONPATH"] = str(copy)
+    sys.path.insert(0, str(copy))
+    status = int(pytest.main(["-x", "-q", "--no-header", "-p", "no:cacheprovider", "-p", "no:xdist", *tests]))
+    tested = importlib.import_module("stickslip").__file__ or ""
+    sys.stdout.flush()
+    os._exit(status if tested.startswith(str(copy)) else WRONG_COPY)
+
+
+class Run(NamedTuple):
+    """A process that tests a copy of the package, changed or not."""
+
+    process: ForkProcess
+    copy: Path
+    started: float
+    mutant: Mutant | None
+
+
+def start(folder: Path, tests: tuple[str, ...], mutant: Mutant | None = None) -> Run:
+    """Copy the package, change it, and start its tests."""
+    copy = Path(tempfile.mkdtemp(dir=folder))
+    shutil.copytree(PACKAGE, copy / "stickslip", ignore=shutil.ignore_patterns("__pycache__"))
+    if mutant is not None:
+        (copy / "stickslip" / mutant.file).write_text(mutant.source)
+    process = multiprocessing.get_context("fork").Process(target=run_tests, args=(copy, tests))
+    process.start()
+    return Run(process, copy, time.monotonic(), mutant)
+
+
+def check_unchanged(folder: Path, selections: set[tuple[str, ...]]) -> None:
+    """The tests must pass over an unchanged copy, or every mutant would seem to be noticed."""
+    for tests in sorted(selections):
+        run = start(folder, tests)
+        run.process.join()
+        if run.process.exitcode != 0:
+            print((run.copy / "output.txt").read_text())
+            sys.exit(f"mutate: {' '.join(tests)} fail without any change (status {run.process.exitcode})")
+
+
+def survivors(folder: Path, queue: list[Mutant], jobs: int) -> Iterator[Mutant]:
+    """Run the tests on every mutant, `jobs` at a time, and yield those that passed."""
+    running: list[Run] = []
+    waiting = list(reversed(queue))
+    while waiting or running:
+        while waiting and len(running) < jobs:
+            mutant = waiting.pop()
+            running.append(start(folder, mutant.tests, mutant))
+        wait([run.process.sentinel for run in running], timeout=1.0)
+        for run in list(running):
+            if run.process.is_alive():
+                if time.monotonic() - run.started > SECONDS_PER_MUTANT:
+                    run.process.kill()
+                continue
+            running.remove(run)
+            if run.process.exitcode == WRONG_COPY:
+                sys.exit("mutate: the tests did not import the changed copy")
+            if run.process.exitcode == 0 and run.mutant is not None:
+                yield run.mutant
+            shutil.rmtree(run.copy)
+
+
+def main() -> None:
+    """The command."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("files", nargs="*", help="only these files of the package")
+    parser.add_argument("--list", action="store_true", help="print the mutants and run nothing")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    arguments = parser.parse_args()
+    queue = all_mutants(arguments.files)
+    if arguments.list:
+        for mutant in queue:
+            print(f"{mutant.file}:{mutant.line}: {mutant.change}")
+        return
+
+    began = time.monotonic()
+    os.environ |= {
+        "CI": "true",
+        "NUMBA_DISABLE_JIT": "1",
+        "NUMBA_ENABLE_CUDASIM": "1",
+        "PYTHONDONTWRITEBYTECODE": "1",
+    }
+    for module in PRELOADED:  # once, here, and not in each of a hundred processes
+        importlib.import_module(module)
+    missed = 0
+    with tempfile.TemporaryDirectory() as folder:
+        check_unchanged(Path(folder), {mutant.tests for mutant in queue})
+        for mutant in survivors(Path(folder), queue, arguments.jobs):
+            missed += 1
+            print(f"survived: src/stickslip/{mutant.file}:{mutant.line}: {mutant.change}", flush=True)
+    seconds = time.monotonic() - began
+    print(
+        f"mutation: {len(queue)} wrong signs, {len(queue) - missed} noticed, {missed} not, in {seconds:.0f} s"
+    )
+    sys.exit(1 if missed else 0)
+
+
+if __name__ == "__main__":
+    main()
