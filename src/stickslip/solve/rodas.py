@@ -1,0 +1,274 @@
+r"""One step of Rodas5P, a stiffly accurate, L-stable Rosenbrock method of order 5 [steinebach2023].
+
+With :math:`W = I/(h\gamma) - J` the stages are
+
+.. math:: W U_i = f\Bigl(t + c_i h,\ q + \sum_{j<i} a_{ij} U_j\Bigr) + \frac1h \sum_{j<i} C_{ij} U_j + h d_i f_t
+
+the new state is :math:`q + \sum a_{8j} U_j + U_8`, and U_8 is the error estimate. The Jacobian has the structure of a
+contact: positions follow velocities, and each bristle feels only the sliding velocity and itself. So W is solved
+in closed form: bristles and positions are eliminated one by one, and what is left is 2 x 2, for any number of elements.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .._jit import compiled
+from ..friction.law import element, elements, rate
+from ..mechanism import (
+    FIRST_BRISTLE,
+    SLIDER,
+    SLIDER_VELOCITY,
+    STAGE,
+    STAGE_VELOCITY,
+    slider_acceleration,
+    stage_acceleration,
+)
+from ..waveform.drive import value_slope_curvature
+
+STAGES = 8
+GAMMA = 0.21193756319429014
+
+_A6 = [-7.502846399306121, 2.561846144803919, -11.627539656261098, -0.18268767659942256, 0.030198172008377946]
+A = np.zeros((STAGES, STAGES))
+A[1, :1] = [3.0]
+A[2, :2] = [2.849394379747939, 0.45842242204463923]
+A[3, :3] = [-6.954028509809101, 2.489845061869568, -10.358996098473584]
+A[4, :4] = [2.8029986275628964, 0.5072464736228206, -0.3988312541770524, -0.04721187230404641]
+A[5, :5] = _A6
+A[6, :6] = [*_A6, 1.0]
+A[7, :7] = [*_A6, 1.0, 1.0]
+
+C = np.zeros((STAGES, STAGES))
+C[1, :1] = [-14.155112264123755]
+C[2, :2] = [-17.97296035885952, -2.859693295451294]
+C[3, :3] = [147.12150275711716, -1.41221402718213, 71.68940251302358]
+C[4, :4] = [165.43517024871676, -0.4592823456491126, 42.90938336958603, -5.961986721573306]
+C[5, :5] = [24.854864614690072, -3.0009227002832186, 47.4931110020768, 5.5814197821558125, -0.6610691825249471]
+C[6, :6] = [
+    30.91273214028599,
+    -3.1208243349937974,
+    77.79954646070892,
+    34.28646028294783,
+    -19.097331116725623,
+    -28.087943162872662,
+]
+C[7, :7] = [
+    37.80277123390563,
+    -3.2571969029072276,
+    112.26918849496327,
+    66.9347231244047,
+    -40.06618937091002,
+    -54.66780262877968,
+    -9.48861652309627,
+]
+
+NODES = np.array([0.0, 0.6358126895828704, 0.4095798393397535, 0.9769306725060716, 0.4288403609558664, 1.0, 1.0, 1.0])
+D = np.array(
+    [0.21193756319429014, -0.42387512638858027, -0.3384627126235924, 1.8046452872882734, 2.325825639765069, 0, 0, 0]
+)
+# Rows of the continuous extension, of order 4.
+H = np.array(
+    [
+        [
+            25.948786856663858,
+            -2.5579724845846235,
+            10.433815404888879,
+            -2.3679251022685204,
+            0.524948541321073,
+            1.1241088310450404,
+            0.4272876194431874,
+            -0.17202221070155493,
+        ],
+        [
+            -9.91568850695171,
+            -0.9689944594115154,
+            3.0438037242978453,
+            -24.495224566215796,
+            20.176138334709044,
+            15.98066361424651,
+            -6.789040303419874,
+            -6.710236069923372,
+        ],
+        [
+            11.419903575922262,
+            2.8879645146136994,
+            72.92137995996029,
+            80.12511834622643,
+            -52.072871366152654,
+            -59.78993625266729,
+            -0.15582684282751913,
+            4.883087185713722,
+        ],
+    ]
+)
+
+
+@compiled
+def derivatives(law, v, z, slopes):
+    """Slopes of the law at (v, z) by one-sided differences: row 0 dF/dz, row 1 dż/dv, row 2 dż/dz per
+    element; returns F and dF/dv. The differences stay on the side of the present direction of sliding."""
+    dv = 1e-7 * abs(v) + 1e-11
+    if v < 0.0:
+        dv = -dv
+    total, total_v = 0.0, 0.0
+    for e in range(max(elements(law), 1)):
+        one = element(law, e)
+        force, dz = rate(one, v, z[e])
+        force_v, dz_v = rate(one, v + dv, z[e])
+        step = 1e-7 * abs(z[e]) + 1e-15
+        force_z, dz_z = rate(one, v, z[e] + step)
+        slopes[0, e] = (force_z - force) / step
+        slopes[1, e] = (dz_v - dz) / dv
+        slopes[2, e] = (dz_z - dz) / step
+        total += force
+        total_v += (force_v - force) / dv
+    return total, total_v
+
+
+@compiled
+def factor(mech, g, force_v, normal, slopes, n_elements):
+    """The 2 x 2 matrix that is left of W = g - J, row by row, and its determinant."""
+    phi = force_v
+    for e in range(n_elements):
+        phi += slopes[0, e] * slopes[1, e] / (g - slopes[2, e])
+    phi *= normal
+    ww = g + mech.stage_damping + mech.stage_stiffness / g + mech.reaction * phi
+    ws = -mech.reaction * phi
+    sw = -mech.mobility * phi
+    ss = g + mech.slider_damping + mech.slider_stiffness / g + mech.mobility * phi
+    return ww, ws, sw, ss, ww * ss - ws * sw
+
+
+@compiled
+def solve(mech, g, normal, slopes, matrix, n_elements, r):
+    """Solve W x = r in place: bristles out, positions out, 2 x 2, and back."""
+    ww, ws, sw, ss, determinant = matrix
+    rest = 0.0
+    for e in range(n_elements):
+        rest += slopes[0, e] * r[FIRST_BRISTLE + e] / (g - slopes[2, e])
+    rest *= normal
+    right_w = r[STAGE_VELOCITY] - mech.stage_stiffness * r[STAGE] / g - mech.reaction * rest
+    right_s = r[SLIDER_VELOCITY] - mech.slider_stiffness * r[SLIDER] / g + mech.mobility * rest
+    dw = (right_w * ss - ws * right_s) / determinant
+    ds = (ww * right_s - sw * right_w) / determinant
+    r[STAGE] = (r[STAGE] + dw) / g
+    r[STAGE_VELOCITY] = dw
+    r[SLIDER] = (r[SLIDER] + ds) / g
+    r[SLIDER_VELOCITY] = ds
+    for e in range(n_elements):
+        r[FIRST_BRISTLE + e] = (r[FIRST_BRISTLE + e] + slopes[1, e] * (dw - ds)) / (g - slopes[2, e])
+
+
+@compiled
+def derivative(law, mech, drive, i, load, j, t, q, direction, n_elements, out):
+    """dq/dt at time t into `out`; `direction` is that of a static law."""
+    u, du, _ = value_slope_curvature(drive, i, t)
+    normal = value_slope_curvature(load, j, t)[0]
+    v = (mech.gain * du if mech.kinematic else q[STAGE_VELOCITY]) - q[SLIDER_VELOCITY]
+    force = 0.0
+    for e in range(n_elements):
+        one_force, dz = rate(element(law, e), v, q[FIRST_BRISTLE + e])
+        force += one_force
+        out[FIRST_BRISTLE + e] = dz
+    if n_elements == 0:
+        force = rate(law, v, direction)[0]
+    force *= normal
+    out[STAGE], out[STAGE_VELOCITY] = 0.0, 0.0
+    if not mech.kinematic:
+        out[STAGE] = q[STAGE_VELOCITY]
+        out[STAGE_VELOCITY] = stage_acceleration(mech, u, q[STAGE], q[STAGE_VELOCITY], force)
+    out[SLIDER] = q[SLIDER_VELOCITY]
+    out[SLIDER_VELOCITY] = slider_acceleration(mech, u, q[SLIDER], q[SLIDER_VELOCITY], force)
+
+
+@compiled
+def step(law, mech, drive, i, load, j, t, h, q, U, new, stage, slopes, rows, scale):
+    """Advance q by h into `new`; returns the error over `scale` (1/m and s/m, per state), 1 being just allowed.
+
+    `U` [8, n] keeps the stages and `rows` [3, n] the continuous extension. `i` and `j` are the segments of `drive`
+    and of `load` (the normal force over its reference) that hold for the whole step; `stage` and `slopes` are work
+    space. Two errors are looked at: the embedded one, and the defect of the continuous extension in the middle
+    of the step, brought to the scale of the state by W: the first alone is blind where a stiff bristle
+    softens within one step (sliding that slows through the Stribeck range).
+    """
+    n_elements = elements(law)
+    n = FIRST_BRISTLE + n_elements
+    direction = q[FIRST_BRISTLE] if n_elements == 0 else 0.0
+    g = 1.0 / (h * GAMMA)
+    u, du, ddu = value_slope_curvature(drive, i, t)
+    normal, dnormal, _ = value_slope_curvature(load, j, t)
+    if mech.kinematic:
+        v = mech.gain * du - q[SLIDER_VELOCITY]
+        dv_dt = mech.gain * ddu
+    else:
+        v = q[STAGE_VELOCITY] - q[SLIDER_VELOCITY]
+        dv_dt = 0.0
+    force, force_v = derivatives(law, v, q[FIRST_BRISTLE:], slopes)
+    matrix = factor(mech, g, force_v, normal, slopes, n_elements)
+
+    # Partial derivative by time, through the drive and the normal force.
+    dforce_dt = dnormal * force + normal * force_v * dv_dt
+    stage_t = 0.0 if mech.kinematic else mech.stage_drive * du - mech.reaction * dforce_dt
+    slider_t = mech.slider_drive * du + mech.mobility * dforce_dt
+
+    for k in range(STAGES):
+        for c in range(n):
+            value = q[c]
+            for m in range(k):
+                value += A[k, m] * U[m, c]
+            stage[c] = value
+        derivative(law, mech, drive, i, load, j, t + NODES[k] * h, stage, direction, n_elements, U[k])
+        if D[k] != 0.0:
+            U[k, STAGE_VELOCITY] += h * D[k] * stage_t
+            U[k, SLIDER_VELOCITY] += h * D[k] * slider_t
+            for e in range(n_elements):
+                U[k, FIRST_BRISTLE + e] += h * D[k] * slopes[1, e] * dv_dt
+        for c in range(n):
+            value = 0.0
+            for m in range(k):
+                value += C[k, m] * U[m, c]
+            U[k, c] += value / h
+        solve(mech, g, normal, slopes, matrix, n_elements, U[k])
+
+    error = 0.0
+    for c in range(n):
+        new[c] = stage[c] + U[STAGES - 1, c]
+        term = abs(U[STAGES - 1, c]) * scale[c]
+        error = term if not term <= error else error  # keeps a NaN
+    if not error <= 1.0:
+        return error
+    dense_rows(U, n, rows)
+    interpolate(0.5, q, new, rows, n, stage)
+    defect = U[STAGES - 1]  # no longer needed
+    derivative(law, mech, drive, i, load, j, t + 0.5 * h, stage, direction, n_elements, defect)
+    for c in range(n):
+        defect[c] -= (new[c] - q[c] + 0.25 * (rows[1, c] + rows[2, c])) / h
+    if mech.kinematic:
+        defect[STAGE], defect[STAGE_VELOCITY] = 0.0, 0.0
+    solve(mech, g, normal, slopes, matrix, n_elements, defect)
+    for c in range(n):
+        term = abs(defect[c]) * scale[c]
+        error = term if not term <= error else error
+    return error
+
+
+@compiled
+def dense_rows(U, n, rows):
+    """The three vectors of the continuous extension of the step that left `U`."""
+    for r in range(3):
+        for c in range(n):
+            value = 0.0
+            for m in range(STAGES):
+                value += H[r, m] * U[m, c]
+            rows[r, c] = value
+
+
+@compiled
+def interpolate(theta, q, new, rows, n, out):
+    """The state at a fraction theta of the step."""
+    rest = 1.0 - theta
+    for c in range(n):
+        out[c] = rest * q[c] + theta * (
+            new[c] + rest * (rows[0, c] + theta * (rows[1, c] + theta * rows[2, c]))
+        )
