@@ -44,10 +44,6 @@ class Multisine(NamedTuple):
     def _check(self) -> None:
         for name in ("amplitudes", "frequencies", "phases"):
             values = getattr(self, name)
-            if values is not None and not isinstance(values, tuple):
-                raise QuantityError(
-                    f"Multisine.{name} = {values!r} is no list: it holds one number per component"
-                )
             if values is not None and len(values) != len(self.frequencies):
                 n = len(self.frequencies)
                 raise QuantityError(f"Multisine.{name} has {len(values)} numbers for {n} frequencies (in Hz)")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import Any, Literal, Protocol, TypeVar
 
@@ -67,27 +68,22 @@ def check_unit(unit: Any, owner: str) -> None:
 
 
 def signal_record(named_tuple: type[T]) -> type[T]:
-    """`records.record` for a waveform: fields declared in V (or V/s) are read in the unit that `unit` names.
-
-    Arrays become tuples, so that the record stays hashable.
-    """
+    """`records.record` for a waveform: fields declared in V (or V/s) are read in the record's `unit`."""
     checked = record(named_tuple)
     checked_new = checked.__new__
     following = {name: q for name, q in quantities(named_tuple).items() if q.unit.startswith("V")}
 
+    @functools.wraps(named_tuple.__new__)
     def __new__(cls: Any, *args: Any, **kwargs: Any) -> Any:
         try:
             given: dict[str, Any] = named_tuple(*args, **kwargs)._asdict()  # type: ignore[attr-defined]
         except TypeError:
             return checked_new(cls, *args, **kwargs)  # which says what field is missing or unknown
         check_unit(given["unit"], cls.__name__)
-        for name, value in given.items():
-            if isinstance(value, np.ndarray):
-                given[name] = tuple(value.tolist())
         for name, quantity in following.items():
             quantity = quantity._replace(unit=quantity.unit.replace("V", given["unit"]))
             label, value = f"{cls.__name__}.{name}", given[name]
-            if isinstance(value, tuple | list):
+            if isinstance(value, tuple | list | np.ndarray):
                 given[name] = tuple(quantity.check(v, f"{label}[{i}]") for i, v in enumerate(value))
             else:
                 given[name] = quantity.check(value, label)

@@ -1,0 +1,96 @@
+"""Sampled drives against NumPy's own interpolation, and what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+from hypothesis import given
+from hypothesis import strategies as st
+
+from stickslip.units import QuantityError
+from stickslip.waveform.sampled import Sampled
+
+steps = st.lists(st.tuples(st.floats(1e-4, 1.0), st.floats(-1e3, 1e3)), min_size=2, max_size=50)
+
+
+@given(steps, st.floats(0, 1))
+def test_lines_and_steps_between_samples(steps, first: float) -> None:
+    times = first + np.cumsum([0.0, *(dt for dt, _ in steps[1:])])
+    values = np.array([u for _, u in steps])
+    middle = (times[1:] + times[:-1]) / 2
+    t = np.concatenate([[0], times, middle, [times[-1] + 1]])
+    np.testing.assert_allclose(Sampled(times, values).value(t), np.interp(t, times, values), atol=1e-7)
+    held = values[np.maximum(np.searchsorted(times, t, side="right") - 1, 0)]
+    assert np.array_equal(Sampled(times, values, "hold").value(t), held)
+
+
+@given(steps)
+def test_a_break_wherever_something_changes(steps) -> None:
+    values = np.array([u for _, u in steps])
+    held = Sampled(np.arange(len(values)), values, "hold").breaks(len(values))
+    assert np.array_equal(held, [0, *(np.flatnonzero(np.diff(values)) + 1)])
+
+
+def test_flat_stretches_need_no_breaks() -> None:
+    w = Sampled(np.arange(8), [0, 0, 0, 1, 2, 2, 2, 0])
+    assert np.array_equal(w.breaks(10), [0, 2, 3, 4, 6, 7])  # 3: two collinear pieces stay two
+    np.testing.assert_allclose(
+        w.value(np.arange(0, 7, 0.5)), np.interp(np.arange(0, 7, 0.5), w.times, w.values)
+    )
+
+
+def test_at_a_rate() -> None:
+    w = Sampled.at_rate("2 kHz", [0, 1, 4], "hold")
+    assert np.array_equal(w.times, [0, 0.0005, 0.001])
+    assert np.array_equal(w.value([0.0004, 0.0005, 0.0011]), [0, 1, 4])
+    assert (w.duration, w.period, w.range()) == (0.001, None, (0, 4))
+
+
+def test_samples_cannot_be_changed_afterwards() -> None:
+    given = np.array([1.0, 2.0])
+    w = Sampled([0, 1], given)
+    given[0] = 7
+    assert w.value(0) == 1
+    with pytest.raises(ValueError, match="read-only"):
+        w.values[0] = 7
+
+
+def recording(units: str | None) -> xr.Dataset:
+    u = xr.DataArray([1.0, 3.0, 2.0], dims="time", attrs={"units": units} if units else {})
+    return xr.Dataset({"drive_voltage": u}, coords={"time": [5.0, 5.5, 6.0]})
+
+
+def test_from_a_recording() -> None:
+    w = Sampled.from_recording(recording("V"), "drive_voltage")
+    assert np.array_equal(w.times, [0, 0.5, 1])
+    assert w.value(0.25) == 2
+    assert Sampled.from_recording(recording("m"), "drive_voltage", "hold").unit == "m"
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Sampled([0, 1], [1, np.nan]), r"Sampled\.values\[1\] = nan"),
+        (lambda: Sampled([0, np.inf], [1, 2]), r"Sampled\.times\[1\] = inf"),
+        (lambda: Sampled([0, 2, 1], [1, 2, 3]), r"times\[2\] = .*does not ascend"),
+        (lambda: Sampled([0, 1, 1], [1, 2, 3]), r"times\[2\] = .*does not ascend"),
+        (lambda: Sampled([-1, 1], [1, 2]), r"times\[0\] = -1 s.*>= 0 s"),
+        (lambda: Sampled([0, 1], [1, 2, 3]), r"2 times \(in s\) for 3 values \(in V\)"),
+        (lambda: Sampled([], []), r"shape \(0,\)"),
+        (lambda: Sampled([0, 1], [[1, 2], [3, 4]]), r"shape \(2, 2\)"),
+        (
+            lambda: Sampled([0, 1], ["a", "b"]),
+            r"Sampled\.values holds something that is no number \(expected V\)",
+        ),
+        (lambda: Sampled([0, 1], [1, 2], unit="A"), r"Sampled\.unit = 'A'"),
+        (lambda: Sampled([0, 1], [1, 2], "cubic"), r"'linear' or 'hold'"),
+        (lambda: Sampled.at_rate(0, [1, 2]), r"sample_rate = 0 Hz"),
+        (lambda: Sampled.from_recording(recording("V"), "stroke"), r"no 'stroke'; it has drive_voltage"),
+        (lambda: Sampled.from_recording(recording("N"), "drive_voltage"), r"'N'"),
+        (lambda: Sampled.from_recording(recording(None), "drive_voltage"), r"no unit"),
+    ],
+)
+def test_what_cannot_be_is_refused(make, message: str) -> None:
+    with pytest.raises(QuantityError, match=message):
+        make()
