@@ -172,7 +172,7 @@ def derivative(law, mech, drive, i, load, j, t, q, direction, n_elements, out):
         force += one_force
         out[FIRST_BRISTLE + e] = dz
     if n_elements == 0:
-        force = rate(law, v, direction)[0]
+        force = rate(element(law, 0), v, direction)[0]
     force *= normal
     out[STAGE], out[STAGE_VELOCITY] = 0.0, 0.0
     if not mech.kinematic:
