@@ -8,7 +8,10 @@ goes into a compiled kernel as it is: there is no second, "fast" copy of any par
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple, TypeVar, get_type_hints
+from collections.abc import Iterable
+from difflib import get_close_matches
+from types import NoneType
+from typing import Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
 from .units import QuantityError, to_si
 
@@ -19,7 +22,7 @@ class Quantity(NamedTuple):
     """What a field means: put it into the annotation, ``Annotated[float, Quantity("N/m", "σ₀", ...)]``.
 
     `minimum` and `maximum` are allowed values, `above` and `below` are the limits just outside the range.
-    Infinity is refused unless `maximum` is infinite.
+    Infinity is refused unless it is the `maximum` (or, below zero, the `minimum`).
     """
 
     unit: str
@@ -32,89 +35,140 @@ class Quantity(NamedTuple):
 
     def range_text(self) -> str:
         """The allowed range in words, with the unit."""
-        parts = []
-        if self.above is not None:
-            parts.append(f"> {self.above:g}")
-        if self.minimum is not None:
-            parts.append(f">= {self.minimum:g}")
-        if self.below is not None:
-            parts.append(f"< {self.below:g}")
-        if self.maximum is not None and math.isfinite(self.maximum):
-            parts.append(f"<= {self.maximum:g}")
-        return (" and ".join(parts) or "any finite number") + (f" {self.unit}" if self.unit else "")
+        limits = ((">", self.above), (">=", self.minimum), ("<", self.below), ("<=", self.maximum))
+        parts = [f"{sign} {limit:g}" for sign, limit in limits if limit is not None and math.isfinite(limit)]
+        if parts:
+            return f"{' and '.join(parts)} {self.unit}".strip()
+        return f"a finite number in {self.unit}" if self.unit else "a finite number"
 
-    def check(self, value: float | str, field: str) -> float:
-        """The value in SI.
+    def check(self, value: Any, field: str) -> float:
+        """The value, a number or a string with a unit, in SI.
 
         Raises:
             QuantityError: wrong dimension, no number, NaN, or out of range; names field, unit and range.
         """
-        number = to_si(value, self.unit, field)
-        infinite_allowed = self.maximum is not None and math.isinf(self.maximum) and number > 0
-        ok = math.isfinite(number) or (math.isinf(number) and infinite_allowed)
+        try:
+            number = to_si(value, self.unit, field)
+        except QuantityError as error:
+            raise QuantityError(f"{error}: {self.meaning} must be {self.range_text()}") from None
+        ok = math.isfinite(number) or number in (self.minimum, self.maximum)
         ok = ok and (self.minimum is None or number >= self.minimum)
         ok = ok and (self.above is None or number > self.above)
         ok = ok and (self.maximum is None or number <= self.maximum)
         ok = ok and (self.below is None or number < self.below)
         if not ok:
-            shown = f"{value!r}" if isinstance(value, str) else f"{number:g} {self.unit}".strip()
-            raise QuantityError(f"{field} = {shown} is out of range: {self.meaning} must be {self.range_text()}")
+            shown = repr(value) if isinstance(value, str) else f"{number:.12g} {self.unit}".strip()
+            raise QuantityError(
+                f"{field} = {shown} is out of range: {self.meaning} must be {self.range_text()}"
+            )
         return number
 
 
-def quantities(record_type: type) -> dict[str, Quantity]:
-    """The `Quantity` of each field that has one, in order of the fields."""
+class _Field(NamedTuple):
+    quantity: Quantity
+    optional: bool  # None is allowed
+    sequence: bool  # a tuple of values, each of them checked
+
+    def check(self, value: Any, label: str) -> Any:
+        if value is None and self.optional:
+            return None
+        if not self.sequence:
+            return self.quantity.check(value, label)
+        if isinstance(value, str) or not isinstance(value, Iterable):
+            raise QuantityError(
+                f"{label} = {value!r} must be a list, each value {self.quantity.range_text()}"
+            )
+        return tuple(self.quantity.check(v, f"{label}[{i}]") for i, v in enumerate(value))
+
+
+def _fields_with_quantity(record_type: type) -> dict[str, _Field]:
     found = {}
     for name, hint in get_type_hints(record_type, include_extras=True).items():
         for extra in getattr(hint, "__metadata__", ()):
             if isinstance(extra, Quantity):
-                found[name] = extra
+                kinds = (hint.__origin__, *get_args(hint.__origin__))
+                sequence = any(get_origin(kind) is tuple for kind in kinds)
+                found[name] = _Field(extra, NoneType in kinds, sequence)
     return found
+
+
+def quantities(record_type: type) -> dict[str, Quantity]:
+    """The `Quantity` of each field that has one, in order of the fields."""
+    return {name: field.quantity for name, field in _fields_with_quantity(record_type).items()}
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """A hint at the end of an error about an unknown name; empty where nothing known looks like it."""
+    close = get_close_matches(word, list(known), n=1)
+    return f" (did you mean {close[0]!r}?)" if close else ""
+
+
+def _bind(
+    record_type: Any, args: tuple[Any, ...], kwargs: dict[str, Any], specs: dict[str, _Field]
+) -> list[Any]:
+    """The value of each field, from arguments and defaults; errors speak of fields, not of arguments."""
+    owner, fields = record_type.__name__, record_type._fields
+    if len(args) > len(fields):
+        raise QuantityError(
+            f"{owner} has {len(fields)} fields ({', '.join(fields)}), {len(args)} values were given"
+        )
+    given = dict(zip(fields, args, strict=False))
+    for name in kwargs:
+        if name not in fields:
+            raise QuantityError(
+                f"{owner} has no field {name!r}{did_you_mean(name, fields)}; it has {', '.join(fields)}"
+            )
+        if name in given:
+            raise QuantityError(f"{owner}.{name} is given twice")
+    given = {**record_type._field_defaults, **given, **kwargs}
+    for name in fields:
+        if name not in given:
+            quantity = specs[name].quantity if name in specs else None
+            what = f" ({quantity.meaning}, {quantity.range_text()})" if quantity else ""
+            raise QuantityError(f"{owner}.{name} is missing{what}")
+    return [given[name] for name in fields]
 
 
 def record(named_tuple: type[T]) -> type[T]:
     """Make construction of a ``NamedTuple`` check every `Quantity` and run the class's ``_check``, if any.
 
-    Tuples in a `Quantity` field (the elements of a Maxwell-slip law, say) are checked one by one.
+    A field annotated as a tuple (the elements of a Maxwell-slip law, say) takes any list, each value of it
+    checked; None passes only where the annotation allows it. Records of two types are never equal.
     """
-    specs = quantities(named_tuple)
-    fields = named_tuple._fields  # type: ignore[attr-defined]
+    specs = _fields_with_quantity(named_tuple)
     plain_new = named_tuple.__new__
 
     def __new__(cls: Any, *args: Any, **kwargs: Any) -> Any:
-        unknown = [name for name in kwargs if name not in fields]
-        if unknown:
-            raise QuantityError(f"{cls.__name__} has no field {unknown[0]!r}; it has {', '.join(fields)}")
-        try:
-            raw = plain_new(cls, *args, **kwargs)
-        except TypeError as error:
-            raise QuantityError(f"{cls.__name__}: {str(error).removeprefix('__new__() ')}") from None
-        values = []
-        for name, value in zip(fields, raw, strict=True):
-            if name in specs and value is not None:
-                label = f"{cls.__name__}.{name}"
-                if isinstance(value, tuple | list):
-                    value = tuple(specs[name].check(v, f"{label}[{i}]") for i, v in enumerate(value))
-                else:
-                    value = specs[name].check(value, label)
-            values.append(value)
-        made = tuple.__new__(cls, values)
+        values = zip(cls._fields, _bind(cls, args, kwargs, specs), strict=True)
+        checked = (specs[n].check(v, f"{cls.__name__}.{n}") if n in specs else v for n, v in values)
+        made = tuple.__new__(cls, checked)
         check = getattr(made, "_check", None)
         if check is not None:
             check()
         return made
 
+    __new__.__wrapped__ = plain_new  # type: ignore[attr-defined]  # the signature for help() and for Numba
+
     def _replace(self: Any, **changes: Any) -> Any:
         return type(self)(**{**self._asdict(), **changes})
+
+    def _make(cls: Any, iterable: Iterable[Any]) -> Any:
+        return cls(*iterable)
 
     def __eq__(self: Any, other: object) -> bool:
         return type(self) is type(other) and tuple.__eq__(self, other)  # type: ignore[arg-type]
 
+    def __ne__(self: Any, other: object) -> bool:
+        return not self == other  # tuple has its own __ne__, for which a Dahl may equal a LuGre
+
     namespace = {
         "__slots__": (),
         "__new__": __new__,
+        "_make": classmethod(_make),
         "_replace": _replace,
+        "__replace__": _replace,
         "__eq__": __eq__,
+        "__ne__": __ne__,
         "__hash__": lambda self: hash((type(self).__name__, tuple(self))),
         "__doc__": named_tuple.__doc__,
         "__module__": named_tuple.__module__,

@@ -7,7 +7,10 @@ already. Nothing below this module ever sees a unit.
 from __future__ import annotations
 
 import math
-from functools import cache
+import re
+from decimal import Decimal
+from functools import cache, lru_cache
+from numbers import Real
 from typing import Any
 
 
@@ -15,68 +18,112 @@ class QuantityError(ValueError):
     """A value is of the wrong dimension, out of range, or no number. The message names field and unit."""
 
 
+_NUMBER = re.compile(
+    r"[+-]?(?:(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?|inf(?:inity)?\b|nan\b)", re.ASCII | re.IGNORECASE
+)
+# pint evaluates powers, so "m^9^9^9^9" would keep it busy for ever: it only sees what has this form.
+_TERM = r"\(*[A-Za-zµμΩÅ°%_]+(?:(?:\*\*|\^)[+-]?\d{1,2}|⁻?[¹²³⁴])?\)*"
+_UNIT = re.compile(rf"1?|(?:1?\s*/\s*)?{_TERM}(?:(?:\s*[/*·⋅.]\s*|\s+){_TERM})*")
+_LONGEST_UNIT = 60
+
+
 @cache
 def _registry() -> Any:
-    import pint  # 0.2 s to import: only for those who write unit strings
+    import pint  # slow to import: only for those who write unit strings
 
     return pint.UnitRegistry(autoconvert_offset_to_baseunit=True, cache_folder=None)
 
 
 @cache
-def _parse(text: str, unit: str) -> float:
-    import pint
-
-    quantity = _registry().Quantity(text.replace("µ", "u").replace("μ", "u"))
-    if quantity.units == _registry().dimensionless and unit not in ("", "1") and _is_plain_number(text):
-        return float(quantity.magnitude)
+def _units(text: str) -> Any:
+    if len(text) > _LONGEST_UNIT or _UNIT.fullmatch(text) is None:
+        raise QuantityError(f"has no readable unit ({text[:_LONGEST_UNIT]!r})")
+    written = text.replace("µ", "u").replace("μ", "u")
     try:
-        return float(quantity.to(unit or "dimensionless").magnitude)
-    except pint.DimensionalityError as error:
-        raise QuantityError(f"has the unit '{quantity.units:~}', which is no {unit or 'plain number'}") from error
+        return _registry().parse_units("1" + written if written.startswith("/") else written)
+    except Exception as error:  # pint raises a dozen kinds, tokenizer errors among them
+        raise QuantityError(f"has the unknown unit '{text}'") from error
 
 
-def _is_plain_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
+def _radians_per_cycle(units: Any, wanted: Any) -> float:
+    """2π between Hz and rad/s: to pint both are 1/s, and "525.7 Hz" would become 525.7 rad/s silently."""
+    angle = re.compile("radian|degree|turn|revolution")
+    if "hertz" in str(units) and angle.search(str(wanted)):
+        return 2.0 * math.pi
+    if angle.search(str(units)) and "hertz" in str(wanted):
+        return 0.5 / math.pi
+    return 1.0
+
+
+@lru_cache(maxsize=1024)
+def _parse(text: str, si_unit: str) -> float:
+    """The number that the text stands for, in the SI unit; an error's message is the end of a sentence."""
+    written = _NUMBER.match(text)
+    if written is None:
+        raise QuantityError("does not begin with a number")
+    number, unit = float(written[0]), text[written.end() :].strip()
+    if re.match(r",\d", unit):
+        raise QuantityError("has a decimal comma; write a decimal point")
+    if unit in ("", si_unit):
+        return number
+    units, wanted = _units(unit), _units(si_unit)
+    if units.dimensionality != wanted.dimensionality:
+        raise QuantityError(f"has the unit '{unit}', which is no {si_unit or 'plain number'}")
+    if not math.isfinite(number):
+        return number
+    convert = _registry().Quantity
+    if convert(0.0, units).to(wanted).magnitude != 0.0:  # a scale with another zero, °C say
+        return float(convert(number, units).to(wanted).magnitude)
+    factor = convert(1.0, units).to(wanted).magnitude * _radians_per_cycle(units, wanted)
+    power = round(math.log10(factor))
+    if math.isclose(factor, 10.0**power, rel_tol=1e-12):  # then "1.399 N/um" is the very float 1.399e6
+        return float(Decimal(written[0]).scaleb(power))
+    return float(number * factor)
 
 
 def to_si(value: float | str, unit: str, field: str = "value") -> float:
     """The value as a float in `unit` (an SI unit).
 
     Args:
-        value: a number, taken to be in `unit` already, or a string such as "65 V" or "1.399 N/um".
+        value: a number, taken to be in `unit` already (a NumPy or xarray scalar will do), or a string such as
+            "65 V" or "1.399 N/um". Hz and rad/s are converted into each other with the factor 2π.
         unit: the SI unit of the field, "" for a plain number.
         field: what to call the value in an error.
 
     Raises:
-        QuantityError: the string cannot be read, or is of another dimension, or is no number.
+        QuantityError: the string cannot be read, or is of another dimension, or the value is no number.
     """
-    shown = unit or "a plain number"
+    expected = f"(expected {unit or 'a plain number'})"
     if isinstance(value, str):
         try:
             return _parse(value.strip(), unit)
         except QuantityError as error:
-            raise QuantityError(f"{field} = {value!r} {error} (expected {shown})") from None
-        except Exception as error:  # pint raises a dozen kinds, tokenizer errors among them
-            raise QuantityError(f"{field} = {value!r} is not a quantity in {shown}") from error
-    if isinstance(value, bool):
-        raise QuantityError(f"{field} = {value!r} is not a number (expected {shown})")
+            raise QuantityError(f"{field} = {_shortened(value)} {error} {expected}") from None
+    number = value.item() if getattr(value, "ndim", None) == 0 else value  # type: ignore[union-attr]
+    if isinstance(number, bool) or not isinstance(number, Real):
+        raise QuantityError(f"{field} = {_shortened(value)} is not a number {expected}")
     try:
-        return float(value)
-    except (TypeError, ValueError):
-        raise QuantityError(f"{field} = {value!r} is not a number (expected {shown})") from None
+        return float(number)
+    except OverflowError:
+        raise QuantityError(f"{field} is too large for a number {expected}") from None
+
+
+def _shortened(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= _LONGEST_UNIT else f"{text[:_LONGEST_UNIT]}..."
 
 
 _PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
+_TAKES_PREFIX = re.compile(r"(?:m|s|V|A|N|Hz|W|J|C)(?:[ /]|$)")
 
 
 def with_prefix(value: float, unit: str, digits: int = 4) -> str:
-    """The value for people to read: ``with_prefix(3.2e-7, "m")`` is "320 nm"."""
-    simple = unit in ("m", "s", "V", "N", "Hz", "N/m", "W", "J")
-    if value == 0 or not math.isfinite(value) or not simple:
+    """The value for people to read: ``with_prefix(3.2e-7, "m")`` is "320 nm".
+
+    The prefix goes to the first unit ("105.7 nm/V", "1.399 MN/m"); kg, rad/s and powers get none.
+    """
+    if value == 0 or not math.isfinite(value) or _TAKES_PREFIX.match(unit) is None:
         return f"{value:.{digits}g} {unit}".strip()
-    exponent = min(max(3 * math.floor(math.log10(abs(value)) / 3), -12), 9)
-    return f"{value / 10.0**exponent:.{digits}g} {_PREFIXES[exponent]}{unit}"
+    rounded = f"{value:.{digits - 1}e}"  # first round, then choose: 999.99 nm to four digits is 1 µm
+    exponent = min(max(3 * (int(rounded.partition("e")[2]) // 3), -12), 9)
+    return f"{float(rounded) / 10.0**exponent:.{digits}g} {_PREFIXES[exponent]}{unit}"

@@ -1,0 +1,80 @@
+"""Credit where it is due: BibTeX for parameter sets, friction laws and recordings.
+
+Keys are written in square brackets wherever something comes from a source, ``[canudas1995]`` in the docstring
+of a law for example, and are found there: nothing has to be registered twice.
+"""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from ..records import did_you_mean
+from .load import ParameterSetError, available_sets, load_set
+
+_FILE = Path(__file__).parent / "references.bib"
+
+
+@cache
+def references() -> dict[str, str]:
+    """The BibTeX entry of each key in references.bib."""
+    text = _FILE.read_text(encoding="utf-8")
+    return {
+        entry[1]: entry[0] for entry in re.finditer(r"^@\w+\{(\w+),.*?^\}", text, re.MULTILINE | re.DOTALL)
+    }
+
+
+def keys_in(text: str | None) -> tuple[str, ...]:
+    """The known citation keys that stand in square brackets in a text, in order."""
+    bracketed = " ".join(re.findall(r"\[([^][]*)\]", text or ""))
+    return tuple(dict.fromkeys(word for word in re.findall(r"\w+", bracketed) if word in references()))
+
+
+def bibtex(*keys: str) -> str:
+    """The entries of the keys, each once; for a key of a user's own file, a comment that none is known."""
+    missing = "% [{}] has no entry in the bibliography of stickslip."
+    return "\n\n".join(references().get(key, missing.format(key)) for key in dict.fromkeys(keys))
+
+
+def citation_keys(thing: Any) -> tuple[str, ...]:
+    """The citation keys of an actuator, slider, law (record or class), recording, parameter set or key.
+
+    Raises:
+        ParameterSetError: a name that is neither a key nor a parameter set.
+        TypeError: a thing that has no sources.
+    """
+    if isinstance(thing, str) and thing in references():
+        return (thing,)
+    if isinstance(thing, str):
+        if not thing.endswith(".toml") and thing not in available_sets():
+            hint = did_you_mean(thing, (*references(), *available_sets()))
+            raise ParameterSetError(f"there is no reference and no parameter set {thing!r}{hint}")
+        return load_set(thing).citations
+    if hasattr(thing, "citation_keys"):
+        return tuple(thing.citation_keys)
+    record_type = thing if isinstance(thing, type) else type(thing)
+    if hasattr(record_type, "_fields"):
+        return keys_in(record_type.__doc__)
+    if hasattr(thing, "attrs"):  # a recording says its keys in the attribute "citation"
+        return tuple(re.findall(r"\w+", thing.attrs.get("citation", "")))
+    raise TypeError(f"a {type(thing).__name__} has no sources to cite")
+
+
+def cite(*things: Any) -> str:
+    """BibTeX of everything given, each entry once; of the whole bibliography if nothing is given.
+
+    Args:
+        things: actuators, laws, recordings, names of parameter sets, citation keys.
+
+    Raises:
+        ParameterSetError, TypeError: as `citation_keys`.
+    """
+    keys = [key for thing in things for key in citation_keys(thing)] if things else list(references())
+    return bibtex(*keys)
+
+
+def print_citations(*things: Any) -> None:
+    """Print what `cite` returns."""
+    print(cite(*things))

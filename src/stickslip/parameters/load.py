@@ -1,0 +1,241 @@
+"""Parameter sets: TOML files, one per published source, read into plain data and built into records.
+
+A file has ``title``, ``citations`` (keys of references.bib), ``kind`` and one table per value::
+
+    [gain]
+    value = 0.1057
+    unit = "um/V"
+    symbol = "C"
+    source = "eq. 5.10"
+
+A value that the source does not print has ``assumed = true`` and a ``reason``. ``[friction]`` names its law,
+``law = "LuGre"``, and has the law's fields as tables below it. ``[reported.*]`` holds what the source prints
+beside the parameters, a coefficient of determination for example. A user's own file is read by its path.
+"""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+from ..friction import LAWS
+from ..records import did_you_mean, quantities
+from ..units import QuantityError, to_si
+
+T = TypeVar("T")
+
+_SETS = Path(__file__).parent / "sets"
+_KINDS = ("actuator", "pulled_slider", "friction")
+_TOP = {"title": str, "citations": list, "kind": str}
+
+
+class ParameterSetError(QuantityError):
+    """A parameter file cannot be found or read, or a value in it is wrong; names file and field."""
+
+
+class Entry(NamedTuple):
+    """One value of a parameter set and where it comes from."""
+
+    value: float | bool | list[float]
+    unit: str = ""
+    symbol: str = ""
+    source: str = ""
+    assumed: bool = False
+    reason: str = ""
+    note: str = ""
+
+    def to(self, unit: str) -> float:
+        """The value in the given SI unit; raises QuantityError if it is of another dimension."""
+        return to_si(_with_unit(self.value, self.unit, unit), unit)
+
+
+class ParameterSet(NamedTuple):
+    """A parameter file as read. `name` is what it was loaded by, `law` that of its friction."""
+
+    name: str
+    file: Path
+    title: str
+    citations: tuple[str, ...]
+    kind: str
+    values: dict[str, Entry]
+    law: str
+    friction: dict[str, Entry]
+    reported: dict[str, Entry]
+
+    def entries(self) -> dict[str, Entry]:
+        """All values that go into the record, those of friction as "friction.sigma_0"."""
+        return self.values | {f"friction.{name}": entry for name, entry in self.friction.items()}
+
+
+def available_sets() -> tuple[str, ...]:
+    """The names of the sets that come with the package."""
+    return tuple(sorted(file.stem for file in _SETS.glob("*.toml")))
+
+
+def load_set(name: str | os.PathLike[str]) -> ParameterSet:
+    """Read a parameter set.
+
+    Args:
+        name: the name of a set that comes with the package, or the path of a TOML file.
+
+    Raises:
+        ParameterSetError: there is no such set, or the file is not as described above.
+    """
+    text = os.fspath(name)
+    file = Path(text)
+    if file.suffix != ".toml" and file.name == text:
+        if text not in available_sets():
+            known = available_sets()
+            raise ParameterSetError(
+                f"there is no parameter set {text!r}{did_you_mean(text, known)}; available are "
+                f"{', '.join(known)}, or give the path of a file that ends in .toml"
+            )
+        file = _SETS / f"{text}.toml"
+    return _read(text, file)
+
+
+def _read(name: str, file: Path) -> ParameterSet:
+    try:
+        content = tomllib.loads(file.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ParameterSetError(f"{file} cannot be read: {error.strerror}") from error
+    except (ValueError, RecursionError) as error:  # not TOML, not UTF-8, a key or table given twice
+        raise ParameterSetError(f"{file} is no valid TOML: {error}") from error
+
+    for key, kind in _TOP.items():
+        if key not in content:
+            raise ParameterSetError(f"{file}: {key} is missing")
+        if not isinstance(content[key], kind):
+            raise ParameterSetError(f"{file}: {key} = {content[key]!r} must be a {kind.__name__}")
+    if not all(isinstance(key, str) for key in content["citations"]):
+        raise ParameterSetError(f"{file}: citations must be a list of citation keys")
+    if content["kind"] not in _KINDS:
+        raise ParameterSetError(f"{file}: kind = {content['kind']!r} must be one of {', '.join(_KINDS)}")
+
+    tables = {key: value for key, value in content.items() if key not in _TOP}
+    for key, table in tables.items():
+        if not isinstance(table, dict):
+            raise ParameterSetError(
+                f"{file}: {key} is unknown at the top{did_you_mean(key, _TOP)}; a value is a table"
+            )
+    friction = tables.pop("friction", None)
+    if friction is None:
+        raise ParameterSetError(f"{file}: [friction] is missing; its law is one of {', '.join(_laws())}")
+    law = friction.pop("law", "")
+    if law not in _laws():
+        hint = did_you_mean(str(law), _laws())
+        raise ParameterSetError(
+            f"{file}: [friction] law = {law!r} is unknown{hint}; known are {', '.join(_laws())}"
+        )
+    reported = tables.pop("reported", {})
+    if content["kind"] == "friction" and tables:
+        raise ParameterSetError(f"{file}: [{next(iter(tables))}] is unknown in a set of kind 'friction'")
+    return ParameterSet(
+        name=name,
+        file=file,
+        title=content["title"],
+        citations=tuple(content["citations"]),
+        kind=content["kind"],
+        values=_entries(file, "", tables),
+        law=law,
+        friction=_entries(file, "friction.", friction),
+        reported=_entries(file, "reported.", reported),
+    )
+
+
+def _laws() -> dict[str, type]:
+    return {law.__name__: law for law in LAWS}
+
+
+def _entries(file: Path, prefix: str, tables: dict[str, Any]) -> dict[str, Entry]:
+    return {key: _entry(f"{file}: [{prefix}{key}]", table) for key, table in tables.items()}
+
+
+def _entry(where: str, table: Any) -> Entry:
+    if not isinstance(table, dict):
+        raise ParameterSetError(f"{where} = {table!r} must be a table with a value, a unit and a source")
+    for key, given in table.items():
+        if key not in Entry._fields:
+            known = ", ".join(Entry._fields)
+            raise ParameterSetError(
+                f"{where} has an unknown key {key}{did_you_mean(key, Entry._fields)}; known: {known}"
+            )
+        wanted = bool if key == "assumed" else str
+        if key != "value" and not isinstance(given, wanted):
+            raise ParameterSetError(f"{where} {key} = {given!r} must be a {wanted.__name__}")
+    if "value" not in table:
+        raise ParameterSetError(f"{where} has no value")
+    numbers = table["value"] if isinstance(table["value"], list) else [table["value"]]
+    if not all(isinstance(number, int | float) for number in numbers):
+        raise ParameterSetError(
+            f"{where} value = {table['value']!r} must be a number; its unit goes into unit"
+        )
+    entry = Entry(**table)
+    if entry.assumed and not entry.reason:
+        raise ParameterSetError(f"{where} is assumed but gives no reason")
+    if entry.reason and not entry.assumed:
+        raise ParameterSetError(f"{where} gives a reason but is not marked assumed = true")
+    return entry
+
+
+def _with_unit(value: Any, unit: str, si_unit: str) -> Any:
+    """The value for `to_si`: the bare number where its unit is the SI one, which spares importing pint."""
+    if isinstance(value, list):
+        return [_with_unit(number, unit, si_unit) for number in value]
+    if isinstance(value, bool) or unit == si_unit:
+        return value
+    if not unit:
+        raise QuantityError(f"has no unit (expected {si_unit})")
+    return f"{value!r} {unit}"
+
+
+def build(record_type: type[T], entries: dict[str, Entry], where: str, **given: Any) -> T:
+    """A record from the entries of a parameter set.
+
+    Args:
+        record_type: the record.
+        entries: value and provenance by field name.
+        where: the file, for errors.
+        given: fields that do not come from entries.
+
+    Raises:
+        ParameterSetError: a field is unknown, missing, of the wrong dimension or out of range.
+    """
+    specs, values = quantities(record_type), dict(given)
+    fields = [field for field in record_type._fields if field not in given]  # type: ignore[attr-defined]
+    for field, entry in entries.items():
+        if field not in fields:
+            hint = did_you_mean(field, fields)
+            raise ParameterSetError(f"{where}: [{field}] is unknown{hint}; known are {', '.join(fields)}")
+        try:
+            values[field] = _with_unit(entry.value, entry.unit, specs[field].unit if field in specs else "")
+        except QuantityError as error:
+            raise ParameterSetError(f"{where}: [{field}] {error}; {specs[field].range_text()}") from None
+    try:
+        return record_type(**values)
+    except QuantityError as error:
+        raise ParameterSetError(f"{where}: {error}") from None
+
+
+def friction_of(parameters: ParameterSet) -> Any:
+    """The friction law of a set, as a record; raises ParameterSetError as `build` does."""
+    return build(_laws()[parameters.law], parameters.friction, f"{parameters.file}, [friction]")
+
+
+def load_friction(name: str | os.PathLike[str]) -> Any:
+    """The friction law of a parameter set of any kind: ``load_friction("kang2007")`` is its `LuGre`.
+
+    Raises:
+        ParameterSetError: there is no such set, or the file is wrong.
+    """
+    return friction_of(load_set(name))
+
+
+def load_kind(name: str | os.PathLike[str], kind: str) -> ParameterSet:
+    """`load_set`, and an error unless the set is of this kind."""
+    parameters = load_set(name)
+    if parameters.kind != kind:
+        raise ParameterSetError(f"{parameters.file} is of kind {parameters.kind!r}, not {kind!r}")
+    return parameters

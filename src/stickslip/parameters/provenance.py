@@ -1,0 +1,66 @@
+"""Where the values of a record come from: its parameter set, an assumption of that set, or a later change."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from ..friction import is_law
+from ..records import quantities
+from ..units import with_prefix
+from .load import ParameterSet
+
+
+def flat(record: Any) -> dict[str, Any]:
+    """The values of a record by field; of the friction law its name, and its fields as "friction.sigma_0"."""
+    values = {}
+    for field, value in record._asdict().items():
+        if is_law(value):
+            values[field] = type(value).__name__
+            values.update({f"{field}.{inner}": v for inner, v in value._asdict().items()})
+        elif field != "name":
+            values[field] = value
+    return values
+
+
+def changes(record: Any, original: Any) -> dict[str, str]:
+    """What was changed since the record was loaded: field -> new value and the old one, in words."""
+    before, now = flat(original), flat(record)
+    return {
+        field: f"{_shown(record, field)} (in the set: {_shown(original, field)})"
+        for field in now
+        if not _same(now[field], before.get(field))
+    }
+
+
+def assumptions(record: Any, original: Any, parameters: ParameterSet) -> dict[str, str]:
+    """Which values of the record the source does not print: field -> value and reason, in words.
+
+    A value that was changed since it was loaded is no assumption of the set any more.
+    """
+    before, now = flat(original), flat(record)
+    return {
+        field: f"{_shown(record, field)}: {entry.reason or 'no source given'}"
+        for field, entry in parameters.entries().items()
+        if (entry.assumed or not entry.source) and field in now and _same(now[field], before[field])
+    }
+
+
+def _same(a: Any, b: Any) -> bool:
+    if isinstance(a, tuple) and isinstance(b, tuple):
+        return len(a) == len(b) and all(map(_same, a, b))
+    if isinstance(a, float) and isinstance(b, float):  # a unit conversion may have moved the last digit
+        return math.isclose(a, b, rel_tol=1e-12)
+    return a == b
+
+
+def _shown(record: Any, field: str) -> str:
+    """The value of a field for people, with its unit."""
+    value = flat(record).get(field)
+    if value is None:
+        return "none"
+    owner, _, inner = field.rpartition(".")
+    spec = quantities(type(getattr(record, owner) if owner else record)).get(inner)
+    values = value if isinstance(value, tuple) else (value,)
+    words = [with_prefix(v, spec.unit, 6) if spec and isinstance(v, float) else str(v) for v in values]
+    return f"[{', '.join(words)}]" if isinstance(value, tuple) else words[0]
