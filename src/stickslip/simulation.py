@@ -19,7 +19,7 @@ from .solve import energy as accounts
 from .solve.adaptive import DONE, STEP_TOO_SMALL, integrate
 from .solve.periodic import Orbit, find_orbit
 from .units import QuantityError, with_prefix
-from .waveform.drive import Drive, constant
+from .waveform.drive import Drive, constant, evaluate, value_slope_curvature
 from .waveform.signal import Waveform
 
 # A stage without dynamics has no frequency of its own to compare velocities with positions by.
@@ -158,7 +158,7 @@ def simulate(
     law = model.friction
     mech = mechanism(model)
     end = float(times[-1])
-    table = _checked_drive(model, waveform, end)
+    table = _checked_drive(model, waveform, end, periodic=False)
     q = resting_state(law, mech, table.before)
     start = q.copy()
     if not tolerance > 0.0:
@@ -211,7 +211,7 @@ def _sample_times(
     return np.arange(count + 1) / sample_rate
 
 
-def _checked_drive(model: Actuator | PulledSlider, waveform: Waveform, end: float) -> Drive:
+def _checked_drive(model: Actuator | PulledSlider, waveform: Waveform, end: float, periodic: bool) -> Drive:
     unit = "V" if isinstance(model, Actuator) else "m"
     if waveform.unit != unit:
         raise QuantityError(f"the drive of an {type(model).__name__} is in {unit}, not in {waveform.unit}")
@@ -223,7 +223,7 @@ def _checked_drive(model: Actuator | PulledSlider, waveform: Waveform, end: floa
                 f"drive voltage from {low:g} V to {high:g} V is out of range: "
                 f"{model.name or 'the actuator'} takes {model.min_voltage:g} V to {model.max_voltage:g} V"
             )
-        if model.static and not model.clamped and elements(model.friction) > 0 and _jumps(table):
+        if model.static and not model.clamped and elements(model.friction) > 0 and _jumps(table, end if periodic else None):
             raise QuantityError(
                 "a static stage would follow a jump of the voltage at infinite speed, at which a presliding friction "
                 "law has no meaning: give the waveform a finite fall (rise_fraction < 1), or the stage a "
@@ -232,20 +232,18 @@ def _checked_drive(model: Actuator | PulledSlider, waveform: Waveform, end: floa
     return table
 
 
-def _jumps(table: Drive) -> bool:
-    from .waveform.drive import value_slope_curvature as at
-
-    ends = [table.before, *(at(table, i, table.start[i + 1])[0] for i in range(table.start.size - 1))]
-    starts = [at(table, i, table.start[i])[0] for i in range(table.start.size)]
-    size = max(map(abs, (*ends, *starts)))
-    return any(abs(a - b) > 1e-9 * size for a, b in zip(ends, starts, strict=True))
+def _jumps(table: Drive, period: float | None) -> bool:
+    """Whether the drive jumps anywhere; for a periodic one, where one period meets the next instead of at the start."""
+    starts = [value_slope_curvature(table, i, t)[0] for i, t in enumerate(table.start)]
+    ends = [value_slope_curvature(table, i, t)[0] for i, t in enumerate(table.start[1:])]
+    first = table.before if period is None else value_slope_curvature(table, len(starts) - 1, period)[0]
+    size = max(map(abs, (first, *starts, *ends)))
+    return any(abs(a - b) > 1e-9 * size for a, b in zip((first, *ends), starts, strict=True))
 
 
 def _variables(
     model: Actuator | PulledSlider, samples: NDArray[np.float64], table: Drive, times: NDArray[np.float64]
 ) -> dict[str, Any]:
-    from .waveform.drive import evaluate
-
     y, w, x, s, force = samples[:, :5].T
     drive = evaluate(table, times)[0]
     variables: dict[str, Any] = {"end_effector_position": x}
@@ -314,7 +312,7 @@ def steady_orbit(
         raise QuantityError(f"steady stepping needs a periodic waveform; {type(waveform).__name__} has no period")
     if math.isfinite(waveform.duration):  # a given number of periods: look at the endless one
         waveform = waveform._replace(periods=None)  # type: ignore[attr-defined]
-    table = _checked_drive(model, waveform, period)
+    table = _checked_drive(model, waveform, float(period), periodic=True)
     mech = mechanism(model)
     start = resting_state(model.friction, mech, table.before)
     load_table = load.drive(period) if load is not None else constant(1.0)

@@ -186,9 +186,6 @@ def integrate(law, mech, drive, load, q, span, tolerance, max_steps, times, samp
 
     t, t_end = span[0], span[1]
     local = _LOCAL * tolerance
-    scale = np.full(n, 1.0 / local)
-    scale[STAGE_VELOCITY] /= mech.rate
-    scale[SLIDER_VELOCITY] /= mech.rate
 
     i, j = _segment(drive, t), _segment(load, t)
     accepted, rejected = 0, 0
@@ -218,7 +215,7 @@ def integrate(law, mech, drive, load, q, span, tolerance, max_steps, times, samp
         last = h >= left
         h_now = left if last else (0.5 * left if h > 0.5 * left else h)
 
-        error = step(law, body, drive, i, load, j, t, h_now, q, U, new, stage, slopes, rows, scale)
+        error = step(law, body, drive, i, load, j, t, h_now, q, U, new, stage, slopes, rows, local)
         if n_elements > 0 and mode == FREE and error <= 1.0:
             v = q[STAGE_VELOCITY] - q[SLIDER_VELOCITY]
             v_new = new[STAGE_VELOCITY] - new[SLIDER_VELOCITY]
@@ -264,7 +261,7 @@ def integrate(law, mech, drive, load, q, span, tolerance, max_steps, times, samp
                 if high < 1.0 or theta < 1.0:
                     h_now *= theta
                     last = False
-                    step(law, body, drive, i, load, j, t, h_now, q, U, new, stage, slopes, rows, scale)
+                    step(law, body, drive, i, load, j, t, h_now, q, U, new, stage, slopes, rows, local)
 
         accepted += 1
         if n_elements == 0:

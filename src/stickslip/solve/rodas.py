@@ -183,8 +183,25 @@ def derivative(law, mech, drive, i, load, j, t, q, direction, n_elements, out):
 
 
 @compiled
-def step(law, mech, drive, i, load, j, t, h, q, U, new, stage, slopes, rows, scale):
-    """Advance q by h into `new`; returns the error over `scale` (1/m and s/m, per state), 1 being just allowed.
+def _size(mech, r, slopes, weight, n_elements):
+    """The largest entry of an error vector in metres, or NaN; see `step`."""
+    size = 0.0
+    for c in range(FIRST_BRISTLE + n_elements):
+        term = abs(r[c])
+        if c == STAGE_VELOCITY or c == SLIDER_VELOCITY:
+            term /= mech.rate
+        elif c >= FIRST_BRISTLE:
+            term *= max(1.0, weight * slopes[0, c - FIRST_BRISTLE])
+        size = term if not term <= size else size  # keeps a NaN
+    return size
+
+
+@compiled
+def step(law, mech, drive, i, load, j, t, h, q, U, new, stage, slopes, rows, allowed):
+    """Advance q by h into `new`; returns the error over `allowed` [m], so that 1 is just allowed.
+
+    An error of a velocity counts as the position it makes at the mechanism's own rate, and one of a bristle as what
+    its force makes (which is more, where the contact is stiffer than the stage).
 
     `U` [8, n] keeps the stages and `rows` [3, n] the continuous extension. `i` and `j` are the segments of `drive`
     and of `load` (the normal force over its reference) that hold for the whole step; `stage` and `slopes` are work
@@ -231,11 +248,10 @@ def step(law, mech, drive, i, load, j, t, h, q, U, new, stage, slopes, rows, sca
             U[k, c] += value / h
         solve(mech, g, normal, slopes, matrix, n_elements, U[k])
 
-    error = 0.0
     for c in range(n):
         new[c] = stage[c] + U[STAGES - 1, c]
-        term = abs(U[STAGES - 1, c]) * scale[c]
-        error = term if not term <= error else error  # keeps a NaN
+    weight = normal * (mech.mobility + mech.reaction) / mech.rate**2
+    error = _size(mech, U[STAGES - 1], slopes, weight, n_elements) / allowed
     if not error <= 1.0:
         return error
     dense_rows(U, n, rows)
@@ -247,10 +263,7 @@ def step(law, mech, drive, i, load, j, t, h, q, U, new, stage, slopes, rows, sca
     if mech.kinematic:
         defect[STAGE], defect[STAGE_VELOCITY] = 0.0, 0.0
     solve(mech, g, normal, slopes, matrix, n_elements, defect)
-    for c in range(n):
-        term = abs(defect[c]) * scale[c]
-        error = term if not term <= error else error
-    return error
+    return max(error, _size(mech, defect, slopes, weight, n_elements) / allowed)
 
 
 @compiled
