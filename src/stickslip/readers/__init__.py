@@ -1,0 +1,3 @@
+"""Readers of the files that measurements come in."""
+
+from .reading import read_recording as read_recording

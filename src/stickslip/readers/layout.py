@@ -1,0 +1,222 @@
+"""How a text file of numbers is laid out: encoding, delimiter, decimal sign, where the data start, the
+header.
+
+Found from the first lines: of all ways to split them (delimiter and decimal sign) the one is taken that turns
+most lines into most numbers. Whatever stands above the header is noise.
+"""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import re
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from ..recording import RecordingError
+from ..recording.conversion import is_unit
+from .source import is_time_name, split_unit
+
+HEAD = 1 << 18  # bytes to look at
+SAMPLE = 100  # lines that settle the delimiter
+SPACE = r"\s+"
+LINE_END = re.compile(r"\r\n|\n|\r")
+MISSING = (
+    "",
+    "nan",
+    "NaN",
+    "NAN",
+    "-nan",
+    "NA",
+    "N/A",
+    "n/a",
+    "null",
+    "#N/A",
+    "inf",
+    "-inf",
+    "Inf",
+    "-Inf",
+    "INF",
+)
+
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_DATE = re.compile(r"\d{4}[-/]\d\d[-/]\d\d([T ]\d\d:\d\d(:\d\d([.,]\d*)?)?)?\s*(Z|[+-]\d\d:?\d\d)?")
+_COMMENT = re.compile(r"\s*(#|%|//)+")
+_HEADER_WORD = re.compile(r"[^\s\[(]+(?:\s*(?:\[[^\]]*\]|\([^)]*\)))?")  # "Time [s]" is one word
+
+
+class TextLayout(NamedTuple):
+    """What `find_layout` found; `names`, `units` and `kinds` have one entry per column."""
+
+    encoding: str
+    delimiter: str
+    decimal: str
+    comment: str | None
+    first_line: int  # lines above the data
+    line_bytes: float  # mean length of a line
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    kinds: str  # "n" numbers, "d" dates, "s" text, "e" always empty
+
+    def split(self, line: str) -> list[str]:
+        """The fields of a line, without quotes."""
+        return _split(line, self.delimiter)
+
+    def fits(self, field: str, column: int) -> bool:
+        """Whether a field is of its column's kind, or missing."""
+        return _kind(field, self.decimal) in (self.kinds[column], "e")
+
+    def is_data(self, line: str) -> bool:
+        """Whether a line below the header is a row of data, neither blank nor a comment."""
+        return bool(line.strip()) and not (self.comment and line.lstrip().startswith(self.comment))
+
+
+def find_layout(path: Path, delimiter: str | None, decimal: str | None, skip: int) -> TextLayout:
+    r"""The layout of a text file.
+
+    Args:
+        path: the file.
+        delimiter, decimal: as the user knows them, or None. ``r"\s+"`` is any white space.
+        skip: lines at the top that are neither header nor data.
+
+    Raises:
+        RecordingError: there are no numbers, or what should be the first row of data cannot be read.
+    """
+    with path.open("rb") as file:
+        head = file.read(HEAD)
+    encoding = _encoding(head)
+    text = head.decode(encoding, errors="replace")
+    lines = LINE_END.split(text)  # str.splitlines breaks at more signs than text files do
+    if len(head) == HEAD:
+        lines.pop()  # cut off by us
+    data = [i for i in range(skip, len(lines)) if lines[i].strip() and not _COMMENT.match(lines[i])]
+    kinds, delimiter, decimal = _judge([lines[i] for i in data[-SAMPLE:]], _ways(delimiter, decimal))
+    if not kinds:
+        raise RecordingError(f"there are no rows of numbers in the first {len(lines)} lines")
+    first = next(i for i in data if _fits(_split(lines[i], delimiter), kinds, decimal))
+    sample = [_split(lines[i], delimiter) for i in data[-SAMPLE:]]
+    blank = [all(row[k : k + 1] in ([], [""]) for row in sample) for k in range(len(kinds))]
+    rows = {i: _header_fields(lines[i], delimiter, len(kinds), blank[-1]) for i in range(skip, first)}
+    names, units = _header(lines, rows, kinds, decimal)
+    marks = [found[1][0] for line in lines if (found := _COMMENT.match(line))]
+    return TextLayout(
+        encoding,
+        delimiter,
+        decimal,
+        next((mark for mark in marks if mark in "#%"), None),
+        first,
+        max(len(head) / max(len(lines), 1), 2.0),
+        tuple(names),
+        tuple(units),
+        "".join("e" if b and not name else kind for kind, b, name in zip(kinds, blank, names, strict=True)),
+    )
+
+
+def _encoding(head: bytes) -> str:
+    if head.startswith(codecs.BOM_UTF8):
+        return "utf-8-sig"
+    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16"
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(head)
+    except UnicodeDecodeError:
+        return "latin-1"  # old instruments; its micro and degree signs are those of the Windows code page
+    return "utf-8"
+
+
+def _ways(delimiter: str | None, decimal: str | None) -> list[tuple[str, str]]:
+    ways = [("\t", "."), ("\t", ","), (";", "."), (";", ","), (",", "."), (SPACE, "."), (SPACE, ",")]
+    if delimiter is not None:
+        ways = [(SPACE if delimiter in (" ", "") else delimiter, sign) for sign in ".,"]
+    return [(split, sign) for split, sign in ways if decimal in (None, sign) and split != sign]
+
+
+def _judge(lines: Sequence[str], ways: Sequence[tuple[str, str]]) -> tuple[str, str, str]:
+    """The kinds of the columns, delimiter and decimal sign of the best way; the first of equals."""
+    best, best_score = ("", "", "."), (0, 0, 0)
+    for delimiter, decimal in ways:
+        rows = (_kinds(_split(line, delimiter), decimal).replace("e", "n") for line in lines)
+        counted = Counter(kinds for kinds in rows if "n" in kinds)
+        for kinds, count in counted.most_common(1):
+            score = (count, -kinds.count("s"), len(kinds))
+            if score > best_score:
+                best, best_score = (kinds, delimiter, decimal), score
+    return best
+
+
+def _split(line: str, delimiter: str) -> list[str]:
+    if delimiter == SPACE:
+        return [field.strip('"') for field in line.split()]
+    if '"' not in line:
+        return [field.strip() for field in line.split(delimiter)]
+    return [
+        field.strip()
+        for row in csv.reader([line], delimiter=delimiter, skipinitialspace=True)
+        for field in row
+    ]
+
+
+def _kinds(fields: Sequence[str], decimal: str) -> str:
+    return "".join(_kind(field, decimal) for field in fields)
+
+
+def _kind(field: str, decimal: str) -> str:
+    if field in MISSING:
+        return "e"
+    if _NUMBER.fullmatch(field if decimal == "." else field.replace(".", "x").replace(decimal, ".")):
+        return "n"
+    return "d" if _DATE.fullmatch(field) else "s"
+
+
+def _fits(fields: Sequence[str], kinds: str, decimal: str) -> bool:
+    found = _kinds(fields, decimal)
+    return len(found) == len(kinds) and all(a in (b, "e") for a, b in zip(found, kinds, strict=True))
+
+
+def _header_fields(line: str, delimiter: str, count: int, last_is_blank: bool) -> list[str]:
+    """The fields of a line above the data, as many as there are columns if it can be read so."""
+    line = _COMMENT.sub("", line, count=1)
+    fields = _split(line, delimiter)
+    if (
+        len(fields) == count - 1 and last_is_blank
+    ):  # each row of data ends with a delimiter, the header does not
+        return [*fields, ""]
+    if delimiter == SPACE and len(fields) != count:  # names with blanks in them
+        for fields in (_HEADER_WORD.findall(line), re.split(r"\s{2,}|\t", line.strip())):
+            if len(fields) == count:
+                break
+    return fields
+
+
+def _header(
+    lines: Sequence[str], above: dict[int, list[str]], kinds: str, decimal: str
+) -> tuple[list[str], list[str]]:
+    """Names and units of the columns, from the fields of the lines above the data."""
+    rows = {i: fields for i, fields in above.items() if len(fields) == len(kinds)}
+    texts = [i for i, fields in rows.items() if set(_kinds(fields, decimal)) in ({"s"}, {"s", "e"})]
+    header = texts[-1] if texts else -1
+    for i, fields in rows.items():
+        if i > header and not _COMMENT.match(lines[i]) and any(fields):
+            k = next(k for k, field in enumerate(fields) if _kind(field, decimal) not in (kinds[k], "e"))
+            name = rows[header][k] if texts else str(k)
+            hint = "" if texts else f" (if the line is no data: skip={i + 1})"
+            raise RecordingError(f"line {i + 1}, column {name!r}: {fields[k]!r} is not a number{hint}")
+    if not texts:
+        return [str(k) for k in range(len(kinds))], [""] * len(kinds)
+    names = rows[header]
+    if header - 1 in texts and all(map(is_unit, names)) and not any(map(is_time_name, names)):
+        return _distinct(rows[header - 1]), names  # a row of names, a row of units
+    split = [split_unit(name) for name in names]
+    return _distinct(names), [unit if certain or is_unit(unit) else "" for _, unit, certain in split]
+
+
+def _distinct(names: Sequence[str]) -> list[str]:
+    """Names told apart: "Time", "x", "Time (2)", "x (2)"."""
+    seen: Counter[str] = Counter()
+    result = []
+    for name in names:
+        seen[name] += 1
+        result.append(f"{name} ({seen[name]})" if name and seen[name] > 1 else name)
+    return result

@@ -1,0 +1,123 @@
+"""MAT files: versions 4 to 7 through SciPy, version 7.3 (HDF5) through h5py.
+
+Both become one tree: structures are dictionaries, arrays of structures and cells are lists, text is str, and
+every array of real numbers is a `Leaf`. The names of channels are written as in MATLAB, rows counted from 1:
+"t", "trace_y(2,:)", "measurement.force". As a tuple, ("trace_y", 1) is that same second row, counted from 0.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import scipy.io
+
+from ..recording import RecordingError
+from . import dspace
+from .arrays import Leaf, Part, array_parts, array_source
+from .source import Channel, Source
+
+
+def read_matlab(path: Path) -> Source:
+    """The channels of a MAT file: every array of real numbers, or the signals of a dSPACE capture.
+
+    Raises:
+        RecordingError: the file is damaged or of no known version, or holds no numbers.
+    """
+    try:
+        hdf5 = h5py.is_hdf5(path)
+        tree = _tree_of_hdf5(path) if hdf5 else _tree_of_v5(path)
+    except Exception as error:  # both libraries report damage in a dozen ways, down to zlib.error
+        raise RecordingError(f"not a readable MAT file (cut off or damaged?): {error}") from error
+    version = "matlab v7.3" if hdf5 else "matlab v5"
+    capture = dspace.find_capture(tree)
+    if capture is not None:
+        return array_source(f"dspace, {version}", *capture)
+    return array_source(version, *_plain(tree))
+
+
+def _plain(tree: dict[str, Any]) -> tuple[dict[str, Leaf], list[tuple[Part, Channel]]]:
+    leaves: dict[str, Leaf] = {}
+    _collect("", tree, leaves)
+    named = [
+        (part, matlab_name(part)) for name, leaf in leaves.items() for part in array_parts(name, leaf.shape)
+    ]
+    if not named:
+        raise RecordingError("the MAT file holds no arrays of real numbers")
+    channels = [(part, Channel(name, key=(part.array, *part.others))) for part, name in named]
+    return leaves, channels
+
+
+def _collect(prefix: str, node: Any, leaves: dict[str, Leaf]) -> None:
+    if isinstance(node, dict):
+        for name, value in node.items():
+            _collect(f"{prefix}.{name}" if prefix else name, value, leaves)
+    elif isinstance(node, list):
+        for i, value in enumerate(node):
+            _collect(f"{prefix}({i + 1})", value, leaves)
+    elif isinstance(node, Leaf) and np.prod(node.shape) > 1:  # a single number is a setting, no signal
+        leaves[prefix] = node
+
+
+def matlab_name(part: Part) -> str:
+    """The channel in MATLAB's notation; the only one of an array is called as the array."""
+    if part.alone:
+        return part.array
+    subscripts = (text if text == ":" else str(int(text) + 1) for text in part.subscripts)
+    return f"{part.array}({','.join(subscripts)})"
+
+
+def _tree_of_v5(path: Path) -> dict[str, Any]:
+    variables = scipy.io.loadmat(path, appendmat=False)
+    return {name: _v5_node(value) for name, value in variables.items() if not name.startswith("__")}
+
+
+def _v5_node(value: Any) -> Any:
+    if not isinstance(value, np.ndarray):
+        return None  # sparse matrices and the like
+    if value.dtype.names:
+        names = value.dtype.names
+        elements = [{name: _v5_node(element[name]) for name in names} for element in value.flat]
+        return elements[0] if len(elements) == 1 else elements
+    if value.dtype.kind == "O":
+        return [_v5_node(element) for element in value.flat]
+    if value.dtype.kind == "U":
+        return "".join(value.flat)
+    return Leaf(value.shape, lambda: value) if value.dtype.kind in "iufb" else None
+
+
+def _tree_of_hdf5(path: Path) -> dict[str, Any]:
+    with h5py.File(path, "r") as file:
+        return {name: _hdf5_node(path, file, item) for name, item in file.items() if not name.startswith("#")}
+
+
+def _hdf5_node(path: Path, file: h5py.File, item: Any) -> Any:
+    if isinstance(item, h5py.Group):
+        fields = {name: _hdf5_node(path, file, child) for name, child in item.items()}
+        # MATLAB writes an array of structures field by field: each field a list of references, marked no
+        # cell.
+        lists = [
+            name for name, child in item.items() if _is_reference(child) and "MATLAB_class" not in child.attrs
+        ]
+        if not lists:
+            return fields
+        count = len(fields[lists[0]])
+        return [{name: fields[name][i] for name in lists} for i in range(count)]
+    if _is_reference(item):
+        return [_hdf5_node(path, file, file[reference]) for reference in item[()].T.flat]
+    if "MATLAB_empty" in item.attrs or item.dtype.kind not in "iufb":
+        return None
+    if item.attrs.get("MATLAB_class") == b"char":
+        return "".join(map(chr, item[()].T.flat))
+    return Leaf(item.shape[::-1], lambda name=item.name: _load_hdf5(path, name))  # stored column by column
+
+
+def _is_reference(item: Any) -> bool:
+    return isinstance(item, h5py.Dataset) and item.dtype == h5py.ref_dtype
+
+
+def _load_hdf5(path: Path, name: str) -> np.ndarray:
+    with h5py.File(path, "r") as file:
+        return file[name][()].T  # type: ignore[index,union-attr]

@@ -1,0 +1,57 @@
+"""NumPy's own files: one array (.npy) or several by name (.npz)."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+
+import numpy as np
+
+from ..recording import RecordingError
+from .arrays import Leaf, array_parts, array_source
+from .source import Channel, Source
+
+
+def read_npy(path: Path) -> Source:
+    """The channels of a .npy file: an index along each axis but the longest, which is time.
+
+    In a two-dimensional array the index of a column is that of the channel; in a higher one it is a tuple, in
+    the
+    order of the axes: (0, 2, 1) is the channel ``array[:, 0, 2, 1]``.
+
+    Raises:
+        RecordingError: the file is damaged, holds objects, or a single number.
+    """
+    try:
+        array = np.load(path, mmap_mode="r", allow_pickle=False)
+    except (ValueError, OSError, EOFError) as error:
+        raise RecordingError(f"not a readable NPY file (cut off or damaged?): {error}") from error
+    return _source("npy", {"": Leaf(array.shape, lambda: array)})
+
+
+def read_npz(path: Path) -> Source:
+    """The channels of a .npz file; one of a two-dimensional array is ("name", 3), the fourth column.
+
+    Raises:
+        RecordingError: the file is damaged or holds objects.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+    except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
+        raise RecordingError(f"not a readable NPZ file (cut off or damaged?): {error}") from error
+    leaves = {
+        name: Leaf(array.shape, lambda array=array: array) for name, array in arrays.items() if array.ndim
+    }
+    return _source("npz", leaves)
+
+
+def _source(reader: str, leaves: dict[str, Leaf]) -> Source:
+    channels = []
+    for name, leaf in leaves.items():
+        if not leaf.shape or 0 in leaf.shape:
+            raise RecordingError(f"the array {name!r} of the shape {leaf.shape} holds no samples")
+        for part in array_parts(name, leaf.shape):
+            label = name if name and part.alone else f"{name}[{', '.join(part.subscripts)}]"
+            channels.append((part, Channel(label, key=(name, *part.others) if name else part.others)))
+    return array_source(reader, leaves, channels)

@@ -1,0 +1,41 @@
+"""A progress bar for the files that take a while."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+LARGE = 100_000_000  # bytes; about a second of reading
+
+
+@contextmanager
+def reading_progress(path: Path) -> Iterator[Callable[[int], None]]:
+    """A function to tell how many bytes have been read; it draws a bar for a large file on a terminal."""
+    size = path.stat().st_size
+    if size < LARGE or not sys.stderr.isatty():
+        yield lambda position: None
+        return
+    try:
+        from rich.console import Console  # comes with the command line, not needed for reading
+        from rich.progress import (
+            BarColumn,
+            DownloadColumn,
+            Progress,
+            TimeRemainingColumn,
+            TransferSpeedColumn,
+        )
+    except ImportError:
+        yield lambda position: None
+        return
+    columns = (
+        "{task.description}",
+        BarColumn(),
+        DownloadColumn(),
+        TransferSpeedColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(f"Reading {path.name}", total=size)
+        yield lambda position: bar.update(task, completed=position)

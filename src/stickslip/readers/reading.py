@@ -1,0 +1,195 @@
+"""Read a user's file as a recording: choose the columns, convert to SI, check, label.
+
+The readers of the formats know only their format; everything that a recording must be is seen to here.
+"""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import xarray as xr
+
+from ..recording import RecordingError, make_recording, open_recording
+from ..units import to_si
+from .clocks import Clocked, complete_samples, onto_one_clock, without_empty_end
+from .csv import read_csv
+from .formats import find_format
+from .matlab import read_matlab
+from .npy import read_npy, read_npz
+from .selection import Selection, Variable, select
+from .source import Column, Rows, Source
+
+_BINARY: dict[str, Callable[[Path], Source]] = {"npy": read_npy, "npz": read_npz, "mat": read_matlab}
+
+# No recording runs for three years: a clock beyond this counts from 1970.
+_SINCE_1970 = 1e8
+
+
+def read_recording(
+    path: str | os.PathLike[str],
+    columns: Mapping[str, Column] | None = None,
+    units: Mapping[str, str] | None = None,
+    *,
+    sample_rate: float | str | None = None,
+    start_time: float | str | None = None,
+    clocks: Mapping[str, Column] | None = None,
+    rows: tuple[int, int | None] = (0, None),
+    missing: Literal["error", "drop"] = "error",
+    delimiter: str | None = None,
+    decimal: str | None = None,
+    skip: int = 0,
+    title: str = "",
+    notes: str = "",
+    calibration: str = "",
+) -> xr.Dataset:
+    r"""A recording from a text, NPY, NPZ, MAT or dSPACE file, or from our own ``.nc``.
+
+    Args:
+        path: the file. Its content decides how it is read; its extension must not contradict.
+        columns: our name -> column: the name in the file (with or without its unit), the index from 0, or a
+            tuple of an array's name and indices from 0, ``("trace_y", 1)``. "time" names the time column;
+            without it, the column called time (or t, timestamp, ...) is taken. Without other names, all
+            columns are read.
+        units: our name -> unit of the file ("mm", "uN"), stronger than what the file says. Where neither says
+            a unit the numbers are taken to be in SI.
+        sample_rate: Hz, for a file without time.
+        start_time: time of the first sample, s. By default what the file says; 0 for dates and where it says
+            none.
+        clocks: our name -> time column of this one, if not the common one. Such a channel is interpolated
+            linearly onto the common time.
+        rows: samples (start, stop) to read, from 0, stop not included; None for the end.
+        missing: what to do where a number is missing, NaN or infinite: raise, or drop the sample.
+        delimiter, decimal: of a text file; found out by default. ``r"\s+"`` is any white space.
+        skip: lines at the top of a text file that are neither header nor data.
+        title, notes, calibration: free text, kept with the recording.
+
+    Raises:
+        RecordingError: anything that keeps the file from being a recording; names file, line or sample, and
+            column.
+    """
+    path = Path(path)
+    text_options = delimiter is not None or decimal is not None or skip != 0
+    with _named(path):
+        kind = find_format(path)
+        if kind != "text" and text_options:
+            raise RecordingError(f"delimiter, decimal and skip are for text; this file is {kind}")
+        if kind == "nc" and (
+            columns or units or clocks or sample_rate or start_time or tuple(rows) != (0, None)
+        ):
+            raise RecordingError("a saved recording is read as it is, without columns, units, clocks or rows")
+    if kind == "nc":
+        return open_recording(path)
+    with _named(path):
+        source = read_csv(path, delimiter, decimal, skip) if kind == "text" else _BINARY[kind](path)
+        rate = _rate(sample_rate)
+        chosen = select(source.channels, columns or {}, units or {}, clocks or {}, equally_spaced=rate > 0)
+        window = _window(rows)
+        groups = _load(source, chosen, window, rate)
+        whole, steps = _on_one_clock(source, chosen, groups, missing, window)
+        time, epoch = _from_start(whole.time, start_time)
+        return make_recording(
+            time,
+            {v.name: (whole.values[v.name], v.conversion.unit) for v in chosen.variables},
+            title=title,
+            notes=notes,
+            source=path.name,
+            reader=source.reader,
+            calibration=calibration,
+            processing="; ".join(steps),
+            epoch=epoch,
+            long_names={v.name: v.long_name for v in chosen.variables},
+        )
+
+
+@contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """Let every error name the file; those below know only lines, samples and columns."""
+    try:
+        yield
+    except ValueError as error:  # QuantityError, too
+        raise RecordingError(f"{path}: {error}") from error
+
+
+def _rate(sample_rate: float | str | None) -> float:
+    """In Hz; 0 for a file that has its own time."""
+    if sample_rate is None:
+        return 0.0
+    rate = to_si(sample_rate, "Hz", "sample_rate")
+    if not 0 < rate < np.inf:
+        raise RecordingError(f"sample_rate = {sample_rate!r} must be > 0 Hz")
+    return rate
+
+
+def _window(rows: tuple[int, int | None]) -> Rows:
+    start, stop = rows
+    if start < 0 or (stop is not None and stop <= start):
+        raise RecordingError(f"rows = {rows!r} must be (start, stop) with 0 <= start < stop")
+    return Rows(start, stop)
+
+
+def _load(source: Source, chosen: Selection, window: Rows, rate: float) -> list[Clocked]:
+    """The variables in SI, by clock, the common clock first."""
+    wanted = [v for v in (*chosen.clocks.values(), *chosen.variables) if v is not None]
+    channels = list(dict.fromkeys(v.channel for v in wanted))
+    raw = dict(zip(channels, source.read(channels, window), strict=True))
+    uses = Counter(v.channel for v in wanted)
+
+    def in_si(variable: Variable) -> np.ndarray:
+        uses[variable.channel] -= 1
+        array = raw[variable.channel].copy() if uses[variable.channel] else raw.pop(variable.channel)
+        if variable.conversion.factor != 1.0:
+            array *= variable.conversion.factor
+        if variable.conversion.offset != 0.0:
+            array += variable.conversion.offset
+        return array
+
+    groups = []
+    for channel, clock in chosen.clocks.items():
+        values = {v.name: in_si(v) for v in chosen.variables if v.clock == channel}
+        time = np.arange(len(next(iter(values.values())))) / rate if clock is None else in_si(clock)
+        for name, array in values.items():
+            if array.shape != time.shape:
+                raise RecordingError(f"{name} has {len(array)} samples, but its time has {len(time)}")
+        groups.append(Clocked("time" if clock is None else clock.label, time, values))
+    return groups
+
+
+def _on_one_clock(
+    source: Source, chosen: Selection, groups: list[Clocked], missing: Literal["error", "drop"], window: Rows
+) -> tuple[Clocked, list[str]]:
+    """All variables at common times, and what was done to them, step by step."""
+    labels = {v.name: v.label for v in chosen.variables}
+    steps = [f"read {', '.join(labels.values())}"]
+    if len(groups) > 1:
+        groups = [without_empty_end(group) for group in groups]
+    complete = [
+        complete_samples(g, labels, missing, lambda i: source.place(i + window.start)) for g in groups
+    ]
+    dropped = sum(len(a.time) - len(b.time) for a, b in zip(groups, complete, strict=True))
+    if dropped:
+        steps.append(f"dropped {dropped} incomplete samples")
+    common, *others = complete
+    steps += [
+        f"interpolated {', '.join(g.values)} linearly from {g.clock} onto {common.clock}" for g in others
+    ]
+    return onto_one_clock(common, others), steps
+
+
+def _from_start(time: np.ndarray, start_time: float | str | None) -> tuple[np.ndarray, str]:
+    """The time, shifted to its start, and the date of time zero if the clock has one."""
+    first = float(time[0])
+    dated = first >= _SINCE_1970
+    if start_time is None and not dated:
+        return time, ""
+    start = 0.0 if start_time is None else to_si(start_time, "s", "start_time")
+    epoch = datetime.fromtimestamp(first - start, UTC).isoformat() if dated else ""
+    time -= first
+    time += start
+    return time, epoch

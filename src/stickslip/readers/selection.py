@@ -1,0 +1,133 @@
+"""Which channels of a file become which variables, in which unit, on which clock."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from ..recording import STANDARD_NAMES, RecordingError
+from ..recording.conversion import Conversion, to_si_unit
+from ..units import QuantityError
+from .source import Channel, Column, find_channel, is_time_name, split_unit
+
+
+class Variable(NamedTuple):
+    """A variable of the recording to be, or one of its clocks."""
+
+    name: str
+    channel: int
+    column: str  # the channel's name in the file
+    unit: str | None  # the file's; None if nobody says
+    conversion: Conversion
+    clock: int | None  # the channel of its time; None: equally spaced
+
+    @property
+    def long_name(self) -> str:
+        """The standard meaning of the name, else the file's name of the column."""
+        standard, column = STANDARD_NAMES.get(self.name), split_unit(self.column)[0]
+        return standard.long_name if standard else (column if column[:1].isalpha() else self.name)
+
+    @property
+    def label(self) -> str:
+        """The variable in messages."""
+        return f"{self.name} (column {self.column!r}{f' in {self.unit}' if self.unit else ''})"
+
+
+class Selection(NamedTuple):
+    """The clocks by channel, the common one first (None: equally spaced), and the variables."""
+
+    clocks: Mapping[int | None, Variable | None]
+    variables: tuple[Variable, ...]
+
+
+def select(
+    channels: Sequence[Channel],
+    columns: Mapping[str, Column],
+    units: Mapping[str, str],
+    clocks: Mapping[str, Column],
+    equally_spaced: bool,
+) -> Selection:
+    """Resolve what the user asks for (see `read_recording`) against the channels of the file.
+
+    Raises:
+        RecordingError: a column is not there or holds no numbers; there is no clock, or more than one; a unit
+            is not known or of another dimension.
+    """
+    named = {name: find_channel(channels, column) for name, column in columns.items() if name != "time"}
+    named = named or _all(channels)
+    if not named:
+        raise RecordingError("there are no columns of numbers besides time")
+    for argument, names in (("units", units), ("clocks", clocks)):
+        for name in set(names) - {"time", *named}:
+            raise RecordingError(f"{argument} has {name!r}, but what is read is {', '.join(named)}")
+    own = {name: find_channel(channels, column) for name, column in clocks.items()}
+    if equally_spaced and ("time" in columns or own):
+        raise RecordingError("say sample_rate or a time column, not both")
+    common = None if equally_spaced else _common_clock(channels, columns, named, own)
+
+    def variable(name: str, i: int, unit: str | None, clock: int | None, standard: str | None) -> Variable:
+        if not channels[i].numeric:
+            raise RecordingError(f"{name}: the column {channels[i].name!r} holds no numbers")
+        said = (channels[i].unit or None) if unit is None else unit
+        made = Variable(name, i, channels[i].name, said, Conversion(standard or "", 1.0, 0.0), clock)
+        if said is None:
+            return made
+        try:
+            conversion = to_si_unit(said)
+        except QuantityError as error:
+            hint = f" (units={{{name!r}: ...}} says it)" if unit is None else ""
+            raise RecordingError(f"{made.label}: {error}{hint}") from None
+        if standard is not None and conversion.unit != standard:
+            raise RecordingError(f"{made.label}: {name} is a quantity in {standard}")
+        return made._replace(conversion=conversion)
+
+    variables = []
+    for name, i in named.items():
+        by_layout = None if equally_spaced else channels[i].clock
+        clock = own.get(name, common if by_layout is None else by_layout)
+        standard = STANDARD_NAMES[name].unit if name in STANDARD_NAMES else None
+        variables.append(variable(name, i, units.get(name), clock, standard))
+    used: dict[int | None, Variable | None] = {}
+    for clock in (common, *(v.clock for v in variables)):
+        used[clock] = None if clock is None else variable("time", clock, units.get("time"), clock, "s")
+    return Selection(used, tuple(variables))
+
+
+def _all(channels: Sequence[Channel]) -> dict[str, int]:
+    """Every channel that is no clock and holds numbers, by a name made from that in the file."""
+    result: dict[str, int] = {}
+    for i, channel in enumerate(channels):
+        if channel.numeric and channel.clock != i and not is_time_name(channel.name):
+            name = re.sub(r"\W+", "_", split_unit(channel.name)[0].lower()).strip("_")
+            name = name if name.isidentifier() and name != "time" else f"column_{name or i}"
+            result[name if name not in result else f"{name}_{i}"] = i
+    return result
+
+
+def _common_clock(
+    channels: Sequence[Channel],
+    columns: Mapping[str, Column],
+    named: Mapping[str, int],
+    own_clocks: Mapping[str, int],
+) -> int:
+    if "time" in columns:
+        return find_channel(channels, columns["time"])
+    by_layout = [clock for i in named.values() if (clock := channels[i].clock) is not None]
+    if by_layout:
+        return by_layout[0]
+    found = [
+        i for i, channel in enumerate(channels) if is_time_name(channel.name) and i not in own_clocks.values()
+    ]
+    if len(found) == 1:
+        return found[0]
+    listing = ", ".join(f"{i}: {channel.name!r}" for i, channel in enumerate(channels[:20]))
+    if not found:
+        raise RecordingError(
+            f"no column is called time; say columns={{'time': ...}} or sample_rate=... [Hz]. "
+            f"The file has {listing}"
+        )
+    raise RecordingError(
+        f"more than one column may be the time; say columns={{'time': ...}}, "
+        f"and clocks={{name: ...}} for what is on another clock. The file has {listing}"
+    )

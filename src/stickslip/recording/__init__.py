@@ -1,0 +1,11 @@
+"""Recordings: one schema for measured and simulated data, in memory and on disk."""
+
+from .schema import SCHEMA_VERSION as SCHEMA_VERSION
+from .schema import STANDARD_NAMES as STANDARD_NAMES
+from .schema import RecordingError as RecordingError
+from .schema import Sampling as Sampling
+from .schema import make_recording as make_recording
+from .schema import sampling as sampling
+from .schema import validate_recording as validate_recording
+from .storage import open_recording as open_recording
+from .storage import save_recording as save_recording

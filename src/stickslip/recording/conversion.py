@@ -1,0 +1,69 @@
+"""From the unit that a file or a user names to the SI unit in which a recording holds the quantity."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import NamedTuple
+
+from ..units import QuantityError, to_si
+
+# What a recording's ``units`` attribute may say; the last one is a plain number.
+_MECHANICAL = "s,m,kg,N,m/s,m/s^2,rad/s,rad/s^2,N/m,N s/m,N m,J,Pa,W,m^2,m^3,1/m"
+_ELECTRICAL = "V,A,C,F,ohm,H,T,V/s,A/s,m/V,N/V"
+SI_UNITS = (*_MECHANICAL.split(","), *_ELECTRICAL.split(","), "K", "Hz", "rad", "")
+
+# Spellings in headers that the unit parser takes for something else ("Nm" for nautical miles) or not at all.
+_SPELLINGS = {"Nm": "N m", "Nmm": "N mm", "mNm": "mN m", "-": "", "1": "", "°": "deg"}
+_SPELLINGS |= {"Ohm": "ohm", "kOhm": "kohm", "MOhm": "Mohm"}
+
+
+class Conversion(NamedTuple):
+    """``value in unit = factor * value + offset``; the offset is for temperatures."""
+
+    unit: str
+    factor: float
+    offset: float
+
+
+@cache
+def to_si_unit(unit: str) -> Conversion:
+    """How to convert numbers in `unit` ("mm", "uN", "degC") to SI.
+
+    Raises:
+        QuantityError: the unit is not known, or of a dimension that no recording holds.
+    """
+    text = _SPELLINGS.get(unit.strip(), unit.strip())
+    if text in SI_UNITS:
+        return Conversion(text, 1.0, 0.0)
+    spellings = [text]
+    if len(text) > 3 and text.isalpha():  # "Volts" and "Newton" are common; short symbols differ by case
+        spellings += [text.lower(), text.lower().rstrip("s")]
+    for spelling in spellings:
+        for target in _targets(spelling):
+            try:
+                offset = to_si(f"0 {spelling}", target)
+                factor = to_si(f"1 {spelling}", target) - offset
+            except QuantityError:
+                continue
+            return Conversion(target, factor, offset)
+    raise QuantityError(f"the unit {unit!r} is not known here")
+
+
+def _targets(unit: str) -> tuple[str, ...]:
+    """The SI units to try: hertz and radians cannot be told from 1/s and plain numbers by dimension."""
+    if "hz" in unit.lower():
+        return ("Hz",)
+    if unit.endswith("J"):  # of the same dimension as a torque
+        return ("J",)
+    if unit.endswith("rad") or (unit.startswith("deg") and "C" not in unit):
+        return ("rad",)
+    return tuple(target for target in SI_UNITS if target not in ("Hz", "rad"))
+
+
+def is_unit(text: str) -> bool:
+    """Whether `to_si_unit` knows the unit."""
+    try:
+        to_si_unit(text)
+    except QuantityError:
+        return False
+    return True

@@ -1,0 +1,212 @@
+"""What a recording is: an ``xarray.Dataset`` over "time", the same from a file, a rig or a simulation.
+
+The schema and its reasons: docs/decisions/recording-schema.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike
+
+from .._version import __version__
+from ..units import QuantityError
+from .conversion import to_si_unit
+
+SCHEMA_VERSION = 1
+
+
+class RecordingError(ValueError):
+    """A recording, or the file it should come from, is not as it must be."""
+
+
+class Meaning(NamedTuple):
+    """Unit (SI) and plain name of a quantity."""
+
+    unit: str
+    long_name: str
+
+
+# Names that every part of the package understands. Others are free.
+STANDARD_NAMES = {
+    "drive_voltage": Meaning("V", "drive voltage"),
+    "stage_position": Meaning("m", "stage position"),
+    "stage_velocity": Meaning("m/s", "stage velocity"),
+    "end_effector_position": Meaning("m", "end-effector position"),
+    "end_effector_velocity": Meaning("m/s", "end-effector velocity"),
+    "sliding_displacement": Meaning("m", "sliding displacement"),
+    "bristle_deflection": Meaning("m", "bristle deflection"),
+    "friction_force": Meaning("N", "friction force"),
+    "normal_force": Meaning("N", "normal force"),
+    "position": Meaning("m", "position"),
+    "displacement": Meaning("m", "displacement"),
+    "velocity": Meaning("m/s", "velocity"),
+    "voltage": Meaning("V", "voltage"),
+    "force": Meaning("N", "force"),
+}
+
+
+class Sampling(NamedTuple):
+    """How a time axis is sampled; all in seconds."""
+
+    interval: float  # the median
+    smallest_gap: float
+    largest_gap: float
+
+    @property
+    def regular(self) -> bool:
+        """Whether every interval is within 1 % of the median (files print times with few digits)."""
+        close = 0.01 * self.interval
+        return self.largest_gap - self.interval <= close and self.interval - self.smallest_gap <= close
+
+
+def sampling(recording: xr.Dataset) -> Sampling:
+    """The sampling of a recording, computed from its time axis."""
+    return _sampling(recording["time"].values)
+
+
+def _sampling(time: np.ndarray) -> Sampling:
+    gaps = np.diff(time)
+    smallest, largest = float(gaps.min()), float(gaps.max())
+    return Sampling(float(np.median(gaps, overwrite_input=True)), smallest, largest)
+
+
+def make_recording(
+    time: ArrayLike,
+    variables: Mapping[str, Any],
+    *,
+    title: str = "",
+    notes: str = "",
+    source: str = "",
+    reader: str = "",
+    calibration: str = "",
+    processing: str = "",
+    epoch: str = "",
+    long_names: Mapping[str, str] | None = None,
+) -> xr.Dataset:
+    """A recording from arrays.
+
+    Args:
+        time: seconds, strictly ascending, at least two samples.
+        variables: name -> array, taken to be in SI, or (array, unit) such as ``(counts, "um")``. One number
+            per time. Arrays already in SI are not copied.
+        title, notes: free text.
+        source, reader: the file that the data come from, and what read it.
+        calibration: how the sensors were calibrated, as text or JSON.
+        processing: what was done to the data since they were measured.
+        epoch: the moment of time zero, in ISO 8601, if known.
+        long_names: plain names of variables whose name does not say it.
+
+    Raises:
+        RecordingError: see `validate_recording`; or a unit is unknown or does not fit a standard name.
+    """
+    time = np.asarray(time, dtype=np.float64)
+    data, long_names = {}, long_names or {}
+    for name, value in variables.items():
+        array, unit = value if isinstance(value, tuple) else (value, None)
+        array, unit = _in_si(str(name), array, unit)
+        standard = STANDARD_NAMES.get(name)
+        long_name = long_names.get(name) or (standard.long_name if standard else str(name).replace("_", " "))
+        if array.shape != time.shape:
+            raise RecordingError(f"{name} has the shape {array.shape}, but time has {time.shape}")
+        data[name] = ("time", array, {"units": unit, "long_name": long_name})
+    attrs = {
+        "title": title,
+        "notes": notes,
+        "source": source,
+        "reader": reader,
+        "calibration": calibration,
+        "processing": processing,
+        "epoch": epoch,
+    }
+    coordinate = ("time", time, {"units": "s", "long_name": "time"})
+    made = xr.Dataset(data, coords={"time": coordinate}, attrs=with_schema(attrs))
+    validate_recording(made)
+    found = _sampling(time)
+    made["time"].attrs.update(
+        sample_interval=found.interval, largest_gap=found.largest_gap, regular=int(found.regular)
+    )
+    return made
+
+
+def _in_si(name: str, array: ArrayLike, unit: str | None) -> tuple[np.ndarray, str]:
+    """The array as float64 in SI, and its SI unit: the standard name's where none is said."""
+    standard = STANDARD_NAMES.get(name)
+    try:
+        values = np.asarray(array, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise RecordingError(f"{name} is not an array of numbers: {error}") from None
+    if unit is None:
+        return values, standard.unit if standard else ""
+    try:
+        conversion = to_si_unit(unit)
+    except QuantityError as error:
+        raise RecordingError(f"{name}: {error}") from None
+    if standard and conversion.unit != standard.unit:
+        raise RecordingError(f"{name} is given in {unit!r}, but {name} is a quantity in {standard.unit}")
+    if conversion.factor != 1.0 or conversion.offset != 0.0:
+        values = values * conversion.factor + conversion.offset
+    return values, conversion.unit
+
+
+def with_schema(attrs: Mapping[str, Any]) -> dict[str, Any]:
+    """The attributes of a data set, completed by those that the schema asks for."""
+    own = {
+        "schema_version": SCHEMA_VERSION,
+        "library": f"stickslip {__version__}",
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+    texts = ("title", "notes", "source", "reader", "calibration", "processing", "epoch")
+    return {**own, **dict.fromkeys(texts, ""), **attrs}
+
+
+def validate_recording(recording: xr.Dataset) -> xr.Dataset:
+    """The recording itself, if it follows the schema.
+
+    Raises:
+        RecordingError: "time" is missing or not the only coordinate, has fewer than two samples, or is not
+            strictly ascending; a variable is not float64 over "time", not finite, or lacks units or
+            long_name; the schema is newer than this library.
+    """
+    version = recording.attrs.get("schema_version", SCHEMA_VERSION)
+    if version != SCHEMA_VERSION:
+        raise RecordingError(f"the recording follows schema {version}; this library knows {SCHEMA_VERSION}")
+    if set(recording.coords) != {"time"}:
+        raise RecordingError(
+            f"the recording has the coordinates {sorted(map(str, recording.coords))}, not ['time']"
+        )
+    if not recording.data_vars:
+        raise RecordingError("the recording has no variables")
+    for name in ("time", *recording.data_vars):
+        _check_variable(str(name), recording[name])
+    time = recording["time"].values
+    if len(time) < 2:
+        raise RecordingError(f"a recording needs at least two samples, this one has {len(time)}")
+    ascending = time[1:] > time[:-1]
+    if not ascending.all():
+        at = int(np.argmin(ascending)) + 1
+        raise RecordingError(
+            f"time does not increase at sample {at}: {time[at]:.9g} s after {time[at - 1]:.9g} s"
+        )
+    return recording
+
+
+def _check_variable(name: str, variable: xr.DataArray) -> None:
+    if not name.isidentifier():
+        raise RecordingError(f"{name!r} is no name for a variable: letters, digits and underscores only")
+    if variable.dims != ("time",):
+        raise RecordingError(f"{name} has the dimensions {variable.dims}, not ('time',)")
+    if variable.dtype != np.float64:
+        raise RecordingError(f"{name} is of the type {variable.dtype}, not float64")
+    for attr in ("units", "long_name"):
+        if not isinstance(variable.attrs.get(attr), str):
+            raise RecordingError(f"{name} lacks the attribute {attr!r}")
+    finite = np.isfinite(variable.values)
+    if not finite.all():
+        raise RecordingError(
+            f"{name} [{variable.attrs['units']}] is not finite at sample {int(np.argmin(finite))}"
+        )

@@ -1,0 +1,91 @@
+"""Recordings as NetCDF files, written so that a killed write leaves the old file."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from .schema import RecordingError, validate_recording, with_schema
+
+
+def save_recording(recording: xr.Dataset, path: str | os.PathLike[str]) -> Path:
+    """Write a recording to a ``.nc`` file (NetCDF 4) and return the path.
+
+    The data go into a new file beside the target, onto the disk, and only then take the target's name: at
+    every moment the name holds a whole recording, the old one or the new one.
+
+    Raises:
+        RecordingError: the recording breaks the schema, an attribute cannot be stored, or the name is no
+            ``.nc``.
+        OSError: the folder is missing or cannot be written.
+    """
+    target = Path(path).resolve()
+    if target.suffix != ".nc":
+        raise RecordingError(f"{target}: a recording is saved as .nc")
+    validate_recording(recording)
+    stored = recording.copy()
+    stored.attrs = {name: _storable(name, value) for name, value in with_schema(recording.attrs).items()}
+    for name in stored.variables:
+        attrs = recording[name].attrs
+        stored[name].attrs = {attr: _storable(f"{name}.{attr}", value) for attr, value in attrs.items()}
+        stored[name].encoding = {"_FillValue": None}  # a recording has no missing values
+    # Another process may be writing the same target: each has its own temporary file.
+    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
+    try:
+        stored.to_netcdf(temporary, engine="h5netcdf")
+        _sync(temporary)
+        os.replace(temporary, target)
+    finally:
+        temporary.unlink(missing_ok=True)
+    if os.name == "posix":  # elsewhere a folder cannot be opened
+        _sync(target.parent)
+    return target
+
+
+def open_recording(path: str | os.PathLike[str]) -> xr.Dataset:
+    """The recording of a ``.nc`` file, in memory.
+
+    Raises:
+        RecordingError: the file is missing, damaged, no recording, or of a newer schema.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise RecordingError(f"{path}: there is no such file")
+    try:
+        with xr.open_dataset(path, engine="h5netcdf", decode_cf=False) as stored:
+            recording = stored.load()
+    except Exception as error:  # HDF5 reports a damaged file in half a dozen ways
+        raise RecordingError(
+            f"{path}: not a readable NetCDF 4 file (cut off or damaged?): {error}"
+        ) from error
+    recording.encoding = {}
+    if "schema_version" not in recording.attrs:
+        raise RecordingError(f"{path}: NetCDF, but no stickslip recording (it lacks 'schema_version')")
+    try:
+        return validate_recording(recording)
+    except RecordingError as error:
+        raise RecordingError(f"{path}: {error}") from None
+
+
+def _storable(name: str, value: object) -> object:
+    """The attribute as NetCDF can hold it; truth becomes 0 or 1."""
+    if isinstance(value, bool | np.bool_):
+        return int(value)
+    if isinstance(value, str):
+        if "\0" in value or any("\ud800" <= sign <= "\udfff" for sign in value):
+            raise RecordingError(f"the attribute {name} = {value!r} holds characters that cannot be stored")
+        return value
+    if isinstance(value, int | float | np.integer | np.floating):
+        return value
+    raise RecordingError(f"the attribute {name} is a {type(value).__name__}; text and numbers can be stored")
+
+
+def _sync(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
