@@ -1,0 +1,126 @@
+"""What a recording is, and what is none."""
+
+from __future__ import annotations
+
+from datetime import datetime
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from stickslip import __version__
+from stickslip.recording import RecordingError, make_recording, sampling, validate_recording
+
+TIME = np.array([0.0, 0.1, 0.2, 0.35])
+
+
+def test_units_become_si() -> None:
+    recording = make_recording(
+        TIME,
+        {"position": ([1, 2, 3, 4], "um"), "friction_force": [1.0, 2.0, 3.0, 4.0], "count": np.arange(4)},
+        title="a title",
+        calibration='{"gain": 2}',
+    )
+    np.testing.assert_allclose(recording["position"].values, [1e-6, 2e-6, 3e-6, 4e-6], rtol=1e-15)
+    assert recording["position"].attrs == {"units": "m", "long_name": "position"}
+    assert recording["friction_force"].attrs == {"units": "N", "long_name": "friction force"}
+    assert recording["count"].attrs == {"units": "", "long_name": "count"}
+    assert {str(v.dtype) for v in recording.variables.values()} == {"float64"}
+    assert recording["time"].attrs["units"] == "s"
+
+
+def test_metadata_are_complete() -> None:
+    attrs = make_recording(TIME, {"x": TIME}, title="a title", source="a.csv", reader="csv").attrs
+    assert attrs["schema_version"] == 1
+    assert attrs["library"] == f"stickslip {__version__}"
+    assert (attrs["title"], attrs["source"], attrs["reader"]) == ("a title", "a.csv", "csv")
+    assert attrs["calibration"] == attrs["notes"] == attrs["processing"] == attrs["epoch"] == ""
+    age = datetime.now().astimezone() - datetime.fromisoformat(attrs["created"])
+    assert -2 < age.total_seconds() < 60
+
+
+def test_arrays_in_si_are_not_copied() -> None:
+    values = np.zeros(4)
+    assert np.shares_memory(make_recording(TIME, {"x": (values, "m")})["x"].values, values)
+
+
+def test_sampling() -> None:
+    found = sampling(make_recording(TIME, {"x": TIME}))
+    assert found.interval == pytest.approx(0.1)
+    assert found.smallest_gap == pytest.approx(0.1)
+    assert found.largest_gap == pytest.approx(0.15)
+    assert not found.regular
+    recording = make_recording(TIME, {"x": TIME})
+    assert recording["time"].attrs["regular"] == 0
+    assert recording["time"].attrs["largest_gap"] == pytest.approx(0.15)
+    assert make_recording(TIME[:3], {"x": TIME[:3]})["time"].attrs["regular"] == 1
+    short = np.array([0.0, 0.1, 0.15, 0.25, 0.35])
+    assert make_recording(short, {"x": short})["time"].attrs["regular"] == 0
+
+
+@pytest.mark.parametrize(
+    ("time", "variables", "message"),
+    [
+        (TIME, {}, "no variables"),
+        (TIME, {"x": TIME[:3]}, r"x has the shape \(3,\), but time has \(4,\)"),
+        (TIME, {"x": np.zeros((4, 2))}, r"x has the shape \(4, 2\)"),
+        (TIME, {"x": ["a", "b", "c", "d"]}, "x is not an array of numbers"),
+        (TIME, {"x": (TIME, "parsec/")}, "x: the unit 'parsec/' is not known"),
+        (TIME, {"position": (TIME, "V")}, "position is given in 'V', but position is a quantity in m"),
+        (TIME, {"x": ([0, 1, np.nan, 3], "m")}, r"x \[m\] is not finite at sample 2"),
+        (TIME, {"x": [0, np.inf, 2, 3]}, "not finite at sample 1"),
+        (TIME, {"two words": TIME}, "'two words' is no name"),
+        ([0.0, 0.1, 0.1, 0.2], {"x": TIME}, "time does not increase at sample 2: 0.1 s after 0.1 s"),
+        ([0.0, 0.2, 0.1, 0.3], {"x": TIME}, "time does not increase at sample 2: 0.1 s after 0.2 s"),
+        ([0.0, 0.1, np.nan, 0.2], {"x": TIME}, r"time \[s\] is not finite at sample 2"),
+        ([0.0], {"x": [1.0]}, "at least two samples, this one has 1"),
+        ([], {"x": []}, "at least two samples, this one has 0"),
+    ],
+)
+def test_what_is_refused(time: object, variables: dict, message: str) -> None:
+    with pytest.raises(RecordingError, match=message):
+        make_recording(time, variables)  # pyright: ignore[reportArgumentType]
+
+
+def _broken(change: str) -> xr.Dataset:
+    good = make_recording(TIME, {"x": TIME})
+    match change:
+        case "newer schema":
+            return good.assign_attrs(schema_version=2)
+        case "no time":
+            return good.drop_vars("time")
+        case "another coordinate":
+            return good.assign_coords(run=3)
+        case "another dimension":
+            return good.assign(y=("frequency", [1.0, 2.0]))
+        case "single precision":
+            return good.astype(np.float32)
+        case "no units":
+            good["x"].attrs = {"long_name": "x"}
+            return good
+    raise AssertionError(change)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ("newer schema", "follows schema 2; this library knows 1"),
+        ("no time", r"the coordinates \[\], not \['time'\]"),
+        ("another coordinate", r"the coordinates \['run', 'time'\]"),
+        ("another dimension", r"y has the dimensions \('frequency',\)"),
+        ("single precision", "x is of the type float32"),
+        ("no units", "x lacks the attribute 'units'"),
+    ],
+)
+def test_what_is_no_recording(change: str, message: str) -> None:
+    with pytest.raises(RecordingError, match=message):
+        validate_recording(_broken(change))
+
+
+def test_a_recording_may_be_cut_and_extended() -> None:
+    recording = make_recording(TIME, {"x": (TIME, "m")})
+    cut = recording.sel(time=slice(0.05, 0.3))
+    assert validate_recording(cut) is cut
+    assert cut.sizes["time"] == 2
+    other = make_recording(TIME, {"y": (TIME, "V")})
+    assert set(validate_recording(recording.assign(y=other["y"]))) == {"x", "y"}
