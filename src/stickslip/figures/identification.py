@@ -1,0 +1,224 @@
+"""A fit beside its data: traces with residuals, friction loops, parameter intervals, the ranking of laws.
+
+Residuals are model minus measured, as in `identify`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike, NDArray
+
+from .scale import scale_for
+from .style import (
+    BLUE,
+    DASHES,
+    MEASURED,
+    SERIES,
+    VERMILLION,
+    drawn,
+    legend_above,
+    panels,
+    shade,
+    trace,
+)
+
+_DATA = {"color": MEASURED, "lw": 2.6, "label": "measured"}
+_ZERO = {"color": "#404040", "lw": 0.7, "zorder": 1.5}
+
+
+class Estimates(NamedTuple):
+    """One parameter, estimated at several settings: arrays of shape (n,) in the SI unit."""
+
+    values: ArrayLike
+    low: ArrayLike
+    high: ArrayLike
+    unit: str = ""
+
+
+def _models(model: ArrayLike | Mapping[str, ArrayLike]) -> dict[str, NDArray[np.float64]]:
+    named = model if isinstance(model, Mapping) else {"model": model}
+    return {name: np.asarray(values, dtype=float) for name, values in named.items()}
+
+
+def _residuals(
+    panel: Axes,
+    x: NDArray,
+    measured: NDArray,
+    models: Mapping[str, NDArray],
+    unit: str,
+    name: str = "residual",
+) -> None:
+    """The residual panel: one trace per model around zero, on a scale of its own."""
+    differences = [values - measured for values in models.values()]
+    scale = scale_for(unit, *differences)
+    panel.axhline(0.0, **_ZERO)
+    for i, difference in enumerate(differences):
+        trace(panel, x, scale(difference), color=SERIES[i % len(SERIES)], lw=0.8, alpha=0.8)
+    panel.set_ylabel(scale.label(name))
+
+
+@drawn
+def fit_with_residuals(
+    time: ArrayLike,
+    measured: ArrayLike,
+    model: ArrayLike | Mapping[str, ArrayLike],
+    *,
+    name: str,
+    unit: str,
+    fitted: Sequence[tuple[float, float]] = (),
+) -> Figure:
+    """Measured data under one or several models over time, and the residuals below.
+
+    Args:
+        time: s, shape (n,).
+        measured: in `unit`, shape (n,).
+        model: as `measured`; several of them by name.
+        name: what is measured: "friction force".
+        unit: its SI unit.
+        fitted: spans of time [s] that the fit has seen; the rest is prediction.
+    """
+    t, data, models = np.asarray(time, dtype=float), np.asarray(measured, dtype=float), _models(model)
+    figure, (above, below) = panels((2.4, 1.3))
+    clock, scale = scale_for("s", t), scale_for(unit, data, *models.values())
+    trace(above, clock(t), scale(data), **_DATA)
+    for i, (label, values) in enumerate(models.items()):
+        trace(
+            above,
+            clock(t),
+            scale(values),
+            color=SERIES[i % len(SERIES)],
+            ls=DASHES[i % len(DASHES)],
+            label=label,
+        )
+    above.set_ylabel(scale.label(name))
+    spans = [(float(clock(start)), float(clock(end))) for start, end in fitted]
+    shade((above, below), spans, "used for the fit")
+    legend_above(above)
+    _residuals(below, clock(t), data, models, unit)
+    below.set_xlabel(clock.label("time"))
+    below.set_xlim(*clock([t[0], t[-1]]))
+    return figure
+
+
+@drawn
+def friction_loop(
+    position: ArrayLike,
+    measured: ArrayLike,
+    model: ArrayLike | Mapping[str, ArrayLike] | None = None,
+    *,
+    name: str = "friction force",
+    unit: str = "N",
+) -> Figure:
+    """Friction over position, measured under the models, and the residuals over position below.
+
+    Args:
+        position: m, shape (n,), in the order of time.
+        measured: in `unit`, shape (n,).
+        model: as `measured`; several by name; without it, the data alone.
+        name: what is measured.
+        unit: its SI unit.
+    """
+    x, data, models = np.asarray(position, dtype=float), np.asarray(measured, dtype=float), {}
+    if model is not None:
+        models = _models(model)
+    figure, axes = panels((3.2, 1.3) if models else (3.2,), width=5.6)
+    length, scale = scale_for("m", x), scale_for(unit, data, *models.values())
+    trace(axes[0], length(x), scale(data), **_DATA)
+    for i, (label, values) in enumerate(models.items()):
+        trace(
+            axes[0],
+            length(x),
+            scale(values),
+            color=SERIES[i % len(SERIES)],
+            ls=DASHES[i % len(DASHES)],
+            label=label,
+        )
+    axes[0].set_ylabel(scale.label(name))
+    if models:
+        legend_above(axes[0])
+        _residuals(axes[1], length(x), data, models, unit)
+    axes[-1].set_xlabel(length.label("position"))
+    axes[-1].margins(x=0.03)
+    return figure
+
+
+@drawn
+def parameter_intervals(
+    setting: ArrayLike, estimates: Mapping[str, Estimates], *, setting_name: str, setting_unit: str
+) -> Figure:
+    """Estimated parameters with their confidence intervals over a setting of the experiment, one panel each.
+
+    An interval that the data do not close (NaN or infinite) leaves its point hollow and without a bar.
+
+    Args:
+        setting: SI, shape (n,): the amplitude of the drive, say.
+        estimates: by the name of the parameter.
+        setting_name, setting_unit: what the setting is.
+    """
+    at = scale_for(setting_unit, setting)
+    figure = Figure(figsize=(3.4 * min(len(estimates), 2) + 0.2, 2.4 * ((len(estimates) + 1) // 2)))
+    grid = figure.subplots((len(estimates) + 1) // 2, min(len(estimates), 2), squeeze=False).ravel()
+    for panel, (name, estimate) in zip(grid, estimates.items(), strict=False):
+        values, low, high = (np.asarray(a, dtype=float) for a in estimate[:3])
+        scale = scale_for(estimate.unit, values)
+        closed = np.isfinite(low) & np.isfinite(high)
+        bars = scale(np.array([values - low, high - values])[:, closed])
+        x = at(setting)
+        panel.errorbar(x[closed], scale(values[closed]), bars, fmt="o", color=BLUE, capsize=3, lw=1.0)
+        panel.plot(x[~closed], scale(values[~closed]), "o", color=BLUE, mfc="white")
+        panel.plot(x, scale(values), color=BLUE, lw=0.6, alpha=0.5, zorder=1.5)
+        panel.set_ylabel(scale.label(name))
+        panel.set_xlabel(at.label(setting_name))
+        panel.margins(x=0.08, y=0.15)
+    for panel in grid[len(estimates) :]:
+        panel.remove()
+    return figure
+
+
+@drawn
+def law_ranking(
+    names: Sequence[str],
+    fitted: ArrayLike,
+    predicted: ArrayLike,
+    bic: ArrayLike | None = None,
+    marks: Mapping[str, float] | None = None,
+) -> Figure:
+    """What each law leaves unexplained, 1 - r², where it was fitted and where it predicts; the best on top.
+
+    Args:
+        names: of the laws, with the number of their parameters where that matters.
+        fitted, predicted: r², shape (n,).
+        bic: Bayesian information criterion, shape (n,); shown as the difference from the least.
+        marks: r² of others, by what to call them, as upright lines.
+    """
+    seen, unseen = (1.0 - np.asarray(r, dtype=float) for r in (fitted, predicted))
+    order = np.argsort(-unseen)
+    rows = np.arange(len(names))
+    count = 1 if bic is None else 2
+    figure = Figure(figsize=(7.0, 0.9 + 0.27 * len(names)))
+    grid = figure.subplots(1, count, sharey=True, squeeze=False, width_ratios=(2.2, 1.0)[:count])[0]
+    panel = grid[0]
+    panel.hlines(rows, seen[order], unseen[order], color="#BBBBBB", lw=1.0)
+    panel.plot(seen[order], rows, "o", color=BLUE, mfc="white", label="fitted part")
+    panel.plot(unseen[order], rows, "o", color=BLUE, label="predicted part")
+    for i, (label, value) in enumerate((marks or {}).items()):
+        panel.axvline(1.0 - value, color=VERMILLION, lw=0.9, ls=DASHES[1 + i % 3], label=label)
+    panel.set_xscale("log")
+    panel.set_yticks(rows, [names[i] for i in order])
+    panel.set_ylim(-0.6, len(names) - 0.4)
+    panel.grid(axis="y", visible=False)
+    panel.set_xlabel("unexplained part of the variance, 1 − r²")
+    legend_above(panel, columns=2)
+    if bic is not None:
+        difference = np.asarray(bic, dtype=float) - np.nanmin(np.asarray(bic, dtype=float))
+        grid[1].barh(rows, difference[order], height=0.5, color=BLUE)
+        grid[1].set_xlabel("BIC above the least")
+        grid[1].ticklabel_format(axis="x", style="plain")
+        grid[1].locator_params(axis="x", nbins=3)
+        grid[1].grid(axis="y", visible=False)
+    return figure

@@ -1,0 +1,133 @@
+"""How all pictures look, in one place: palette, sizes, fonts, and the way to SVG."""
+
+from __future__ import annotations
+
+import functools
+import io
+import re
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, ParamSpec
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.style import context
+from numpy.typing import ArrayLike, NDArray
+
+P = ParamSpec("P")
+
+# Okabe and Ito's palette: told apart with any colour vision. Yellow is left out, it is lost on white.
+BLUE, VERMILLION, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
+ORANGE, SKY, BLACK = "#E69F00", "#56B4E9", "#000000"
+SERIES = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK)
+MEASURED = "#8C8C8C"  # a broad grey line, under the thin coloured one of the model
+SHADE = "#F0EFEA"  # a part of the time axis, such as that of the fit
+# Lines of one axis differ by this too, for prints in black and white.
+DASHES = ("-", (0, (5, 1.5)), (0, (2, 1)), (0, (6, 1.5, 1.5, 1.5)))
+
+WIDTH = 7.0  # inches, of a page's text
+# A trace of more points becomes pixels within the SVG, which stays small; a marker takes more than a vertex.
+MANY_POINTS, MANY_MARKERS = 5000, 1000
+DOTS_PER_INCH = 200
+
+_STYLE: dict[str, Any] = {
+    "figure.facecolor": "white",
+    "axes.facecolor": "white",
+    "axes.edgecolor": "#404040",
+    "axes.labelcolor": "#202020",
+    "axes.linewidth": 0.7,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.labelsize": 9,
+    "axes.titlesize": 9,
+    "axes.formatter.limits": (-3, 4),
+    "axes.formatter.use_mathtext": True,
+    "axes.formatter.useoffset": False,
+    "axes.xmargin": 0.01,
+    "grid.color": "#E6E6E6",
+    "grid.linewidth": 0.6,
+    "lines.linewidth": 1.2,
+    "lines.markersize": 4,
+    "lines.solid_capstyle": "round",
+    "xtick.color": "#404040",
+    "ytick.color": "#404040",
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+    "xtick.direction": "out",
+    "ytick.direction": "out",
+    "legend.frameon": False,
+    "legend.fontsize": 8,
+    "font.family": "DejaVu Sans",  # comes with matplotlib
+    "font.size": 9,
+    "figure.constrained_layout.w_pad": 0.07,
+    "figure.constrained_layout.h_pad": 0.06,
+    "figure.constrained_layout.use": True,
+    "figure.dpi": 100,
+    "svg.fonttype": "path",  # glyphs as outlines: the same on every machine, whatever its fonts
+    "svg.hashsalt": "stickslip",  # the same picture is the same file
+}
+
+
+def drawn(make: Callable[P, Figure]) -> Callable[P, Figure]:
+    """Give a function that makes a figure the style of this package, for the time it runs."""
+
+    @functools.wraps(make)
+    def in_style(*args: P.args, **kwargs: P.kwargs) -> Figure:
+        with context(_STYLE, after_reset=True):
+            return make(*args, **kwargs)
+
+    return in_style
+
+
+def panels(
+    heights: Sequence[float], *, width: float = WIDTH, share_x: bool = True
+) -> tuple[Figure, list[Axes]]:
+    """A figure of panels one above the other; heights and width in inches."""
+    figure = Figure(figsize=(width, sum(heights)))
+    grid = figure.subplots(len(heights), 1, sharex=share_x, squeeze=False, height_ratios=list(heights))
+    axes = list(grid[:, 0])
+    figure.align_ylabels(axes)
+    return figure, axes
+
+
+def trace(axes: Axes, x: ArrayLike | NDArray, y: ArrayLike | NDArray, **how: Any) -> Line2D:
+    """A line through the points, or markers at them; very many of them as pixels."""
+    (line,) = axes.plot(x, y, **how)
+    limit = MANY_POINTS if line.get_marker() == "None" else MANY_MARKERS
+    line.set_rasterized(len(line.get_xdata()) > limit)  # type: ignore[arg-type]
+    return line
+
+
+def legend_above(axes: Axes, columns: int = 4) -> None:
+    """The legend in a row above the panel, where it hides no data."""
+    handles, labels = axes.get_legend_handles_labels()
+    if labels:
+        axes.legend(
+            handles,
+            labels,
+            loc="lower left",
+            bbox_to_anchor=(0.0, 1.0),
+            ncols=min(columns, len(labels)),
+            borderaxespad=0.2,
+            handlelength=2.2,
+            columnspacing=1.4,
+        )
+
+
+def shade(axes: Iterable[Axes], spans: Iterable[tuple[float, float]], label: str) -> None:
+    """Mark parts of the horizontal axis, in the units of the axis; the first panel names them."""
+    for row, panel in enumerate(axes):
+        for i, (start, end) in enumerate(spans):
+            panel.axvspan(start, end, color=SHADE, lw=0, zorder=0, label=label if row == i == 0 else None)
+
+
+def svg(figure: Figure) -> str:
+    """The figure as an SVG element: no XML header, no date, no reference to anything outside of it."""
+    target = io.StringIO()
+    with context(_STYLE, after_reset=True):
+        figure.savefig(target, format="svg", dpi=DOTS_PER_INCH, metadata={"Date": None, "Creator": None})
+    text = target.getvalue()
+    text = re.sub(r"<metadata>.*?</metadata>\s*", "", text, flags=re.DOTALL)
+    return text[text.index("<svg") :].strip()
