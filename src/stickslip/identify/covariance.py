@@ -1,0 +1,148 @@
+r"""Uncertainty of a least-squares estimate, from the residuals and the Jacobian at its end.
+
+White noise: :math:`s^2 (J^T J)^{-1}`; under a robust loss that of the M-estimator [huber1981]; for residuals
+correlated in time the sandwich with Bartlett's window [newey1987].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.signal import fftconvolve
+
+Loss = Callable[[np.ndarray], np.ndarray]
+
+# rho(z), rho', rho'' of the squared scaled residual z, shape (3, n), as SciPy's least_squares defines them.
+LOSSES: dict[str, Loss] = {
+    "linear": lambda z: np.stack([z, np.ones_like(z), np.zeros_like(z)]),
+    "soft_l1": lambda z: np.stack([2 * (np.sqrt(1 + z) - 1), (1 + z) ** -0.5, -0.5 * (1 + z) ** -1.5]),
+    "huber": lambda z: np.stack(
+        [
+            np.where(z <= 1, z, 2 * np.sqrt(z) - 1),
+            np.maximum(z, 1) ** -0.5,
+            np.where(z <= 1, 0.0, -0.5 * np.maximum(z, 1) ** -1.5),
+        ]
+    ),
+    "cauchy": lambda z: np.stack([np.log1p(z), 1 / (1 + z), -1 / (1 + z) ** 2]),
+    "arctan": lambda z: np.stack([np.arctan(z), 1 / (1 + z**2), -2 * z / (1 + z**2) ** 2]),
+}
+
+
+class Noise(NamedTuple):
+    """What is assumed of the weighted residuals.
+
+    Attributes:
+        degrees_of_freedom: number of data minus number of parameters.
+        known: their variance is 1; otherwise it is estimated from them.
+        loss: as the fit used it, with its `scale`.
+        correlated: lengths of the recordings within which they are correlated; none: white.
+    """
+
+    degrees_of_freedom: int
+    known: bool = False
+    loss: Loss = LOSSES["linear"]
+    scale: float = 1.0
+    correlated: Sequence[int] = ()
+
+
+class Uncertainty(NamedTuple):
+    """Of the fitted coordinates.
+
+    Attributes:
+        covariance: shape (k, k); NaN in the rows of coordinates that a bound holds back (all others are then
+            conditional on the bound), infinite on the diagonal where the data say nothing.
+        bounded: for each coordinate 0, or -1 / +1 where its lower / upper bound holds it back.
+        push: for those, how hard: the derivative of half the chi-squared on moving into the range.
+        released: for those, their variance if the bound were not there.
+    """
+
+    covariance: np.ndarray
+    bounded: np.ndarray
+    push: np.ndarray
+    released: np.ndarray
+
+
+def uncertainty(
+    jacobian: np.ndarray,
+    residuals: np.ndarray,
+    coordinates: np.ndarray,
+    bounds: tuple[np.ndarray, np.ndarray],
+    noise: Noise,
+) -> Uncertainty:
+    """What the end of a fit says about its coordinates.
+
+    Args:
+        jacobian: d residuals / d coordinates, shape (n, k).
+        residuals: over their noise, shape (n,).
+        coordinates: where the fit ended, shape (k,).
+        bounds: lower and upper, each of shape (k,); may be infinite.
+        noise: see `Noise`.
+    """
+    lower, upper = bounds
+    slope = jacobian.T @ (residuals * noise.loss((residuals / noise.scale) ** 2)[1])
+    deviation = np.sqrt(np.diag(covariance(jacobian, residuals, noise)))
+    # The optimiser stops just short of a bound: "at" it is within a hundredth of the standard error.
+    near = np.maximum(
+        np.minimum(0.01 * deviation, 1e-3 * (upper - lower)), 1e-6 * np.maximum(1, abs(coordinates))
+    )
+    bounded = ((upper - coordinates < near) & (slope < 0)).astype(int)
+    bounded -= (coordinates - lower < near) & (slope > 0)
+    free = np.flatnonzero(bounded == 0)
+    spread = np.full((coordinates.size, coordinates.size), np.nan)
+    if free.size:
+        spread[np.ix_(free, free)] = covariance(jacobian[:, free], residuals, noise)
+    released = np.zeros(coordinates.size)
+    for i in np.flatnonzero(bounded):
+        released[i] = covariance(jacobian[:, [*free, i]], residuals, noise)[-1, -1]
+    variance = 1.0 if noise.known else float(residuals @ residuals) / noise.degrees_of_freedom
+    push = np.where(bounded, np.abs(slope) / (variance or 1.0), 0.0)
+    return Uncertainty(spread, bounded, push, released)
+
+
+def covariance(jacobian: np.ndarray, residuals: np.ndarray, noise: Noise) -> np.ndarray:
+    """Covariance of the coordinates if none has a bound, shape (k, k); arguments as in `uncertainty`.
+
+    A direction in which the data say nothing gives the coordinates in it an infinite variance.
+    """
+    z = (residuals / noise.scale) ** 2
+    _, first, second = noise.loss(z)
+    score = residuals * first
+    inverse = _inverse(jacobian)
+    bend = float(np.mean(first + 2 * z * second))
+    if noise.correlated:
+        ends = np.cumsum(noise.correlated)[:-1]
+        pieces = zip(np.split(jacobian, ends), np.split(score, ends), strict=True)
+        power = np.sum([_long_run(j * s[:, None], s) for j, s in pieces], axis=0)
+        power = power * score.size / noise.degrees_of_freedom / bend**2
+        known = np.isfinite(np.outer(np.diag(inverse), np.diag(inverse)))
+        finite = np.where(known, inverse, 0.0)
+        return np.where(known, finite @ power @ finite, inverse)
+    if noise.known and not np.any(second):
+        return inverse
+    return inverse * float(score @ score) / noise.degrees_of_freedom / bend**2
+
+
+def _inverse(jacobian: np.ndarray) -> np.ndarray:
+    """Inverse of J'J; infinite on the diagonal for coordinates in its null space."""
+    norms = np.linalg.norm(jacobian, axis=0)
+    norms[norms == 0] = 1.0
+    _, s, vt = np.linalg.svd(jacobian / norms, full_matrices=False)
+    null = s <= s[0] * max(jacobian.shape) * np.finfo(float).eps
+    root = vt[~null].T / s[~null] / norms[:, None]
+    inverse = root @ root.T
+    lost = np.flatnonzero(np.any(np.abs(vt[null]) > 1e-6, axis=0))
+    inverse[lost, :] = inverse[:, lost] = 0.0
+    inverse[lost, lost] = np.inf
+    return inverse
+
+
+def _long_run(terms: np.ndarray, residuals: np.ndarray) -> np.ndarray:
+    """Sum over all lags of the windowed autocovariance of the terms, shape (n, k)."""
+    power = fftconvolve(residuals, residuals[::-1])[residuals.size - 1 :]
+    negative = np.flatnonzero(power <= 0)
+    # The window must be wide against the time in which the residuals forget, and short against the data.
+    lags = min(4 * int(negative[0]) if negative.size else residuals.size, max(1, residuals.size // 4))
+    window = 1 - np.abs(np.arange(-lags, lags + 1)) / (lags + 1)
+    return terms.T @ fftconvolve(terms, window[:, None], mode="same", axes=0)

@@ -1,0 +1,318 @@
+"""Least squares over anything that can be simulated: several recordings, bounds, logarithms, many starts.
+
+The optimiser is SciPy's trust-region reflective method [branch1999]. What this module adds is what fits of
+simulations need: difference steps above the simulator's own error, residuals of any unit, trial points at
+which the simulation fails, a budget, and an honest account of the uncertainty (see `Fit`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import least_squares
+from scipy.stats import qmc
+
+from .covariance import LOSSES, Noise, uncertainty
+from .result import Fit, Parameter, Values, goodness
+
+# Starts whose cost is within this many noise variances of the best are statistically the same answer.
+SAME_MINIMUM = 0.01
+
+
+class FitError(ValueError):
+    """A fit that cannot begin, or that has too few data. The message names the values of the parameters."""
+
+
+class Residuals(NamedTuple):
+    """One recording to be described.
+
+    Attributes:
+        function: from the values of all parameters to model minus measured, shape (n,), in the unit of the
+            data. It may raise ValueError or ArithmeticError, or return NaN, where there is no model.
+        measured: the measured values, shape (n,); only r^2 needs them.
+        noise: standard deviation of the noise, in the unit of the data: one number or shape (n,). None for
+            all recordings: equal in all of them.
+        name: what to call it in reports.
+        unit: unit of the data.
+    """
+
+    function: Callable[[Values], ArrayLike]
+    measured: ArrayLike | None = None
+    noise: ArrayLike | None = None
+    name: str = "recording"
+    unit: str = ""
+
+
+class Progress(NamedTuple):
+    """Where a fit stands, after each evaluation of the model."""
+
+    evaluations: int
+    start: int
+    starts: int
+    sum_of_squares: float  # the lowest so far from this start, weighted
+    values: Values  # where that was
+
+
+class _OutOfBudget(Exception):
+    pass
+
+
+class _End(NamedTuple):
+    """Where one start ended."""
+
+    cost: float
+    q: np.ndarray
+    converged: bool
+    message: str
+
+
+class _Problem:
+    """The weighted residuals as a function of the coordinates q; counts evaluations and keeps the best."""
+
+    def __init__(self, recordings: Sequence[Residuals], parameters: tuple[Parameter, ...], step: float):
+        self.recordings, self.parameters, self.step = recordings, parameters, step
+        self.start = np.array([p.coordinate(p.start) for p in parameters])
+        self.lower = np.array([p.coordinate(p.lower) for p in parameters])
+        self.upper = np.array([p.coordinate(p.upper) for p in parameters])
+        span = np.where(np.isfinite(self.upper - self.lower), self.upper - self.lower, 1.0)
+        self.typical = np.where(self.start != 0, np.abs(self.start), span)
+        self.evaluations = 0
+        self.after: Callable[[], None] = lambda: None  # called after each evaluation
+        self.last: tuple[bytes, np.ndarray] = (b"", np.empty(0))
+        self.best_cost, self.best = math.inf, self.start
+        try:
+            parts = self.raw(self.start)
+        except (ValueError, ArithmeticError) as error:
+            raise FitError(
+                f"the residuals cannot be computed at {self.shown(self.start)}: {error}"
+            ) from error
+        for r, part in zip(recordings, parts, strict=True):
+            if not np.all(np.isfinite(part)):
+                raise FitError(f"the residuals of {r.name} are not finite at {self.shown(self.start)}")
+        self.sizes = [part.size for part in parts]
+        noises = [1.0 if r.noise is None else np.asarray(r.noise, dtype=float) for r in recordings]
+        self.noise = np.concatenate(
+            [np.broadcast_to(noise, part.shape) for noise, part in zip(noises, parts, strict=True)]
+        )
+        if not np.all(self.noise > 0):
+            raise FitError("the noise of a recording must be > 0 everywhere")
+        # Brings residuals of any unit to order 1, where the optimiser's tolerances make sense.
+        self.scale = float(np.linalg.norm(np.concatenate(parts) / self.noise)) or 1.0
+
+    def values(self, q: np.ndarray) -> Values:
+        return {p.name: p.value(x) for p, x in zip(self.parameters, q, strict=True)}
+
+    def shown(self, q: np.ndarray) -> str:
+        return ", ".join(f"{p.name} = {p.shown(p.value(x))}" for p, x in zip(self.parameters, q, strict=True))
+
+    def raw(self, q: np.ndarray) -> list[np.ndarray]:
+        """The residuals of each recording, in the unit of its data."""
+        values = self.values(q)
+        parts = [np.asarray(r.function(dict(values)), dtype=float) for r in self.recordings]
+        for r, part in zip(self.recordings, parts, strict=True):
+            if part.ndim != 1:
+                raise TypeError(f"the residuals of {r.name} have the shape {part.shape}, not one dimension")
+        return parts
+
+    def residuals(self, q: np.ndarray) -> np.ndarray:
+        """Weighted and scaled; NaN where the model fails (the optimiser then shortens its step)."""
+        key = q.tobytes()
+        if key == self.last[0]:
+            return self.last[1]
+        self.evaluations += 1
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # trial points may be absurd
+            try:
+                r = np.concatenate(self.raw(q)) / (self.noise * self.scale)
+            except (ValueError, ArithmeticError):
+                r = np.full(self.noise.size, np.nan)
+            r[~(np.abs(r) < 1e100)] = np.nan  # their squares would overflow
+            cost = float(r @ r)
+        if cost < self.best_cost:
+            self.best_cost, self.best = cost, q.copy()
+        self.last = (key, r)
+        self.after()
+        return r
+
+    def differences(self, q: np.ndarray, central: bool) -> np.ndarray:
+        """d r / d q, shape (n, k); one-sided next to a bound and where the model fails on one side."""
+        r = self.residuals(q)
+        columns = []
+        for i, p in enumerate(self.parameters):
+            h = self.step * (1.0 if p.log else max(abs(q[i]), 1e-3 * self.typical[i]))
+            h = min(h, 0.25 * (self.upper[i] - self.lower[i]))
+            sides = []
+            for x in (q[i] + h, q[i] - h):
+                if self.lower[i] <= x <= self.upper[i] and (central or not sides):
+                    moved = self.residuals(np.concatenate([q[:i], [x], q[i + 1 :]]))
+                    if np.all(np.isfinite(moved)):
+                        sides.append((x, moved))
+            if not sides:
+                raise FitError(f"the residuals cannot be computed next to {self.shown(q)}")
+            (a, ra), (b, rb) = (*sides, (q[i], r))[:2]
+            columns.append((ra - rb) / (a - b))
+        self.last = (q.tobytes(), r)
+        return np.stack(columns, axis=1)
+
+
+def fit_least_squares(
+    recordings: Callable[[Values], ArrayLike] | Sequence[Residuals],
+    parameters: Sequence[Parameter],
+    *,
+    jacobian: Callable[[Values], np.ndarray] | None = None,
+    noise_known: bool = False,
+    correlated: bool = False,
+    loss: str = "linear",
+    loss_scale: float = 1.0,
+    starts: int = 1,
+    seed: int = 0,
+    difference_step: float = 1e-4,
+    central: bool = False,
+    tolerance: float = 1e-10,
+    max_evaluations: int = 10_000,
+    n_eliminated: int = 0,
+    progress: Callable[[Progress], None] | None = None,
+) -> Fit:
+    """Minimise the sum of squared residuals, each over its noise, within the bounds of the parameters.
+
+    Args:
+        recordings: what to describe, all at once; a bare function stands for a single recording.
+        parameters: start, bounds, unit and scale of each.
+        jacobian: derivatives of the residuals of all recordings, joined, by the values, shape (n, k);
+            without it they are differenced.
+        noise_known: take the noise of the recordings as it is. By default only its ratios are trusted, and
+            its level is estimated from the residuals.
+        correlated: allow for residuals correlated in time when computing the uncertainty: model error nearly
+            always is. Wants recordings much longer than the correlation.
+        loss: "linear", "soft_l1", "huber", "cauchy" or "arctan", as in SciPy.
+        loss_scale: weighted residual above which a robust loss discounts: in noise deviations if the noise is
+            given, else in the unit of the data.
+        starts: total number of starts; those after the first fill the bounds by a Latin hypercube.
+        seed: of that hypercube.
+        difference_step: of the derivatives, relative to the value. Must stay far above the relative error of
+            an adaptive simulator; 1e-4 suits tolerances of 1e-8 and below.
+        central: two-sided differences during all of the search; without, only towards its end.
+        tolerance: relative change of the sum of squares, and of the parameters, at which the search ends.
+        max_evaluations: of the model, for each start.
+        n_eliminated: number of further parameters that the residual functions fit inside (see `separable`).
+        progress: called after each evaluation.
+
+    Raises:
+        FitError: the residuals cannot be computed at the start, or there are fewer data than parameters.
+    """
+    if callable(recordings):
+        recordings = [Residuals(recordings)]
+    parameters = tuple(parameters)
+    if len({p.name for p in parameters}) < len(parameters) or not parameters:
+        raise FitError("parameters must have names of their own, and there must be at least one")
+    if len({r.noise is None for r in recordings}) != 1:
+        raise FitError("give the noise of every recording, or of none")
+    if loss not in LOSSES:
+        raise FitError(f"there is no loss {loss!r}; there are {', '.join(LOSSES)}")
+    problem = _Problem(recordings, parameters, difference_step)
+    n_parameters = len(parameters) + n_eliminated
+    degrees_of_freedom = problem.noise.size - n_parameters
+    if degrees_of_freedom < 1:
+        raise FitError(f"{problem.noise.size} data cannot determine {n_parameters} parameters")
+
+    def slope(q: np.ndarray, two_sided: bool = True) -> np.ndarray:
+        if jacobian is None:
+            return problem.differences(q, two_sided)
+        slopes = [p.value(x) if p.log else 1.0 for p, x in zip(parameters, q, strict=True)]
+        return jacobian(problem.values(q)) * slopes / (problem.noise * problem.scale)[:, None]
+
+    def search(number: int, q: np.ndarray) -> _End:
+        problem.best_cost, problem.best = math.inf, q
+        begun = problem.evaluations
+
+        def after() -> None:
+            if progress is not None:
+                lowest = problem.best_cost * problem.scale**2
+                progress(Progress(problem.evaluations, number, starts, lowest, problem.values(problem.best)))
+            if problem.evaluations - begun >= max_evaluations:
+                raise _OutOfBudget
+
+        problem.after = after
+        converged, message = False, ""
+        try:
+            # One-sided differences find the place at half the price, two-sided ones settle it.
+            for two_sided in (True,) if central or jacobian is not None else (False, True):
+                found = least_squares(
+                    problem.residuals,
+                    q,
+                    jac=partial(slope, two_sided=two_sided),  # type: ignore[arg-type]
+                    bounds=(problem.lower, problem.upper),
+                    x_scale="jac",
+                    loss="linear" if loss == "linear" else LOSSES[loss],  # type: ignore[arg-type]
+                    f_scale=loss_scale / problem.scale,
+                    ftol=tolerance,
+                    xtol=tolerance,
+                    gtol=1e-15,
+                    max_nfev=max_evaluations,
+                )
+                q, converged = found.x, found.status > 0
+                message = found.message.strip(" .").replace("`", "")
+        except _OutOfBudget:
+            q, converged, message = problem.best, False, f"stopped after {max_evaluations} evaluations"
+        finally:
+            problem.after = lambda: None
+        z = (problem.residuals(q) * problem.scale / loss_scale) ** 2
+        return _End(float(np.sum(LOSSES[loss](z)[0])) * loss_scale**2, q, converged, message)
+
+    begins = enumerate([problem.start, *_scattered(problem, starts - 1, seed)], start=1)
+    ends = [search(i, q) for i, q in begins if np.all(np.isfinite(problem.residuals(q)))]
+    best = min(ends, key=lambda end: end.cost)
+    same = best.cost * (1 + SAME_MINIMUM / degrees_of_freedom) + 1e-12 * problem.scale**2
+    uncertain = uncertainty(
+        slope(best.q) * problem.scale,
+        problem.residuals(best.q) * problem.scale,
+        best.q,
+        (problem.lower, problem.upper),
+        Noise(degrees_of_freedom, noise_known, LOSSES[loss], loss_scale, problem.sizes if correlated else ()),
+    )
+    side = uncertain.bounded
+    q = np.where(side < 0, problem.lower, np.where(side > 0, problem.upper, best.q))
+    parts = problem.raw(q)
+    chi_squared = float(np.sum((np.concatenate(parts) / problem.noise) ** 2))
+    gaussian = loss == "linear"
+    return Fit(
+        parameters=parameters,
+        values=problem.values(q),
+        uncertainty=uncertain,
+        recordings=tuple(
+            goodness(part, r.measured, r.name, r.unit) for r, part in zip(recordings, parts, strict=True)
+        ),
+        degrees_of_freedom=degrees_of_freedom,
+        reduced_chi_squared=chi_squared / degrees_of_freedom,
+        log_likelihood=_log_likelihood(chi_squared, problem.noise, noise_known) if gaussian else math.nan,
+        noise_known=noise_known,
+        n_evaluations=problem.evaluations,
+        converged=best.converged,
+        message=best.message,
+        starts=starts,
+        starts_agreeing=sum(end.cost <= same for end in ends),
+    )
+
+
+def _log_likelihood(chi_squared: float, noise: np.ndarray, noise_known: bool) -> float:
+    """Of Gaussian noise, at its most likely level unless that is known."""
+    n, constant = noise.size, float(np.sum(np.log(noise)))
+    if noise_known:
+        return -0.5 * (chi_squared + n * math.log(2 * math.pi)) - constant
+    if chi_squared == 0:
+        return math.inf
+    return -0.5 * n * (math.log(2 * math.pi * chi_squared / n) + 1) - constant
+
+
+def _scattered(problem: _Problem, n: int, seed: int) -> np.ndarray:
+    """Further starts, shape (n, k)."""
+    if n < 1:
+        return np.empty((0, problem.start.size))
+    if not np.all(np.isfinite(problem.upper - problem.lower)):
+        raise FitError("several starts need finite bounds, above 0 where the scale is logarithmic")
+    cube = qmc.LatinHypercube(problem.start.size, rng=np.random.default_rng(seed)).random(n)
+    return problem.lower + cube * (problem.upper - problem.lower)
