@@ -23,6 +23,9 @@ from ..units import QuantityError
 from .law import register
 from .stribeck import stribeck_curve
 
+# An element on its limit slides, though rounding may put it just below.
+ON_LIMIT = 1.0 - 1e-12
+
 
 @record
 class MaxwellSlip(NamedTuple):
@@ -77,9 +80,9 @@ def element_rate(law, v, z):
     strength = stribeck_curve(v, law.strength, law.stiction, law.stribeck_velocity, 2.0)
     limit = strength / law.stiffness
     dz = v
-    if v > 0.0 and z >= limit:
+    if v > 0.0 and z >= limit * ON_LIMIT:
         dz = law.attraction_rate * law.strength / law.stiffness * (1.0 - z / limit)
-    elif v < 0.0 and z <= -limit:
+    elif v < 0.0 and z <= -limit * ON_LIMIT:
         dz = law.attraction_rate * law.strength / law.stiffness * (-1.0 - z / limit)
     return law.stiffness * z + law.sigma_2 * v, dz
 
