@@ -7,16 +7,17 @@ A stage and a slider (the end-effector) that meet in one friction contact, in th
    \ddot y   &= b\,u(t) + a_s - c\,\dot y - k\,y - r F \\
    \ddot x_e &= b_e\,u(t) + a_e - c_e\,\dot x_e - k_e\,x_e + \mu F, \qquad v = \dot y - \dot x_e
 
-With k = ωₙ², c = 2ζωₙ, b = Cωₙ², r = 1/m and μ = 1/m_e this is the thesis's model [kang2007, eq. 3.20-3.25]; r = 0
-drops the reaction of the friction on the stage as the thesis does in eq. 3.24. A slider on fixed ground pulled through a
-spring has b_e, c_e, k_e and a stage at rest. A `kinematic` stage follows the drive, y = C u (Pohl's model, a tribometer).
+With k = ωₙ², c = 2ζωₙ, b = Cωₙ², r = 1/m and μ = 1/m_e this is the thesis's model [kang2007, eq. 3.20-3.25];
+r = 0 drops the reaction of the friction on the stage as the thesis does in eq. 3.24. A slider on fixed ground
+pulled through a spring has b_e, c_e, k_e and a stage at rest. A `kinematic` stage follows the drive, y = C u
+(Pohl's model, a tribometer).
 """
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-from ._jit import compiled
+from ._jit import compiled, inlined
 
 # Rows of the state vector; the internal states of the friction law follow.
 STAGE, STAGE_VELOCITY, SLIDER, SLIDER_VELOCITY, FIRST_BRISTLE = 0, 1, 2, 3, 4
@@ -42,7 +43,7 @@ class Mechanism(NamedTuple):
     rate: float
 
 
-@compiled
+@inlined
 def stage_acceleration(mech, u, y, w, force):
     """Acceleration of the stage for the drive u and the friction force."""
     return (
@@ -54,7 +55,7 @@ def stage_acceleration(mech, u, y, w, force):
     )
 
 
-@compiled
+@inlined
 def slider_acceleration(mech, u, x, s, force):
     """Acceleration of the slider for the drive u and the friction force."""
     return (
@@ -92,7 +93,8 @@ def joined(mech, offset):
         stage * mech.stage_stiffness + slider * mech.slider_stiffness,
         stage * mech.stage_damping + slider * mech.slider_damping,
         stage * mech.stage_drive + slider * mech.slider_drive,
-        stage * mech.stage_acceleration + slider * (mech.slider_acceleration - mech.slider_stiffness * offset),
+        stage * mech.stage_acceleration
+        + slider * (mech.slider_acceleration - mech.slider_stiffness * offset),
         0.0,
         0.0,
         0.0,

@@ -1,4 +1,5 @@
-"""The integrator against trajectories of an independent solver (SciPy's DOP853 at rtol 1e-13; see their README)."""
+"""The integrator against trajectories of an independent solver (SciPy's DOP853 at rtol 1e-13; see their
+README)."""
 
 from __future__ import annotations
 
@@ -51,7 +52,9 @@ def test_error_stays_below_ten_tolerances(problem: str, tolerance: float) -> Non
 def test_the_output_grid_does_not_change_the_solution(problem: str) -> None:
     coarse = simulate(PROBLEMS[problem], DRIVE, 0.4, sample_rate=1e3, tolerance=1e-10)
     fine = simulate(PROBLEMS[problem], DRIVE, 0.4, sample_rate=7919.0, tolerance=1e-10)
-    joint = simulate(PROBLEMS[problem], DRIVE, 0.4, times=np.union1d(coarse["time"], fine["time"]), tolerance=1e-10)
+    joint = simulate(
+        PROBLEMS[problem], DRIVE, 0.4, times=np.union1d(coarse["time"], fine["time"]), tolerance=1e-10
+    )
     for one in (coarse, fine):
         same = joint.sel(time=one["time"].values)
         for name in ("end_effector_position", "stage_position"):
@@ -67,7 +70,9 @@ def test_samples_between_steps_are_as_good_as_the_steps() -> None:
 
 @pytest.mark.parametrize("problem", PROBLEMS)
 def test_steady_step_is_that_of_the_settled_trajectory(problem: str) -> None:
-    assert steady_step(PROBLEMS[problem], DRIVE, tolerance=1e-11) == pytest.approx(NET_STEP[problem], abs=1e-11)
+    assert steady_step(PROBLEMS[problem], DRIVE, tolerance=1e-11) == pytest.approx(
+        NET_STEP[problem], abs=1e-11
+    )
     reference = np.load(REFERENCE / f"reference_{problem}.npz")
     settled = reference["xe"][-1] - reference["xe"][-201]
     assert steady_step(PROBLEMS[problem], DRIVE) == pytest.approx(settled, abs=2e-10)

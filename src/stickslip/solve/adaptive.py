@@ -1,9 +1,10 @@
-"""One trajectory, with adaptive steps: restarts at every break of the drive, events of the static laws, samples.
+"""One trajectory, with adaptive steps: restarts at every break of the drive, events of the static laws,
+samples.
 
-Between breaks and events the motion is smooth and Rodas5P takes over (see `rodas`). A static law adds two modes:
-sliding in one direction, until the sliding velocity comes back to zero, and rest, until the force that rest
-needs exceeds breakaway. Both ends are located on the step's continuous extension, and the step is then repeated
-to end there. Samples are read off the continuous extension: they cost no steps and change none.
+Between breaks and events the motion is smooth and Rodas5P takes over (see `rodas`). A static law adds two
+modes: sliding in one direction, until the sliding velocity comes back to zero, and rest, until the force that
+rest needs exceeds breakaway. Both ends are located on the step's continuous extension, and the step is then
+repeated to end there. Samples are read off the continuous extension: they cost no steps and change none.
 """
 
 from __future__ import annotations
@@ -36,8 +37,8 @@ DONE, STEP_TOO_SMALL, TOO_MANY_STEPS = 0, 1, 2
 # Modes of the contact.
 FREE, RESTING = 0, 1
 
-# Local error allowed in each step, as a fraction of the tolerance: measured so that the error at the end of eight
-# periods stays below the tolerance (docs/decisions/integrator.md).
+# Local error allowed in each step, as a fraction of the tolerance: measured so that the error at the end of
+# eight # periods stays below the tolerance (docs/decisions/integrator.md).
 _LOCAL = 0.05
 _REST_CHECKS = 8
 _SAMPLE_COLUMNS = 5  # stage, its velocity, slider, its velocity, friction force; then the internal states
@@ -53,7 +54,8 @@ def _segment(drive, t):
 
 @compiled
 def _follow(mech, offset, mode, u, du, q):
-    """Fill in the states that follow from others: a kinematic stage from the drive, a resting slider from the stage."""
+    """Fill in the states that follow from others: a kinematic stage from the drive, a resting slider from the
+    stage."""
     if mech.kinematic:
         q[STAGE] = mech.gain * u
         q[STAGE_VELOCITY] = mech.gain * du
@@ -182,6 +184,7 @@ def integrate(law, mech, drive, load, q, span, tolerance, max_steps, times, samp
     new, stage, probe = np.zeros(width), np.zeros(width), np.zeros(width)
     slopes = np.zeros((3, max(n_elements, 1)))
     rows = np.zeros((3, n))
+    sums = np.zeros((n, 2 * STAGES))
     account = np.zeros(energy.TERMS)
 
     t, t_end = span[0], span[1]
@@ -193,6 +196,7 @@ def integrate(law, mech, drive, load, q, span, tolerance, max_steps, times, samp
     h = math.inf
     fresh = True  # a break or an event: find the mode and the first step anew
     forced_rest = False
+    ending = False  # the present step has been cut to end at an event
     mode, offset, body = FREE, 0.0, mech
     while t < t_end:
         if fresh:
@@ -213,9 +217,9 @@ def integrate(law, mech, drive, load, q, span, tolerance, max_steps, times, samp
             t_break = min(t_break, load.start[j + 1])
         left = t_break - t
         last = h >= left
-        h_now = left if last else (0.5 * left if h > 0.5 * left else h)
+        h_now = left if last else (0.5 * left if h > 0.5 * left and not ending else h)
 
-        error = step(law, body, drive, i, load, j, t, h_now, q, U, new, stage, slopes, rows, local)
+        error = step(law, body, drive, i, load, j, t, h_now, q, U, new, stage, slopes, rows, sums, local)
         if n_elements > 0 and mode == FREE and error <= 1.0:
             v = q[STAGE_VELOCITY] - q[SLIDER_VELOCITY]
             v_new = new[STAGE_VELOCITY] - new[SLIDER_VELOCITY]
@@ -228,6 +232,7 @@ def integrate(law, mech, drive, load, q, span, tolerance, max_steps, times, samp
                     continue
         if not error <= 1.0:
             rejected += 1
+            ending = False
             h = h_now * (max(0.2, 0.9 * error**-0.2) if error < 1e300 else 0.1)
             if h <= 1e-15 * max(abs(t), 1e-3):
                 return STEP_TOO_SMALL, t, accepted, rejected
@@ -235,33 +240,31 @@ def integrate(law, mech, drive, load, q, span, tolerance, max_steps, times, samp
                 return TOO_MANY_STEPS, t, accepted, rejected
             continue
 
-        ended = False
         if n_elements == 0 and not mech.clamped and mech.reaction + mech.mobility > 0.0:
             direction = q[FIRST_BRISTLE]
             low, high = 0.0, 2.0
             checks = _REST_CHECKS if mode == RESTING and not forced_rest else 1
             for c in range(1, checks + 1):
                 interpolate(c / checks, q, new, rows, n, probe)
-                if _over(law, mech, mode, drive, i, load, j, t + c / checks * h_now, offset, direction, probe):
+                if _over(
+                    law, mech, mode, drive, i, load, j, t + c / checks * h_now, offset, direction, probe
+                ):
                     high = c / checks
                     break
                 low = c / checks
-            if high <= 1.0:
+            if high <= 1.0 and not ending:
                 theta = _crossing(
                     law, mech, mode, drive, i, load, j, t, h_now, offset, q, new, rows, n, low, high, probe
                 )
+                rejected += 1
                 if mode == FREE and theta * h_now <= 1e-12 * max(abs(t), 1.0):
                     # Sliding that stops where it began: the force sits at breakaway. Rest for one step.
                     forced_rest, fresh = True, True
                     q[SLIDER_VELOCITY] = q[STAGE_VELOCITY]
                     h = min(h_now, 1e-2 / mech.rate)
-                    rejected += 1
-                    continue
-                ended = True
-                if high < 1.0 or theta < 1.0:
-                    h_now *= theta
-                    last = False
-                    step(law, body, drive, i, load, j, t, h_now, q, U, new, stage, slopes, rows, local)
+                else:
+                    ending, h = True, max(theta * h_now, 1e-14 * max(abs(t), 1e-3))
+                continue
 
         accepted += 1
         if n_elements == 0:
@@ -278,7 +281,24 @@ def integrate(law, mech, drive, load, q, span, tolerance, max_steps, times, samp
             theta = (times[k] - t) / h_now
             if work.size > 0:
                 energy.add(
-                    law, mech, mode, drive, i, load, j, t, h_now, offset, q, new, rows, n, done, theta, probe, account
+                    law,
+                    mech,
+                    mode,
+                    drive,
+                    i,
+                    load,
+                    j,
+                    t,
+                    h_now,
+                    offset,
+                    q,
+                    new,
+                    rows,
+                    n,
+                    done,
+                    theta,
+                    probe,
+                    account,
                 )
                 done = theta
                 for c in range(energy.TERMS):
@@ -298,7 +318,24 @@ def integrate(law, mech, drive, load, q, span, tolerance, max_steps, times, samp
             k += 1
         if work.size > 0 and done < 1.0:
             energy.add(
-                law, mech, mode, drive, i, load, j, t, h_now, offset, q, new, rows, n, done, 1.0, probe, account
+                law,
+                mech,
+                mode,
+                drive,
+                i,
+                load,
+                j,
+                t,
+                h_now,
+                offset,
+                q,
+                new,
+                rows,
+                n,
+                done,
+                1.0,
+                probe,
+                account,
             )
 
         for c in range(width):
@@ -306,8 +343,9 @@ def integrate(law, mech, drive, load, q, span, tolerance, max_steps, times, samp
         t = t_new
         forced_rest = False
         grown = h_now * min(6.0, 0.9 * error**-0.2) if error > 0.0 else 6.0 * h_now
-        h = grown if not last or grown < h else max(h, grown)
-        if ended:
+        h = max(h, grown) if last else grown  # a step cut short by a break says little about the next
+        if ending:
+            ending = False
             if mode == FREE:
                 q[SLIDER_VELOCITY] = q[STAGE_VELOCITY]
             fresh = True

@@ -1,7 +1,7 @@
 r"""The energy account of a trajectory: where the work of the drive went.
 
-Four running integrals, by Gauss-Legendre quadrature on the continuous extension of each step, per unit mass of the stage
-for the first two:
+Four running integrals, by Gauss-Legendre quadrature on the continuous extension of each step, per unit mass
+of the stage for the first two:
 
 .. math:: \int b u \dot y\,dt, \quad \int c \dot y^2\,dt, \quad \int F \dot y\,dt, \quad \int F \dot x_e\,dt
 

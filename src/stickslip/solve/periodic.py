@@ -1,9 +1,10 @@
 r"""Steady stepping: the periodic orbit itself, by shooting, instead of waiting for it.
 
-Once periodic, everything but the position of the end-effector repeats from period to period, and that position moves on
-by the net step. So with r the state without the position, and G the map of r over one period, the orbit is r = G(r). It
-is found by Newton's method on differences of G; where that does not bring the residual down (a static law makes G
-discontinuous), the map itself is iterated, which is what waiting would do.
+Once periodic, everything but the position of the end-effector repeats from period to period, and that
+position moves on by the net step. So with r the state without the position, and G the map of r over one
+period, the orbit is r = G(r). It is found by Newton's method on differences of G; where that does not bring
+the residual down (a static law makes G discontinuous), the map itself is iterated, which is what waiting
+would do.
 """
 
 from __future__ import annotations
@@ -22,9 +23,9 @@ _NOTHING = np.zeros(0), np.zeros((0, 5 + 1)), np.zeros((0, 4))
 
 
 class Orbit(NamedTuple):
-    """A periodic orbit: `step`, net displacement per period, m; `state` at the start of the period; `multipliers`, by
-    which a small disturbance grows over one period (stable where all are below 1 in size); `converged`, with the
-    `residual` left in it, m; `periods` integrated to find it."""
+    """A periodic orbit: `step`, net displacement per period, m; `state` at the start of the period;
+    `multipliers`, by which a small disturbance grows over one period (stable where all are below 1 in size);
+    `converged`, with the `residual` left in it, m; `periods` integrated to find it."""
 
     step: float
     state: NDArray[np.float64]
@@ -44,7 +45,8 @@ def find_orbit(
     tolerance: float,
     max_periods: int = 400,
 ) -> Orbit:
-    """The periodic orbit reached from the state `start`; see the module. `tolerance` in m, on the net step."""
+    """The periodic orbit reached from the state `start`; see the module. `tolerance` in m, on the net
+    step."""
     span = np.array([0.0, period])
     fine = 0.1 * tolerance
     rows = np.array(_shooting_rows(law, mech))
@@ -101,7 +103,8 @@ def find_orbit(
     q = start.copy()
     q[rows] = r
     q[SLIDER] = 0.0
-    return Orbit(step, q, np.linalg.eigvals(jacobian), residual <= tolerance, residual, count)
+    multipliers = np.linalg.eigvals(jacobian).astype(np.complex128)
+    return Orbit(step, q, multipliers, residual <= tolerance, residual, count)
 
 
 def _shooting_rows(law: Any, mech: Mechanism) -> list[int]:

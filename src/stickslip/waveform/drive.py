@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .._jit import compiled
+from .._jit import inlined
 
 
 class Drive(NamedTuple):
@@ -47,7 +47,7 @@ def constant(value: float) -> Drive:
     )
 
 
-@compiled
+@inlined
 def value_slope_curvature(drive, i, t):
     """u, du/dt and d²u/dt² at time t, by the formula of segment i."""
     tau = t - drive.start[i]

@@ -1,0 +1,9 @@
+"""From a model and a drive signal to a labelled trajectory: the public calls over the engines in `solve`."""
+
+from .errors import NotPeriodicError as NotPeriodicError
+from .errors import SimulationError as SimulationError
+from .errors import SimulationWarning as SimulationWarning
+from .prescribed import friction_response as friction_response
+from .steady import steady_orbit as steady_orbit
+from .steady import steady_step as steady_step
+from .trajectory import simulate as simulate

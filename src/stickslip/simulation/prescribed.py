@@ -1,0 +1,94 @@
+"""A friction law under a prescribed motion (a tribometer)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from ..friction import elements, is_law
+from ..mechanism import FIRST_BRISTLE
+from ..recording import make_recording
+from ..solve.adaptive import DONE, integrate
+from ..units import QuantityError
+from ..waveform.drive import Drive
+from .errors import SimulationError
+from .models import IMMOBILE
+
+
+def friction_response(
+    law: Any,
+    time: ArrayLike,
+    position: ArrayLike,
+    *,
+    normal_force: ArrayLike | None = None,
+    reference_normal_force: float = 1.0,
+    tolerance: float = 1e-10,
+) -> xr.Dataset:
+    """The force of a friction law under a prescribed motion, from a contact at rest (a tribometer).
+
+    Position and normal force are taken linear between the samples; at a sample, the force is that of the
+    interval which ends there. With `reference_normal_force` = 1 N the law's forces are per newton: its
+    Coulomb force is mu.
+
+    Args:
+        law: friction law record; its forces hold at `reference_normal_force`.
+        time: s, [n], ascending.
+        position: m, [n], of the driving body relative to the driven one.
+        normal_force: N, [n]; the reference, if left out.
+        reference_normal_force: N.
+        tolerance: m, on the bristle deflections.
+
+    Returns:
+        Dataset over "time" with position (m), friction_force (N) and the bristle deflections (m).
+
+    Raises:
+        QuantityError: arrays of different length, times not ascending, no law.
+    """
+    if not is_law(law):
+        raise QuantityError(f"{law!r} is no friction law")
+    t, x = (np.ascontiguousarray(a, dtype=float) for a in (time, position))
+    if t.ndim != 1 or t.shape != x.shape or t.size < 2 or not np.all(np.diff(t) > 0.0):
+        raise QuantityError("time [s] and position [m] must be of one length, at least 2, and time ascending")
+    shifted = t - t[0]
+    ratio = np.ones(t.size)
+    if normal_force is not None:
+        ratio = np.asarray(normal_force, dtype=float) / reference_normal_force
+        if ratio.shape != t.shape:
+            raise QuantityError("normal_force [N] must have one value per time")
+    drive = _linear(shifted, x)
+    load = _linear(shifted, ratio)
+    mech = IMMOBILE._replace(kinematic=True, gain=1.0)
+    q = np.zeros(FIRST_BRISTLE + max(elements(law), 1))
+    samples = np.full((t.size, q.size + 1), np.nan)
+    outcome, reached, _, _ = integrate(
+        law,
+        mech,
+        drive,
+        load,
+        q,
+        shifted[[0, -1]],
+        tolerance,
+        1000 * t.size,
+        shifted,
+        samples,
+        np.zeros((0, 4)),
+    )
+    if outcome != DONE:
+        raise SimulationError(f"the friction law could not be followed beyond t = {t[0] + reached:.6g} s")
+    variables: dict[str, Any] = {"position": x, "friction_force": samples[:, 4]}
+    for e in range(elements(law)):
+        variables[f"bristle_deflection_{e + 1}"] = (samples[:, 5 + e], "m")
+    return make_recording(t, variables, title=f"{type(law).__name__} under a prescribed motion")
+
+
+def _linear(t: NDArray[np.float64], values: NDArray[np.float64]) -> Drive:
+    """A table that is linear between samples."""
+    polynomial = np.zeros((t.size - 1, 4))
+    polynomial[:, 0] = values[:-1]
+    polynomial[:, 1] = np.diff(values) / np.diff(t)
+    return Drive(
+        float(values[0]), t[:-1].copy(), polynomial, np.zeros(t.size, dtype=np.int64), np.zeros((0, 4))
+    )

@@ -1,0 +1,72 @@
+"""Steady stepping of an actuator: the periodic motion and its net step."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..actuator import Actuator
+from ..solve.periodic import Orbit, find_orbit
+from ..units import QuantityError, with_prefix
+from ..waveform.drive import constant
+from ..waveform.signal import Waveform
+from .errors import NotPeriodicError
+from .models import checked_drive, mechanism, resting_state
+
+
+def steady_orbit(
+    model: Actuator, waveform: Waveform, *, tolerance: float = 1e-10, load: Waveform | None = None
+) -> Orbit:
+    """The periodic motion under a periodic drive, with its multipliers; see `solve.periodic`.
+
+    Args:
+        model: an actuator.
+        waveform: periodic (one with a `period`).
+        tolerance: m, on the net step.
+
+    Raises:
+        QuantityError: the waveform has no period, or see `simulate`.
+    """
+    period = getattr(waveform, "period", None)
+    if period is None:
+        raise QuantityError(
+            f"steady stepping needs a periodic waveform; {type(waveform).__name__} has no period"
+        )
+    if math.isfinite(waveform.duration):  # a given number of periods: look at the endless one
+        waveform = waveform._replace(periods=None)  # type: ignore[attr-defined]
+    table = checked_drive(model, waveform, float(period), periodic=True)
+    mech = mechanism(model)
+    start = resting_state(model.friction, mech, table.before)
+    load_table = load.drive(period) if load is not None else constant(1.0)
+    return find_orbit(model.friction, mech, table, load_table, start, float(period), float(tolerance))
+
+
+def steady_step(
+    model: Actuator, waveform: Waveform, *, tolerance: float = 1e-10, load: Waveform | None = None
+) -> float:
+    """Net displacement of the end-effector per period once the motion is periodic, m; negative when it walks
+    back.
+
+    The periodic orbit is solved for, not waited for. Arguments as for `steady_orbit`, which also gives the
+    multipliers.
+
+    Raises:
+        NotPeriodicError: no orbit of the drive's period was found, or it is unstable.
+        QuantityError: see `steady_orbit`.
+    """
+    orbit = steady_orbit(model, waveform, tolerance=tolerance, load=load)
+    largest = float(np.max(np.abs(orbit.multipliers), initial=0.0))
+    if not orbit.converged:
+        raise NotPeriodicError(
+            f"no motion with the period of the drive was found in {orbit.periods} periods: the state still "
+            f"changes by {with_prefix(orbit.residual, 'm')} per period (largest multiplier {largest:.3g})",
+            orbit,
+        )
+    if largest > 1.0 + 1e-6:
+        raise NotPeriodicError(
+            f"the motion with the period of the drive is unstable (largest multiplier {largest:.3g}): the "
+            "actuator will not settle into it",
+            orbit,
+        )
+    return orbit.step

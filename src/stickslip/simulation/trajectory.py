@@ -1,0 +1,196 @@
+"""One trajectory of an actuator or a pulled slider, labelled."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from ..actuator import Actuator, PulledSlider
+from ..friction import elements
+from ..mechanism import SLIDER, STAGE, STAGE_VELOCITY
+from ..recording import make_recording
+from ..solve import energy as accounts
+from ..solve.adaptive import DONE, STEP_TOO_SMALL, integrate
+from ..units import QuantityError, with_prefix
+from ..waveform.drive import Drive, constant, evaluate
+from ..waveform.signal import Waveform
+from .errors import SimulationError, SimulationWarning
+from .models import checked_drive, mechanism, resting_state
+
+_OUTCOMES = {STEP_TOO_SMALL: "the step size fell below what floating point can resolve"}
+
+
+def simulate(
+    model: Actuator | PulledSlider,
+    waveform: Waveform,
+    duration: float | None = None,
+    *,
+    sample_rate: float = 1e3,
+    times: ArrayLike | None = None,
+    tolerance: float = 1e-9,
+    load: Waveform | None = None,
+    energy: bool = False,
+    max_steps: int = 20_000_000,
+) -> xr.Dataset:
+    """The trajectory of a model under a drive signal, from rest.
+
+    Args:
+        model: an `Actuator`, or a `PulledSlider`.
+        waveform: the drive: V for an actuator, m (the spring's far end) for a pulled slider.
+        duration: s; left out, that of the waveform, if it ends.
+        sample_rate: samples per second of the output. The solution does not depend on it.
+        times: sample times instead, s, ascending, from 0 or later.
+        tolerance: m, on the end-effector's position: adaptive steps keep the error of the whole trajectory
+            near it.
+        load: normal force over the reference normal force at which the friction parameters hold; 1 if left
+            out.
+        energy: add the energy account (actuators only): `drive_work`, `stage_dissipation`, `friction_work`,
+            `external_work`, `kinetic_energy`, `elastic_energy`, and `energy_defect`, which a perfect solution
+            has at 0.
+        max_steps: give up after so many steps.
+
+    Returns:
+        Dataset over "time" (s) with end_effector_position, stage_position, sliding_displacement (m),
+        friction_force (N, on the end-effector), drive_voltage or spring_position, velocities (m/s), bristle
+        deflections (m). If the motion could not be followed to the end: a `SimulationWarning`, the part until
+        then, and the reason in attrs["outcome"].
+
+    Raises:
+        QuantityError: a drive outside the actuator's voltage range, wrong unit, bad times, tolerance or rate.
+        SimulationError: not even two samples could be computed.
+    """
+    times = _sample_times(waveform, duration, sample_rate, times)
+    law = model.friction
+    mech = mechanism(model)
+    end = float(times[-1])
+    table = checked_drive(model, waveform, end, periodic=False)
+    q = resting_state(law, mech, table.before)
+    start = q.copy()
+    if not tolerance > 0.0:
+        raise QuantityError(f"tolerance = {tolerance} m must be > 0 m")
+    if energy and not isinstance(model, Actuator):
+        raise QuantityError("the energy account is kept for an Actuator only")
+    samples = np.full((times.size, q.size + 1), np.nan)
+    work = np.zeros((times.size if energy else 0, accounts.TERMS))
+    load_table = load.drive(end) if load is not None else constant(1.0)
+    outcome, reached, steps, rejected = integrate(
+        law,
+        mech,
+        table,
+        load_table,
+        q,
+        np.array([0.0, end]),
+        float(tolerance),
+        max_steps,
+        times,
+        samples,
+        work,
+    )
+    text = "complete"
+    if outcome != DONE:
+        reason = _OUTCOMES.get(outcome, f"more than {max_steps} steps were needed")
+        text = f"stopped at t = {with_prefix(reached, 's')} of {with_prefix(end, 's')}: {reason}"
+        keep = np.isfinite(samples[:, 0])
+        times, samples, work = times[keep], samples[keep], work[keep] if energy else work
+        if times.size < 2:
+            raise SimulationError(text)
+        warnings.warn(text, SimulationWarning, stacklevel=2)
+    variables: dict[str, Any] = _variables(model, samples, table, times)
+    if energy:
+        assert isinstance(model, Actuator)
+        variables |= _account(model, samples, work, start)
+    made = make_recording(times, variables, title=f"simulation of {model.name or type(model).__name__}")
+    made.attrs.update(
+        outcome=text,
+        tolerance=tolerance,
+        steps=steps,
+        rejected_steps=rejected,
+        model=repr(model),
+        drive=repr(waveform),
+    )
+    return made
+
+
+def _sample_times(
+    waveform: Waveform, duration: float | None, sample_rate: float, times: ArrayLike | None
+) -> NDArray[np.float64]:
+    if times is not None:
+        made = np.ascontiguousarray(times, dtype=float)
+        if made.ndim != 1 or made.size < 2 or made[0] < 0.0 or not np.all(np.diff(made) > 0.0):
+            raise QuantityError("times [s] must be at least two numbers, ascending, from 0 s or later")
+        return made
+    if duration is None:
+        duration = waveform.duration
+    if not (math.isfinite(duration) and duration > 0.0):
+        raise QuantityError(
+            f"duration = {duration} s must be finite and > 0 s (this drive has no end of its own)"
+        )
+    if not (math.isfinite(sample_rate) and sample_rate > 0.0):
+        raise QuantityError(f"sample_rate = {sample_rate} Hz must be > 0 Hz")
+    count = math.floor(duration * sample_rate * (1.0 + 1e-12) + 1e-9)
+    if count < 1:
+        raise QuantityError(
+            f"duration = {duration:g} s holds no interval at sample_rate = {sample_rate:g} Hz"
+        )
+    return np.arange(count + 1) / sample_rate
+
+
+def _variables(
+    model: Actuator | PulledSlider, samples: NDArray[np.float64], table: Drive, times: NDArray[np.float64]
+) -> dict[str, Any]:
+    y, w, x, s, force = samples[:, :5].T
+    drive = evaluate(table, times)[0]
+    variables: dict[str, Any] = {"end_effector_position": x}
+    if isinstance(model, Actuator):
+        variables |= {"stage_position": y, "sliding_displacement": y - x}
+    variables["friction_force"] = force
+    if isinstance(model, Actuator):
+        variables |= {"drive_voltage": drive, "stage_velocity": w}
+    else:
+        variables |= {
+            "spring_position": (drive, "m"),
+            "spring_force": (model.spring_stiffness * (drive - x), "N"),
+        }
+    variables["end_effector_velocity"] = s
+    n = elements(model.friction)
+    for e in range(n):
+        name = "bristle_deflection" if n == 1 else f"bristle_deflection_{e + 1}"
+        variables[name] = (samples[:, 5 + e], "m")
+    return variables
+
+
+def _account(
+    model: Actuator, samples: NDArray[np.float64], work: NDArray[np.float64], start: NDArray[np.float64]
+) -> dict[str, Any]:
+    """The energy account, J: the drive's work is stored, dissipated in the stage, or taken by the contact.
+
+    Where the model drops the reaction of the friction on the stage, the contact's work on the stage is
+    nobody's loss; it is left out of the stage's balance just as the model leaves it out.
+    """
+    y, w, x, s = samples[:, :4].T
+    m, m_e = (0.0 if model.static else model.stage_mass), model.end_effector_mass
+    k = 0.0 if model.static else model.stage_stiffness
+    if model.clamped:  # one body: the end-effector's mass is in the stage's
+        m_e = 0.0
+    on_stage = work[:, 2] if model.stage_reaction and not model.static and not model.clamped else 0.0
+    on_slider = 0.0 if model.clamped else work[:, 3]
+    kinetic = 0.5 * m * w**2 + 0.5 * m_e * s**2
+    elastic = 0.5 * k * y**2
+    external = 0.0 * x if model.clamped else model.axial_force * (x - start[SLIDER])
+    drive, damping = m * work[:, 0], m * work[:, 1]
+    at_start = 0.5 * k * start[STAGE] ** 2 + 0.5 * m * start[STAGE_VELOCITY] ** 2
+    stored = kinetic + elastic - at_start
+    return {
+        "drive_work": (drive, "J"),
+        "stage_dissipation": (damping, "J"),
+        "friction_work": (work[:, 2] - work[:, 3], "J"),
+        "external_work": (external, "J"),
+        "kinetic_energy": (kinetic, "J"),
+        "elastic_energy": (elastic, "J"),
+        "energy_defect": (drive + external + on_slider - on_stage - damping - stored, "J"),
+    }
