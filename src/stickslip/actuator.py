@@ -9,7 +9,7 @@ Stage (its spring is the piezo) and end-effector on it, y and x_e along +x [kang
 F_f is the friction force of the stage on the end-effector. The fields say which of the thesis's models it is:
 `stage_reaction` false drops F_f/m (eq. 3.24); an infinite `natural_frequency` makes the stage static, y = C u
 (eq. 1.1, Pohl); a `Coulomb` law makes it Chang and Li's model; `clamped` fixes the end-effector to the stage
-(the step test).
+(the step test), whose frequency and damping then are those identified with it on.
 """
 
 from __future__ import annotations

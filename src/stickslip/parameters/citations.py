@@ -1,12 +1,14 @@
 """Credit where it is due: BibTeX for parameter sets, friction laws and recordings.
 
-Keys are written in square brackets wherever something comes from a source, ``[canudas1995]`` in the docstring
-of a law for example, and are found there: nothing has to be registered twice.
+Keys are written in square brackets wherever something comes from a source, ``[canudas1995]`` in the
+docstring of a law for example, and are found there: nothing has to be registered twice. Of a law, its own
+docstring and the first paragraph of its file are searched.
 """
 
 from __future__ import annotations
 
 import re
+import sys
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -26,9 +28,9 @@ def references() -> dict[str, str]:
     }
 
 
-def keys_in(text: str | None) -> tuple[str, ...]:
+def keys_in(text: str) -> tuple[str, ...]:
     """The known citation keys that stand in square brackets in a text, in order."""
-    bracketed = " ".join(re.findall(r"\[([^][]*)\]", text or ""))
+    bracketed = " ".join(re.findall(r"\[([^][]*)\]", text))
     return tuple(dict.fromkeys(word for word in re.findall(r"\w+", bracketed) if word in references()))
 
 
@@ -52,11 +54,12 @@ def citation_keys(thing: Any) -> tuple[str, ...]:
             hint = did_you_mean(thing, (*references(), *available_sets()))
             raise ParameterSetError(f"there is no reference and no parameter set {thing!r}{hint}")
         return load_set(thing).citations
-    if hasattr(thing, "citation_keys"):
+    if not isinstance(thing, type) and hasattr(thing, "citation_keys"):
         return tuple(thing.citation_keys)
     record_type = thing if isinstance(thing, type) else type(thing)
     if hasattr(record_type, "_fields"):
-        return keys_in(record_type.__doc__)
+        headline = (sys.modules[record_type.__module__].__doc__ or "").partition("\n\n")[0]
+        return keys_in(f"{headline} {record_type.__doc__}")
     if hasattr(thing, "attrs"):  # a recording says its keys in the attribute "citation"
         return tuple(re.findall(r"\w+", thing.attrs.get("citation", "")))
     raise TypeError(f"a {type(thing).__name__} has no sources to cite")

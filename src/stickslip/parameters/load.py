@@ -123,9 +123,9 @@ def _read(name: str, file: Path) -> ParameterSet:
     friction = tables.pop("friction", None)
     if friction is None:
         raise ParameterSetError(f"{file}: [friction] is missing; its law is one of {', '.join(_laws())}")
-    law = friction.pop("law", "")
+    law = str(friction.pop("law", ""))
     if law not in _laws():
-        hint = did_you_mean(str(law), _laws())
+        hint = did_you_mean(law, _laws())
         raise ParameterSetError(
             f"{file}: [friction] law = {law!r} is unknown{hint}; known are {', '.join(_laws())}"
         )
@@ -209,8 +209,13 @@ def build(record_type: type[T], entries: dict[str, Entry], where: str, **given: 
         if field not in fields:
             hint = did_you_mean(field, fields)
             raise ParameterSetError(f"{where}: [{field}] is unknown{hint}; known are {', '.join(fields)}")
+        if field not in specs:
+            if entry.unit:
+                raise ParameterSetError(f"{where}: [{field}] unit = {entry.unit!r}, but it takes no unit")
+            values[field] = entry.value
+            continue
         try:
-            values[field] = _with_unit(entry.value, entry.unit, specs[field].unit if field in specs else "")
+            values[field] = _with_unit(entry.value, entry.unit, specs[field].unit)
         except QuantityError as error:
             raise ParameterSetError(f"{where}: [{field}] {error}; {specs[field].range_text()}") from None
     try:

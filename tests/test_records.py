@@ -1,0 +1,207 @@
+"""Records of quantities: checked at construction, frozen, equal only to their like."""
+
+from __future__ import annotations
+
+import copy
+import inspect
+import math
+import operator
+import pickle
+from typing import Annotated, NamedTuple
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from stickslip._jit import compiled
+from stickslip.friction import Dahl, LuGre, MaxwellSlip
+from stickslip.records import Quantity, did_you_mean, quantities, record
+from stickslip.units import QuantityError
+
+
+@record
+class Beam(NamedTuple):
+    """A beam, for these tests."""
+
+    mass: Annotated[float, Quantity("kg", "m", "mass", above=0)]
+    stiffness: Annotated[float, Quantity("N/m", "k", "stiffness", minimum=0)]
+    share: Annotated[float, Quantity("", "s", "share of it", minimum=0, below=1)] = 0.5
+    limit: Annotated[float, Quantity("V", "u", "limit", minimum=-math.inf, maximum=math.inf)] = math.inf
+    load: Annotated[float | None, Quantity("N", "F", "load")] = None
+    modes: Annotated[tuple[float, ...], Quantity("rad/s", "ω", "frequency of each mode", above=0)] = ()
+    label: str = ""
+
+    def _check(self) -> None:
+        if self.load is not None and self.load > self.stiffness:
+            raise QuantityError("Beam.load is too large for its stiffness")
+
+
+@record
+class Plank(NamedTuple):
+    """Other fields, other type, the same values possible."""
+
+    weight: Annotated[float, Quantity("kg", "m", "mass", above=0)]
+    hardness: Annotated[float, Quantity("N/m", "k", "stiffness", minimum=0)]
+
+
+def test_strings_become_si_and_tuples_stay_tuples() -> None:
+    beam = Beam("98.2 g", "1.399 N/um", share="25 %", load="1 mN", modes=["1 kHz", 5.0], label="a")  # type: ignore[arg-type]
+    assert beam == Beam(0.0982, 1.399e6, 0.25, math.inf, 1e-3, (2000 * math.pi, 5.0), "a")
+    assert all(type(value) is float for value in (*beam[:5], *beam.modes))
+    assert Beam(1, 2, modes=np.array([3, 4])).modes == (3.0, 4.0)  # type: ignore[arg-type]
+    assert Beam(1, 2).load is None
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "says"),
+    [
+        ("mass", -1, "-1 kg is out of range: mass must be > 0 kg"),
+        ("mass", 0, "0 kg is out of range: mass must be > 0 kg"),
+        ("mass", "-5 g", "'-5 g' is out of range: mass must be > 0 kg"),
+        ("mass", "65 A", "'65 A' has the unit 'A', which is no kg (expected kg): mass must be > 0 kg"),
+        ("mass", math.nan, "nan kg is out of range: mass must be > 0 kg"),
+        ("mass", "nan kg", "is out of range: mass must be > 0 kg"),
+        ("mass", math.inf, "inf kg is out of range: mass must be > 0 kg"),
+        ("mass", True, "is not a number (expected kg): mass must be > 0 kg"),
+        ("mass", None, "is not a number (expected kg): mass must be > 0 kg"),
+        ("mass", "", "does not begin with a number (expected kg): mass must be > 0 kg"),
+        ("mass", "heavy", "does not begin with a number (expected kg): mass must be > 0 kg"),
+        ("mass", 10**400, "too large for a number (expected kg): mass must be > 0 kg"),
+        ("mass", (1.0, 2.0), "is not a number (expected kg): mass must be > 0 kg"),
+        ("stiffness", -1e-9, "stiffness must be >= 0 N/m"),
+        ("share", 1, "share of it must be >= 0 and < 1"),
+        ("limit", math.nan, "limit must be a finite number in V"),
+        ("load", math.inf, "load must be a finite number in N"),
+        ("load", -math.inf, "load must be a finite number in N"),
+        ("modes", 3.0, "must be a list, each value > 0 rad/s"),
+        ("modes", "3 Hz", "must be a list, each value > 0 rad/s"),
+        ("modes", None, "must be a list, each value > 0 rad/s"),
+        ("modes", [1.0, -1.0], "[1] = -1 rad/s is out of range: frequency of each mode must be > 0 rad/s"),
+        ("modes", [[1.0]], "[0] = [1.0] is not a number"),
+    ],
+)
+def test_refuses(field: str, value: object, says: str) -> None:
+    good = Beam(1.0, 2.0)
+    for attempt in (
+        lambda: Beam(**{"mass": 1.0, "stiffness": 2.0, field: value}),  # type: ignore[arg-type]
+        lambda: good._replace(**{field: value}),
+    ):
+        with pytest.raises(QuantityError) as caught:
+            attempt()
+        assert str(caught.value).startswith(f"Beam.{field}")
+        assert says in str(caught.value)
+
+
+def test_infinity_only_where_it_is_the_limit() -> None:
+    assert Beam(1, 2, limit=-math.inf).limit == -math.inf
+    one_sided = Quantity("V", "u", "upper", above=0, maximum=math.inf)
+    assert one_sided.check("inf V", "u") == math.inf
+    with pytest.raises(QuantityError, match="must be > 0 V"):
+        one_sided.check(-math.inf, "u")
+
+
+def test_arguments() -> None:
+    with pytest.raises(QuantityError, match=r"Beam\.stiffness is missing \(stiffness, >= 0 N/m\)"):
+        Beam(1.0)  # type: ignore[call-arg]
+    with pytest.raises(
+        QuantityError, match=r"Beam has no field 'stifness' \(did you mean 'stiffness'\?\); it has mass, "
+    ):
+        Beam(1.0, stifness=2.0)  # type: ignore[call-arg]
+    with pytest.raises(QuantityError, match=r"Beam\.mass is given twice"):
+        Beam(1.0, 2.0, mass=1.0)  # type: ignore[misc]
+    with pytest.raises(QuantityError, match=r"Beam has 7 fields \(mass, .*\), 8 values were given"):
+        Beam(*range(1, 9))  # type: ignore[call-arg]
+    with pytest.raises(QuantityError, match=r"Beam has no field 'sigma_0'; it has"):
+        Beam(1.0, 2.0)._replace(sigma_0=1.0)
+
+
+def test_the_record_as_a_whole_is_checked() -> None:
+    with pytest.raises(QuantityError, match="too large"):
+        Beam(1, 2, load=3)
+    with pytest.raises(QuantityError, match="too large"):
+        Beam(1, 2, load=1)._replace(stiffness=0.5)
+    with pytest.raises(QuantityError, match="must be > 0 kg"):
+        Beam._make([-1.0, 2.0, 0.5, 0.0, None, (), ""])
+
+
+def test_equal_only_to_its_like() -> None:
+    beam, plank = Beam(1, 2), Plank(1, 2)
+    short = Plank(1.0, 2.0)
+    assert plank == short
+    assert not operator.ne(plank, short)
+    assert hash(plank) == hash(short)
+    assert {beam, Beam(1, 2), plank, short} == {beam, plank}
+    for other in (beam, (1.0, 2.0), [1.0, 2.0], None, 1.0):
+        assert plank != other
+        assert not operator.eq(plank, other)
+        assert other != plank
+    dahl, lugre = Dahl(1e6, 0.5), LuGre(1e6, 0.5, 0.0, 0.5, 0.5)
+    assert dahl != LuGre._make(lugre)
+    assert lugre != tuple(lugre)
+
+
+@pytest.mark.parametrize("duplicate", [copy.copy, copy.deepcopy, lambda r: pickle.loads(pickle.dumps(r))])
+@pytest.mark.parametrize(
+    "made", [Beam(1, 2, modes=(3.0,)), MaxwellSlip((1e6, 2e6), (0.1, 0.2)), Dahl(1e6, 0.5)]
+)
+def test_copies_are_equal_and_of_the_same_type(made: object, duplicate: object) -> None:
+    again = duplicate(made)  # type: ignore[operator]
+    assert again == made
+    assert type(again) is type(made)
+
+
+def test_frozen() -> None:
+    beam = Beam(1, 2)
+    with pytest.raises(AttributeError):
+        beam.mass = 2.0  # type: ignore[misc]
+    with pytest.raises(AttributeError):
+        beam.colour = "red"  # type: ignore[attr-defined]
+    assert beam._replace(mass=3) == Beam(3, 2)
+    assert beam == Beam(1, 2)
+
+
+def test_what_tools_see() -> None:
+    assert list(inspect.signature(Beam).parameters) == [
+        "mass",
+        "stiffness",
+        "share",
+        "limit",
+        "load",
+        "modes",
+        "label",
+    ]
+    assert inspect.signature(Beam).parameters["share"].default == 0.5
+    assert Beam.__doc__ == "A beam, for these tests."
+    assert (Beam.__name__, Beam.__module__) == ("Beam", __name__)
+    assert list(quantities(Beam)) == ["mass", "stiffness", "share", "limit", "load", "modes"]
+    assert quantities(Beam)["mass"] == Quantity("kg", "m", "mass", above=0)
+    assert did_you_mean("sigma0", ("sigma_0", "mass")) == " (did you mean 'sigma_0'?)"
+    assert did_you_mean("xyz", ("sigma_0", "mass")) == ""
+
+
+@compiled
+def _energy(beam, x):
+    return 0.5 * beam.stiffness * x * x
+
+
+@compiled
+def _stiffer(plank, factor):
+    return Plank(plank.weight, factor * plank.hardness)
+
+
+def test_compiled_functions_take_and_make_records() -> None:
+    assert _energy(Beam(1, 8), 0.5) == 1.0
+    made = _stiffer(Plank(1, 2), 3.0)
+    assert made == Plank(1, 6)
+    with pytest.raises(QuantityError, match="must be >= 0 N/m"):
+        _stiffer(Plank(1, 2), -3.0)  # checked when it comes back to Python
+
+
+@given(st.floats())
+def test_range_of_any_float(number: float) -> None:
+    try:
+        assert Quantity("", "s", "share", minimum=0, below=1).check(number, "s") == number
+        assert 0 <= number < 1
+    except QuantityError:
+        assert not 0 <= number < 1
