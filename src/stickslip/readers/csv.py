@@ -113,6 +113,14 @@ def _numbers(column: pd.Series, kind: str) -> np.ndarray:
     return since_1970.total_seconds().to_numpy()
 
 
+def _is_date(text: str) -> bool:
+    try:
+        _numbers(pd.Series([text]), "d")
+    except ValueError:
+        return False
+    return True
+
+
 def _rows(path: Path, layout: TextLayout) -> Iterator[tuple[int, str]]:
     """Number (from 1) and text of each line of data: the slow way, to say where an error is."""
     with path.open(encoding=layout.encoding, errors="replace") as file:
@@ -133,9 +141,9 @@ def _explained(path: Path, layout: TextLayout, indices: list[int], error: Except
         if len(fields) > width and any(fields[width:]):
             return RecordingError(f"line {number} has {len(fields)} fields, the header {width}")
         for i in indices:
-            if i < len(fields) and not layout.fits(fields[i], i):
-                name = layout.names[i]
-                what = "a date" if layout.kinds[i] == "d" else "a number"
+            dates = layout.kinds[i] == "d"
+            if i < len(fields) and not (layout.fits(fields[i], i) and (not dates or _is_date(fields[i]))):
+                name, what = layout.names[i], "a date" if dates else "a number"
                 return RecordingError(f"line {number}, column {name!r}: {fields[i]!r} is not {what}")
     return RecordingError(f"{error}")
 

@@ -127,16 +127,28 @@ def _encoding(head: bytes) -> str:
 
 
 def _ways(delimiter: str | None, decimal: str | None) -> list[tuple[str, str]]:
-    ways = [("\t", "."), ("\t", ","), (";", "."), (";", ","), (",", "."), (SPACE, "."), (SPACE, ",")]
+    ways = [
+        ("\t", "."),
+        ("\t", ","),
+        (";", "."),
+        (";", ","),
+        (",", "."),
+        (SPACE, "."),
+        (SPACE, ","),
+        (",", ","),
+    ]
     if delimiter is not None:
         ways = [(SPACE if delimiter in (" ", "") else delimiter, sign) for sign in ".,"]
-    return [(split, sign) for split, sign in ways if decimal in (None, sign) and split != sign]
+    return [(split, sign) for split, sign in ways if decimal in (None, sign)]
 
 
 def _judge(lines: Sequence[str], ways: Sequence[tuple[str, str]]) -> tuple[str, str, str]:
     """The kinds of the columns, delimiter and decimal sign of the best way; the first of equals."""
     best, best_score = ("", "", "."), (0, 0, 0)
+    quoted = any('"' in line for line in lines)
     for delimiter, decimal in ways:
+        if delimiter == decimal and not quoted:
+            continue
         rows = (_kinds(_split(line, delimiter), decimal).replace("e", "n") for line in lines)
         counted = Counter(kinds for kinds in rows if "n" in kinds)
         for kinds, count in counted.most_common(1):

@@ -36,7 +36,7 @@ def read_npz(path: Path) -> Source:
         RecordingError: the file is damaged or holds objects.
     """
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
     except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
         raise RecordingError(f"not a readable NPZ file (cut off or damaged?): {error}") from error

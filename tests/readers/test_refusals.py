@@ -1,0 +1,193 @@
+"""Files and requests that cannot become a recording: the error names file, place, column and unit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.io
+
+from stickslip.readers import read_recording
+from stickslip.recording import RecordingError, make_recording, save_recording
+
+GOOD = "t [s],x [um]\n" + "".join(f"{i},{i}.5\n" for i in range(30))
+
+
+def _with_line(number: int, line: str) -> str:
+    lines = GOOD.splitlines()
+    lines[number - 1] = line
+    return "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "the file is empty"),
+        ("\n\n", "no rows of numbers in the first 3 lines"),
+        ("only words\nand more of them\n", "no rows of numbers"),
+        ("t [s],x [um]\n", "no rows of numbers"),
+        (_with_line(2, "0,abc"), r"line 2, column 'x \[um\]': 'abc' is not a number"),
+        (_with_line(17, "15,abc"), r"line 17, column 'x \[um\]': 'abc' is not a number"),
+        (_with_line(31, "29,abc"), r"line 31, column 'x \[um\]': 'abc' is not a number"),
+        (_with_line(17, "# a remark\n\n15,1.2.3"), r"line 19, column 'x \[um\]': '1.2.3' is not a number"),
+        (_with_line(17, "// a remark"), r"line 17, column 't \[s\]': '// a remark' is not a number"),
+        (_with_line(17, "15,"), r"line 17: x \(column 'x \[um\]' in um\) is empty, NaN or infinite"),
+        (_with_line(17, "15"), r"line 17: x \(column 'x \[um\]' in um\) is empty"),
+        (_with_line(17, "15,NaN"), r"line 17: x \(column 'x \[um\]' in um\) is empty, NaN or infinite"),
+        (_with_line(17, "15,inf"), r"line 17: x \(column 'x \[um\]' in um\) is empty, NaN or infinite"),
+        (_with_line(17, ",15"), r"line 17: time \(column 't \[s\]' in s\) is empty"),
+        (_with_line(17, "15,1,2"), "line 17 has 3 fields, the header 2"),
+        (
+            _with_line(17, "13,1"),
+            r"line 17: time \(column 't \[s\]' in s\) does not increase: 13 s after 14 s",
+        ),
+        (_with_line(17, "14,1"), "line 17: time .* does not increase: 14 s after 14 s"),
+        (GOOD + "30", r"the last line '30' has 1 of 2 fields: the file is cut off.*rows=\(0,"),
+        (
+            "x,1\n1,2\n3,4\n5,6\n",
+            r"line 1, column '0': 'x' is not a number \(if the line is no data: skip=1\)",
+        ),
+        ("time,x\n0,1\n", "at least two samples, this one has 1"),
+        ("a,b\n0,1\n1,2\n", "no column is called time.*sample_rate=.*The file has 0: 'a', 1: 'b'"),
+        ("time,t,b\n0,0,1\n1,1,2\n", "more than one column may be the time.*0: 'time', 1: 't', 2: 'b'"),
+        (
+            "t,x [parrot]\n0,1\n1,2\n",
+            r"x \(column 'x \[parrot\]' in parrot\): the unit 'parrot' is not known",
+        ),
+        ("t [m],x\n0,1\n1,2\n", r"time \(column 't \[m\]' in m\): time is a quantity in s"),
+        ("t,x\n2024-01-01,1\n2024-13-01,2\n2024-01-03,2\n", "line 3, column 't': '2024-13-01' is not a date"),
+        ("t\n0\n1\n", "no columns of numbers besides time"),
+    ],
+)
+def test_text(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "a.csv").write_text(text)
+    with pytest.raises(RecordingError, match=rf"a\.csv: .*{message}"):
+        read_recording(tmp_path / "a.csv")
+
+
+def test_text_without_header(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("0,1\n1,x\n3,4\n5,6\n")
+    with pytest.raises(RecordingError, match=r"a\.csv: line 2, column '1': 'x' is not a number"):
+        read_recording(tmp_path / "a.csv", {"time": 0, "x": 1})
+
+
+@pytest.mark.parametrize(
+    ("request_", "message"),
+    [
+        ({"columns": {"y": "Y"}}, r"no column 'Y'; the file has 0: 't \[s\]', 1: 'x \[um\]'"),
+        ({"columns": {"y": 2}}, "no column 2; the file has"),
+        ({"columns": {"y": -1}}, "no column -1; the file has"),
+        ({"columns": {"y": ("x", 1)}}, r"no column \('x', 1\); the file has"),
+        ({"columns": {"time": "x"}, "units": {"time": "V"}}, "time is a quantity in s"),
+        ({"columns": {"y": 1}, "units": {"y": "parrot"}}, "the unit 'parrot' is not known"),
+        ({"columns": {"voltage": 1}}, r"voltage \(column 'x \[um\]' in um\): voltage is a quantity in V"),
+        ({"columns": {"y": 1}, "units": {"x": "m"}}, "units has 'x', but what is read is y"),
+        ({"columns": {"y": 1}, "clocks": {"x": 0}}, "clocks has 'x', but what is read is y"),
+        ({"columns": {"time": 0, "y": 1}, "sample_rate": 5}, "sample_rate or a time column, not both"),
+        ({"sample_rate": 0}, "sample_rate = 0 must be > 0 Hz"),
+        ({"sample_rate": -5}, "sample_rate = -5 must be > 0 Hz"),
+        ({"sample_rate": "5 V"}, "sample_rate = '5 V' .*Hz"),
+        ({"start_time": "1 V"}, "start_time = '1 V'"),
+        ({"rows": (5, 5)}, r"rows = \(5, 5\) must be \(start, stop\)"),
+        ({"rows": (-1, 5)}, r"rows = \(-1, 5\) must be"),
+        ({"rows": (100, None)}, "there are no samples"),
+        ({"rows": (29, None)}, "at least two samples"),
+    ],
+)
+def test_request(tmp_path: Path, request_: dict, message: str) -> None:
+    (tmp_path / "a.csv").write_text(GOOD)
+    with pytest.raises(RecordingError, match=rf"a\.csv: .*{message}"):
+        read_recording(tmp_path / "a.csv", **request_)
+
+
+def test_a_column_of_text(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("t,state,x\n0,on,1\n1,off,2\n")
+    with pytest.raises(RecordingError, match=r"a\.csv: y: the column 'state' holds no numbers"):
+        read_recording(tmp_path / "a.csv", {"y": "state"})
+
+
+def test_what_was_cut_off_can_be_left_out(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(GOOD + "30")
+    assert read_recording(tmp_path / "a.csv", rows=(0, 30)).sizes["time"] == 30
+
+
+def test_incomplete_samples_can_be_dropped(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("t,x,y\n0,1,2\n1,,3\n2,5,inf\n,3,4\n3,7,8\n4,9,10\n")
+    recording = read_recording(tmp_path / "a.csv", missing="drop")
+    np.testing.assert_array_equal(recording["time"], [0.0, 3.0, 4.0])
+    np.testing.assert_array_equal(recording["y"], [2.0, 8.0, 10.0])
+    assert "dropped 3 incomplete samples" in recording.attrs["processing"]
+    # Of equally spaced samples the gap stays a gap.
+    (tmp_path / "b.csv").write_text("x,y\n1,2\n,3\n4,5\n")
+    np.testing.assert_array_equal(
+        read_recording(tmp_path / "b.csv", sample_rate=2, missing="drop")["time"], [0.0, 1.0]
+    )
+    # A time that goes back is found where it stands in the file.
+    (tmp_path / "a.csv").write_text("t,x\n0,1\n1,\n2,5\n1.5,3\n")
+    with pytest.raises(RecordingError, match=r"line 5: time .* does not increase"):
+        read_recording(tmp_path / "a.csv", missing="drop")
+    (tmp_path / "a.csv").write_text("t,x\n0,\n1,\n2,NaN\n")
+    with pytest.raises(RecordingError, match="there are no samples"):
+        read_recording(tmp_path / "a.csv", missing="drop")
+
+
+def test_no_file(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"missing\.csv: there is no such file"):
+        read_recording(tmp_path / "missing.csv")
+    with pytest.raises(RecordingError, match="is a folder"):
+        read_recording(tmp_path)
+
+
+def test_name_and_content_differ(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", np.arange(5.0))
+    (tmp_path / "a.npy").rename(tmp_path / "a.csv")
+    with pytest.raises(RecordingError, match=r"a\.csv: the name says text, but the content is npy"):
+        read_recording(tmp_path / "a.csv", sample_rate=1)
+    (tmp_path / "a.npy").write_text("t,x\n0,1\n1,2\n")
+    with pytest.raises(RecordingError, match="the name says npy, but the content is text"):
+        read_recording(tmp_path / "a.npy")
+    (tmp_path / "a.mat").write_text("t,x\n0,1\n1,2\n")
+    with pytest.raises(RecordingError, match="the name says mat, but the content is text"):
+        read_recording(tmp_path / "a.mat")
+    (tmp_path / "a.xyz").write_bytes(b"\x01\x02\x00\x03")
+    with pytest.raises(RecordingError, match="neither text nor NPY, NPZ, MAT or NetCDF 4"):
+        read_recording(tmp_path / "a.xyz")
+    (tmp_path / "a.xyz").write_text("t,x\n0,1\n1,2\n")  # a name that says nothing
+    assert read_recording(tmp_path / "a.xyz").sizes["time"] == 2
+
+
+def test_text_options_are_for_text(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", np.arange(5.0))
+    for option in ({"delimiter": ","}, {"decimal": ","}, {"skip": 1}):
+        with pytest.raises(
+            RecordingError, match=r"delimiter, decimal and skip are for text; this file is npy"
+        ):
+            read_recording(tmp_path / "a.npy", sample_rate=1, **option)
+
+
+def test_saved_recordings(tmp_path: Path) -> None:
+    saved = make_recording([0.0, 1.0, 2.0], {"x": [1.0, 2.0, 3.0]}, title="as it was")
+    save_recording(saved, tmp_path / "a.nc")
+    assert read_recording(tmp_path / "a.nc").identical(saved)
+    for option in ({"columns": {"y": "x"}}, {"rows": (0, 2)}, {"sample_rate": 3}, {"start_time": 3}):
+        with pytest.raises(RecordingError, match="a saved recording is read as it is"):
+            read_recording(tmp_path / "a.nc", **option)
+    (tmp_path / "a.nc").write_bytes((tmp_path / "a.nc").read_bytes()[:3000])
+    with pytest.raises(RecordingError, match=r"a\.nc: not a readable NetCDF 4 file"):
+        read_recording(tmp_path / "a.nc")
+
+
+@pytest.mark.parametrize("part", [0.2, 0.5, 0.99])
+def test_cut_off_binaries(tmp_path: Path, part: float) -> None:
+    rng = np.random.default_rng(0)
+    data = {"t": np.arange(3000.0), "x": rng.normal(size=3000)}
+    np.save(tmp_path / "a.npy", data["x"])
+    np.savez(tmp_path / "a.npz", **data)
+    scipy.io.savemat(tmp_path / "a.mat", data)
+    scipy.io.savemat(tmp_path / "b.mat", data, do_compression=True)
+    for name in ("a.npy", "a.npz", "a.mat", "b.mat"):
+        whole = (tmp_path / name).read_bytes()
+        (tmp_path / name).write_bytes(whole[: int(part * len(whole))])
+        with pytest.raises(RecordingError, match=rf"{name}: .*(cut off|no column)"):
+            read_recording(tmp_path / name, {"x": "x"}, sample_rate=1)
