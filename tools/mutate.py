@@ -29,24 +29,39 @@ PACKAGE = ROOT / "src" / "stickslip"
 
 
 class Target(NamedTuple):
-    """Where the physics stands, and the fast tests that guard it. No functions named: all of the file's."""
+    """Where physics stands, and the tests that guard it. No functions named: all of the module.
+
+    The tests are those that evaluate an equation once and compare it with an independent one: seconds without
+    compiled kernels, where a simulation would take minutes.
+    """
 
     files: str
     tests: tuple[str, ...]
     functions: tuple[str, ...] = ()
 
 
+LAWS = tuple(
+    f"tests/friction/test_contract.py::{test}"
+    for test in (
+        "test_compiled_law_agrees_with_plain_python_and_with_the_oracle",
+        "test_static_law_has_no_state_and_true_rest",
+        "test_bound_of_the_state_is_kept_and_changes_nothing_inside",
+    )
+)
+MOTION = ("tests/test_mechanism.py",)
 # The first row that fits a file counts.
 TARGETS = (
-    Target("friction/law.py", ("tests/friction",), ("force",)),
-    Target("friction/*.py", ("tests/friction",)),
-    Target("mechanism.py", ("tests/test_mechanism.py",)),
+    Target("friction/law.py", LAWS, ("force",)),
+    Target("friction/*.py", LAWS),
+    Target("mechanism.py", MOTION),
+    Target("simulation/models.py", MOTION, ("mechanism", "resting_state")),
+    Target("actuator.py", MOTION, ("axial_force", "from_parts")),
 )
 # Changes that alter nothing, so that no test can notice: (file, "original -> changed"), with the reason.
 EQUIVALENT: frozenset[tuple[str, str]] = frozenset()
 
 SECONDS_PER_MUTANT = 120.0  # a change can make a loop endless: that is noticed too
-PRELOADED = ("numba", "pint", "pytest", "scipy.integrate", "scipy.optimize", "xarray")
+PRELOADED = ("hypothesis", "numba.cuda", "pint", "pytest", "scipy.integrate", "scipy.optimize", "xarray")
 WRONG_COPY = 97
 
 OPPOSITE: dict[type[ast.AST], type[ast.AST]] = {
@@ -109,9 +124,10 @@ def mutants(file: Path, target: Target) -> Iterator[Mutant]:
     """Every mutant of a file's target functions."""
     tree = ast.parse(file.read_text())
     name = file.relative_to(PACKAGE).as_posix()
-    functions = [node for node in tree.body if isinstance(node, ast.FunctionDef)]
-    for function in functions:
-        if target.functions and function.name not in target.functions:
+    for function in ast.walk(tree):
+        if not isinstance(function, ast.FunctionDef):
+            continue
+        if not (function.name in target.functions if target.functions else function in tree.body):
             continue
         for node in ast.walk(function):
             for field, new in changes(node):
@@ -148,7 +164,8 @@ def run_tests(copy: Path, tests: tuple[str, ...]) -> None:
     os.chdir(ROOT)
     os.environ["PYTHONPATH"] = str(copy)
     sys.path.insert(0, str(copy))
-    status = int(pytest.main(["-x", "-q", "--no-header", "-p", "no:cacheprovider", "-p", "no:xdist", *tests]))
+    options = ["-x", "-q", "--assert=plain", "-p", "no:cacheprovider", "-p", "no:xdist"]
+    status = int(pytest.main([*options, *tests]))
     tested = importlib.import_module("stickslip").__file__ or ""
     sys.stdout.flush()
     os._exit(status if tested.startswith(str(copy)) else WRONG_COPY)
