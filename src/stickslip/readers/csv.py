@@ -17,7 +17,7 @@ import pandas as pd
 from ..recording import RecordingError
 from .layout import LINE_END, MISSING, TextLayout, find_layout
 from .progress import reading_progress
-from .source import Channel, Rows, Source
+from .source import Rows, Source
 
 CHUNK = 1 << 23  # bytes of text
 
@@ -30,15 +30,12 @@ def read_csv(path: Path, delimiter: str | None, decimal: str | None, skip: int) 
             the end of the file, too few.
     """
     layout = find_layout(path, delimiter, decimal, skip)
-    channels = tuple(
-        Channel(name, unit, numeric=kind in "nd")
-        for name, unit, kind in zip(layout.names, layout.units, layout.kinds, strict=True)
-    )
+    channels = layout.channels
 
     def read(indices: Sequence[int], rows: Rows) -> list[np.ndarray]:
         for i in indices:
             if not channels[i].numeric:
-                raise RecordingError(f"the column {channels[i].name!r} holds no numbers")
+                raise RecordingError(f"the column {channels[i].shown!r} holds no numbers")
         if rows.stop is None:
             _check_last_line(path, layout)
         return _read_columns(path, layout, list(indices), rows)
@@ -143,7 +140,7 @@ def _explained(path: Path, layout: TextLayout, indices: list[int], error: Except
         for i in indices:
             dates = layout.kinds[i] == "d"
             if i < len(fields) and not (layout.fits(fields[i], i) and (not dates or _is_date(fields[i]))):
-                name, what = layout.names[i], "a date" if dates else "a number"
+                name, what = layout.channels[i].shown, "a date" if dates else "a number"
                 return RecordingError(f"line {number}, column {name!r}: {fields[i]!r} is not {what}")
     return RecordingError(f"{error}")
 

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 from ..recording import RecordingError
 from ..recording.conversion import is_unit
-from .source import is_time_name, split_unit
+from .source import Channel, is_clock
 
 HEAD = 1 << 18  # bytes to look at
 SAMPLE = 100  # lines that settle the delimiter
@@ -44,11 +44,14 @@ MISSING = (
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _DATE = re.compile(r"\d{4}[-/]\d\d[-/]\d\d([T ]\d\d:\d\d(:\d\d([.,]\d*)?)?)?\s*(Z|[+-]\d\d:?\d\d)?")
 _COMMENT = re.compile(r"\s*(#|%|//)+")
+_NAME_AND_UNIT = re.compile(
+    r"(?P<name>.+?)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\)|\s/\s(?P<slash>\S+))\s*$"
+)
 _HEADER_WORD = re.compile(r"[^\s\[(]+(?:\s*(?:\[[^\]]*\]|\([^)]*\)))?")  # "Time [s]" is one word
 
 
 class TextLayout(NamedTuple):
-    """What `find_layout` found; `names`, `units` and `kinds` have one entry per column."""
+    """What `find_layout` found; `channels` and `kinds` have one entry per column."""
 
     encoding: str
     delimiter: str
@@ -56,8 +59,7 @@ class TextLayout(NamedTuple):
     comment: str | None
     first_line: int  # lines above the data
     line_bytes: float  # mean length of a line
-    names: tuple[str, ...]
-    units: tuple[str, ...]
+    channels: tuple[Channel, ...]
     kinds: str  # "n" numbers, "d" dates, "s" text, "e" always empty
 
     def split(self, line: str) -> list[str]:
@@ -99,7 +101,8 @@ def find_layout(path: Path, delimiter: str | None, decimal: str | None, skip: in
     sample = [_split(lines[i], delimiter) for i in data[-SAMPLE:]]
     blank = [all(row[k : k + 1] in ([], [""]) for row in sample) for k in range(len(kinds))]
     rows = {i: _header_fields(lines[i], delimiter, len(kinds), blank[-1]) for i in range(skip, first)}
-    names, units = _header(lines, rows, kinds, decimal)
+    channels = _header(lines, rows, kinds, decimal)
+    kinds = "".join("e" if b and not c.name else k for k, b, c in zip(kinds, blank, channels, strict=True))
     marks = [found[1][0] for line in lines if (found := _COMMENT.match(line))]
     return TextLayout(
         encoding,
@@ -108,9 +111,8 @@ def find_layout(path: Path, delimiter: str | None, decimal: str | None, skip: in
         next((mark for mark in marks if mark in "#%"), None),
         first,
         max(len(head) / max(len(lines), 1), 2.0),
-        tuple(names),
-        tuple(units),
-        "".join("e" if b and not name else kind for kind, b, name in zip(kinds, blank, names, strict=True)),
+        tuple(c._replace(numeric=k in "nd") for k, c in zip(kinds, channels, strict=True)),
+        kinds,
     )
 
 
@@ -202,10 +204,8 @@ def _header_fields(line: str, delimiter: str, count: int, last_is_blank: bool) -
     return fields
 
 
-def _header(
-    lines: Sequence[str], above: dict[int, list[str]], kinds: str, decimal: str
-) -> tuple[list[str], list[str]]:
-    """Names and units of the columns, from the fields of the lines above the data."""
+def _header(lines: Sequence[str], above: dict[int, list[str]], kinds: str, decimal: str) -> list[Channel]:
+    """The columns by name and unit, from the fields of the lines above the data."""
     rows = {i: fields for i, fields in above.items() if len(fields) == len(kinds)}
     texts = [i for i, fields in rows.items() if set(_kinds(fields, decimal)) in ({"s"}, {"s", "e"})]
     header = texts[-1] if texts else -1
@@ -216,19 +216,30 @@ def _header(
             hint = "" if texts else f" (if the line is no data: skip={i + 1})"
             raise RecordingError(f"line {i + 1}, column {name!r}: {fields[k]!r} is not a number{hint}")
     if not texts:
-        return [str(k) for k in range(len(kinds))], [""] * len(kinds)
-    names = rows[header]
-    if header - 1 in texts and all(map(is_unit, names)) and not any(map(is_time_name, names)):
-        return _distinct(rows[header - 1]), names  # a row of names, a row of units
-    split = [split_unit(name) for name in names]
-    return _distinct(names), [unit if certain or is_unit(unit) else "" for _, unit, certain in split]
+        return [Channel(str(k)) for k in range(len(kinds))]
+    columns = [_channel(field) for field in rows[header]]
+    if header - 1 in texts and all(map(is_unit, rows[header])) and not any(map(is_clock, columns)):
+        names = rows[header - 1]  # a row of names, a row of units
+        columns = [Channel(name, unit) for name, unit in zip(names, rows[header], strict=True)]
+    return _distinct(columns)
 
 
-def _distinct(names: Sequence[str]) -> list[str]:
+def _channel(header: str) -> Channel:
+    """Name and unit: "Position [mm]" is in mm, but "Force (left)" is in no unit."""
+    found = _NAME_AND_UNIT.match(header)
+    if not found:
+        return Channel(header)
+    unit = (found["square"] or found["round"] or found["slash"] or "").strip()
+    certain = found["square"] is not None
+    return Channel(found["name"], unit, header=header) if certain or is_unit(unit) else Channel(header)
+
+
+def _distinct(columns: Sequence[Channel]) -> list[Channel]:
     """Names told apart: "Time", "x", "Time (2)", "x (2)"."""
     seen: Counter[str] = Counter()
     result = []
-    for name in names:
-        seen[name] += 1
-        result.append(f"{name} ({seen[name]})" if name and seen[name] > 1 else name)
+    for column in columns:
+        seen[column.name] += 1
+        again = column.name and seen[column.name] > 1
+        result.append(column._replace(name=f"{column.name} ({seen[column.name]})") if again else column)
     return result

@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 import xarray as xr
 
-from ..recording import RecordingError, make_recording, open_recording
+from ..recording import STANDARD_NAMES, RecordingError, make_recording, open_recording
 from ..units import to_si
 from .clocks import Clocked, complete_samples, onto_one_clock, without_empty_end
 from .csv import read_csv
@@ -104,8 +104,13 @@ def read_recording(
             calibration=calibration,
             processing="; ".join(steps),
             epoch=epoch,
-            long_names={v.name: v.long_name for v in chosen.variables},
+            long_names={v.name: v.column.name for v in chosen.variables if _is_own_name(v)},
         )
+
+
+def _is_own_name(variable: Variable) -> bool:
+    """Whether the file's name for a variable says more than ours does."""
+    return variable.name not in STANDARD_NAMES and variable.column.name[:1].isalpha()
 
 
 @contextmanager

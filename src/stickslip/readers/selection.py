@@ -9,7 +9,7 @@ from typing import NamedTuple
 from ..recording import STANDARD_NAMES, RecordingError
 from ..recording.conversion import Conversion, to_si_unit
 from ..units import QuantityError
-from .source import Channel, Column, find_channel, is_time_name, split_unit
+from .source import Channel, Column, find_channel, is_clock, listing
 
 
 class Variable(NamedTuple):
@@ -17,21 +17,15 @@ class Variable(NamedTuple):
 
     name: str
     channel: int
-    column: str  # the channel's name in the file
-    unit: str | None  # the file's; None if nobody says
+    column: Channel
+    unit: str  # of the file; "" if nobody says it
     conversion: Conversion
     clock: int | None  # the channel of its time; None: equally spaced
 
     @property
-    def long_name(self) -> str:
-        """The standard meaning of the name, else the file's name of the column."""
-        standard, column = STANDARD_NAMES.get(self.name), split_unit(self.column)[0]
-        return standard.long_name if standard else (column if column[:1].isalpha() else self.name)
-
-    @property
     def label(self) -> str:
         """The variable in messages."""
-        return f"{self.name} (column {self.column!r}{f' in {self.unit}' if self.unit else ''})"
+        return f"{self.name} (column {self.column.shown!r}{f' in {self.unit}' if self.unit else ''})"
 
 
 class Selection(NamedTuple):
@@ -66,40 +60,47 @@ def select(
         raise RecordingError("say sample_rate or a time column, not both")
     common = None if equally_spaced else _common_clock(channels, columns, named, own)
 
-    def variable(name: str, i: int, unit: str | None, clock: int | None, standard: str | None) -> Variable:
-        if not channels[i].numeric:
-            raise RecordingError(f"{name}: the column {channels[i].name!r} holds no numbers")
-        said = (channels[i].unit or None) if unit is None else unit
-        made = Variable(name, i, channels[i].name, said, Conversion(standard or "", 1.0, 0.0), clock)
-        if said is None:
-            return made
-        try:
-            conversion = to_si_unit(said)
-        except QuantityError as error:
-            hint = f" (units={{{name!r}: ...}} says it)" if unit is None else ""
-            raise RecordingError(f"{made.label}: {error}{hint}") from None
-        if standard is not None and conversion.unit != standard:
-            raise RecordingError(f"{made.label}: {name} is a quantity in {standard}")
-        return made._replace(conversion=conversion)
-
     variables = []
     for name, i in named.items():
         by_layout = None if equally_spaced else channels[i].clock
         clock = own.get(name, common if by_layout is None else by_layout)
         standard = STANDARD_NAMES[name].unit if name in STANDARD_NAMES else None
-        variables.append(variable(name, i, units.get(name), clock, standard))
+        variables.append(_variable(channels, i, name, units.get(name), clock, standard))
     used: dict[int | None, Variable | None] = {}
     for clock in (common, *(v.clock for v in variables)):
-        used[clock] = None if clock is None else variable("time", clock, units.get("time"), clock, "s")
+        used[clock] = None
+        if clock is not None:
+            used[clock] = _variable(channels, clock, "time", units.get("time"), clock, "s")
     return Selection(used, tuple(variables))
+
+
+def _variable(
+    channels: Sequence[Channel], i: int, name: str, unit: str | None, clock: int | None, standard: str | None
+) -> Variable:
+    """A channel as a variable. The user's `unit` is stronger than the file's, `standard` the SI unit wanted."""
+    column = channels[i]
+    if not column.numeric:
+        raise RecordingError(f"{name}: the column {column.shown!r} holds no numbers")
+    said = column.unit if unit is None else unit
+    made = Variable(name, i, column, said, Conversion(standard or "", 1.0, 0.0), clock)
+    if unit is None and not column.unit:
+        return made
+    try:
+        conversion = to_si_unit(said)
+    except QuantityError as error:
+        hint = f" (units={{{name!r}: ...}} says it)" if unit is None else ""
+        raise RecordingError(f"{made.label}: {error}{hint}") from None
+    if standard is not None and conversion.unit != standard:
+        raise RecordingError(f"{made.label}: {name} is a quantity in {standard}")
+    return made._replace(conversion=conversion)
 
 
 def _all(channels: Sequence[Channel]) -> dict[str, int]:
     """Every channel that is no clock and holds numbers, by a name made from that in the file."""
     result: dict[str, int] = {}
     for i, channel in enumerate(channels):
-        if channel.numeric and channel.clock != i and not is_time_name(channel.name):
-            name = re.sub(r"\W+", "_", split_unit(channel.name)[0].lower()).strip("_")
+        if channel.numeric and channel.clock != i and not is_clock(channel):
+            name = re.sub(r"\W+", "_", channel.name.lower()).strip("_")
             name = name if name.isidentifier() and name != "time" else f"column_{name or i}"
             result[name if name not in result else f"{name}_{i}"] = i
     return result
@@ -116,18 +117,15 @@ def _common_clock(
     by_layout = [clock for i in named.values() if (clock := channels[i].clock) is not None]
     if by_layout:
         return by_layout[0]
-    found = [
-        i for i, channel in enumerate(channels) if is_time_name(channel.name) and i not in own_clocks.values()
-    ]
+    found = [i for i, channel in enumerate(channels) if is_clock(channel) and i not in own_clocks.values()]
     if len(found) == 1:
         return found[0]
-    listing = ", ".join(f"{i}: {channel.name!r}" for i, channel in enumerate(channels[:20]))
     if not found:
         raise RecordingError(
             f"no column is called time; say columns={{'time': ...}} or sample_rate=... [Hz]. "
-            f"The file has {listing}"
+            f"The file has {listing(channels)}"
         )
     raise RecordingError(
         f"more than one column may be the time; say columns={{'time': ...}}, "
-        f"and clocks={{name: ...}} for what is on another clock. The file has {listing}"
+        f"and clocks={{name: ...}} for what is on another clock. The file has {listing(channels)}"
     )

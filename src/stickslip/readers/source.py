@@ -28,11 +28,17 @@ class Rows(NamedTuple):
 class Channel(NamedTuple):
     """One signal of a file."""
 
-    name: str  # as the file writes it
+    name: str  # in the file
     unit: str = ""  # as the file says it, if it does
     key: tuple[Any, ...] = ()  # what selects it beside name and index
     clock: int | None = None  # the channel that holds its time, where the file's layout says so
     numeric: bool = True
+    header: str = ""  # name and unit, where the file writes them as one
+
+    @property
+    def shown(self) -> str:
+        """As the user sees it in the file."""
+        return self.header or self.name
 
 
 class Source(NamedTuple):
@@ -44,30 +50,15 @@ class Source(NamedTuple):
     place: Callable[[int], str] = "sample {}".format  # where a sample stands in the file, for errors
 
 
-_UNIT = re.compile(
-    r"^(?P<name>.*?)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\)|\s/\s(?P<slash>\S+))\s*$"
-)
 _TIME = re.compile(
     r"(.*\.)?(time|t|zeit|temps|times?tamps?|date ?time|elapsed( time)?|x_value|trace_x)"
     r"([ _.-]?\d|[ _.-][a-d]| \(\d\))?"
 )
 
 
-def split_unit(header: str) -> tuple[str, str, bool]:
-    """Name, unit, and whether it is certainly a unit: ("Position", "mm", True) for "Position [mm]".
-
-    Round brackets and a slash may hold something else: "Force (left)".
-    """
-    found = _UNIT.match(header)
-    if not found or not found["name"]:
-        return header.strip(), "", False
-    square = found["square"]
-    return found["name"], (square or found["round"] or found["slash"] or "").strip(), square is not None
-
-
-def is_time_name(name: str) -> bool:
-    """Whether a channel of this name (with or without unit) is a clock."""
-    return _TIME.fullmatch(split_unit(name)[0].strip().lower()) is not None
+def is_clock(channel: Channel) -> bool:
+    """Whether a channel is called like a time."""
+    return _TIME.fullmatch(channel.name.strip().lower()) is not None
 
 
 def find_channel(channels: Sequence[Channel], column: Column) -> int:
@@ -81,16 +72,14 @@ def find_channel(channels: Sequence[Channel], column: Column) -> int:
     elif isinstance(column, tuple | list):
         matches = [i for i, channel in enumerate(channels) if channel.key == tuple(column)]
     else:
-        matches = [i for i, channel in enumerate(channels) if channel.name == column]
-        matches = matches or [
-            i for i, channel in enumerate(channels) if split_unit(channel.name)[0] == column
-        ]
+        matches = [i for i, channel in enumerate(channels) if column in (channel.name, channel.header)]
     if len(matches) == 1:
         return matches[0]
     problem = "more than one column" if matches else "no column"
-    raise RecordingError(f"{problem} {column!r}; the file has {_listing(channels)}")
+    raise RecordingError(f"{problem} {column!r}; the file has {listing(channels)}")
 
 
-def _listing(channels: Sequence[Channel], most: int = 20) -> str:
-    shown = ", ".join(f"{i}: {channel.name!r}" for i, channel in enumerate(channels[:most]))
+def listing(channels: Sequence[Channel], most: int = 20) -> str:
+    """The channels by index and name, for errors."""
+    shown = ", ".join(f"{i}: {channel.shown!r}" for i, channel in enumerate(channels[:most]))
     return shown + (f", ... ({len(channels)} in all)" if len(channels) > most else "")
