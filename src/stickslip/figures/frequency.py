@@ -20,13 +20,13 @@ _DOTS: dict[str, Any] = {"marker": "o", "ms": 3.2, "mew": 0, "ls": "none", "alph
 class Response(NamedTuple):
     """A frequency response, arrays of shape (n,).
 
-    `frequency` in Hz, ascending; `value` complex, output over input in SI; `standard_error` of the complex
+    `frequency` in Hz, ascending; `value` complex, output over input in SI; standard `deviation` of the complex
     value, in the same unit; `coherence` from 0 to 1.
     """
 
     frequency: ArrayLike
     value: ArrayLike
-    standard_error: ArrayLike | None = None
+    deviation: ArrayLike | None = None
     coherence: ArrayLike | None = None
 
 
@@ -41,7 +41,7 @@ def frequency_response(
 ) -> Figure:
     """Gain and phase over frequency, measured as points and models as lines; below, residual and coherence.
 
-    The band is two standard errors each way. A model has the colour of the measured response of the same
+    The band is two standard deviations each way. A model has the colour of the measured response of the same
     name, and a residual, the modulus of the complex difference, if it covers that one's frequencies.
 
     Args:
@@ -103,9 +103,9 @@ def _polar(gain: Axes, phase: Axes, response: Response, scale: Scale, **how: Any
 
 
 def _band(panel: Axes, response: Response, scale: Scale, colour: str) -> None:
-    if response.standard_error is None:
+    if response.deviation is None:
         return
-    gain, error = np.abs(np.asarray(response.value)), 2.0 * np.asarray(response.standard_error, dtype=float)
+    gain, error = np.abs(np.asarray(response.value)), 2.0 * np.asarray(response.deviation, dtype=float)
     lower = np.maximum(gain - error, 1e-3 * gain)  # a logarithmic axis has no zero
     panel.fill_between(
         np.asarray(response.frequency), scale(lower), scale(gain + error), color=colour, alpha=0.2, lw=0

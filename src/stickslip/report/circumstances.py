@@ -1,0 +1,37 @@
+"""When, where and with what a report was made."""
+
+from __future__ import annotations
+
+import os
+import platform
+from dataclasses import dataclass
+from datetime import datetime
+from importlib.metadata import PackageNotFoundError, version
+
+from .._version import __version__
+
+_LIBRARIES = ("numpy", "scipy", "numba", "xarray", "pandas", "h5netcdf", "matplotlib", "jinja2")
+
+
+@dataclass(frozen=True)
+class Circumstances:
+    """`made` in ISO 8601 with the time zone, `versions` by name, `elapsed` in s (None: not measured)."""
+
+    made: str
+    command: str
+    elapsed: float | None
+    machine: str
+    versions: dict[str, str]
+
+
+def circumstances(command: str = "", elapsed: float | None = None) -> Circumstances:
+    """Those of now and here; libraries that are not installed are left out."""
+    versions = {"stickslip": __version__, "Python": platform.python_version()}
+    for name in _LIBRARIES:
+        try:
+            versions[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    machine = f"{platform.system()} {platform.release()}, {platform.machine()}, {os.cpu_count()} processors"
+    made = datetime.now().astimezone().isoformat(timespec="seconds")
+    return Circumstances(made, command, elapsed, machine, versions)

@@ -1,0 +1,188 @@
+"""What a report says, as plain data: no HTML, no plotting.
+
+A number never goes without its unit: it stands in a column that names one, or is a `Number`, which has one.
+All values are in SI; the prefixes that people like to read are chosen when the document is written.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from numbers import Real
+from typing import Any
+
+_NAME = re.compile(r"[a-z0-9][a-z0-9_-]*")
+
+
+class DocumentError(ValueError):
+    """A document that does not fit together; the message names the part."""
+
+
+@dataclass(frozen=True)
+class Number:
+    """A value with its unit (SI, "" for a plain number) and, where it is known, how sure it is.
+
+    `low` and `high` bound the confidence interval of the `level`; `note` says why a value is missing (NaN),
+    or anything else that has to be known about it.
+    """
+
+    value: float
+    unit: str
+    low: float | None = None
+    high: float | None = None
+    standard_error: float | None = None
+    level: float = 0.95
+    note: str = ""
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.unit, str):
+            raise DocumentError(f"the number {self.value!r} has the unit {self.unit!r}, which is no text")
+        if isinstance(self.value, bool) or not isinstance(self.value, Real):
+            raise DocumentError(f"{self.value!r} [{self.unit}] is no number")
+        if (self.low is None) != (self.high is None):
+            raise DocumentError(f"the number {self.value!r} {self.unit} has one end of an interval only")
+
+
+# A number in a cell is in the unit of its column; text needs none; None is an empty cell.
+Cell = str | float | Number | None
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column's name and unit: None for text and for `Number` cells of several units, "" for plain numbers.
+
+    `digits` are the significant ones that are shown.
+    """
+
+    name: str
+    unit: str | None = None
+    digits: int = 4
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table. Raises DocumentError for a number without a unit, or a row of the wrong length."""
+
+    caption: str
+    columns: Sequence[Column]
+    rows: Sequence[Sequence[Cell]]
+    notes: str = ""
+
+    def __post_init__(self) -> None:
+        _freeze(self, f"table {self.caption!r}", ["columns", "rows"])
+        for i, row in enumerate(self.rows):
+            where = f"table {self.caption!r}, row {i + 1}"
+            if len(row) != len(self.columns):
+                raise DocumentError(f"{where} has {len(row)} cells for {len(self.columns)} columns")
+            for column, cell in zip(self.columns, row, strict=True):
+                _check_cell(cell, column, f"{where}, column {column.name!r}")
+
+
+def _check_cell(cell: Any, column: Column, where: str) -> None:
+    if isinstance(cell, Number):
+        if column.unit is not None and cell.unit != column.unit:
+            raise DocumentError(f"{where} is in {column.unit!r}, but the number in it is in {cell.unit!r}")
+    elif isinstance(cell, Real) and not isinstance(cell, bool):
+        if column.unit is None:
+            raise DocumentError(f"{where}: the number {cell!r} has no unit")
+    elif cell is not None and not isinstance(cell, str):
+        raise DocumentError(f"{where}: {cell!r} is neither a number nor text")
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure: `svg` as `figures.style.svg` makes it, `alt` what it shows to those who cannot see it.
+
+    `name` is also that of its file.
+    """
+
+    name: str
+    caption: str
+    svg: str
+    alt: str
+
+    def __post_init__(self) -> None:
+        if not _NAME.fullmatch(self.name):
+            raise DocumentError(
+                f"the picture's name {self.name!r} must be lower case letters, digits, - and _"
+            )
+        if not self.alt.strip():
+            raise DocumentError(f"the picture {self.name!r} needs a text that says what it shows")
+        if not self.svg.lstrip().startswith("<svg"):
+            raise DocumentError(f"the picture {self.name!r} is no SVG element")
+
+
+@dataclass(frozen=True)
+class Listing:
+    """Text to be shown as it is: an input file, a log."""
+
+    caption: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Section:
+    """A section, shown in this order; `points` are a list of plain statements."""
+
+    title: str
+    paragraphs: Sequence[str] = ()
+    points: Sequence[str] = ()
+    tables: Sequence[Table] = ()
+    figures: Sequence[Picture] = ()
+    listings: Sequence[Listing] = ()
+    sections: Sequence[Section] = ()
+
+    def __post_init__(self) -> None:
+        _freeze(self, f"section {self.title!r}", list(self.__dataclass_fields__)[1:])
+
+
+@dataclass(frozen=True)
+class Document:
+    """A whole report.
+
+    Args:
+        title, summary: what was done and what came out, in a few sentences.
+        sections: the body.
+        highlights: the few results that matter most: (what, number).
+        numbers: for results.json, nested: name -> `Number`, or a mapping with "value" and "unit" (and "low",
+            "high", whatever else), or a mapping of such.
+        assumptions: what was assumed, a sentence each.
+        citations: BibTeX.
+    """
+
+    title: str
+    summary: str
+    sections: Sequence[Section]
+    highlights: Sequence[tuple[str, Number]] = ()
+    numbers: Mapping[str, Any] = field(default_factory=dict)
+    assumptions: Sequence[str] = ()
+    citations: str = ""
+
+    def __post_init__(self) -> None:
+        _freeze(self, "the document", ["sections", "highlights", "assumptions"])
+        names = [picture.name for picture in self.pictures()]
+        for name in names:
+            if names.count(name) > 1:
+                raise DocumentError(f"two pictures have the name {name!r}")
+
+    def pictures(self) -> tuple[Picture, ...]:
+        """All pictures, in order."""
+        return tuple(p for section in _flat(self.sections) for p in section.figures)
+
+    def tables(self) -> tuple[Table, ...]:
+        """All tables, in order."""
+        return tuple(t for section in _flat(self.sections) for t in section.tables)
+
+
+def _flat(sections: Sequence[Section]) -> list[Section]:
+    return [s for section in sections for s in (section, *_flat(section.sections))]
+
+
+def _freeze(part: Any, where: str, names: Sequence[str]) -> None:
+    """Sequences to tuples; a lone text would be taken for a sequence of letters."""
+    for name in names:
+        value = getattr(part, name)
+        if isinstance(value, str):
+            raise DocumentError(f"{where}: {name} must be a sequence, not one text")
+        object.__setattr__(part, name, tuple(value))

@@ -1,0 +1,144 @@
+"""report.html from a document: one file that needs nothing else, for screen, dark screen and paper."""
+
+from __future__ import annotations
+
+import html
+import math
+import re
+from dataclasses import asdict
+from numbers import Integral
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+
+from ..figures.scale import Scale, scale_for
+from .circumstances import Circumstances
+from .document import Cell, Column, Document, Number, Picture, Table
+
+_EMPTY = "–"
+
+
+def report_html(document: Document, made: Circumstances) -> str:
+    """The text of report.html."""
+    environment = Environment(
+        loader=FileSystemLoader(Path(__file__).parent, encoding="utf-8"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {
+        "number": number_text,
+        "drawing": drawing,
+        "body": table_body,
+        "heads": table_heads,
+    }
+    return environment.get_template("template.html.j2").render(document=document, made=asdict(made))
+
+
+def significant(value: float, digits: int = 4) -> str:
+    """A number with so many significant digits, at least those before the point: "0.9979", "12345"."""
+    if not math.isfinite(value):
+        return _EMPTY if math.isnan(value) else f"{'−' if value < 0 else ''}∞"
+    if isinstance(value, Integral):
+        return str(int(value)).replace("-", "−")
+    mantissa, _, exponent = f"{value:.{digits - 1}e}".partition("e")
+    power = int(exponent)
+    if value == 0.0 or -4 <= power < 7:
+        return f"{value:.{max(digits - 1 - power, 0)}f}".replace("-", "−")
+    raised = str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return f"{mantissa} × 10{raised}".replace("-", "−")
+
+
+def number_text(number: Number, scale: Scale | None = None, digits: int = 4) -> Markup:
+    """A number, its interval and its unit; the unit is left out where the scale of a column gives it."""
+    own = scale or scale_for(number.unit, number.value)
+    value = _shown(number.value, own)
+    if math.isnan(value) and number.note:
+        return Markup(f'<span class="missing">{html.escape(number.note)}</span>')
+    unit = f"&nbsp;{html.escape(own.unit)}" if scale is None and own.unit else ""
+    if number.low is None or number.high is None:
+        text = significant(value, digits)
+        if scale is None and "." in text and "×" not in text:
+            text = text.rstrip("0").rstrip(".")  # 0.1 kg is given, not measured to four digits
+        return Markup(text + unit)
+    middle, low, high = _to_same_decimals(value, _shown(number.low, own), _shown(number.high, own), digits)
+    return Markup(f'{middle}{unit} <span class="interval">[{low}, {high}]</span>')
+
+
+def _to_same_decimals(value: float, low: float, high: float, digits: int) -> tuple[str, ...]:
+    """Value and interval with as many decimals as give its width two digits; a wide interval has its own."""
+    width = high - low
+    if not (1e-4 < abs(value) < 1e7 and 1e-9 * abs(value) < width < abs(value)):
+        return significant(value, digits), significant(low, 2), significant(high, 2)
+    decimals = max(1 - math.floor(math.log10(width)), digits - 1 - math.floor(math.log10(abs(value))), 0)
+    return tuple(f"{x:.{decimals}f}".replace("-", "−") for x in (value, low, high))
+
+
+def _shown(value: float, scale: Scale) -> float:
+    """In the scale; counts stay whole."""
+    return value if scale.factor == 1.0 else value * scale.factor
+
+
+def _scales(table: Table) -> list[Scale | None]:
+    """The scale of each column that has a unit."""
+    return [
+        None if column.unit is None else scale_for(column.unit, [_value(row[i]) for row in table.rows])
+        for i, column in enumerate(table.columns)
+    ]
+
+
+def _value(cell: Cell) -> float:
+    if isinstance(cell, Number):
+        return cell.value
+    return math.nan if cell is None or isinstance(cell, str) else float(cell)
+
+
+def table_heads(table: Table) -> list[dict[str, Any]]:
+    """Name, unit as shown ("" for text) and whether it is one of numbers, for each column."""
+    return [
+        {"name": column.name, "unit": _unit(column, scale), "numeric": _numeric(table, i)}
+        for i, (column, scale) in enumerate(zip(table.columns, _scales(table), strict=True))
+    ]
+
+
+def _unit(column: Column, scale: Scale | None) -> str:
+    if scale is None:
+        return ""
+    return scale.unit or _EMPTY
+
+
+def _numeric(table: Table, i: int) -> bool:
+    cells = [row[i] for row in table.rows if row[i] is not None]
+    return table.columns[i].unit is not None and not any(isinstance(cell, str) for cell in cells)
+
+
+def table_body(table: Table) -> list[list[tuple[Markup, bool]]]:
+    """Text of each cell, and whether it is a number."""
+    scales = _scales(table)
+    return [
+        [
+            (_cell(cell, scale, column.digits), _numeric(table, i))
+            for i, (cell, scale, column) in enumerate(zip(row, scales, table.columns, strict=True))
+        ]
+        for row in table.rows
+    ]
+
+
+def _cell(cell: Cell, scale: Scale | None, digits: int) -> Markup:
+    if cell is None:
+        return Markup(_EMPTY)
+    if isinstance(cell, str):
+        return Markup(html.escape(cell))
+    if isinstance(cell, Number):
+        return number_text(cell, scale, digits)
+    return Markup(html.escape(significant(_shown(cell, scale or Scale(1.0, "")), digits)))
+
+
+def drawing(picture: Picture) -> Markup:
+    """The SVG with its text alternative, and with identifiers that no other picture of the page has."""
+    svg = re.sub(r'(\sid="|href="#|url\(#)', rf"\g<1>{picture.name}-", picture.svg.lstrip())
+    label = html.escape(picture.alt, quote=True)
+    return Markup(svg.replace("<svg", f'<svg role="img" aria-label="{label}"', 1))

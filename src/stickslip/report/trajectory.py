@@ -1,0 +1,155 @@
+"""The report of a simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from ..actuator import Actuator, PulledSlider, load_actuator, load_pulled_slider
+from ..figures.style import svg
+from ..figures.trajectory import trajectory as drawn_trajectory
+from ..friction import is_law
+from ..parameters import changes, load_set
+from ..records import quantities
+from ..units import with_prefix
+from ..waveform.signal import Waveform
+from .document import Column, Document, Number, Picture, Section, Table
+
+_HIGHLIGHTS = ("net_displacement", "steady_step", "mean_velocity")
+
+
+def trajectory_document(
+    model: Actuator | PulledSlider,
+    waveform: Waveform,
+    trajectory: xr.Dataset,
+    steady_step: Number | None = None,
+) -> Document:
+    """What a simulation did, with which parameters and on which assumptions.
+
+    Args:
+        model, waveform: what was simulated.
+        trajectory: what `simulate` returned.
+        steady_step: net displacement per period once the motion is periodic, m, where there is one.
+    """
+    name = model.name or type(model).__name__
+    numbers = _results(trajectory)
+    if steady_step is not None:
+        numbers["steady_step"] = steady_step
+    complete = trajectory.attrs["outcome"] == "complete"
+    moved = with_prefix(numbers["net_displacement"].value, "m")
+    duration = with_prefix(float(trajectory["time"][-1]), "s")
+    summary = f"The end-effector moved by {moved} in {duration}."
+    if isinstance(model, PulledSlider):
+        summary = f"The slider moved by {moved} in {duration}."
+    if not complete:
+        summary = f"The simulation {trajectory.attrs['outcome']}. Until then: {summary}"
+    figure = Picture(
+        "trajectory",
+        f"Drive, positions and friction force of {name} under a {type(waveform).__name__} drive, simulated.",
+        svg(drawn_trajectory(trajectory)),
+        f"Time plots of the drive, of the positions and of the friction force over {duration}; {summary}",
+    )
+    results = Table(
+        "Results.",
+        (Column("quantity"), Column("value")),
+        [(_title(key), number) for key, number in numbers.items()],
+        notes="Greatest values are those of the samples." if complete else trajectory.attrs["outcome"],
+    )
+    parameters = list(_entries(model))
+    drive = list(_entries(waveform))
+    return Document(
+        title=f"Simulation of {name}",
+        summary=summary,
+        sections=(
+            Section("Trajectory", figures=(figure,)),
+            Section("Results", tables=(results,)),
+            Section(
+                "Model and drive",
+                tables=(
+                    _parameter_table(f"Parameters of {name}.", parameters, _origins(model)),
+                    _parameter_table(f"Drive: {type(waveform).__name__}.", drive, {}),
+                ),
+            ),
+        ),
+        highlights=[(_title(key), numbers[key]) for key in _HIGHLIGHTS if key in numbers],
+        numbers={
+            **numbers,
+            "parameters": {field: value for field, _, _, value in parameters},
+            "drive": {"shape": type(waveform).__name__} | {field: value for field, _, _, value in drive},
+        },
+        assumptions=[f"{field} = {words}" for field, words in model.assumptions.items()],
+        citations=model.citation,
+    )
+
+
+def _results(trajectory: xr.Dataset) -> dict[str, Number]:
+    time, x = trajectory["time"].values, trajectory["end_effector_position"].values
+    found = {
+        "net_displacement": Number(float(x[-1] - x[0]), "m"),
+        "mean_velocity": Number(float((x[-1] - x[0]) / (time[-1] - time[0])), "m/s"),
+        "greatest_friction_force": Number(_greatest(trajectory, "friction_force"), "N"),
+    }
+    if "sliding_displacement" in trajectory:
+        found["greatest_sliding_displacement"] = Number(_greatest(trajectory, "sliding_displacement"), "m")
+    if "spring_force" in trajectory:
+        found["greatest_spring_force"] = Number(_greatest(trajectory, "spring_force"), "N")
+    found |= {
+        "duration": Number(float(time[-1]), "s"),
+        "samples": Number(time.size, ""),
+        "tolerance": Number(trajectory.attrs["tolerance"], "m"),
+        "solver_steps": Number(trajectory.attrs["steps"], ""),
+    }
+    return found
+
+
+def _greatest(trajectory: xr.Dataset, name: str) -> float:
+    return float(np.max(np.abs(trajectory[name].values)))
+
+
+def _title(key: str) -> str:
+    return key.replace("_", " ").replace("end effector", "end-effector")
+
+
+def _entries(record: Any, prefix: str = "") -> Iterator[tuple[str, str, str, Any]]:
+    """Field, symbol, meaning and value (a `Number` where it has a unit) of all fields, the law's included."""
+    known = quantities(type(record))
+    for name, value in record._asdict().items():
+        if is_law(value):
+            yield f"{prefix}{name}", "", "friction law", type(value).__name__
+            yield from _entries(value, f"{prefix}{name}.")
+        elif name in known and value is not None:
+            quantity = known[name]
+            values = value if isinstance(value, tuple) else (value,)
+            for i, one in enumerate(values):
+                index = f"[{i}]" if isinstance(value, tuple) else ""
+                yield f"{prefix}{name}{index}", quantity.symbol, quantity.meaning, Number(one, quantity.unit)
+        elif isinstance(value, bool):
+            yield f"{prefix}{name}", "", "", "yes" if value else "no"
+
+
+def _origins(model: Actuator | PulledSlider) -> dict[str, str]:
+    """Where the value of each field comes from; nothing for a model that was loaded from no parameter set."""
+    if not model.name:
+        return {}
+    entries = load_set(model.name).entries()
+    original = load_actuator(model.name) if isinstance(model, Actuator) else load_pulled_slider(model.name)
+    origins = {field: "assumed" if entry.assumed else entry.source for field, entry in entries.items()}
+    return (
+        {"friction": "parameter set"}
+        | origins
+        | dict.fromkeys(changes(model, original), "changed for this simulation")
+    )
+
+
+def _parameter_table(
+    caption: str, entries: list[tuple[str, str, str, Any]], origins: dict[str, str]
+) -> Table:
+    columns = [Column("field"), Column("symbol"), Column("meaning"), Column("value", digits=6)]
+    rows = [[field, symbol, meaning, value] for field, symbol, meaning, value in entries]
+    if origins:
+        columns.append(Column("origin"))
+        rows = [[*row, origins.get(row[0].partition("[")[0], "default")] for row in rows]
+    return Table(caption, columns, rows)

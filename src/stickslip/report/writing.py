@@ -1,0 +1,60 @@
+"""A report on disk: results.json, report.html and the figures, each replaced as a whole or not at all."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from .circumstances import circumstances
+from .document import Document
+from .html import report_html
+from .results import results_json
+
+
+def write_report(
+    document: Document, folder: str | os.PathLike[str], *, command: str = "", elapsed: float | None = None
+) -> Path:
+    """Write ``report.html``, ``results.json`` and ``figures/NAME.svg`` into a folder, made if missing.
+
+    Everything is put together before the first file is written, and each file takes its name only when it is
+    whole on disk. Other files in the folder are left alone.
+
+    Args:
+        document: what to write.
+        folder: where.
+        command: what the user typed, for the record.
+        elapsed: how long it took, s.
+
+    Returns:
+        The path of report.html.
+
+    Raises:
+        DocumentError: a number without a unit.
+        OSError: the folder or a file cannot be written.
+    """
+    made = circumstances(command, elapsed)
+    texts = {f"figures/{picture.name}.svg": _file_of(picture.svg) for picture in document.pictures()}
+    texts["results.json"] = results_json(document, made)
+    texts["report.html"] = report_html(document, made)
+    folder = Path(folder)
+    for name, text in texts.items():
+        _replace(folder / name, text)
+    return folder / "report.html"
+
+
+def _file_of(svg: str) -> str:
+    return f'<?xml version="1.0" encoding="utf-8"?>\n{svg}\n'
+
+
+def _replace(target: Path, text: str) -> None:
+    """Write beside the target, onto the disk, and then take its name."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
+    try:
+        with temporary.open("w", encoding="utf-8", newline="\n") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, target)
+    finally:
+        temporary.unlink(missing_ok=True)
