@@ -77,7 +77,7 @@ def select(
 def _variable(
     channels: Sequence[Channel], i: int, name: str, unit: str | None, clock: int | None, standard: str | None
 ) -> Variable:
-    """A channel as a variable. The user's `unit` is stronger than the file's, `standard` the SI unit wanted."""
+    """A channel as a variable. `unit` is the user's word, `standard` the SI unit that it must be in."""
     column = channels[i]
     if not column.numeric:
         raise RecordingError(f"{name}: the column {column.shown!r} holds no numbers")
