@@ -14,8 +14,8 @@ READY := $(VENV)/.ready
 
 # Two processes suit two cores; the first run compiles the kernels, later ones find them in the user's cache.
 PYTEST ?= $(BIN)/python -m pytest -q -n 2 --dist worksteal
-# What the second pass, without compiled kernels, runs over.
-NOJIT_TESTS ?= tests
+# What the second pass, without compiled kernels, runs over: all but the tests marked as too long for it.
+NOJIT_TESTS ?= tests -m "not compiled"
 COVERAGE ?= 90
 LOCK_FLAGS ?=
 

@@ -28,13 +28,15 @@ BUILT = {".pyc", ".so", ".o", ".nbi", ".nbc", ".coverage", ".egg-info", ".whl"}
 OWNERS = {
     "numba": {"_jit", "solve/cuda"},
     "pint": {"units"},
+    "pandas": {"readers/csv"},
     "matplotlib": {"figures"},
-    "typer": {"cli"},
     "jinja2": {"report"},
-    "pydantic": {"experiment", "cli", "identify"},
-    "fastapi": {"panel"},
-    "dask": {"design"},
     "pooch": {"datasets"},
+    "pydantic": {"study", "experiment"},
+    "yaml": {"study", "experiment"},
+    "typer": {"cli"},
+    "fastapi": {"panel"},
+    "dask": {"design/sweep"},
 }
 # What `import stickslip` must leave alone: it is the first line of every script.
 HEAVY = ["numba", "scipy", "xarray", "pandas", "matplotlib", "pint", "h5py", "h5netcdf", "typer", "pydantic"]
