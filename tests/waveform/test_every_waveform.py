@@ -138,7 +138,7 @@ class Parabola(NamedTuple):
 
     def drive(self, duration: float):
         rise = Piece(0.0, (0.0, 0.0, self.acceleration / 2))
-        return assemble(0.0, [rise, Piece(0.5, (self.acceleration / 8,))], duration)
+        return assemble(0.0, [rise, Piece(0.5, (self.acceleration / 8,))], np.inf)  # more than was asked for
 
 
 def test_a_users_own_waveform_needs_no_registration() -> None:
@@ -148,3 +148,6 @@ def test_a_users_own_waveform_needs_no_registration() -> None:
     twice = Sequence(w, (w, "1 s"))
     np.testing.assert_allclose(twice.value([0.25, 0.75, 1.2, 3]), [0.125, 0.125, 0.5, 0.5])
     check_range(twice, 0, 0.5)
+    cut_off = Sequence((w, 0.25), Rest(1, 0.7, unit="m"))
+    assert np.array_equal(cut_off.breaks(2), [0, 0.25, 1.25])
+    np.testing.assert_allclose(cut_off.value([0.125, 0.25, 0.6]), [0.03125, 0.7, 0.7])

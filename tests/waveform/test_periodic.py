@@ -6,7 +6,7 @@ from time import perf_counter
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from stickslip.waveform.periodic import Cycloid, ReverseSawtooth, Sawtooth, Sine, Triangle
@@ -38,6 +38,7 @@ def test_many_values_of_many_periods() -> None:
 
 
 @given(st.floats(0.01, 1e5), st.integers(1, 300), st.sampled_from([0, 1, 2]))
+@example(10.0, 3, 1)  # 3 x 0.1 > 3 / 10 in binary numbers
 def test_whole_periods_leave_no_sliver(frequency: float, n: int, how: int) -> None:
     duration = (n / frequency, n * (1 / frequency), float(np.sum(np.full(n, 1 / frequency))))[how]
     for waveform, per_period in (

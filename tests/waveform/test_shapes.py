@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from stickslip.units import QuantityError
@@ -48,6 +48,7 @@ def test_common_period_of_a_multisine() -> None:
     st.lists(st.tuples(st.floats(-5, 5), st.integers(1, 12), st.floats(-4, 4)), min_size=1, max_size=6),
     st.floats(0.01, 1e3),
 )
+@example([(2.0, 4, 3.0), (3.0, 1, -2.0)], 1.0)  # the highest grid point lies beside the second-highest crest
 def test_multisine_range_is_its_crest(components, base: float) -> None:
     a, n, phase = (np.array(x) for x in zip(*components, strict=True))
     low, high = Multisine(a, n * base, phase).range()

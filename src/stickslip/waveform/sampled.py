@@ -104,7 +104,7 @@ class Sampled:
         if start[0] > 0:
             start, level, slope = np.append(0.0, start), np.append(level[0], level), np.append(0.0, slope)
         # a sample that changes nothing on a flat stretch is no break: the solver need not stop there
-        flat = (np.diff(level) == 0) & (slope[1:] == 0) & (slope[:-1] == 0)
+        flat = (np.diff(level) == 0) & (slope[1:] == 0)
         kept = np.append(True, ~flat)
         polynomial = np.zeros((np.count_nonzero(kept), 4))
         polynomial[:, 0], polynomial[:, 1] = level[kept], slope[kept]

@@ -66,11 +66,11 @@ class Sequence:
         """The segment table for 0 <= t < duration [s]."""
         begins = [0.0, *accumulate(length for _, length in self.parts)]
         drives = [
-            cut(waveform.drive(length), length)
+            cut(waveform.drive(min(length, duration - begin)), length)
             for (waveform, length), begin in zip(self.parts, begins, strict=False)
             if begin < duration or begin == 0
         ]
-        if len(drives) == len(self.parts):
+        if begins[-1] < duration:
             last, length = self.parts[-1]
             drives.append(constant(float(value_at(last, length))))
         return cut(join(drives, begins[: len(drives)]), duration)
