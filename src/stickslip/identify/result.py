@@ -116,6 +116,8 @@ class Fit:
         converged: whether the optimiser met its tolerance; `message` says how it ended.
         starts: how many there were; `starts_agreeing` ended at this same minimum.
         model: what the values describe, if the identification builds it (an actuator, a law, a modal model).
+        observed: name of the channel that was fitted.
+        predict: from any recording, seen or not, to the values of that channel by the model, shape (n,).
     """
 
     parameters: tuple[Parameter, ...]
@@ -132,6 +134,8 @@ class Fit:
     starts: int = 1
     starts_agreeing: int = 1
     model: Any = None
+    observed: str = ""
+    predict: Callable[..., np.ndarray] | None = None
 
     @property
     def n_data(self) -> int:
