@@ -75,7 +75,7 @@ class Events:
             return "steady"
         return "stick-slip" if self.sticking > 0.5 else "inertial"
 
-    def summary(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def summary(self) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
         """Mean top, bottom and period, and the standard errors of these means."""
         parts = (self.top, self.bottom, self.period)
         means = np.array([np.mean(a) for a in parts])
