@@ -49,6 +49,15 @@ def test_seconds_since_1970(tmp_path: Path, unit: str, factor: int) -> None:
     assert shifted.attrs["epoch"] == "2024-03-01T11:59:50+00:00"
 
 
+def test_milliseconds_since_1970_need_their_unit(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("t,x\n1709294400000,1\n1709294400010,2\n")
+    with pytest.raises(RecordingError, match=r"time starts at 1\.709e\+12 s; say units="):
+        read_recording(tmp_path / "a.csv")
+    np.testing.assert_allclose(
+        read_recording(tmp_path / "a.csv", units={"time": "ms"})["time"], [0.0, 0.01], atol=3e-7
+    )
+
+
 def test_a_bad_date_is_named(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("t,x\n2024-03-01 12:00:00,1\nyesterday,2\n2024-03-01 12:00:02,3\n")
     with pytest.raises(RecordingError, match=r"a\.csv: line 3, column 't': 'yesterday' is not a date"):

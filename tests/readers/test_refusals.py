@@ -170,7 +170,7 @@ def test_saved_recordings(tmp_path: Path) -> None:
     saved = make_recording([0.0, 1.0, 2.0], {"x": [1.0, 2.0, 3.0]}, title="as it was")
     save_recording(saved, tmp_path / "a.nc")
     assert read_recording(tmp_path / "a.nc").identical(saved)
-    for option in ({"columns": {"y": "x"}}, {"rows": (0, 2)}, {"sample_rate": 3}, {"start_time": 3}):
+    for option in ({"columns": {"y": "x"}}, {"rows": (0, 2)}, {"sample_rate": 3}, {"start_time": 0}):
         with pytest.raises(RecordingError, match="a saved recording is read as it is"):
             read_recording(tmp_path / "a.nc", **option)
     (tmp_path / "a.nc").write_bytes((tmp_path / "a.nc").read_bytes()[:3000])

@@ -1,6 +1,6 @@
 """Text files of numbers: CSV, TSV, white space.
 
-Read by pandas in chunks, about 100 MB/s on one core (four times ``numpy.loadtxt``), into arrays that grow in
+Read by pandas in chunks, 70 to 100 MB/s on one core (four times ``numpy.loadtxt``), into arrays that grow in
 place: memory stays at the result plus one chunk. Dates become seconds since 1970.
 """
 

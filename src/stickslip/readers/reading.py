@@ -30,6 +30,7 @@ _BINARY: dict[str, Callable[[Path], Source]] = {"npy": read_npy, "npz": read_npz
 
 # No recording runs for three years: a clock beyond this counts from 1970.
 _SINCE_1970 = 1e8
+_LAST_DATE = 1e11  # the year 5138
 
 
 def read_recording(
@@ -80,9 +81,8 @@ def read_recording(
         kind = find_format(path)
         if kind != "text" and text_options:
             raise RecordingError(f"delimiter, decimal and skip are for text; this file is {kind}")
-        if kind == "nc" and (
-            columns or units or clocks or sample_rate or start_time or tuple(rows) != (0, None)
-        ):
+        changes = columns or units or clocks or (sample_rate, start_time, *rows) != (None, None, 0, None)
+        if kind == "nc" and changes:
             raise RecordingError("a saved recording is read as it is, without columns, units, clocks or rows")
     if kind == "nc":
         return open_recording(path)
@@ -158,7 +158,7 @@ def _load(source: Source, chosen: Selection, window: Rows, rate: float) -> list[
     groups = []
     for channel, clock in chosen.clocks.items():
         values = {v.name: in_si(v) for v in chosen.variables if v.clock == channel}
-        time = np.arange(len(next(iter(values.values())))) / rate if clock is None else in_si(clock)
+        time = np.arange(float(len(next(iter(values.values()))))) / rate if clock is None else in_si(clock)
         for name, array in values.items():
             if array.shape != time.shape:
                 raise RecordingError(f"{name} has {len(array)} samples, but its time has {len(time)}")
@@ -194,6 +194,10 @@ def _from_start(time: np.ndarray, start_time: float | str | None) -> tuple[np.nd
     if start_time is None and not dated:
         return time, ""
     start = 0.0 if start_time is None else to_si(start_time, "s", "start_time")
+    if first > _LAST_DATE:
+        raise RecordingError(
+            f"time starts at {first:.4g} s; say units={{'time': ...}} if it is in ms, us or ns"
+        )
     epoch = datetime.fromtimestamp(first - start, UTC).isoformat() if dated else ""
     time -= first
     time += start
