@@ -1,7 +1,7 @@
 """Slow, obvious versions of what the package compiles: the oracle of the tests.
 
-Written from the papers' equations with NumPy and SciPy, in the papers' own variables (forces where the package
-integrates deflections, say), and sharing no code with the package. A law is used only for its fields.
+Written from the papers' equations with NumPy and SciPy, in the papers' own variables (forces where the
+package integrates deflections, say), and sharing no code with it. A law is used for its fields only.
 """
 
 from __future__ import annotations
@@ -18,9 +18,8 @@ Array = NDArray[np.float64]
 
 def stribeck_curve(p: Any, v: float, exponent: float = 2.0) -> float:
     """g(v) of Olsson et al. 1998: Coulomb friction at speed, stiction at rest."""
-    return p.coulomb_force + (p.stiction_force - p.coulomb_force) * np.exp(
-        -(np.abs(v / p.stribeck_velocity) ** exponent)
-    )
+    fall = np.exp(-(np.abs(v / p.stribeck_velocity) ** exponent))
+    return p.coulomb_force + (p.stiction_force - p.coulomb_force) * fall
 
 
 # ---- F and dz/dt at one (v, z); z is an array, one number per element, and for a static law the direction.
@@ -55,14 +54,14 @@ def reset_integrator(p: Any, v: float, z: Array) -> tuple[float, Array]:
 
 
 def lugre(p: Any, v: float, z: Array) -> tuple[float, Array]:
-    """Canudas de Wit et al. 1995, eq. 3 and 5, with the damping of their section on passivity."""
+    """Canudas de Wit et al. 1995, with the damping that fades with speed of Olsson et al. 1998."""
     dz = v - np.abs(v) / (stribeck_curve(p, v) / p.sigma_0) * z
     sigma_1 = p.sigma_1 * np.exp(-((v / p.damping_velocity) ** 2))
     return (p.sigma_0 * z + sigma_1 * dz + p.sigma_2 * v)[0], dz
 
 
 def elastoplastic(p: Any, v: float, z: Array) -> tuple[float, Array]:
-    """Dupont et al. 2002, eq. 5-9, the transition for z > 0 and its mirror image for z < 0."""
+    """Dupont et al. 2002, the transition for z > 0 and its mirror image for z < 0."""
     z_max = stribeck_curve(p, v) / p.sigma_0
     z_ba = p.breakaway_deflection
     phase = np.pi * (z * np.sign(z) - (z_max + z_ba) / 2) / (z_max - z_ba)
@@ -76,7 +75,7 @@ def elastoplastic(p: Any, v: float, z: Array) -> tuple[float, Array]:
 
 
 def maxwell_slip(p: Any, v: float, z: Array) -> tuple[float, Array]:
-    """Al-Bender et al. 2005, eq. 20-21, in forces; who slides is read off the force."""
+    """Al-Bender et al. 2005, in forces; which element slides is read off its force."""
     k, W = np.array(p.stiffness), np.array(p.strength)
     F = k * z
     F_C = W.sum()
@@ -186,9 +185,8 @@ def _lugre_piece(p: Any, v: float, dt: float, z: float) -> float:
 
 
 def _integrated_piece(law: Any, v: float, dt: float, z: float) -> float:
-    return solve_ivp(lambda _, y: rate(law, v, y)[1], (0, dt), [z], method="LSODA", rtol=1e-9, atol=1e-17).y[
-        0, -1
-    ]
+    piece = solve_ivp(lambda _, y: rate(law, v, y)[1], (0, dt), [z], method="LSODA", rtol=1e-9, atol=1e-17)
+    return piece.y[0, -1]
 
 
 def _clipped(dx: Array, end: Array) -> Array:
@@ -200,7 +198,7 @@ def _clipped(dx: Array, end: Array) -> Array:
 
 
 def _maxwell(p: Any, v: Array, dt: Array) -> Array:
-    """The paper's element with its flag: it slides from reaching its strength until the velocity changes sign."""
+    """The paper's element with its flag: at its strength it slides until the velocity changes sign."""
     k, W = np.array(p.stiffness), np.array(p.strength)
     F, slides, before = np.zeros(k.shape), np.zeros(k.shape, dtype=bool), 0.0
     out = []

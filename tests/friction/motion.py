@@ -36,8 +36,8 @@ def bounded(law, z):
 def response(law, v, dt, start):
     """Steps of constant velocity v[i] for dt[i], each one Runge-Kutta step of order 4 per element.
 
-    Returns the forces at the start and at the end of each step [n] and the states [n + 1, elements]; the state
-    of a static law is the direction of sliding.
+    Returns the forces at the start and at the end of each step [n] and the states [n + 1, elements]; the
+    state of a static law is the direction of sliding.
     """
     n_states = max(elements(law), 1)
     z = np.empty((v.size + 1, n_states))

@@ -135,9 +135,8 @@ def test_law_is_finite_for_extreme_input(law):
         deflections = np.array([[1.0], [-1.0]])
     else:
         end = reference.largest_deflection(law)
-        deflections = np.array(
-            [f * end for f in (0.0, 0.999999, 1.0, -1.0)] + [0 * end + d for d in (5e-324, 1.0, -1.0)]
-        )
+        near = [share * end for share in (0.0, 0.999999, 1.0, -1.0)]
+        deflections = np.array([*near, *(np.full(end.shape, far) for far in (5e-324, 1.0, -1.0))])
     v, rows = np.meshgrid([s * sign for s in speeds for sign in (1, -1)], np.arange(len(deflections)))
     forces, rates = evaluate(law, v.ravel(), deflections[rows.ravel()])
     assert np.all(np.isfinite(forces))

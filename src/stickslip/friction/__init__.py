@@ -12,7 +12,7 @@ from .law import is_law as is_law
 from .law import project as project
 from .law import rate as rate
 from .law import register as register
-from .law import register as register_law
+from .law import register as register_law  # noqa: F401  (its public name)
 from .lugre import LuGre as LuGre
 from .maxwell_slip import MaxwellSlip as MaxwellSlip
 from .reset_integrator import ResetIntegrator as ResetIntegrator

@@ -39,13 +39,10 @@ class MaxwellSlip(NamedTuple):
     attraction_rate: Annotated[float, Quantity("1/s", "c", "attraction C/F_C", above=0)] = 1e3
 
     def _check(self) -> None:
-        for name in ("stiffness", "strength"):
-            if not isinstance(getattr(self, name), tuple) or not getattr(self, name):
-                raise QuantityError(f"MaxwellSlip.{name} must be a list, one value per element")
-        if len(self.stiffness) != len(self.strength):
+        if len(self.stiffness) != len(self.strength) or not self.stiffness:
             raise QuantityError(
-                f"MaxwellSlip has {len(self.stiffness)} values of stiffness [N/m] "
-                f"but {len(self.strength)} of strength [N]: one of each per element"
+                f"MaxwellSlip has {len(self.stiffness)} values of stiffness [N/m] and "
+                f"{len(self.strength)} of strength [N]: it must have one of each per element"
             )
 
 

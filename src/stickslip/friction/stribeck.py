@@ -54,7 +54,7 @@ class StictionCoulombViscous(NamedTuple):
 
 @record
 class Stribeck(NamedTuple):
-    """The Stribeck curve as a static law [olsson1998, eq. 2; kang2007, fig. 2.1d]."""
+    """The Stribeck curve as a static law [olsson1998; kang2007, fig. 2.1d]."""
 
     coulomb_force: Annotated[float, Quantity("N", "F_C", "Coulomb friction", minimum=0)]
     stiction_force: Annotated[float, Quantity("N", "F_S", "stiction", minimum=0)]
