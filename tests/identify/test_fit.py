@@ -204,7 +204,7 @@ def test_parameter_without_any_effect_and_parameters_that_only_act_together() ->
     assert fit.values["area"] * fit.values["pressure"] == pytest.approx(alone.values["height"], rel=1e-5)
 
 
-def test_pairs_that_are_hard_to_tell_apart_are_named() -> None:
+def test_parameters_that_are_hard_to_tell_apart_are_named() -> None:
     x = np.linspace(10, 11, 50)
     y = 1 + 2 * x + 0.001 * np.cos(50 * x)
     parameters = [Parameter("offset", 1.0, -9, 9, log=False), Parameter("slope", 1.0, -9, 9, log=False)]

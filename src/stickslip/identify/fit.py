@@ -105,7 +105,10 @@ class _Problem:
         self.scale = float(np.linalg.norm(np.concatenate(parts) / self.noise)) or 1.0
 
     def values(self, q: np.ndarray) -> Values:
-        return {p.name: p.value(x) for p, x in zip(self.parameters, q, strict=True)}
+        # Rounding of the logarithm must not lead out of the bounds.
+        return {
+            p.name: min(max(p.value(x), p.lower), p.upper) for p, x in zip(self.parameters, q, strict=True)
+        }
 
     def shown(self, q: np.ndarray) -> str:
         return ", ".join(f"{p.name} = {p.shown(p.value(x))}" for p, x in zip(self.parameters, q, strict=True))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 if TYPE_CHECKING:
     from .result import Fit
@@ -16,7 +17,7 @@ INDISTINGUISHABLE = 0.99
 
 
 def undetermined(fit: Fit) -> tuple[str, ...]:
-    """A sentence for each parameter, and each pair of them, that the data of the fit do not determine.
+    """A sentence for each parameter, and each group of them, that the data of the fit do not determine.
 
     From the 95 % intervals and correlations, so linearised; empty if all is well.
     """
@@ -33,11 +34,12 @@ def undetermined(fit: Fit) -> tuple[str, ...]:
         elif side:
             bound = p.shown(p.lower if side < 0 else p.upper, 3)
             sentences.append(f"{p.name} ended at its bound {bound}, and {as_well}")
-    correlation, names = fit.correlation.to_numpy(), list(fit.values)
-    for i, j in zip(*np.triu_indices(len(names), 1), strict=True):
-        if abs(correlation[i, j]) > INDISTINGUISHABLE and not {names[i], names[j]} & named:
-            sentences.append(
-                f"{names[i]} and {names[j]} are hard to tell apart by these recordings: "
-                f"their correlation is {correlation[i, j]:.4f}"
-            )
+    strong = np.abs(fit.correlation.to_numpy()) > INDISTINGUISHABLE
+    names = np.array(list(fit.values))
+    determined = ~np.isin(names, list(named))
+    n_groups, group = connected_components(strong & determined & determined[:, None], directed=False)
+    for together in (names[group == g] for g in range(n_groups)):
+        if together.size > 1:
+            listed = ", ".join(together[:-1]) + f" and {together[-1]}"
+            sentences.append(f"{listed} are hard to tell apart by these recordings: they act nearly alike")
     return tuple(sentences)

@@ -1,0 +1,152 @@
+r"""Least squares where most parameters are linear: they are solved for, not searched.
+
+The residuals :math:`B_c(\theta)\, x_c - y_c` of each recording c depend linearly on coefficients
+:math:`x_c` of its own. For every :math:`\theta` the best x is a linear solution, so the search runs over
+:math:`\theta` alone [golub1973], with Kaufman's derivative :math:`(1 - QQ^T)\, \partial B\, x` [kaufman1975]:
+its gradient is exact, and its :math:`J^TJ` is what the full problem leaves for :math:`\theta`, so no
+uncertainty is lost either.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .covariance import Uncertainty
+from .fit import Residuals, fit_least_squares
+from .result import Fit, Parameter, Values
+
+
+class Linear(NamedTuple):
+    """One recording and the names of its own linear coefficients.
+
+    Attributes:
+        measured: shape (n,).
+        noise: standard deviation, one number or shape (n,), in the unit of the data; None: equal everywhere.
+        coefficients: name and unit of each, K of them.
+        name: of the recording.
+        unit: of the data.
+    """
+
+    measured: np.ndarray
+    noise: np.ndarray | float | None
+    coefficients: tuple[tuple[str, str], ...]
+    name: str
+    unit: str = ""
+
+
+class Design(NamedTuple):
+    """How a recording depends on its coefficients at given values of the searched parameters.
+
+    Attributes:
+        matrix: B, shape (n, K).
+        tangent: from coefficients x, shape (K,), to the derivatives of B x by the k searched values, (n, k).
+    """
+
+    matrix: np.ndarray
+    tangent: Callable[[np.ndarray], np.ndarray]
+
+
+class _Solved(NamedTuple):
+    """The best coefficients of one recording, and the parts of its weighted design B = Q R."""
+
+    design: Design
+    weights: np.ndarray
+    q: np.ndarray
+    r: np.ndarray
+    x: np.ndarray
+
+
+def fit_separable(
+    recordings: Sequence[Linear],
+    designs: Callable[[Values], Sequence[Design]],
+    parameters: Sequence[Parameter],
+    **options: Any,
+) -> Fit:
+    """As `fit_least_squares`; the result holds the searched parameters first, then all coefficients.
+
+    Args:
+        recordings: data, and coefficients by name.
+        designs: from the values of the searched parameters to the design of each recording.
+        parameters: those that are searched.
+        options: noise_known, starts, seed, tolerance, max_evaluations or progress of `fit_least_squares`.
+    """
+    known: dict[tuple[float, ...], list[_Solved]] = {}
+
+    def solved(values: Values) -> list[_Solved]:
+        key = tuple(values.values())
+        if key not in known:
+            known.clear()
+            known[key] = [_solve(c, d) for c, d in zip(recordings, designs(values), strict=True)]
+        return known[key]
+
+    def residuals(number: int) -> Callable[[Values], np.ndarray]:
+        def of(values: Values) -> np.ndarray:
+            s = solved(values)[number]
+            return s.design.matrix @ s.x - recordings[number].measured
+
+        return of
+
+    def jacobian(values: Values) -> np.ndarray:
+        rows = []
+        for s in solved(values):
+            slope = s.weights[:, None] * s.design.tangent(s.x)
+            rows.append((slope - s.q @ (s.q.T @ slope)) / s.weights[:, None])
+        return np.concatenate(rows)
+
+    fit = fit_least_squares(
+        [Residuals(residuals(i), c.measured, c.noise, c.name, c.unit) for i, c in enumerate(recordings)],
+        parameters,
+        jacobian=jacobian,
+        n_eliminated=sum(len(c.coefficients) for c in recordings),
+        **options,
+    )
+    return _with_coefficients(fit, recordings, solved(fit.values))
+
+
+def _solve(recording: Linear, design: Design) -> _Solved:
+    noise = 1.0 if recording.noise is None else recording.noise
+    weights = np.broadcast_to(1 / np.asarray(noise, dtype=float), recording.measured.shape)
+    q, r = np.linalg.qr(weights[:, None] * design.matrix)
+    return _Solved(design, weights, q, r, np.linalg.solve(r, q.T @ (weights * recording.measured)))
+
+
+def _with_coefficients(fit: Fit, recordings: Sequence[Linear], solutions: list[_Solved]) -> Fit:
+    """The fit with its coefficients and all covariances among them and the searched parameters."""
+    k = len(fit.parameters)
+    slopes = np.array([fit.values[p.name] if p.log else 1.0 for p in fit.parameters])
+    searched = np.where(np.isnan(fit.uncertainty.covariance), 0.0, fit.uncertainty.covariance)
+    variance = 1.0 if fit.noise_known else fit.reduced_chi_squared
+    added, shifts, own = [], [np.eye(k)], [np.zeros((k, k))]
+    for recording, s in zip(recordings, solutions, strict=True):
+        inverse = np.linalg.inv(s.r)
+        # How the best coefficients move with the searched coordinates.
+        shifts.append(-inverse @ (s.q.T @ (s.weights[:, None] * s.design.tangent(s.x) * slopes)))
+        own.append(variance * inverse @ inverse.T)
+        added += [
+            Parameter(name, float(x), -math.inf, math.inf, unit, log=False)
+            for (name, unit), x in zip(recording.coefficients, s.x, strict=True)
+        ]
+    shift = np.concatenate(shifts)
+    covariance = shift @ searched @ shift.T
+    ends = np.cumsum([len(block) for block in own])
+    for end, block in zip(ends, own, strict=True):
+        covariance[end - len(block) : end, end - len(block) : end] += block
+    covariance[:k, :k] = fit.uncertainty.covariance
+    none = np.zeros(len(added))
+    _, bounded, push, released = fit.uncertainty
+    return replace(
+        fit,
+        parameters=(*fit.parameters, *added),
+        values={**fit.values, **{p.name: p.start for p in added}},
+        uncertainty=Uncertainty(
+            covariance,
+            np.concatenate([bounded, none.astype(int)]),
+            np.concatenate([push, none]),
+            np.concatenate([released, none]),
+        ),
+    )
