@@ -12,9 +12,10 @@ import sys
 import time
 import traceback
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import StrEnum
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -30,10 +31,8 @@ except ModuleNotFoundError as missing:  # this module is the command's entry: no
 if TYPE_CHECKING:
     from .actuator import Actuator, PulledSlider
     from .report import Document, Number
+    from .study.running import Progress
     from .waveform.signal import Waveform
-
-# What a long command calls as it goes: what is being done, and how much of all is done, from 0 to 1.
-Progress = Callable[[str, float], None]
 
 app = typer.Typer(
     help="Identify, verify, simulate and design piezoelectric stick-slip actuators from recordings.",
@@ -103,7 +102,8 @@ def _progress() -> Iterator[Progress]:
         yield tell
         return
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, SpinnerColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, SpinnerColumn, TimeElapsedColumn
+    from rich.progress import Progress as Bar
 
     columns = (
         SpinnerColumn(),
@@ -112,13 +112,16 @@ def _progress() -> Iterator[Progress]:
         "{task.percentage:>3.0f} %",
         TimeElapsedColumn(),
     )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("", total=1.0)
         yield lambda doing, done: bar.update(task, description=doing, completed=done)
 
 
-def _check_folder(out: Path) -> None:
-    """Found out before the work, not after it."""
+def _check_output(out: Path) -> None:
+    """That a report can be made and written: found out before the work, not after it."""
+    for name in ("jinja2", "matplotlib"):
+        if find_spec(name) is None:
+            raise ModuleNotFoundError(name=name)
     existing = next(folder for folder in (out, *out.absolute().parents) if folder.exists())
     if not existing.is_dir():
         raise ValueError(f"--out {out}: {existing} is a file, not a folder")
@@ -182,13 +185,13 @@ def simulate(
     """Simulate an actuator (or a pulled slider) of a parameter set; the trajectory goes to trajectory.nc."""
     begun = time.perf_counter()
     with _errors_in_one_line(show_traceback):
+        _check_output(out)
         from .recording import save_recording
         from .report.trajectory import trajectory_document
         from .simulation import SimulationWarning
         from .simulation import simulate as simulated
         from .units import to_si
 
-        _check_folder(out)
         parts = _parts(changes)
         model = _model(parameters, parts["model"], parts["friction"])
         given = {"amplitude": amplitude, "frequency": frequency, "periods": periods}
@@ -281,9 +284,9 @@ def identify(
     """Fit models to recordings, as a file describes it, and verify them on parts that no fit has seen."""
     begun = time.perf_counter()
     with _errors_in_one_line(show_traceback):
+        _check_output(out)
         from .study import run_file
 
-        _check_folder(out)
         with _progress() as progress:
             document = run_file(file, progress)
         _write(document, out, begun)
@@ -294,9 +297,9 @@ def demo(out: Out = Path("out/demo"), show_traceback: Traceback = False) -> None
     """Identify and verify models on published recordings, and simulate the actuator of the thesis."""
     begun = time.perf_counter()
     with _errors_in_one_line(show_traceback):
+        _check_output(out)
         from .demo import run
 
-        _check_folder(out)
         with _progress() as progress:
             document = run(progress)
         _write(document, out, begun)

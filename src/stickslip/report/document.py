@@ -71,6 +71,7 @@ class Table:
 
     def __post_init__(self) -> None:
         _freeze(self, f"table {self.caption!r}", ["columns", "rows"])
+        object.__setattr__(self, "rows", tuple(map(tuple, self.rows)))
         for i, row in enumerate(self.rows):
             where = f"table {self.caption!r}, row {i + 1}"
             if len(row) != len(self.columns):

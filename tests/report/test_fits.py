@@ -1,0 +1,67 @@
+"""Tables and numbers of a fit: a straight line, whose estimates have a closed form."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from stickslip.identify.fit import Parameter, Residuals, fit_least_squares
+from stickslip.identify.result import Fit
+from stickslip.report import Number
+from stickslip.report.fits import estimates, fit_numbers, goodness_table, parameter_table
+
+T = np.linspace(0.0, 2.0, 50)
+Y = 3e-6 + 5e-6 * T + 1e-7 * np.random.default_rng(3).standard_normal(T.size)
+LINE = stats.linregress(T, Y)
+
+
+@pytest.fixture(scope="module")
+def fit() -> Fit:
+    free = (-math.inf, math.inf)
+    parameters = [
+        Parameter("offset", 1e-6, *free, "m", log=False),
+        Parameter("rate", 1e-6, *free, "m/s", log=False),
+    ]
+    recording = Residuals(lambda p: (p["offset"] + p["rate"] * T - Y) * 1.0, Y, None, "ramp", "m")
+    return fit_least_squares([recording], parameters)
+
+
+def test_estimates_have_unit_error_and_interval(fit: Fit) -> None:
+    rate = estimates(fit, level=0.9)["rate"]
+    t = stats.t.ppf(0.95, T.size - 2)
+    assert (rate.unit, rate.level) == ("m/s", 0.9)
+    assert rate.value == pytest.approx(LINE.slope, rel=1e-6)
+    assert rate.standard_error == pytest.approx(LINE.stderr, rel=1e-4)
+    assert (rate.low, rate.high) == pytest.approx(
+        (LINE.slope - t * LINE.stderr, LINE.slope + t * LINE.stderr), rel=1e-5
+    )
+
+
+def test_tables(fit: Fit) -> None:
+    table = parameter_table("Line.", fit)
+    assert [column.name for column in table.columns][1] == "estimate [95 % interval]"
+    name, value, error = table.rows[0]
+    assert name == "offset"
+    assert isinstance(value, Number)
+    assert isinstance(error, Number)
+    assert value.value == pytest.approx(LINE.intercept, rel=1e-6)
+    assert (error.value, error.unit) == (pytest.approx(LINE.intercept_stderr, rel=1e-4), "m")
+
+    table = goodness_table("Goodness.", fit, "m")
+    residuals = LINE.intercept + LINE.slope * T - Y
+    assert table.columns[3].unit == "m"
+    assert table.rows[0][:2] == ("ramp", 50)
+    assert table.rows[0][2] == pytest.approx(LINE.rvalue**2, rel=1e-9)
+    assert table.rows[0][3] == pytest.approx(np.sqrt(np.mean(residuals**2)), rel=1e-6)
+
+
+def test_numbers(fit: Fit) -> None:
+    numbers = fit_numbers(fit, "m")
+    assert numbers["rmse"].unit == "m"
+    assert numbers["recordings"]["ramp"]["r_squared"].value == pytest.approx(LINE.rvalue**2, rel=1e-9)
+    assert numbers["degrees_of_freedom"].value == 48
+    assert numbers["correlation"]["parameters"] == ["offset", "rate"]
+    expected = -T.mean() / np.sqrt(np.mean(T**2))  # of intercept and slope
+    assert numbers["correlation"]["coefficients"]["value"][0][1] == pytest.approx(expected, rel=1e-4)
+    assert numbers["converged"] is True

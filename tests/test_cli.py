@@ -1,0 +1,249 @@
+"""The command line, in this process where that does, in a process of its own where it matters."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from stickslip import __version__
+from stickslip.cli import _progress, app
+from stickslip.recording import open_recording
+
+THESIS = ["simulate", "kang2007", "--amplitude", "65 V", "--frequency", "5 Hz", "--periods", "2"]
+
+
+def run(*arguments: str):
+    return CliRunner().invoke(app, [*arguments], prog_name="stickslip")
+
+
+def python(program: str, *arguments: str, **how) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", program, *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, **how)
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(f.relative_to(folder)): f.read_bytes() for f in folder.rglob("*") if f.is_file()}
+
+
+def test_version_and_help() -> None:
+    assert run("--version").stdout == f"stickslip {__version__}\n"
+    listed = run("--help").stdout
+    assert all(command in listed for command in ("simulate", "identify", "demo", "cite"))
+    options = run("simulate", "--help").stdout
+    assert all(
+        name in options for name in ("--waveform", "--amplitude", "--set", "--sample-rate", "--tolerance")
+    )
+
+
+def test_help_does_not_wait_for_the_solver() -> None:
+    program = (
+        "import sys\nfrom stickslip.cli import app\napp(['--help'], standalone_mode=False)\n"
+        "print(sorted({'numba', 'numpy', 'xarray', 'matplotlib', 'rich', 'pint'} & set(sys.modules)))"
+    )
+    assert python(program).stdout.splitlines()[-1] == "[]"
+
+
+def test_simulate(tmp_path: Path) -> None:
+    out = tmp_path / "a" / "b"
+    done = run(*THESIS, "--out", str(out), "--sample-rate", "2 kHz")
+    assert done.exit_code == 0, done.stderr
+    assert str(out / "report.html") in done.stdout
+    assert contents(out).keys() == {"report.html", "results.json", "trajectory.nc", "figures/trajectory.svg"}
+    trajectory = open_recording(out / "trajectory.nc")
+    assert trajectory["time"].size == 801
+    results = json.loads((out / "results.json").read_bytes())
+    assert results["numbers"]["net_displacement"] == {
+        "value": float(trajectory["end_effector_position"][-1] - trajectory["end_effector_position"][0]),
+        "unit": "m",
+    }
+    # The thesis's actuator walks some 3 um a step forward at 65 V.
+    assert 2e-6 < results["numbers"]["steady_step"]["value"] < 5e-6
+    assert results["numbers"]["parameters"]["friction.sigma_0"] == {"value": 1.399e6, "unit": "N/m"}
+
+
+def test_changes_of_parameters_reach_the_simulation(tmp_path: Path) -> None:
+    changes = [
+        "friction.sigma_0=1.5 N/um",
+        "end_effector_mass=0.12kg",
+        "stage_reaction=no",
+        "waveform.offset=5V",
+    ]
+    options = [word for change in changes for word in ("--set", change)]
+    assert run(*THESIS, *options, "--duration", "20 ms", "--out", str(tmp_path)).exit_code == 0
+    numbers = json.loads((tmp_path / "results.json").read_bytes())["numbers"]
+    assert numbers["parameters"]["friction.sigma_0"]["value"] == 1.5e6
+    assert numbers["parameters"]["end_effector_mass"]["value"] == 0.12
+    assert numbers["parameters"]["stage_reaction"] == "no"
+    assert numbers["drive"]["offset"] == {"value": 5.0, "unit": "V"}
+    assert numbers["duration"] == {"value": 0.02, "unit": "s"}
+
+
+def test_limits_that_have_to_change_together_do(tmp_path: Path) -> None:
+    forces = ["--set", "friction.coulomb_force=0.7", "--set", "friction.stiction_force=0.8 N"]
+    assert run(*THESIS, *forces, "--duration", "10 ms", "--out", str(tmp_path)).exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["simulate", "kang2008"], "no parameter set 'kang2008' (did you mean 'kang2007'?)"),
+        (["simulate", "nowhere.toml"], "nowhere.toml cannot be read"),
+        (["simulate"], "Sawtooth.amplitude is missing"),
+        ([*THESIS, "--amplitude", "65 N"], "Sawtooth.amplitude = '65 N' has the unit 'N', which is no V"),
+        ([*THESIS, "--amplitude", "200 V"], "from 0 V to 200 V is out of range"),
+        ([*THESIS, "--frequency=-5 Hz"], "Sawtooth.frequency = '-5 Hz' is out of range"),
+        ([*THESIS, "--waveform", "step"], "Step has no field 'frequency'"),
+        ([*THESIS, "--waveform", "swtooth"], "swtooth"),
+        ([*THESIS, "--sample-rate", "1 kV"], "--sample-rate = '1 kV'"),
+        ([*THESIS, "--duration", "nan"], "duration = nan s"),
+        ([*THESIS, "--set", "friction.sigma0=1"], "LuGre has no field 'sigma0' (did you mean 'sigma_0'?)"),
+        (
+            [*THESIS, "--set", "end_effector_mass=-1 kg"],
+            "Actuator.end_effector_mass = '-1 kg' is out of range",
+        ),
+        ([*THESIS, "--set", "end_effector_mass"], "--set end_effector_mass: write FIELD=VALUE"),
+        ([*THESIS, "--set", "stage.mass=1"], "--set stage.mass=1: write FIELD=VALUE"),
+        (
+            [*THESIS, "--set", "stage_reaction=maybe"],
+            "Actuator.stage_reaction = 'maybe' must be True or False",
+        ),
+        ([*THESIS, "--set", "friction.coulomb_force=0.9 N"], "stiction_force"),
+        (["identify", "nowhere.yaml"], "nowhere.yaml"),
+        (["cite", "kang207"], "kang207"),
+        (["simulat"], "simulat"),
+    ],
+)
+def test_wrong_input_is_one_line_and_overwrites_nothing(
+    arguments: list[str], words: str, tmp_path: Path
+) -> None:
+    (tmp_path / "report.html").write_text("an earlier report")
+    before = contents(tmp_path)
+    out = ["--out", str(tmp_path)] if arguments[0] in ("simulate", "identify") else []
+    done = run(*arguments, *out)
+    assert done.exit_code == 2
+    assert done.stdout == ""
+    assert "Traceback" not in done.stderr
+    errors = [line for line in done.stderr.splitlines() if line.startswith("Error: ")]
+    assert len(errors) == 1
+    assert words in errors[0]
+    assert contents(tmp_path) == before
+
+
+def test_a_wrong_identification_file_is_named(tmp_path: Path) -> None:
+    file = tmp_path / "study.yaml"
+    file.write_text("kind: nothing\n")
+    done = run("identify", str(file), "--out", str(tmp_path / "out"))
+    assert done.exit_code == 2
+    assert re.search(r"^Error: .*study\.yaml.*kind", done.stderr, re.MULTILINE)
+    assert contents(tmp_path).keys() == {"study.yaml"}
+
+
+def test_the_folder_is_looked_at_before_the_work(tmp_path: Path) -> None:
+    file = tmp_path / "taken"
+    file.write_text("mine")
+    done = run(*THESIS, "--out", str(file / "deeper"))
+    assert done.exit_code == 2
+    assert f"--out {file / 'deeper'}: {file} is a file" in done.stderr
+    assert file.read_text() == "mine"
+
+
+def test_a_result_that_cannot_be_written_is_a_failure(tmp_path: Path) -> None:
+    (tmp_path / "results.json").mkdir()
+    done = run(*THESIS, "--duration", "10 ms", "--out", str(tmp_path))
+    assert done.exit_code == 1
+    assert re.search(r"^Error: .*results\.json", done.stderr, re.MULTILINE)
+
+
+@pytest.mark.parametrize("how", [["--traceback"], []])
+def test_traceback_on_demand(how: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    if not how:
+        monkeypatch.setenv("STICKSLIP_TRACEBACK", "1")
+    done = run("simulate", *how)
+    assert done.exit_code == 2
+    assert "Traceback (most recent call last)" in done.stderr
+    assert done.stderr.splitlines()[-1].startswith("Error: Sawtooth.amplitude is missing")
+
+
+@pytest.mark.parametrize(
+    ("module", "arguments"),
+    [("typer", ["--version"]), ("matplotlib", THESIS), ("jinja2", THESIS)],
+)
+def test_a_missing_extra_is_named(module: str, arguments: list[str], tmp_path: Path) -> None:
+    program = (
+        f"import sys, runpy; sys.modules[{module!r}] = None; "
+        "runpy.run_module('stickslip', run_name='__main__', alter_sys=True)"
+    )
+    done = python(program, *arguments, cwd=tmp_path)
+    assert done.returncode == 1
+    (line,) = done.stderr.strip().splitlines()
+    assert line.startswith("Error: ")
+    assert module in line
+    assert 'pip install "stickslip[cli,report]"' in line
+    assert contents(tmp_path) == {}
+
+
+def test_progress_in_plain_lines_and_the_command_on_record(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arguments = [*THESIS, "--duration", "10 ms", "--out", str(tmp_path)]
+    monkeypatch.setattr(sys, "argv", ["/somewhere/bin/stickslip", *arguments])
+    lines = run(*arguments).stderr.splitlines()
+    assert [line for line in lines if line.startswith("[")] == [
+        "[  0%] simulating",
+        "[ 60%] solving for the periodic motion",
+        "[ 80%] writing",
+    ]
+    command = json.loads((tmp_path / "results.json").read_bytes())["command"]
+    assert command.startswith("stickslip simulate kang2007 --amplitude '65 V'")
+
+
+def test_a_bar_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    ours, theirs = pty.openpty()
+    with open(theirs, "w") as terminal, monkeypatch.context() as patched:
+        patched.setattr(sys, "stderr", terminal)
+        patched.setenv("TERM", "xterm")
+        with _progress() as progress:
+            progress("simulating", 0.25)
+    seen = b""
+    try:
+        while part := os.read(ours, 4096):
+            seen += part
+    except OSError:  # how a terminal says that its other end has been closed
+        pass
+    os.close(ours)
+    assert b"\x1b[" in seen
+    assert b"simulating" in seen
+    assert b" 25 %" in seen
+
+
+def test_runs_as_a_module() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "stickslip", "cite"], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 2
+    assert done.stderr.startswith("Usage: stickslip cite")
+
+
+@pytest.mark.parametrize(
+    ("names", "words"),
+    [
+        (
+            ["kang2007"],
+            ["@mastersthesis{kang2007", "Assumed, for the source does not print it", "end_effector_mass"],
+        ),
+        (["LuGre"], ["@article{canudas1995"]),
+        (["canudas1995", "pohl1987"], ["@article{canudas1995", "Parameter set pohl1987"]),
+    ],
+)
+def test_cite(names: list[str], words: list[str]) -> None:
+    done = run("cite", *names)
+    assert done.exit_code == 0
+    assert all(word in done.stdout for word in words)
