@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import ast
+import itertools
+import re
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
 
 import stickslip
 
@@ -119,6 +123,21 @@ def test_nothing_large_or_built_is_committed() -> None:
         "data are fetched, not committed"
     )
     assert not [file for file in tracked if file.suffix in BUILT or "__pycache__" in file.parts]
+
+
+def test_lock_file_holds_what_the_project_asks_for() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    asked = [*project["dependencies"], *itertools.chain(*project["optional-dependencies"].values())]
+    lock = (ROOT / "requirements.lock").read_text()
+    locked = dict(re.findall(r"^([a-z0-9-]+)==(\S+)", lock, flags=re.MULTILINE))
+    for requirement in map(Requirement, asked):
+        if requirement.name != "stickslip":
+            assert requirement.specifier.contains(locked[requirement.name]), f"{requirement}: make lock"
+    assert "://" not in lock, "an index or a path of somebody's machine"
+
+
+def test_citation_is_of_this_version() -> None:
+    assert f"\nversion: {stickslip.__version__}\n" in (ROOT / "CITATION.cff").read_text()
 
 
 def test_every_test_runs() -> None:
