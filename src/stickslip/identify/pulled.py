@@ -122,19 +122,23 @@ def slider(rig: Rig, static: float, dynamic: float, damping: float = 0.0) -> Pul
     return PulledSlider(rig.mass, rig.stiffness, 0.0, law)
 
 
-def simulate_events(model: PulledSlider, rig: Rig) -> Events:
-    """The stationary events of the model, pulled at the speed of the rig."""
+def simulated_force(model: PulledSlider, rig: Rig) -> xr.Dataset:
+    """The stationary spring force over the weight (`force_ratio`), some ten events of it, of the model when
+    pulled at the speed of the rig; its attribute `period` [s] is how long an event takes at most."""
     law = model.friction
     rise = 2.0 * (law.stiction_force - law.coulomb_force) / (rig.stiffness * rig.speed)
     period = rise + 2.0 * math.pi / rig.natural_frequency
     start = law.stiction_force / (rig.stiffness * rig.speed)
     duration = start + 2 * _EVENTS * period
     rate = max(200.0 / period, 64.0 * rig.natural_frequency / math.pi)
-    found = simulate(
-        model, Ramp(rate=rig.speed, unit="m"), duration, sample_rate=rate, tolerance=1e-9 * model.mass / 0.03
-    )
+    found = simulate(model, Ramp(rate=rig.speed, unit="m"), duration, sample_rate=rate)
     late = found.sel(time=slice(start + _EVENTS * period, None))
-    return slip_events(late.assign(force_ratio=late["spring_force"] / rig.weight), rig)
+    return late.assign(force_ratio=late["spring_force"] / rig.weight).assign_attrs(period=period)
+
+
+def simulate_events(model: PulledSlider, rig: Rig) -> Events:
+    """The stationary events of the model, pulled at the speed of the rig."""
+    return slip_events(simulated_force(model, rig), rig)
 
 
 def identify_pulled_slider(recording: xr.Dataset, rig: Rig, channel: str = "force_ratio") -> Fit:

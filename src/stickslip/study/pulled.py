@@ -1,0 +1,135 @@
+"""Study: a slider pulled through a spring, its friction from one recording, its stick-slip predicted for
+others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from ..figures.events import event_prediction
+from ..figures.style import svg
+from ..identify.pulled import Rig, identify_pulled_slider, simulated_force, slider, slip_events
+from ..parameters import cite
+from ..report import Column, Document, Number, Picture, Section, Table
+from .file import Recorded, Study, StudyError, quantity
+from .parts import parameter_numbers, parameter_table
+
+
+class PulledRecording(Recorded):
+    """A recording of the spring force over the weight (`force_ratio`), and how the slider was pulled."""
+
+    stiffness: quantity("N/m")
+    speed: quantity("m/s")
+
+
+class PulledStudy(Study):
+    """See the module. Exactly one recording is for the fit."""
+
+    kind: Literal["pulled_slider"]
+    mass: quantity("kg")
+    recordings: list[PulledRecording]
+
+    def run(self, folder: Path, progress: Callable[[str, float], None]) -> Document:
+        """Fit and predict."""
+        fitted = [r for r in self.recordings if r.use == "fit"]
+        if len(fitted) != 1:
+            raise StudyError(
+                f"a pulled_slider study fits one recording and predicts the others, not {len(fitted)}"
+            )
+        progress(f"fitting {fitted[0].label}", 0.0)
+        data = {r.label: (r.read(folder), Rig(self.mass, r.stiffness, r.speed)) for r in self.recordings}
+        fit = identify_pulled_slider(*data[fitted[0].label])
+        dynamic = fit.values["dynamic_coefficient"]
+        static = dynamic + fit.values["stiction_excess"]
+        rows, traces, right = [], {}, 0
+        for i, (label, (recording, rig)) in enumerate(data.items()):
+            progress(f"predicting {label}", 0.3 + 0.7 * i / len(data))
+            found = slip_events(recording, rig)
+            simulated = simulated_force(slider(rig, static, dynamic), rig)
+            model = slip_events(simulated, rig)
+            traces[label] = (recording, simulated)
+            period = _mean(found.period), _mean(model.period)
+            role = "fitted" if label == fitted[0].label else "predicted"
+            rows.append(
+                (
+                    label, role, f"{found.regime} / {model.regime}", found.sticking, model.sticking,
+                    found.period.size, *period, 100.0 * (period[1] / period[0] - 1.0),
+                )
+            )  # fmt: skip
+            right += role == "predicted" and found.regime == model.regime
+        unseen = [r for r in rows if r[1] == "predicted"]
+        table = Table(
+            "Stick-slip events, measured and from the model.",
+            (
+                Column("recording"), Column("role"), Column("regime, measured / model"),
+                Column("sticking, measured", "", 2), Column("sticking, model", "", 2), Column("events", ""),
+                Column("period, measured", "s", 3), Column("period, model", "s", 3),
+                Column("error of the period", "%", 2),
+            ),
+            rows,
+            notes="Sticking is the part of the time at rest; above one half the regime is called stick-slip.",
+        )  # fmt: skip
+        errors = [abs(r[-1]) for r in unseen]
+        return Document(
+            title=self.title,
+            summary=(
+                f"Friction coefficients from one speed: static {static:.3f}, dynamic {dynamic:.3f}. The regime is "
+                f"predicted rightly for {right} of {len(unseen)} other conditions, the event period within "
+                f"{min(errors):.0f} to {max(errors):.0f} %."
+            ),
+            sections=(
+                Section(
+                    "Friction coefficients from one recording",
+                    paragraphs=(
+                        "Least squares on the mean highest and lowest spring force and the mean period of the "
+                        "events, each weighted by its standard error, against the simulated slider "
+                        "(stiction and Coulomb friction, true rest).",
+                    ),
+                    tables=(parameter_table(fit),),
+                ),
+                Section(
+                    "Other springs and speeds, predicted",
+                    paragraphs=(self.notes,) if self.notes else (),
+                    tables=(table,),
+                    figures=(
+                        Picture(
+                            "pulled_slider_events",
+                            "Spring force over the weight, measured and simulated, over a few events of each "
+                            "condition. Only the first was fitted.",
+                            svg(event_prediction(traces)),
+                            "Saw-tooth like force traces, measured and simulated, for each spring and speed",
+                        ),
+                    ),
+                ),
+            ),
+            highlights=(
+                ("static friction coefficient", Number(static, "")),
+                ("dynamic friction coefficient", Number(dynamic, "")),
+                ("regimes predicted rightly", Number(right, "", note=f"of {len(unseen)}")),
+            ),
+            numbers={
+                "parameters": parameter_numbers(fit),
+                "static_coefficient": Number(static, ""),
+                "predictions": {
+                    r[0].replace(".", "_"): {
+                        "measured_period": Number(r[6], "s"),
+                        "predicted_period": Number(r[7], "s"),
+                        "measured_sticking": Number(r[3], ""),
+                        "predicted_sticking": Number(r[4], ""),
+                    }
+                    for r in rows
+                },
+            },
+            assumptions=(
+                "Friction coefficients do not depend on the time at rest or on the speed; paper is known to age, so "
+                "slow pulling is predicted worst.",
+            ),
+            citations=cite(*self.citation) if self.citation else "",
+        )
+
+
+def _mean(values: np.ndarray) -> float:
+    return float(np.mean(values)) if values.size else float("nan")

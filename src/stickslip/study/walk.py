@@ -1,0 +1,138 @@
+"""Study: friction (and other) parameters of an actuator from recordings of its walk, verified on others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Literal
+
+import xarray as xr
+
+from ..actuator import load_actuator
+from ..figures.identification import fit_with_residuals
+from ..figures.style import svg
+from ..identify.friction import identify_friction
+from ..identify.result import goodness
+from ..report import Column, Document, Number, Picture, Section, Table
+from ..waveform import periodic, shapes
+from ..waveform.signal import Waveform
+from .file import Recorded, Strict, Study, StudyError
+from .parts import parameter_numbers, parameter_table
+
+_SHAPES = {
+    name: getattr(module, name)
+    for module, names in (
+        (periodic, ("Sawtooth", "ReverseSawtooth", "Triangle", "Cycloid", "Sine")),
+        (shapes, ("Step", "Ramp", "Chirp")),
+    )
+    for name in names
+}
+
+
+class DriveSpec(Strict):
+    """A waveform by name, with its fields: ``{shape: Sawtooth, fields: {amplitude: 65 V, frequency: 5
+    Hz}}``."""
+
+    shape: Literal["Sawtooth", "ReverseSawtooth", "Triangle", "Cycloid", "Sine", "Step", "Ramp", "Chirp"]
+    fields: dict[str, float | str]
+
+    def waveform(self) -> Waveform:
+        """The waveform; raises QuantityError for wrong fields."""
+        return _SHAPES[self.shape](**self.fields)
+
+
+class WalkRecording(Recorded):
+    """A recording with end_effector_position; the drive is given here, or is its channel drive_voltage."""
+
+    drive: DriveSpec | None = None
+
+
+class WalkStudy(Study):
+    """See the module. `model` is a parameter set or a file; `change` and `friction` change fields of it
+    before the fit, which starts there."""
+
+    kind: Literal["walk"]
+    model: str
+    change: dict[str, float | str | bool] = {}
+    friction: dict[str, float | str] = {}
+    free: list[str]
+    bounds: dict[str, tuple[float | str, float | str]] = {}
+    starts: int = 4
+    recordings: list[WalkRecording]
+
+    def run(self, folder: Path, progress: Callable[[str, float], None]) -> Document:
+        """Fit and verify."""
+        own = folder / self.model
+        model = load_actuator(own if own.suffix == ".toml" and own.is_file() else self.model)
+        changes: dict[str, Any] = {**self.change, "friction": model.friction._replace(**self.friction)}
+        model = model.replace(**changes)
+        data = {r.label: (r, r.read(folder), r.drive.waveform() if r.drive else None) for r in
+        self.recordings} fitted = [(d, w) for r, d, w in data.values() if r.use == "fit"]
+        if not fitted:
+            raise StudyError("no recording has 'use: fit'")
+        progress("fitting", 0.0)
+        fit = identify_friction(
+            [d for d, _ in fitted],
+            model,
+            self.free,
+            drive=[w for _, w in fitted] if all(w is not None for _, w in fitted) else None,  # type:
+            ignore[arg-type] bounds=self.bounds or None,
+            starts=self.starts,
+            progress=lambda p: progress(f"fitting, start {p.start} of {p.starts}", 0.7 * (p.start - 1) / p.starts),
+        )
+        rows, pictures, numbers = [], [], {}
+        for i, (label, (source, recording, waveform)) in enumerate(data.items()):
+            progress(f"predicting {label}", 0.7 + 0.3 * i / len(data))
+            found = _compared(fit, recording, waveform)
+            rows.append((label, source.use, found["r_squared"], found["rmse"]))
+            numbers[f"recording_{i + 1}"] = {
+                "r_squared": Number(found["r_squared"], "", note=label),
+                "rmse": Number(found["rmse"], "m"),
+            }
+            pictures.append(
+                Picture(
+                    f"walk_{i + 1}",
+                    f"{label}: end-effector position, measured and {'fitted' if source.use == 'fit' else 'predicted'}.",
+                    svg(
+                        fit_with_residuals(
+                            recording["time"].values,
+                            recording["end_effector_position"].values,
+                            found["model"],
+                            name="end-effector position",
+                            unit="m",
+                        )
+                    ),
+                    "Position over time, data under the model, and the residuals below",
+                )
+            )
+        unseen = [r[2] for r in rows if r[1] == "verify"]
+        verified = f" On {len(unseen)} recordings that it has not seen, r² is {min(unseen):.4f} or more." if unseen else ""
+        return Document(
+            title=self.title,
+            summary=f"{len(self.free)} parameters fitted to {len(fitted)} recording(s): r² {fit.r_squared:.4f}.{verified}",
+            sections=(
+                Section("Parameters", tables=(parameter_table(fit),), paragraphs=(self.notes,) if self.notes else ()),
+                Section(
+                    "Recordings",
+                    tables=(
+                        Table(
+                            "Coefficient of determination (app. 6 of the thesis) and rms error.",
+                            (Column("recording"), Column("role"), Column("r²", "", 5), Column("rms error", "m", 3)),
+                            rows,
+                        ),
+                    ),
+                    figures=pictures,
+                ),
+            ),
+            highlights=[(name, number) for name, number in parameter_numbers(fit).items()],
+            numbers={"parameters": parameter_numbers(fit), "recordings": numbers},
+            assumptions=[f"{field} = {words}" for field, words in model.assumptions.items()],
+            citations=model.citation,
+        )
+
+
+def _compared(fit: Any, recording: xr.Dataset, waveform: Waveform | None) -> dict[str, Any]:
+    model = fit.predict(recording, waveform)
+    measured = recording["end_effector_position"].values
+    good = goodness(model - measured, measured, "", "m")
+    return {"model": model, "r_squared": good.r_squared, "rmse": good.rmse}
