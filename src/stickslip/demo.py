@@ -43,8 +43,8 @@ def run(progress: Progress | None = None) -> Document:
         title="stickslip: demonstration",
         summary=" ".join(
             (
-                "The actuator of Kang's thesis, simulated from its parameter set; then models identified from "
-                "measurements that others have published, and verified on parts of them that no fit has seen.",
+                "The actuator of Kang's thesis, simulated from its parameter set; then models identified "
+                "from measurements that others have published, and verified on parts that no fit has seen.",
                 *missing,
             )
         ),
@@ -56,6 +56,10 @@ def run(progress: Progress | None = None) -> Document:
     )
 
 
+def _within(tell: Progress, begin: float, share: float) -> Progress:
+    return lambda doing, done: tell(doing, begin + share * done)
+
+
 def _thesis() -> Document:
     """The thesis's model: the reaction of the friction on the stage is left out, as in its eq. 3.24."""
     model = load_actuator("kang2007").replace(stage_reaction=False)
@@ -65,7 +69,7 @@ def _thesis() -> Document:
     document = trajectory_document(model, drive, trajectory, Number(steady_step(model, drive), "m"))
     return Document(
         title="The actuator of the thesis",
-        summary=f"{document.summary} Driven by the reverse saw-tooth it steps {1e6 * backward:.3g} µm per period.",
+        summary=f"{document.summary} The reverse saw-tooth moves it {1e6 * backward:.3g} µm per period.",
         sections=document.sections,
         highlights=[h for h in document.highlights if "step" in h[0]] or document.highlights,
         numbers={**document.numbers, "steady_step_backward": Number(backward, "m")},

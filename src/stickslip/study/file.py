@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 import xarray as xr
 import yaml
-from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, ValidationInfo, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, ValidationInfo
 
 from ..datasets import dataset_path
 from ..readers import read_recording
@@ -19,13 +19,17 @@ class StudyError(ValueError):
     """An identification file that cannot be used; the message names the file and the field."""
 
 
-def quantity(unit: str) -> Any:
-    """The type of a field that is a quantity: a number in SI, or a text with a unit such as "30.7 g"."""
+def quantity(unit: str) -> BeforeValidator:
+    """Makes a field a quantity: a number in SI, or a text with a unit such as "30.7 g"."""
 
     def convert(value: Any, info: ValidationInfo) -> float:
         return to_si(value, unit, str(info.field_name))
 
-    return Annotated[float, BeforeValidator(convert)]
+    return BeforeValidator(convert)
+
+
+Seconds = Annotated[float, quantity("s")]
+Hertz = Annotated[float, quantity("Hz")]
 
 
 class Strict(BaseModel):
@@ -56,9 +60,9 @@ class Recorded(Source):
 
     columns: dict[str, str | int | list[str | int]] = {}
     units: dict[str, str] = {}
-    sample_rate: quantity("Hz") | None = None
-    start: quantity("s") | None = None
-    end: quantity("s") | None = None
+    sample_rate: Hertz | None = None
+    start: Seconds | None = None
+    end: Seconds | None = None
     use: Literal["fit", "verify"] = "fit"
     name: str = ""
 
@@ -75,8 +79,8 @@ class Recorded(Source):
         if cut.sizes["time"] < 2:
             first, last = (float(recording["time"][i]) for i in (0, -1))
             raise StudyError(
-                f"{path.name}: from {self.start} s to {self.end} s there are {cut.sizes['time']} samples; the "
-                f"recording runs from {first:g} s to {last:g} s"
+                f"{path.name}: from {self.start} s to {self.end} s there are {cut.sizes['time']} samples; "
+                f"the recording runs from {first:g} s to {last:g} s"
             )
         return cut
 
@@ -92,11 +96,6 @@ class Study(Strict):
     title: str
     citation: list[str] = []
     notes: str = ""
-
-    @model_validator(mode="before")
-    @classmethod
-    def _quantity_errors(cls, data: Any) -> Any:
-        return data
 
 
 def load_yaml(path: str | os.PathLike[str]) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -21,15 +21,15 @@ from .parts import parameter_numbers, parameter_table
 class PulledRecording(Recorded):
     """A recording of the spring force over the weight (`force_ratio`), and how the slider was pulled."""
 
-    stiffness: quantity("N/m")
-    speed: quantity("m/s")
+    stiffness: Annotated[float, quantity("N/m")]
+    speed: Annotated[float, quantity("m/s")]
 
 
 class PulledStudy(Study):
     """See the module. Exactly one recording is for the fit."""
 
     kind: Literal["pulled_slider"]
-    mass: quantity("kg")
+    mass: Annotated[float, quantity("kg")]
     recordings: list[PulledRecording]
 
     def run(self, folder: Path, progress: Callable[[str, float], None]) -> Document:
@@ -76,16 +76,16 @@ class PulledStudy(Study):
         return Document(
             title=self.title,
             summary=(
-                f"Friction coefficients from one speed: static {static:.3f}, dynamic {dynamic:.3f}. The regime is "
-                f"predicted rightly for {right} of {len(unseen)} other conditions, the event period within "
+                f"Friction coefficients from one speed: static {static:.3f}, dynamic {dynamic:.3f}. The regime "
+                f"is predicted rightly for {right} of {len(unseen)} other conditions, the event period within "
                 f"{min(errors):.0f} to {max(errors):.0f} %."
             ),
             sections=(
                 Section(
                     "Friction coefficients from one recording",
                     paragraphs=(
-                        "Least squares on the mean highest and lowest spring force and the mean period of the "
-                        "events, each weighted by its standard error, against the simulated slider "
+                        "Least squares on the mean highest and lowest spring force and the mean period of "
+                        "the events, each weighted by its standard error, against the simulated slider "
                         "(stiction and Coulomb friction, true rest).",
                     ),
                     tables=(parameter_table(fit),),
@@ -124,8 +124,8 @@ class PulledStudy(Study):
                 },
             },
             assumptions=(
-                "Friction coefficients do not depend on the time at rest or on the speed; paper is known to age, so "
-                "slow pulling is predicted worst.",
+                "Friction coefficients do not depend on the time at rest or on the speed; paper is known to age, "
+                "so slow pulling is predicted worst.",
             ),
             citations=cite(*self.citation) if self.citation else "",
         )

@@ -29,6 +29,9 @@ _SHAPES = {
 }
 
 
+_ROLE = {"fit": "fitted", "verify": "predicted"}
+
+
 class DriveSpec(Strict):
     """A waveform by name, with its fields: ``{shape: Sawtooth, fields: {amplitude: 65 V, frequency: 5
     Hz}}``."""
@@ -66,19 +69,22 @@ class WalkStudy(Study):
         model = load_actuator(own if own.suffix == ".toml" and own.is_file() else self.model)
         changes: dict[str, Any] = {**self.change, "friction": model.friction._replace(**self.friction)}
         model = model.replace(**changes)
-        data = {r.label: (r, r.read(folder), r.drive.waveform() if r.drive else None) for r in
-        self.recordings} fitted = [(d, w) for r, d, w in data.values() if r.use == "fit"]
+        data = {
+            r.label: (r, r.read(folder), r.drive.waveform() if r.drive else None) for r in self.recordings
+        }
+        fitted = [(d, w) for r, d, w in data.values() if r.use == "fit"]
         if not fitted:
             raise StudyError("no recording has 'use: fit'")
         progress("fitting", 0.0)
+        drives = [w for _, w in fitted if w is not None]
         fit = identify_friction(
             [d for d, _ in fitted],
             model,
             self.free,
-            drive=[w for _, w in fitted] if all(w is not None for _, w in fitted) else None,  # type:
-            ignore[arg-type] bounds=self.bounds or None,
+            drive=drives if len(drives) == len(fitted) else None,
+            bounds=self.bounds or None,
             starts=self.starts,
-            progress=lambda p: progress(f"fitting, start {p.start} of {p.starts}", 0.7 * (p.start - 1) / p.starts),
+            progress=lambda p: progress(f"fitting, start {p.start}", 0.7 * (p.start - 1) / p.starts),
         )
         rows, pictures, numbers = [], [], {}
         for i, (label, (source, recording, waveform)) in enumerate(data.items()):
@@ -92,7 +98,7 @@ class WalkStudy(Study):
             pictures.append(
                 Picture(
                     f"walk_{i + 1}",
-                    f"{label}: end-effector position, measured and {'fitted' if source.use == 'fit' else 'predicted'}.",
+                    f"{label}: end-effector position, measured and {_ROLE[source.use]}.",
                     svg(
                         fit_with_residuals(
                             recording["time"].values,
@@ -106,18 +112,30 @@ class WalkStudy(Study):
                 )
             )
         unseen = [r[2] for r in rows if r[1] == "verify"]
-        verified = f" On {len(unseen)} recordings that it has not seen, r² is {min(unseen):.4f} or more." if unseen else ""
+        verified = ""
+        if unseen:
+            verified = f" On {len(unseen)} that it has not seen, r² is {min(unseen):.4f} or more."
         return Document(
             title=self.title,
-            summary=f"{len(self.free)} parameters fitted to {len(fitted)} recording(s): r² {fit.r_squared:.4f}.{verified}",
+            summary=f"{len(self.free)} parameters fitted to {len(fitted)} recordings: r² {fit.r_squared:.4f}."
+            + verified,
             sections=(
-                Section("Parameters", tables=(parameter_table(fit),), paragraphs=(self.notes,) if self.notes else ()),
+                Section(
+                    "Parameters",
+                    tables=(parameter_table(fit),),
+                    paragraphs=(self.notes,) if self.notes else (),
+                ),
                 Section(
                     "Recordings",
                     tables=(
                         Table(
                             "Coefficient of determination (app. 6 of the thesis) and rms error.",
-                            (Column("recording"), Column("role"), Column("r²", "", 5), Column("rms error", "m", 3)),
+                            (
+                                Column("recording"),
+                                Column("role"),
+                                Column("r²", "", 5),
+                                Column("rms error", "m", 3),
+                            ),
                             rows,
                         ),
                     ),

@@ -7,7 +7,7 @@ as usual. T = 1/frequency is the period, s the time since it began.
 from __future__ import annotations
 
 import math
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from ..records import Quantity
 from ..units import QuantityError
@@ -23,11 +23,16 @@ Periods = Annotated[float | None, Quantity("", "N", "number of periods", minimum
 
 
 # What they share, taken into each class by name (see signal.py).
-_period = property(lambda w: 1 / w.frequency, doc="s")
-_duration = property(
-    lambda w: math.inf if w.periods is None else w.periods / w.frequency,
-    doc="s, infinite unless the periods are counted",
-)
+@property
+def _period(w: Any) -> float:
+    """s"""
+    return 1 / w.frequency
+
+
+@property
+def _duration(w: Any) -> float:
+    """s, infinite unless the periods are counted"""
+    return math.inf if w.periods is None else w.periods / w.frequency
 
 
 def _stroke(waveform: Sawtooth | ReverseSawtooth | Triangle | Cycloid) -> tuple[float, float]:
