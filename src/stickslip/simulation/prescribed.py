@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from ..friction import elements, is_law
+from ..friction import element as element_of
+from ..friction import elements, is_law, rate
 from ..mechanism import FIRST_BRISTLE
 from ..recording import make_recording
 from ..solve.adaptive import DONE, integrate
@@ -25,9 +27,10 @@ def friction_response(
     *,
     normal_force: ArrayLike | None = None,
     reference_normal_force: float = 1.0,
+    initial_force: float = 0.0,
     tolerance: float = 1e-10,
 ) -> xr.Dataset:
-    """The force of a friction law under a prescribed motion, from a contact at rest (a tribometer).
+    """The force of a friction law under a prescribed motion (a tribometer).
 
     Position and normal force are taken linear between the samples; at a sample, the force is that of the
     interval which ends there. With `reference_normal_force` = 1 N the law's forces are per newton: its
@@ -39,6 +42,8 @@ def friction_response(
         position: m, [n], of the driving body relative to the driven one.
         normal_force: N, [n]; the reference, if left out.
         reference_normal_force: N.
+        initial_force: N, at the first sample: all elements begin equally deflected so that they carry it, or as
+            much of it as the law can. 0 is a relaxed contact.
         tolerance: m, on the bristle deflections.
 
     Returns:
@@ -62,6 +67,8 @@ def friction_response(
     load = _linear(shifted, ratio)
     mech = IMMOBILE._replace(kinematic=True, gain=1.0)
     q = np.zeros(FIRST_BRISTLE + max(elements(law), 1))
+    if initial_force != 0.0 and elements(law) > 0 and ratio[0] > 0.0:
+        q[FIRST_BRISTLE:] = _strained(law, initial_force / ratio[0])
     samples = np.full((t.size, q.size + 1), np.nan)
     outcome, reached, _, _ = integrate(
         law,
@@ -82,6 +89,37 @@ def friction_response(
     for e in range(elements(law)):
         variables[f"bristle_deflection_{e + 1}"] = (samples[:, 5 + e], "m")
     return make_recording(t, variables, title=f"{type(law).__name__} under a prescribed motion")
+
+
+# Slow against every Stribeck velocity: what a contact that creeps into sliding does.
+_CREEPING = 1e-9  # m/s
+_FARTHEST = 1.0  # m, for a law whose bristle never ends
+
+
+def _strained(law: Any, force: float) -> NDArray[np.float64]:
+    """Equal deflection of all elements that carries a force at rest; each at most where sliding ends it."""
+    ones = [element_of(law, e) for e in range(elements(law))]
+    ends = [_largest(lambda d, one=one: rate(one, _CREEPING, d)[1] > 0.0, _FARTHEST) for one in ones]
+
+    def below(d: float) -> bool:
+        return sum(rate(one, 0.0, min(d, end))[0] for one, end in zip(ones, ends, strict=True)) < abs(force)
+
+    d = _largest(below, max(ends))
+    return np.copysign([min(d, end) for end in ends], force)
+
+
+def _largest(holds: Callable[[float], bool], limit: float) -> float:
+    """The largest number up to the limit for which something holds that holds for small ones; by bisection."""
+    low, high = 0.0, 1e-12
+    while high < limit and holds(high):
+        low, high = high, 2.0 * high
+    high = min(high, limit)
+    if holds(high):
+        return high
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return low
 
 
 def _linear(t: NDArray[np.float64], values: NDArray[np.float64]) -> Drive:

@@ -1,0 +1,172 @@
+"""Friction parameters of an actuator from its own motion: the displacement of the end-effector under a known
+drive [kang2007, 5.3]."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ..actuator import Actuator
+from ..simulation import SimulationError, SimulationWarning, simulate
+from ..waveform.sampled import Sampled
+from ..waveform.signal import Waveform
+from .channels import channel, names_of, recordings_of, same_number
+from .fit import Progress, Residuals, fit_least_squares
+from .free import Bounds, check_names, free_names, parameter, with_values
+from .result import Fit, Parameter, Values
+
+OBSERVED = "end_effector_position"
+# Relative. With the tolerance below, both parts of its error are under 1 % of a derivative; a step of 1e-4
+# needs a tolerance of 1e-13 m for that, for which the simulation takes longer.
+DIFFERENCE_STEP = 5e-3
+# Of the channel, not of the actuator.
+CHANNEL = ("delay", "offset")
+# A delay is looked for within this share of the shortest recording.
+LONGEST_DELAY = 0.02
+
+
+def identify_friction(
+    recordings: xr.Dataset | Sequence[xr.Dataset],
+    model: Actuator,
+    free: Sequence[str],
+    *,
+    drive: Waveform | Sequence[Waveform] | None = None,
+    bounds: Bounds | None = None,
+    noise: float | None = None,
+    starts: int = 4,
+    seed: int = 0,
+    tolerance: float = 1e-12,
+    correlated: bool = False,
+    max_evaluations: int = 2000,
+    progress: Callable[[Progress], None] | None = None,
+) -> Fit:
+    """Fit an actuator to recordings of its end-effector's position, raw samples, all recordings at once.
+
+    Every recording is described by a simulation from rest, so its first sample must be at rest.
+
+    Args:
+        recordings: with end_effector_position [m].
+        model: the actuator; its values are the start.
+        free: what to fit: scalar fields of the law ("sigma_0", "coulomb_force", ...; "stiffness_2" of a second
+            element) and of the actuator ("end_effector_mass", "gain", ...), "stiction_ratio" (stiction over
+            Coulomb friction) and "breakaway_share" (of the Coulomb deflection) instead of the fields that they
+            bound; and of the position channel, one for all recordings, "delay" [s] and "offset" [m]. Stiction
+            and breakaway deflection that are not free keep their ratio.
+        drive: waveform of each recording (one: of all), in the time of the recording. Left out: the channel
+            drive_voltage, linear between its samples, from the recording's first sample on.
+        bounds: of free parameters, in SI or as strings; else a factor 30 either side of the start. Bounds down
+            to zero make the scale linear, else it is logarithmic.
+        noise: standard deviation of the position, m; left out, it is estimated from the residuals.
+        starts: how many; those after the first fill the bounds.
+        seed: of the further starts.
+        tolerance: m, of the simulation. Derivatives are differences over half a percent of a parameter, so it
+            must be far below what that changes (a weakly determined one: some pm in steps of micrometres).
+        correlated: allow for residuals correlated in time in the uncertainty.
+        max_evaluations: of all recordings, for each start.
+        progress: called after each evaluation.
+
+    Returns:
+        A fit whose `model` is the actuator with the values put in, and whose ``predict(recording,
+        drive=None)`` simulates a recording.
+
+    Raises:
+        RecordingError: a channel is missing, too short or constant, or numbers do not match.
+        QuantityError: a name that cannot be free, bounds that do not fit, a drive out of range.
+        FitError: see `fit_least_squares`.
+    """
+    found = recordings_of(recordings)
+    names = names_of(found)
+    # A waveform is a tuple too, so it is known by its method.
+    drives = [drive] * len(found) if hasattr(drive, "drive") else same_number(drive, found, "drives")  # type: ignore[arg-type]
+    bounds = bounds or {}
+    check_names(free, [*free_names(model), *CHANNEL], bounds)
+    measured = [channel(r, OBSERVED, name, varies=True) for r, name in zip(found, names, strict=True)]
+    shifts = {
+        "delay": LONGEST_DELAY * min(float(np.ptp(r["time"].values)) for r in found),
+        "offset": max(float(np.ptp(m) + abs(m[0])) for m in measured),
+    }
+    parameters = [
+        _of_channel(name, shifts[name], bounds) if name in CHANNEL else parameter(model, name, bounds)
+        for name in free
+    ]
+    motions = [_motion(r, w, name, tolerance) for r, w, name in zip(found, drives, names, strict=True)]
+
+    def residuals(motion: Callable[..., NDArray[np.float64]], position: NDArray[np.float64]) -> Any:
+        def of(values: Values) -> NDArray[np.float64]:
+            return _observed(motion, model, values) - position
+
+        return of
+
+    fit = fit_least_squares(
+        [
+            Residuals(residuals(motion, position), position, noise, name, "m")
+            for motion, position, name in zip(motions, measured, names, strict=True)
+        ],
+        parameters,
+        noise_known=noise is not None,
+        correlated=correlated,
+        starts=starts,
+        seed=seed,
+        difference_step=DIFFERENCE_STEP,
+        max_evaluations=max_evaluations,
+        progress=progress,
+    )
+
+    def predict(recording: xr.Dataset, drive: Waveform | None = None) -> NDArray[np.float64]:
+        name = names_of([recording])[0]
+        return _observed(_motion(recording, drive, name, tolerance), model, fit.values)
+
+    own = {name: value for name, value in fit.values.items() if name not in CHANNEL}
+    return replace(fit, model=with_values(model, own), observed=OBSERVED, predict=predict)
+
+
+def _of_channel(name: str, reach: float, bounds: Bounds) -> Parameter:
+    unit = "s" if name == "delay" else "m"
+    low, high = (float(limit) for limit in bounds.get(name, (-reach, reach)))
+    return Parameter(name, min(max(0.0, low), high), low, high, unit, log=False)
+
+
+def _observed(motion: Callable[..., NDArray[np.float64]], model: Actuator, values: Values) -> Any:
+    """What the position channel shows."""
+    own = {name: value for name, value in values.items() if name not in CHANNEL}
+    return motion(with_values(model, own), values.get("delay", 0.0)) + values.get("offset", 0.0)
+
+
+def _motion(
+    recording: xr.Dataset, drive: Waveform | None, name: str, tolerance: float
+) -> Callable[[Actuator, float], NDArray[np.float64]]:
+    """From an actuator and a delay to its position at the recording's samples.
+
+    The last result is kept: offsets are differenced without a new simulation.
+    """
+    time = recording["time"].values
+    if drive is None:
+        channel(recording, "drive_voltage", name)
+        drive = Sampled.from_recording(recording, "drive_voltage")
+        time = time - time[0]
+    waveform = drive
+    known: dict[tuple[Actuator, float], NDArray[np.float64]] = {}
+
+    def motion(model: Actuator, delay: float) -> NDArray[np.float64]:
+        key = (model, delay)
+        if key not in known:
+            later = time - delay > 0.0
+            times = np.append(0.0, time[later] - delay)
+            try:
+                with warnings.catch_warnings():
+                    warnings.simplefilter("error", SimulationWarning)
+                    found = simulate(model, waveform, times=times, tolerance=tolerance)
+            except (SimulationError, SimulationWarning) as error:  # to a fit, a trial point without a model
+                raise ArithmeticError(str(error)) from error
+            position = found[OBSERVED].values
+            known.clear()
+            known[key] = np.append(np.full(np.count_nonzero(~later), position[0]), position[1:])
+        return known[key]
+
+    return motion
