@@ -32,7 +32,7 @@ BRISTLE = (
     Elastoplastic(1.399e6, 34.9, 5.0, 0.54, 0.7, 2e-7, 1e-3),
     Elastoplastic(1.399e6, 34.9, 5.0, 0.54, 0.54, 0.0),
     MaxwellSlip((0.8e6, 0.4e6, 0.2e6), (0.2, 0.2, 0.14)),
-    MaxwellSlip((0.8e6, 0.4e6), (0.3, 0.24), 5.0, stiction_ratio=1.3, attraction_rate=5e3),
+    MaxwellSlip((0.8e6, 0.4e6, 0.3e6), (0.3, 0.14, 0.1), 5.0, stiction_ratio=1.3, attraction_rate=5e3),
 )
 ALL = STATIC + BRISTLE
 

@@ -28,7 +28,7 @@ Z_C = F_C / SIGMA_0
 def work_of_cycle(law):
     """Work [J] put into the contact per closed cycle: load it at 10 um/s, burst at 1 m/s over one presliding
     distance, and the same backwards; once periodic."""
-    slow, fast, n = 1e-5, 1.0, 4000
+    slow, fast, n = 1e-5, 1.0, 500
     half_v = np.repeat([slow, fast], n)
     half_dt = np.repeat([4 * Z_C / slow / n, Z_C / fast / n], n)
     v, dt = np.tile(np.concatenate([half_v, -half_v]), 3), np.tile(half_dt, 6)
