@@ -15,6 +15,7 @@ import pytest
 from packaging.requirements import Requirement
 
 import stickslip
+from stickslip._jit import KERNEL_ROOMS
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "src" / "stickslip"
@@ -147,3 +148,11 @@ def test_every_test_runs() -> None:
             node.attr for node in ast.walk(ast.parse(file.read_text())) if isinstance(node, ast.Attribute)
         }
         assert not names & idle, file.name
+
+
+def test_compiled_code_stands_only_in_the_rooms_that_the_kernel_cache_hashes() -> None:
+    """Else an edit of it would be served stale; importing the compiler's names or registering a law is the sign."""
+    signs = re.compile(r"from \.+_jit import|from \.+(friction(\.law)?|law) import .*\bregister\b")
+    outside = [file for file in SOURCES if file.relative_to(PACKAGE).parts[0] not in KERNEL_ROOMS]
+    assert not [room(file) for file in outside if signs.search(file.read_text())]
+    assert signs.search((PACKAGE / "solve" / "adaptive.py").read_text())

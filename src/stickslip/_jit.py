@@ -1,12 +1,11 @@
 """The only Numba decorators of the package, and what they promise.
 
 * `compiled`, `inlined`: plain functions that kernels call; compiled into them, never on their own.
-* `implemented_for` / `overload`: one name, several implementations, chosen by the type of a record. Kernels
-  that call the name stay module-level functions, so that they are cached on disk (a law passed in as a
-  function would miss the cache in every new process).
-* `kernel`: an entry point from Python. Cached on disk under a hash of the package's source, because Numba
-itself
-  looks only at the file of the kernel and would serve old physics after an edit in another file.
+* `overload`: one name, several implementations, chosen by the type of a record. Kernels that call the name
+  stay module-level functions, so that they are cached on disk (a law passed in as a function would miss the
+  cache in every new process).
+* `kernel`: an entry point from Python. Cached on disk under a hash of all files with compiled code, because
+  Numba itself looks only at the file of the kernel and would serve old physics after an edit in another one.
 
 ``NUMBA_DISABLE_JIT=1`` runs everything as plain Python, for coverage and for stepping through.
 """
@@ -29,6 +28,8 @@ from numba.extending import overload as _numba_overload
 
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 _PACKAGE = Path(__file__).parent
+# The rooms that hold compiled code (tests/test_house.py sees to it): kernels depend on no other file.
+KERNEL_ROOMS = ("_jit.py", "mechanism.py", "friction", "piezo", "electronics", "waveform", "solve")
 
 
 def _source_hash(files: list[Path]) -> str:
@@ -55,7 +56,9 @@ def _cache_root() -> Path:
 
 @functools.cache
 def _package_cache() -> Path:
-    root = _cache_root() / f"kernels-{_source_hash(sorted(_PACKAGE.rglob('*.py')))}"
+    rooms = (_PACKAGE / room for room in KERNEL_ROOMS)
+    files = [file for room in rooms for file in ([room] if room.is_file() else sorted(room.rglob("*.py")))]
+    root = _cache_root() / f"kernels-{_source_hash(files)}"
     try:
         root.mkdir(parents=True, exist_ok=True)
     except OSError:  # a read-only home: still right, only slower in the next process

@@ -76,9 +76,9 @@ class PulledStudy(Study):
         return Document(
             title=self.title,
             summary=(
-                f"Friction coefficients from one speed: static {static:.3f}, dynamic {dynamic:.3f}. The regime "
-                f"is predicted rightly for {right} of {len(unseen)} other conditions, the event period within "
-                f"{min(errors):.0f} to {max(errors):.0f} %."
+                f"Friction coefficients from one speed: static {static:.3f}, dynamic {dynamic:.3f}. The "
+                f"regime is predicted rightly for {right} of {len(unseen)} other conditions, the event "
+                f"period within {min(errors):.0f} to {max(errors):.0f} %."
             ),
             sections=(
                 Section(
@@ -124,8 +124,8 @@ class PulledStudy(Study):
                 },
             },
             assumptions=(
-                "Friction coefficients do not depend on the time at rest or on the speed; paper is known to age, "
-                "so slow pulling is predicted worst.",
+                "Friction coefficients do not depend on the time at rest or on the speed; paper is "
+                "known to age, so slow pulling is predicted worst.",
             ),
             citations=cite(*self.citation) if self.citation else "",
         )

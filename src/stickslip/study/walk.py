@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import xarray as xr
+from pydantic import Field
 
 from ..actuator import load_actuator
 from ..figures.identification import fit_with_residuals
@@ -56,10 +57,10 @@ class WalkStudy(Study):
 
     kind: Literal["walk"]
     model: str
-    change: dict[str, float | str | bool] = {}
-    friction: dict[str, float | str] = {}
+    change: dict[str, float | str | bool] = Field(default_factory=dict)
+    friction: dict[str, float | str] = Field(default_factory=dict)
     free: list[str]
-    bounds: dict[str, tuple[float | str, float | str]] = {}
+    bounds: dict[str, tuple[float | str, float | str]] = Field(default_factory=dict)
     starts: int = 4
     recordings: list[WalkRecording]
 
