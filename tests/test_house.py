@@ -151,7 +151,7 @@ def test_every_test_runs() -> None:
 
 
 def test_compiled_code_stands_only_in_the_rooms_that_the_kernel_cache_hashes() -> None:
-    """Else an edit of it would be served stale; importing the compiler's names or registering a law is the sign."""
+    """Else an edit of it would be served stale. The sign: importing the compiler, or registering a law."""
     signs = re.compile(r"from \.+_jit import|from \.+(friction(\.law)?|law) import .*\bregister\b")
     outside = [file for file in SOURCES if file.relative_to(PACKAGE).parts[0] not in KERNEL_ROOMS]
     assert not [room(file) for file in outside if signs.search(file.read_text())]

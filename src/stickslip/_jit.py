@@ -109,7 +109,7 @@ def inlined(function: Callable[..., Any]) -> Any:
 def overload(function: Callable[..., Any]) -> Any:
     """What `function` becomes inside kernels: the decorated function gets types and returns an
     implementation."""
-    return _numba_overload(function, jit_options=_OPTIONS, strict=False, target="generic")
+    return _numba_overload(function, jit_options=_OPTIONS, strict=False, target="generic")  # type: ignore[arg-type]
 
 
 def record_class(numba_type: Any) -> type | None:
