@@ -79,7 +79,7 @@ def parameter(model: Any, name: str, bounds: Bounds) -> Parameter:
     below are given.
 
     Raises:
-        QuantityError: the model has no such number, it starts at zero without bounds, or the bounds are wrong.
+        QuantityError: the model has no such number, it starts at zero without bounds, or bounds are wrong.
     """
     law, known = law_of(model), free_names(model)
     if name not in known:

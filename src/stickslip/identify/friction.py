@@ -53,15 +53,15 @@ def identify_friction(
     Args:
         recordings: with end_effector_position [m].
         model: the actuator; its values are the start.
-        free: what to fit: scalar fields of the law ("sigma_0", "coulomb_force", ...; "stiffness_2" of a second
-            element) and of the actuator ("end_effector_mass", "gain", ...), "stiction_ratio" (stiction over
-            Coulomb friction) and "breakaway_share" (of the Coulomb deflection) instead of the fields that they
-            bound; and of the position channel, one for all recordings, "delay" [s] and "offset" [m]. Stiction
-            and breakaway deflection that are not free keep their ratio.
+        free: what to fit: scalar fields of the law ("sigma_0", "coulomb_force", ...; "stiffness_2" of a
+            second element) and of the actuator ("end_effector_mass", "gain", ...); "stiction_ratio" (stiction
+            over Coulomb friction) and "breakaway_share" (of the Coulomb deflection), which are bounded where
+            the fields themselves are not; and of the position channel, one for all recordings, "delay" [s]
+            and "offset" [m]. Stiction and breakaway deflection that are not free keep their ratio.
         drive: waveform of each recording (one: of all), in the time of the recording. Left out: the channel
             drive_voltage, linear between its samples, from the recording's first sample on.
-        bounds: of free parameters, in SI or as strings; else a factor 30 either side of the start. Bounds down
-            to zero make the scale linear, else it is logarithmic.
+        bounds: of free parameters, in SI or as strings; else a factor 30 either side of the start. The scale
+            is logarithmic, but linear where bounds reach down to zero.
         noise: standard deviation of the position, m; left out, it is estimated from the residuals.
         starts: how many; those after the first fill the bounds.
         seed: of the further starts.
@@ -83,7 +83,8 @@ def identify_friction(
     found = recordings_of(recordings)
     names = names_of(found)
     # A waveform is a tuple too, so it is known by its method.
-    drives = [drive] * len(found) if hasattr(drive, "drive") else same_number(drive, found, "drives")  # type: ignore[arg-type]
+    given: Any = [drive] * len(found) if hasattr(drive, "drive") else drive
+    drives = same_number(given, found, "drives")
     bounds = bounds or {}
     check_names(free, [*free_names(model), *CHANNEL], bounds)
     measured = [channel(r, OBSERVED, name, varies=True) for r, name in zip(found, names, strict=True)]
@@ -148,7 +149,7 @@ def _motion(
     time = recording["time"].values
     if drive is None:
         channel(recording, "drive_voltage", name)
-        drive = Sampled.from_recording(recording, "drive_voltage")
+        drive = Sampled.from_recording(recording, "drive_voltage")  # type: ignore[arg-type]
         time = time - time[0]
     waveform = drive
     known: dict[tuple[Actuator, float], NDArray[np.float64]] = {}

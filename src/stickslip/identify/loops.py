@@ -58,8 +58,8 @@ def identify_loops(
         model: law record; its values are the start, and its forces hold at `reference_normal_force`.
         free: what to fit: scalar fields of the law, elements ("stiffness_2"), "stiction_ratio" and
             "breakaway_share" (see `identify_friction`), and "bias", "curvature" and "drift" (see above).
-        reference_normal_force: N; the recordings then have normal_force [N], and the law's forces follow it in
-            proportion. Left out, the normal force is taken as constant.
+        reference_normal_force: N; the recordings then have normal_force [N], and the law's forces follow it
+            in proportion. Left out, the normal force is taken as constant.
         bounds: of free parameters, in SI or as strings, else a factor 30 either side of the start; of the
             channel's: the largest force, half its inverse, and the inverse of the length in time.
         noise: standard deviation of the force, N; left out, it is estimated from the residuals.

@@ -42,8 +42,8 @@ def friction_response(
         position: m, [n], of the driving body relative to the driven one.
         normal_force: N, [n]; the reference, if left out.
         reference_normal_force: N.
-        initial_force: N, at the first sample: all elements begin equally deflected so that they carry it, or as
-            much of it as the law can. 0 is a relaxed contact.
+        initial_force: N, at the first sample: all elements begin equally deflected so that they carry it, or
+            as much of it as the law can. 0 is a relaxed contact.
         tolerance: m, on the bristle deflections.
 
     Returns:
@@ -109,7 +109,7 @@ def _strained(law: Any, force: float) -> NDArray[np.float64]:
 
 
 def _largest(holds: Callable[[float], bool], limit: float) -> float:
-    """The largest number up to the limit for which something holds that holds for small ones; by bisection."""
+    """The largest number up to the limit for which something holds that holds for small ones, bisected."""
     low, high = 0.0, 1e-12
     while high < limit and holds(high):
         low, high = high, 2.0 * high
