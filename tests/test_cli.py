@@ -91,6 +91,45 @@ def test_limits_that_have_to_change_together_do(tmp_path: Path) -> None:
     assert run(*THESIS, *forces, "--duration", "10 ms", "--out", str(tmp_path)).exit_code == 0
 
 
+def test_without_a_periodic_motion_the_step_is_null_with_the_reason(tmp_path: Path) -> None:
+    """A force above the friction pulls the end-effector away for ever."""
+    pull = ["--set", "external_force=1 N", "--duration", "10 ms"]
+    done = run(*THESIS, *pull, "--out", str(tmp_path))
+    assert done.exit_code == 0, done.stderr
+    step = json.loads((tmp_path / "results.json").read_bytes())["numbers"]["steady_step"]
+    assert step["value"] is None
+    assert step["unit"] == "m"
+    assert step["reason"] in done.stdout
+
+
+def test_a_slider_pulled_by_a_user_s_own_set(tmp_path: Path) -> None:
+    values = {
+        "mass": ("30 g", "mass"),
+        "spring_stiffness": ("168 N/m", "stiffness"),
+        "spring_damping": ("1 N s/m", "damping"),
+        "friction.sigma_0": ("100 N/mm", "stiffness"),
+        "friction.sigma_1": ("10 N s/m", "damping"),
+        "friction.coulomb_force": ("10 mN", "force"),
+        "friction.stiction_force": ("10 mN", "force"),
+        "friction.stribeck_velocity": ("1 mm/s", "velocity"),
+        "friction.sigma_2": ("0 N s/m", "damping"),
+    }
+    lines = ['title = "Slider"', "citations = []", 'kind = "pulled_slider"', "[friction]", 'law = "LuGre"']
+    for field, (value, source) in values.items():
+        number, _, unit = value.partition(" ")
+        lines += [f"[{field}]", f"value = {number}", f'unit = "{unit}"', f'source = "{source}"']
+    file = tmp_path / "slider.toml"
+    file.write_text("\n".join(lines))
+    pull = ["--waveform", "ramp", "--set", "waveform.rate=0.2 mm/s", "--duration", "1 s"]
+    done = run("simulate", str(file), *pull, "--out", str(tmp_path / "out"))
+    assert done.exit_code == 0, done.stderr
+    numbers = json.loads((tmp_path / "out" / "results.json").read_bytes())["numbers"]
+    # In steady sliding the slider hangs behind by what stretches the spring to the friction force, F_C/k.
+    assert numbers["net_displacement"]["value"] == pytest.approx(2e-4 - 0.01 / 168, abs=2e-6)
+    assert numbers["drive"]["rate"] == {"value": pytest.approx(2e-4), "unit": "m/s"}
+    assert "steady_step" not in numbers
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

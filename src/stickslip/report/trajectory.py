@@ -116,6 +116,7 @@ def _title(key: str) -> str:
 def _entries(record: Any, prefix: str = "") -> Iterator[tuple[str, str, str, Any]]:
     """Field, symbol, meaning and value (a `Number` where it has a unit) of all fields, the law's included."""
     known = quantities(type(record))
+    of_drive = getattr(record, "unit", "V")  # a waveform's fields in V are in m where the waveform is
     for name, value in record._asdict().items():
         if is_law(value):
             yield f"{prefix}{name}", "", "friction law", type(value).__name__
@@ -125,7 +126,8 @@ def _entries(record: Any, prefix: str = "") -> Iterator[tuple[str, str, str, Any
             values = value if isinstance(value, tuple) else (value,)
             for i, one in enumerate(values):
                 index = f"[{i}]" if isinstance(value, tuple) else ""
-                yield f"{prefix}{name}{index}", quantity.symbol, quantity.meaning, Number(one, quantity.unit)
+                unit = of_drive + quantity.unit[1:] if quantity.unit.startswith("V") else quantity.unit
+                yield f"{prefix}{name}{index}", quantity.symbol, quantity.meaning, Number(one, unit)
         elif isinstance(value, bool):
             yield f"{prefix}{name}", "", "", "yes" if value else "no"
 
