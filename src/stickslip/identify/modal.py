@@ -83,9 +83,11 @@ def identify_frequency(
     """Fit a modal model to measured frequency responses; all channels share poles and delay.
 
     Args:
-        response: as `frequency_response` gives it, or a selection of its outputs, inputs or frequencies.
+        response: as `frequency_response` gives it, or a selection of its outputs, inputs or frequencies. Each
+            line weighs by its `deviation`; a model of too few modes may want equal ones, to follow what moves
+            most rather than what is best known.
         modes: how many, or the start of each: natural frequency [Hz] and damping ratio. By their number, they
-            are found one after the other where they explain most of what is left.
+            are found one after the other, each where it explains most of what is left.
         complex_modes: fit rate gains (B) as well.
         remainder: fit the remainder (D).
         noise_known: take the deviations in `response` as they are; by default the misfit sets their level.
@@ -103,27 +105,34 @@ def identify_frequency(
     if not np.all(response["deviation"] > 0):
         raise FitError("the responses have no deviations: they need more realisations or periods")
     kind = _Kind(complex_modes, remainder)
-    starts, delay = (_found(response, modes, kind)) if isinstance(modes, int) else (list(modes), 0.0)
-    return _fit(response, sorted(starts), delay, kind, noise_known=noise_known, progress=progress)
+    starts, delay = _found(response, modes, kind) if isinstance(modes, int) else (list(modes), 0.0)
+    fit = _fit(response, sorted(starts), delay, kind, noise_known=noise_known, progress=progress)
+    frequencies, dampings, delay = fit.model[:3]
+    if np.any(np.diff(frequencies) < 0):  # modes have passed each other: number them anew
+        starts = sorted(zip(frequencies / (2 * np.pi), dampings, strict=True))
+        fit = _fit(response, starts, delay, kind, noise_known=noise_known, progress=progress)
+    return fit
 
 
 def _found(response: xr.Dataset, n_modes: int, kind: _Kind) -> tuple[list[tuple[float, float]], float]:
-    """Starts of so many modes, and of the delay: each mode explains most of what those before it left."""
-    response = response.isel(
-        frequency=slice(None, None, max(1, response.sizes["frequency"] // LINES_IN_SEARCH))
-    )
+    """Starts of so many modes, and of the delay: each mode explains most of what those before it left.
+
+    All lines count alike here: weighed by their deviations, quiet bands would be served before large motion.
+    """
+    response = response.assign(deviation=xr.ones_like(response["deviation"]))
+    every = max(1, response.sizes["frequency"] // LINES_IN_SEARCH)
+    response = response.isel(frequency=slice(None, None, every))
     frequency = response["frequency"].to_numpy()
     measured = response["response"].to_numpy()
-    weights = response["deviation"].to_numpy().reshape(frequency.size, -1) ** -2.0
     trial = np.array([(f, zeta) for zeta in TRIAL_DAMPING for f in frequency[::2]])
     shapes, _ = _modes(2j * np.pi * frequency, 2 * np.pi * trial[:, 0], trial[:, 1])
-    adjoint, norms = shapes.conj().T, (np.abs(shapes) ** 2).T @ weights
+    shapes = (shapes / np.linalg.norm(shapes, axis=0)).conj().T
     starts: list[tuple[float, float]] = []
     delay, left = 0.0, measured
     for _ in range(n_modes):
         undelayed = left.reshape(frequency.size, -1) * np.exp(2j * np.pi * frequency * delay)[:, None]
-        explained = np.abs(adjoint @ (weights * undelayed)) ** 2 / norms
-        starts.append(tuple(trial[np.argmax(explained.sum(axis=1))]))
+        explained = np.sum(np.abs(shapes @ undelayed) ** 2, axis=1)
+        starts.append(tuple(trial[np.argmax(explained)]))
         model = _fit(response, starts, delay, kind, tolerance=1e-4).model
         starts = list(zip(model.natural_frequency / (2 * np.pi), model.damping_ratio, strict=True))
         delay, left = model.delay, measured - modal_response(model, frequency)
@@ -151,7 +160,8 @@ def _fit(
     limits = (np.pi * frequency[0], 4 * np.pi * frequency[-1])
     longest = 10 / frequency[-1]
     poles = [(2 * np.pi * f, zeta) for f, zeta in starts]
-    parameters = pole_parameters(poles, limits, Parameter("delay", delay, -longest, longest, "s", log=False))
+    parameters = pole_parameters(poles, limits)
+    parameters.append(Parameter("delay", delay, -longest, longest, "s", log=False))
     recordings = []
     for o, i in product(range(outputs.size), range(inputs.size)):
         channel = "" if single else f"[{outputs[o]},{inputs[i]}]"
@@ -159,7 +169,7 @@ def _fit(
         deviation = response["deviation"].to_numpy()[:, o, i]
         recordings.append(
             Linear(
-                np.concatenate([measured.real, measured.imag]),
+                _real_over_imaginary(measured),
                 np.tile(deviation / math.sqrt(2), 2),
                 tuple((name + channel, unit) for name in kind.names(len(starts))),
                 f"response{channel}",
@@ -174,16 +184,14 @@ def _fit(
     return replace(fit, model=_model(fit, outputs.size, inputs.size, kind))
 
 
-def pole_parameters(
-    starts: Sequence[tuple[float, float]], limits: tuple[float, float], delay: Parameter
-) -> list[Parameter]:
-    """Natural frequency [rad/s], within the limits, and damping ratio of each mode; then the delay."""
+def pole_parameters(starts: Sequence[tuple[float, float]], limits: tuple[float, float]) -> list[Parameter]:
+    """Natural frequency [rad/s], within the limits, and damping ratio of each mode."""
     parameters = []
     for m, (omega, zeta) in enumerate(starts, 1):
         inside = min(max(omega, limits[0]), limits[1])
         parameters.append(Parameter(f"natural_frequency_{m}", inside, *limits, "rad/s"))
         parameters.append(Parameter(f"damping_ratio_{m}", zeta, LEAST_DAMPING, MOST_DAMPING))
-    return [*parameters, delay]
+    return parameters
 
 
 def _model(fit: Fit, n_outputs: int, n_inputs: int, kind: _Kind) -> ModalModel:
@@ -209,6 +217,10 @@ def _modes(s: np.ndarray, omega: np.ndarray, zeta: np.ndarray) -> tuple[np.ndarr
     return mode, mode * s / omega
 
 
+def _real_over_imaginary(values: np.ndarray) -> np.ndarray:
+    return np.concatenate([np.real(values), np.imag(values)])
+
+
 def _design(frequency: np.ndarray, values: np.ndarray, kind: _Kind) -> Design:
     """Real over imaginary parts of the modes' responses, and their derivatives by poles and delay."""
     omega, zeta, delay = values[0:-1:2], values[1:-1:2], values[-1]
@@ -229,6 +241,6 @@ def _design(frequency: np.ndarray, values: np.ndarray, kind: _Kind) -> Design:
         slopes[:, 0:-1:2] = a * by_omega + b * rate_by_omega
         slopes[:, 1:-1:2] = by_zeta * (a + b * s / omega)
         slopes[:, -1] = -s[:, 0] * (basis @ x)
-        return np.concatenate([slopes.real, slopes.imag])
+        return _real_over_imaginary(slopes)
 
-    return Design(np.concatenate([basis.real, basis.imag]), tangent)
+    return Design(_real_over_imaginary(basis), tangent)
