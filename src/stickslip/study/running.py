@@ -11,13 +11,14 @@ from pydantic import Field, TypeAdapter, ValidationError
 
 from ..report import Document
 from .file import StudyError, explain, load_yaml
+from .loops import LoopStudy
 from .pulled import PulledStudy
 from .walk import WalkStudy
 
 # What is called as the work goes on: what is being done, and how much of all is done, from 0 to 1.
 Progress = Callable[[str, float], None]
 
-_Any = Annotated[PulledStudy | WalkStudy, Field(discriminator="kind")]
+_Any = Annotated[LoopStudy | PulledStudy | WalkStudy, Field(discriminator="kind")]
 _FILE: TypeAdapter[Any] = TypeAdapter(_Any)
 
 
