@@ -1,0 +1,50 @@
+"""Friction loops of Maxwell slip in plain NumPy, independent of the package: each element a stop operator."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+import xarray as xr
+
+from stickslip.datasets import dataset_path
+from stickslip.recording import make_recording
+
+# Python itself is some hundred times slower than compiled code: without it, every 20th sample will do.
+THIN = 20 if os.environ.get("NUMBA_DISABLE_JIT") == "1" else 1
+
+
+def stops(stiffness, strength, position, ratio, start):
+    """Force [N] at each sample; `start`: deflection of all elements at the first one, cut at their bound."""
+    k, limit = np.asarray(stiffness), np.asarray(strength) / np.asarray(stiffness)
+    z = np.clip(start, -limit, limit)
+    force = [k @ z]
+    for step in np.diff(position):
+        z = np.clip(z + step, -limit, limit)
+        force.append(k @ z)
+    return np.array(force) * ratio
+
+
+def made_loops(stiffness, strength, *, seed=0, noise=0.0, bias=0.0, curvature=0.0, drift=0.0, begin=0.0):
+    """A recording of loops over a few amplitudes, under a normal force that varies about 5 N."""
+    rng = np.random.default_rng(seed)
+    t = begin + np.linspace(0.0, 3.0, 241)
+    x = 1e-4 * np.sin(2 * np.pi * t) * (1.0 - 0.2 * np.sin(2.0 * t))
+    normal = 5.0 + 0.5 * np.sin(3.0 * t)
+    force = stops(stiffness, strength, x, normal / 5.0, 0.0) * (1.0 + drift * (t - begin))
+    shown = bias + force + curvature * force**2 + noise * rng.standard_normal(t.size)
+    channels = {"position": x, "normal_force": normal, "friction_force": shown}
+    return make_recording(t, channels, title=f"loops {seed}")
+
+
+def tribometer(begin: float, end: float) -> xr.Dataset:
+    """A part of the measured friction loops, with the sign of the force as its maker says."""
+    path = dataset_path("jchristopherson-friction", "test_data_2.txt")
+    t, normal, position, force = np.loadtxt(path, skiprows=1, unpack=True)
+    part = np.flatnonzero((t > begin) & (t < end))[::THIN]
+    channels = {
+        "position": (position[part], "mm"),
+        "normal_force": (normal[part], "uN"),
+        "friction_force": (-force[part], "uN"),
+    }
+    return make_recording(t[part], channels, title=f"{begin:g} s < t < {end:g} s")

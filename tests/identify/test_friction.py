@@ -1,0 +1,148 @@
+"""Friction from the motion of an actuator: the reference problem with noise, and what recordings may lack."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from stickslip.actuator import Actuator, load_actuator
+from stickslip.friction import Elastoplastic, LuGre
+from stickslip.identify.free import free_names, parameter, with_values
+from stickslip.identify.friction import identify_friction
+from stickslip.recording import RecordingError, make_recording
+from stickslip.units import QuantityError
+from stickslip.verification import verify
+from stickslip.waveform.periodic import Sawtooth
+
+REFERENCE = (Path(__file__).parents[2] / ".." / "shared" / "reference").resolve()
+DRIVE = Sawtooth(amplitude=65.0, frequency=5.0)
+FREE = ["sigma_0", "sigma_1", "coulomb_force"]
+TRUTH = {"sigma_0": 1.399e6, "sigma_1": 34.9, "coulomb_force": 0.5401}
+NOISE = 20e-9
+JIT = os.environ.get("NUMBA_DISABLE_JIT") != "1"
+# One period is enough to see what the code does; the published figures are those of eight.
+PERIODS = 8 if JIT else 1
+
+
+def actuator(sigma_0: float, sigma_1: float, coulomb_force: float) -> Actuator:
+    law = LuGre(sigma_0, sigma_1, 0.0, coulomb_force, coulomb_force)
+    return load_actuator("kang2007").replace(stage_reaction=False, friction=law)
+
+
+def reference(noise: float = NOISE) -> xr.Dataset:
+    """P1 of an independent solver, with Gaussian noise (seed 0)."""
+    stored = np.load(REFERENCE / "reference_P1.npz")
+    position = stored["xe"] + noise * np.random.default_rng(0).standard_normal(stored["xe"].size)
+    n = 200 * PERIODS + 1
+    return make_recording(stored["t"][:n], {"end_effector_position": position[:n]}, title="P1")
+
+
+def test_global_optimum_from_a_poor_start() -> None:
+    """Optimum and standard errors were found before by four other simulators [shared/peers.md, P4]."""
+    start = actuator(1e6, 30.0, 1.5) if JIT else actuator(1.3e6, 36.0, 0.55)
+    fit = identify_friction([reference()], start, FREE, drive=DRIVE, noise=NOISE, starts=4 if JIT else 1)
+    assert fit.converged
+    assert fit.r_squared > 0.9999
+    assert fit.observed == "end_effector_position"
+    if JIT:
+        assert fit.values["sigma_0"] == pytest.approx(1.3836e6, abs=600)
+        assert fit.values["sigma_1"] == pytest.approx(37.03, abs=0.15)
+        assert fit.values["coulomb_force"] == pytest.approx(0.53992, abs=3e-5)
+        assert fit.standard_errors["sigma_0"] == pytest.approx(9.6e3, rel=0.02)
+        assert fit.standard_errors["sigma_1"] == pytest.approx(2.0, rel=0.02)
+        assert fit.standard_errors["coulomb_force"] == pytest.approx(2.78e-4, rel=0.02)
+        assert fit.reduced_chi_squared == pytest.approx(0.9737, abs=2e-4)
+    friction = fit.model.friction
+    assert (friction.coulomb_force, friction.stiction_force) == (fit.values["coulomb_force"],) * 2
+    for name, true in TRUTH.items():
+        assert abs(fit.values[name] - true) < 3 * fit.standard_errors[name]
+    unseen = reference(0.0)
+    assert verify(fit, unseen, drive=DRIVE).rmse < 5e-9
+
+
+def test_delay_and_offset_of_the_channel() -> None:
+    clean = reference(0.0).isel(time=slice(0, 301 if JIT else 101))
+    delay, offset = 3e-3, 1.5e-7
+    position = clean["end_effector_position"].values
+    late = np.concatenate([np.zeros(3), position[:-3]]) + offset
+    shown = make_recording(clean["time"].values, {"end_effector_position": late}, title="late")
+    fit = identify_friction(
+        shown,
+        actuator(*TRUTH.values()),
+        ["coulomb_force", "delay", "offset"],
+        drive=DRIVE,
+        bounds={"delay": (0.0, 0.01)},
+        starts=1,
+    )
+    assert fit.values["delay"] == pytest.approx(delay, abs=1e-5)
+    assert fit.values["offset"] == pytest.approx(offset, abs=1e-9)
+    assert fit.values["coulomb_force"] == pytest.approx(0.5401, rel=1e-3)
+
+
+def test_drive_from_the_recording() -> None:
+    """During the rise the drive is linear between samples: the channel says the same as the waveform."""
+    part = reference(0.0).isel(time=slice(0, 120))
+    volts = 65.0 * 5.0 * part["time"].values
+    told = part.assign(drive_voltage=("time", volts, {"units": "V", "long_name": "drive voltage"}))
+    settings = {"model": actuator(1.2e6, 34.9, 0.5401), "free": ["sigma_0"], "starts": 1}
+    one = identify_friction(told, **settings)
+    other = identify_friction(part, drive=DRIVE, **settings)
+    assert one.values["sigma_0"] == pytest.approx(other.values["sigma_0"], rel=1e-6)
+    assert one.predict is not None
+    np.testing.assert_allclose(one.predict(told), part["end_effector_position"], atol=1e-10)
+
+
+def test_what_can_be_free() -> None:
+    model = actuator(1e6, 30.0, 1.5)
+    assert {"sigma_0", "stiction_ratio", "gain", "end_effector_mass"} <= set(free_names(model))
+    assert not {"name", "clamped", "friction", "breakaway_share"} & set(free_names(model))
+    mass = parameter(model, "end_effector_mass", {})
+    assert (mass.start, mass.unit, mass.log) == (0.1, "kg", True)
+    assert (mass.lower, mass.upper) == pytest.approx((0.1 / 30, 3.0))
+    viscous = parameter(model, "sigma_2", {"sigma_2": (0.0, "2 N s/m")})
+    assert (viscous.lower, viscous.upper, viscous.log) == (0.0, 2.0, False)
+
+
+def test_bounded_fields_keep_their_ratio() -> None:
+    law = Elastoplastic(1e6, 0.0, 0.0, 1.0, 1.5, 0.4e-6)
+    moved = with_values(law, {"coulomb_force": 2.0, "sigma_0": 4e6})
+    assert moved.stiction_force == pytest.approx(3.0)
+    assert moved.breakaway_deflection == pytest.approx(0.2e-6)
+    freed = with_values(law, {"coulomb_force": 2.0, "stiction_ratio": 1.1, "breakaway_share": 0.5})
+    assert freed.stiction_force == pytest.approx(2.2)
+    assert freed.breakaway_deflection == pytest.approx(1e-6)
+    assert with_values(law, {"stiction_force": 1.7}).stiction_force == 1.7
+    heavier = with_values(actuator(1e6, 30.0, 1.5), {"end_effector_mass": 0.2, "coulomb_force": 0.7})
+    assert (heavier.end_effector_mass, heavier.friction.stiction_force) == (0.2, 0.7)
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "message"),
+    [
+        (lambda r: r, RecordingError, r"P1 has no drive_voltage \[V\]"),
+        (
+            lambda r: r.rename(end_effector_position="displacement"),
+            RecordingError,
+            r"P1 has no end_effector_position \[m\]; it has displacement",
+        ),
+        (lambda r: 0 * r, RecordingError, r"end_effector_position \[m\].*is 0 throughout"),
+        (lambda r: r.isel(time=slice(0, 4)), RecordingError, "has 4 samples; at least 10"),
+    ],
+)
+def test_bad_recordings_are_refused(change, error: type[Exception], message: str) -> None:
+    with xr.set_options(keep_attrs=True):
+        changed = change(reference())
+    with pytest.raises(error, match=message):
+        identify_friction(changed, actuator(1e6, 30.0, 1.5), FREE)
+
+
+def test_bad_requests_are_refused() -> None:
+    model = actuator(1e6, 30.0, 1.5)
+    with pytest.raises(QuantityError, match="did you mean 'sigma_0'"):
+        identify_friction(reference(), model, ["sigma0"], drive=DRIVE)
+    with pytest.raises(RecordingError, match="there are 2 drives for 1 recordings"):
+        identify_friction(reference(), model, FREE, drive=[DRIVE, DRIVE])
