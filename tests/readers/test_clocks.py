@@ -128,6 +128,16 @@ def test_two_clocks_that_count_from_1970(tmp_path: Path) -> None:
     np.testing.assert_allclose(recording["y"], [5.0, 15.0, 25.0, 35.0], rtol=1e-6)
 
 
+def test_three_clocks(tmp_path: Path) -> None:
+    rows = "".join(f"{i},{i},{i + 1.5},{i},{i - 1.5},{i}\n" for i in range(8))
+    (tmp_path / "a.csv").write_text("t1,x,t2,y,t3,z\n" + rows)
+    columns = {"time": "t1", "x": "x", "y": "y", "z": "z"}
+    recording = read_recording(tmp_path / "a.csv", columns, clocks={"y": "t2", "z": "t3"})
+    np.testing.assert_allclose(recording["time"], [2.0, 3.0, 4.0, 5.0])  # from 1.5 to 5.5 s all clocks run
+    np.testing.assert_allclose(recording["y"], recording["time"] - 1.5)
+    np.testing.assert_allclose(recording["z"], recording["time"] + 1.5)
+
+
 def test_clocks_that_do_not_overlap(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("t1,x,t2,y\n0,1,10,1\n1,2,11,3\n")
     with pytest.raises(

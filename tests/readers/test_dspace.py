@@ -96,6 +96,7 @@ def test_structure(tmp_path: Path, version: str) -> None:
 def test_a_single_signal_without_a_name(tmp_path: Path, version: str) -> None:
     _save(tmp_path / "a.mat", version, {"c": {"X": {"Data": _row(TIME)}, "Y": {"Data": _row(SIGNALS[0])}}})
     np.testing.assert_array_equal(read_recording(tmp_path / "a.mat", {"x": "Y(1)"})["x"], SIGNALS[0])
+    assert list(read_recording(tmp_path / "a.mat")) == ["y_1"]
 
 
 @pytest.mark.parametrize("version", ["5", "7.3"])

@@ -49,7 +49,7 @@ def test_memory_is_bounded_by_the_result(tmp_path: Path) -> None:
 
 
 SHOW = """
-import os, sys
+import io, os, sys
 from stickslip.readers import csv, progress, read_recording
 
 csv.CHUNK = 1 << 16
@@ -58,8 +58,10 @@ print("|", file=sys.stderr, flush=True)
 progress.LARGE = 0
 read_recording(sys.argv[1], sample_rate=1e3)
 print("|", file=sys.stderr, flush=True)
-sys.stderr = open(os.devnull, "w")  # no terminal: no bar
+sys.stderr = io.StringIO()  # no terminal: no bar, not even where colours are asked for
+os.environ["FORCE_COLOR"] = "1"
 read_recording(sys.argv[1], sample_rate=1e3)
+print("|", sys.stderr.getvalue())
 """
 
 
@@ -70,17 +72,18 @@ def test_progress(tmp_path: Path) -> None:
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "100"}
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=theirs, env=environment) as process:
         os.close(theirs)
-        shown = ""
+        shown = b""
         try:
             while part := os.read(ours, 4096):
-                shown += part.decode()
+                shown += part
         except OSError:  # Linux reports the other end's closing so
             pass
         assert process.stdout is not None
         output = process.stdout.read()
     os.close(ours)
-    assert process.returncode == 0, shown
-    assert float(output) == pytest.approx(10 * np.sum(np.arange(10_000) % 997 + 0.25) * 1e-6)
-    small, large, piped = (text.strip() for text in shown.split("|"))
-    assert small == piped == ""
+    assert process.returncode == 0, shown.decode()
+    value, piped = output.decode().split("|")
+    assert float(value) == pytest.approx(10 * np.sum(np.arange(10_000) % 997 + 0.25) * 1e-6)
+    small, large = (text.strip() for text in shown.decode().split("|")[:2])
+    assert small == piped.strip() == ""
     assert "Reading recording.csv" in large

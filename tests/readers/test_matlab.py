@@ -76,6 +76,8 @@ def test_structures(tmp_path: Path, version: str) -> None:
     np.testing.assert_array_equal(recording["time"], TIME)
     np.testing.assert_array_equal(recording["force"], TABLE[0])
     np.testing.assert_array_equal(recording["second"], TABLE[1])
+    everything = read_recording(tmp_path / "a.mat")
+    assert sorted(everything) == ["run_cards_force", "run_channels_1_v", "run_channels_2_v"]
 
 
 @pytest.mark.parametrize("version", VERSIONS[1:])

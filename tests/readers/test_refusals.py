@@ -29,6 +29,7 @@ def _with_line(number: int, line: str) -> str:
         ("t [s],x [um]\n", "no rows of numbers"),
         (_with_line(2, "0,abc"), r"line 2, column 'x \[um\]': 'abc' is not a number"),
         (_with_line(17, "15,abc"), r"line 17, column 'x \[um\]': 'abc' is not a number"),
+        (_with_line(17, "15,None"), r"line 17, column 'x \[um\]': 'None' is not a number"),
         (_with_line(31, "29,abc"), r"line 31, column 'x \[um\]': 'abc' is not a number"),
         (_with_line(17, "# a remark\n\n15,1.2.3"), r"line 19, column 'x \[um\]': '1.2.3' is not a number"),
         (_with_line(17, "// a remark"), r"line 17, column 't \[s\]': '// a remark' is not a number"),

@@ -42,6 +42,9 @@ LAYOUTS = {
         "% a\n% Time [s],Position [um],Drive [V]\n0,1,-1.5\n% pause\n0.01,2,0 % here\n\n0.02,3.5,2\n"
     ),
     "quotes": ('"Time [s]","Position [um]","Drive [V]"\n"0","1","-1.5"\n"0.01","2","0"\n"0.02","3.5","2"\n'),
+    "quotes after blanks": (
+        '"Time [s]", "Position [um]", "Drive [V]"\n"0", "1", "-1.5"\n"0.01", "2", "0"\n"0.02", "3.5", "2"\n'
+    ),
     "quoted decimal commas": (
         '"Time [s]","Position [um]","Drive [V]"\n"0,00","1,0","-1,5"\n"0,01","2,0","0"\n"0,02","3,5","2,0"\n'
     ),
@@ -103,6 +106,12 @@ def test_all_columns_by_their_names(tmp_path: Path) -> None:
     np.testing.assert_allclose(recording["normal_force"], [1e-3, 4e-3])
     np.testing.assert_allclose(recording["normal_force_4"], [3.0, 6.0])
     assert recording["column_2nd_sensor"].attrs["units"] == ""
+
+
+def test_a_header_that_looks_like_units(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("run,seven\nt,V\n0,1\n1,2\n")
+    recording = read_recording(tmp_path / "a.csv", {"drive_voltage": "V"})
+    np.testing.assert_array_equal(recording["drive_voltage"], [1.0, 2.0])
 
 
 def test_one_column(tmp_path: Path) -> None:

@@ -29,6 +29,12 @@ def test_units_become_si() -> None:
     assert recording["time"].attrs["units"] == "s"
 
 
+def test_temperatures_have_another_zero() -> None:
+    recording = make_recording(TIME[:2], {"temperature": ([0.0, 20.0], "degC")})
+    np.testing.assert_allclose(recording["temperature"], [273.15, 293.15], rtol=1e-15)
+    assert recording["temperature"].attrs["units"] == "K"
+
+
 def test_metadata_are_complete() -> None:
     attrs = make_recording(TIME, {"x": TIME}, title="a title", source="a.csv", reader="csv").attrs
     assert attrs["schema_version"] == 1

@@ -32,7 +32,7 @@ def recordings(draw: st.DrawFn):
     return make_recording(np.cumsum(steps), variables, **texts)
 
 
-@settings(max_examples=20)
+@settings(max_examples=12)
 @given(recordings())
 def test_round_trip(tmp_path_factory: pytest.TempPathFactory, recording) -> None:
     path = save_recording(recording, tmp_path_factory.mktemp("round") / "a.nc")

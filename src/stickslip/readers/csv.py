@@ -91,7 +91,6 @@ def _chunks(file: TextIO, layout: TextLayout, indices: list[int], stop: int | No
         sep=layout.delimiter,
         decimal=layout.decimal,
         comment=layout.comment,
-        index_col=False,
         skipinitialspace=True,
         keep_default_na=False,
         na_values=MISSING,

@@ -91,8 +91,6 @@ def find_layout(path: Path, delimiter: str | None, decimal: str | None, skip: in
     encoding = _encoding(head)
     text = head.decode(encoding, errors="replace")
     lines = LINE_END.split(text)  # str.splitlines breaks at more signs than text files do
-    if len(head) == HEAD:
-        lines.pop()  # cut off by us
     data = [i for i in range(skip, len(lines)) if lines[i].strip() and not _COMMENT.match(lines[i])]
     kinds, delimiter, decimal = _judge([lines[i] for i in data[-SAMPLE:]], _ways(delimiter, decimal))
     if not kinds:
