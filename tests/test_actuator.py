@@ -170,7 +170,7 @@ def test_pulled_slider() -> None:
     for field, value in [
         ("mass", 0),
         ("spring_stiffness", 0),
-        ("spring_damping", -1),
+        ("damping", -1),
         ("friction", 0.3),
         ("name", 1),
     ]:

@@ -106,7 +106,7 @@ def test_a_slider_pulled_by_a_user_s_own_set(tmp_path: Path) -> None:
     values = {
         "mass": ("30 g", "mass"),
         "spring_stiffness": ("168 N/m", "stiffness"),
-        "spring_damping": ("1 N s/m", "damping"),
+        "damping": ("1 N s/m", "damping"),
         "friction.sigma_0": ("100 N/mm", "stiffness"),
         "friction.sigma_1": ("10 N s/m", "damping"),
         "friction.coulomb_force": ("10 mN", "force"),

@@ -241,12 +241,13 @@ class StageParts(NamedTuple):
 class PulledSlider(NamedTuple):
     """A mass on fixed ground, pulled through a spring whose other end moves as the waveform says, in metres.
 
-    A tribometer, or a positioning system with a compliant drive. The friction acts between ground and mass.
+    A tribometer, or a positioning system with a compliant drive. The friction acts between ground and mass,
+    and so does `damping` (guide, air).
     """
 
     mass: Mass
     spring_stiffness: Stiffness
-    spring_damping: Damping
+    damping: Damping
     friction: Any
     external_force: Force = 0.0
     name: str = ""

@@ -18,7 +18,7 @@ from .study import run_file
 from .study.running import Progress
 from .waveform.periodic import ReverseSawtooth, Sawtooth
 
-EXAMPLES = ("friction_loops.yaml", "pulled_slider.yaml")
+EXAMPLES = ("friction_loops.yaml", "piezo_mirror.yaml", "pulled_slider.yaml")
 
 
 def run(progress: Progress | None = None) -> Document:

@@ -41,7 +41,7 @@ IMMOBILE = Mechanism(
 def mechanism(model: Actuator | PulledSlider) -> Mechanism:
     """The coefficients of a model's equations of motion, as kernels use them (see `stickslip.mechanism`)."""
     if isinstance(model, PulledSlider):
-        stiffness, damping = model.spring_stiffness / model.mass, model.spring_damping / model.mass
+        stiffness, damping = model.spring_stiffness / model.mass, model.damping / model.mass
         return IMMOBILE._replace(
             kinematic=True,  # the ground, which stays where it is: its gain is 0
             slider_stiffness=stiffness,
@@ -133,7 +133,8 @@ def checked_drive(model: Actuator | PulledSlider, waveform: Waveform, end: float
         ):
             raise QuantityError(
                 "a static stage would follow a jump of the voltage at infinite speed, at which a presliding "
-                "friction law has no meaning: give the waveform a finite fall (rise_fraction < 1), or the stage a "
+                "friction law has no meaning: "
+                "give the waveform a finite fall (rise_fraction < 1), or the stage a "
                 "natural_frequency"
             )
     return table

@@ -37,7 +37,8 @@ class LawSpec(Strict):
         if self.law not in _LAWS:
             raise StudyError(f"laws.law: there is no law {self.law!r}; there are {', '.join(_LAWS)}")
         fields = {k: tuple(v) if isinstance(v, list) else v for k, v in self.fields.items()}
-        return _LAWS[self.law](**fields)
+        law: Any = _LAWS[self.law]
+        return law(**fields)
 
 
 class _Result(NamedTuple):
@@ -48,8 +49,8 @@ class _Result(NamedTuple):
 
 
 class LoopStudy(Study):
-    """See the module. Recordings have position, friction_force and, with `reference_normal_force`, normal_force;
-    `flip` turns the sign of the force, for channels that show the force on the other body."""
+    """See the module. Recordings have position, friction_force and, with `reference_normal_force`,
+    normal_force; `flip` turns the sign of the force, for channels that show the force on the other body."""
 
     kind: Literal["friction_loops"]
     reference_normal_force: Annotated[float, quantity("N")] | None = None
@@ -60,7 +61,9 @@ class LoopStudy(Study):
 
     def run(self, folder: Path, progress: Callable[[str, float], None]) -> Document:
         """Fit every law, verify it, and report the one that predicts best."""
-        data = {use: [self._read(r, folder) for r in self.recordings if r.use == use] for use in ("fit", "verify")}
+        data = {
+            use: [self._read(r, folder) for r in self.recordings if r.use == use] for use in ("fit", "verify")
+        }
         if not (data["fit"] and data["verify"]):
             raise StudyError("recordings: at least one with 'use: fit' and one with 'use: verify' are needed")
         results = []
@@ -82,7 +85,9 @@ class LoopStudy(Study):
         recording = source.read(folder).assign_attrs(title=source.label)
         if self.flip:
             flipped = -recording["friction_force"]
-            recording = recording.assign(friction_force=flipped.assign_attrs(recording["friction_force"].attrs))
+            recording = recording.assign(
+                friction_force=flipped.assign_attrs(recording["friction_force"].attrs)
+            )
         return recording
 
     def _document(self, data: dict[str, list[xr.Dataset]], results: list[_Result], best: _Result) -> Document:
@@ -128,8 +133,8 @@ class LoopStudy(Study):
             ),
             Picture(
                 "friction_loop",
-                f"Friction loops, measured and predicted by {best.label}: the last quarter of the part that the fit "
-                "has not seen.",
+                f"Friction loops, measured and predicted by {best.label}: the last quarter of the part that "
+                "the fit has not seen.",
                 svg(
                     friction_loop(
                         unseen["position"].values[last],
@@ -141,8 +146,8 @@ class LoopStudy(Study):
             ),
             Picture(
                 "friction_over_time",
-                f"Friction force over time, measured and predicted by {best.label}, free-running from the first "
-                "sample.",
+                f"Friction force over time, measured and predicted by {best.label}, free-running from the "
+                "first sample.",
                 svg(
                     fit_with_residuals(
                         unseen["time"].values,
@@ -159,8 +164,8 @@ class LoopStudy(Study):
         return Document(
             title=self.title,
             summary=(
-                f"{best.label} predicts best: r² {best.unseen.r_squared:.4f} on the part that no fit has seen "
-                f"(fitted and predicted: {span})."
+                f"{best.label} predicts best: r² {best.unseen.r_squared:.4f} on the part that no fit has "
+                f"seen (fitted and predicted: {span})."
             ),
             sections=(
                 Section(

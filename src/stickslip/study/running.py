@@ -11,6 +11,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 
 from ..report import Document
 from .file import StudyError, explain, load_yaml
+from .frequency import FrequencyStudy
 from .loops import LoopStudy
 from .pulled import PulledStudy
 from .walk import WalkStudy
@@ -18,7 +19,7 @@ from .walk import WalkStudy
 # What is called as the work goes on: what is being done, and how much of all is done, from 0 to 1.
 Progress = Callable[[str, float], None]
 
-_Any = Annotated[LoopStudy | PulledStudy | WalkStudy, Field(discriminator="kind")]
+_Any = Annotated[LoopStudy | FrequencyStudy | PulledStudy | WalkStudy, Field(discriminator="kind")]
 _FILE: TypeAdapter[Any] = TypeAdapter(_Any)
 
 

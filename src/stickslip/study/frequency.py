@@ -1,0 +1,282 @@
+"""Study: modal models of a piezo mechanism from frequency responses, per amplitude, verified on other
+drives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ..figures.frequency import Response
+from ..figures.frequency import frequency_response as frequency_response_figure
+from ..figures.identification import Estimates, parameter_intervals
+from ..figures.style import svg
+from ..identify.frequency import frequency_response
+from ..identify.modal import identify_frequency, modal_response, steady_response
+from ..identify.modal_time import identify_in_time
+from ..identify.result import Fit
+from ..parameters import cite
+from ..report import Column, Document, Number, Picture, Section, Table
+from .file import Hertz, Source, Strict, Study, StudyError
+from .parts import parameter_numbers, parameter_table
+
+_TWO_PI = 2.0 * np.pi
+
+
+class Level(Strict):
+    """One amplitude of the drive: arrays of shape (samples of a period, channels, realisations, periods)."""
+
+    name: str
+    amplitude: float
+    drive: Source
+    response: Source
+
+
+class FrequencyStudy(Study):
+    """See the module.
+
+    `modes` are the models: for each its starts, as pairs of frequency [Hz] and damping ratio. The last
+    `held_out` realisations verify; `output` counts from 1; of the excited lines, each `every`-th is fitted;
+    `follow` are the modes, counted from 1 in the last model, whose change with the amplitude is shown;
+    `time_domain` names levels for a fit in time as well.
+    """
+
+    kind: Literal["frequency_response"]
+    sample_rate: Hertz
+    units: tuple[str, str] = ("V", "m")
+    band: tuple[Hertz, Hertz]
+    output: int = 1
+    held_out: int = 1
+    every: int = 1
+    modes: list[list[tuple[float, float]]]
+    follow: list[int]
+    time_domain: list[str] = []  # noqa: RUF012  # pydantic copies it
+    levels: list[Level]
+
+    def run(self, folder: Path, progress: Callable[[str, float], None]) -> Document:
+        """Estimate, fit and verify at every level."""
+        results = []
+        for i, level in enumerate(self.levels):
+            progress(f"fitting the response at {level.name}", i / len(self.levels))
+            results.append(self._fit(level, folder))
+        return _document(self, results)
+
+    def _fit(self, level: Level, folder: Path) -> _Level:
+        drive, response = (_array(source, folder) for source in (level.drive, level.response))
+        seen, unseen = slice(None, -self.held_out), slice(-self.held_out, None)
+        measured = frequency_response(
+            drive[:, :, seen], response[:, :, seen], self.sample_rate, band=self.band, units=self.units
+        ).isel(output=slice(self.output - 1, self.output), frequency=slice(None, None, self.every))
+        fits = [identify_frequency(measured, modes) for modes in self.modes]
+        # The mean over the periods, without the offset of the sensor: the steady state that the model has.
+        steady = response[:, self.output - 1, unseen].mean(axis=2)
+        steady = steady - steady.mean(axis=0)
+        scores = []
+        for fit in fits:
+            predicted = steady_response(fit.model, drive[:, :, unseen].mean(axis=3), self.sample_rate)[:, 0]
+            residual = predicted - predicted.mean(axis=0) - steady
+            scores.append(
+                (1.0 - np.sum(residual**2) / np.sum(steady**2), float(np.sqrt(np.mean(residual**2))))
+            )
+        in_time = None
+        if level.name in self.time_domain:
+            one = response[:, self.output - 1 : self.output, :1].mean(axis=3)
+            in_time = identify_in_time(
+                drive[:, :, :1].mean(axis=3),
+                one - one.mean(axis=0),
+                self.sample_rate,
+                fits[-1].model,
+                periodic=True,
+            )
+        return _Level(level, measured, fits, scores, in_time)
+
+
+class _Level(NamedTuple):
+    level: Level
+    measured: xr.Dataset
+    fits: list[Fit]
+    scores: list[tuple[float, float]]  # r² and rms error on what was held out
+    in_time: Fit | None
+
+
+def _array(source: Source, folder: Path) -> NDArray[np.float64]:
+    path = source.path(folder)
+    try:
+        array = np.load(path, allow_pickle=False)
+    except (OSError, ValueError) as error:
+        raise StudyError(f"{path}: {error}") from error
+    if array.ndim != 4:
+        raise StudyError(
+            f"{path} has the shape {array.shape}, not (samples, channels, realisations, periods)"
+        )
+    return array
+
+
+def _static_gain(fit: Fit) -> Number:
+    """Response by drive at low frequency, first input: the sum of all gains and of the remainder."""
+    names = [p.name for p in fit.parameters if p.name.startswith("gain_") and p.name.endswith("[1,1]")]
+    names += [p.name for p in fit.parameters if p.name == "remainder[1,1]"]
+    value, error = fit.derived(lambda values: sum(values[name] for name in names))
+    return Number(value, "m/V", low=value - 1.96 * error, high=value + 1.96 * error, standard_error=error)
+
+
+def _mode(fit: Fit, m: int) -> tuple[Number, Number]:
+    numbers = parameter_numbers(fit)
+    omega = numbers[f"natural_frequency_{m}"]
+    frequency = Number(
+        omega.value / _TWO_PI,
+        "Hz",
+        low=None if omega.low is None else omega.low / _TWO_PI,
+        high=None if omega.high is None else omega.high / _TWO_PI,
+    )
+    return frequency, numbers[f"damping_ratio_{m}"]
+
+
+def _estimates(numbers: list[Number]) -> Estimates:
+    ends = [[np.nan if end is None else end for end in (n.low, n.high)] for n in numbers]
+    low, high = np.transpose(ends)
+    return Estimates([n.value for n in numbers], low, high, numbers[0].unit)
+
+
+def _document(study: FrequencyStudy, results: list[_Level]) -> Document:
+    at = [r.level.amplitude for r in results]
+    followed: dict[str, list[Number]] = {"static gain": [_static_gain(r.fits[-1]) for r in results]}
+    for m in study.follow:
+        pairs = [_mode(r.fits[-1], m) for r in results]
+        about = f"{np.mean([f.value for f, _ in pairs]):.0f} Hz"
+        followed[f"frequency of the mode near {about}"] = [f for f, _ in pairs]
+        followed[f"damping ratio near {about}"] = [z for _, z in pairs]
+    scores = [
+        (r.level.name, f"{len(modes)}", *score)
+        for r in results
+        for modes, score in zip(study.modes, r.scores, strict=True)
+    ]
+    best = [r.scores[-1][0] for r in results]
+    frequency = results[0].measured["frequency"].values
+    show = slice(None, None, max(1, frequency.size // 1500))
+    tables = [
+        Table(
+            "Prediction of held-out realisations (other drives than in the fit, on all inputs).",
+            (Column("level"), Column("modes"), Column("r²", "", 5), Column("rms error", "m", 3)),
+            scores,
+        ),
+        Table(
+            f"What changes with the amplitude ({len(study.modes[-1])} modes), with 95 % confidence intervals.",
+            (Column("quantity"), *(Column(r.level.name) for r in results)),
+            [(name, *numbers) for name, numbers in followed.items()],
+        ),
+    ]
+    sections = [
+        Section(
+            "Model order and prediction",
+            paragraphs=(study.notes,) if study.notes else (),
+            tables=tables[:1],
+            figures=(
+                Picture(
+                    "frequency_response",
+                    f"Response of output {study.output} to input 1: measured, and the model of "
+                    f"{len(study.modes[-1])} modes.",
+                    svg(
+                        frequency_response_figure(
+                            {r.level.name: _measured(r, frequency, show) for r in results},
+                            {r.level.name: _modelled(r, frequency, show) for r in results},
+                            unit="m/V",
+                        )
+                    ),
+                    "Gain and phase over frequency at each level, measured and modelled; residuals below",
+                ),
+            ),
+        ),
+        Section(
+            "Change with the amplitude",
+            tables=tables[1:],
+            figures=(
+                Picture(
+                    "amplitude_dependence",
+                    "Static gain, frequencies and damping ratios over the amplitude of the drive.",
+                    svg(
+                        parameter_intervals(
+                            at,
+                            {name: _estimates(numbers) for name, numbers in followed.items()},
+                            setting_name="rms drive",
+                            setting_unit=study.units[0],
+                        )
+                    ),
+                    "One panel for each quantity, values with confidence intervals over the drive",
+                ),
+            ),
+        ),
+    ]
+    for r in results:
+        if r.in_time is not None:
+            rows = [
+                (f"mode {m}", *_mode(r.fits[-1], m), *_mode(r.in_time, m))
+                for m in range(1, len(study.modes[-1]) + 1)
+            ]
+            columns = (
+                "frequency, by response",
+                "damping, by response",
+                "frequency, in time",
+                "damping, in time",
+            )
+            sections.append(
+                Section(
+                    f"The same modes fitted in time, {r.level.name}",
+                    paragraphs=(
+                        "Free simulation of one period of the steady state. Its residuals are correlated, "
+                        f"so its intervals are too narrow; r² of that fit is {r.in_time.r_squared:.4f}.",
+                    ),
+                    tables=(
+                        Table(
+                            "Two ways to the same modes.",
+                            (Column("mode"), *(Column(c) for c in columns)),
+                            rows,
+                        ),
+                    ),
+                )
+            )
+    sections.append(
+        Section(
+            "All parameters",
+            tables=[parameter_table(r.fits[-1], f"{r.level.name}: identified parameters.") for r in results],
+        )
+    )
+    gains = followed["static gain"]
+    change = 100.0 * (gains[-1].value / gains[0].value - 1.0)
+    return Document(
+        title=study.title,
+        summary=(
+            f"{len(study.modes[-1])} modes predict held-out drives with r² of {min(best):.4f} or more at "
+            f"every level. From {results[0].level.name} to {results[-1].level.name} the static gain grows by "
+            f"{change:.1f} %."
+        ),
+        sections=sections,
+        highlights=(
+            ("r² of held-out drives, least of all levels", Number(min(best), "")),
+            (f"static gain at {results[0].level.name}", gains[0]),
+        ),
+        numbers={
+            r.level.name: {
+                "static_gain": gain,
+                "r_squared_held_out": {
+                    f"{len(m)}_modes": Number(s[0], "") for m, s in zip(study.modes, r.scores, strict=True)
+                },
+                "parameters": parameter_numbers(r.fits[-1]),
+            }
+            for r, gain in zip(results, gains, strict=True)
+        },
+        citations=cite(*study.citation) if study.citation else "",
+    )
+
+
+def _measured(r: _Level, frequency: NDArray[np.float64], show: slice) -> Response:
+    one: Any = r.measured.isel(output=0, input=0)
+    return Response(frequency[show], one["response"].values[show], one["deviation"].values[show])
+
+
+def _modelled(r: _Level, frequency: NDArray[np.float64], show: slice) -> Response:
+    return Response(frequency[show], modal_response(r.fits[-1].model, frequency[show])[:, 0, 0])
