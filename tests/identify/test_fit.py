@@ -148,6 +148,8 @@ def test_correlated_noise_is_only_covered_when_allowed_for() -> None:
     assert np.all(covered(plain, truth) < 0.6)
     assert np.all(covered(allowed, truth) > 0.86)
     assert plain[0].recordings[0].lag_one_correlation == pytest.approx(0.9, abs=0.05)
+    assert "they are too narrow" in plain[0].report()
+    assert "they are too narrow" not in allowed[0].report()
 
 
 def test_interval_of_a_log_parameter_is_positive_and_symmetric_in_the_logarithm() -> None:

@@ -293,6 +293,7 @@ def fit_least_squares(
         reduced_chi_squared=chi_squared / degrees_of_freedom,
         log_likelihood=_log_likelihood(chi_squared, problem.noise, noise_known) if gaussian else math.nan,
         noise_known=noise_known,
+        correlated=correlated,
         n_evaluations=problem.evaluations,
         converged=best.converged,
         message=best.message,

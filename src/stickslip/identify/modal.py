@@ -78,6 +78,7 @@ def identify_frequency(
     complex_modes: bool = True,
     remainder: bool = True,
     noise_known: bool = False,
+    correlated: bool = False,
     progress: Callable[[Progress], None] | None = None,
 ) -> Fit:
     """Fit a modal model to measured frequency responses; all channels share poles and delay.
@@ -91,6 +92,7 @@ def identify_frequency(
         complex_modes: fit rate gains (B) as well.
         remainder: fit the remainder (D).
         noise_known: take the deviations in `response` as they are; by default the misfit sets their level.
+        correlated: allow for errors correlated from line to line: those of a model with too few modes.
         progress: called after each evaluation.
 
     Returns:
@@ -106,11 +108,12 @@ def identify_frequency(
         raise FitError("the responses have no deviations: they need more realisations or periods")
     kind = _Kind(complex_modes, remainder)
     starts, delay = _found(response, modes, kind) if isinstance(modes, int) else (list(modes), 0.0)
-    fit = _fit(response, sorted(starts), delay, kind, noise_known=noise_known, progress=progress)
+    options: dict[str, Any] = {"noise_known": noise_known, "correlated": correlated, "progress": progress}
+    fit = _fit(response, sorted(starts), delay, kind, **options)
     frequencies, dampings, delay = fit.model[:3]
     if np.any(np.diff(frequencies) < 0):  # modes have passed each other: number them anew
         starts = sorted(zip(frequencies / (2 * np.pi), dampings, strict=True))
-        fit = _fit(response, starts, delay, kind, noise_known=noise_known, progress=progress)
+        fit = _fit(response, starts, delay, kind, **options)
     return fit
 
 

@@ -23,49 +23,57 @@ from .result import Fit, Values
 from .separable import Design, Linear, fit_separable
 
 
-def held_response(model: ModalModel, drive: np.ndarray, sample_rate: float) -> np.ndarray:
-    """Free response from rest to a drive that is held between samples, shape (samples, outputs, ...).
+def held_response(
+    model: ModalModel, drive: np.ndarray, sample_rate: float, *, periodic: bool = False
+) -> np.ndarray:
+    """Free response to a drive that is held between samples, shape (samples, outputs, ...).
 
     Args:
         drive: shape (samples, inputs, ...).
         sample_rate: Hz.
+        periodic: the drive is one period, the response the steady one; otherwise it begins at rest.
     """
-    u = np.moveaxis(drive, 0, -1)
-    found = np.einsum("oi,i...->o...", model.remainder, held_delay(u, model.delay, 1 / sample_rate))
+    u, sample = np.moveaxis(drive, 0, -1), 1 / sample_rate
+    found = np.einsum("oi,i...->o...", model.remainder, _held_delay(u, model.delay, sample, periodic))
     for omega, zeta, *gains in zip(*model[:2], model.gain, model.rate_gain, strict=True):
-        for gain, part in zip(gains, held_mode(u, omega, zeta, model.delay, 1 / sample_rate), strict=True):
+        parts = _held_mode(u, omega, zeta, model.delay, sample, periodic)
+        for gain, part in zip(gains, parts, strict=True):
             found += np.einsum("oi,i...->o...", gain, part)
     return np.moveaxis(found, -1, 0)
 
 
-def held_mode(drive: np.ndarray, omega: float, zeta: float, delay: float, sample: float) -> np.ndarray:
-    """Response of a mode with unit gain and with unit rate gain, from rest, shape (2, ..., samples).
+def _held_mode(
+    drive: np.ndarray, omega: float, zeta: float, delay: float, sample: float, periodic: bool
+) -> np.ndarray:
+    """Response with unit gain and with unit rate gain to a drive (..., samples); shape (2, ..., samples).
 
     The delay need not be a multiple of the sample: a held drive is known at every instant within it.
-
-    Args:
-        drive: shape (..., samples).
-        omega: natural frequency, rad/s.
-        zeta: damping ratio.
-        delay: s.
-        sample: s.
     """
     A = np.array([[0.0, 1.0, 0.0], [-(omega**2), -2 * zeta * omega, omega**2], [0.0, 0.0, 0.0]])
     step, within = expm(A * sample), expm(A * (sample - delay % sample))
     (a, b, p), (c, d, q) = step[:2]
     poles = [1.0, -(a + d), a * d - b * c]
-    delayed = held_delay(drive, delay, sample)
+    delayed = _held_delay(drive, delay, sample, periodic)
     found = []
     for x, v, u in within[:2]:
         zeros = [u, x * p + v * q + u * poles[1], x * (b * q - d * p) + v * (c * p - a * q) + u * poles[2]]
-        found.append(lfilter(zeros, poles, delayed))
+        begin = np.zeros((*drive.shape[:-1], 2))
+        if periodic:
+            # The state that a period leads back to itself, for the filter's two states in SciPy's form.
+            period = np.linalg.matrix_power([[-poles[1], 1.0], [-poles[2], 0.0]], drive.shape[-1])
+            _, end = lfilter(zeros, poles, delayed, zi=begin)
+            begin = end @ np.linalg.inv(np.eye(2) - period).T
+        found.append(lfilter(zeros, poles, delayed, zi=begin)[0])
     return np.stack([found[0], found[1] / omega])
 
 
-def held_delay(drive: np.ndarray, delay: float, sample: float) -> np.ndarray:
+def _held_delay(drive: np.ndarray, delay: float, sample: float, periodic: bool) -> np.ndarray:
     """The value held in that sample in which each instant, less the delay, lies; shape (..., samples)."""
     n = math.floor(delay / sample) + 1
-    return np.concatenate([np.zeros((*drive.shape[:-1], n)), drive[..., :-n]], axis=-1)
+    late = np.roll(drive, n, axis=-1)
+    if not periodic:
+        late[..., :n] = 0.0
+    return late
 
 
 def identify_in_time(
@@ -76,6 +84,7 @@ def identify_in_time(
     *,
     periodic: bool = False,
     unit: str = "m/V",
+    correlated: bool = True,
     progress: Callable[[Progress], None] | None = None,
 ) -> Fit:
     """Fit a modal model to recordings by free simulation; all recordings and channels share poles and delay.
@@ -86,14 +95,13 @@ def identify_in_time(
         sample_rate: Hz.
         start: poles to start from, and the delay, which is kept: within a sample, gain and rate gain can
             stand for it. The gains are solved for.
-        periodic: the recordings are one period of a steady state, longer than the modes take to decay.
-            Otherwise they begin at rest.
+        periodic: the recordings are one period of a steady state; otherwise they begin at rest.
         unit: of response by drive.
+        correlated: allow for errors that are correlated in time, as those of a model always are.
         progress: called after each evaluation.
 
     Returns:
-        As `identify_frequency`, without the delay. Every sample counts alike, so the fit follows what moves
-        most. Where the model is wrong the residuals are correlated, and the intervals too narrow.
+        As `identify_frequency`, without the delay. Every sample counts alike: it follows what moves most.
 
     Raises:
         FitError: the shapes do not fit.
@@ -102,17 +110,17 @@ def identify_in_time(
         raise FitError(f"drive {drive.shape}, response {response.shape}: not (samples, channels, recordings)")
     n_samples, n_inputs, _ = drive.shape
     n_outputs, n_modes, sample = response.shape[1], len(start.natural_frequency), 1 / sample_rate
-    u = np.moveaxis(np.concatenate([drive, drive]) if periodic else drive, 0, -1)
+    u = np.moveaxis(drive, 0, -1)
     delay = max(start.delay - sample / 2, 0.0)
 
     def in_rows(simulated: np.ndarray) -> np.ndarray:
         """(..., channels, recordings, samples) as (..., channels, rows)."""
-        return simulated[..., -n_samples:].reshape(*simulated.shape[:-2], -1)
+        return simulated.reshape(*simulated.shape[:-2], -1)
 
-    direct = in_rows(held_delay(u, delay, sample))
+    direct = in_rows(_held_delay(u, delay, sample, periodic))
 
     def mode(omega: float, zeta: float) -> np.ndarray:
-        return in_rows(held_mode(u, omega, zeta, delay, sample))
+        return in_rows(_held_mode(u, omega, zeta, delay, sample, periodic))
 
     def designs(values: Values) -> list[Design]:
         poles = list(values.values())
@@ -141,7 +149,9 @@ def identify_in_time(
         recordings.append(Linear(measured, None, coefficients, f"output {o}", unit.split("/")[0]))
     poles = list(zip(start.natural_frequency, start.damping_ratio, strict=True))
     parameters = pole_parameters(poles, (np.pi / (n_samples * sample), np.pi * sample_rate))
-    fit = fit_separable(recordings, designs, parameters, tolerance=1e-8, progress=progress)
+    fit = fit_separable(
+        recordings, designs, parameters, tolerance=1e-8, correlated=correlated, progress=progress
+    )
     searched, found = np.split(np.array(list(fit.values.values())), [2 * n_modes])
     found = found.reshape(n_outputs, 2 * n_modes + 1, n_inputs)
     gain, rate_gain = found[:, :-1].reshape(n_outputs, n_modes, 2, n_inputs).transpose(2, 1, 0, 3)

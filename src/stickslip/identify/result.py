@@ -23,6 +23,9 @@ from .identifiability import undetermined
 
 Values = dict[str, float]
 
+# Neighbouring residuals that correlate this much are no white noise.
+CORRELATED = 0.3
+
 
 @record
 class Parameter(NamedTuple):
@@ -113,6 +116,7 @@ class Fit:
             and the model is right.
         log_likelihood: of Gaussian noise; NaN under a robust loss.
         noise_known: whether the noise was taken as given; if not, its level was estimated from the residuals.
+        correlated: whether the uncertainty allows for residuals that are correlated in time.
         converged: whether the optimiser met its tolerance; `message` says how it ended.
         starts: how many there were; `starts_agreeing` ended at this same minimum.
         model: what the values describe, if the identification builds it (an actuator, a law, a modal model).
@@ -128,6 +132,7 @@ class Fit:
     reduced_chi_squared: float
     log_likelihood: float
     noise_known: bool
+    correlated: bool
     n_evaluations: int
     converged: bool
     message: str
@@ -227,7 +232,7 @@ class Fit:
 
     @property
     def undetermined(self) -> tuple[str, ...]:
-        """A plain sentence for each parameter, or pair of them, that the data do not determine."""
+        """A plain sentence for each parameter, or group of them, that the data do not determine."""
         return undetermined(self)
 
     def report(self, level: float = 0.95) -> str:
@@ -252,6 +257,10 @@ class Fit:
         lines.append(f"{state}: {self.message} ({self.n_evaluations} evaluations)")
         if self.starts > 1:
             lines.append(f"{self.starts_agreeing} of {self.starts} starts ended at this minimum")
+        if not self.correlated and any(abs(g.lag_one_correlation) > CORRELATED for g in self.recordings):
+            lines.append(
+                "the residuals are correlated, which these intervals do not allow for: they are too narrow"
+            )
         return "\n".join([*lines, *self.undetermined])
 
     def to_dict(self, level: float = 0.95) -> dict[str, Any]:
@@ -282,6 +291,7 @@ class Fit:
             "degrees_of_freedom": self.degrees_of_freedom,
             "reduced_chi_squared": self.reduced_chi_squared,
             "noise_known": self.noise_known,
+            "correlated": self.correlated,
             "n_evaluations": self.n_evaluations,
             "converged": self.converged,
             "message": self.message,

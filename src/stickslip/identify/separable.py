@@ -15,8 +15,9 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.linalg import block_diag
 
-from .covariance import Uncertainty
+from .covariance import Noise, Uncertainty, covariance
 from .fit import Residuals, fit_least_squares
 from .result import Fit, Parameter, Values
 
@@ -73,7 +74,8 @@ def fit_separable(
         recordings: data, and coefficients by name.
         designs: from the values of the searched parameters to the design of each recording.
         parameters: those that are searched.
-        options: noise_known, starts, seed, tolerance, max_evaluations or progress of `fit_least_squares`.
+        options: noise_known, correlated, starts, seed, tolerance, max_evaluations or progress of
+            `fit_least_squares`.
     """
     known: dict[tuple[float, ...], list[_Solved]] = {}
 
@@ -117,26 +119,14 @@ def _solve(recording: Linear, design: Design) -> _Solved:
 
 def _with_coefficients(fit: Fit, recordings: Sequence[Linear], solutions: list[_Solved]) -> Fit:
     """The fit with its coefficients and all covariances among them and the searched parameters."""
-    k = len(fit.parameters)
+    added = [
+        Parameter(name, float(x), -math.inf, math.inf, unit, log=False)
+        for recording, s in zip(recordings, solutions, strict=True)
+        for (name, unit), x in zip(recording.coefficients, s.x, strict=True)
+    ]
     slopes = np.array([fit.values[p.name] if p.log else 1.0 for p in fit.parameters])
-    searched = np.where(np.isnan(fit.uncertainty.covariance), 0.0, fit.uncertainty.covariance)
-    variance = 1.0 if fit.noise_known else fit.reduced_chi_squared
-    added, shifts, own = [], [np.eye(k)], [np.zeros((k, k))]
-    for recording, s in zip(recordings, solutions, strict=True):
-        inverse = np.linalg.inv(s.r)
-        # How the best coefficients move with the searched coordinates.
-        shifts.append(-inverse @ (s.q.T @ (s.weights[:, None] * s.design.tangent(s.x) * slopes)))
-        own.append(variance * inverse @ inverse.T)
-        added += [
-            Parameter(name, float(x), -math.inf, math.inf, unit, log=False)
-            for (name, unit), x in zip(recording.coefficients, s.x, strict=True)
-        ]
-    shift = np.concatenate(shifts)
-    covariance = shift @ searched @ shift.T
-    ends = np.cumsum([len(block) for block in own])
-    for end, block in zip(ends, own, strict=True):
-        covariance[end - len(block) : end, end - len(block) : end] += block
-    covariance[:k, :k] = fit.uncertainty.covariance
+    tangents = [s.weights[:, None] * s.design.tangent(s.x) * slopes for s in solutions]
+    joint = _correlated if fit.correlated else _white
     none = np.zeros(len(added))
     _, bounded, push, released = fit.uncertainty
     return replace(
@@ -144,9 +134,43 @@ def _with_coefficients(fit: Fit, recordings: Sequence[Linear], solutions: list[_
         parameters=(*fit.parameters, *added),
         values={**fit.values, **{p.name: p.start for p in added}},
         uncertainty=Uncertainty(
-            covariance,
+            joint(fit, recordings, solutions, tangents),
             np.concatenate([bounded, none.astype(int)]),
             np.concatenate([push, none]),
             np.concatenate([released, none]),
         ),
     )
+
+
+def _white(
+    fit: Fit, recordings: Sequence[Linear], solutions: list[_Solved], tangents: list[np.ndarray]
+) -> np.ndarray:
+    """Covariance of everything, block by block: no matrix of all data by all coefficients is made."""
+    k = len(fit.parameters)
+    searched = np.where(np.isfinite(fit.uncertainty.covariance), fit.uncertainty.covariance, 0.0)
+    inverses = [np.linalg.inv(s.r) for s in solutions]
+    # How the best coefficients move with the searched coordinates.
+    moves = [-inverse @ (s.q.T @ t) for inverse, s, t in zip(inverses, solutions, tangents, strict=True)]
+    shift = np.concatenate([np.eye(k), *moves])
+    variance = 1.0 if fit.noise_known else fit.reduced_chi_squared
+    own = [np.zeros((k, k)), *[variance * inverse @ inverse.T for inverse in inverses]]
+    joint = shift @ searched @ shift.T + np.asarray(block_diag(*own))
+    joint[:k, :k] = fit.uncertainty.covariance
+    return joint
+
+
+def _correlated(
+    fit: Fit, recordings: Sequence[Linear], solutions: list[_Solved], tangents: list[np.ndarray]
+) -> np.ndarray:
+    """Covariance of everything from the full Jacobian, the residuals correlated within each recording."""
+    linear = np.asarray(block_diag(*[s.weights[:, None] * s.design.matrix for s in solutions]))
+    full = np.concatenate([np.concatenate(tangents), linear], axis=1)
+    residuals = [
+        s.weights * (s.design.matrix @ s.x - c.measured) for c, s in zip(recordings, solutions, strict=True)
+    ]
+    free = np.ones(full.shape[1], dtype=bool)
+    free[: len(fit.parameters)] = fit.uncertainty.bounded == 0
+    noise = Noise(fit.degrees_of_freedom, fit.noise_known, correlated=[r.size for r in residuals])
+    joint = np.full((free.size, free.size), np.nan)
+    joint[np.ix_(free, free)] = covariance(full[:, free], np.concatenate(residuals), noise)
+    return joint
