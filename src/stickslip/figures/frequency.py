@@ -96,10 +96,12 @@ def frequency_response(
 
 
 def _polar(gain: Axes, phase: Axes, response: Response, scale: Scale, **how: Any) -> None:
-    """Modulus, and phase in degrees without jumps."""
+    """Modulus, and phase in degrees without jumps, begun between -270 and 90 degrees: measurement and model
+    of a negative gain, which is at -180 or 180 degrees, then begin alike."""
     f, value = np.asarray(response.frequency, dtype=float), np.asarray(response.value, dtype=complex)
     trace(gain, f, scale(np.abs(value)), **how)
-    trace(phase, f, np.degrees(np.unwrap(np.angle(value))), **how)
+    degrees = np.degrees(np.unwrap(np.angle(value)))
+    trace(phase, f, degrees - 360.0 * np.ceil((degrees[0] - 90.0) / 360.0), **how)
 
 
 def _band(panel: Axes, response: Response, scale: Scale, colour: str) -> None:

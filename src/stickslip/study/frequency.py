@@ -148,8 +148,8 @@ def _document(study: FrequencyStudy, results: list[_Level]) -> Document:
     for m in study.follow:
         pairs = [_mode(r.fits[-1], m) for r in results]
         about = f"{np.mean([f.value for f, _ in pairs]):.0f} Hz"
-        followed[f"frequency of the mode near {about}"] = [f for f, _ in pairs]
-        followed[f"damping ratio near {about}"] = [z for _, z in pairs]
+        followed[f"mode near {about}"] = [f for f, _ in pairs]
+        followed[f"its damping, {about}"] = [z for _, z in pairs]
     scores = [
         (r.level.name, f"{len(modes)}", *score)
         for r in results
@@ -165,7 +165,7 @@ def _document(study: FrequencyStudy, results: list[_Level]) -> Document:
             scores,
         ),
         Table(
-            f"What changes with the amplitude ({len(study.modes[-1])} modes), with 95 % confidence intervals.",
+            f"What changes with the amplitude ({len(study.modes[-1])} modes); 95 % confidence intervals.",
             (Column("quantity"), *(Column(r.level.name) for r in results)),
             [(name, *numbers) for name, numbers in followed.items()],
         ),
