@@ -133,6 +133,13 @@ def test_hints_where_the_text_is_ambiguous(tmp_path: Path) -> None:
     np.testing.assert_array_equal(with_hint["time"], [3.0, 5.0])
 
 
+def test_decimal_commas_may_be_rare(tmp_path: Path) -> None:
+    lines = [f"{i};{i},5" if i < 200 else f"{i};{i}" for i in range(900)]
+    (tmp_path / "a.csv").write_text("t;x\n" + "\n".join(lines) + "\n")
+    recording = read_recording(tmp_path / "a.csv")
+    np.testing.assert_array_equal(recording["x"], [i + 0.5 if i < 200 else i for i in range(900)])
+
+
 def test_users_unit_is_stronger_than_the_files(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("t [s],x [furlong-ish]\n0,1\n1,2\n")
     recording = read_recording(tmp_path / "a.csv", {"position": "x"}, {"position": "nm", "time": "ms"})

@@ -20,7 +20,7 @@ from ..recording.conversion import is_unit
 from .source import Channel, is_clock
 
 HEAD = 1 << 18  # bytes to look at
-SAMPLE = 100  # lines that settle the delimiter
+SAMPLE = 100  # lines, at least and spread over the head, that settle the delimiter
 SPACE = r"\s+"
 LINE_END = re.compile(r"\r\n|\n|\r")
 MISSING = (
@@ -92,12 +92,13 @@ def find_layout(path: Path, delimiter: str | None, decimal: str | None, skip: in
     text = head.decode(encoding, errors="replace")
     lines = LINE_END.split(text)  # str.splitlines breaks at more signs than text files do
     data = [i for i in range(skip, len(lines)) if lines[i].strip() and not _COMMENT.match(lines[i])]
-    kinds, delimiter, decimal = _judge([lines[i] for i in data[-SAMPLE:]], _ways(delimiter, decimal))
+    sample = [lines[i] for i in data[:: max(len(data) // SAMPLE, 1)]]
+    kinds, delimiter, decimal = _judge(sample, _ways(delimiter, decimal))
     if not kinds:
         raise RecordingError(f"there are no rows of numbers in the first {len(lines)} lines")
     first = next(i for i in data if _fits(_split(lines[i], delimiter), kinds, decimal))
-    sample = [_split(lines[i], delimiter) for i in data[-SAMPLE:]]
-    blank = [all(row[k : k + 1] in ([], [""]) for row in sample) for k in range(len(kinds))]
+    filled = [_split(lines[i], delimiter) for i in data if i >= first]
+    blank = [all(row[k : k + 1] in ([], [""]) for row in filled) for k in range(len(kinds))]
     rows = {i: _header_fields(lines[i], delimiter, len(kinds), blank[-1]) for i in range(skip, first)}
     channels = _header(lines, rows, kinds, decimal)
     kinds = "".join("e" if b and not c.name else k for k, b, c in zip(kinds, blank, channels, strict=True))
