@@ -20,8 +20,8 @@ _DOTS: dict[str, Any] = {"marker": "o", "ms": 3.2, "mew": 0, "ls": "none", "alph
 class Response(NamedTuple):
     """A frequency response, arrays of shape (n,).
 
-    `frequency` in Hz, ascending; `value` complex, output over input in SI; standard `deviation` of the complex
-    value, in the same unit; `coherence` from 0 to 1.
+    `frequency` in Hz, ascending; `value` complex, output over input in SI; standard `deviation` of the
+    complex value, in the same unit; `coherence` from 0 to 1.
     """
 
     frequency: ArrayLike
