@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -21,7 +23,7 @@ START = MaxwellSlip((2e4, 2e4), (0.8, 1.4))
 
 
 def test_truth_is_found_with_channel_and_drift() -> None:
-    truth = {"bias": 0.2, "curvature": -0.04, "drift": 0.03}
+    truth: dict[str, Any] = {"bias": 0.2, "curvature": -0.04, "drift": 0.03}
     train = made_loops(STIFFNESS, STRENGTH, **truth)
     fit = identify_loops(train, START, [*ELEMENTS, *truth], reference_normal_force=5.0, correlated=False)
     expected = dict(zip(ELEMENTS, (*STIFFNESS, *STRENGTH), strict=True)) | truth
@@ -146,7 +148,7 @@ def test_bad_recordings_are_refused(change, message: str) -> None:
     ("free", "bounds", "message"),
     [
         ([], {}, "must be a list of names"),
-        (["stiffness"], {}, r"did you mean 'stiffness_1'"),
+        (["stiffness_l"], {}, r"did you mean 'stiffness_[12]'"),
         (["stiffness_3"], {}, "cannot be free"),
         (["bias", "bias"], {}, "free twice"),
         (["bias"], {"drift": (0, 1)}, "'drift', which is not free"),

@@ -73,20 +73,15 @@ def free_names(model: Any) -> list[str]:
 
 
 def parameter(model: Any, name: str, bounds: Bounds) -> Parameter:
-    """The parameter of that name, starting at the model's value.
+    """The parameter of that name (one of `free_names`), starting at the model's value.
 
     On a logarithmic scale and within a factor `REACH` of the start, unless bounds that reach down to zero or
     below are given.
 
     Raises:
-        QuantityError: the model has no such number, it starts at zero without bounds, or bounds are wrong.
+        QuantityError: it starts at zero without bounds, or the bounds are wrong.
     """
-    law, known = law_of(model), free_names(model)
-    if name not in known:
-        raise QuantityError(
-            f"{name!r} cannot be free{did_you_mean(name, known)}: {type(model).__name__} with "
-            f"{type(law).__name__} has {', '.join(known)}"
-        )
+    law = law_of(model)
     element, ratio = _element(law, name), _ratios(law).get(name)
     if ratio is not None and name not in law._fields:
         start = getattr(law, ratio.field) / ratio.scale(law._asdict())

@@ -39,11 +39,11 @@ def identify_friction(
     drive: Waveform | Sequence[Waveform] | None = None,
     bounds: Bounds | None = None,
     noise: float | None = None,
-    starts: int = 4,
+    starts: int = 2,
     seed: int = 0,
     tolerance: float = 1e-12,
     correlated: bool = False,
-    max_evaluations: int = 2000,
+    max_evaluations: int = 200,
     progress: Callable[[Progress], None] | None = None,
 ) -> Fit:
     """Fit an actuator to recordings of its end-effector's position, raw samples, all recordings at once.
