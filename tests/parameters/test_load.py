@@ -195,7 +195,7 @@ def test_a_pulled_slider_and_a_law_of_its_own(tmp_path: Path) -> None:
         tmp_path,
         head
         + 'kind = "pulled_slider"\nmass = { value = 30.7, unit = "g" }\n'
-        + 'spring_stiffness = { value = 168, unit = "N/m" }\nspring_damping = { value = 0, unit = "N s/m" }\n'
+        + 'spring_stiffness = { value = 168, unit = "N/m" }\ndamping = { value = 0, unit = "N s/m" }\n'
         + law,
         "slider.toml",
     )

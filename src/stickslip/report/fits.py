@@ -18,7 +18,7 @@ def estimates(fit: Fit, level: float = 0.95) -> dict[str, Number]:
 
 
 def parameter_table(caption: str, fit: Fit, level: float = 0.95) -> Table:
-    """The estimates of a fit with their intervals."""
+    """The estimates of a fit with their intervals; below it, in words, what the data do not determine."""
     columns = (
         Column("parameter"),
         Column(f"estimate [{100 * level:g} % interval]"),
@@ -29,7 +29,8 @@ def parameter_table(caption: str, fit: Fit, level: float = 0.95) -> Table:
         (name, number, Number(errors[name], number.unit, note="at its bound"))
         for name, number in estimates(fit, level).items()
     ]
-    return Table(caption, columns, rows)
+    state = f"{'Converged' if fit.converged else 'NOT CONVERGED'}: {fit.message}."
+    return Table(caption, columns, rows, notes=" ".join((state, *fit.undetermined)))
 
 
 def goodness_table(caption: str, fit: Fit, unit: str) -> Table:

@@ -13,7 +13,7 @@ from ..friction import element as element_of
 from ..friction import elements, project, rate
 from ..mechanism import FIRST_BRISTLE, SLIDER, STAGE, Mechanism
 from ..units import QuantityError
-from ..waveform.drive import Drive, value_slope_curvature
+from ..waveform.drive import Drive, constant, value_slope_curvature
 from ..waveform.signal import Waveform
 
 # A stage without dynamics has no frequency of its own to compare velocities with positions by.
@@ -138,6 +138,18 @@ def checked_drive(model: Actuator | PulledSlider, waveform: Waveform, end: float
                 "natural_frequency"
             )
     return table
+
+
+def load_drive(load: Waveform | float, end: float) -> Drive:
+    """The normal force over its reference, as kernels read it.
+
+    Raises:
+        QuantityError: it is not finite, or falls below zero (contact lost).
+    """
+    low, high = (load, load) if isinstance(load, int | float) else load.range()
+    if not (0.0 <= low <= high < math.inf):
+        raise QuantityError(f"load from {low:g} to {high:g} is out of range: it must be >= 0 and finite")
+    return constant(float(load)) if isinstance(load, int | float) else load.drive(end)
 
 
 def _jumps(table: Drive, period: float | None) -> bool:

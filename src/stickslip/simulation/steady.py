@@ -9,14 +9,13 @@ import numpy as np
 from ..actuator import Actuator
 from ..solve.periodic import Orbit, find_orbit
 from ..units import QuantityError, with_prefix
-from ..waveform.drive import constant
 from ..waveform.signal import Waveform
 from .errors import NotPeriodicError
-from .models import checked_drive, mechanism, resting_state
+from .models import checked_drive, load_drive, mechanism, resting_state
 
 
 def steady_orbit(
-    model: Actuator, waveform: Waveform, *, tolerance: float = 1e-10, load: Waveform | None = None
+    model: Actuator, waveform: Waveform, *, tolerance: float = 1e-10, load: Waveform | float = 1.0
 ) -> Orbit:
     """The periodic motion under a periodic drive, with its multipliers; see `solve.periodic`.
 
@@ -38,12 +37,12 @@ def steady_orbit(
     table = checked_drive(model, waveform, float(period), periodic=True)
     mech = mechanism(model)
     start = resting_state(model.friction, mech, table.before)
-    load_table = load.drive(period) if load is not None else constant(1.0)
+    load_table = load_drive(load, float(period))
     return find_orbit(model.friction, mech, table, load_table, start, float(period), float(tolerance))
 
 
 def steady_step(
-    model: Actuator, waveform: Waveform, *, tolerance: float = 1e-10, load: Waveform | None = None
+    model: Actuator, waveform: Waveform, *, tolerance: float = 1e-10, load: Waveform | float = 1.0
 ) -> float:
     """Net displacement of the end-effector per period once the motion is periodic, m; negative when it walks
     back.

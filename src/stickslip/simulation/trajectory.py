@@ -17,10 +17,10 @@ from ..recording import make_recording
 from ..solve import energy as accounts
 from ..solve.adaptive import DONE, STEP_TOO_SMALL, integrate
 from ..units import QuantityError, with_prefix
-from ..waveform.drive import Drive, constant, evaluate
+from ..waveform.drive import Drive, evaluate
 from ..waveform.signal import Waveform
 from .errors import SimulationError, SimulationWarning
-from .models import checked_drive, mechanism, resting_state
+from .models import checked_drive, load_drive, mechanism, resting_state
 
 _OUTCOMES = {STEP_TOO_SMALL: "the step size fell below what floating point can resolve"}
 
@@ -33,7 +33,7 @@ def simulate(
     sample_rate: float = 1e3,
     times: ArrayLike | None = None,
     tolerance: float = 1e-9,
-    load: Waveform | None = None,
+    load: Waveform | float = 1.0,
     energy: bool = False,
     max_steps: int = 20_000_000,
 ) -> xr.Dataset:
@@ -47,8 +47,8 @@ def simulate(
         times: sample times instead, s, ascending, from 0 or later.
         tolerance: m, on the end-effector's position: adaptive steps keep the error of the whole trajectory
             near it.
-        load: normal force over the reference normal force at which the friction parameters hold; 1 if left
-            out.
+        load: normal force over the reference normal force at which the friction parameters hold: a number,
+            or a waveform.
         energy: add the energy account (actuators only): `drive_work`, `stage_dissipation`, `friction_work`,
             `external_work`, `kinetic_energy`, `elastic_energy`, and `energy_defect`, which a perfect solution
             has at 0.
@@ -77,7 +77,7 @@ def simulate(
         raise QuantityError("the energy account is kept for an Actuator only")
     samples = np.full((times.size, q.size + 1), np.nan)
     work = np.zeros((times.size if energy else 0, accounts.TERMS))
-    load_table = load.drive(end) if load is not None else constant(1.0)
+    load_table = load_drive(load, end)
     outcome, reached, steps, rejected = integrate(
         law,
         mech,

@@ -21,8 +21,8 @@ from ..identify.modal_time import identify_in_time
 from ..identify.result import Fit
 from ..parameters import cite
 from ..report import Column, Document, Number, Picture, Section, Table
+from ..report.fits import estimates, parameter_table
 from .file import Hertz, Source, Strict, Study, StudyError
-from .parts import parameter_numbers, parameter_table
 
 _TWO_PI = 2.0 * np.pi
 
@@ -125,7 +125,7 @@ def _static_gain(fit: Fit) -> Number:
 
 
 def _mode(fit: Fit, m: int) -> tuple[Number, Number]:
-    numbers = parameter_numbers(fit)
+    numbers = estimates(fit)
     omega = numbers[f"natural_frequency_{m}"]
     frequency = Number(
         omega.value / _TWO_PI,
@@ -242,7 +242,7 @@ def _document(study: FrequencyStudy, results: list[_Level]) -> Document:
     sections.append(
         Section(
             "All parameters",
-            tables=[parameter_table(r.fits[-1], f"{r.level.name}: identified parameters.") for r in results],
+            tables=[parameter_table(f"{r.level.name}: identified parameters.", r.fits[-1]) for r in results],
         )
     )
     gains = followed["static gain"]
@@ -265,7 +265,7 @@ def _document(study: FrequencyStudy, results: list[_Level]) -> Document:
                 "r_squared_held_out": {
                     f"{len(m)}_modes": Number(s[0], "") for m, s in zip(study.modes, r.scores, strict=True)
                 },
-                "parameters": parameter_numbers(r.fits[-1]),
+                "parameters": estimates(r.fits[-1]),
             }
             for r, gain in zip(results, gains, strict=True)
         },

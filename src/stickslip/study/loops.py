@@ -16,9 +16,9 @@ from ..identify.loops import identify_loops
 from ..identify.result import Fit
 from ..parameters import cite
 from ..report import Column, Document, Number, Picture, Section, Table
+from ..report.fits import estimates, parameter_table
 from ..verification import Verification, verify
 from .file import Recorded, Strict, Study, StudyError, quantity
-from .parts import parameter_numbers, parameter_table
 
 _LAWS = {law.__name__: law for law in LAWS}
 
@@ -176,14 +176,14 @@ class LoopStudy(Study):
                 ),
                 Section(
                     f"{best.label}: parameters and prediction",
-                    tables=(parameter_table(best.fit),),
+                    tables=(parameter_table("Identified parameters.", best.fit),),
                     figures=pictures[1:],
                 ),
             ),
             highlights=(("r² of predicted friction", Number(best.unseen.r_squared, "")),),
             numbers={
                 r.label: {
-                    "parameters": parameter_numbers(r.fit),
+                    "parameters": estimates(r.fit),
                     "r_squared_fitted": Number(r.seen.r_squared, ""),
                     "r_squared_predicted": Number(r.unseen.r_squared, ""),
                     "rmse_predicted": Number(r.unseen.rmse, "N"),

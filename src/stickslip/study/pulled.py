@@ -14,8 +14,8 @@ from ..figures.style import svg
 from ..identify.pulled import Rig, identify_pulled_slider, simulated_force, slider, slip_events
 from ..parameters import cite
 from ..report import Column, Document, Number, Picture, Section, Table
+from ..report.fits import estimates, parameter_table
 from .file import Recorded, Study, StudyError, quantity
-from .parts import parameter_numbers, parameter_table
 
 
 class PulledRecording(Recorded):
@@ -88,7 +88,7 @@ class PulledStudy(Study):
                         "the events, each weighted by its standard error, against the simulated slider "
                         "(stiction and Coulomb friction, true rest).",
                     ),
-                    tables=(parameter_table(fit),),
+                    tables=(parameter_table("Identified parameters.", fit),),
                 ),
                 Section(
                     "Other springs and speeds, predicted",
@@ -111,7 +111,7 @@ class PulledStudy(Study):
                 ("regimes predicted rightly", Number(right, "", note=f"of {len(unseen)}")),
             ),
             numbers={
-                "parameters": parameter_numbers(fit),
+                "parameters": estimates(fit),
                 "static_coefficient": Number(static, ""),
                 "predictions": {
                     r[0].replace(".", "_"): {

@@ -15,10 +15,10 @@ from ..figures.style import svg
 from ..identify.friction import identify_friction
 from ..identify.result import goodness
 from ..report import Column, Document, Number, Picture, Section, Table
+from ..report.fits import estimates, parameter_table
 from ..waveform import periodic, shapes
 from ..waveform.signal import Waveform
 from .file import Recorded, Strict, Study, StudyError
-from .parts import parameter_numbers, parameter_table
 
 _SHAPES = {
     name: getattr(module, name)
@@ -123,7 +123,7 @@ class WalkStudy(Study):
             sections=(
                 Section(
                     "Parameters",
-                    tables=(parameter_table(fit),),
+                    tables=(parameter_table("Identified parameters.", fit),),
                     paragraphs=(self.notes,) if self.notes else (),
                 ),
                 Section(
@@ -143,8 +143,8 @@ class WalkStudy(Study):
                     figures=pictures,
                 ),
             ),
-            highlights=[(name, number) for name, number in parameter_numbers(fit).items()],
-            numbers={"parameters": parameter_numbers(fit), "recordings": numbers},
+            highlights=[(name, number) for name, number in estimates(fit).items()],
+            numbers={"parameters": estimates(fit), "recordings": numbers},
             assumptions=[f"{field} = {words}" for field, words in model.assumptions.items()],
             citations=model.citation,
         )
