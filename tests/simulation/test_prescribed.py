@@ -1,0 +1,85 @@
+"""Laws under a prescribed motion, normal force as an input, and what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stickslip.actuator import Actuator
+from stickslip.friction import Coulomb, Dahl, LuGre
+from stickslip.simulation import friction_response, simulate, steady_step
+from stickslip.units import QuantityError
+from stickslip.waveform.periodic import Sawtooth, Sine
+from stickslip.waveform.shapes import Constant
+
+LAW = LuGre(1.399e6, 34.9, 0.0, 0.5401, 0.5401)
+MODEL = Actuator(0.1057e-6, 3303.1, 0.524, 0.0998, 0.1, LAW, stage_reaction=False)
+DRIVE = Sawtooth(amplitude=65.0, frequency=5.0)
+
+
+def test_dahl_under_constant_velocity_is_its_closed_form() -> None:
+    law = Dahl(1e6, 0.5)
+    time = np.linspace(0.0, 1.0, 101)
+    found = friction_response(law, time, 1e-5 * time, tolerance=1e-13)
+    exact = 0.5 * (1.0 - np.exp(-1e6 * 1e-5 * time / 0.5))
+    np.testing.assert_allclose(found["friction_force"], exact, atol=1e-6)
+
+
+def test_force_follows_the_normal_force_sample_by_sample() -> None:
+    time = np.linspace(0.0, 2.0, 401)
+    position = 1e-6 * np.sin(2 * np.pi * time)
+    normal = 5.0 + np.sin(7.0 * time)
+    plain = friction_response(LAW, time, position, tolerance=1e-12)
+    loaded = friction_response(
+        LAW, time, position, normal_force=normal, reference_normal_force=5.0, tolerance=1e-12
+    )
+    expected = plain["friction_force"].values * normal / 5.0
+    np.testing.assert_allclose(loaded["friction_force"], expected, atol=1e-6)
+
+
+def test_a_static_law_keeps_its_force_while_the_motion_pauses() -> None:
+    time = np.array([0.0, 1.0, 2.0, 3.0])
+    found = friction_response(Coulomb(0.3), time, np.array([0.0, 1e-3, 1e-3, 0.0]))
+    np.testing.assert_allclose(found["friction_force"][1:], [0.3, 0.3, -0.3])
+
+
+def test_a_constant_load_scales_the_law() -> None:
+    """Doubling the normal force is doubling every force of the law at the same deflection."""
+    doubled = MODEL.replace(friction=LuGre(2 * 1.399e6, 2 * 34.9, 0.0, 2 * 0.5401, 2 * 0.5401))
+    assert steady_step(MODEL, DRIVE, load=2.0) == pytest.approx(steady_step(doubled, DRIVE), abs=2e-10)
+    one = simulate(MODEL, DRIVE, 0.4, load=Constant(2.0), tolerance=1e-11)
+    other = simulate(doubled, DRIVE, 0.4, tolerance=1e-11)
+    for name in ("end_effector_position", "friction_force"):
+        np.testing.assert_allclose(one[name], other[name], atol=1e-8 if "position" in name else 1e-4)
+
+
+def test_a_load_that_breathes_in_step_with_the_drive_changes_the_step() -> None:
+    """Light in the ramp is no matter; light in the flyback lets the slider slip more."""
+    light = Sine(amplitude=0.3, frequency=5.0, phase=np.pi / 2, offset=1.0)
+    heavy = Sine(amplitude=0.3, frequency=5.0, phase=-np.pi / 2, offset=1.0)
+    assert (
+        steady_step(MODEL, DRIVE, load=heavy)
+        > steady_step(MODEL, DRIVE)
+        > steady_step(MODEL, DRIVE, load=light)
+    )
+
+
+@pytest.mark.parametrize("load", [-1.0, float("nan"), Sine(amplitude=2.0, frequency=5.0, offset=1.0)])
+def test_a_lost_contact_is_refused(load: object) -> None:
+    with pytest.raises(QuantityError, match="load"):
+        simulate(MODEL, DRIVE, 0.4, load=load)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("time", "position", "normal", "words"),
+    [
+        ([0.0, 1.0, 1.0], [0.0, 1.0, 2.0], None, "ascending"),
+        ([0.0, 1.0], [0.0, 1.0, 2.0], None, "one length"),
+        ([0.0, 1.0, 2.0], [0.0, 1.0, 2.0], [1.0, 2.0], "normal_force"),
+    ],
+)
+def test_wrong_motions_are_refused(time, position, normal, words: str) -> None:
+    with pytest.raises(QuantityError, match=words):
+        friction_response(LAW, time, position, normal_force=normal)
+    with pytest.raises(QuantityError, match="no friction law"):
+        friction_response("LuGre", [0.0, 1.0], [0.0, 1.0])

@@ -1,0 +1,174 @@
+"""Identification files: what they may say, and the examples run as a user would run them."""
+
+from __future__ import annotations
+
+import importlib.resources
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from stickslip import demo
+from stickslip.actuator import load_actuator
+from stickslip.recording import make_recording, save_recording
+from stickslip.report import write_report
+from stickslip.simulation import simulate
+from stickslip.study import run_file
+from stickslip.study.file import StudyError
+from stickslip.study.running import json_schema
+from stickslip.waveform.periodic import Sawtooth
+
+EXAMPLES = Path(str(importlib.resources.files("stickslip") / "examples"))
+
+
+def edited(example: str, folder: Path, change) -> Path:
+    content = yaml.safe_load((EXAMPLES / example).read_text("utf-8"))
+    change(content)
+    path = folder / example
+    path.write_text(yaml.safe_dump(content), "utf-8")
+    return path
+
+
+@pytest.mark.compiled
+def test_friction_loops_are_predicted_better_than_the_known_marks(tmp_path: Path) -> None:
+    document = run_file(EXAMPLES / "friction_loops.yaml")
+    found = {name: n["r_squared_predicted"].value for name, n in document.numbers.items()}
+    assert max(found.values()) >= 0.998
+    assert found["Maxwell slip, 2 elements"] > 0.9963 > found["Dahl"] > 0.9864
+    assert found["the same, no curvature"] > 0.9963
+    write_report(document, tmp_path)
+    results = json.loads((tmp_path / "results.json").read_text("utf-8"))
+    assert "Elastoplastic" in json.dumps(results)
+
+
+@pytest.mark.compiled
+def test_piezo_mirror_softens_with_the_amplitude() -> None:
+    document = run_file(EXAMPLES / "piezo_mirror.yaml")
+    levels = [document.numbers[f"{v} mV"] for v in (100, 200, 300)]
+    gains = [abs(level["static_gain"].value) for level in levels]
+    assert gains == sorted(gains)
+    assert gains[0] == pytest.approx(2.7e-6, rel=0.02)
+    first = [level["parameters"]["natural_frequency_1"].value / (2 * np.pi) for level in levels]
+    assert first == sorted(first, reverse=True)
+    assert first[0] == pytest.approx(640.9, abs=1.0)
+    assert all(level["r_squared_held_out"]["8_modes"].value > 0.985 for level in levels)
+    assert all(level["r_squared_held_out"]["1_modes"].value < 0.6 for level in levels)
+
+
+def test_pulled_slider_is_predicted_at_other_speeds(tmp_path: Path) -> None:
+    def two_predictions(content) -> None:
+        del content["recordings"][1], content["recordings"][2:4]
+
+    document = run_file(edited("pulled_slider.yaml", tmp_path, two_predictions))
+    found = document.numbers["predictions"]["168 N/m, 4_3 mm/s"]
+    assert found["predicted_period"].value == pytest.approx(found["measured_period"].value, rel=0.15)
+    assert "static 0.36" in document.summary
+
+
+def test_a_walk_is_identified_from_the_users_own_csv(tmp_path: Path) -> None:
+    true = load_actuator("kang2007").replace(stage_reaction=False)
+    drives = {"fit": 65.0, "check": 75.0}
+    rng = np.random.default_rng(1)
+    for name, volts in drives.items():
+        d = simulate(true, Sawtooth(amplitude=volts, frequency=5.0), 0.6, tolerance=1e-10)
+        micrometres = 1e6 * d["end_effector_position"].values + 0.02 * rng.standard_normal(d.sizes["time"])
+        rows = [f"{t:.6f};{x:.6f}" for t, x in zip(d["time"].values, micrometres, strict=True)]
+        (tmp_path / f"{name}.csv").write_text("\n".join(["t [s];x [um]", *rows]), "utf-8")
+    recordings = [
+        {
+            "file": f"{name}.csv",
+            "columns": {"time": "t", "end_effector_position": "x"},
+            "drive": {"shape": "Sawtooth", "fields": {"amplitude": f"{volts} V", "frequency": "5 Hz"}},
+            "use": "fit" if name == "fit" else "verify",
+        }
+        for name, volts in drives.items()
+    ]
+    file = {
+        "kind": "walk",
+        "title": "A walk",
+        "model": "kang2007",
+        "change": {"stage_reaction": False},
+        "friction": {"sigma_0": "1.2 N/um", "coulomb_force": "0.5 N", "stiction_force": "0.5 N"},
+        "free": ["sigma_0", "coulomb_force"],
+        "starts": 1,
+        "recordings": recordings,
+    }
+    (tmp_path / "walk.yaml").write_text(yaml.safe_dump(file), "utf-8")
+    document = run_file(tmp_path / "walk.yaml")
+    found = document.numbers["parameters"]
+    assert found["coulomb_force"].low < 0.5401 < found["coulomb_force"].high
+    assert found["sigma_0"].low < 1.399e6 < found["sigma_0"].high
+    assert document.numbers["recordings"]["recording_2"]["r_squared"].value > 0.9999
+    assert len(document.pictures()) == 2
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda c: c.update(kind="loops"), "kind"),
+        (lambda c: c.update(masss="1 kg"), "masss"),
+        (lambda c: c.update(mass="30.7 N"), "mass = '30.7 N'.*kg"),
+        (lambda c: c["recordings"][0].update(speed="fast"), "speed"),
+        (lambda c: c["recordings"][0].update(use="verify"), "not 0"),
+        (lambda c: c["recordings"][0].update(start="9 s", end="9.0001 s"), "0 samples|1 samples"),
+        (lambda c: c.pop("title"), "title"),
+    ],
+)
+def test_wrong_files_are_refused_by_field(tmp_path: Path, change, words: str) -> None:
+    with pytest.raises(StudyError, match=words):
+        run_file(edited("pulled_slider.yaml", tmp_path, change))
+
+
+def test_no_yaml_and_no_mapping_are_refused(tmp_path: Path) -> None:
+    for text in ("kind: [", "- a\n- b\n"):
+        (tmp_path / "a.yaml").write_text(text, "utf-8")
+        with pytest.raises(StudyError, match=r"a\.yaml"):
+            run_file(tmp_path / "a.yaml")
+    with pytest.raises(StudyError, match="nothing.yaml"):
+        run_file(tmp_path / "nothing.yaml")
+
+
+def test_editors_get_a_schema_of_all_kinds() -> None:
+    schema = json.dumps(json_schema())
+    for kind in ("friction_loops", "frequency_response", "pulled_slider", "walk"):
+        assert kind in schema
+
+
+def test_the_demonstration_says_which_data_are_missing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The thesis's part needs no data; a part without its data is named, the rest stays."""
+    example = tmp_path / "examples"
+    example.mkdir()
+
+    def elsewhere(content) -> None:
+        for recording in content["recordings"]:
+            recording.update(dataset=None, file="not_here.mat")
+
+    edited("pulled_slider.yaml", example, elsewhere)
+    monkeypatch.setattr(demo, "EXAMPLES", ("pulled_slider.yaml",))
+    monkeypatch.setattr(demo.importlib.resources, "files", lambda package: tmp_path)
+    said = []
+    document = demo.run(lambda doing, done: said.append(done))
+    assert "not_here.mat" in document.summary
+    assert document.numbers["the_actuator_of_the_thesis"]["steady_step"].value == pytest.approx(
+        2.672e-6, rel=1e-3
+    )
+    assert said == sorted(said)
+
+
+def test_a_saved_recording_is_a_source_too(tmp_path: Path) -> None:
+    time = np.arange(0.0, 20.0, 5e-4)
+    saw = 0.3 + 0.03 * ((time * 5.0) % 1.0)
+    save_recording(make_recording(time, {"force_ratio": (saw, "")}), tmp_path / "r.nc")
+
+    def own(content) -> None:
+        content["recordings"] = [
+            {"file": "r.nc", "stiffness": 168, "speed": 0.0002687, "use": "fit"},
+            {"file": "r.nc", "name": "again", "stiffness": 168, "speed": 0.0002687, "use": "verify"},
+        ]
+
+    document = run_file(edited("pulled_slider.yaml", tmp_path, own))
+    assert document.numbers["predictions"]["again"]["measured_period"].value == pytest.approx(0.2, rel=1e-3)
