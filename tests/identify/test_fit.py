@@ -283,6 +283,22 @@ def test_robust_loss(loss: str) -> None:
     assert math.isnan(fits[0].aic)
 
 
+def test_robust_loss_and_correlation_go_together() -> None:
+    """White noise with outliers: allowing for correlation finds none, and the M-estimator's errors remain."""
+    rng = np.random.default_rng(15)
+    ratios = []
+    for _ in range(20):
+        t, y = decay(rng, 400)
+        y[rng.choice(t.size, 60, replace=False)] += 1.0
+        recording = [Residuals(lambda p, t=t, y=y: p["height"] * np.exp(-p["rate"] * t) - y, y, 0.05)]
+        white, allowed = (
+            fit_least_squares(recording, DECAY, loss="soft_l1", correlated=correlated)
+            for correlated in (False, True)
+        )
+        ratios.append(allowed.standard_errors["rate"] / white.standard_errors["rate"])
+    assert np.mean(ratios) == pytest.approx(1, abs=0.1)
+
+
 def test_several_recordings_with_their_own_noise() -> None:
     rng = np.random.default_rng(10)
     x = np.linspace(0, 1, 50)

@@ -155,6 +155,27 @@ def test_welch_response_of_noise_and_its_deviation() -> None:
     scatter = np.sqrt(np.mean(np.abs(errors) ** 2, axis=0))
     ratio = np.sqrt(np.mean(np.square(predicted), axis=0)) / scatter
     assert np.median(ratio) == pytest.approx(1, abs=0.1)
+    # With few segments it matters that the response was fitted to them.
+    errors, predicted = [], []
+    for _ in range(300):
+        drive = rng.standard_normal((1280, 2))
+        response = filtered(drive) + 0.3 * rng.standard_normal((1280, 2))
+        few = welch_frequency_response(drive, response, RATE, segment=256, band=(20, 450))
+        errors.append(few["response"].values - true_response(few["frequency"].values))
+        predicted.append(few["deviation"].values)
+    scatter = np.median(np.abs(errors), axis=0)
+    assert np.median(np.median(predicted, axis=0) / scatter) == pytest.approx(1 / np.sqrt(np.log(2)), rel=0.1)
+
+
+def test_welch_coherence_and_bias() -> None:
+    rng = np.random.default_rng(8)
+    errors = []
+    for _ in range(40):
+        drive = rng.standard_normal((16384, 2))
+        response = filtered(drive) + 0.3 * rng.standard_normal((16384, 2))
+        found = welch_frequency_response(drive, response, RATE, segment=256, band=(20, 450))
+        errors.append(found["response"].values - true_response(found["frequency"].values))
+    scatter = np.sqrt(np.mean(np.abs(errors) ** 2, axis=0))
     # No bias beyond the scatter of the mean of forty experiments.
     assert np.median(np.abs(np.mean(errors, axis=0)) / scatter) < 2 / np.sqrt(40)
     true = np.abs(true_response(found["frequency"].values)) ** 2

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stickslip.identify.fit import FitError, Progress
+from stickslip.identify.fit import FitError, Progress, fit_least_squares
 from stickslip.identify.frequency import frequency_response
 from stickslip.identify.modal import ModalModel, identify_frequency, modal_response, steady_response
 
@@ -95,6 +95,29 @@ def test_one_channel_of_one_real_mode() -> None:
     assert seen
     assert not fit.model.rate_gain.any()
     assert not fit.model.remainder.any()
+
+
+def test_errors_are_those_of_a_search_over_everything() -> None:
+    """The engine's differences on the bare model, against the derivatives and eliminated gains of the fit."""
+    strong = TRUE._replace(rate_gain=2 * system.GAIN)
+    rng = np.random.default_rng(8)
+    drive = system.multisines(rng, 1000, 4)
+    clean = steady_response(strong, drive, system.SAMPLE_RATE)
+    noisy = clean + 1e-8 * rng.standard_normal(clean.shape)
+    channel = frequency_response(drive, noisy, system.SAMPLE_RATE).sel(output=1, input=2)
+    fit = identify_frequency(channel, list(zip(system.OMEGA / (2 * np.pi), system.ZETA, strict=True)))
+
+    def residuals(values):
+        poles, (delay, *gains) = np.split(np.array(list(values.values())), [6])
+        one = np.reshape(gains, (7, 1, 1))
+        model = ModalModel(poles[0::2], poles[1::2], delay, one[:3], one[3:6], one[6])
+        error = modal_response(model, channel["frequency"].values)[:, 0, 0] - channel["response"].values
+        return np.concatenate([error.real, error.imag]) / np.tile(channel["deviation"].values, 2)
+
+    begin = [p._replace(start=fit.values[p.name]) for p in fit.parameters]
+    full = fit_least_squares(residuals, begin)
+    assert fit.values == pytest.approx(full.values, rel=1e-4, abs=1e-10)
+    assert fit.standard_errors == pytest.approx(full.standard_errors, rel=1e-3)
 
 
 def test_modes_are_numbered_by_frequency_and_may_be_given_in_any_order() -> None:
