@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 from scipy.stats import qmc
 
+from .blas import single_threaded
 from .covariance import LOSSES, Noise, uncertainty
 from .result import Fit, Parameter, Values, goodness
 
@@ -162,6 +163,7 @@ class _Problem:
         return np.stack(columns, axis=1)
 
 
+@single_threaded
 def fit_least_squares(
     recordings: Callable[[Values], ArrayLike] | Sequence[Residuals],
     parameters: Sequence[Parameter],

@@ -14,6 +14,8 @@ from numpy.typing import ArrayLike
 from scipy import signal
 from scipy.ndimage import uniform_filter1d
 
+from .blas import single_threaded
+
 # A line is excited if its drive is above this share of the strongest one.
 EXCITED = 0.01
 
@@ -22,6 +24,7 @@ class ResponseError(ValueError):
     """A frequency response that these recordings cannot give."""
 
 
+@single_threaded
 def frequency_response(
     drive: ArrayLike,
     response: ArrayLike,
@@ -91,6 +94,7 @@ def frequency_response(
     )
 
 
+@single_threaded
 def welch_frequency_response(
     drive: ArrayLike,
     response: ArrayLike,

@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
+from .blas import single_threaded
 from .fit import FitError, Progress
 from .result import Fit, Parameter, Values
 from .separable import Design, Linear, fit_separable
@@ -71,6 +72,7 @@ def steady_response(model: ModalModel, drive: np.ndarray, sample_rate: float) ->
     return np.fft.irfft(np.einsum("foi,fi...->fo...", G, np.fft.rfft(drive, axis=0)), len(drive), axis=0)
 
 
+@single_threaded
 def identify_frequency(
     response: xr.Dataset,
     modes: int | Sequence[tuple[float, float]] = 1,

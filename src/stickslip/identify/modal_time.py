@@ -17,6 +17,7 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.signal import lfilter
 
+from .blas import single_threaded
 from .fit import FitError, Progress
 from .modal import ModalModel, pole_parameters
 from .result import Fit, Values
@@ -76,6 +77,7 @@ def _held_delay(drive: np.ndarray, delay: float, sample: float, periodic: bool) 
     return late
 
 
+@single_threaded
 def identify_in_time(
     drive: np.ndarray,
     response: np.ndarray,
