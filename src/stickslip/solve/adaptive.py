@@ -72,7 +72,7 @@ def _mode(law, mech, u, ddu, normal, q):
     if elements(law) > 0:
         return FREE
     v = q[STAGE_VELOCITY] - q[SLIDER_VELOCITY]
-    if v != 0.0:
+    if abs(v) > 1e-12:  # m/s; less is rounding in the slopes of the drive, and no sliding
         q[FIRST_BRISTLE] = math.copysign(1.0, v)
         return FREE
     if mech.reaction + mech.mobility == 0.0:  # both motions are prescribed: nothing can be held

@@ -15,6 +15,8 @@ elements.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from .._jit import inlined
@@ -141,7 +143,7 @@ def derivatives(law, v, z, slopes):
         one = element(law, e)
         force, dz = rate(one, v, z[e])
         force_v, dz_v = rate(one, v + dv, z[e])
-        step = 1e-7 * abs(z[e]) + 1e-15
+        step = math.copysign(1e-7 * abs(z[e]) + 1e-15, z[e])  # outwards: off a bound on which a law stops z
         force_z, dz_z = rate(one, v, z[e] + step)
         slopes[0, e] = (force_z - force) / step
         slopes[1, e] = (dz_v - dz) / dv
