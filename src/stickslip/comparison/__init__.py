@@ -1,0 +1,9 @@
+"""Friction laws compared by small experiments: a table of what each does, and the limits between them."""
+
+from .laws import LawCharacter as LawCharacter
+from .laws import compare_laws as compare_laws
+from .laws import example_laws as example_laws
+from .limits import Limit as Limit
+from .limits import compare_limits as compare_limits
+from .tables import laws_as_markdown as laws_as_markdown
+from .tables import limits_as_markdown as limits_as_markdown
