@@ -21,8 +21,7 @@ LUGRE = samples.ALL[10]
 # A position that is off by the tolerance makes the work of the piezo, its largest force, off by this much.
 LIMIT = TOLERANCE * load_actuator("kang2007").drive_force_per_volt * 65.0
 
-SMOOTH = [law for law in samples.ALL if type(law).__name__ not in ("ResetIntegrator", "MaxwellSlip")]
-every_law = pytest.mark.parametrize("law", SMOOTH, ids=samples.name)
+every_law = pytest.mark.parametrize("law", samples.ALL, ids=samples.name)
 
 
 def actuator(law: object, **changes: object) -> Actuator:

@@ -17,6 +17,9 @@ from typing import Annotated, NamedTuple
 from ..records import Quantity, record
 from .law import register
 
+# A bristle on its limit slides, though rounding may put it just below.
+ON_LIMIT = 1.0 - 1e-12
+
 
 @record
 class ResetIntegrator(NamedTuple):
@@ -31,7 +34,7 @@ class ResetIntegrator(NamedTuple):
 
 
 def reset_integrator(law, v, z):
-    z_0 = law.breakaway_deflection
+    z_0 = law.breakaway_deflection * ON_LIMIT
     dz = 0.0 if (v > 0.0 and z >= z_0) or (v < 0.0 and z <= -z_0) else v
     a = law.stiction_excess if abs(z) < z_0 else 0.0
     return (1.0 + a) * law.sigma_0 * z + law.sigma_2 * dz, dz

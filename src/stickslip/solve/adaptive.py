@@ -273,8 +273,14 @@ def integrate(law, mech, drive, load, q, span, tolerance, max_steps, times, samp
         u, du, _ = value_slope_curvature(drive, i, t_new)
         _follow(mech, offset, mode, u, du, new)
         if mode == FREE:
+            # Moving towards a bound of the law and within an error of it: on it. Else the steps would shrink
+            # before it for ever, for the rate jumps there.
+            towards = math.copysign(local, new[STAGE_VELOCITY] - new[SLIDER_VELOCITY])
             for e in range(n_elements):
-                new[FIRST_BRISTLE + e] = project(element_of(law, e), new[FIRST_BRISTLE + e])
+                ahead = new[FIRST_BRISTLE + e] + towards
+                bound = project(element_of(law, e), ahead)
+                within = project(element_of(law, e), new[FIRST_BRISTLE + e])
+                new[FIRST_BRISTLE + e] = bound if bound != ahead else within
 
         done = 0.0  # fraction of the step that the energy account holds already
         while k < times.size and times[k] <= t_new:
