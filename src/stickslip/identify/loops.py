@@ -29,7 +29,7 @@ from .result import Fit, Parameter, Values
 OBSERVED = "friction_force"
 # Of the channel and of time, not of the law; the widest that a fit may take them.
 CHANNEL = {"bias": "N", "curvature": "1/N", "drift": "1/s"}
-# Relative; the response to it is far above the error of a simulation at 1e-8 m.
+# Relative; the response to it is far above the error of a simulation at 1e-9 m.
 DIFFERENCE_STEP = 1e-3
 
 
@@ -43,7 +43,7 @@ def identify_loops(
     noise: float | None = None,
     starts: int = 1,
     seed: int = 0,
-    tolerance: float = 1e-8,
+    tolerance: float = 1e-9,
     correlated: bool = True,
     max_evaluations: int = 1000,
     progress: Callable[[Progress], None] | None = None,

@@ -11,13 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..friction import element as element_of
 from ..friction import elements, is_law, rate
-from ..mechanism import FIRST_BRISTLE
 from ..recording import make_recording
-from ..solve.adaptive import DONE, integrate
+from ..solve.prescribed import follow
 from ..units import QuantityError
-from ..waveform.drive import Drive
 from .errors import SimulationError
-from .models import IMMOBILE
 
 
 def friction_response(
@@ -57,37 +54,21 @@ def friction_response(
     t, x = (np.ascontiguousarray(a, dtype=float) for a in (time, position))
     if t.ndim != 1 or t.shape != x.shape or t.size < 2 or not np.all(np.diff(t) > 0.0):
         raise QuantityError("time [s] and position [m] must be of one length, at least 2, and time ascending")
-    shifted = t - t[0]
     ratio = np.ones(t.size)
     if normal_force is not None:
-        ratio = np.asarray(normal_force, dtype=float) / reference_normal_force
+        ratio = np.ascontiguousarray(normal_force, dtype=float) / reference_normal_force
         if ratio.shape != t.shape:
             raise QuantityError("normal_force [N] must have one value per time")
-    drive = _linear(shifted, x)
-    load = _linear(shifted, ratio)
-    mech = IMMOBILE._replace(kinematic=True, gain=1.0)
-    q = np.zeros(FIRST_BRISTLE + max(elements(law), 1))
+    z = np.zeros(max(elements(law), 1))
     if initial_force != 0.0 and elements(law) > 0 and ratio[0] > 0.0:
-        q[FIRST_BRISTLE:] = _strained(law, initial_force / ratio[0])
-    samples = np.full((t.size, q.size + 1), np.nan)
-    outcome, reached, _, _ = integrate(
-        law,
-        mech,
-        drive,
-        load,
-        q,
-        shifted[[0, -1]],
-        tolerance,
-        1000 * t.size,
-        shifted,
-        samples,
-        np.zeros((0, 4)),
-    )
-    if outcome != DONE:
-        raise SimulationError(f"the friction law could not be followed beyond t = {t[0] + reached:.6g} s")
-    variables: dict[str, Any] = {"position": x, "friction_force": samples[:, 4]}
+        z[:] = _strained(law, initial_force / ratio[0])
+    samples = np.full((t.size, 1 + z.size), np.nan)
+    reached = follow(law, t, x, ratio, z, float(tolerance), samples)
+    if reached < t.size:
+        raise SimulationError(f"the friction law could not be followed from t = {t[reached - 1]:.6g} s on")
+    variables: dict[str, Any] = {"position": x, "friction_force": samples[:, 0]}
     for e in range(elements(law)):
-        variables[f"bristle_deflection_{e + 1}"] = (samples[:, 5 + e], "m")
+        variables[f"bristle_deflection_{e + 1}"] = (samples[:, 1 + e], "m")
     return make_recording(t, variables, title=f"{type(law).__name__} under a prescribed motion")
 
 
@@ -120,13 +101,3 @@ def _largest(holds: Callable[[float], bool], limit: float) -> float:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if holds(middle) else (low, middle)
     return low
-
-
-def _linear(t: NDArray[np.float64], values: NDArray[np.float64]) -> Drive:
-    """A table that is linear between samples."""
-    polynomial = np.zeros((t.size - 1, 4))
-    polynomial[:, 0] = values[:-1]
-    polynomial[:, 1] = np.diff(values) / np.diff(t)
-    return Drive(
-        float(values[0]), t[:-1].copy(), polynomial, np.zeros(t.size, dtype=np.int64), np.zeros((0, 4))
-    )
