@@ -37,6 +37,7 @@ OWNERS = {
     "matplotlib": {"figures"},
     "jinja2": {"report"},
     "pooch": {"datasets"},
+    "threadpoolctl": {"identify"},
     "pydantic": {"study", "experiment"},
     "yaml": {"study", "experiment"},
     "typer": {"cli"},

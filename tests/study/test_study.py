@@ -126,7 +126,7 @@ def test_no_yaml_and_no_mapping_are_refused(tmp_path: Path) -> None:
         (tmp_path / "a.yaml").write_text(text, "utf-8")
         with pytest.raises(StudyError, match=r"a\.yaml"):
             run_file(tmp_path / "a.yaml")
-    with pytest.raises(StudyError, match="nothing.yaml"):
+    with pytest.raises(StudyError, match=r"nothing\.yaml"):
         run_file(tmp_path / "nothing.yaml")
 
 

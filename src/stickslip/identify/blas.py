@@ -1,8 +1,8 @@
 """Linear algebra on one thread.
 
 The matrices of a fit are small, hundreds of rows by tens of columns, and are solved thousands of times. BLAS
-libraries hand even those to all cores and then wait for them: on two busy cores, the fits of a steering mirror
-took 37 s like that and 1 s like this.
+libraries hand even those to all cores and then wait for them: on two busy cores, the fits of a mirror's
+piezos took 37 s like that and 1 s like this.
 """
 
 from __future__ import annotations
