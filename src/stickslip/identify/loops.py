@@ -45,7 +45,7 @@ def identify_loops(
     seed: int = 0,
     tolerance: float = 1e-9,
     correlated: bool = True,
-    max_evaluations: int = 1000,
+    max_evaluations: int = 3000,
     progress: Callable[[Progress], None] | None = None,
 ) -> Fit:
     """Fit a friction law to friction loops: position prescribed, force measured.
