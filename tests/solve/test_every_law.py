@@ -12,6 +12,8 @@ from stickslip.friction import LAWS
 from stickslip.simulation import simulate
 from stickslip.waveform.periodic import Sawtooth
 
+pytestmark = pytest.mark.compiled
+
 # Where a law has a set-valued corner with no flag for it (stiction of the reset integrator at each reversal,
 # stiction of the Maxwell elements while sliding slows down) SciPy has no smooth pieces to follow, and a Dahl
 # exponent below 1 takes it half a minute.
