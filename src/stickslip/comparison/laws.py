@@ -141,7 +141,7 @@ def _character(name: str, law: Any, actuator: Actuator, waveform: Waveform) -> L
 def _force(law: Any, position: NDArray[np.float64], speed: float) -> NDArray[np.float64]:
     """Force [N] at positions [m] that are passed one after the other at one speed."""
     time = np.append(0.0, np.cumsum(np.abs(np.diff(position)) / speed))
-    # In steady sliding the deflection stays within the tolerance of its rest, and σ₁ weighs what is left of ż.
+    # In steady sliding the deflection stays within the tolerance of its rest; σ₁ weighs what is left of ż.
     return friction_response(law, time, position, tolerance=1e-15)["friction_force"].values
 
 
