@@ -1,7 +1,8 @@
 # Everything a newcomer types. A fresh machine needs Python >= 3.11, git and make; the rest comes from the lock file.
 #
 #   make demo       identify, verify and simulate; writes out/demo/report.html
-#   make test       all tests, with compiled kernels and then with the JIT off (coverage)
+#   make test       all tests
+#   make coverage   the tests with the JIT off, which sees the lines inside the kernels; takes a quarter of an hour
 #   make check      lint, format, types, layers
 #   make mutation   flips signs in the physics and asks the tests to notice
 #   make lock       resolve the dependencies anew (LOCK_FLAGS=--upgrade for newer versions)
@@ -14,13 +15,13 @@ READY := $(VENV)/.ready
 
 # Two processes suit two cores; the first run compiles the kernels, later ones find them in the user's cache.
 PYTEST ?= $(BIN)/python -m pytest -q -n 2 --dist worksteal
-# What the second pass, without compiled kernels, runs over: all but the tests marked as too long for it.
+# What `make coverage` runs over: all but the tests marked as too long for plain Python.
 NOJIT_TESTS ?= tests -m "not compiled"
 COVERAGE ?= 90
 LOCK_FLAGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-jit test-nojit check format mutation lock clean
+.PHONY: help setup demo test coverage check format mutation lock clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -47,12 +48,10 @@ $(READY): requirements.lock pyproject.toml
 demo: $(READY)
 	$(BIN)/stickslip demo --out out/demo
 
-test: test-jit test-nojit
-
-test-jit: $(READY)
+test: $(READY)
 	$(PYTEST)
 
-test-nojit: $(READY)
+coverage: $(READY)
 	NUMBA_DISABLE_JIT=1 NUMBA_ENABLE_CUDASIM=1 $(PYTEST) --cov --cov-fail-under=$(COVERAGE) $(NOJIT_TESTS)
 
 check: $(READY)
