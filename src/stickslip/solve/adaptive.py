@@ -41,7 +41,6 @@ FREE, RESTING = 0, 1
 # eight # periods stays below the tolerance (docs/decisions/integrator.md).
 _LOCAL = 0.05
 _REST_CHECKS = 8
-_SAMPLE_COLUMNS = 5  # stage, its velocity, slider, its velocity, friction force; then the internal states
 
 
 @compiled
@@ -226,8 +225,9 @@ def integrate(law, mech, drive, load, q, span, tolerance, max_steps, times, samp
             if v * v_new < 0.0:
                 theta = _reversal(q, new, rows, n, probe)
                 beyond = (1.0 - theta) * h_now
-                if beyond * _kink(law, v_new, probe) > local:
-                    h = h_now = theta * h_now + 0.1 * local / _kink(law, v_new, probe)
+                kink = _kink(law, v_new, probe)
+                if beyond * kink > local:
+                    h = h_now = theta * h_now + 0.1 * local / kink
                     rejected += 1
                     continue
         if not error <= 1.0:

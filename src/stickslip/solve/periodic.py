@@ -82,12 +82,10 @@ def find_orbit(
     r, _ = advance(r)
     after, step = advance(r)
     newton = True
-    jacobian = None
     while size(after - r) > tolerance and count < max_periods:
         if newton:
-            jacobian = slopes(r, after)
             try:
-                trial = r + np.linalg.solve(np.eye(rows.size) - jacobian, after - r)
+                trial = r + np.linalg.solve(np.eye(rows.size) - slopes(r, after), after - r)
                 trial_after, trial_step = advance(trial)
             except (np.linalg.LinAlgError, FloatingPointError):
                 trial, trial_after, trial_step = r, after + np.inf, step
@@ -98,12 +96,10 @@ def find_orbit(
         r = after
         after, step = advance(r)
     residual = size(after - r)
-    if jacobian is None or residual > 0.0:
-        jacobian = slopes(r, after)
     q = start.copy()
     q[rows] = r
     q[SLIDER] = 0.0
-    multipliers = np.linalg.eigvals(jacobian).astype(np.complex128)
+    multipliers = np.linalg.eigvals(slopes(r, after)).astype(np.complex128)
     return Orbit(step, q, multipliers, residual <= tolerance, residual, count)
 
 
