@@ -1,0 +1,23 @@
+"""The parts between a computer and an actuator: converters, amplifier, sensors, filters.
+
+Each is a record of datasheet numbers and a function on arrays, usable alone; `stickslip.rig` makes a signal
+chain of them. Noise comes from the ``numpy.random.Generator`` that is handed in: the same seed, the same
+noise.
+"""
+
+from .amplifier import Amplifier as Amplifier
+from .amplifier import amplifier_output as amplifier_output
+from .converter import Adc as Adc
+from .converter import Dac as Dac
+from .converter import adc_output as adc_output
+from .converter import dac_output as dac_output
+from .filters import Filter as Filter
+from .filters import filtered as filtered
+from .filters import first_order as first_order
+from .inductive import InductiveSensor as InductiveSensor
+from .interferometer import Interferometer as Interferometer
+from .interferometer import PositionSensor as PositionSensor
+from .noise import delayed as delayed
+from .noise import random_walk as random_walk
+from .noise import white_noise as white_noise
+from .strain_gauge import StrainGauge as StrainGauge

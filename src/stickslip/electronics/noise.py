@@ -1,0 +1,39 @@
+"""What every sensor adds: white noise, drift, delay."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def white_noise(
+    count: int, density: float, sample_rate: float, random: np.random.Generator
+) -> NDArray[np.float64]:
+    """White Gaussian noise whose one-sided power spectrum is density² up to half the sample rate.
+
+    Args:
+        count: samples.
+        density: unit/√Hz.
+        sample_rate: Hz.
+        random: the source.
+    """
+    return random.standard_normal(count) * (density * math.sqrt(0.5 * sample_rate))
+
+
+def random_walk(
+    count: int, drift: float, sample_rate: float, random: np.random.Generator
+) -> NDArray[np.float64]:
+    """A drift: a random walk from 0 whose standard deviation after a time t is drift √t, in unit/√s each."""
+    steps = random.standard_normal(count) * (drift / math.sqrt(sample_rate))
+    steps[:1] = 0.0
+    return np.cumsum(steps)
+
+
+def delayed(signal: NDArray[np.float64], sample_rate: float, delay: float) -> NDArray[np.float64]:
+    """The signal [n], later by `delay` s; before it begins it was like its first sample."""
+    if delay == 0.0:
+        return signal
+    times = np.arange(signal.size, dtype=float)
+    return np.interp(times - delay * sample_rate, times, signal)
