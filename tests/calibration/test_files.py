@@ -1,0 +1,144 @@
+"""Calibrations and tables as files, and on recordings."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from stickslip.calibration import (
+    CalibrationError,
+    apply_calibration,
+    available_calibrations,
+    fit_calibration,
+    load_calibration,
+    read_table,
+    save_calibration,
+)
+from stickslip.calibration.storage import from_text
+from stickslip.recording import RecordingError, make_recording, open_recording, save_recording
+
+CHAIN = ["kang2007-inductive-5", "kang2007-recalibration"]
+
+
+def recording():
+    volts = np.array([6.8, 6.82, 6.85])
+    return make_recording(
+        [0.0, 1e-3, 2e-3], {"end_effector_position": (volts, "m"), "sensor": (volts, "V")}, calibration="none"
+    )
+
+
+def test_a_saved_calibration_comes_back_whole(tmp_path: Path) -> None:
+    table = read_table("kang2007-inductive")
+    fitted = fit_calibration(table.x, table.y, 4, name="mine", source="test")
+    path = save_calibration(fitted, tmp_path / "mine.json")
+    assert load_calibration(path) == fitted
+    assert [file.name for file in tmp_path.iterdir()] == ["mine.json"]
+    with pytest.raises(CalibrationError, match=r"\.json"):
+        save_calibration(fitted, tmp_path / "mine.yaml")
+
+
+@pytest.mark.parametrize("name", available_calibrations())
+def test_every_set_is_monotonic_over_its_range_and_says_its_source(name: str) -> None:
+    found = load_calibration(name)
+    assert "[kang2007" in found.source
+    middle = found(0.5 * (found.low + found.high))
+    assert found.inverse(middle) == pytest.approx(0.5 * (found.low + found.high))
+
+
+def test_a_recording_keeps_what_was_applied(tmp_path: Path) -> None:
+    calibrated = apply_calibration(recording(), {"sensor": CHAIN})
+    um = 1e3 * np.polyval([2.191e-5, -4.259e-4, 3.497e-3, -1.297e-2, 8.674e-2, -4.920e-4], [6.8, 6.82, 6.85])
+    expected = np.polyval([3.58e-13, -8.69e-10, 7.40e-7, -2.691e-4, 1.0222, 0.30871], um)
+    np.testing.assert_allclose(1e6 * calibrated["sensor"].values, expected, atol=0.6)
+    assert calibrated["sensor"].attrs["units"] == "m"
+    assert recording()["sensor"].attrs["units"] == "V"
+    read = open_recording(save_recording(calibrated, tmp_path / "r.nc"))
+    applied = json.loads(read.attrs["calibration"])
+    assert applied["notes"] == "none"
+    assert [from_text(json.dumps(part)).name for part in applied["sensor"]] == CHAIN
+
+
+@pytest.mark.parametrize(
+    ("calibrations", "error", "message"),
+    [
+        ({"nothing": CHAIN}, RecordingError, "no variable 'nothing'"),
+        ({"end_effector_position": CHAIN}, CalibrationError, "is in m"),
+        ({"sensor": CHAIN[::-1]}, CalibrationError, "after it takes V"),
+        ({"sensor": []}, CalibrationError, "no calibration"),
+        ({"sensor": "kang2007-inductive"}, CalibrationError, "did you mean"),
+        ({"sensor": "gone.json"}, CalibrationError, r"gone\.json"),
+    ],
+)
+def test_calibrations_that_do_not_fit(calibrations: dict, error: type, message: str) -> None:
+    with pytest.raises(error, match=message):
+        apply_calibration(recording(), calibrations)
+
+
+GOOD = json.loads(
+    (Path(load_calibration.__code__.co_filename).parent / "sets/kang2007-inductive-3.json").read_text()
+)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"kind": "x"}, "kind"),
+        ({"colour": 1}, "'colour' is unknown"),
+        ({"coefficients": [1.0]}, "coefficients"),
+        ({"coefficients": ["a", "b"]}, "coefficients"),
+        ({"x_unit": "furlong"}, "x_unit"),
+        ({"low": 3.0, "high": 3.0}, "low < high"),
+        ({"covariance": [[1.0]]}, "covariance"),
+        ({"max_error": "small"}, "max_error"),
+        ({"name": 3}, "name"),
+    ],
+)  # fmt: skip
+def test_wrong_files(changes: dict, message: str) -> None:
+    with pytest.raises(CalibrationError, match=message):
+        from_text(json.dumps({**GOOD, **changes}))
+
+
+WILD = st.recursive(
+    st.none() | st.booleans() | st.floats() | st.text(),
+    lambda inner: st.lists(inner) | st.dictionaries(st.sampled_from([*GOOD]), inner),
+)
+
+
+@given(WILD)
+def test_wild_files_are_refused_in_words(content: object) -> None:
+    with pytest.raises(CalibrationError):
+        from_text(json.dumps(content))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "at least"),
+        ("y [mm], a\n0, 1\n1, 2\n", "line 1: 'a' names no unit"),
+        ("y [mm], a [smoot]\n0, 1\n1, 2\n", "line 1"),
+        ("y [mm], a [V], b [mm]\n0,1,1\n1,2,2\n", "one unit"),
+        ("y [mm], a [V]\n0, 1\n# note\n1\n", "line 4: 1 cells"),
+        ("y [mm], a [V]\n0, 1\n1, one\n", "line 3"),
+    ],
+)
+def test_wrong_tables(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "table.csv"
+    path.write_text(text)
+    with pytest.raises(CalibrationError, match=message):
+        read_table(path)
+
+
+def test_units_of_a_table(tmp_path: Path) -> None:
+    path = tmp_path / "own.csv"
+    path.write_text("# caliper\nposition (um), sensor (mV)\n0, 1\n\n10, 2\n")
+    table = read_table(path)
+    np.testing.assert_allclose(table.x, [[1e-3], [2e-3]])
+    np.testing.assert_allclose(table.y, [0.0, 1e-5])
+    assert (table.name, table.x_unit, table.y_unit, table.source) == ("own", "V", "m", "caliper")
+    with pytest.raises(CalibrationError, match="kang2007-inductive"):
+        read_table("kang2007")
