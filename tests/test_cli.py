@@ -14,7 +14,8 @@ import pytest
 from typer.testing import CliRunner
 
 from stickslip import __version__
-from stickslip.cli import _progress, app
+from stickslip.cli import app
+from stickslip.cli.frame import progress_bar
 from stickslip.recording import open_recording
 
 THESIS = ["simulate", "kang2007", "--amplitude", "65 V", "--frequency", "5 Hz", "--periods", "2"]
@@ -249,7 +250,7 @@ def test_a_bar_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     with open(theirs, "w") as terminal, monkeypatch.context() as patched:
         patched.setattr(sys, "stderr", terminal)
         patched.setenv("TERM", "xterm")
-        with _progress() as progress:
+        with progress_bar() as progress:
             progress("simulating", 0.25)
     seen = b""
     try:

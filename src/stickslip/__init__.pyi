@@ -3,6 +3,12 @@ from .actuator import Actuator as Actuator
 from .actuator import PulledSlider as PulledSlider
 from .actuator import load_actuator as load_actuator
 from .actuator import load_pulled_slider as load_pulled_slider
+from .calibration import Calibration as Calibration
+from .calibration import CalibrationError as CalibrationError
+from .calibration import apply_calibration as apply_calibration
+from .calibration import fit_calibration as fit_calibration
+from .calibration import load_calibration as load_calibration
+from .calibration import save_calibration as save_calibration
 from .friction import LAWS as LAWS
 from .friction import Coulomb as Coulomb
 from .friction import CoulombViscous as CoulombViscous

@@ -67,8 +67,8 @@ def test_a_recording_keeps_what_was_applied(tmp_path: Path) -> None:
     ("calibrations", "error", "message"),
     [
         ({"nothing": CHAIN}, RecordingError, "no variable 'nothing'"),
-        ({"end_effector_position": CHAIN}, CalibrationError, "is in m"),
-        ({"sensor": CHAIN[::-1]}, CalibrationError, "after it takes V"),
+        ({"end_effector_position": CHAIN}, CalibrationError, "readings are in m, but"),
+        ({"sensor": CHAIN[::-1]}, CalibrationError, "takes m"),
         ({"sensor": []}, CalibrationError, "no calibration"),
         ({"sensor": "kang2007-inductive"}, CalibrationError, "did you mean"),
         ({"sensor": "gone.json"}, CalibrationError, r"gone\.json"),

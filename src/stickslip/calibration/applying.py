@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -16,21 +15,23 @@ from .storage import load_calibration, to_text
 Chain = Calibration | str | Sequence[Calibration | str]
 
 
-def calibration_chain(chain: Chain) -> tuple[Calibration, ...]:
-    """The calibrations to be applied one after the other; names and paths are loaded.
+def calibration_chain(chain: Chain, unit: str) -> tuple[Calibration, ...]:
+    """The calibrations to be applied one after the other to values in `unit`; names and paths are loaded.
 
     Raises:
-        CalibrationError: one cannot be loaded, or takes another unit than the one before gives.
+        CalibrationError: one cannot be loaded, or takes another unit than what comes before gives.
     """
     parts = (chain,) if isinstance(chain, Calibration | str) else tuple(chain)
     loaded = tuple(load_calibration(part) if isinstance(part, str) else part for part in parts)
     if not loaded:
         raise CalibrationError("no calibration is named")
-    for before, after in itertools.pairwise(loaded):
-        if before.y_unit != after.x_unit:
+    given = "the readings are in", unit
+    for calibration in loaded:
+        if calibration.x_unit != given[1]:
             raise CalibrationError(
-                f"{before.name!r} gives {before.y_unit}, but {after.name!r} after it takes {after.x_unit}"
+                f"{given[0]} {given[1] or 'no unit'}, but {calibration.name!r} takes {calibration.x_unit}"
             )
+        given = f"{calibration.name!r} gives", calibration.y_unit
     return loaded
 
 
@@ -51,13 +52,10 @@ def apply_calibration(recording: xr.Dataset, calibrations: Mapping[str, Chain]) 
         if name not in recording.data_vars:
             known = ", ".join(map(str, recording.data_vars))
             raise RecordingError(f"the recording has no variable {name!r}; it has {known}")
-        loaded = calibration_chain(chain)
-        unit = recording[name].attrs["units"]
-        if unit != loaded[0].x_unit:
-            raise CalibrationError(
-                f"{name} is in {unit or 'no unit'}, but the calibration {loaded[0].name!r} takes "
-                f"{loaded[0].x_unit}"
-            )
+        try:
+            loaded = calibration_chain(chain, recording[name].attrs["units"])
+        except CalibrationError as error:
+            raise CalibrationError(f"{name}: {error}") from None
         standard = STANDARD_NAMES.get(name)
         if standard is not None and standard.unit != loaded[-1].y_unit:
             raise CalibrationError(f"{name} is a quantity in {standard.unit}, not {loaded[-1].y_unit}")

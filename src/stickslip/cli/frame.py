@@ -1,0 +1,140 @@
+"""What all commands share: the application, errors in one line, progress, reports."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import sys
+import time
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from .._version import __version__
+
+_INSTALL = 'install what it needs with: pip install "stickslip[cli,report]"'
+
+try:
+    import typer
+except ModuleNotFoundError as missing:  # this module is the command's entry: nobody else could say it
+    raise SystemExit(f"Error: the command line needs {missing.name}; {_INSTALL}") from None
+
+if TYPE_CHECKING:
+    from ..report import Document, Number
+    from ..study.running import Progress
+
+app = typer.Typer(
+    help="Identify, verify, simulate and design piezoelectric stick-slip actuators from recordings.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,  # plain help: four times as fast, and the same in a log
+)
+
+
+Out = Annotated[
+    Path, typer.Option(help="Folder for results.json and report.html; other files in it are kept.")
+]
+Traceback = Annotated[
+    bool,
+    typer.Option(
+        "--traceback", envvar="STICKSLIP_TRACEBACK", help="Show where in the program an error arose."
+    ),
+]
+
+
+@contextmanager
+def errors_in_one_line(show_traceback: bool) -> Iterator[None]:
+    try:
+        yield
+    except Exception as error:
+        if show_traceback:
+            traceback.print_exc()
+        typer.echo(f"Error: {_explained(error)}", err=True)
+        raise typer.Exit(2 if isinstance(error, ValueError) else 1) from None
+
+
+def _explained(error: Exception) -> str:
+    text = " ".join(str(error).split())
+    if isinstance(error, ModuleNotFoundError) and not str(error.name).startswith("stickslip"):
+        return f"this command needs {error.name}; {_INSTALL}"
+    if isinstance(error, ValueError | OSError) or type(error).__module__.startswith("stickslip"):
+        return text
+    return f"unexpected {type(error).__name__}: {text} (--traceback shows where)"
+
+
+@contextmanager
+def progress_bar() -> Iterator[Progress]:
+    """A bar on a terminal, otherwise one line on stderr for each thing that is begun."""
+    if not sys.stderr.isatty():
+        said = ""
+
+        def tell(doing: str, done: float) -> None:
+            nonlocal said
+            if doing != said:
+                said = doing
+                typer.echo(f"[{done:4.0%}] {doing}", err=True)
+
+        yield tell
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, SpinnerColumn, TimeElapsedColumn
+    from rich.progress import Progress as Bar
+
+    columns = (
+        SpinnerColumn(),
+        "{task.description}",
+        BarColumn(),
+        "{task.percentage:>3.0f} %",
+        TimeElapsedColumn(),
+    )
+    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=1.0)
+        yield lambda doing, done: bar.update(task, description=doing, completed=done)
+
+
+def check_output(out: Path) -> None:
+    """That a report can be made and written: found out before the work, not after it."""
+    for name in ("jinja2", "matplotlib"):
+        if find_spec(name) is None:
+            raise ModuleNotFoundError(name=name)
+    existing = next(folder for folder in (out, *out.absolute().parents) if folder.exists())
+    if not existing.is_dir():
+        raise ValueError(f"--out {out}: {existing} is a file, not a folder")
+    if not os.access(existing, os.W_OK):
+        raise ValueError(f"--out {out}: {existing} cannot be written to")
+
+
+def write(document: Document, out: Path, begun: float) -> None:
+    from ..report import write_report
+
+    command = shlex.join(["stickslip", *sys.argv[1:]])
+    report = write_report(document, out, command=command, elapsed=time.perf_counter() - begun)
+    typer.echo(document.summary)
+    for what, number in document.highlights:
+        typer.echo(f"  {what}: {_shown(number)}")
+    typer.echo(f"Report: {report}")
+
+
+def _shown(number: Number) -> str:
+    from ..units import with_prefix
+
+    return number.note if number.value != number.value else with_prefix(number.value, number.unit)
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        typer.echo(f"stickslip {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def main(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Only the options that come before a command."""
