@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import json
 import os
 import pty
@@ -14,9 +15,12 @@ import pytest
 from typer.testing import CliRunner
 
 from stickslip import __version__
+from stickslip.actuator import load_actuator
 from stickslip.cli import app
 from stickslip.cli.frame import progress_bar
-from stickslip.recording import open_recording
+from stickslip.recording import open_recording, save_recording
+from stickslip.simulation import simulate
+from stickslip.waveform.periodic import Sawtooth
 
 THESIS = ["simulate", "kang2007", "--amplitude", "65 V", "--frequency", "5 Hz", "--periods", "2"]
 
@@ -287,3 +291,23 @@ def test_cite(names: list[str], words: list[str]) -> None:
     done = run("cite", *names)
     assert done.exit_code == 0
     assert all(word in done.stdout for word in words)
+
+
+@pytest.mark.compiled
+@pytest.mark.filterwarnings("default")
+def test_a_warning_is_one_line_and_among_the_assumptions(tmp_path: Path) -> None:
+    """The samples of a drive do not show its jumps; that is no traceback and no line of source."""
+    actuator = load_actuator("kang2007").replace(stage_reaction=False)
+    save_recording(simulate(actuator, Sawtooth(65.0, 20.0), 0.12, tolerance=1e-10), tmp_path / "walk.nc")
+    file = (
+        "kind: walk\ntitle: A walk\nmodel: kang2007\nchange: {stage_reaction: false}\n"
+        "free: [sigma_0]\nstarts: 1\nrecordings: [{file: walk.nc}]\n"
+    )
+    (tmp_path / "walk.yaml").write_text(file, "utf-8")
+    done = run("identify", str(tmp_path / "walk.yaml"), "--out", str(tmp_path / "out"))
+    assert done.exit_code == 0, done.stderr
+    said = [line for line in done.stderr.splitlines() if "drive_voltage" in line]
+    assert [line.split(":")[0] for line in said] == ["Warning"]
+    assert said[0].removeprefix("Warning: ") in html.unescape(
+        (tmp_path / "out" / "report.html").read_text("utf-8")
+    )

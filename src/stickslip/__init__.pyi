@@ -38,6 +38,7 @@ from .parameters import load_set as load_set
 from .parameters import print_citations as print_citations
 from .readers import read_recording as read_recording
 from .recording import RecordingError as RecordingError
+from .recording import RecordingWarning as RecordingWarning
 from .recording import make_recording as make_recording
 from .recording import open_recording as open_recording
 from .recording import save_recording as save_recording

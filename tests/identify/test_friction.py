@@ -13,10 +13,13 @@ from stickslip.actuator import Actuator, load_actuator
 from stickslip.friction import Elastoplastic, LuGre
 from stickslip.identify.free import free_names, parameter, with_values
 from stickslip.identify.friction import identify_friction
-from stickslip.recording import RecordingError, make_recording
+from stickslip.recording import RecordingError, RecordingWarning, make_recording
+from stickslip.simulation import simulate
 from stickslip.units import QuantityError
 from stickslip.verification import verify
 from stickslip.waveform.periodic import Sawtooth
+from stickslip.waveform.sequence import Sequence
+from stickslip.waveform.shapes import Rest
 
 REFERENCE = (Path(__file__).parents[2] / ".." / "shared" / "reference").resolve()
 DRIVE = Sawtooth(amplitude=65.0, frequency=5.0)
@@ -95,6 +98,41 @@ def test_drive_from_the_recording() -> None:
     assert one.values["sigma_0"] == pytest.approx(other.values["sigma_0"], rel=1e-6)
     assert one.predict is not None
     np.testing.assert_allclose(one.predict(told), part["end_effector_position"], atol=1e-10)
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("late", [0.0, 0.0513], ids=["jumps on samples", "jumps between samples"])
+def test_a_walk_known_by_its_sampled_drive_is_fitted_as_with_its_waveform(late: float) -> None:
+    """Lines between the samples would make it 6.2e5 N/m for 1.4e6 N/m."""
+    drive = Sequence((Rest(1.0), late), Sawtooth(65.0, 5.0, periods=3)) if late else DRIVE
+    walk = simulate(actuator(*TRUTH.values()), drive, 0.7, tolerance=1e-10)
+    noise = NOISE * np.random.default_rng(2).standard_normal(walk["time"].size)
+    walk["end_effector_position"] += noise
+    settings = {"model": actuator(1.2e6, 30.0, 0.6), "free": FREE, "noise": NOISE, "starts": 1}
+    known = identify_friction(walk, drive=drive, **settings)
+    with pytest.warns(RecordingWarning, match="3 as jumps at the instants"):
+        sampled = identify_friction(walk, **settings)
+    for name, true in TRUTH.items():
+        error = sampled.standard_errors[name]
+        assert abs(sampled.values[name] - true) < 3 * error
+        assert abs(sampled.values[name] - known.values[name]) < 0.1 * error
+    assert sampled.reduced_chi_squared == pytest.approx(known.reduced_chi_squared, rel=1e-3)
+
+
+@pytest.mark.compiled
+def test_a_flank_that_the_samples_hide_is_warned_of() -> None:
+    """A fall of 0.4 ms within one interval cannot be told from a jump, and what is found is wrong."""
+    drive = Sawtooth(65.0, 5.0, rise_fraction=0.998)
+    walk = simulate(actuator(*TRUTH.values()), drive, 0.45, tolerance=1e-10)
+    settings = {"model": actuator(*TRUTH.values()), "free": FREE[2:], "noise": NOISE, "starts": 1}
+    with pytest.warns(RecordingWarning, match="drive="):
+        sampled = identify_friction(walk, **settings)
+    assert (
+        abs(sampled.values["coulomb_force"] - TRUTH["coulomb_force"])
+        > 3 * sampled.standard_errors["coulomb_force"]
+    )
+    known = identify_friction(walk, drive=drive, **settings)
+    assert known.values["coulomb_force"] == pytest.approx(TRUTH["coulomb_force"], rel=1e-5)
 
 
 def test_what_can_be_free() -> None:

@@ -12,7 +12,7 @@ import yaml
 
 from stickslip import demo
 from stickslip.actuator import load_actuator
-from stickslip.recording import make_recording, save_recording
+from stickslip.recording import RecordingWarning, make_recording, save_recording
 from stickslip.report import write_report
 from stickslip.simulation import simulate
 from stickslip.study import run_file
@@ -71,15 +71,18 @@ def test_a_walk_is_identified_from_the_users_own_csv(tmp_path: Path) -> None:
     true = load_actuator("kang2007").replace(stage_reaction=False)
     drives = {"fit": 65.0, "check": 75.0}
     rng = np.random.default_rng(1)
-    for name, volts in drives.items():
-        d = simulate(true, Sawtooth(amplitude=volts, frequency=5.0), 0.6, tolerance=1e-10)
+    for name, amplitude in drives.items():
+        d = simulate(true, Sawtooth(amplitude=amplitude, frequency=5.0), 0.6, tolerance=1e-10)
         micrometres = 1e6 * d["end_effector_position"].values + 0.02 * rng.standard_normal(d.sizes["time"])
-        rows = [f"{t:.6f};{x:.6f}" for t, x in zip(d["time"].values, micrometres, strict=True)]
-        (tmp_path / f"{name}.csv").write_text("\n".join(["t [s];x [um]", *rows]), "utf-8")
+        volts = d["drive_voltage"].values
+        rows = [
+            f"{t:.6f};{x:.6f};{u:.6f}" for t, x, u in zip(d["time"].values, micrometres, volts, strict=True)
+        ]
+        (tmp_path / f"{name}.csv").write_text("\n".join(["t [s];x [um];u [V]", *rows]), "utf-8")
     recordings = [
         {
             "file": f"{name}.csv",
-            "columns": {"time": "t", "end_effector_position": "x"},
+            "columns": {"time": "t", "end_effector_position": "x", "drive_voltage": "u"},
             "drive": {"shape": "Sawtooth", "fields": {"amplitude": f"{volts} V", "frequency": "5 Hz"}},
             "use": "fit" if name == "fit" else "verify",
         }
@@ -102,6 +105,14 @@ def test_a_walk_is_identified_from_the_users_own_csv(tmp_path: Path) -> None:
     assert found["sigma_0"].low < 1.399e6 < found["sigma_0"].high
     assert document.numbers["recordings"]["recording_2"]["r_squared"].value > 0.9999
     assert len(document.pictures()) == 2
+    assert not any("drive_voltage" in words for words in document.assumptions)
+    for recording in recordings:
+        del recording["drive"]
+    (tmp_path / "walk.yaml").write_text(yaml.safe_dump(file), "utf-8")
+    with pytest.warns(RecordingWarning, match="jumps at the instants"):
+        sampled = run_file(tmp_path / "walk.yaml")
+    assert sampled.numbers["parameters"]["sigma_0"].value == pytest.approx(found["sigma_0"].value, rel=1e-3)
+    assert any("drive_voltage" in words for words in sampled.assumptions)
 
 
 @pytest.mark.parametrize(

@@ -7,11 +7,12 @@ import shlex
 import sys
 import time
 import traceback
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from .._version import __version__
 
@@ -48,8 +49,15 @@ Traceback = Annotated[
 
 @contextmanager
 def errors_in_one_line(show_traceback: bool) -> Iterator[None]:
+    """What goes wrong is one line on stderr and the exit code; a warning is one line too."""
+
+    def say(message: Warning | str, *where: Any, **how: Any) -> None:
+        typer.echo(f"Warning: {' '.join(str(message).split())}", err=True)
+
     try:
-        yield
+        with warnings.catch_warnings():
+            warnings.showwarning = say
+            yield
     except Exception as error:
         if show_traceback:
             traceback.print_exc()

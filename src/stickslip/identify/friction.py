@@ -6,6 +6,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -14,11 +15,11 @@ from numpy.typing import NDArray
 
 from ..actuator import Actuator
 from ..simulation import SimulationError, SimulationWarning, simulate
-from ..waveform.sampled import Sampled
 from ..waveform.signal import Waveform
 from .channels import channel, names_of, recordings_of, same_number
 from .fit import Progress, Residuals, fit_least_squares
 from .free import Bounds, check_names, free_names, parameter, with_values
+from .recorded_drive import recorded_drive
 from .result import Fit, Parameter, Values
 
 OBSERVED = "end_effector_position"
@@ -36,7 +37,7 @@ def identify_friction(
     model: Actuator,
     free: Sequence[str],
     *,
-    drive: Waveform | Sequence[Waveform] | None = None,
+    drive: Waveform | Sequence[Waveform | None] | None = None,
     bounds: Bounds | None = None,
     noise: float | None = None,
     starts: int = 2,
@@ -58,8 +59,9 @@ def identify_friction(
             over Coulomb friction) and "breakaway_share" (of the Coulomb deflection), which are bounded where
             the fields themselves are not; and of the position channel, one for all recordings, "delay" [s]
             and "offset" [m]. Stiction and breakaway deflection that are not free keep their ratio.
-        drive: waveform of each recording (one: of all), in the time of the recording. Left out: the channel
-            drive_voltage, linear between its samples, from the recording's first sample on.
+        drive: waveform of each recording (one: of all), in the time of the recording. Left out, or None: the
+            channel drive_voltage from the recording's first sample on, with its jumps as far as the samples
+            show them (see `recorded_drive`).
         bounds: of free parameters, in SI or as strings; else a factor 30 either side of the start. The scale
             is logarithmic, but linear where bounds reach down to zero.
         noise: standard deviation of the position, m; left out, it is estimated from the residuals.
@@ -79,6 +81,9 @@ def identify_friction(
         RecordingError: a channel is missing, too short or constant, or numbers do not match.
         QuantityError: a name that cannot be free, bounds that do not fit, a drive out of range.
         FitError: see `fit_least_squares`.
+
+    Warns:
+        RecordingWarning: a drive_voltage whose samples do not show its jumps stood in for the waveform.
     """
     found = recordings_of(recordings)
     names = names_of(found)
@@ -96,7 +101,7 @@ def identify_friction(
         _of_channel(name, shifts[name], bounds) if name in CHANNEL else parameter(model, name, bounds)
         for name in free
     ]
-    motions = [_motion(r, w, name, tolerance) for r, w, name in zip(found, drives, names, strict=True)]
+    motions = list(map(_motion, found, drives, names, repeat(tolerance)))
 
     def residuals(motion: Callable[..., NDArray[np.float64]], position: NDArray[np.float64]) -> Any:
         def of(values: Values) -> NDArray[np.float64]:
@@ -148,8 +153,7 @@ def _motion(
     """
     time = recording["time"].values
     if drive is None:
-        channel(recording, "drive_voltage", name)
-        drive = Sampled.from_recording(recording, "drive_voltage")  # type: ignore[arg-type]
+        drive = recorded_drive(recording, name)
         time = time - time[0]
     waveform = drive
     known: dict[tuple[Actuator, float], NDArray[np.float64]] = {}

@@ -3,6 +3,7 @@
 from .schema import SCHEMA_VERSION as SCHEMA_VERSION
 from .schema import STANDARD_NAMES as STANDARD_NAMES
 from .schema import RecordingError as RecordingError
+from .schema import RecordingWarning as RecordingWarning
 from .schema import Sampling as Sampling
 from .schema import make_recording as make_recording
 from .schema import sampling as sampling

@@ -24,6 +24,10 @@ class RecordingError(ValueError):
     """A recording, or the file it should come from, is not as it must be."""
 
 
+class RecordingWarning(UserWarning):
+    """A recording does not show something that matters; the message says what was assumed."""
+
+
 class Meaning(NamedTuple):
     """Unit (SI) and plain name of a quantity."""
 

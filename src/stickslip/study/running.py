@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import Field, TypeAdapter, ValidationError
 
+from ..recording import RecordingWarning
 from ..report import Document
 from .file import StudyError, explain, load_yaml
 from .frequency import FrequencyStudy
@@ -24,17 +27,27 @@ _FILE: TypeAdapter[Any] = TypeAdapter(_Any)
 
 
 def run_file(path: str | os.PathLike[str], progress: Progress | None = None) -> Document:
-    """Fit and verify as an identification file says.
+    """Fit and verify as an identification file says; what had to be assumed about a recording is among the
+    document's assumptions.
 
     Raises:
         StudyError: the file is not as it must be; names the file and the field.
         RecordingError, FitError: data are missing or wrong, or cannot be fitted.
+
+    Warns:
+        RecordingWarning: a recording does not show something that matters.
     """
     try:
         study = _FILE.validate_python(load_yaml(path))
     except ValidationError as error:
         raise explain(path, error) from error
-    return study.run(Path(path).parent, progress or (lambda doing, done: None))
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", RecordingWarning)
+        document = study.run(Path(path).parent, progress or (lambda doing, done: None))
+    unseen = {str(w.message): w for w in caught if issubclass(w.category, RecordingWarning)}
+    for w in (*unseen.values(), *(w for w in caught if not issubclass(w.category, RecordingWarning))):
+        warnings.warn_explicit(w.message, w.category, w.filename, w.lineno)
+    return replace(document, assumptions=(*document.assumptions, *unseen))
 
 
 def json_schema() -> dict[str, Any]:

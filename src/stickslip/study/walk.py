@@ -77,12 +77,11 @@ class WalkStudy(Study):
         if not fitted:
             raise StudyError("no recording has 'use: fit'")
         progress("fitting", 0.0)
-        drives = [w for _, w in fitted if w is not None]
         fit = identify_friction(
             [d for d, _ in fitted],
             model,
             self.free,
-            drive=drives if len(drives) == len(fitted) else None,
+            drive=[w for _, w in fitted],
             bounds=self.bounds or None,
             starts=self.starts,
             progress=lambda p: progress(f"fitting, start {p.start}", 0.7 * (p.start - 1) / p.starts),
