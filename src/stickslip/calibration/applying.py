@@ -75,5 +75,7 @@ def calibration_attribute(applied: Mapping[str, Sequence[str]], before: str = ""
     except ValueError:
         known = {"notes": before}  # free text of a reader
     for name, texts in applied.items():
+        if not texts:
+            continue
         known[name] = [*known.get(name, []), *map(json.loads, texts)]
-    return json.dumps(known, ensure_ascii=False)
+    return json.dumps(known, ensure_ascii=False) if known else ""

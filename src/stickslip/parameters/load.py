@@ -138,10 +138,10 @@ def _read(name: str, file: Path) -> ParameterSet:
         title=content["title"],
         citations=tuple(content["citations"]),
         kind=content["kind"],
-        values=_entries(file, "", tables),
+        values=read_entries(file, "", tables),
         law=law,
-        friction=_entries(file, "friction.", friction),
-        reported=_entries(file, "reported.", reported),
+        friction=read_entries(file, "friction.", friction),
+        reported=read_entries(file, "reported.", reported),
     )
 
 
@@ -149,7 +149,8 @@ def _laws() -> dict[str, type]:
     return {law.__name__: law for law in LAWS}
 
 
-def _entries(file: Path, prefix: str, tables: dict[str, Any]) -> dict[str, Entry]:
+def read_entries(file: Path, prefix: str, tables: dict[str, Any]) -> dict[str, Entry]:
+    """The tables of values [prefix + key] of a file, checked; raises ParameterSetError."""
     return {key: _entry(f"{file}: [{prefix}{key}]", table) for key, table in tables.items()}
 
 

@@ -1,0 +1,17 @@
+"""Rigs: a drive output and a recorder, virtual or real, and recordings from them."""
+
+from .bench import Bench as Bench
+from .bench import available_benches as available_benches
+from .bench import load_bench as load_bench
+from .capture import Capture as Capture
+from .capture import CaptureError as CaptureError
+from .capture import Trigger as Trigger
+from .limits import Gate as Gate
+from .limits import LimitError as LimitError
+from .limits import Limits as Limits
+from .measurement import Channel as Channel
+from .measurement import measure as measure
+from .protocols import Capabilities as Capabilities
+from .protocols import Rig as Rig
+from .protocols import RigError as RigError
+from .virtual import VirtualRig as VirtualRig

@@ -1,0 +1,168 @@
+"""Benches: the instruments of a laboratory with their datasheet numbers, from TOML files.
+
+A file looks like a parameter set (see `stickslip.parameters.load`): one table per number, with its unit and
+source, or ``assumed = true`` and a reason. ``[sensor.NAME]`` says the sensor's `type`, what it is `on` (stage
+or end_effector), and the `adc` that samples it.
+"""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+from ..electronics import (
+    Adc,
+    Amplifier,
+    Dac,
+    Filter,
+    InductiveSensor,
+    Interferometer,
+    PositionSensor,
+    StrainGauge,
+)
+from ..parameters import Entry, ParameterSetError, build, read_entries
+from ..records import did_you_mean
+
+T = TypeVar("T")
+
+_BENCHES = Path(__file__).parent / "benches"
+Sensor = StrainGauge | InductiveSensor | Interferometer | PositionSensor
+_SENSORS = {kind.__name__: kind for kind in (StrainGauge, InductiveSensor, Interferometer, PositionSensor)}
+_PLACES = ("stage", "end_effector")
+
+
+@dataclass(frozen=True)
+class Mounted:
+    """A sensor, what it is on ("stage" or "end_effector"), and what samples it (None: it is digital)."""
+
+    sensor: Sensor
+    on: str
+    adc: Adc | None
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Everything between a program and an actuator, for one drive channel.
+
+    `sample_rate` is that of all inputs, Hz; `assumptions` says what the source does not print, by field.
+    """
+
+    name: str
+    title: str
+    citations: tuple[str, ...]
+    sample_rate: float
+    piezo_capacitance: float
+    dac: Dac
+    amplifier: Amplifier
+    anti_alias: Filter
+    sensors: dict[str, Mounted]
+    assumptions: dict[str, str]
+
+    def replace(self, **changes: Any) -> Bench:
+        """The same bench with some fields changed."""
+        return replace(self, **changes)
+
+
+def available_benches() -> tuple[str, ...]:
+    """The names of the benches that come with the package."""
+    return tuple(sorted(file.stem for file in _BENCHES.glob("*.toml")))
+
+
+def load_bench(name: str | os.PathLike[str]) -> Bench:
+    """A bench that comes with the package, ``load_bench("kang2007-bench")``, or that of a TOML file.
+
+    Raises:
+        ParameterSetError: there is no such bench, or the file is wrong; names file and field.
+    """
+    text = os.fspath(name)
+    file = Path(text)
+    if file.suffix != ".toml":
+        if text not in available_benches():
+            known = available_benches()
+            raise ParameterSetError(
+                f"there is no bench {text!r}{did_you_mean(text, known)}; available are {', '.join(known)}, "
+                "or give the path of a .toml file"
+            )
+        file = _BENCHES / f"{text}.toml"
+    try:
+        content = tomllib.loads(file.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ParameterSetError(f"{file} cannot be read: {error.strerror}") from error
+    except (ValueError, RecursionError) as error:
+        raise ParameterSetError(f"{file} is no valid TOML: {error}") from error
+    return _Reading(file, content).bench(text)
+
+
+class _Reading:
+    """A file as it is read: notes the assumptions on its way."""
+
+    def __init__(self, file: Path, content: dict[str, Any]) -> None:
+        self.file, self.content, self.assumptions = file, content, dict[str, str]()
+
+    def bench(self, name: str) -> Bench:
+        if self.content.pop("kind", None) != "bench":
+            raise ParameterSetError(f"{self.file}: kind must be 'bench'")
+        title, citations = self.content.pop("title", ""), self.content.pop("citations", [])
+        if not isinstance(title, str) or not isinstance(citations, list):
+            raise ParameterSetError(f"{self.file}: title must be a text, citations a list")
+        rates = self._entries("", {"sample_rate": self._table("sample_rate")})
+        piezo = self._entries("", {"piezo_capacitance": self._table("piezo_capacitance")})
+        adcs = {key: self._part(Adc, f"adc.{key}", table) for key, table in self._table("adc").items()}
+        dac = self._part(Dac, "dac", self._table("dac"))
+        amplifier = self._part(Amplifier, "amplifier", self._table("amplifier"))
+        anti_alias = self._part(Filter, "anti_alias", self._table("anti_alias"))
+        sensors = {key: self._sensor(key, table, adcs) for key, table in self._table("sensor").items()}
+        for key in self.content:
+            raise ParameterSetError(f"{self.file}: [{key}] is unknown")
+        bench = Bench(
+            name=name,
+            title=title,
+            citations=tuple(map(str, citations)),
+            sample_rate=rates["sample_rate"].to("Hz"),
+            piezo_capacitance=piezo["piezo_capacitance"].to("F"),
+            dac=dac,
+            amplifier=amplifier,
+            anti_alias=anti_alias,
+            sensors=sensors,
+            assumptions=self.assumptions,
+        )
+        for key, adc in adcs.items():
+            if adc.max_rate < bench.sample_rate:
+                raise ParameterSetError(f"{self.file}: [adc.{key}] cannot sample at {bench.sample_rate:g} Hz")
+        return bench
+
+    def _table(self, key: str) -> dict[str, Any]:
+        table = self.content.pop(key, None)
+        if not isinstance(table, dict):
+            raise ParameterSetError(f"{self.file}: [{key}] is missing")
+        return table
+
+    def _entries(self, prefix: str, tables: dict[str, Any]) -> dict[str, Entry]:
+        entries = read_entries(self.file, prefix, tables)
+        for field, entry in entries.items():
+            if entry.assumed:
+                self.assumptions[f"{prefix}{field}"] = f"{entry.value} {entry.unit}: {entry.reason}"
+        return entries
+
+    def _part(self, kind: type[T], where: str, tables: Any) -> T:
+        if not isinstance(tables, dict):
+            raise ParameterSetError(f"{self.file}: [{where}] must be a table")
+        return build(kind, self._entries(f"{where}.", tables), f"{self.file}, [{where}]")
+
+    def _sensor(self, name: str, table: Any, adcs: dict[str, Adc]) -> Mounted:
+        where = f"{self.file}: [sensor.{name}]"
+        if not isinstance(table, dict):
+            raise ParameterSetError(f"{where} must be a table")
+        kind, place, adc = (table.pop(key, None) for key in ("type", "on", "adc"))
+        if kind not in _SENSORS:
+            raise ParameterSetError(f"{where} type = {kind!r} is unknown; known are {', '.join(_SENSORS)}")
+        if place not in _PLACES:
+            raise ParameterSetError(f"{where} on = {place!r} must be one of {', '.join(_PLACES)}")
+        sensor = self._part(_SENSORS[kind], f"sensor.{name}", table)
+        if (sensor.unit == "V") != (adc in adcs):
+            known = ", ".join(adcs) if sensor.unit == "V" else "none, it gives out numbers"
+            raise ParameterSetError(f"{where} adc = {adc!r} must be one of: {known}")
+        return Mounted(sensor, place, adcs.get(adc))

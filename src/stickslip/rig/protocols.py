@@ -1,0 +1,72 @@
+"""What a rig must be able to do, virtual or real: put out a drive, and record inputs on the same clock.
+
+Everything is synchronous: output and inputs begin at the same moment, `start`. A rig knows nothing of
+calibrations, filters, triggers or files: `measure` sees to them in the same way for every rig.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class RigError(RuntimeError):
+    """A rig does not answer, or not as it should."""
+
+
+class Capabilities(NamedTuple):
+    """What a rig can do: rates in Hz, voltages at the piezo in V.
+
+    `step` is that of the output, V; `max_points` the longest drive or recording, in samples; `inputs` the
+    unit of each.
+    """
+
+    name: str
+    update_rate: float
+    sample_rate: float
+    min_voltage: float
+    max_voltage: float
+    step: float
+    max_points: int
+    inputs: dict[str, str]
+
+
+class DriveOutput(Protocol):
+    """Puts out voltages at the piezo; before the first and after `stop` it is at 0 V."""
+
+    def load(self, volts: Array) -> None:
+        """Take the values [n], V, that `start` will put out, one per update; the last one is held."""
+        ...
+
+    def start(self) -> None:
+        """Begin to put out, and to record if armed."""
+        ...
+
+    def stop(self, slew: float) -> None:
+        """Wherever the output is, ramp it to 0 V at `slew` V/s, and end recording."""
+        ...
+
+
+class Recorder(Protocol):
+    """Samples inputs from `start` on."""
+
+    def arm(self, inputs: tuple[str, ...], samples: int) -> None:
+        """Record these inputs, so many samples of each, when the output starts."""
+        ...
+
+    def fetch(self) -> Array:
+        """The samples since the last call [inputs, n], in the units of the inputs; n may be 0."""
+        ...
+
+
+class Rig(DriveOutput, Recorder, Protocol):
+    """A drive output and a recorder on one clock."""
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """What it can do."""
+        ...

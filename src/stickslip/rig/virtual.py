@@ -1,0 +1,175 @@
+"""The virtual rig: the signal chain of a bench around the simulation of an actuator."""
+
+from __future__ import annotations
+
+import math
+import time
+import zlib
+
+import numpy as np
+
+from ..actuator import Actuator
+from ..electronics import adc_output, amplifier_output, dac_output, filtered
+from ..simulation import simulate
+from ..waveform.sampled import Sampled
+from .bench import Bench, Mounted
+from .protocols import Array, Capabilities, RigError
+
+BLOCK = 0.05  # s of samples per `fetch`
+OVERSAMPLING = 4  # analogue signals are computed at so many times the sampling rate
+MAX_POINTS = 5_000_000
+
+
+class VirtualRig:
+    """A rig in software; see `protocols.Rig`.
+
+    Args:
+        actuator: what is driven.
+        bench: the instruments.
+        seed: of all noise: the same seed, the same recording, bit for bit. Each run after the first has noise
+            of its own.
+        real_time: hand out samples no sooner than a real rig would.
+        tolerance: m, of the simulation.
+
+    Each run begins with the end-effector at home, at rest.
+    """
+
+    def __init__(
+        self,
+        actuator: Actuator,
+        bench: Bench,
+        *,
+        seed: int = 0,
+        real_time: bool = False,
+        tolerance: float = 1e-9,
+    ) -> None:
+        # The limits of the drive are the gate's; a converter's step beside 0 V is no error.
+        self.actuator = actuator.replace(min_voltage=-math.inf, max_voltage=math.inf)
+        self.bench, self._seed, self._real_time, self._tolerance = bench, seed, real_time, tolerance
+        self._per_unit = bench.dac.gain * bench.amplifier.gain
+        # What a program adds so that the steps of a truncating converter lie around the wanted voltage.
+        half = 0.5 * bench.dac.step * bench.amplifier.gain if bench.dac.truncates else 0.0
+        self._offset = bench.amplifier.offset - half
+        self._runs = 0
+        self._volts = np.zeros(0)
+        self._inputs: tuple[str, ...] = ()
+        self._samples = self._fetched = 0
+        self._began = 0.0
+        self._running = False
+        self._data = np.zeros((0, 0))
+        self._numbers = np.zeros(0)  # all that went to the converter in the last run, the ramp included
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """What it can do."""
+        bench = self.bench
+        dac, amplifier = bench.dac, bench.amplifier
+        ends = amplifier.gain * np.array([dac.low, dac.high - dac.step]) + amplifier.offset
+        return Capabilities(
+            name=f"virtual rig {bench.name}",
+            update_rate=dac.update_rate,
+            sample_rate=bench.sample_rate,
+            min_voltage=max(float(ends[0]), amplifier.low),
+            max_voltage=min(float(ends[1]), amplifier.high),
+            step=dac.step * amplifier.gain,
+            max_points=MAX_POINTS,
+            inputs={"drive": "V"} | {name: mounted.sensor.unit for name, mounted in bench.sensors.items()},
+        )
+
+    def load(self, volts: Array) -> None:
+        """Take the drive, V at the piezo, one value per update."""
+        self._forbid_running("load")
+        self._volts = np.array(volts, dtype=float)
+
+    def arm(self, inputs: tuple[str, ...], samples: int) -> None:
+        """Record these inputs when the output starts."""
+        self._forbid_running("arm")
+        known = self.capabilities.inputs
+        for name in inputs:
+            if name not in known:
+                raise RigError(f"there is no input {name!r}; there are {', '.join(known)}")
+        if not 0 < samples <= MAX_POINTS:
+            raise RigError(f"{samples} samples are not 1 to {MAX_POINTS}")
+        self._inputs, self._samples = tuple(inputs), samples
+
+    def start(self) -> None:
+        """Run: everything is computed at once, and handed out by `fetch`."""
+        self._forbid_running("start")
+        if not self._volts.size or not self._samples:
+            raise RigError("start needs a drive (load) and inputs (arm)")
+        self._numbers = (self._volts - self._offset) / self._per_unit
+        self._data = self._computed()
+        self._runs += 1
+        self._fetched, self._began, self._running = 0, time.monotonic(), True
+
+    def fetch(self) -> Array:
+        """The next samples; none are left when all have been handed out."""
+        if not self._running:
+            raise RigError("nothing is running")
+        end = min(self._fetched + max(1, round(BLOCK * self.bench.sample_rate)), self._samples)
+        if self._real_time:
+            due = self._began + end / self.bench.sample_rate
+            time.sleep(max(0.0, due - time.monotonic()))
+        block = self._data[:, self._fetched : end]
+        self._fetched = end
+        return block
+
+    def stop(self, slew: float) -> None:
+        """Ramp to 0 V from what the output is at by now: where the samples end that were handed out."""
+        if not self._running:
+            return
+        rate = self.bench.dac.update_rate
+        played = max(1, math.ceil(self._fetched * rate / self.bench.sample_rate))
+        volts = _held(self._volts, played)
+        updates = math.ceil(abs(volts[-1]) / slew * rate)
+        ramp = volts[-1] * (1.0 - np.arange(1, updates + 1) / max(updates, 1))
+        self._numbers = (np.concatenate([volts, ramp]) - self._offset) / self._per_unit
+        self._running = False
+
+    def output(self) -> tuple[Array, Array]:
+        """What came out of the amplifier in the last run: times [s] and voltages, to be joined by lines."""
+        dac, bench = self.bench.dac, self.bench
+        return amplifier_output(
+            bench.amplifier, dac_output(dac, self._numbers), dac.update_rate, bench.piezo_capacitance
+        )
+
+    def _forbid_running(self, what: str) -> None:
+        if self._running:
+            raise RigError(f"{what}: a run is going on; stop it first")
+
+    def _computed(self) -> Array:
+        """The samples of all inputs [inputs, samples]."""
+        bench, rate = self.bench, OVERSAMPLING * self.bench.sample_rate
+        updates = math.ceil(self._samples * bench.dac.update_rate / bench.sample_rate) + 1
+        codes = dac_output(bench.dac, _held(self._numbers, updates))
+        monitor = bench.amplifier.gain * codes + bench.amplifier.offset
+        times, volts = amplifier_output(
+            bench.amplifier, codes, bench.dac.update_rate, bench.piezo_capacitance
+        )
+        moved = simulate(
+            self.actuator,
+            Sampled(times, volts),
+            times=np.arange(OVERSAMPLING * self._samples) / rate,
+            tolerance=self._tolerance,
+        )
+        rows = []
+        for name in self._inputs:
+            if name == "drive":
+                update = np.arange(self._samples) * (bench.dac.update_rate / bench.sample_rate)
+                rows.append(monitor[np.floor(update + 1e-9).astype(int)])
+            else:
+                mounted = bench.sensors[name]
+                rows.append(self._sensed(name, mounted, moved[f"{mounted.on}_position"].values, rate))
+        return np.array(rows).reshape(len(rows), self._samples)
+
+    def _sensed(self, name: str, mounted: Mounted, position: Array, rate: float) -> Array:
+        random = np.random.default_rng([self._seed, self._runs, zlib.crc32(name.encode())])
+        sensed = mounted.sensor.sense(position, rate, random)
+        if mounted.adc is None:
+            return sensed[::OVERSAMPLING]
+        return adc_output(mounted.adc, filtered(self.bench.anti_alias, sensed, rate)[::OVERSAMPLING])
+
+
+def _held(values: Array, count: int) -> Array:
+    """The first `count` values; the last one is held where there are fewer."""
+    return np.pad(values[:count], (0, max(0, count - values.size)), mode="edge")
