@@ -43,6 +43,16 @@ from .recording import make_recording as make_recording
 from .recording import open_recording as open_recording
 from .recording import save_recording as save_recording
 from .recording import validate_recording as validate_recording
+from .rig import Bench as Bench
+from .rig import Capture as Capture
+from .rig import Channel as Channel
+from .rig import LimitError as LimitError
+from .rig import Limits as Limits
+from .rig import RigError as RigError
+from .rig import Trigger as Trigger
+from .rig import VirtualRig as VirtualRig
+from .rig import load_bench as load_bench
+from .rig import measure as measure
 from .simulation import NotPeriodicError as NotPeriodicError
 from .simulation import SimulationError as SimulationError
 from .simulation import SimulationWarning as SimulationWarning

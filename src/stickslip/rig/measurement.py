@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from ..calibration import Calibration
+from ..calibration import Calibration, CalibrationError
 from ..calibration.applying import calibration_attribute, calibration_chain
 from ..calibration.storage import to_text
 from ..electronics import Filter, filtered
@@ -237,7 +237,10 @@ def _units(can: Capabilities, channels: Mapping[str, Channel], limits: Limits) -
             raise QuantityError(f"{name}: {can.name} has no input {channel.input!r}{hint}; it has {known}")
         unit = can.inputs[channel.input]
         if channel.calibration:
-            unit = calibration_chain(channel.calibration, unit)[-1].y_unit
+            try:
+                unit = calibration_chain(channel.calibration, unit)[-1].y_unit
+            except CalibrationError as error:
+                raise QuantityError(f"{name}: {error}") from None
         standard = STANDARD_NAMES.get(name)
         if standard is not None and standard.unit != unit:
             raise QuantityError(

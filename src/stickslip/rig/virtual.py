@@ -17,6 +17,7 @@ from .protocols import Array, Capabilities, RigError
 
 BLOCK = 0.05  # s of samples per `fetch`
 OVERSAMPLING = 4  # analogue signals are computed at so many times the sampling rate
+_SETTLE = 1e-3  # s at 0 V after a stop, for the amplifier to get there
 MAX_POINTS = 5_000_000
 
 
@@ -123,12 +124,18 @@ class VirtualRig:
         volts = _held(self._volts, played)
         updates = math.ceil(abs(volts[-1]) / slew * rate)
         ramp = volts[-1] * (1.0 - np.arange(1, updates + 1) / max(updates, 1))
-        self._numbers = (np.concatenate([volts, ramp]) - self._offset) / self._per_unit
+        rest = np.zeros(math.ceil(_SETTLE * rate))
+        self._numbers = (np.concatenate([volts, ramp, rest]) - self._offset) / self._per_unit
         self._running = False
 
     def output(self) -> tuple[Array, Array]:
-        """What came out of the amplifier in the last run: times [s] and voltages, to be joined by lines."""
+        """What came out of the amplifier in the last run: times [s] and voltages, to be joined by lines.
+
+        0 V if there was none.
+        """
         dac, bench = self.bench.dac, self.bench
+        if not self._numbers.size:
+            return np.zeros(1), np.zeros(1)
         return amplifier_output(
             bench.amplifier, dac_output(dac, self._numbers), dac.update_rate, bench.piezo_capacitance
         )
