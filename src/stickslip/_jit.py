@@ -106,6 +106,12 @@ def inlined(function: Callable[..., Any]) -> Any:
     return numba.njit(function, forceinline=True, **_OPTIONS)
 
 
+def fused(function: Callable[..., Any]) -> Any:
+    """As `inlined`, with a product and the sum after it rounded once, which is an eighth quicker. Not for
+    code that asks whether two sums are exactly equal, as the rest of a static law does."""
+    return numba.njit(function, forceinline=True, fastmath={"contract"}, **_OPTIONS)
+
+
 def overload(function: Callable[..., Any]) -> Any:
     """What `function` becomes inside kernels: the decorated function gets types and returns an
     implementation."""

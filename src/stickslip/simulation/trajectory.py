@@ -15,7 +15,8 @@ from ..friction import elements
 from ..mechanism import SLIDER, STAGE, STAGE_VELOCITY
 from ..recording import make_recording
 from ..solve import energy as accounts
-from ..solve.adaptive import DONE, STEP_TOO_SMALL, integrate
+from ..solve.motion import motion
+from ..solve.outcome import DONE, STEP_TOO_SMALL
 from ..units import QuantityError, with_prefix
 from ..waveform.drive import Drive, evaluate
 from ..waveform.signal import Waveform
@@ -78,18 +79,8 @@ def simulate(
     samples = np.full((times.size, q.size + 1), np.nan)
     work = np.zeros((times.size if energy else 0, accounts.TERMS))
     load_table = load_drive(load, end)
-    outcome, reached, steps, rejected = integrate(
-        law,
-        mech,
-        table,
-        load_table,
-        q,
-        np.array([0.0, end]),
-        float(tolerance),
-        max_steps,
-        times,
-        samples,
-        work,
+    outcome, reached, steps, rejected = motion(
+        law, mech, table, load_table, q, (0.0, end), float(tolerance), max_steps, times, samples, work
     )
     text = "complete"
     if outcome != DONE:

@@ -27,18 +27,16 @@ from ..mechanism import (
 )
 from ..waveform.drive import value_slope_curvature
 from . import energy
+from .outcome import DONE, STEP_TOO_SMALL, TOO_MANY_STEPS
 from .rodas import STAGES, interpolate, step
 
 import numpy as np  # isort: skip
-
-# Outcomes.
-DONE, STEP_TOO_SMALL, TOO_MANY_STEPS = 0, 1, 2
 
 # Modes of the contact.
 FREE, RESTING = 0, 1
 
 # Local error allowed in each step, as a fraction of the tolerance: measured so that the error at the end of
-# eight # periods stays below the tolerance (docs/decisions/integrator.md).
+# eight periods stays below the tolerance (docs/decisions/integrator.md).
 _LOCAL = 0.05
 _REST_CHECKS = 8
 

@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 from ..friction.law import elements
 from ..mechanism import FIRST_BRISTLE, SLIDER, SLIDER_VELOCITY, STAGE, STAGE_VELOCITY, Mechanism
 from ..waveform.drive import Drive
-from .adaptive import DONE, integrate
-
-_NOTHING = np.zeros(0), np.zeros((0, 5 + 1)), np.zeros((0, 4))
+from .motion import motion
+from .outcome import DONE
 
 
 class Orbit(NamedTuple):
@@ -47,7 +46,6 @@ def find_orbit(
 ) -> Orbit:
     """The periodic orbit reached from the state `start`; see the module. `tolerance` in m, on the net
     step."""
-    span = np.array([0.0, period])
     fine = 0.1 * tolerance
     rows = np.array(_shooting_rows(law, mech))
     scale = np.ones(start.size)  # brings velocities to metres
@@ -61,7 +59,7 @@ def find_orbit(
         q = start.copy()
         q[rows] = r
         q[SLIDER] = 0.0
-        outcome = integrate(law, mech, drive, load, q, span, fine, 10_000_000, *_NOTHING)[0]
+        outcome = motion(law, mech, drive, load, q, (0.0, period), fine, 10_000_000)[0]
         if outcome != DONE:
             raise FloatingPointError("the motion could not be followed over one period")
         return q[rows], float(q[SLIDER])

@@ -1,0 +1,7 @@
+"""How a run of an engine ends."""
+
+from __future__ import annotations
+
+DONE, STEP_TOO_SMALL, TOO_MANY_STEPS = 0, 1, 2
+# Not an end: the log of steps must be read and emptied before the run goes on.
+LOG_FULL = 3

@@ -1,0 +1,164 @@
+"""Samples and periods of a trajectory with one bristle, from the log of its steps.
+
+Under a periodic drive the motion becomes periodic. As soon as two periods begin in the same state, within a
+small part of the tolerance, those still to come are copies of the last one, moved on by its net step.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from .._jit import compiled, inlined, kernel
+from ..friction.law import rate
+from ..waveform.drive import value_slope_curvature
+from .bristle import CLOCK, LOCAL, LOG_COLUMNS, STEP, TIME, run, segment_of
+from .outcome import DONE, LOG_FULL
+
+# Two periods are the same if what their first states differ by, times the periods to come, is below this
+# part of the tolerance.
+SAME = 0.02
+
+LOG_ROWS = 1024
+
+
+@compiled
+def read_log(law, log, rows, load, shift, move, times, k, t_end, samples):
+    """Fill the samples up to `t_end` from the log of steps, `shift` [s] later and `move` [m] further on;
+    returns the index of the first sample not filled."""
+    row = 0
+    j = 0
+    while k < times.size and times[k] <= t_end:
+        t = times[k] - shift
+        while row + 1 < rows and t > log[row, 2]:
+            row += 1
+        theta = (t - log[row, 0]) / log[row, 1]
+        rest = 1.0 - theta
+        for c in range(5):
+            inner = log[row, 13 + c] + theta * (log[row, 18 + c] + theta * log[row, 23 + c])
+            samples[k, c if c < 4 else 5] = rest * log[row, 3 + c] + theta * (log[row, 8 + c] + rest * inner)
+        while j + 1 < load.start.size and load.start[j + 1] <= times[k]:
+            j += 1
+        normal = value_slope_curvature(load, j, times[k])[0]
+        v = samples[k, 1] - samples[k, 3]
+        samples[k, 4] = normal * rate(law, v, samples[k, 5])[0]
+        samples[k, 2] += move
+        k += 1
+    return k
+
+
+@inlined
+def _alike(drive, i, j):
+    """Whether two segments of the drive follow the same formula."""
+    for c in range(4):
+        if drive.polynomial[i, c] != drive.polynomial[j, c]:
+            return False
+    count = drive.first[i + 1] - drive.first[i]
+    if count != drive.first[j + 1] - drive.first[j]:
+        return False
+    for row in range(count):
+        for c in range(4):
+            if drive.harmonic[drive.first[i] + row, c] != drive.harmonic[drive.first[j] + row, c]:
+                return False
+    return True
+
+
+@inlined
+def cycle_of(drive, load):
+    """How many segments make a period of the drive; 0 where it has none, or the normal force varies."""
+    constant = load.start.size == 1 and load.first[1] == 0
+    for c in range(1, 4):
+        constant = constant and load.polynomial[0, c] == 0.0
+    if constant:
+        for k in range(1, min(drive.start.size, 17)):
+            if _alike(drive, 0, k):
+                return k
+    return 0
+
+
+@inlined
+def repeats(drive, i, cycle, period, t_end):
+    """How many whole periods from segment i on, within t_end, repeat the period before i."""
+    count = 0
+    while i + cycle <= drive.start.size:
+        for k in range(i, i + cycle):
+            if not _alike(drive, k, k - cycle):
+                return count
+        end = drive.start[i + cycle] if i + cycle < drive.start.size else t_end
+        end = min(end, t_end)
+        if abs(end - drive.start[i] - period) > 1e-9 * period:
+            return count
+        count += 1
+        i += cycle
+    return count
+
+
+@inlined
+def difference(mech, q, other):
+    """The largest difference of two states but for the slider's position, m."""
+    speed = max(abs(q[1] - other[1]), abs(q[3] - other[3])) / mech.rate
+    return max(abs(q[0] - other[0]), abs(q[4] - other[4]), speed)
+
+
+@kernel
+def integrate_bristle(law, mech, drive, load, q, span, tolerance, max_steps, times, samples):
+    """Integrate from span[0] to span[1]; arguments and results are those of `adaptive.integrate`, without
+    the energy account. `times` may be empty: then no steps are kept either."""
+    t_end = span[1]
+    local = LOCAL * tolerance
+    log = np.empty((LOG_ROWS if times.size > 0 else 0, LOG_COLUMNS))
+    clock = np.zeros(CLOCK)
+    clock[TIME], clock[STEP] = span[0], math.inf
+    before = np.empty(5)
+    cycle = cycle_of(drive, load) if mech.slider_stiffness == 0.0 else 0
+    outcome, accepted, rejected, k = DONE, 0, 0, 0
+    i = segment_of(drive, span[0])
+    if cycle > 0 and (i % cycle != 0 or drive.start[i] != span[0]):
+        cycle = 0
+    compared = False
+    while clock[TIME] < t_end:
+        t = clock[TIME]
+        stop = t_end
+        whole = cycle > 0 and i + cycle < drive.start.size and drive.start[i + cycle] < t_end
+        if whole:
+            stop = drive.start[i + cycle]
+        start_step, step_at_start = t, q[2]
+        flushed = False
+        while True:
+            outcome, more, fewer, rows = run(
+                law, mech, drive, load, q, clock, stop, local, max_steps - accepted - rejected, log
+            )
+            accepted += more
+            rejected += fewer
+            if outcome == LOG_FULL:
+                k = read_log(law, log, rows, load, 0.0, 0.0, times, k, clock[TIME], samples)
+                flushed = True
+                continue
+            break
+        k = read_log(law, log, rows, load, 0.0, 0.0, times, k, clock[TIME], samples)
+        if outcome != DONE:
+            return outcome, clock[TIME], accepted, rejected
+        if not whole:
+            cycle = 0
+            continue
+        i += cycle
+        period = stop - start_step
+        if compared and not flushed:
+            left = repeats(drive, i, cycle, period, t_end)
+            if left > 0 and left * difference(mech, q, before) <= SAME * tolerance:
+                net = q[2] - step_at_start
+                for p in range(1, left + 1):
+                    last = drive.start[i + cycle] if i + cycle < drive.start.size else t_end
+                    k = read_log(
+                        law, log, rows, load, drive.start[i] - start_step, p * net, times, k, last, samples
+                    )
+                    i += cycle
+                    clock[TIME] = last
+                q[2] += left * net
+                if i >= drive.start.size:
+                    cycle = 0
+        compared = True
+        for c in range(5):
+            before[c] = q[c]
+    return DONE, clock[TIME], accepted, rejected
