@@ -58,6 +58,7 @@ from .simulation import SimulationError as SimulationError
 from .simulation import SimulationWarning as SimulationWarning
 from .simulation import friction_response as friction_response
 from .simulation import simulate as simulate
+from .simulation import simulate_ensemble as simulate_ensemble
 from .simulation import steady_orbit as steady_orbit
 from .simulation import steady_step as steady_step
 from .units import QuantityError as QuantityError

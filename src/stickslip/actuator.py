@@ -18,6 +18,8 @@ import math
 import os
 from typing import Annotated, Any, NamedTuple
 
+import numpy as np
+
 from .friction import LAWS, is_law
 from .parameters import (
     ParameterSet,
@@ -180,7 +182,7 @@ class Actuator(NamedTuple):
     @property
     def axial_force(self) -> float:
         """Force on the end-effector along +x other than friction: external force and weight [N]."""
-        return self.external_force - self.end_effector_mass * STANDARD_GRAVITY * math.sin(self.incline)
+        return self.external_force - self.end_effector_mass * STANDARD_GRAVITY * np.sin(self.incline)
 
     @classmethod
     def from_parts(

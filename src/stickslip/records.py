@@ -13,6 +13,8 @@ from difflib import get_close_matches
 from types import NoneType
 from typing import Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
+import numpy as np
+
 from .units import QuantityError, to_si
 
 T = TypeVar("T")
@@ -41,6 +43,17 @@ class Quantity(NamedTuple):
             return f"{' and '.join(parts)} {self.unit}".strip()
         return f"a finite number in {self.unit}" if self.unit else "a finite number"
 
+    def allows(self, values: Any) -> Any:
+        """Whether numbers in SI are in range; a boolean, or an array of them."""
+        ok = np.isfinite(values)
+        if self.minimum is not None:
+            ok = (ok | (values == self.minimum)) & (values >= self.minimum)
+        if self.maximum is not None:
+            ok = (ok | (values == self.maximum)) & (values <= self.maximum)
+        if self.above is not None:
+            ok = ok & (values > self.above)
+        return ok if self.below is None else ok & (values < self.below)
+
     def check(self, value: Any, field: str) -> float:
         """The value, a number or a string with a unit, in SI.
 
@@ -51,12 +64,7 @@ class Quantity(NamedTuple):
             number = to_si(value, self.unit, field)
         except QuantityError as error:
             raise QuantityError(f"{error}: {self.meaning} must be {self.range_text()}") from None
-        ok = math.isfinite(number) or number in (self.minimum, self.maximum)
-        ok = ok and (self.minimum is None or number >= self.minimum)
-        ok = ok and (self.above is None or number > self.above)
-        ok = ok and (self.maximum is None or number <= self.maximum)
-        ok = ok and (self.below is None or number < self.below)
-        if not ok:
+        if not self.allows(number):
             shown = repr(value) if isinstance(value, str) else f"{number:.12g} {self.unit}".strip()
             raise QuantityError(
                 f"{field} = {shown} is out of range: {self.meaning} must be {self.range_text()}"

@@ -11,10 +11,11 @@ import xarray as xr
 
 from stickslip.actuator import Actuator, load_actuator
 from stickslip.friction import Elastoplastic, LuGre
-from stickslip.identify.free import free_names, parameter, with_values
+from stickslip.identify.free import parameter
 from stickslip.identify.friction import identify_friction
 from stickslip.recording import RecordingError, RecordingWarning, make_recording
 from stickslip.simulation import simulate
+from stickslip.simulation.varied import free_names, with_values
 from stickslip.units import QuantityError
 from stickslip.verification import verify
 from stickslip.waveform.periodic import Sawtooth

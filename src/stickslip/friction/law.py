@@ -134,6 +134,18 @@ def project(law: Any, z: float) -> float:
     return function(law, z) if function else z
 
 
+def with_fields(law: Any, values: Any) -> Any:
+    """A law of the same kind with these values of its fields, unchecked."""
+    return tuple.__new__(type(law), values)
+
+
+@overload(with_fields)
+def _with_fields(law: Any, values: Any) -> Any:
+    # Spelled out, because compiled code cannot take the fields of a record from an array of any length.
+    names = ", ".join(f"values[{i}]" for i in range(len(law)))
+    return eval(f"lambda law, values: made({names})", {"made": record_class(law)})
+
+
 @overload(rate)
 def _rate(law: Any, v: Any, z: Any) -> Any:
     implementation = _of(law)

@@ -44,7 +44,7 @@ def lugre(law, v, z):
     sigma_1 = law.sigma_1
     if law.damping_velocity < math.inf:
         sigma_1 *= math.exp(-((v / law.damping_velocity) ** 2))
-    dz = v - law.sigma_0 * abs(v) / g * z
+    dz = v - abs(v) * z * (law.sigma_0 / g)  # in this order: with constant g the division waits for nothing
     return law.sigma_0 * z + sigma_1 * dz + law.sigma_2 * v, dz
 
 

@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 
 from ..actuator import Actuator
 from ..simulation import SimulationError, SimulationWarning, simulate
+from ..simulation.varied import free_names, with_values
 from ..waveform.signal import Waveform
 from .channels import channel, names_of, recordings_of, same_number
 from .fit import Progress, Residuals, fit_least_squares
-from .free import Bounds, check_names, free_names, parameter, with_values
+from .free import Bounds, check_names, parameter
 from .recorded_drive import recorded_drive
 from .result import Fit, Parameter, Values
 

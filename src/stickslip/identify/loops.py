@@ -21,9 +21,10 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ..simulation import SimulationError, friction_response
+from ..simulation.varied import free_names, with_values
 from .channels import channel, names_of, recordings_of
 from .fit import Progress, Residuals, fit_least_squares
-from .free import Bounds, check_names, free_names, parameter, with_values
+from .free import Bounds, check_names, parameter
 from .result import Fit, Parameter, Values
 
 OBSERVED = "friction_force"

@@ -65,7 +65,7 @@ def simulate(
         QuantityError: a drive outside the actuator's voltage range, wrong unit, bad times, tolerance or rate.
         SimulationError: not even two samples could be computed.
     """
-    times = _sample_times(waveform, duration, sample_rate, times)
+    times = sample_times(waveform, duration, sample_rate, times)
     law = model.friction
     mech = mechanism(model)
     end = float(times[-1])
@@ -107,9 +107,10 @@ def simulate(
     return made
 
 
-def _sample_times(
+def sample_times(
     waveform: Waveform, duration: float | None, sample_rate: float, times: ArrayLike | None
 ) -> NDArray[np.float64]:
+    """The times given, or those of a rate and a duration; raises `QuantityError`, see `simulate`."""
     if times is not None:
         made = np.ascontiguousarray(times, dtype=float)
         if made.ndim != 1 or made.size < 2 or made[0] < 0.0 or not np.all(np.diff(made) > 0.0):

@@ -11,7 +11,8 @@ import math
 import numpy as np
 
 from .._jit import compiled, inlined, kernel
-from ..friction.law import rate
+from ..friction.law import rate, with_fields
+from ..mechanism import SLIDER, with_coefficients
 from ..waveform.drive import value_slope_curvature
 from .bristle import CLOCK, LOCAL, LOG_COLUMNS, STEP, TIME, run, segment_of
 from .outcome import DONE, LOG_FULL
@@ -20,7 +21,8 @@ from .outcome import DONE, LOG_FULL
 # part of the tolerance.
 SAME = 0.02
 
-LOG_ROWS = 1024
+# Few enough to stay in the cache.
+LOG_ROWS = 512
 
 
 @compiled
@@ -101,13 +103,12 @@ def difference(mech, q, other):
     return max(abs(q[0] - other[0]), abs(q[4] - other[4]), speed)
 
 
-@kernel
-def integrate_bristle(law, mech, drive, load, q, span, tolerance, max_steps, times, samples):
+@compiled
+def follow(law, mech, drive, load, q, span, tolerance, max_steps, times, samples, log):
     """Integrate from span[0] to span[1]; arguments and results are those of `adaptive.integrate`, without
-    the energy account. `times` may be empty: then no steps are kept either."""
+    the energy account. Without `times` the `log` may have no rows."""
     t_end = span[1]
     local = LOCAL * tolerance
-    log = np.empty((LOG_ROWS if times.size > 0 else 0, LOG_COLUMNS))
     clock = np.zeros(CLOCK)
     clock[TIME], clock[STEP] = span[0], math.inf
     before = np.empty(5)
@@ -162,3 +163,48 @@ def integrate_bristle(law, mech, drive, load, q, span, tolerance, max_steps, tim
         for c in range(5):
             before[c] = q[c]
     return DONE, clock[TIME], accepted, rejected
+
+
+@kernel
+def integrate_bristle(law, mech, drive, load, q, span, tolerance, max_steps, times, samples):
+    """One trajectory: see `follow`."""
+    log = np.empty((LOG_ROWS if times.size > 0 else 0, LOG_COLUMNS))
+    return follow(law, mech, drive, load, q, span, tolerance, max_steps, times, samples, log)
+
+
+@kernel
+def integrate_members(law, mech, drive, load, laws, mechs, states, span, tolerance, max_steps, times, found):
+    """Many trajectories, one after the other, each with a law and coefficients of its own.
+
+    Args:
+        law, mech: what the members are made like.
+        drive, load: `Drive` tables, the same for all.
+        laws: [members, fields of the law].
+        mechs: [members, fields of `Mechanism`]; its flags are those of `mech`.
+        states: [members, 5], at span[0]; in place, at the time reached.
+        span, tolerance, max_steps, times: see `adaptive.integrate`.
+        found: outcomes, times reached and steps taken, each [members], and positions of the slider
+            [members, times]. Members whose outcome is not DONE at the start are left out.
+    """
+    outcomes, reached, steps, positions = found
+    log = np.empty((LOG_ROWS if times.size > 0 else 0, LOG_COLUMNS))
+    samples = np.empty((times.size, 6))
+    for m in range(states.shape[0]):
+        if outcomes[m] == DONE:
+            samples[:] = np.nan
+            outcomes[m], reached[m], accepted, rejected = follow(
+                with_fields(law, laws[m]),
+                with_coefficients(mech, mechs[m]),
+                drive,
+                load,
+                states[m],
+                span,
+                tolerance,
+                max_steps,
+                times,
+                samples,
+                log,
+            )
+            steps[m] = accepted + rejected
+            for k in range(times.size):
+                positions[m, k] = samples[k, SLIDER]

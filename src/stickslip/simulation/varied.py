@@ -1,0 +1,105 @@
+"""Which values of a model can vary, by name, and how they are put in: for fits and for ensembles."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+from ..friction import is_law
+from ..records import quantities
+
+
+class Ratio(NamedTuple):
+    """A field that a law bounds by others: it is `value * scale`, and keeps its value unless it is free."""
+
+    field: str
+    scale: Callable[[Mapping[str, float]], float]
+    needs: tuple[str, ...]
+    lower: float
+    upper: float
+
+
+RATIOS = {
+    "stiction_ratio": Ratio("stiction_force", lambda f: f["coulomb_force"], ("coulomb_force",), 1.0, 3.0),
+    "breakaway_share": Ratio(
+        "breakaway_deflection",
+        lambda f: f["coulomb_force"] / f["sigma_0"],
+        ("coulomb_force", "sigma_0"),
+        0.0,
+        0.99,
+    ),
+}
+
+
+def law_of(model: Any) -> Any:
+    """The friction law of a system, or the law itself."""
+    return model if is_law(model) else model.friction
+
+
+def ratios_of(law: Any) -> dict[str, Ratio]:
+    return {name: r for name, r in RATIOS.items() if {r.field, *r.needs} <= {*law._fields}}
+
+
+def element_of(law: Any, name: str) -> tuple[str, int] | None:
+    """Field and index of "stiffness_2"; None if the law has no such element."""
+    match = re.fullmatch(r"(\w+)_(\d+)", name)
+    values = getattr(law, match[1], None) if match and match[1] in law._fields else None
+    if not match or not isinstance(values, tuple) or not 1 <= int(match[2]) <= len(values):
+        return None
+    return match[1], int(match[2]) - 1
+
+
+def free_names(model: Any) -> list[str]:
+    """What may be free in a model: the scalar fields of its law and its own, elements, and `RATIOS`."""
+    law, names = law_of(model), []
+    for field, value in law._asdict().items():
+        if isinstance(value, tuple):
+            names += [f"{field}_{i + 1}" for i in range(len(value))]
+        else:
+            names.append(field)
+    names += ratios_of(law)
+    if not is_law(model):
+        names += [field for field in quantities(type(model)) if isinstance(getattr(model, field), float)]
+    return names
+
+
+def changed_fields(model: Any, values: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Fields of the law, and changed fields of the system, with these values put in, unchecked.
+
+    A field of `RATIOS` that is not among the values keeps its ratio. Values may be arrays, of one length.
+    """
+    law = law_of(model)
+    fields, own = law._asdict(), {}
+    ratios = {n: r for n, r in ratios_of(law).items() if n not in law._fields}
+    tied = {r.field: getattr(law, r.field) / r.scale(fields) for r in ratios.values()}
+    changed = dict(fields)
+    for name, value in values.items():
+        element = element_of(law, name)
+        if name in fields:
+            changed[name] = value
+            tied.pop(name, None)
+        elif name in ratios:
+            tied[ratios[name].field] = value
+        elif element:
+            items = list(changed[element[0]])
+            items[element[1]] = value
+            changed[element[0]] = tuple(items)
+        else:
+            own[name] = value
+    for ratio in ratios.values():
+        if ratio.field in tied:
+            changed[ratio.field] = tied[ratio.field] * ratio.scale(changed)
+    return changed, own
+
+
+def with_values(model: Any, values: Mapping[str, float]) -> Any:
+    """The model with these values put in; a field of `RATIOS` that is not among them keeps its ratio.
+
+    Raises:
+        QuantityError: a value is out of range.
+    """
+    law = law_of(model)
+    changed, own = changed_fields(model, values)
+    changed_law = type(law)(**changed)
+    return changed_law if is_law(model) else model.replace(friction=changed_law, **own)

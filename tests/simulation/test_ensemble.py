@@ -1,0 +1,122 @@
+"""Ensembles: each member is what a simulation of its own gives, and a bad one spoils no other."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+
+from stickslip.actuator import Actuator
+from stickslip.friction import Coulomb, Dahl, Elastoplastic, LuGre, MaxwellSlip, ResetIntegrator
+from stickslip.simulation import simulate, simulate_ensemble
+from stickslip.simulation.varied import with_values
+from stickslip.units import QuantityError
+from stickslip.waveform.periodic import Sawtooth
+
+LUGRE = LuGre(1.399e6, 34.9, 0.0, 0.5401, 0.65)
+MODEL = Actuator(0.1057e-6, 3303.1, 0.524, 0.2, 0.1, LUGRE)
+DRIVE = Sawtooth(65.0, 50.0)
+LAWS = {
+    "LuGre": (LUGRE, "sigma_0"),
+    "Dahl": (Dahl(1.399e6, 0.5401), "sigma_0"),
+    "Elastoplastic": (Elastoplastic(1.399e6, 34.9, 0.0, 0.5401, 0.6, 2e-7), "sigma_1"),
+    "ResetIntegrator": (ResetIntegrator(1.399e6, 3.8e-7, 0.0, 20.0), "sigma_2"),
+    "Coulomb": (Coulomb(0.54), "coulomb_force"),
+    "MaxwellSlip": (MaxwellSlip((1e6, 4e5), (0.3, 0.24), 1.0), "stiffness_2"),
+}
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_a_member_is_what_a_simulation_of_it_gives(name: str) -> None:
+    law, field = LAWS[name]
+    model = MODEL.replace(friction=law, external_force=0.05)
+    start = float(law.stiffness[1]) if field == "stiffness_2" else getattr(law, field)
+    values = {field: start * np.array([0.8, 1.0, 1.3]), "end_effector_mass": np.array([0.08, 0.1, 0.15])}
+    found = simulate_ensemble(model, DRIVE, 0.06, parameters=values, sample_rate=1e3, tolerance=1e-10)
+    assert found["status"].values.tolist() == [0, 0, 0]
+    for m in range(3):
+        alone = with_values(model, {key: float(column[m]) for key, column in values.items()})
+        expected = simulate(alone, DRIVE, 0.06, sample_rate=1e3, tolerance=1e-10)["end_effector_position"]
+        np.testing.assert_allclose(found["end_effector_position"][m], expected, rtol=0, atol=1e-13)
+        assert float(found["net_displacement"][m]) == pytest.approx(
+            float(expected[-1] - expected[0]), abs=1e-13
+        )
+
+
+def test_summaries_alone_are_the_same_numbers() -> None:
+    values = {"coulomb_force": np.linspace(0.2, 1.0, 7)}
+    summary = simulate_ensemble(MODEL, DRIVE, 0.1, parameters=values)
+    sampled = simulate_ensemble(MODEL, DRIVE, 0.1, parameters=values, times=[0.05, 0.1])
+    np.testing.assert_allclose(summary["net_displacement"], sampled["net_displacement"], rtol=0, atol=1e-12)
+    assert "end_effector_position" not in summary
+
+
+def test_drive_scale_and_load_are_the_drive_and_the_normal_force() -> None:
+    found = simulate_ensemble(
+        MODEL, DRIVE, 0.1, parameters={"drive_scale": [1.0, 0.5], "load": [1.0, 2.0]}, tolerance=1e-11
+    )
+    half = simulate(MODEL, Sawtooth(32.5, 50.0), 0.1, load=2.0, tolerance=1e-11)["end_effector_position"]
+    assert float(found["net_displacement"][1]) == pytest.approx(float(half[-1]), abs=1e-10)
+    assert float(found["net_displacement"][0]) != pytest.approx(float(half[-1]), abs=1e-8)
+
+
+def test_a_bad_member_leaves_the_others_and_says_why() -> None:
+    good = simulate_ensemble(MODEL, DRIVE, 0.04, parameters={"sigma_0": [1e6, 2e6]})
+    values = {
+        "sigma_0": [1e6, -1.0, 2e6, np.nan],
+        "stiction_force": [0.65, 0.65, 0.65, 0.65],
+    }
+    found = simulate_ensemble(MODEL, DRIVE, 0.04, parameters=values)
+    assert found["status"].values.tolist() == [0, 4, 0, 4]
+    assert found["status"].attrs["flag_meanings"].split()[-1] == "refused"
+    np.testing.assert_allclose(found["net_displacement"][[0, 2]], good["net_displacement"], rtol=0, atol=0)
+    assert np.isnan(found["net_displacement"][[1, 3]]).all()
+    assert "sigma_0 = -1 N/m is out of range" in str(found["reason"].values[1])
+    assert str(found["reason"].values[0]) == ""
+    below = simulate_ensemble(MODEL, DRIVE, 0.04, parameters={"stiction_force": [0.65, 0.1]})
+    assert "stiction must be >= coulomb_force" in str(below["reason"].values[1])
+
+
+def test_a_member_that_cannot_be_finished_keeps_what_it_has() -> None:
+    values = {"sigma_0": [1e6, 1e9]}
+    found = simulate_ensemble(MODEL, DRIVE, 0.1, parameters=values, sample_rate=1e3, max_steps=150)
+    assert found["status"].values.tolist() == [2, 2]
+    assert "too many steps at t = " in str(found["reason"].values[1])
+    reached = found["time_reached"].values
+    assert np.all((reached > 0.0) & (reached < 0.1))
+    for m in range(2):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            model = with_values(MODEL, {"sigma_0": values["sigma_0"][m]})
+            alone = simulate(model, DRIVE, 0.1, max_steps=150)
+        kept = alone.sizes["time"]
+        np.testing.assert_array_equal(
+            found["end_effector_position"][m, :kept], alone["end_effector_position"]
+        )
+        assert np.isnan(found["end_effector_position"][m, kept:]).all()
+
+
+def test_threads_and_blocks_do_not_change_a_number_and_progress_is_told() -> None:
+    values = {"sigma_0": np.geomspace(5e5, 3e6, 600)}
+    told: list[tuple[int, int]] = []
+    one = simulate_ensemble(MODEL, DRIVE, 0.02, parameters=values, threads=1)
+    two = simulate_ensemble(
+        MODEL, DRIVE, 0.02, parameters=values, threads=2, progress=lambda done, of: told.append((done, of))
+    )
+    np.testing.assert_array_equal(one["net_displacement"], two["net_displacement"])
+    assert told == [(256, 600), (512, 600), (600, 600)]
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"sigma_9": [1.0]}, "'sigma_9' cannot vary"),
+        ({"sigma_0": [1e6, 2e6], "sigma_1": [1.0]}, "arrays of one length"),
+        ({}, "arrays of one length"),
+        ({"sigma_0": [[1e6]]}, "one per member"),
+    ],
+)
+def test_parameters_that_make_no_ensemble_are_refused(parameters: dict, message: str) -> None:
+    with pytest.raises(QuantityError, match=message):
+        simulate_ensemble(MODEL, DRIVE, 0.1, parameters=parameters)
