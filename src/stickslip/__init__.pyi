@@ -41,6 +41,8 @@ from .recording import RecordingError as RecordingError
 from .recording import RecordingWarning as RecordingWarning
 from .recording import make_recording as make_recording
 from .recording import open_recording as open_recording
+from .recording import save_csv as save_csv
+from .recording import save_matlab as save_matlab
 from .recording import save_recording as save_recording
 from .recording import validate_recording as validate_recording
 from .rig import Bench as Bench

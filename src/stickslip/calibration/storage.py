@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..recording.conversion import SI_UNITS
+from ..recording.replacing import replaced_whole
 from ..records import did_you_mean
 from .polynomial import LARGEST_ORDER, Calibration, CalibrationError
 
@@ -56,12 +57,8 @@ def save_calibration(calibration: Calibration, path: str | os.PathLike[str]) -> 
     target = Path(path)
     if target.suffix != ".json":
         raise CalibrationError(f"{target}: a calibration is saved as .json")
-    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
-    try:
+    with replaced_whole(target) as temporary:
         temporary.write_text(to_text(calibration, indent=1) + "\n", encoding="utf-8")
-        os.replace(temporary, target)
-    finally:
-        temporary.unlink(missing_ok=True)
     return target
 
 

@@ -1,5 +1,7 @@
 """Recordings: one schema for measured and simulated data, in memory and on disk."""
 
+from .exports import save_csv as save_csv
+from .exports import save_matlab as save_matlab
 from .schema import SCHEMA_VERSION as SCHEMA_VERSION
 from .schema import STANDARD_NAMES as STANDARD_NAMES
 from .schema import RecordingError as RecordingError

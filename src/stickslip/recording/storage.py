@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from .replacing import replaced_whole
 from .schema import RecordingError, validate_recording, with_schema
 
 
@@ -32,16 +33,8 @@ def save_recording(recording: xr.Dataset, path: str | os.PathLike[str]) -> Path:
         attrs = recording[name].attrs
         stored[name].attrs = {attr: _storable(f"{name}.{attr}", value) for attr, value in attrs.items()}
         stored[name].encoding = {"_FillValue": None}  # a recording has no missing values
-    # Another process may be writing the same target: each has its own temporary file.
-    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
-    try:
+    with replaced_whole(target) as temporary:
         stored.to_netcdf(temporary, engine="h5netcdf")
-        _sync(temporary)
-        os.replace(temporary, target)
-    finally:
-        temporary.unlink(missing_ok=True)
-    if os.name == "posix":  # elsewhere a folder cannot be opened
-        _sync(target.parent)
     return target
 
 
@@ -81,11 +74,3 @@ def _storable(name: str, value: object) -> object:
     if isinstance(value, int | float | np.integer | np.floating):
         return value
     raise RecordingError(f"the attribute {name} is a {type(value).__name__}; text and numbers can be stored")
-
-
-def _sync(path: Path) -> None:
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

@@ -1,41 +1,18 @@
-"""What the parts of an identification file have in common: sources of data, quantities with units, errors."""
+"""What the parts of an identification file have in common: sources of data."""
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Literal
 
 import xarray as xr
-import yaml
-from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, ValidationInfo
+from pydantic import Field
 
 from ..datasets import dataset_path
+from ..input_file import Hertz, InputFileError, Seconds, Strict
 from ..readers import read_recording
-from ..units import QuantityError, to_si
 
-
-class StudyError(ValueError):
-    """An identification file that cannot be used; the message names the file and the field."""
-
-
-def quantity(unit: str) -> BeforeValidator:
-    """Makes a field a quantity: a number in SI, or a text with a unit such as "30.7 g"."""
-
-    def convert(value: Any, info: ValidationInfo) -> float:
-        return to_si(value, unit, str(info.field_name))
-
-    return BeforeValidator(convert)
-
-
-Seconds = Annotated[float, quantity("s")]
-Hertz = Annotated[float, quantity("Hz")]
-
-
-class Strict(BaseModel):
-    """A part of a file: unknown keys are errors."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
+StudyError = InputFileError
 
 
 class Source(Strict):
@@ -58,8 +35,8 @@ class Recorded(Source):
     """A recording in a file: `columns` and `units` as for `read_recording`; `start` and `end` cut a part of
     it out."""
 
-    columns: dict[str, str | int | list[str | int]] = {}
-    units: dict[str, str] = {}
+    columns: dict[str, str | int | list[str | int]] = Field(default_factory=dict)
+    units: dict[str, str] = Field(default_factory=dict)
     sample_rate: Hertz | None = None
     start: Seconds | None = None
     end: Seconds | None = None
@@ -94,32 +71,5 @@ class Study(Strict):
     """What every identification file begins with."""
 
     title: str
-    citation: list[str] = []
+    citation: list[str] = Field(default_factory=list)
     notes: str = ""
-
-
-def load_yaml(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """The content of a YAML file.
-
-    Raises:
-        StudyError: it cannot be read, is no YAML, or is no mapping.
-    """
-    try:
-        found = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise StudyError(f"{path}: {error}") from error
-    except yaml.YAMLError as error:
-        raise StudyError(f"{path} is no YAML: {' '.join(str(error).split())}") from error
-    if not isinstance(found, dict):
-        raise StudyError(f"{path}: an identification file is a mapping with 'kind', 'title' and so on")
-    return found
-
-
-def explain(path: str | os.PathLike[str], error: ValidationError) -> StudyError:
-    """The first thing that is wrong in a file, in one line."""
-    first = error.errors()[0]
-    where = ".".join(str(part) for part in first["loc"])
-    more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
-    cause = first.get("ctx", {}).get("error")
-    text = str(cause) if isinstance(cause, QuantityError) else first["msg"]
-    return StudyError(f"{path}: {where}: {text}{more}")

@@ -19,10 +19,11 @@ from ..identify.frequency import frequency_response
 from ..identify.modal import identify_frequency, modal_response, steady_response
 from ..identify.modal_time import identify_in_time
 from ..identify.result import Fit
+from ..input_file import Hertz, Strict
 from ..parameters import cite
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import estimates, parameter_table
-from .file import Hertz, Source, Strict, Study, StudyError
+from .file import Source, Study, StudyError
 
 _TWO_PI = 2.0 * np.pi
 

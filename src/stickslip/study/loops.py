@@ -14,11 +14,12 @@ from ..figures.style import svg
 from ..friction import LAWS
 from ..identify.loops import identify_loops
 from ..identify.result import Fit
+from ..input_file import Strict, quantity
 from ..parameters import cite
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import estimates, parameter_table
 from ..verification import Verification, verify
-from .file import Recorded, Strict, Study, StudyError, quantity
+from .file import Recorded, Study, StudyError
 
 _LAWS = {law.__name__: law for law in LAWS}
 

@@ -12,10 +12,11 @@ import numpy as np
 from ..figures.events import event_prediction
 from ..figures.style import svg
 from ..identify.pulled import Rig, identify_pulled_slider, simulated_force, slider, slip_events
+from ..input_file import quantity
 from ..parameters import cite
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import estimates, parameter_table
-from .file import Recorded, Study, StudyError, quantity
+from .file import Recorded, Study, StudyError
 
 
 class PulledRecording(Recorded):

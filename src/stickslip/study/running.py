@@ -11,9 +11,10 @@ from typing import Annotated, Any
 
 from pydantic import Field, TypeAdapter, ValidationError
 
+from ..input_file import explain, load_yaml
 from ..recording import RecordingWarning
 from ..report import Document
-from .file import StudyError, explain, load_yaml
+from .file import StudyError
 from .frequency import FrequencyStudy
 from .loops import LoopStudy
 from .pulled import PulledStudy

@@ -14,11 +14,12 @@ from ..figures.identification import fit_with_residuals
 from ..figures.style import svg
 from ..identify.friction import identify_friction
 from ..identify.result import goodness
+from ..input_file import Strict
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import estimates, parameter_table
 from ..waveform import periodic, shapes
 from ..waveform.signal import Waveform
-from .file import Recorded, Strict, Study, StudyError
+from .file import Recorded, Study, StudyError
 
 _SHAPES = {
     name: getattr(module, name)

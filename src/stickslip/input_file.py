@@ -1,0 +1,62 @@
+"""What input files in YAML have in common: quantities with units, no unknown keys, errors in one line."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated, Any
+
+import yaml
+from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, ValidationInfo
+
+from .units import QuantityError, to_si
+
+
+class InputFileError(ValueError):
+    """An input file that cannot be used; the message names the file and the field."""
+
+
+def quantity(unit: str) -> BeforeValidator:
+    """Makes a field a quantity: a number in SI, or a text with a unit such as "30.7 g"."""
+
+    def convert(value: Any, info: ValidationInfo) -> float:
+        return to_si(value, unit, str(info.field_name))
+
+    return BeforeValidator(convert, json_schema_input_type=float | str)
+
+
+Seconds = Annotated[float, quantity("s")]
+Hertz = Annotated[float, quantity("Hz")]
+
+
+class Strict(BaseModel):
+    """A part of a file: unknown keys are errors."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+def load_yaml(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """The content of a YAML file.
+
+    Raises:
+        InputFileError: it cannot be read, is no YAML, or is no mapping.
+    """
+    try:
+        found = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputFileError(f"{path}: {error}") from error
+    except (yaml.YAMLError, ValueError, RecursionError) as error:  # ValueError: a date that does not exist
+        raise InputFileError(f"{path} is no YAML: {' '.join(str(error).split())}") from error
+    if not isinstance(found, dict):
+        raise InputFileError(f"{path}: the file must be a mapping, with 'title' and so on")
+    return found
+
+
+def explain(path: str | os.PathLike[str], error: ValidationError) -> InputFileError:
+    """The first thing that is wrong in a file, in one line."""
+    first = error.errors()[0]
+    where = ".".join(str(part) for part in first["loc"])
+    more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
+    cause = first.get("ctx", {}).get("error")
+    text = str(cause) if isinstance(cause, QuantityError) else first["msg"]
+    return InputFileError(f"{path}: {where}: {text}{more}")

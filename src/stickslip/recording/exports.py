@@ -1,0 +1,134 @@
+"""Recordings for other programs: MAT files in dSPACE's two layouts, and CSV.
+
+Our own format, NetCDF, keeps everything; these keep the samples, the names and the units.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ..units import QuantityError
+from .conversion import to_si_unit
+from .replacing import replaced_whole
+from .schema import RecordingError, validate_recording
+
+Layout = Literal["trace", "controldesk"]
+
+
+def save_matlab(
+    recording: xr.Dataset,
+    path: str | os.PathLike[str],
+    layout: Layout = "trace",
+    units: Mapping[str, str] | None = None,
+) -> Path:
+    """Write a recording to a ``.mat`` file (version 5) and return the path; the file is replaced as a whole.
+
+    Args:
+        recording: over "time".
+        path: the file.
+        layout: "trace" is that of the thesis [kang2007, app. 8], ``trace_x`` the time in s and a row of
+            ``trace_y`` for each variable, in order, their names and units beside them in ``trace_names`` and
+            ``trace_units``; "controldesk" is the structure that ControlDesk writes, called as the file, with
+            ``.X.Data`` and ``.Y(k).Name``, ``.Y(k).Unit``, ``.Y(k).Data``.
+        units: variable -> unit in the file ("um"); SI if not named.
+
+    Raises:
+        RecordingError: the recording breaks the schema, a unit does not fit, or the name is no ``.mat``.
+        OSError: it cannot be written.
+    """
+    from scipy.io import savemat
+
+    target = _target(path, ".mat")
+    columns = _columns(recording, units)
+    time = recording["time"].values[None, :]
+    if layout == "trace":
+        content: dict[str, Any] = {
+            "trace_x": time,
+            "trace_y": np.array([values for _, _, values in columns]),
+            "trace_names": np.array([name for name, _, _ in columns], dtype=object),
+            "trace_units": np.array([unit for _, unit, _ in columns], dtype=object),
+        }
+    elif layout == "controldesk":
+        content = {_matlab_identifier(target.stem): _structure(recording, time, columns)}
+    else:
+        raise RecordingError(f"layout = {layout!r} must be 'trace' or 'controldesk'")
+    with replaced_whole(target) as temporary, temporary.open("wb") as file:
+        savemat(file, content, do_compression=True, oned_as="row")
+    return target
+
+
+def save_csv(
+    recording: xr.Dataset, path: str | os.PathLike[str], units: Mapping[str, str] | None = None
+) -> Path:
+    """Write a recording to a ``.csv`` file, "time [s],drive_voltage [V],...", and return the path.
+
+    Every digit is kept. `units` as for `save_matlab`; raises as that.
+    """
+    target = _target(path, ".csv")
+    columns = _columns(recording, units)
+    header = ",".join(["time [s]", *(f"{name} [{unit}]" if unit else name for name, unit, _ in columns)])
+    table = np.array([recording["time"].values, *(values for _, _, values in columns)]).T
+    with replaced_whole(target) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as file:
+        file.write(header + "\n")
+        file.writelines(",".join(map(repr, row)) + "\n" for row in table.tolist())
+    return target
+
+
+def _target(path: str | os.PathLike[str], suffix: str) -> Path:
+    target = Path(path).resolve()
+    if target.suffix != suffix:
+        raise RecordingError(f"{target}: its name must end in {suffix}")
+    return target
+
+
+def _columns(
+    recording: xr.Dataset, units: Mapping[str, str] | None
+) -> list[tuple[str, str, NDArray[np.float64]]]:
+    """Name, unit and values of each variable, in the unit that is asked for."""
+    validate_recording(recording)
+    units = dict(units or {})
+    columns = []
+    for name, variable in recording.data_vars.items():
+        si = variable.attrs["units"]
+        unit = units.pop(str(name), si)
+        try:
+            conversion = to_si_unit(unit)
+        except QuantityError as error:
+            raise RecordingError(f"{name}: {error}") from None
+        if conversion.unit != si:
+            raise RecordingError(f"{name} is in {si or 'no unit'}, and not to be had in {unit!r}")
+        values = variable.values
+        if unit != si:
+            values = (values - conversion.offset) / conversion.factor
+        columns.append((str(name), unit, values))
+    if units:
+        raise RecordingError(f"the recording has no variable {next(iter(units))!r}")
+    return columns
+
+
+def _structure(
+    recording: xr.Dataset, time: NDArray[np.float64], columns: list[tuple[str, str, NDArray[np.float64]]]
+) -> dict[str, Any]:
+    interval = float(recording["time"].attrs.get("sample_interval", np.median(np.diff(time))))
+    signals = np.empty((1, len(columns)), dtype=[(key, object) for key in ("Name", "Unit", "Data", "XIndex")])
+    for k, (name, unit, values) in enumerate(columns):
+        signals[0, k] = (name, unit, values[None, :], 1.0)
+    return {
+        "X": {"Name": "time", "Unit": "s", "Data": time, "Raster": "recording"},
+        "Y": signals,
+        "Capture": {"SamplingPeriod": interval, "Length": float(time[0, -1] - time[0, 0])},
+        "Description": {"General": str(recording.attrs.get("title", "")) or " "},
+    }
+
+
+def _matlab_identifier(text: str) -> str:
+    """A name that MATLAB takes for a variable: letters, digits and underscores, 31 at most."""
+    name = "".join(sign if sign.isascii() and sign.isalnum() else "_" for sign in text)
+    return (name if name[:1].isalpha() else f"r_{name}")[:31]

@@ -1,0 +1,59 @@
+"""Files that are written whole or not at all."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+
+@contextmanager
+def replaced_whole(target: Path) -> Iterator[Path]:
+    """A path beside the target to write to; at the end it goes onto the disk and takes the target's name.
+
+    At every moment the name holds a whole file, the old one or the new one. A process that is killed leaves
+    ``.NAME.PID.part`` behind, which `remove_leftovers` clears away.
+    """
+    # Another process may be writing the same target: each has its own temporary file.
+    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
+    try:
+        yield temporary
+        _sync(temporary)
+        os.replace(temporary, target)
+    finally:
+        temporary.unlink(missing_ok=True)
+    if os.name == "posix":  # elsewhere a folder cannot be opened
+        _sync(target.parent)
+
+
+def remove_leftovers(folder: Path) -> int:
+    """Remove what killed processes left of unfinished files in a folder; how many there were."""
+    gone = 0
+    for path in folder.glob(".*.part"):
+        process = path.name.split(".")[-2]
+        if process.isdecimal() and not _alive(int(process)):
+            path.unlink(missing_ok=True)
+            gone += 1
+    return gone
+
+
+def _alive(process: int) -> bool:
+    if process == os.getpid():
+        return False  # an earlier process had the number of this one, which is writing nothing yet
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except OSError:  # somebody else's
+        return True
+    return True
+
+
+def _sync(path: Path) -> None:
+    """Wait until the path's content is on the disk."""
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

@@ -1,0 +1,42 @@
+"""Files that are written whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from stickslip.recording.replacing import remove_leftovers, replaced_whole
+
+
+def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
+    target = tmp_path / "a.txt"
+    target.write_text("old")
+
+    def fail() -> None:
+        with replaced_whole(target) as temporary:
+            temporary.write_text("ne")
+            raise OSError("disk full")
+
+    with pytest.raises(OSError, match="full"):
+        fail()
+    assert [f.name for f in tmp_path.iterdir()] == ["a.txt"]
+    assert target.read_text() == "old"
+    with replaced_whole(target) as temporary:
+        temporary.write_text("new")
+        assert target.read_text() == "old"
+    assert target.read_text() == "new"
+
+
+def test_leftovers_of_dead_processes_go_and_those_of_living_ones_stay(tmp_path: Path) -> None:
+    dead = subprocess.Popen([sys.executable, "-c", ""])
+    dead.wait()
+    names = [f".a.nc.{dead.pid}.part", f".a.nc.{os.getpid()}.part", ".b.nc.99999999999999999999.part"]
+    stays = [f".a.nc.{os.getppid()}.part", ".x.part", "a.nc"]
+    for name in names + stays:
+        (tmp_path / name).touch()
+    assert remove_leftovers(tmp_path) == len(names)
+    assert {f.name for f in tmp_path.iterdir()} == set(stays)
