@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import json
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from typer.testing import CliRunner
 
 from stickslip.calibration import load_calibration, read_table
@@ -62,3 +67,76 @@ def test_calibrate_refuses_in_one_line(arguments: list[str], message: str, tmp_p
     assert done.stderr.count("\n") == 1
     assert not (tmp_path / "out").exists()
     assert read_table("kang2007-inductive").x_unit == "V"
+
+
+def small(folder: Path, **changes: object) -> Path:
+    run_ = {
+        "name": "walk",
+        "matrix": {"voltage": ["35 V", "65 V"]},
+        "waveform": [{"shape": "Sawtooth", "fields": {"amplitude": "$voltage", "frequency": 20}}],
+        "capture": {"length": 0.1, "interval": 1e-3, "pre_trigger": 0.01},
+    }
+    content = {
+        "title": "Two walks",
+        "rig": {"kind": "virtual"},
+        "channels": {"drive_voltage": {"input": "drive"}, "end_effector_position": {"input": "ideal"}},
+        "runs": [run_],
+        **changes,
+    }
+    path = folder / "experiment.yaml"
+    path.write_text(yaml.safe_dump(content, sort_keys=False))
+    return path
+
+
+def test_record(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    done = run("record", str(small(tmp_path)), "--out", str(out))
+    assert done.exit_code == 0, done.stderr
+    assert "[  0%] checking" in done.stderr
+    assert "walk_65V" in done.stderr
+    assert {p.name for p in out.iterdir()} >= {"walk_35V.nc", "walk_65V.nc", "experiment.log", "report.html"}
+    numbers = json.loads((out / "results.json").read_text())["numbers"]
+    assert numbers["walk_65V"]["drive_voltage"]["value"] == pytest.approx(64.0, abs=1.0)
+    page = (out / "report.html").read_text()
+    assert "sensor.inductive.noise_density" in page  # what is assumed of the bench
+    again = run("record", str(small(tmp_path)), "--out", str(out))
+    assert "2 of them were there already" in again.stdout
+
+
+def test_record_interrupted(tmp_path: Path) -> None:
+    """In real time it would take three minutes: a Ctrl-C ends it, with what was recorded kept."""
+    long = {"length": 180.0, "interval": 1e-3, "pre_trigger": 0.01}
+    content = yaml.safe_load(small(tmp_path).read_text())
+    content["runs"].append({**content["runs"][0], "name": "long", "capture": long})
+    path, out = (
+        small(tmp_path, runs=content["runs"], rig={"kind": "virtual", "real_time": True}),
+        tmp_path / "out",
+    )
+    command = [sys.executable, "-m", "stickslip", "record", str(path), "--out", str(out)]
+    for sign in (signal.SIGINT, signal.SIGTERM):
+        with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+            assert process.stderr is not None
+            while "long_35V" not in (line := process.stderr.readline()):
+                assert line, "it ended early"
+            time.sleep(0.5)
+            process.send_signal(sign)
+            rest = process.communicate(timeout=60)[1]
+        assert process.returncode == 130
+        assert rest.strip().splitlines()[-1] == "Error: interrupted; what was finished is kept"
+    assert {p.stem for p in out.glob("*.nc")} == {"walk_35V", "walk_65V"}
+    assert (out / "experiment.log").read_text().count("stopped: KeyboardInterrupt") == 2
+
+
+def test_record_refuses_in_one_line(tmp_path: Path) -> None:
+    done = run("record", str(small(tmp_path, limits={"max_voltage": "50 V"})), "--out", str(tmp_path / "out"))
+    assert done.exit_code == 1
+    assert done.stderr.splitlines()[-1].startswith("Error: run 'walk', voltage = 65 V: the drive reaches 6")
+    done = run("record", str(small(tmp_path, runs=[])), "--out", str(tmp_path / "out"))
+    assert done.exit_code == 2
+    assert "experiment.yaml: runs:" in done.stderr
+
+
+@pytest.mark.parametrize(("kind", "field"), [("experiment", "channels"), ("identification", "recordings")])
+def test_schema(kind: str, field: str) -> None:
+    printed = json.loads(run("schema", kind).stdout)
+    assert field in json.dumps(printed)

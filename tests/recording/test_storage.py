@@ -130,14 +130,16 @@ from pathlib import Path
 import numpy as np
 from stickslip.recording import make_recording, open_recording, save_recording
 
-path, times = Path(sys.argv[1]), np.arange(100_000.0)
+path, times = Path(sys.argv[1]), np.arange(1_000_000.0)
 save_recording(make_recording(times, {"x": np.zeros(times.size)}), path)
 wait, torn = random.Random(1), 0
 for _ in range(10):
     writer = os.fork()  # writes at once; a new interpreter would be killed while it imports
     while writer == 0:
         save_recording(make_recording(times, {"x": np.full(times.size, time.monotonic())}), path)
-    time.sleep(wait.uniform(0.005, 0.05))
+    while not list(path.parent.glob(".*.part")):
+        pass
+    time.sleep(wait.uniform(0.0, 0.01))
     os.kill(writer, signal.SIGKILL)
     os.waitpid(writer, 0)
     values = open_recording(path)["x"].values

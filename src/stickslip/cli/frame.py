@@ -58,6 +58,9 @@ def errors_in_one_line(show_traceback: bool) -> Iterator[None]:
         with warnings.catch_warnings():
             warnings.showwarning = say
             yield
+    except KeyboardInterrupt:
+        typer.echo("Error: interrupted; what was finished is kept", err=True)
+        raise typer.Exit(130) from None
     except Exception as error:
         if show_traceback:
             traceback.print_exc()

@@ -1,14 +1,58 @@
-"""Commands of the laboratory: calibrate."""
+"""Commands of the laboratory: record, calibrate, schema."""
 
 from __future__ import annotations
 
+import json
+import signal
 import time
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from .frame import Out, Traceback, app, check_output, errors_in_one_line, write
+from .frame import Out, Traceback, app, check_output, errors_in_one_line, progress_bar, write
+
+
+class Kind(StrEnum):
+    """Kinds of input files."""
+
+    EXPERIMENT = "experiment"
+    IDENTIFICATION = "identification"
+
+
+@app.command()
+def record(
+    file: Annotated[
+        Path, typer.Argument(exists=True, dir_okay=False, metavar="FILE.yaml", help="What to record.")
+    ],
+    out: Out = Path("out/record"),
+    show_traceback: Traceback = False,
+) -> None:
+    """Record what an experiment file asks for, NAME.nc for each recording; those that are there are kept."""
+    begun = time.perf_counter()
+    with errors_in_one_line(show_traceback):
+        check_output(out)
+        from ..experiment import run_experiment
+        from ..experiment.running import read_experiment
+        from ..report.recordings import recordings_document
+
+        # Whoever asks to end gets a safe ramp of the output to 0 V first.
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
+        with progress_bar() as progress:
+            recorded = run_experiment(file, out, progress)
+        document = recordings_document(read_experiment(file).title, recorded, out / "experiment.log")
+        write(document, out, begun)
+
+
+@app.command()
+def schema(kind: Annotated[Kind, typer.Argument(help="Kind of file.")] = Kind.EXPERIMENT) -> None:
+    """Print the JSON Schema of experiment or identification files, for editors."""
+    if kind is Kind.EXPERIMENT:
+        from ..experiment.file import json_schema
+    else:
+        from ..study.running import json_schema
+    typer.echo(json.dumps(json_schema(), indent=1))
 
 
 @app.command()

@@ -33,8 +33,10 @@ def save_recording(recording: xr.Dataset, path: str | os.PathLike[str]) -> Path:
         attrs = recording[name].attrs
         stored[name].attrs = {attr: _storable(f"{name}.{attr}", value) for attr, value in attrs.items()}
         stored[name].encoding = {"_FillValue": None}  # a recording has no missing values
+    # Through memory: where a disk is full, HDF5 brings the whole process down when it closes the file.
+    content = stored.to_netcdf(None, engine="h5netcdf")
     with replaced_whole(target) as temporary:
-        stored.to_netcdf(temporary, engine="h5netcdf")
+        temporary.write_bytes(content)
     return target
 
 

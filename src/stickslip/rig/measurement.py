@@ -78,7 +78,7 @@ def measure(
         RigError: the rig does not answer as it should.
     """
     can = rig.capabilities
-    units = _units(can, channels, limits)
+    units = channel_units(can, channels, limits)
     plan = plan_run(can, drive, channels, capture, limits)
     inputs = tuple(dict.fromkeys(channel.input for channel in channels.values()))
     total: dict[str, Array] = {}
@@ -225,7 +225,7 @@ def _trigger(full: Mapping[str, Array], capture: Capture, plan: Plan, can: Capab
     return found
 
 
-def _units(can: Capabilities, channels: Mapping[str, Channel], limits: Limits) -> dict[str, str]:
+def channel_units(can: Capabilities, channels: Mapping[str, Channel], limits: Limits) -> dict[str, str]:
     """The unit of each channel, calibrated; raises QuantityError for channels that the rig cannot record."""
     if not channels:
         raise QuantityError("a recording needs at least one channel")

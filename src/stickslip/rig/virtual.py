@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import time
+import warnings
 import zlib
 
 import numpy as np
 
 from ..actuator import Actuator
 from ..electronics import adc_output, amplifier_output, dac_output, filtered
-from ..simulation import simulate
+from ..simulation import SimulationWarning, simulate
 from ..waveform.sampled import Sampled
 from .bench import Bench, Mounted
 from .protocols import Array, Capabilities, RigError
@@ -19,6 +20,7 @@ BLOCK = 0.05  # s of samples per `fetch`
 OVERSAMPLING = 4  # analogue signals are computed at so many times the sampling rate
 _SETTLE = 1e-3  # s at 0 V after a stop, for the amplifier to get there
 MAX_POINTS = 5_000_000
+MAX_STEPS = 5_000_000  # of the solver; a recording of 10 s takes some 200 000
 
 
 class VirtualRig:
@@ -153,12 +155,17 @@ class VirtualRig:
         times, volts = amplifier_output(
             bench.amplifier, codes, bench.dac.update_rate, bench.piezo_capacitance
         )
-        moved = simulate(
-            self.actuator,
-            Sampled(times, volts),
-            times=np.arange(OVERSAMPLING * self._samples) / rate,
-            tolerance=self._tolerance,
-        )
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SimulationWarning)  # an error, below
+            moved = simulate(
+                self.actuator,
+                Sampled(times, volts),
+                times=np.arange(OVERSAMPLING * self._samples) / rate,
+                tolerance=self._tolerance,
+                max_steps=MAX_STEPS,
+            )
+        if moved.attrs["outcome"] != "complete":
+            raise RigError(f"the simulation of the actuator {moved.attrs['outcome']}")
         rows = []
         for name in self._inputs:
             if name == "drive":

@@ -1,0 +1,264 @@
+"""From an experiment file to its cells: one for each recording, everything in it resolved and checked."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+import re
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+from .._version import __version__
+from ..actuator import Actuator, load_actuator
+from ..calibration import load_calibration
+from ..electronics import Filter
+from ..readers import read_recording
+from ..records import did_you_mean
+from ..rig import (
+    Bench,
+    Capabilities,
+    Capture,
+    Channel,
+    Limits,
+    Rig,
+    RigError,
+    Trigger,
+    VirtualRig,
+    load_bench,
+)
+from ..rig.measurement import channel_units, plan_run
+from ..units import QuantityError, to_si
+from ..waveform import multisine, periodic, shapes
+from ..waveform.sampled import Sampled
+from ..waveform.sequence import Sequence
+from ..waveform.signal import Waveform
+from .file import ChannelSpec, ExperimentFile, PartSpec, RunSpec, ScpiRigSpec
+
+MOST_CELLS = 10_000
+_SHAPES = {**vars(periodic), **vars(shapes), **vars(multisine)}
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One recording: its name, everything that makes it, and `key`, which changes whenever that does.
+
+    `values` are those of the matrix; `seed` is that of the virtual rig's noise, `bench` its bench, or "".
+    """
+
+    name: str
+    run: str
+    notes: str
+    values: dict[str, float | str]
+    drive: Waveform
+    actuator: Actuator
+    channels: dict[str, Channel]
+    capture: Capture
+    limits: Limits
+    seed: int
+    bench: str
+    key: str
+
+
+class Laboratory(Protocol):
+    """Where the cells of a file are recorded."""
+
+    def rig(self, actuator: Actuator, seed: int) -> Rig:
+        """A rig for a cell."""
+        ...
+
+    def close(self) -> None:
+        """Leave the rig as it was found."""
+        ...
+
+
+class VirtualLaboratory:
+    """A virtual rig for each cell, all on one bench."""
+
+    def __init__(self, bench: Bench, real_time: bool) -> None:
+        self._bench, self._real_time = bench, real_time
+
+    def rig(self, actuator: Actuator, seed: int) -> Rig:
+        """A new rig."""
+        return VirtualRig(actuator, self._bench, seed=seed, real_time=self._real_time)
+
+    def close(self) -> None:
+        """Nothing to do."""
+
+
+def open_laboratory(file: ExperimentFile, folder: Path) -> Laboratory:
+    """The laboratory that a file names; raises ParameterSetError for a wrong bench."""
+    if isinstance(file.rig, ScpiRigSpec):
+        raise QuantityError("rig.kind = 'scpi' is to come")
+    return VirtualLaboratory(load_bench(_own(file.rig.bench, folder, ".toml")), file.rig.real_time)
+
+
+def cells(file: ExperimentFile, folder: Path, laboratory: Laboratory) -> list[Cell]:
+    """The recordings that a file asks for, in order; nothing is put out.
+
+    Args:
+        file: as read.
+        folder: that of the file, for the paths in it.
+        laboratory: the rig.
+
+    Raises:
+        ValueError: something in it is wrong; names the run and the field.
+        LimitError, CaptureError: a drive that the limits refuse, a trigger that cannot come.
+    """
+    channels = {name: _channel(name, spec, folder) for name, spec in file.channels.items()}
+    found: dict[str, Cell] = {}
+    for run in file.runs:
+        count = run.repeats
+        for values in run.matrix.values():
+            count *= len(values)
+        if count + len(found) > MOST_CELLS:
+            raise QuantityError(f"{run.name}: the matrix has more than {MOST_CELLS} recordings")
+        for values in itertools.product(*run.matrix.values()):
+            axes = dict(zip(run.matrix, values, strict=True))
+            for repeat in range(1, run.repeats + 1):
+                try:
+                    cell = _cell(file, run, axes, repeat, channels, folder, laboratory)
+                except (ValueError, RigError) as error:
+                    shown = "".join(f", {axis} = {value}" for axis, value in axes.items())
+                    kind = type(error) if isinstance(error, RigError) else QuantityError
+                    raise kind(f"run {run.name!r}{shown}: {error}") from None
+                if cell.name in found:
+                    raise QuantityError(
+                        f"two recordings would be called {cell.name}: give the runs other names"
+                    )
+                found[cell.name] = cell
+    return list(found.values())
+
+
+def _cell(
+    file: ExperimentFile,
+    run: RunSpec,
+    axes: dict[str, float | str],
+    repeat: int,
+    channels: dict[str, Channel],
+    folder: Path,
+    laboratory: Laboratory,
+) -> Cell:
+    parts = [run.name, *(_in_name(value) for value in axes.values())]
+    name = "_".join(parts + ([str(repeat)] if run.repeats > 1 else []))
+    seed = (getattr(file.rig, "seed", 0) << 32) + zlib.crc32(name.encode())
+    actuator = _actuator(file, run, axes, folder)
+    can = laboratory.rig(actuator, seed).capabilities
+    limits = limits_of(file, actuator)
+    units = channel_units(can, channels, limits)
+    capture = _capture(run, can, units)
+    drive = _drive(run.waveform, axes, folder)
+    plan = plan_run(can, drive, channels, capture, limits)
+    made_of = repr(
+        (__version__, can, file.rig, actuator, channels, capture, limits, seed, file.variables, axes)
+    )
+    key = hashlib.sha256(made_of.encode() + plan.volts.tobytes()).hexdigest()
+    return Cell(
+        name=name,
+        run=run.name,
+        notes=run.notes or file.notes,
+        values=axes,
+        drive=drive,
+        actuator=actuator,
+        channels=channels,
+        capture=capture,
+        limits=limits,
+        seed=seed,
+        bench="" if isinstance(file.rig, ScpiRigSpec) else str(_own(file.rig.bench, folder, ".toml")),
+        key=key,
+    )
+
+
+def _in_name(value: float | str) -> str:
+    """A value as it may stand in the name of a file: "65V", "0.5Hz", "-3"."""
+    text = value if isinstance(value, str) else f"{value:g}"
+    return re.sub(r"[^A-Za-z0-9.+-]", "", text)[:40].strip(".") or "x"
+
+
+def _own(name: str, folder: Path, suffix: str) -> str | Path:
+    """A file beside the experiment file, where a name ends like one."""
+    return folder / name if name.endswith(suffix) else name
+
+
+def _substituted(value: Any, axes: Mapping[str, float | str]) -> Any:
+    if isinstance(value, list):
+        return [_substituted(one, axes) for one in value]
+    if not isinstance(value, str) or not value.startswith("$"):
+        return value
+    if value[1:] not in axes:
+        hint = did_you_mean(value[1:], axes)
+        raise QuantityError(f"{value} is no axis of the matrix{hint}; there are {', '.join(axes) or 'none'}")
+    return axes[value[1:]]
+
+
+def _actuator(file: ExperimentFile, run: RunSpec, axes: Mapping[str, float | str], folder: Path) -> Actuator:
+    actuator = load_actuator(_own(file.actuator.set, folder, ".toml"))
+    friction = {k: _substituted(v, axes) for k, v in file.actuator.friction.items()}
+    changes = {k: _substituted(v, axes) for k, v in {**file.actuator.change, **run.change}.items()}
+    if "friction" in changes or "name" in changes:
+        raise QuantityError("actuator.change: friction and name are not changed there")
+    return actuator.replace(friction=actuator.friction._replace(**friction), **changes)
+
+
+def limits_of(file: ExperimentFile, actuator: Actuator) -> Limits:
+    """The limits of a file; its voltages default to the actuator's."""
+    given = {key: value for key, value in file.limits.model_dump().items() if value is not None}
+    own = {"min_voltage": actuator.min_voltage, "max_voltage": actuator.max_voltage}
+    return Limits(**{key: value for key, value in own.items() if abs(value) < 1e6} | given)
+
+
+def _channel(name: str, spec: ChannelSpec, folder: Path) -> Channel:
+    try:
+        return Channel(
+            spec.input,
+            tuple(load_calibration(_own(text, folder, ".json")) for text in spec.calibration),
+            None if spec.filter is None else Filter(**spec.filter.model_dump()),
+            spec.zero,
+        )
+    except ValueError as error:
+        raise QuantityError(f"channels.{name}: {error}") from None
+
+
+def _capture(run: RunSpec, can: Capabilities, units: Mapping[str, str]) -> Capture:
+    spec = run.capture
+    if (spec.interval is None) == (spec.down_sampling is None):
+        raise QuantityError("capture: give either interval or down_sampling")
+    trigger = None
+    if spec.trigger is not None:
+        unit = units.get(spec.trigger.signal, "V")
+        level = to_si(spec.trigger.level, unit, "capture.trigger.level")
+        trigger = Trigger(spec.trigger.signal, level, spec.trigger.edge)
+    interval = spec.interval if spec.interval is not None else (spec.down_sampling or 1) / can.sample_rate
+    return Capture(spec.length, interval, spec.pre_trigger, trigger, spec.average)
+
+
+def _drive(parts: list[PartSpec], axes: Mapping[str, float | str], folder: Path) -> Waveform:
+    made = []
+    for i, part in enumerate(parts):
+        try:
+            waveform = _waveform(part, axes, folder)
+        except ValueError as error:
+            raise QuantityError(f"waveform[{i}]: {error}") from None
+        made.append(waveform if part.duration is None else (waveform, _substituted(part.duration, axes)))
+    if len(parts) == 1 and parts[0].duration is None:
+        return made[0]
+    return Sequence(*made)
+
+
+def _waveform(part: PartSpec, axes: Mapping[str, float | str], folder: Path) -> Waveform:
+    if (part.shape is None) == (part.file is None):
+        raise QuantityError("a part has either a shape or a file")
+    if part.shape is not None:
+        return _SHAPES[part.shape](**{key: _substituted(v, axes) for key, v in part.fields.items()})
+    if part.fields:
+        raise QuantityError("a file takes no fields")
+    recording: Any = read_recording(folder / str(part.file))
+    return Sampled.from_recording(recording, part.variable)
+
+
+def variables_attribute(file: ExperimentFile, cell: Cell) -> str:
+    """What goes into the attribute "variables" of a recording, JSON: the matrix's values and the file's."""
+    return json.dumps({**file.variables, **cell.values}, ensure_ascii=False)

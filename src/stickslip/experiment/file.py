@@ -1,0 +1,140 @@
+"""What an experiment file may say. Quantities are numbers in SI or texts with a unit, "65 V"."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, StringConstraints
+
+from ..input_file import Seconds, Strict
+
+Quantity = float | str
+Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,59}$")]
+Count = Annotated[int, Field(ge=1, le=10_000)]
+Shape = Literal[
+    "Sawtooth", "ReverseSawtooth", "Triangle", "Cycloid", "Sine", "Step", "Ramp", "Chirp", "Rest", "Constant",
+    "Multisine",
+]  # fmt: skip
+
+
+class VirtualRigSpec(Strict):
+    """The virtual rig: a bench by name or file, the seed of its noise; in real time, or as fast as it can."""
+
+    kind: Literal["virtual"] = "virtual"
+    bench: str = "kang2007-bench"
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
+    real_time: bool = False
+
+
+class ScpiRigSpec(Strict):
+    """A rig on the network that speaks SCPI, by its VISA resource: TCPIP::127.0.0.1::5025::SOCKET."""
+
+    kind: Literal["scpi"]
+    resource: str
+
+
+class ActuatorSpec(Strict):
+    """The actuator on the virtual rig: a parameter set by name or file, and fields changed in it.
+
+    On a real rig it is a note.
+    """
+
+    set: str = "kang2007"
+    change: dict[str, Quantity | bool] = Field(default_factory=dict)
+    friction: dict[str, Quantity] = Field(default_factory=dict)
+
+
+class LimitsSpec(Strict):
+    """What the output may not pass; see `stickslip.rig.Limits`. Voltages default to the actuator's."""
+
+    min_voltage: Quantity | None = None
+    max_voltage: Quantity | None = None
+    max_slew: Quantity | None = None
+    max_duty: Quantity | None = None
+    min_position: Quantity | None = None
+    max_position: Quantity | None = None
+    watchdog: Quantity | None = None
+    stop_slew: Quantity | None = None
+
+
+class FilterSpec(Strict):
+    """A digital low-pass filter; see `stickslip.electronics.Filter`."""
+
+    order: int
+    corner: Quantity
+    family: Literal["butterworth", "bessel", "chebyshev", "elliptic"] = "butterworth"
+    ripple: float = 0.5
+    attenuation: float = 60.0
+
+
+class ChannelSpec(Strict):
+    """A variable of the recordings: an input of the rig, calibrations by name or file, in order, a filter."""
+
+    input: str
+    calibration: list[str] = Field(default_factory=list)
+    filter: FilterSpec | None = None
+    zero: bool = False
+
+
+class TriggerSpec(Strict):
+    """The channel whose edge begins the recording; `level` in its unit."""
+
+    signal: str
+    level: Quantity
+    edge: Literal["rising", "falling"] = "rising"
+
+
+class CaptureSpec(Strict):
+    """Length; interval, or every how many samples of the rig one is kept; trigger; runs to average."""
+
+    length: Seconds
+    interval: Seconds | None = None
+    down_sampling: Count | None = None
+    pre_trigger: Seconds = 0.0
+    trigger: TriggerSpec | None = None
+    average: Count = 1
+
+
+class PartSpec(Strict):
+    """A part of the drive: a waveform with its fields, cut off after `duration`, or a channel of a file."""
+
+    shape: Shape | None = None
+    fields: dict[str, Quantity | list[Quantity] | None] = Field(default_factory=dict)
+    duration: Quantity | None = None
+    file: str | None = None
+    variable: str = "drive_voltage"
+
+
+class RunSpec(Strict):
+    """Recordings that differ by the values of the matrix; $NAME stands for the value of that axis.
+
+    One recording for each combination of values, and so many `repeats` of it.
+    """
+
+    name: Name
+    notes: str = ""
+    waveform: Annotated[list[PartSpec], Field(min_length=1, max_length=1000)]
+    capture: CaptureSpec
+    matrix: dict[Name, Annotated[list[Quantity], Field(min_length=1)]] = Field(default_factory=dict)
+    repeats: Count = 1
+    change: dict[str, Quantity | bool] = Field(default_factory=dict)
+
+
+class ExperimentFile(Strict):
+    """A whole experiment file."""
+
+    title: str
+    operator: str = ""
+    notes: str = ""
+    rig: Annotated[VirtualRigSpec | ScpiRigSpec, Field(discriminator="kind")]
+    actuator: ActuatorSpec = Field(default_factory=ActuatorSpec)
+    limits: LimitsSpec = Field(default_factory=LimitsSpec)
+    channels: Annotated[dict[Name, ChannelSpec], Field(min_length=1)]
+    variables: dict[str, Quantity | bool] = Field(default_factory=dict)
+    save_as: list[Literal["mat", "controldesk", "csv"]] = Field(default_factory=list)
+    runs: Annotated[list[RunSpec], Field(min_length=1)]
+
+
+def json_schema() -> dict[str, Any]:
+    """The JSON Schema of experiment files, for editors."""
+    return ExperimentFile.model_json_schema()

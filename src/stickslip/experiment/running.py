@@ -1,0 +1,179 @@
+"""Run an experiment file: record every cell that is not there yet, and save each as soon as it is done."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+import xarray as xr
+from pydantic import ValidationError
+
+from ..input_file import InputFileError, explain, load_yaml
+from ..recording import RecordingError, open_recording, save_csv, save_matlab, save_recording
+from ..recording.replacing import remove_leftovers
+from ..rig import measure
+from .cells import Cell, Laboratory, cells, open_laboratory, variables_attribute
+from .file import ExperimentFile
+
+Progress = Callable[[str, float], None]
+_EXPORTS = {"mat": ".mat", "controldesk": "_controldesk.mat", "csv": ".csv"}
+
+
+class Recorded(NamedTuple):
+    """A recording of an experiment: the file, and whether it was there already."""
+
+    cell: Cell
+    path: Path
+    kept: bool
+
+
+def run_experiment(
+    path: str | os.PathLike[str], out: str | os.PathLike[str], progress: Progress | None = None
+) -> list[Recorded]:
+    """Record what an experiment file asks for into a folder: ``NAME.nc`` for each cell, and experiment.log.
+
+    The whole file is checked before the first output. Recordings of the same cells that are there already
+    are kept, so that an interrupted experiment goes on where it stopped.
+
+    Args:
+        path: the YAML file.
+        out: the folder; made if it is missing.
+        progress: called with what is being done and how much of all is done, from 0 to 1.
+
+    Raises:
+        InputFileError: the file is not as it must be; names the file and the field.
+        RigError: the rig does not answer, an output passed a limit, a trigger did not come. What was recorded
+            until then is kept.
+        OSError: a file cannot be written.
+    """
+    path, out = Path(path), Path(out)
+    tell = progress or (lambda doing, done: None)
+    tell("checking", 0.0)
+    file = read_experiment(path)
+    laboratory = _opened(path, file)
+    try:
+        wanted = _cells(path, file, laboratory)
+        out.mkdir(parents=True, exist_ok=True)
+        log = _Log(out / "experiment.log")
+        left = remove_leftovers(out)
+        log(f"{path.name}: {len(wanted)} recordings" + (f"; {left} unfinished files removed" if left else ""))
+        try:
+            done = []
+            for i, cell in enumerate(wanted):
+                part = partial(_tell, tell, cell.name, i, len(wanted))
+                done.append(_recorded(file, cell, out, laboratory, log, part))
+        except BaseException as error:
+            log(f"stopped: {type(error).__name__} {error}".rstrip())
+            raise
+        log("complete")
+        return done
+    finally:
+        laboratory.close()
+
+
+def _tell(tell: Progress, doing: str, index: int, count: int, part: float) -> None:
+    tell(doing, (index + part) / count)
+
+
+def read_experiment(path: str | os.PathLike[str]) -> ExperimentFile:
+    """The content of an experiment file; raises InputFileError."""
+    try:
+        return ExperimentFile.model_validate(load_yaml(path))
+    except ValidationError as error:
+        raise explain(path, error) from error
+
+
+def _opened(path: Path, file: ExperimentFile) -> Laboratory:
+    try:
+        return open_laboratory(file, path.parent)
+    except ValueError as error:
+        raise InputFileError(f"{path}: {error}") from error
+
+
+def _cells(path: Path, file: ExperimentFile, laboratory: Laboratory) -> list[Cell]:
+    try:
+        return cells(file, path.parent, laboratory)
+    except ValueError as error:
+        raise InputFileError(f"{path}: {error}") from error
+
+
+def _recorded(
+    file: ExperimentFile,
+    cell: Cell,
+    out: Path,
+    laboratory: Laboratory,
+    log: _Log,
+    progress: Callable[[float], None],
+) -> Recorded:
+    path = out / f"{cell.name}.nc"
+    progress(0.0)
+    recording = _finished(path, cell.key)
+    kept = recording is not None
+    if recording is None:
+        begun = time.perf_counter()
+        recording = _measured(file, cell, laboratory, progress)
+        save_recording(recording, path)
+        log(f"{path.name}: recorded in {time.perf_counter() - begun:.2f} s")
+    else:
+        log(f"{path.name}: kept")
+    for kind in file.save_as:
+        target = out / f"{cell.name}{_EXPORTS[kind]}"
+        if kept and target.is_file():
+            continue
+        if kind == "csv":
+            save_csv(recording, target)
+        else:
+            save_matlab(recording, target, "trace" if kind == "mat" else "controldesk")
+    return Recorded(cell, path, kept)
+
+
+def _measured(
+    file: ExperimentFile, cell: Cell, laboratory: Laboratory, progress: Callable[[float], None]
+) -> xr.Dataset:
+    recording = measure(
+        laboratory.rig(cell.actuator, cell.seed),
+        cell.drive,
+        cell.channels,
+        cell.capture,
+        cell.limits,
+        title=f"{file.title}: {cell.name}",
+        notes=cell.notes,
+        progress=progress,
+    )
+    recording.attrs.update(
+        operator=file.operator,
+        epoch=datetime.now(UTC).isoformat(timespec="seconds"),
+        variables=variables_attribute(file, cell),
+        actuator=repr(cell.actuator),
+        experiment_key=cell.key,
+    )
+    return recording
+
+
+def _finished(path: Path, key: str) -> xr.Dataset | None:
+    """The recording of a cell, if it is there, whole, and of this very cell."""
+    if not path.is_file():
+        return None
+    try:
+        recording = open_recording(path)
+    except RecordingError:
+        return None
+    return recording if recording.attrs.get("experiment_key") == key else None
+
+
+class _Log:
+    """Lines with the time in a file. That it cannot be written must not cost a recording."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def __call__(self, text: str) -> None:
+        line = f"{datetime.now(UTC).isoformat(timespec='milliseconds')} {' '.join(text.split())}\n"
+        with suppress(OSError), self._path.open("a", encoding="utf-8") as file:
+            file.write(line)

@@ -1,0 +1,60 @@
+"""Recordings as they come from a rig: several of one kind together, and one in detail."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+
+from .scale import scale_for
+from .style import BLACK, SERIES, drawn, legend_above, panels, trace
+
+_MOST = 4  # panels
+
+
+@drawn
+def recordings_together(recordings: Mapping[str, xr.Dataset]) -> Figure:
+    """The variables that all of them have, a panel for each, a line for each recording.
+
+    Args:
+        recordings: over "time", by what to call them.
+    """
+    first = next(iter(recordings.values()))
+    names = [n for n in map(str, first.data_vars) if all(n in r for r in recordings.values())][:_MOST]
+    figure, axes = panels([2.0] * len(names))
+    clock = scale_for("s", *(r["time"].values for r in recordings.values()))
+    for panel, name in zip(axes, names, strict=True):
+        scale = scale_for(first[name].attrs["units"], *(r[name].values for r in recordings.values()))
+        for i, (label, recording) in enumerate(recordings.items()):
+            x, y = clock(recording["time"].values), scale(recording[name].values)
+            trace(panel, x, y, color=SERIES[i % len(SERIES)], lw=0.8, label=label)
+        panel.set_ylabel(scale.label(str(first[name].attrs["long_name"])))
+    legend_above(axes[0], columns=4)
+    axes[-1].set_xlabel(clock.label("time"))
+    return figure
+
+
+@drawn
+def recording_detail(recording: xr.Dataset, begin: float, end: float, mark: float | None = None) -> Figure:
+    """A part of a recording sample by sample, where steps, noise and delay are seen.
+
+    Args:
+        recording: over "time".
+        begin, end: of the part, s.
+        mark: a time to mark, s; that of the trigger, say.
+    """
+    part = recording.sel(time=slice(begin, end))
+    names = list(map(str, part.data_vars))[:_MOST]
+    figure, axes = panels([2.0] * len(names))
+    clock = scale_for("s", np.array([begin, end]))
+    for panel, name in zip(axes, names, strict=True):
+        scale = scale_for(part[name].attrs["units"], part[name].values)
+        dots = {"marker": ".", "ms": 3.5, "lw": 0.6, "color": BLACK}
+        trace(panel, clock(part["time"].values), scale(part[name].values), **dots)
+        panel.set_ylabel(scale.label(str(part[name].attrs["long_name"])))
+        if mark is not None:
+            panel.axvline(float(clock(mark)), color=SERIES[1], lw=0.8)
+    axes[-1].set_xlabel(clock.label("time"))
+    return figure
