@@ -60,10 +60,12 @@ from .simulation import NotPeriodicError as NotPeriodicError
 from .simulation import SimulationError as SimulationError
 from .simulation import SimulationWarning as SimulationWarning
 from .simulation import friction_response as friction_response
+from .simulation import sensitivities as sensitivities
 from .simulation import simulate as simulate
 from .simulation import simulate_ensemble as simulate_ensemble
 from .simulation import steady_orbit as steady_orbit
 from .simulation import steady_step as steady_step
+from .simulation import steady_step_derivatives as steady_step_derivatives
 from .units import QuantityError as QuantityError
 from .verification import Verification as Verification
 from .verification import verify as verify

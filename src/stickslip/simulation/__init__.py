@@ -5,6 +5,8 @@ from .errors import NotPeriodicError as NotPeriodicError
 from .errors import SimulationError as SimulationError
 from .errors import SimulationWarning as SimulationWarning
 from .prescribed import friction_response as friction_response
+from .sensitivity import sensitivities as sensitivities
+from .sensitivity import steady_step_derivatives as steady_step_derivatives
 from .steady import steady_orbit as steady_orbit
 from .steady import steady_step as steady_step
 from .trajectory import simulate as simulate

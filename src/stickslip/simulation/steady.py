@@ -9,6 +9,7 @@ import numpy as np
 from ..actuator import Actuator
 from ..solve.periodic import Orbit, find_orbit
 from ..units import QuantityError, with_prefix
+from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
 from .errors import NotPeriodicError
 from .models import checked_drive, load_drive, mechanism, resting_state
@@ -27,6 +28,15 @@ def steady_orbit(
     Raises:
         QuantityError: the waveform has no period, or see `simulate`.
     """
+    period, table = periodic_drive(model, waveform)
+    mech = mechanism(model)
+    start = resting_state(model.friction, mech, table.before)
+    load_table = load_drive(load, period)
+    return find_orbit(model.friction, mech, table, load_table, start, period, float(tolerance))
+
+
+def periodic_drive(model: Actuator, waveform: Waveform) -> tuple[float, Drive]:
+    """Period [s] and one period of the drive; raises `QuantityError`, see `steady_orbit`."""
     period = getattr(waveform, "period", None)
     if period is None:
         raise QuantityError(
@@ -34,11 +44,7 @@ def steady_orbit(
         )
     if math.isfinite(waveform.duration):  # a given number of periods: look at the endless one
         waveform = waveform._replace(periods=None)  # type: ignore[attr-defined]
-    table = checked_drive(model, waveform, float(period), periodic=True)
-    mech = mechanism(model)
-    start = resting_state(model.friction, mech, table.before)
-    load_table = load_drive(load, float(period))
-    return find_orbit(model.friction, mech, table, load_table, start, float(period), float(tolerance))
+    return float(period), checked_drive(model, waveform, float(period), periodic=True)
 
 
 def steady_step(

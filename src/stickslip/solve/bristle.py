@@ -24,14 +24,16 @@ KINK = 0.02
 # sliding velocity has fallen to half: the bristle stiffens no more there, and the error estimates would not
 # see what happens when it lets go.
 STIFF, SLOWED = 5.0, 0.5
-# Columns of the log: a step's start, its length, where it was cut, both states and the continuous extension.
-LOG_COLUMNS = 28
+# Columns of the log: a step's start, its length, where it ends, its side of v = 0, the fraction of it that
+# counts, then the states at both ends and the continuous extension.
+START, LENGTH, END, LOG_SIDE, FRACTION, STATES = 0, 1, 2, 3, 4, 5
+LOG_COLUMNS = STATES + 25
 # The clock of a trajectory: time, next step, side of v = 0 (0: to be found).
 TIME, STEP, SIDE, CLOCK = 0, 1, 2, 3
 
 
 @fused
-def _at_nodes(drive, i, t, h):
+def at_nodes(drive, i, t, h):
     """The drive at the nodes of a step, and its slope at the start."""
     tau = t - drive.start[i]
     c0, c1 = drive.polynomial[i, 0], drive.polynomial[i, 1]
@@ -111,7 +113,7 @@ def _first_step(law, mech, local, u, normal, q):
 
 
 @fused
-def _bounded(law, z, towards):
+def bounded(law, z, towards):
     """z put on a bound of the law that it moves towards and is within an error of; else the steps would
     shrink before it for ever, for the rate jumps there."""
     ahead = z + towards
@@ -146,8 +148,8 @@ def run(law, mech, drive, load, q, clock, t_end, local, max_steps, log):
         last = h >= left
         h_now = left if last else min(h, 0.5 * left) if h > 0.5 * left else h
 
-        u, du = _at_nodes(drive, i, t, h_now)
-        normal, dnormal = _at_nodes(load, j, t, h_now)
+        u, du = at_nodes(drive, i, t, h_now)
+        normal, dnormal = at_nodes(load, j, t, h_now)
         new, rows, error, stiffness = contact_step(law, mech, side, h_now, state, u, du, normal, dnormal)
         error /= local
         if not error <= 1.0:
@@ -162,6 +164,7 @@ def run(law, mech, drive, load, q, clock, t_end, local, max_steps, log):
             continue
 
         at_rest = False
+        side_of_step = side
         # A reversal inside the step: cut it there, unless the kink is too small to matter.
         v, v_new = state[1] - state[3], new[1] - new[3]
         v_middle = 0.5 * (v + v_new) + 0.25 * (
@@ -200,17 +203,18 @@ def run(law, mech, drive, load, q, clock, t_end, local, max_steps, log):
             end = at(cut, state, new, rows)
             if at_rest:
                 end = (end[0], end[1], end[2], end[1], end[4])
-        z = _bounded(law, end[4], math.copysign(local, end[1] - end[3]))
+        z = bounded(law, end[4], math.copysign(local, end[1] - end[3]))
         end = (end[0], end[1], end[2], end[3], z)
 
         if log.shape[0] > 0:
-            log[logged, 0], log[logged, 1], log[logged, 2] = t, h_now, t_new
+            log[logged, START], log[logged, LENGTH], log[logged, END] = t, h_now, t_new
+            log[logged, LOG_SIDE], log[logged, FRACTION] = side_of_step, cut
             for c in range(5):
-                log[logged, 3 + c] = state[c]
-                log[logged, 8 + c] = new[c]
-                log[logged, 13 + c] = rows[0][c]
-                log[logged, 18 + c] = rows[1][c]
-                log[logged, 23 + c] = rows[2][c]
+                log[logged, STATES + c] = state[c]
+                log[logged, STATES + 5 + c] = new[c]
+                log[logged, STATES + 10 + c] = rows[0][c]
+                log[logged, STATES + 15 + c] = rows[1][c]
+                log[logged, STATES + 20 + c] = rows[2][c]
             logged += 1
 
         state = end

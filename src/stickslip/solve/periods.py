@@ -12,9 +12,22 @@ import numpy as np
 
 from .._jit import compiled, inlined, kernel
 from ..friction.law import rate, with_fields
-from ..mechanism import SLIDER, with_coefficients
+from ..mechanism import SLIDER, SLIDER_VELOCITY, STAGE_VELOCITY, with_coefficients
 from ..waveform.drive import value_slope_curvature
-from .bristle import CLOCK, LOCAL, LOG_COLUMNS, STEP, TIME, run, segment_of
+from .bristle import (
+    CLOCK,
+    END,
+    LENGTH,
+    LOCAL,
+    LOG_COLUMNS,
+    START,
+    STATES,
+    STEP,
+    TIME,
+    run,
+    segment_of,
+)
+from .neighbours import carry, mark, read_traces, replay
 from .outcome import DONE, LOG_FULL
 
 # Two periods are the same if what their first states differ by, times the periods to come, is below this
@@ -29,23 +42,24 @@ LOG_ROWS = 512
 def read_log(law, log, rows, load, shift, move, times, k, t_end, samples):
     """Fill the samples up to `t_end` from the log of steps, `shift` [s] later and `move` [m] further on;
     returns the index of the first sample not filled."""
-    row = 0
-    j = 0
+    row, j = 0, 0
     while k < times.size and times[k] <= t_end:
         t = times[k] - shift
-        while row + 1 < rows and t > log[row, 2]:
+        while row + 1 < rows and t > log[row, END]:
             row += 1
-        theta = (t - log[row, 0]) / log[row, 1]
+        theta = (t - log[row, START]) / log[row, LENGTH]
         rest = 1.0 - theta
         for c in range(5):
-            inner = log[row, 13 + c] + theta * (log[row, 18 + c] + theta * log[row, 23 + c])
-            samples[k, c if c < 4 else 5] = rest * log[row, 3 + c] + theta * (log[row, 8 + c] + rest * inner)
+            at = STATES + c
+            inner = log[row, at + 10] + theta * (log[row, at + 15] + theta * log[row, at + 20])
+            value = rest * log[row, at] + theta * (log[row, at + 5] + rest * inner)
+            samples[k, c if c < 4 else 5] = value
         while j + 1 < load.start.size and load.start[j + 1] <= times[k]:
             j += 1
         normal = value_slope_curvature(load, j, times[k])[0]
-        v = samples[k, 1] - samples[k, 3]
+        v = samples[k, STAGE_VELOCITY] - samples[k, SLIDER_VELOCITY]
         samples[k, 4] = normal * rate(law, v, samples[k, 5])[0]
-        samples[k, 2] += move
+        samples[k, SLIDER] += move
         k += 1
     return k
 
@@ -104,9 +118,10 @@ def difference(mech, q, other):
 
 
 @compiled
-def follow(law, mech, drive, load, q, span, tolerance, max_steps, times, samples, log):
+def follow(law, mech, drive, load, q, span, tolerance, max_steps, times, samples, log, near):
     """Integrate from span[0] to span[1]; arguments and results are those of `adaptive.integrate`, without
-    the energy account. Without `times` the `log` may have no rows."""
+    the energy account. Without `times` the `log` may have no rows. `near`: None, or members that take the
+    same steps (see `neighbours`)."""
     t_end = span[1]
     local = LOCAL * tolerance
     clock = np.zeros(CLOCK)
@@ -124,7 +139,9 @@ def follow(law, mech, drive, load, q, span, tolerance, max_steps, times, samples
         whole = cycle > 0 and i + cycle < drive.start.size and drive.start[i + cycle] < t_end
         if whole:
             stop = drive.start[i + cycle]
-        start_step, step_at_start = t, q[2]
+        period_start, position = t, q[SLIDER]
+        if near is not None:
+            mark(near)
         flushed = False
         while True:
             outcome, more, fewer, rows = run(
@@ -132,6 +149,9 @@ def follow(law, mech, drive, load, q, span, tolerance, max_steps, times, samples
             )
             accepted += more
             rejected += fewer
+            if near is not None:
+                replay(law, mech, drive, load, log, rows, local, near)
+                read_traces(log, rows, 0.0, 0, times, k, clock[TIME], near)
             if outcome == LOG_FULL:
                 k = read_log(law, log, rows, load, 0.0, 0.0, times, k, clock[TIME], samples)
                 flushed = True
@@ -144,19 +164,23 @@ def follow(law, mech, drive, load, q, span, tolerance, max_steps, times, samples
             cycle = 0
             continue
         i += cycle
-        period = stop - start_step
+        period = stop - period_start
         if compared and not flushed:
             left = repeats(drive, i, cycle, period, t_end)
             if left > 0 and left * difference(mech, q, before) <= SAME * tolerance:
-                net = q[2] - step_at_start
+                net = q[SLIDER] - position
                 for p in range(1, left + 1):
                     last = drive.start[i + cycle] if i + cycle < drive.start.size else t_end
+                    if near is not None:
+                        read_traces(log, rows, drive.start[i] - period_start, p, times, k, last, near)
                     k = read_log(
-                        law, log, rows, load, drive.start[i] - start_step, p * net, times, k, last, samples
+                        law, log, rows, load, drive.start[i] - period_start, p * net, times, k, last, samples
                     )
                     i += cycle
                     clock[TIME] = last
-                q[2] += left * net
+                q[SLIDER] += left * net
+                if near is not None:
+                    carry(near, left)
                 if i >= drive.start.size:
                     cycle = 0
         compared = True
@@ -169,7 +193,15 @@ def follow(law, mech, drive, load, q, span, tolerance, max_steps, times, samples
 def integrate_bristle(law, mech, drive, load, q, span, tolerance, max_steps, times, samples):
     """One trajectory: see `follow`."""
     log = np.empty((LOG_ROWS if times.size > 0 else 0, LOG_COLUMNS))
-    return follow(law, mech, drive, load, q, span, tolerance, max_steps, times, samples, log)
+    return follow(law, mech, drive, load, q, span, tolerance, max_steps, times, samples, log, None)
+
+
+@kernel
+def integrate_near(law, mech, drive, load, q, span, tolerance, max_steps, times, samples, near):
+    """One trajectory, and neighbours of it that take the same steps: see `neighbours`. `times` may not be
+    empty."""
+    log = np.empty((LOG_ROWS, LOG_COLUMNS))
+    return follow(law, mech, drive, load, q, span, tolerance, max_steps, times, samples, log, near)
 
 
 @kernel
@@ -204,6 +236,7 @@ def integrate_members(law, mech, drive, load, laws, mechs, states, span, toleran
                 times,
                 samples,
                 log,
+                None,
             )
             steps[m] = accepted + rejected
             for k in range(times.size):
