@@ -45,7 +45,7 @@ class Quantity(NamedTuple):
 
     def allows(self, values: Any) -> Any:
         """Whether numbers in SI are in range; a boolean, or an array of them."""
-        ok = np.isfinite(values)
+        ok = math.isfinite(values) if isinstance(values, float) else np.isfinite(values)
         if self.minimum is not None:
             ok = (ok | (values == self.minimum)) & (values >= self.minimum)
         if self.maximum is not None:

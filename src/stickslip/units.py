@@ -93,6 +93,8 @@ def to_si(value: float | str, unit: str, field: str = "value") -> float:
     Raises:
         QuantityError: the string cannot be read, or is of another dimension, or the value is no number.
     """
+    if type(value) is float:
+        return value
     expected = f"(expected {unit or 'a plain number'})"
     if isinstance(value, str):
         try:

@@ -21,6 +21,9 @@ from .blas import single_threaded
 from .covariance import LOSSES, Noise, uncertainty
 from .result import Fit, Parameter, Values, goodness
 
+# Hops: a parameter times or over these factors (of its range, where its scale is linear), then a search of
+# so many evaluations, which shows whether there is a lower valley.
+HOPS, LOOK = (0.25, 0.5, 2.0, 4.0), 12
 # Starts whose cost is within this many noise variances of the best are statistically the same answer.
 SAME_MINIMUM = 0.01
 
@@ -174,6 +177,7 @@ def fit_least_squares(
     loss: str = "linear",
     loss_scale: float = 1.0,
     starts: int = 1,
+    hops: int = 0,
     seed: int = 0,
     difference_step: float = 1e-4,
     central: bool = False,
@@ -197,6 +201,8 @@ def fit_least_squares(
         loss_scale: weighted residual above which a robust loss discounts: in noise deviations if the noise is
             given, else in the unit of the data.
         starts: total number of starts; those after the first fill the bounds by a Latin hypercube.
+        hops: how many times at most to look for a lower valley beside the best one found: each parameter
+            times 4, 2, 1/2 and 1/4 in turn. It ends when none of that leads lower.
         seed: of that hypercube.
         difference_step: of the derivatives, relative to the value. Must stay far above the relative error of
             an adaptive simulator; 1e-4 suits tolerances of 1e-8 and below.
@@ -230,7 +236,8 @@ def fit_least_squares(
         slopes = [p.value(x) if p.log else 1.0 for p, x in zip(parameters, q, strict=True)]
         return jacobian(problem.values(q)) * slopes / (problem.noise * problem.scale)[:, None]
 
-    def search(number: int, q: np.ndarray) -> _End:
+    def search(number: int, q: np.ndarray, most: int = max_evaluations) -> _End:
+        settle = most == max_evaluations
         problem.best_cost, problem.best = math.inf, q
         begun = problem.evaluations
 
@@ -245,7 +252,7 @@ def fit_least_squares(
         converged, message = False, ""
         try:
             # One-sided differences find the place at half the price, two-sided ones settle it.
-            for two_sided in (True,) if central or jacobian is not None else (False, True):
+            for two_sided in (True,) if central or jacobian is not None else (False, True)[: 1 + settle]:
                 found = least_squares(
                     problem.residuals,
                     q,
@@ -257,7 +264,7 @@ def fit_least_squares(
                     ftol=tolerance,
                     xtol=tolerance,
                     gtol=1e-15,
-                    max_nfev=max_evaluations,
+                    max_nfev=most,
                 )
                 q, converged = found.x, found.status > 0
                 message = found.message.strip(" .").replace("`", "")
@@ -270,6 +277,13 @@ def fit_least_squares(
 
     begins = enumerate([problem.start, *_scattered(problem, starts - 1, seed)], start=1)
     ends = [search(i, q) for i, q in begins if np.all(np.isfinite(problem.residuals(q)))]
+    for _ in range(hops):
+        best = min(ends, key=lambda end: end.cost)
+        looks = [search(starts, q, LOOK) for q in _beside(problem, best.q)]
+        look = min(looks, key=lambda end: end.cost)
+        if not look.cost < best.cost * (1 - SAME_MINIMUM / degrees_of_freedom):
+            break
+        ends.append(search(starts, look.q))
     best = min(ends, key=lambda end: end.cost)
     same = best.cost * (1 + SAME_MINIMUM / degrees_of_freedom) + 1e-12 * problem.scale**2
     uncertain = uncertainty(
@@ -322,3 +336,17 @@ def _scattered(problem: _Problem, n: int, seed: int) -> np.ndarray:
         raise FitError("several starts need finite bounds, above 0 where the scale is logarithmic")
     cube = qmc.LatinHypercube(problem.start.size, rng=np.random.default_rng(seed)).random(n)
     return problem.lower + cube * (problem.upper - problem.lower)
+
+
+def _beside(problem: _Problem, q: np.ndarray) -> list[np.ndarray]:
+    """Where hops from q begin: inside the bounds, and where the model works."""
+    found = []
+    for i, p in enumerate(problem.parameters):
+        for factor in HOPS:
+            reach = 1.0 if p.log else 0.1 * min(problem.upper[i] - problem.lower[i], 10 * problem.typical[i])
+            hop = q.copy()
+            hop[i] += reach * math.log(factor)
+            inside = problem.lower[i] < hop[i] < problem.upper[i]
+            if inside and np.all(np.isfinite(problem.residuals(hop))):
+                found.append(hop)
+    return found

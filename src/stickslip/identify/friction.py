@@ -3,10 +3,8 @@ drive [kang2007, 5.3]."""
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -14,18 +12,17 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ..actuator import Actuator
-from ..simulation import SimulationError, SimulationWarning, simulate
 from ..simulation.varied import free_names, with_values
 from ..waveform.signal import Waveform
 from .channels import channel, names_of, recordings_of, same_number
+from .displacement import Displacement, has_slopes
 from .fit import Progress, Residuals, fit_least_squares
 from .free import Bounds, check_names, parameter
-from .recorded_drive import recorded_drive
 from .result import Fit, Parameter, Values
 
 OBSERVED = "end_effector_position"
-# Relative. With the tolerance below, both parts of its error are under 1 % of a derivative; a step of 1e-4
-# needs a tolerance of 1e-13 m for that, for which the simulation takes longer.
+# Relative, of a law without derivatives. With its tolerance, both parts of its error are under 1 % of a
+# derivative; a step of 1e-4 needs a tolerance of 1e-13 m for that, for which the simulation takes longer.
 DIFFERENCE_STEP = 5e-3
 # Of the channel, not of the actuator.
 CHANNEL = ("delay", "offset")
@@ -41,9 +38,10 @@ def identify_friction(
     drive: Waveform | Sequence[Waveform | None] | None = None,
     bounds: Bounds | None = None,
     noise: float | None = None,
-    starts: int = 2,
+    starts: int = 1,
+    hops: int = 6,
     seed: int = 0,
-    tolerance: float = 1e-12,
+    tolerance: float | None = None,
     correlated: bool = False,
     max_evaluations: int = 200,
     progress: Callable[[Progress], None] | None = None,
@@ -67,9 +65,12 @@ def identify_friction(
             is logarithmic, but linear where bounds reach down to zero.
         noise: standard deviation of the position, m; left out, it is estimated from the residuals.
         starts: how many; those after the first fill the bounds.
+        hops: see `fit_least_squares`; 0 is several times quicker, and for a start that is near.
         seed: of the further starts.
-        tolerance: m, of the simulation. Derivatives are differences over half a percent of a parameter, so it
-            must be far below what that changes (a weakly determined one: some pm in steps of micrometres).
+        tolerance: m, of the simulation; left out, 1e-11 for a law of one internal state, whose derivatives
+            are those of `sensitivities`. For the others they are differences over half a percent of a
+            parameter, so it must be far below what that changes (a weakly determined one: some pm in steps of
+            micrometres): 1e-12.
         correlated: allow for residuals correlated in time in the uncertainty.
         max_evaluations: of all recordings, for each start.
         progress: called after each evaluation.
@@ -102,9 +103,13 @@ def identify_friction(
         _of_channel(name, shifts[name], bounds) if name in CHANNEL else parameter(model, name, bounds)
         for name in free
     ]
-    motions = list(map(_motion, found, drives, names, repeat(tolerance)))
+    exact = has_slopes(model)
+    tolerance = tolerance or (1e-11 if exact else 1e-12)
+    motions = [
+        Displacement(r, w, name, model, tolerance) for r, w, name in zip(found, drives, names, strict=True)
+    ]
 
-    def residuals(motion: Callable[..., NDArray[np.float64]], position: NDArray[np.float64]) -> Any:
+    def residuals(motion: Displacement, position: NDArray[np.float64]) -> Any:
         def of(values: Values) -> NDArray[np.float64]:
             return _observed(motion, model, values) - position
 
@@ -116,9 +121,11 @@ def identify_friction(
             for motion, position, name in zip(motions, measured, names, strict=True)
         ],
         parameters,
+        jacobian=_slopes(motions, model, free) if exact else None,
         noise_known=noise is not None,
         correlated=correlated,
         starts=starts,
+        hops=hops,
         seed=seed,
         difference_step=DIFFERENCE_STEP,
         max_evaluations=max_evaluations,
@@ -127,10 +134,9 @@ def identify_friction(
 
     def predict(recording: xr.Dataset, drive: Waveform | None = None) -> NDArray[np.float64]:
         name = names_of([recording])[0]
-        return _observed(_motion(recording, drive, name, tolerance), model, fit.values)
+        return _observed(Displacement(recording, drive, name, model, tolerance), model, fit.values)
 
-    own = {name: value for name, value in fit.values.items() if name not in CHANNEL}
-    return replace(fit, model=with_values(model, own), observed=OBSERVED, predict=predict)
+    return replace(fit, model=with_values(model, _own(fit.values)), observed=OBSERVED, predict=predict)
 
 
 def _of_channel(name: str, reach: float, bounds: Bounds) -> Parameter:
@@ -139,40 +145,28 @@ def _of_channel(name: str, reach: float, bounds: Bounds) -> Parameter:
     return Parameter(name, min(max(0.0, low), high), low, high, unit, log=False)
 
 
-def _observed(motion: Callable[..., NDArray[np.float64]], model: Actuator, values: Values) -> Any:
+def _own(values: Values) -> Values:
+    """The values that are of the actuator."""
+    return {name: value for name, value in values.items() if name not in CHANNEL}
+
+
+def _observed(motion: Displacement, model: Actuator, values: Values) -> NDArray[np.float64]:
     """What the position channel shows."""
-    own = {name: value for name, value in values.items() if name not in CHANNEL}
-    return motion(with_values(model, own), values.get("delay", 0.0)) + values.get("offset", 0.0)
+    position = motion.position(with_values(model, _own(values)), values.get("delay", 0.0))
+    return position + values.get("offset", 0.0)
 
 
-def _motion(
-    recording: xr.Dataset, drive: Waveform | None, name: str, tolerance: float
-) -> Callable[[Actuator, float], NDArray[np.float64]]:
-    """From an actuator and a delay to its position at the recording's samples.
+def _slopes(
+    motions: Sequence[Displacement], model: Actuator, free: Sequence[str]
+) -> Callable[[Values], NDArray[np.float64]]:
+    """Derivatives of all recordings' residuals by the free values, [samples, free]."""
+    own = [name for name in free if name not in CHANNEL]
 
-    The last result is kept: offsets are differenced without a new simulation.
-    """
-    time = recording["time"].values
-    if drive is None:
-        drive = recorded_drive(recording, name)
-        time = time - time[0]
-    waveform = drive
-    known: dict[tuple[Actuator, float], NDArray[np.float64]] = {}
+    def of(values: Values) -> NDArray[np.float64]:
+        here, delay = with_values(model, _own(values)), values.get("delay", 0.0)
+        found = np.vstack([motion.slopes(here, delay, own) for motion in motions])
+        known = {name: found[:, i] for i, name in enumerate([*own, "delay"])}
+        known["offset"] = np.ones(len(found))
+        return np.column_stack([known[name] for name in free])
 
-    def motion(model: Actuator, delay: float) -> NDArray[np.float64]:
-        key = (model, delay)
-        if key not in known:
-            later = time - delay > 0.0
-            times = np.append(0.0, time[later] - delay)
-            try:
-                with warnings.catch_warnings():
-                    warnings.simplefilter("error", SimulationWarning)
-                    found = simulate(model, waveform, times=times, tolerance=tolerance)
-            except (SimulationError, SimulationWarning) as error:  # to a fit, a trial point without a model
-                raise ArithmeticError(str(error)) from error
-            position = found[OBSERVED].values
-            known.clear()
-            known[key] = np.append(np.full(np.count_nonzero(~later), position[0]), position[1:])
-        return known[key]
-
-    return motion
+    return of

@@ -23,7 +23,7 @@ from .errors import SimulationError
 from .models import checked_drive, load_drive, mechanism, resting_state
 from .steady import periodic_drive, steady_orbit
 from .trajectory import sample_times
-from .varied import free_names, law_of, with_values
+from .varied import changed_fields, free_names, law_of
 
 # Relative, and absolute where a value is zero. The steps are the same, so only rounding limits it.
 DIFFERENCE = 1e-6
@@ -69,13 +69,11 @@ def moved(model: Actuator, names: Sequence[str], state: NDArray[np.float64], bef
             row, _, step = INITIAL[name]
             own[row] += step
         else:
-            value = _value(model, name)
-            step = DIFFERENCE * (abs(value) or 1.0)
-            try:
-                one = with_values(model, {name: value + step})
-            except QuantityError:  # the value is the greatest allowed
-                step = -step
-                one = with_values(model, {name: value + step})
+            step = DIFFERENCE * (abs(_value(model, name)) or 1.0)
+            # Unchecked, for it may step over a bound of its field by a millionth.
+            fields, changed = changed_fields(model, {name: _value(model, name) + step})
+            law = tuple.__new__(type(model.friction), fields.values())
+            one = tuple.__new__(Actuator, (model._asdict() | changed | {"friction": law}).values())
             if before is not None:
                 own = resting_state(one.friction, mechanism(one), before)
         laws.append([float(v) for v in one.friction])
@@ -94,8 +92,8 @@ def follow_moved(
     tolerance: float,
     max_steps: int = 20_000_000,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Positions [times], their derivatives [times, names], and those of the last state [5, names]; `state`
-    becomes the last state.
+    """Samples as of `adaptive.integrate`, derivatives of the position [times, names], and those of the last
+    state [5, names]; `state` becomes the last state.
 
     Raises:
         SimulationError: the motion could not be followed to the end.
@@ -109,9 +107,8 @@ def follow_moved(
     )
     if outcome != DONE:
         raise SimulationError(f"the motion could not be followed beyond t = {reached:.6g} s")
-    position = samples[:, SLIDER]
-    by = (near.positions - position).T / of.steps
-    return position, by, (near.states - state).T / of.steps
+    by = (near.positions - samples[:, SLIDER]).T / of.steps
+    return samples, by, (near.states - state).T / of.steps
 
 
 def sensitivities(
@@ -150,10 +147,14 @@ def sensitivities(
     drive = checked_drive(model, waveform, end, periodic=False)
     state = resting_state(model.friction, mechanism(model), drive.before)
     of = moved(model, parameters, state, drive.before)
-    position, by, _ = follow_moved(of, drive, load_drive(load, end), state, wanted, float(tolerance))
+    samples, by, _ = follow_moved(of, drive, load_drive(load, end), state, wanted, float(tolerance))
     return xr.Dataset(
         {
-            "end_effector_position": ("time", position, {"units": "m", "long_name": "end-effector position"}),
+            "end_effector_position": (
+                "time",
+                samples[:, SLIDER],
+                {"units": "m", "long_name": "end-effector position"},
+            ),
             "derivative": (
                 ("parameter", "time"),
                 by.T,

@@ -1,0 +1,81 @@
+"""The end-effector's position in a recording as a function of the actuator: what a fit asks again and again.
+
+The drive is tabulated once, and nothing is labelled: a call costs little more than the solver.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ..actuator import Actuator
+from ..mechanism import SLIDER, SLIDER_VELOCITY
+from ..simulation import SimulationError
+from ..simulation.models import checked_drive, load_drive, mechanism, resting_state
+from ..simulation.sensitivity import follow_moved, moved
+from ..solve.motion import motion, one_bristle
+from ..solve.outcome import DONE
+from ..waveform.signal import Waveform
+from .recorded_drive import recorded_drive
+
+# A model that needs more for one recording is none: a trial point with a contact far too stiff.
+MAX_STEPS = 500_000
+LOAD = load_drive(1.0, 1.0)
+
+
+class Displacement:
+    """One recording's motion, from rest. A model that cannot be followed raises ArithmeticError."""
+
+    def __init__(
+        self, recording: xr.Dataset, drive: Waveform | None, name: str, model: Actuator, tolerance: float
+    ) -> None:
+        self.time = recording["time"].values
+        if drive is None:
+            drive = recorded_drive(recording, name)
+            self.time = self.time - self.time[0]
+        self.tolerance = tolerance
+        self.drive = checked_drive(model, drive, float(self.time[-1]), periodic=False)
+        self._known: tuple[Any, NDArray[np.float64]] = (None, np.zeros(0))
+
+    def _times(self, delay: float) -> tuple[int, NDArray[np.float64]]:
+        """How many samples come before the motion begins, and the times of the others in the model."""
+        later = self.time - delay > 0.0
+        return int(np.count_nonzero(~later)), np.append(0.0, self.time[later] - delay)
+
+    def position(self, model: Actuator, delay: float) -> NDArray[np.float64]:
+        """m, at the recording's samples. The last result is kept: an offset costs no new simulation."""
+        if self._known[0] != (model, delay):
+            early, times = self._times(delay)
+            law, mech = model.friction, mechanism(model)
+            state = resting_state(law, mech, self.drive.before)
+            samples = np.full((times.size, state.size + 1), np.nan)
+            span = (0.0, float(times[-1]))
+            outcome, reached, _, _ = motion(
+                law, mech, self.drive, LOAD, state, span, self.tolerance, MAX_STEPS, times, samples
+            )
+            if outcome != DONE:  # to a fit, a trial point without a model
+                raise ArithmeticError(f"the motion cannot be followed beyond t = {reached:.6g} s")
+            x = samples[:, SLIDER]
+            self._known = ((model, delay), np.append(np.full(early, x[0]), x[1:]))
+        return self._known[1]
+
+    def slopes(self, model: Actuator, delay: float, names: Sequence[str]) -> NDArray[np.float64]:
+        """Derivatives of `position` by values of the model, then by the delay: [samples, names + 1]."""
+        early, times = self._times(delay)
+        state = resting_state(model.friction, mechanism(model), self.drive.before)
+        of = moved(model, names, state, self.drive.before)
+        try:
+            samples, by, _ = follow_moved(of, self.drive, LOAD, state, times, self.tolerance, MAX_STEPS)
+        except SimulationError as error:
+            raise ArithmeticError(str(error)) from error
+        columns = np.column_stack([by, -samples[:, SLIDER_VELOCITY]])
+        return np.vstack([np.repeat(columns[:1], early, axis=0), columns[1:]])
+
+
+def has_slopes(model: Actuator) -> bool:
+    """Whether `Displacement.slopes` takes the model."""
+    return one_bristle(model.friction, mechanism(model))

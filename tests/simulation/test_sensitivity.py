@@ -1,0 +1,113 @@
+"""Derivatives of trajectories and of the steady step, against differences of simulations of their own."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stickslip.actuator import Actuator
+from stickslip.friction import Coulomb, Dahl, Elastoplastic, LuGre
+from stickslip.simulation import sensitivities, simulate, steady_step, steady_step_derivatives
+from stickslip.simulation.varied import with_values
+from stickslip.units import QuantityError
+from stickslip.waveform.periodic import Sawtooth
+
+LUGRE = LuGre(1.399e6, 34.9, 0.5, 0.5401, 0.65)
+MODEL = Actuator(0.1057e-6, 3303.1, 0.524, 0.2, 0.1, LUGRE, external_force=0.05)
+DRIVE = Sawtooth(65.0, 50.0)
+TIMES = np.linspace(0.0, 0.1, 401)
+CASES = {
+    "LuGre": (
+        LUGRE,
+        ["sigma_0", "sigma_1", "sigma_2", "coulomb_force", "stiction_ratio", "stribeck_velocity"],
+    ),
+    "Dahl": (Dahl(1.399e6, 0.5401), ["sigma_0", "coulomb_force"]),
+    "Elastoplastic": (Elastoplastic(1.399e6, 34.9, 0.0, 0.5401, 0.6, 2e-7), ["sigma_0", "breakaway_share"]),
+}
+SYSTEM = ["end_effector_mass", "natural_frequency", "damping_ratio", "gain", "external_force", "stage_mass"]
+
+
+def value(model: Actuator, name: str) -> float:
+    law = model.friction._asdict()
+    if name == "stiction_ratio":
+        return law["stiction_force"] / law["coulomb_force"]
+    if name == "breakaway_share":
+        return law["breakaway_deflection"] * law["sigma_0"] / law["coulomb_force"]
+    return law[name] if name in law else getattr(model, name)
+
+
+@pytest.mark.parametrize("law", CASES)
+def test_derivatives_are_central_differences_of_simulations(law: str) -> None:
+    friction, of_law = CASES[law]
+    model = MODEL.replace(friction=friction)
+    names = [*of_law, *SYSTEM]
+    found = sensitivities(model, DRIVE, times=TIMES, parameters=names, tolerance=1e-11)
+    for name in names:
+        start = value(model, name)
+        ends = [
+            simulate(with_values(model, {name: start * (1 + h)}), DRIVE, times=TIMES, tolerance=1e-13)
+            for h in (1e-4, -1e-4)
+        ]
+        up, down = (end["end_effector_position"].values for end in ends)
+        expected = (up - down) / (2e-4 * start)
+        derivative = found["derivative"].sel(parameter=name).values
+        np.testing.assert_allclose(derivative, expected, rtol=0, atol=3e-3 * np.abs(expected).max())
+
+
+def test_the_position_is_that_of_the_simulation_and_units_are_told() -> None:
+    found = sensitivities(MODEL, DRIVE, times=TIMES, parameters=["sigma_0", "initial_stage_velocity"])
+    alone = simulate(MODEL, DRIVE, times=TIMES)["end_effector_position"]
+    np.testing.assert_array_equal(found["end_effector_position"], alone)
+    assert found["unit"].values.tolist() == ["N/m", "m/s"]
+
+
+def test_copied_periods_have_the_derivatives_of_periods_integrated() -> None:
+    """The last of many periods, which were copied, against a tolerance at which hardly any is."""
+    times = np.linspace(0.0, 0.4, 201)
+    coarse = sensitivities(MODEL, DRIVE, times=times, parameters=["coulomb_force"], tolerance=1e-9)
+    fine = sensitivities(MODEL, DRIVE, times=times, parameters=["coulomb_force"], tolerance=1e-13)
+    expected = fine["derivative"].values
+    np.testing.assert_allclose(coarse["derivative"], expected, rtol=0, atol=2e-4 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("name", ["initial_stage_position", "initial_end_effector_velocity"])
+def test_a_disturbed_start_dies_out_as_the_model_says(name: str) -> None:
+    """A linear check: with a stiff contact far from sliding, stage and end-effector are one oscillator."""
+    friction = LuGre(1e9, 1e4, 0.0, 1e3, 1e3)
+    model = MODEL.replace(friction=friction, external_force=0.0, stage_reaction=True)
+    times = np.linspace(0.0, 5e-3, 101)
+    drive = Sawtooth(1e-3, 10.0)
+    by = sensitivities(model, drive, times=times, parameters=[name], tolerance=1e-13)["derivative"].values[0]
+    m, m_e = model.stage_mass, model.end_effector_mass
+    share = m / (m + m_e)
+    wn = 3303.1 * np.sqrt(share)
+    zeta = 0.524 * np.sqrt(share)
+    wd = wn * np.sqrt(1 - zeta**2)
+    decay = np.exp(-zeta * wn * times)
+    if name == "initial_stage_position":  # the joined body starts off its rest by one unit
+        expected = decay * (np.cos(wd * times) + zeta * wn / wd * np.sin(wd * times)) - 1.0
+    else:  # the end-effector's momentum is shared
+        expected = (1 - share) * decay * np.sin(wd * times) / wd
+    scale = np.abs(expected).max()
+    np.testing.assert_allclose(by, expected, rtol=0, atol=2e-2 * scale)
+
+
+def test_derivatives_of_the_steady_step() -> None:
+    names = ["sigma_0", "coulomb_force", "end_effector_mass", "gain", "external_force"]
+    found = steady_step_derivatives(MODEL, DRIVE, parameters=names)
+    for name in names:
+        start = value(MODEL, name)
+        up, down = (
+            steady_step(with_values(MODEL, {name: start * (1 + h)}), DRIVE, tolerance=1e-13)
+            for h in (1e-3, -1e-3)
+        )
+        assert found[name] == pytest.approx((up - down) / (2e-3 * start), rel=2e-3)
+
+
+def test_refusals_name_what_is_wrong() -> None:
+    with pytest.raises(QuantityError, match="no derivative by 'sigma_9'"):
+        sensitivities(MODEL, DRIVE, 0.1, parameters=["sigma_9"])
+    with pytest.raises(QuantityError, match="Coulomb on this one is not"):
+        sensitivities(MODEL.replace(friction=Coulomb(0.5)), DRIVE, 0.1, parameters=["coulomb_force"])
+    with pytest.raises(QuantityError, match="does not depend on the initial state"):
+        steady_step_derivatives(MODEL, DRIVE, parameters=["initial_stage_position"])
