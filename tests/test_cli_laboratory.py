@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -140,3 +142,20 @@ def test_record_refuses_in_one_line(tmp_path: Path) -> None:
 def test_schema(kind: str, field: str) -> None:
     printed = json.loads(run("schema", kind).stdout)
     assert field in json.dumps(printed)
+
+
+def test_instrument() -> None:
+    command = [sys.executable, "-m", "stickslip", "instrument", "--port", "0"]
+    environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
+    ) as process:
+        assert process.stdout is not None
+        kind, address, port, _ = process.stdout.readline().strip().split("::")
+        assert (kind, address) == ("TCPIP", "127.0.0.1")
+        with socket.create_connection((address, int(port)), timeout=10.0) as link:
+            link.sendall(b"*IDN?\n")
+            assert link.recv(100).startswith(b"stickslip,virtual rig kang2007-bench")
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=60)
+    assert process.returncode == 130

@@ -40,6 +40,7 @@ OWNERS = {
     "threadpoolctl": {"identify"},
     "pydantic": {"input_file", "study", "experiment"},
     "yaml": {"input_file"},
+    "pyvisa": {"rig/scpi"},
     "typer": {"cli"},
     "fastapi": {"panel"},
     "dask": {"design/sweep"},

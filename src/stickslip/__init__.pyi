@@ -52,6 +52,7 @@ from .rig import Channel as Channel
 from .rig import LimitError as LimitError
 from .rig import Limits as Limits
 from .rig import RigError as RigError
+from .rig import ScpiRig as ScpiRig
 from .rig import Trigger as Trigger
 from .rig import VirtualRig as VirtualRig
 from .rig import load_bench as load_bench

@@ -26,6 +26,7 @@ from ..rig import (
     Limits,
     Rig,
     RigError,
+    ScpiRig,
     Trigger,
     VirtualRig,
     load_bench,
@@ -89,10 +90,26 @@ class VirtualLaboratory:
         """Nothing to do."""
 
 
+class ScpiLaboratory:
+    """One rig on the network for all cells; what actuator is on it, the file can only say."""
+
+    def __init__(self, rig: ScpiRig) -> None:
+        self._rig = rig
+
+    def rig(self, actuator: Actuator, seed: int) -> Rig:
+        """The rig."""
+        del actuator, seed
+        return self._rig
+
+    def close(self) -> None:
+        """Let go of the connection."""
+        self._rig.close()
+
+
 def open_laboratory(file: ExperimentFile, folder: Path) -> Laboratory:
-    """The laboratory that a file names; raises ParameterSetError for a wrong bench."""
+    """The laboratory that a file names; ParameterSetError: a wrong bench, RigError: no answer."""
     if isinstance(file.rig, ScpiRigSpec):
-        raise QuantityError("rig.kind = 'scpi' is to come")
+        return ScpiLaboratory(ScpiRig(file.rig.resource))
     return VirtualLaboratory(load_bench(_own(file.rig.bench, folder, ".toml")), file.rig.real_time)
 
 

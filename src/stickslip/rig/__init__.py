@@ -14,4 +14,5 @@ from .measurement import measure as measure
 from .protocols import Capabilities as Capabilities
 from .protocols import Rig as Rig
 from .protocols import RigError as RigError
+from .scpi import ScpiRig as ScpiRig
 from .virtual import VirtualRig as VirtualRig
