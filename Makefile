@@ -68,7 +68,7 @@ mutation: $(READY)
 	$(BIN)/python tools/mutate.py
 
 lock: $(READY)
-	$(BIN)/uv pip compile --quiet --universal --fork-strategy fewest --python-version 3.11 --all-extras \
+	$(BIN)/uv pip compile --quiet --universal --fork-strategy fewest --python-version 3.11 --extra dev \
 	  --generate-hashes --no-emit-index-url --custom-compile-command "make lock" $(LOCK_FLAGS) \
 	  pyproject.toml -o requirements.lock
 

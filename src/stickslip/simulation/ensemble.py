@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import os
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -21,6 +22,7 @@ from ..solve.periods import integrate_members
 from ..units import QuantityError
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
+from .errors import SimulationWarning
 from .models import checked_drive, load_drive, mechanism, resting_state
 from .trajectory import sample_times
 from .varied import changed_fields, free_names, with_values
@@ -35,6 +37,8 @@ OUTCOMES = {
 # Of the drive and of the contact: they multiply the waveform, and the normal force.
 SCALES = ("drive_scale", "load")
 BLOCK = 256
+# A GPU wants many threads at once.
+GPU_BLOCK = 1 << 17
 
 
 class Block(NamedTuple):
@@ -60,6 +64,7 @@ def simulate_ensemble(
     load: Waveform | float = 1.0,
     max_steps: int = 2_000_000,
     threads: int | None = None,
+    engine: Literal["cpu", "cuda"] = "cpu",
     progress: Callable[[int, int], None] | None = None,
 ) -> xr.Dataset:
     """Simulate many members of a model under one drive signal, from rest, on all processors.
@@ -78,6 +83,9 @@ def simulate_ensemble(
         load: normal force over its reference, for all members.
         max_steps: of each member.
         threads: how many; all processors if left out.
+        engine: "cuda" runs the same steps on a GPU, a thread for each member (extra ``stickslip[cuda]``);
+            where it cannot (no GPU, trajectories wanted, a law with other than one internal state), the
+            processors do it, with a `SimulationWarning` that says why.
         progress: called with the members done and all members, after each block.
 
     Returns:
@@ -101,7 +109,9 @@ def simulate_ensemble(
     if not tolerance > 0.0:
         raise QuantityError(f"tolerance = {tolerance} m must be > 0 m")
     drive = checked_drive(model, waveform, end, periodic=False)
-    task = _Task(model, drive, load_drive(load, end), end, float(tolerance), max_steps, wanted)
+    task = _Task(model, drive, load_drive(load, end), end, float(tolerance), max_steps, wanted, None)
+    if engine == "cuda":
+        task = task._replace(gpu=_gpu(model, wanted))
     found = Block(
         np.zeros(count, np.int8),
         np.zeros(count),
@@ -128,6 +138,24 @@ class _Task(NamedTuple):
     tolerance: float
     max_steps: int
     times: NDArray[np.float64]
+    gpu: Any  # the module `solve.cuda`, or None
+
+
+def _gpu(model: Actuator, times: NDArray[np.float64]) -> Any:
+    """The GPU's engine, or None with a warning that says why not."""
+    why = ""
+    if times.size:
+        why = "the GPU keeps summaries only, and trajectories are asked for"
+    elif not one_bristle(model.friction, mechanism(model)):
+        why = f"{type(model.friction).__name__} on this actuator is not a contact with one internal state"
+    else:
+        from ..solve import cuda  # only here: it takes a second, and a driver
+
+        if cuda.available():
+            return cuda
+        why = "there is no GPU that Numba can use (extra stickslip[cuda], and NVIDIA's driver)"
+    warnings.warn(f"the processors do it instead: {why}", SimulationWarning, stacklevel=3)
+    return None
 
 
 def _columns(model: Actuator, parameters: Mapping[str, ArrayLike]) -> dict[str, NDArray[np.float64]]:
@@ -151,8 +179,9 @@ def _blocks(
     task: _Task, columns: Mapping[str, NDArray[np.float64]], count: int, threads: int
 ) -> Iterator[tuple[int, Block]]:
     """Blocks in order, a bounded number of them at work."""
-    starts = range(0, count, BLOCK)
-    cut = ({name: c[s : s + BLOCK] for name, c in columns.items()} for s in starts)
+    size, threads = (GPU_BLOCK, 1) if task.gpu else (BLOCK, threads)
+    starts = range(0, count, size)
+    cut = ({name: c[s : s + size] for name, c in columns.items()} for s in starts)
     with ThreadPoolExecutor(threads) as pool:
         waiting: list[Any] = []
         for start, part in zip(starts, cut, strict=True):
@@ -198,7 +227,7 @@ def _block(task: _Task, columns: Mapping[str, NDArray[np.float64]]) -> Block:
                 states[m] = state(m)
         net -= states[:, SLIDER]
         outcomes = status.astype(np.int64)
-        integrate_members(
+        common = (
             task.model.friction,
             one,
             task.drive,
@@ -207,11 +236,12 @@ def _block(task: _Task, columns: Mapping[str, NDArray[np.float64]]) -> Block:
             mechs,
             states,
             np.array(span),
-            task.tolerance,
-            task.max_steps,
-            task.times,
-            (outcomes, reached, steps, positions),
         )
+        limits = (task.tolerance, task.max_steps)
+        if task.gpu:
+            task.gpu.integrate_members(*common, *limits, (outcomes, reached, steps))
+        else:
+            integrate_members(*common, *limits, task.times, (outcomes, reached, steps, positions))
         status[:] = outcomes
         net += states[:, SLIDER]
     else:

@@ -124,7 +124,8 @@ def solved(mech, w, r):
 @fused
 def size(r, per_rate, weight):
     """The largest entry of an error vector in metres, or NaN."""
-    largest = max(abs(r[0]), abs(r[2]), max(abs(r[1]), abs(r[3])) * per_rate, abs(r[4]) * weight)
+    position, speed = max(abs(r[0]), abs(r[2])), max(abs(r[1]), abs(r[3]))
+    largest = max(max(position, speed * per_rate), abs(r[4]) * weight)
     return largest + 0.0 * (r[0] + r[1] + r[2] + r[3] + r[4])
 
 

@@ -20,6 +20,7 @@ from .bristle import (
     LENGTH,
     LOCAL,
     LOG_COLUMNS,
+    SIDE,
     START,
     STATES,
     STEP,
@@ -34,6 +35,8 @@ from .outcome import DONE, LOG_FULL
 # part of the tolerance.
 SAME = 0.02
 
+# Segments of a period, at most.
+LONGEST_CYCLE = 16
 # Few enough to stay in the cache.
 LOG_ROWS = 512
 
@@ -87,8 +90,8 @@ def cycle_of(drive, load):
     for c in range(1, 4):
         constant = constant and load.polynomial[0, c] == 0.0
     if constant:
-        for k in range(1, min(drive.start.size, 17)):
-            if _alike(drive, 0, k):
+        for k in range(1, LONGEST_CYCLE + 1):
+            if k < drive.start.size and _alike(drive, 0, k):
                 return k
     return 0
 
@@ -114,19 +117,18 @@ def repeats(drive, i, cycle, period, t_end):
 def difference(mech, q, other):
     """The largest difference of two states but for the slider's position, m."""
     speed = max(abs(q[1] - other[1]), abs(q[3] - other[3])) / mech.rate
-    return max(abs(q[0] - other[0]), abs(q[4] - other[4]), speed)
+    return max(max(abs(q[0] - other[0]), abs(q[4] - other[4])), speed)
 
 
 @compiled
-def follow(law, mech, drive, load, q, span, tolerance, max_steps, times, samples, log, near):
+def follow(law, mech, drive, load, q, span, tolerance, max_steps, times, samples, log, near, clock, before):
     """Integrate from span[0] to span[1]; arguments and results are those of `adaptive.integrate`, without
     the energy account. Without `times` the `log` may have no rows. `near`: None, or members that take the
-    same steps (see `neighbours`)."""
+    same steps (see `neighbours`). `clock` [CLOCK] and `before` [5] are work space, for a thread of a GPU
+    cannot allocate it here."""
     t_end = span[1]
     local = LOCAL * tolerance
-    clock = np.zeros(CLOCK)
-    clock[TIME], clock[STEP] = span[0], math.inf
-    before = np.empty(5)
+    clock[TIME], clock[STEP], clock[SIDE] = span[0], math.inf, 0.0
     cycle = cycle_of(drive, load) if mech.slider_stiffness == 0.0 else 0
     outcome, accepted, rejected, k = DONE, 0, 0, 0
     i = segment_of(drive, span[0])
@@ -193,7 +195,8 @@ def follow(law, mech, drive, load, q, span, tolerance, max_steps, times, samples
 def integrate_bristle(law, mech, drive, load, q, span, tolerance, max_steps, times, samples):
     """One trajectory: see `follow`."""
     log = np.empty((LOG_ROWS if times.size > 0 else 0, LOG_COLUMNS))
-    return follow(law, mech, drive, load, q, span, tolerance, max_steps, times, samples, log, None)
+    work = np.empty(CLOCK), np.empty(5)
+    return follow(law, mech, drive, load, q, span, tolerance, max_steps, times, samples, log, None, *work)
 
 
 @kernel
@@ -201,7 +204,8 @@ def integrate_near(law, mech, drive, load, q, span, tolerance, max_steps, times,
     """One trajectory, and neighbours of it that take the same steps: see `neighbours`. `times` may not be
     empty."""
     log = np.empty((LOG_ROWS, LOG_COLUMNS))
-    return follow(law, mech, drive, load, q, span, tolerance, max_steps, times, samples, log, near)
+    work = np.empty(CLOCK), np.empty(5)
+    return follow(law, mech, drive, load, q, span, tolerance, max_steps, times, samples, log, near, *work)
 
 
 @kernel
@@ -221,6 +225,7 @@ def integrate_members(law, mech, drive, load, laws, mechs, states, span, toleran
     outcomes, reached, steps, positions = found
     log = np.empty((LOG_ROWS if times.size > 0 else 0, LOG_COLUMNS))
     samples = np.empty((times.size, 6))
+    clock, before = np.empty(CLOCK), np.empty(5)
     for m in range(states.shape[0]):
         if outcomes[m] == DONE:
             samples[:] = np.nan
@@ -237,6 +242,8 @@ def integrate_members(law, mech, drive, load, laws, mechs, states, span, toleran
                 samples,
                 log,
                 None,
+                clock,
+                before,
             )
             steps[m] = accepted + rejected
             for k in range(times.size):
