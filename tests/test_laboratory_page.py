@@ -1,0 +1,33 @@
+"""What docs/laboratory.md shows, runs."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import yaml
+
+from stickslip.experiment.file import ExperimentFile
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGE = (ROOT / "docs" / "laboratory.md").read_text(encoding="utf-8")
+
+
+def test_the_program_on_the_page() -> None:
+    (program,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    names: dict = {}
+    exec(program, names)
+    recording = names["recording"]
+    assert recording["time"].size == 10_000
+    drive = recording["drive_voltage"].values
+    assert abs(drive[:4000]).max() < 0.1
+    assert abs(drive[4000:] - 60.0).max() < 0.1
+
+
+def test_files_on_the_page_exist_and_its_rig_is_one() -> None:
+    for target in re.findall(r"\]\(([^)#]+)\)", PAGE):
+        assert (ROOT / "docs" / target).is_file(), target
+    (rig,) = re.findall(r"`(rig: \{kind: scpi.*?\})`", PAGE)
+    example = yaml.safe_load((ROOT / "src/stickslip/examples/kang2007_experiment.yaml").read_text("utf-8"))
+    made = ExperimentFile.model_validate({**example, **yaml.safe_load(rig)})
+    assert made.rig.kind == "scpi"
