@@ -11,7 +11,7 @@ from ..solve.periodic import Orbit, find_orbit
 from ..units import QuantityError, with_prefix
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
-from .errors import NotPeriodicError
+from .errors import NotPeriodicError, SimulationError
 from .models import checked_drive, load_drive, mechanism, resting_state
 
 
@@ -27,12 +27,16 @@ def steady_orbit(
 
     Raises:
         QuantityError: the waveform has no period, or see `simulate`.
+        SimulationError: the motion could not be followed over one period.
     """
     period, table = periodic_drive(model, waveform)
     mech = mechanism(model)
     start = resting_state(model.friction, mech, table.before)
     load_table = load_drive(load, period)
-    return find_orbit(model.friction, mech, table, load_table, start, period, float(tolerance))
+    try:
+        return find_orbit(model.friction, mech, table, load_table, start, period, float(tolerance))
+    except FloatingPointError as error:
+        raise SimulationError(f"no steady stepping: {error}") from error
 
 
 def periodic_drive(model: Actuator, waveform: Waveform) -> tuple[float, Drive]:

@@ -17,8 +17,14 @@ from numpy.typing import NDArray
 from ..friction.law import elements
 from ..mechanism import FIRST_BRISTLE, SLIDER, SLIDER_VELOCITY, STAGE, STAGE_VELOCITY, Mechanism
 from ..waveform.drive import Drive
-from .motion import motion
+from .motion import motion, one_bristle
+from .neighbours import neighbours
 from .outcome import DONE
+from .periods import LOG_ROWS, integrate_near
+
+MAX_STEPS = 10_000_000
+# By how much neighbours differ, m; rounding is all that limits it.
+NUDGE = 1e-12
 
 
 class Orbit(NamedTuple):
@@ -45,7 +51,11 @@ def find_orbit(
     max_periods: int = 400,
 ) -> Orbit:
     """The periodic orbit reached from the state `start`; see the module. `tolerance` in m, on the net
-    step."""
+    step.
+
+    Raises:
+        FloatingPointError: the motion could not be followed over one period.
+    """
     fine = 0.1 * tolerance
     rows = np.array(_shooting_rows(law, mech))
     scale = np.ones(start.size)  # brings velocities to metres
@@ -53,18 +63,32 @@ def find_orbit(
     scale = scale[rows]
     count = 0
 
-    def advance(r: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-        nonlocal count
-        count += 1
+    def state(r: NDArray[np.float64]) -> NDArray[np.float64]:
         q = start.copy()
         q[rows] = r
         q[SLIDER] = 0.0
-        outcome = motion(law, mech, drive, load, q, (0.0, period), fine, 10_000_000)[0]
+        return q
+
+    def advance(r: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+        nonlocal count
+        count += 1
+        q = state(r)
+        outcome = motion(law, mech, drive, load, q, (0.0, period), fine, MAX_STEPS)[0]
         if outcome != DONE:
             raise FloatingPointError("the motion could not be followed over one period")
         return q[rows], float(q[SLIDER])
 
     def slopes(r: NDArray[np.float64], at_r: NDArray[np.float64]) -> NDArray[np.float64]:
+        nonlocal count
+        if one_bristle(law, mech):  # differences to neighbours that take the same steps
+            count += 1
+            nudges = NUDGE / scale
+            states = np.array([state(nudged) for nudged in r + np.diag(nudges)])
+            laws, mechs = (np.tile([float(v) for v in one], (rows.size, 1)) for one in (law, mech))
+            near = neighbours(laws, mechs, states, LOG_ROWS, 1)
+            q, ends, sample = state(r), np.array([0.0, period]), np.zeros((1, 6))
+            integrate_near(law, mech, drive, load, q, ends, fine, MAX_STEPS, np.array([period]), sample, near)
+            return (near.states[:, rows] - q[rows]).T / nudges
         jacobian = np.empty((rows.size, rows.size))
         for c in range(rows.size):
             nudged = r.copy()
@@ -94,11 +118,8 @@ def find_orbit(
         r = after
         after, step = advance(r)
     residual = size(after - r)
-    q = start.copy()
-    q[rows] = r
-    q[SLIDER] = 0.0
     multipliers = np.linalg.eigvals(slopes(r, after)).astype(np.complex128)
-    return Orbit(step, q, multipliers, residual <= tolerance, residual, count)
+    return Orbit(step, state(r), multipliers, residual <= tolerance, residual, count)
 
 
 def _shooting_rows(law: Any, mech: Mechanism) -> list[int]:
