@@ -15,7 +15,7 @@ import numpy as np
 
 import stickslip as ss
 from stickslip.comparison import (
-    compare_laws,
+    characterise_laws,
     compare_limits,
     example_laws,
     laws_as_markdown,
@@ -151,7 +151,7 @@ def main(folder: Path) -> None:
     for name, figure in figures.items():
         (folder / "figures" / f"{name}.svg").write_text(svg(figure) + "\n", encoding="utf-8")
     text = TEXT.format(
-        laws=laws_as_markdown(compare_laws(laws, actuator, drive)),
+        laws=laws_as_markdown(characterise_laws(laws, actuator, drive)),
         limits=limits_as_markdown(compare_limits(actuator, drive)),
         step_forward=f"{1e6 * ss.steady_step(actuator, drive):+.3f} µm",
         step_back=f"{1e6 * ss.steady_step(actuator, back):+.3f} µm",

@@ -74,6 +74,7 @@ def test_simulate(tmp_path: Path) -> None:
     assert results["numbers"]["parameters"]["friction.sigma_0"] == {"value": 1.399e6, "unit": "N/m"}
 
 
+@pytest.mark.compiled
 def test_changes_of_parameters_reach_the_simulation(tmp_path: Path) -> None:
     changes = [
         "friction.sigma_0=1.5 N/um",
@@ -96,6 +97,7 @@ def test_limits_that_have_to_change_together_do(tmp_path: Path) -> None:
     assert run(*THESIS, *forces, "--duration", "10 ms", "--out", str(tmp_path)).exit_code == 0
 
 
+@pytest.mark.compiled
 def test_without_a_periodic_motion_the_step_is_null_with_the_reason(tmp_path: Path) -> None:
     """A force above the friction pulls the end-effector away for ever."""
     pull = ["--set", "external_force=1 N", "--duration", "10 ms"]

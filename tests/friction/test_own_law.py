@@ -85,6 +85,7 @@ def edit(file: Path, old: str, new: str) -> None:
     file.write_text(text.replace(old, new))
 
 
+@pytest.mark.compiled
 def test_compiled_laws_are_kept_and_no_edit_is_ever_stale(folder):
     assert run(folder) == (23.0, 0.1, True)
     assert run(folder) == (23.0, 0.1, False)

@@ -46,6 +46,7 @@ def test_simulated_period_and_forces_are_the_closed_form(speed: float) -> None:
     assert bottom == pytest.approx(dynamic - swing, abs=0.025 * swing)
 
 
+@pytest.mark.compiled
 def test_known_coefficients_are_found_again_from_noisy_events() -> None:
     rig = Rig(MASS, 168.0, 1100e-6)
     made = simulate(slider(rig, 0.37, 0.33), Ramp(rate=rig.speed, unit="m"), 8.0, sample_rate=2000.0)
@@ -57,6 +58,7 @@ def test_known_coefficients_are_found_again_from_noisy_events() -> None:
     assert fit.values["stiction_excess"] == pytest.approx(0.04, rel=0.05)
 
 
+@pytest.mark.compiled
 def test_one_speed_predicts_regime_and_period_at_others() -> None:
     """Fitted at 168 N/m and 1.1 mm/s; the rest is prediction."""
     recording, rig = measured(168, 1100)

@@ -1,7 +1,7 @@
 """Friction laws compared by small experiments: a table of what each does, and the limits between them."""
 
 from .laws import LawCharacter as LawCharacter
-from .laws import compare_laws as compare_laws
+from .laws import characterise_laws as characterise_laws
 from .laws import example_laws as example_laws
 from .limits import Limit as Limit
 from .limits import compare_limits as compare_limits

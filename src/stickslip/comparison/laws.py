@@ -74,7 +74,7 @@ class LawCharacter:
     solver_steps: int
 
 
-def compare_laws(laws: Mapping[str, Any], actuator: Actuator, waveform: Waveform) -> list[LawCharacter]:
+def characterise_laws(laws: Mapping[str, Any], actuator: Actuator, waveform: Waveform) -> list[LawCharacter]:
     """The experiments of the module on each law, by name; `actuator` and its periodic drive for the last."""
     return [_character(name, law, actuator, waveform) for name, law in laws.items()]
 
