@@ -22,6 +22,8 @@ from stickslip.recording import open_recording, save_recording
 from stickslip.simulation import simulate
 from stickslip.waveform.periodic import Sawtooth
 
+# No steady step to solve for.
+STEP = ["simulate", "kang2007", "--waveform", "step", "--amplitude", "65 V", "--duration", "10 ms"]
 THESIS = ["simulate", "kang2007", "--amplitude", "65 V", "--frequency", "5 Hz", "--periods", "2"]
 
 
@@ -94,7 +96,7 @@ def test_changes_of_parameters_reach_the_simulation(tmp_path: Path) -> None:
 
 def test_limits_that_have_to_change_together_do(tmp_path: Path) -> None:
     forces = ["--set", "friction.coulomb_force=0.7", "--set", "friction.stiction_force=0.8 N"]
-    assert run(*THESIS, *forces, "--duration", "10 ms", "--out", str(tmp_path)).exit_code == 0
+    assert run(*STEP, *forces, "--out", str(tmp_path)).exit_code == 0
 
 
 @pytest.mark.compiled
@@ -203,7 +205,7 @@ def test_the_folder_is_looked_at_before_the_work(tmp_path: Path) -> None:
 
 def test_a_result_that_cannot_be_written_is_a_failure(tmp_path: Path) -> None:
     (tmp_path / "results.json").mkdir()
-    done = run(*THESIS, "--duration", "10 ms", "--out", str(tmp_path))
+    done = run(*STEP, "--out", str(tmp_path))
     assert done.exit_code == 1
     assert re.search(r"^Error: .*results\.json", done.stderr, re.MULTILINE)
 
@@ -239,7 +241,7 @@ def test_a_missing_extra_is_named(module: str, arguments: list[str], tmp_path: P
 def test_progress_in_plain_lines_and_the_command_on_record(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    arguments = [*THESIS, "--duration", "10 ms", "--out", str(tmp_path)]
+    arguments = [*STEP, "--waveform", "sawtooth", "--frequency", "200 Hz", "--out", str(tmp_path)]
     monkeypatch.setattr(sys, "argv", ["/somewhere/bin/stickslip", *arguments])
     lines = run(*arguments).stderr.splitlines()
     assert [line for line in lines if line.startswith("[")] == [
@@ -248,7 +250,7 @@ def test_progress_in_plain_lines_and_the_command_on_record(
         "[ 80%] writing",
     ]
     command = json.loads((tmp_path / "results.json").read_bytes())["command"]
-    assert command.startswith("stickslip simulate kang2007 --amplitude '65 V'")
+    assert command.startswith("stickslip simulate kang2007 --waveform step --amplitude '65 V'")
 
 
 def test_a_bar_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:

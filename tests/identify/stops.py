@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import os
-
 import numpy as np
 import xarray as xr
 
 from stickslip.datasets import dataset_path
 from stickslip.recording import make_recording
-
-# Python itself is some hundred times slower than compiled code: without it, every 20th sample will do.
-THIN = 20 if os.environ.get("NUMBA_DISABLE_JIT") == "1" else 1
 
 
 def stops(stiffness, strength, position, ratio, start):
@@ -41,7 +36,7 @@ def tribometer(begin: float, end: float) -> xr.Dataset:
     """A part of the measured friction loops, with the sign of the force as its maker says."""
     path = dataset_path("jchristopherson-friction", "test_data_2.txt")
     t, normal, position, force = np.loadtxt(path, skiprows=1, unpack=True)
-    part = np.flatnonzero((t > begin) & (t < end))[::THIN]
+    part = np.flatnonzero((t > begin) & (t < end))
     channels = {
         "position": (position[part], "mm"),
         "normal_force": (normal[part], "uN"),

@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 from stickslip.actuator import Actuator, load_actuator
-from stickslip.friction import Elastoplastic, LuGre
+from stickslip.friction import Coulomb, Elastoplastic, LuGre
 from stickslip.identify.free import parameter
 from stickslip.identify.friction import identify_friction
 from stickslip.recording import RecordingError, RecordingWarning, make_recording
@@ -81,6 +81,25 @@ def test_delay_and_offset_of_the_channel() -> None:
     assert fit.values["delay"] == pytest.approx(delay, abs=1e-5)
     assert fit.values["offset"] == pytest.approx(offset, abs=1e-9)
     assert fit.values["coulomb_force"] == pytest.approx(0.5401, rel=1e-3)
+
+
+def test_rigid_friction_delay_and_offset_in_short() -> None:
+    """Coulomb friction: without a stiff bristle, a period costs next to nothing."""
+    model = actuator(*TRUTH.values()).replace(friction=Coulomb(0.5))
+    drive = Sawtooth(65.0, 100.0, periods=1)
+    walk = simulate(model, drive, 0.012, sample_rate=5e3, tolerance=1e-11)
+    late = walk.assign_coords(time=walk["time"] + 2e-4)
+    late["end_effector_position"] = late["end_effector_position"] + 5e-8
+    start, free = model.replace(friction=Coulomb(0.4)), ["coulomb_force", "delay", "offset"]
+    quick = {"starts": 1, "tolerance": 1e-11}
+    fit = identify_friction(late, start, free, drive=drive, bounds={"delay": (0.0, 1e-3)}, **quick)
+    assert fit.values["coulomb_force"] == pytest.approx(0.5, rel=1e-4)
+    assert fit.values["delay"] == pytest.approx(2e-4, abs=1e-6)
+    assert fit.values["offset"] == pytest.approx(5e-8, abs=1e-10)
+    assert fit.model.friction == Coulomb(fit.values["coulomb_force"])
+    with pytest.warns(RecordingWarning, match="1 as jumps"):
+        sampled = identify_friction(walk, start, ["coulomb_force"], **quick)
+    assert sampled.values["coulomb_force"] == pytest.approx(0.5, rel=1e-3)
 
 
 @pytest.mark.compiled

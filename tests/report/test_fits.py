@@ -9,7 +9,7 @@ from scipy import stats
 from stickslip.identify.fit import Parameter, Residuals, fit_least_squares
 from stickslip.identify.result import Fit
 from stickslip.report import Number
-from stickslip.report.fits import estimates, fit_numbers, goodness_table, parameter_table
+from stickslip.report.fits import estimates, fit_numbers, parameter_table
 
 T = np.linspace(0.0, 2.0, 50)
 Y = 3e-6 + 5e-6 * T + 1e-7 * np.random.default_rng(3).standard_normal(T.size)
@@ -48,17 +48,12 @@ def test_tables(fit: Fit) -> None:
     assert value.value == pytest.approx(LINE.intercept, rel=1e-6)
     assert (error.value, error.unit) == (pytest.approx(LINE.intercept_stderr, rel=1e-4), "m")
 
-    table = goodness_table("Goodness.", fit, "m")
-    residuals = LINE.intercept + LINE.slope * T - Y
-    assert table.columns[3].unit == "m"
-    assert table.rows[0][:2] == ("ramp", 50)
-    assert table.rows[0][2] == pytest.approx(LINE.rvalue**2, rel=1e-9)
-    assert table.rows[0][3] == pytest.approx(np.sqrt(np.mean(residuals**2)), rel=1e-6)
-
 
 def test_numbers(fit: Fit) -> None:
     numbers = fit_numbers(fit, "m")
     assert numbers["rmse"].unit == "m"
+    residuals = LINE.intercept + LINE.slope * T - Y
+    assert numbers["rmse"].value == pytest.approx(np.sqrt(np.mean(residuals**2)), rel=1e-6)
     assert numbers["recordings"]["ramp"]["r_squared"].value == pytest.approx(LINE.rvalue**2, rel=1e-9)
     assert numbers["degrees_of_freedom"].value == 48
     assert numbers["correlation"]["parameters"] == ["offset", "rate"]

@@ -97,6 +97,7 @@ def test_a_member_that_cannot_be_finished_keeps_what_it_has() -> None:
         assert np.isnan(found["end_effector_position"][m, kept:]).all()
 
 
+@pytest.mark.compiled
 def test_threads_and_blocks_do_not_change_a_number_and_progress_is_told() -> None:
     values = {"sigma_0": np.geomspace(5e5, 3e6, 600)}
     told: list[tuple[int, int]] = []

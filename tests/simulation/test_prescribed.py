@@ -43,6 +43,14 @@ def test_a_static_law_keeps_its_force_while_the_motion_pauses() -> None:
     np.testing.assert_allclose(found["friction_force"][1:], [0.3, 0.3, -0.3])
 
 
+def test_a_light_load_slips_more() -> None:
+    drive = Sawtooth(amplitude=65.0, frequency=100.0, periods=1)
+    rigid = MODEL.replace(friction=Coulomb(0.5401))
+    half = simulate(rigid, drive, 0.02, load=Constant(0.5), tolerance=1e-11)["end_effector_position"]
+    same = simulate(rigid.replace(friction=Coulomb(0.5 * 0.5401)), drive, 0.02, tolerance=1e-11)
+    np.testing.assert_allclose(half, same["end_effector_position"], atol=1e-10)
+
+
 @pytest.mark.compiled
 def test_a_constant_load_scales_the_law() -> None:
     """Doubling the normal force is doubling every force of the law at the same deflection."""

@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from tests.identify import modal_system
+from tests.identify.stops import made_loops
 
 from stickslip import demo
 from stickslip.actuator import load_actuator
@@ -16,7 +18,7 @@ from stickslip.recording import RecordingWarning, make_recording, save_recording
 from stickslip.report import write_report
 from stickslip.simulation import simulate
 from stickslip.study import run_file
-from stickslip.study.file import StudyError
+from stickslip.study.file import Recorded, StudyError, read_parts
 from stickslip.study.running import json_schema
 from stickslip.waveform.periodic import Sawtooth
 
@@ -117,6 +119,115 @@ def test_a_walk_is_identified_from_the_users_own_csv(tmp_path: Path) -> None:
     assert any("drive_voltage" in words for words in sampled.assumptions)
 
 
+def test_laws_are_ranked_on_loops_of_a_file(tmp_path: Path) -> None:
+    """Stop operators in NumPy made them; that law wins, and gives its values back."""
+    for seed, name in enumerate(("fit", "check")):
+        loops = made_loops((4e4, 1.5e4), (1.2, 0.9), seed=seed, noise=0.005)
+        save_recording(
+            loops.assign(friction_force=-loops["friction_force"].assign_attrs(units="N")),
+            tmp_path / f"{name}.nc",
+        )
+    file = {
+        "kind": "friction_loops",
+        "title": "Loops",
+        "reference_normal_force": "5 N",
+        "flip": True,
+        "marks": {"somebody": 0.9},
+        "laws": [
+            {"law": "Coulomb", "fields": {"coulomb_force": "2 N"}, "free": ["coulomb_force"]},
+            {
+                "law": "MaxwellSlip",
+                "label": "two elements",
+                "fields": {"stiffness": ["35 N/mm", "20 N/mm"], "strength": [1.1, 1.0]},
+                "free": ["stiffness_1", "stiffness_2", "strength_1", "strength_2"],
+            },
+        ],
+        "recordings": [{"file": "fit.nc"}, {"file": "check.nc", "use": "verify"}],
+    }
+    (tmp_path / "loops.yaml").write_text(yaml.safe_dump(file), "utf-8")
+    said: list[str] = []
+    document = run_file(tmp_path / "loops.yaml", lambda doing, done: said.append(f"{doing} {done:g}"))
+    assert said == ["fitting Coulomb 0", "fitting two elements 0.5"]
+    assert document.summary.startswith("two elements predicts best: r² ")
+    found = document.numbers["two elements"]
+    assert found["parameters"]["stiffness_1"].low < 4e4 < found["parameters"]["stiffness_1"].high
+    assert found["r_squared_predicted"].value > 0.999 > document.numbers["Coulomb"]["r_squared"].value
+    assert [p.name for p in document.pictures()] == ["law_ranking", "friction_loop", "friction_over_time"]
+
+
+def test_a_walk_in_short(tmp_path: Path) -> None:
+    model = load_actuator("kang2007").replace(stage_reaction=False)
+    walk = simulate(model, Sawtooth(65.0, 100.0, periods=1), 0.012, tolerance=1e-11)
+    save_recording(walk, tmp_path / "walk.nc")
+    file = {
+        "kind": "walk",
+        "title": "A walk",
+        "model": "kang2007",
+        "change": {"stage_reaction": False},
+        "friction": {"coulomb_force": "0.52 N", "stiction_force": "0.52 N"},
+        "free": ["coulomb_force"],
+        "starts": 1,
+        "tolerance": "0.1 nm",
+        "recordings": [
+            {
+                "file": "walk.nc",
+                "drive": {
+                    "shape": "Sawtooth",
+                    "fields": {"amplitude": "65 V", "frequency": 100, "periods": 1},
+                },
+            }
+        ],
+    }
+    (tmp_path / "walk.yaml").write_text(yaml.safe_dump(file), "utf-8")
+    document = run_file(tmp_path / "walk.yaml")
+    assert document.numbers["parameters"]["coulomb_force"].value == pytest.approx(0.5401, rel=1e-4)
+    assert document.numbers["recordings"]["recording_1"]["r_squared"].value > 0.999999
+    assert not document.numbers["undetermined"]
+
+
+def test_modes_of_a_mirror_from_arrays(tmp_path: Path) -> None:
+    """A mirror that SciPy simulates: three modes predict the drives held out, one does not."""
+    rng = np.random.default_rng(0)
+    levels = []
+    for name, amplitude in (("low", 0.1), ("high", 0.2)):
+        drive = amplitude * np.repeat(modal_system.multisines(rng, 1000, 4)[..., None], 2, axis=3)
+        response = np.stack([modal_system.steady(drive[..., p]) for p in range(2)], axis=3)
+        response += 1e-9 * rng.standard_normal(response.shape)
+        for what, array in (("u", drive), ("y", response)):
+            np.save(tmp_path / f"{what}_{name}.npy", array)
+        sources = {"drive": {"file": f"u_{name}.npy"}, "response": {"file": f"y_{name}.npy"}}
+        levels.append({"name": name, "amplitude": amplitude, **sources})
+    file = {
+        "kind": "frequency_response",
+        "title": "A mirror",
+        "sample_rate": "4 kHz",
+        "band": ["20 Hz", "1.5 kHz"],
+        "modes": [[[150.0, 0.02]], [[152.0, 0.03], [415.0, 0.04], [705.0, 0.02]]],
+        "follow": [1],
+        "time_domain": ["low"],
+        "levels": levels,
+    }
+    (tmp_path / "mirror.yaml").write_text(yaml.safe_dump(file), "utf-8")
+    document = run_file(tmp_path / "mirror.yaml")
+    for level in ("low", "high"):
+        found = document.numbers[level]
+        assert (
+            found["r_squared_held_out"]["3_modes"].value
+            > 0.999
+            > found["r_squared_held_out"]["1_modes"].value
+        )
+        omega = found["parameters"]["natural_frequency_2"]
+        assert omega.low < modal_system.OMEGA[1] < omega.high
+    (in_time,) = [s for s in document.sections if "fitted in time" in s.title]
+    _, by_response, _, by_time, _ = in_time.tables[0].rows[0]
+    assert by_time.value == pytest.approx(by_response.value, rel=1e-3)
+    assert by_time.unit == "Hz"
+    file["levels"][0]["drive"]["file"] = "mirror.yaml"
+    (tmp_path / "mirror.yaml").write_text(yaml.safe_dump(file), "utf-8")
+    with pytest.raises(StudyError, match=r"mirror\.yaml"):
+        run_file(tmp_path / "mirror.yaml")
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -132,6 +243,18 @@ def test_a_walk_is_identified_from_the_users_own_csv(tmp_path: Path) -> None:
 def test_wrong_files_are_refused_by_field(tmp_path: Path, change, words: str) -> None:
     with pytest.raises(StudyError, match=words):
         run_file(edited("pulled_slider.yaml", tmp_path, change))
+
+
+def test_a_label_is_used_once_and_a_file_read_once(tmp_path: Path) -> None:
+    time = np.arange(0.0, 2.0, 5e-4)
+    save_recording(make_recording(time, {"force_ratio": (time, "")}), tmp_path / "r.nc")
+    one = Recorded(file="r.nc", start=0.5, end=1.0)
+    with pytest.raises(StudyError, match="two are called 'r'; give each a 'name'"):
+        read_parts([one, one], tmp_path)
+    parts = read_parts([one, Recorded(file="r.nc", end=0.3, name="early")], tmp_path)
+    assert {label: part.attrs["title"] for label, part in parts.items()} == {"r": "r", "early": "early"}
+    assert [part.sizes["time"] for part in parts.values()] == [1001, 601]
+    assert np.shares_memory(*(part["force_ratio"].values.base for part in parts.values()))
 
 
 def test_no_yaml_and_no_mapping_are_refused(tmp_path: Path) -> None:

@@ -33,19 +33,6 @@ def parameter_table(caption: str, fit: Fit, level: float = 0.95) -> Table:
     return Table(caption, columns, rows, notes=" ".join((state, *fit.undetermined)))
 
 
-def goodness_table(caption: str, fit: Fit, unit: str) -> Table:
-    """How well each recording is described; `unit` is that of the data."""
-    columns = (
-        Column("recording"),
-        Column("data", ""),
-        Column("r²", "", digits=5),
-        Column("rms residual", unit),
-        Column("lag-1 correlation", ""),
-    )
-    rows = [(g.name, g.n_data, g.r_squared, g.rmse, g.lag_one_correlation) for g in fit.recordings]
-    return Table(caption, columns, rows)
-
-
 def fit_numbers(fit: Fit, unit: str, level: float = 0.95) -> dict[str, Any]:
     """All numbers of a fit for results.json; `unit` is that of the data."""
     return {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -43,28 +44,49 @@ class Recorded(Source):
     use: Literal["fit", "verify"] = "fit"
     name: str = ""
 
-    def read(self, folder: Path) -> xr.Dataset:
-        """The recording, cut to its part.
-
-        Raises:
-            RecordingError: the file cannot be read, or the part holds fewer than two samples.
-        """
-        columns = {k: tuple(v) if isinstance(v, list) else v for k, v in self.columns.items()}
-        path = self.path(folder)
-        recording = read_recording(path, columns or None, self.units or None, sample_rate=self.sample_rate)
-        cut = recording.sel(time=slice(self.start, self.end))
-        if cut.sizes["time"] < 2:
-            first, last = (float(recording["time"][i]) for i in (0, -1))
-            raise StudyError(
-                f"{path.name}: from {self.start} s to {self.end} s there are {cut.sizes['time']} samples; "
-                f"the recording runs from {first:g} s to {last:g} s"
-            )
-        return cut
-
     @property
     def label(self) -> str:
         """What to call it in tables and figures."""
         return self.name or Path(self.file).stem
+
+    def read(self, folder: Path) -> xr.Dataset:
+        """All that the file holds; raises RecordingError."""
+        columns = {k: tuple(v) if isinstance(v, list) else v for k, v in self.columns.items()}
+        return read_recording(
+            self.path(folder), columns or None, self.units or None, sample_rate=self.sample_rate
+        )
+
+    def cut(self, whole: xr.Dataset) -> xr.Dataset:
+        """The part of it, with the label as its title; raises StudyError for fewer than two samples."""
+        part = whole.sel(time=slice(self.start, self.end))
+        if part.sizes["time"] < 2:
+            first, last = (float(whole["time"][i]) for i in (0, -1))
+            raise StudyError(
+                f"{Path(self.file).name}: from {self.start} s to {self.end} s there are "
+                f"{part.sizes['time']} samples; the recording runs from {first:g} s to {last:g} s"
+            )
+        return part.assign_attrs(title=self.label)
+
+
+def read_parts(recordings: Sequence[Recorded], folder: Path) -> dict[str, xr.Dataset]:
+    """The recordings by label, in order; a file of which several are parts is read once.
+
+    Raises:
+        RecordingError: a file cannot be read.
+        StudyError: two have one label, or a part holds fewer than two samples.
+    """
+    whole: dict[str, xr.Dataset] = {}
+    parts: dict[str, xr.Dataset] = {}
+    for recording in recordings:
+        if recording.label in parts:
+            raise StudyError(
+                f"recordings: two are called {recording.label!r}; give each a 'name', such as its part"
+            )
+        source = recording.model_dump_json(include={"dataset", "file", "columns", "units", "sample_rate"})
+        if source not in whole:
+            whole[source] = recording.read(folder)
+        parts[recording.label] = recording.cut(whole[source])
+    return parts
 
 
 class Study(Strict):

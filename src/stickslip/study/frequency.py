@@ -22,7 +22,7 @@ from ..identify.result import Fit
 from ..input_file import Hertz, Strict
 from ..parameters import cite
 from ..report import Column, Document, Number, Picture, Section, Table
-from ..report.fits import estimates, parameter_table
+from ..report.fits import estimates, fit_numbers, parameter_table
 from .file import Source, Study, StudyError
 
 _TWO_PI = 2.0 * np.pi
@@ -266,7 +266,7 @@ def _document(study: FrequencyStudy, results: list[_Level]) -> Document:
                 "r_squared_held_out": {
                     f"{len(m)}_modes": Number(s[0], "") for m, s in zip(study.modes, r.scores, strict=True)
                 },
-                "parameters": estimates(r.fits[-1]),
+                **fit_numbers(r.fits[-1], "m/V"),
             }
             for r, gain in zip(results, gains, strict=True)
         },

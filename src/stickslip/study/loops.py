@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal
 
 import xarray as xr
 from pydantic import Field
@@ -12,14 +12,13 @@ from pydantic import Field
 from ..figures.identification import fit_with_residuals, friction_loop, law_ranking
 from ..figures.style import svg
 from ..friction import LAWS
-from ..identify.loops import identify_loops
-from ..identify.result import Fit
+from ..identify.compare import Candidate, Comparison, compare_laws
 from ..input_file import Strict, quantity
 from ..parameters import cite
 from ..report import Column, Document, Number, Picture, Section, Table
-from ..report.fits import estimates, parameter_table
-from ..verification import Verification, verify
-from .file import Recorded, Study, StudyError
+from ..report.fits import fit_numbers, parameter_table
+from ..verification import verify
+from .file import Recorded, Study, StudyError, read_parts
 
 _LAWS = {law.__name__: law for law in LAWS}
 
@@ -33,20 +32,13 @@ class LawSpec(Strict):
     bounds: dict[str, tuple[float, float]] = Field(default_factory=dict)
     label: str = ""
 
-    def record(self) -> Any:
-        """The law's record; raises StudyError or QuantityError."""
+    def candidate(self) -> Candidate:
+        """The law to fit; raises StudyError or QuantityError."""
         if self.law not in _LAWS:
             raise StudyError(f"laws.law: there is no law {self.law!r}; there are {', '.join(_LAWS)}")
         fields = {k: tuple(v) if isinstance(v, list) else v for k, v in self.fields.items()}
         law: Any = _LAWS[self.law]
-        return law(**fields)
-
-
-class _Result(NamedTuple):
-    label: str
-    fit: Fit
-    seen: Verification
-    unseen: Verification
+        return Candidate(self.label or self.law, law(**fields), tuple(self.free), dict(self.bounds))
 
 
 class LoopStudy(Study):
@@ -62,36 +54,33 @@ class LoopStudy(Study):
 
     def run(self, folder: Path, progress: Callable[[str, float], None]) -> Document:
         """Fit every law, verify it, and report the one that predicts best."""
+        parts = read_parts(self.recordings, folder)
         data = {
-            use: [self._read(r, folder) for r in self.recordings if r.use == use] for use in ("fit", "verify")
+            use: [self._turned(parts[r.label]) for r in self.recordings if r.use == use]
+            for use in ("fit", "verify")
         }
         if not (data["fit"] and data["verify"]):
             raise StudyError("recordings: at least one with 'use: fit' and one with 'use: verify' are needed")
-        results = []
-        for i, spec in enumerate(self.laws):
-            label = spec.label or spec.law
-            progress(f"fitting {label}", i / len(self.laws))
-            fit = identify_loops(
-                data["fit"],
-                spec.record(),
-                spec.free,
-                reference_normal_force=self.reference_normal_force,
-                bounds=spec.bounds or None,
-            )
-            results.append(_Result(label, fit, verify(fit, data["fit"]), verify(fit, data["verify"])))
-        best = max(results, key=lambda r: r.unseen.r_squared)
-        return self._document(data, results, best)
+        results = compare_laws(
+            data["fit"],
+            data["verify"],
+            [spec.candidate() for spec in self.laws],
+            channel_free=(),
+            progress=lambda label, i, count: progress(f"fitting {label}", (i - 1) / count),
+            reference_normal_force=self.reference_normal_force,
+        )
+        return self._document(data, results)
 
-    def _read(self, source: Recorded, folder: Path) -> xr.Dataset:
-        recording = source.read(folder).assign_attrs(title=source.label)
-        if self.flip:
-            flipped = -recording["friction_force"]
-            recording = recording.assign(
-                friction_force=flipped.assign_attrs(recording["friction_force"].attrs)
-            )
-        return recording
+    def _turned(self, recording: xr.Dataset) -> xr.Dataset:
+        if not self.flip or "friction_force" not in recording:
+            return recording
+        flipped = -recording["friction_force"]
+        return recording.assign(friction_force=flipped.assign_attrs(recording["friction_force"].attrs))
 
-    def _document(self, data: dict[str, list[xr.Dataset]], results: list[_Result], best: _Result) -> Document:
+    def _document(self, data: dict[str, list[xr.Dataset]], results: Comparison) -> Document:
+        rows = [(label, fit, results.verifications[label]) for label, fit in results.fits.items()]
+        best, best_fit = results.best, results.fits[results.best]
+        score = results.verifications[best].r_squared
         table = Table(
             "Friction laws, fitted on one part of the measurement and verified on another.",
             (
@@ -106,16 +95,16 @@ class LoopStudy(Study):
             ),
             [
                 (
-                    r.label, r.fit.n_estimated, r.seen.r_squared, r.unseen.r_squared, r.unseen.rmse,
-                    r.fit.aic, r.fit.bic, "yes" if r.fit.converged else "NO",
+                    label, fit.n_estimated, fit.r_squared, verification.r_squared, verification.rmse,
+                    fit.aic, fit.bic, "yes" if fit.converged else "NO",
                 )
-                for r in results
+                for label, fit, verification in rows
             ],
             notes="Information criteria are those of the fit. "
             + " ".join(f"Known mark: {what}, {value:g}." for what, value in self.marks.items()),
         )  # fmt: skip
         seen, unseen = data["fit"][0], data["verify"][0]
-        predicted = best.unseen.predictions[0]
+        predicted = verify(best_fit, unseen).predictions[0]
         last = slice(-len(predicted["time"]) // 4, None)
         pictures = (
             Picture(
@@ -123,10 +112,10 @@ class LoopStudy(Study):
                 "What each law leaves unexplained.",
                 svg(
                     law_ranking(
-                        [f"{r.label} ({r.fit.n_estimated})" for r in results],
-                        [r.seen.r_squared for r in results],
-                        [r.unseen.r_squared for r in results],
-                        [r.fit.bic for r in results],
+                        [f"{label} ({fit.n_estimated})" for label, fit, _ in rows],
+                        [fit.r_squared for _, fit, _ in rows],
+                        [verification.r_squared for _, _, verification in rows],
+                        [fit.bic for _, fit, _ in rows],
                         self.marks,
                     )
                 ),
@@ -134,7 +123,7 @@ class LoopStudy(Study):
             ),
             Picture(
                 "friction_loop",
-                f"Friction loops, measured and predicted by {best.label}: the last quarter of the part that "
+                f"Friction loops, measured and predicted by {best}: the last quarter of the part that "
                 "the fit has not seen.",
                 svg(
                     friction_loop(
@@ -147,7 +136,7 @@ class LoopStudy(Study):
             ),
             Picture(
                 "friction_over_time",
-                f"Friction force over time, measured and predicted by {best.label}, free-running from the "
+                f"Friction force over time, measured and predicted by {best}, free-running from the "
                 "first sample.",
                 svg(
                     fit_with_residuals(
@@ -165,7 +154,7 @@ class LoopStudy(Study):
         return Document(
             title=self.title,
             summary=(
-                f"{best.label} predicts best: r² {best.unseen.r_squared:.4f} on the part that no fit has "
+                f"{best} predicts best: r² {score:.4f} on the part that no fit has "
                 f"seen (fitted and predicted: {span})."
             ),
             sections=(
@@ -176,22 +165,19 @@ class LoopStudy(Study):
                     figures=pictures[:1],
                 ),
                 Section(
-                    f"{best.label}: parameters and prediction",
-                    tables=(parameter_table("Identified parameters.", best.fit),),
+                    f"{best}: parameters and prediction",
+                    tables=(parameter_table("Identified parameters.", best_fit),),
                     figures=pictures[1:],
                 ),
             ),
-            highlights=(("r² of predicted friction", Number(best.unseen.r_squared, "")),),
+            highlights=(("r² of predicted friction", Number(score, "")),),
             numbers={
-                r.label: {
-                    "parameters": estimates(r.fit),
-                    "r_squared_fitted": Number(r.seen.r_squared, ""),
-                    "r_squared_predicted": Number(r.unseen.r_squared, ""),
-                    "rmse_predicted": Number(r.unseen.rmse, "N"),
-                    "aic": Number(r.fit.aic, ""),
-                    "bic": Number(r.fit.bic, ""),
+                label: {
+                    **fit_numbers(fit, "N"),
+                    "r_squared_predicted": Number(verification.r_squared, ""),
+                    "rmse_predicted": Number(verification.rmse, "N"),
                 }
-                for r in results
+                for label, fit, verification in rows
             },
             citations=cite(*self.citation) if self.citation else "",
         )

@@ -16,7 +16,7 @@ from ..input_file import quantity
 from ..parameters import cite
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import estimates, parameter_table
-from .file import Recorded, Study, StudyError
+from .file import Recorded, Study, StudyError, read_parts
 
 
 class PulledRecording(Recorded):
@@ -41,7 +41,8 @@ class PulledStudy(Study):
                 f"a pulled_slider study fits one recording and predicts the others, not {len(fitted)}"
             )
         progress(f"fitting {fitted[0].label}", 0.0)
-        data = {r.label: (r.read(folder), Rig(self.mass, r.stiffness, r.speed)) for r in self.recordings}
+        parts = read_parts(self.recordings, folder)
+        data = {r.label: (parts[r.label], Rig(self.mass, r.stiffness, r.speed)) for r in self.recordings}
         fit = identify_pulled_slider(*data[fitted[0].label])
         dynamic = fit.values["dynamic_coefficient"]
         static = dynamic + fit.values["stiction_excess"]
@@ -73,13 +74,17 @@ class PulledStudy(Study):
             rows,
             notes="Sticking is the part of the time at rest; above one half the regime is called stick-slip.",
         )  # fmt: skip
-        errors = [abs(r[-1]) for r in unseen]
+        errors = [abs(r[-1]) for r in unseen if np.isfinite(r[-1])]
+        verified = ""
+        if unseen:
+            verified = f" The regime is predicted rightly for {right} of {len(unseen)} other conditions"
+            if errors:
+                verified += f", the event period within {min(errors):.0f} to {max(errors):.0f} %"
+            verified += "."
         return Document(
             title=self.title,
             summary=(
-                f"Friction coefficients from one speed: static {static:.3f}, dynamic {dynamic:.3f}. The "
-                f"regime is predicted rightly for {right} of {len(unseen)} other conditions, the event "
-                f"period within {min(errors):.0f} to {max(errors):.0f} %."
+                f"Friction coefficients from one speed: static {static:.3f}, dynamic {dynamic:.3f}.{verified}"
             ),
             sections=(
                 Section(

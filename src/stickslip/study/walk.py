@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import xarray as xr
 from pydantic import Field
@@ -14,12 +14,12 @@ from ..figures.identification import fit_with_residuals
 from ..figures.style import svg
 from ..identify.friction import identify_friction
 from ..identify.result import goodness
-from ..input_file import Strict
+from ..input_file import Strict, quantity
 from ..report import Column, Document, Number, Picture, Section, Table
-from ..report.fits import estimates, parameter_table
+from ..report.fits import estimates, fit_numbers, parameter_table
 from ..waveform import periodic, shapes
 from ..waveform.signal import Waveform
-from .file import Recorded, Study, StudyError
+from .file import Recorded, Study, StudyError, read_parts
 
 _SHAPES = {
     name: getattr(module, name)
@@ -54,7 +54,8 @@ class WalkRecording(Recorded):
 
 class WalkStudy(Study):
     """See the module. `model` is a parameter set or a file; `change` and `friction` change fields of it
-    before the fit, which starts there."""
+    before the fit, which starts there; `starts` and `tolerance` (of the simulations) as for
+    `identify_friction`."""
 
     kind: Literal["walk"]
     model: str
@@ -63,6 +64,7 @@ class WalkStudy(Study):
     free: list[str]
     bounds: dict[str, tuple[float | str, float | str]] = Field(default_factory=dict)
     starts: int = 4
+    tolerance: Annotated[float, quantity("m")] = 1e-12
     recordings: list[WalkRecording]
 
     def run(self, folder: Path, progress: Callable[[str, float], None]) -> Document:
@@ -71,8 +73,9 @@ class WalkStudy(Study):
         model = load_actuator(own if own.suffix == ".toml" and own.is_file() else self.model)
         changes: dict[str, Any] = {**self.change, "friction": model.friction._replace(**self.friction)}
         model = model.replace(**changes)
+        parts = read_parts(self.recordings, folder)
         data = {
-            r.label: (r, r.read(folder), r.drive.waveform() if r.drive else None) for r in self.recordings
+            r.label: (r, parts[r.label], r.drive.waveform() if r.drive else None) for r in self.recordings
         }
         fitted = [(d, w) for r, d, w in data.values() if r.use == "fit"]
         if not fitted:
@@ -85,6 +88,7 @@ class WalkStudy(Study):
             drive=[w for _, w in fitted],
             bounds=self.bounds or None,
             starts=self.starts,
+            tolerance=self.tolerance,
             progress=lambda p: progress(f"fitting, start {p.start}", 0.7 * (p.start - 1) / p.starts),
         )
         rows, pictures, numbers = [], [], {}
@@ -144,7 +148,7 @@ class WalkStudy(Study):
                 ),
             ),
             highlights=[(name, number) for name, number in estimates(fit).items()],
-            numbers={"parameters": estimates(fit), "recordings": numbers},
+            numbers={**fit_numbers(fit, "m"), "recordings": numbers},
             assumptions=[f"{field} = {words}" for field, words in model.assumptions.items()],
             citations=model.citation,
         )
