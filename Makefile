@@ -1,8 +1,8 @@
 # Everything a newcomer types. A fresh machine needs Python >= 3.11, git and make; the rest comes from the lock file.
 #
 #   make demo       identify, verify and simulate; writes out/demo/report.html
-#   make test       all tests
-#   make coverage   the tests with the JIT off, which sees the lines inside the kernels; takes a quarter of an hour
+#   make test       all tests, compiled; then all but the long ones as plain Python, with the coverage of lines
+#   make coverage   the second of these alone: with the JIT off, the lines inside the kernels are seen too
 #   make check      lint, format, types, layers
 #   make mutation   flips signs in the physics and asks the tests to notice
 #   make lock       resolve the dependencies anew (LOCK_FLAGS=--upgrade for newer versions)
@@ -15,7 +15,7 @@ READY := $(VENV)/.ready
 
 # Two processes suit two cores; the first run compiles the kernels, later ones find them in the user's cache.
 PYTEST ?= $(BIN)/python -m pytest -q -n 2 --dist worksteal
-# What `make coverage` runs over: all but the tests marked as too long for plain Python.
+# What runs as plain Python: all but the tests marked as too long for it.
 NOJIT_TESTS ?= tests -m "not compiled"
 COVERAGE ?= 90
 LOCK_FLAGS ?=
@@ -50,6 +50,7 @@ demo: $(READY)
 
 test: $(READY)
 	$(PYTEST)
+	$(MAKE) coverage
 
 coverage: $(READY)
 	NUMBA_DISABLE_JIT=1 NUMBA_ENABLE_CUDASIM=1 $(PYTEST) --cov --cov-fail-under=$(COVERAGE) $(NOJIT_TESTS)

@@ -16,8 +16,10 @@ import functools
 import hashlib
 import inspect
 import os
+import shutil
 import sys
 import tempfile
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -26,6 +28,7 @@ import numba
 from numba.core import event
 from numba.extending import overload as _numba_overload
 
+_UNUSED = 30 * 24 * 3600.0  # s, after which kernels of other sources are removed
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 _PACKAGE = Path(__file__).parent
 # The rooms that hold compiled code (tests/test_house.py sees to it): kernels depend on no other file.
@@ -58,17 +61,48 @@ def _cache_root() -> Path:
 def _package_cache() -> Path:
     rooms = (_PACKAGE / room for room in KERNEL_ROOMS)
     files = [file for room in rooms for file in ([room] if room.is_file() else sorted(room.rglob("*.py")))]
-    root = _cache_root() / f"kernels-{_source_hash(files)}"
+    name = f"kernels-{_source_hash(files)}"
     try:
-        root.mkdir(parents=True, exist_ok=True)
+        return _in_use(_cache_root() / name)
     except OSError:  # a read-only home: still right, only slower in the next process
-        root = (
-            Path(tempfile.gettempdir())
-            / f"stickslip-{os.getuid() if hasattr(os, 'getuid') else 0}"
-            / root.name
-        )
-        root.mkdir(parents=True, exist_ok=True)
-    return root
+        user = os.getuid() if hasattr(os, "getuid") else 0
+        return _in_use(Path(tempfile.gettempdir()) / f"stickslip-{user}" / name)
+
+
+def _in_use(folder: Path) -> Path:
+    """The folder, there and marked as used now; when it is new, old ones are removed."""
+    while True:
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            try:
+                os.utime(folder)
+            except FileNotFoundError:  # pruned since, by another process
+                continue
+        else:
+            _prune(folder.parent, time.time() - _UNUSED)
+        return folder
+
+
+def _prune(root: Path, oldest: float) -> None:
+    """Remove the kernels that no process has asked for since `oldest` [s, Unix time].
+
+    A folder gets another name first: of several processes one removes it, and one that still wants it makes
+    a new one instead of losing files while it reads them.
+    """
+    for folder in [*root.glob("kernels-*"), *root.glob("removed-*")]:  # of the latter, what was interrupted
+        doomed = folder
+        try:
+            if folder.stat().st_mtime >= oldest:
+                continue
+            if folder.name.startswith("kernels-"):
+                doomed = folder.rename(folder.with_name(f"removed-{os.getpid()}-{folder.name}"))
+                if doomed.stat().st_mtime >= oldest:  # asked for in between
+                    doomed.rename(folder)
+                    continue
+        except OSError:  # another process was first
+            continue
+        shutil.rmtree(doomed, ignore_errors=True)
 
 
 class _Announcer(event.Listener):
@@ -157,6 +191,8 @@ class Kernel:
 
     def _dispatcher(self, law_type: type) -> Callable[..., Any]:
         source = _foreign_source(law_type)
+        if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
+            return self._function
         if source is None:
             folder = _package_cache()
         elif law_type.__module__ == "__main__" or source == Path():
