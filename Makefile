@@ -5,6 +5,7 @@
 #   make coverage   the second of these alone: with the JIT off, the lines inside the kernels are seen too
 #   make check      lint, format, types, layers
 #   make mutation   flips signs in the physics and asks the tests to notice
+#   make bench      everything measured beside other tools: docs/benchmarks/; PART=fit for one part
 #   make lock       resolve the dependencies anew (LOCK_FLAGS=--upgrade for newer versions)
 
 PYTHON ?= python3
@@ -19,9 +20,13 @@ PYTEST ?= $(BIN)/python -m pytest -q -n 2 --dist worksteal
 NOJIT_TESTS ?= tests -m "not compiled"
 COVERAGE ?= 90
 LOCK_FLAGS ?=
+# Of trajectory, steady, ensemble, fit, accuracy, startup; all of them if empty.
+PART ?=
+# Other tools, only for the benchmarks, in an environment of their own.
+PEERS := .venv-peers
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test coverage check format mutation lock clean
+.PHONY: help setup demo test coverage check format mutation bench peers lock clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -68,10 +73,31 @@ format: $(READY)
 mutation: $(READY)
 	$(BIN)/python tools/mutate.py
 
+bench: $(READY) peers
+	$(BIN)/python -m benchmarks $(PART)
+
+bench-%: $(READY) peers
+	$(BIN)/python -m benchmarks $*
+
+# A tool that cannot be installed is a row that says so: numbalsoda needs a Fortran compiler, Octave is not of Python.
+peers: $(PEERS)/.ready
+
+$(PEERS)/.ready: benchmarks/peers/requirements.txt benchmarks/peers/numbalsoda.txt $(READY)
+	@rm -rf $(PEERS) && $(BIN)/uv venv --quiet --python $(BIN)/python $(PEERS)
+	@install="$(BIN)/uv pip install --quiet --python $(PEERS)/bin/python --require-hashes --no-deps"; \
+	echo "installing the tools to compare with into $(PEERS) ..." >&2; \
+	$$install -r benchmarks/peers/requirements.txt && { \
+	  CMAKE_POLICY_VERSION_MINIMUM=3.5 $$install -r benchmarks/peers/numbalsoda.txt || \
+	  echo "numbalsoda, which needs gfortran and cmake, was not installed (Debian: apt install gfortran cmake)" >&2; }
+	@command -v octave-cli >/dev/null || echo "GNU Octave is not installed (Debian: apt install octave)" >&2
+	@touch $@
+
 lock: $(READY)
 	$(BIN)/uv pip compile --quiet --universal --fork-strategy fewest --python-version 3.11 --extra dev \
 	  --generate-hashes --no-emit-index-url --custom-compile-command "make lock" $(LOCK_FLAGS) \
 	  pyproject.toml -o requirements.lock
+	$(BIN)/uv pip compile --quiet --python-version 3.11 --generate-hashes --no-emit-index-url \
+	  --custom-compile-command "make lock" $(LOCK_FLAGS) benchmarks/peers/requirements.in -o benchmarks/peers/requirements.txt
 
 clean:
-	rm -rf $(VENV) out .pytest_cache .ruff_cache .import_linter_cache .hypothesis .coverage*
+	rm -rf $(VENV) $(PEERS) out .pytest_cache .ruff_cache .import_linter_cache .hypothesis .coverage*

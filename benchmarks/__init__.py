@@ -1,0 +1,1 @@
+"""What the package needs beside other tools, for the same problems, in one session: `python -m benchmarks`."""

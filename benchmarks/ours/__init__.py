@@ -1,0 +1,1 @@
+"""This package, measured by worker processes of the same kind as the peers'."""

@@ -1,0 +1,59 @@
+"""One trajectory, 1601 samples: the compiled engine by itself, and the public call around it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+import stickslip as ss
+from stickslip.mechanism import SLIDER
+from stickslip.simulation.models import mechanism, resting_state
+from stickslip.solve.motion import motion
+from stickslip.waveform.drive import constant
+
+from .. import problems
+from ..worker import Case, serve
+from .models import DRIVE, DURATION, UNLIKE, actuator
+
+TOLERANCES = (1e-7, 3e-8, 1e-8, 3e-9, 1e-9, 1e-10, 1e-11)
+PUBLIC = (1e-8, 1e-9, 1e-10)
+MAX_STEPS = 1_000_000
+
+
+def _engine(problem: str, drive: Any, tolerance: float) -> Callable[[], np.ndarray]:
+    model = actuator(problem)
+    law, mech, table, load = model.friction, mechanism(model), drive.drive(DURATION), constant(1.0)
+    times = np.arange(problems.PERIODS * problems.SAMPLES + 1) / 1e3
+    start = resting_state(law, mech, 0.0)
+    samples = np.empty((times.size, start.size + 1))
+
+    def run() -> np.ndarray:
+        q = start.copy()
+        motion(law, mech, table, load, q, (0.0, DURATION), tolerance, MAX_STEPS, times, samples)
+        return samples[:, SLIDER]
+
+    return run
+
+
+def _public(problem: str, tolerance: float) -> Callable[[], np.ndarray]:
+    model = actuator(problem)
+    return lambda: ss.simulate(model, DRIVE, DURATION, tolerance=tolerance)["end_effector_position"].values
+
+
+def cases() -> Iterator[Case]:
+    for problem in problems.PROBLEMS:
+        judge = partial(problems.error, problem)
+        for name, drive in (("engine", DRIVE), ("engine, no period repeats", UNLIKE)):
+            for tolerance in TOLERANCES:
+                make = partial(_engine, problem, drive, tolerance)
+                yield Case("stickslip", name, f"{tolerance:g} m", problem, make, judge)
+        for tolerance in PUBLIC:
+            make = partial(_public, problem, tolerance)
+            yield Case("stickslip", "ss.simulate", f"{tolerance:g} m", problem, make, judge)
+
+
+if __name__ == "__main__":
+    serve({"trajectory": cases}, ["stickslip", "numba", "numpy"])

@@ -1,0 +1,51 @@
+"""The file of results: for each part when, where and with what it ran, and its rows."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+Row = dict[str, Any]
+
+
+def machine() -> str:
+    """Processor, cores, memory, system, Python."""
+    info, memory = Path("/proc/cpuinfo"), Path("/proc/meminfo")
+    model = platform.processor() or platform.machine()
+    if info.exists():
+        names = [
+            line.partition(":")[2].strip() for line in info.read_text().splitlines() if "model name" in line
+        ]
+        model = names[0] if names else model
+    size = ""
+    if memory.exists():
+        size = f", {int(memory.read_text().split()[1]) / 2**20:.0f} GiB"
+    system = f"{platform.system()} {platform.release().split('-')[0]}"
+    return f"{model}, {os.cpu_count()} cores{size}, {system}, Python {platform.python_version()}"
+
+
+def load(file: Path) -> dict[str, Any]:
+    return json.loads(file.read_text()) if file.exists() else {}
+
+
+def record(file: Path, part: str, rows: list[Row], versions: dict[str, str], seconds: float) -> None:
+    """Put a part's rows in the place of those of its last run."""
+    results = load(file)
+    results[part] = {
+        "made": datetime.now(UTC).isoformat(timespec="minutes"),
+        "machine": machine(),
+        "load_average": os.getloadavg()[0],
+        "took_s": round(seconds, 1),
+        "versions": versions,
+        "rows": [_rounded(row) for row in rows],
+    }
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text(json.dumps(results, indent=1, ensure_ascii=False) + "\n")
+
+
+def _rounded(row: Row) -> Row:
+    return {name: float(f"{v:.5g}") if isinstance(v, float) else v for name, v in row.items()}
