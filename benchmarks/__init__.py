@@ -1,1 +1,1 @@
-"""What the package needs beside other tools, for the same problems, in one session: `python -m benchmarks`."""
+"""This package beside other tools, on the same problems, in one session: `python -m benchmarks`."""

@@ -1,8 +1,8 @@
 """The error on actuators drawn at random, against LSODA of SciPy at a relative tolerance of 1e-12.
 
-Three decades each of stiffness, mass, voltage, frequency of the drive; LuGre with and without a Stribeck curve,
-Dahl and elastoplastic contacts; with and without reaction on the stage, external force and slope. The equations
-are written here once more, from the papers, in the variables of this file.
+Three decades each of stiffness, mass, voltage, frequency of the drive; LuGre with and without a Stribeck
+curve, Dahl and elastoplastic contacts; with and without reaction on the stage, external force and slope. The
+equations are written here once more, from the papers.
 """
 
 from __future__ import annotations
@@ -139,7 +139,7 @@ def _rates(t, q, p, out):
 
 
 def reference(d: Draw, tolerance: float = 1e-12) -> np.ndarray:
-    """Positions of the end-effector, m, SAMPLES per period and that at the start, from rest under its load."""
+    """Positions of the end-effector, m, SAMPLES per period and the first, from rest under its load."""
     axial = d.force - d.mass * GRAVITY * math.sin(d.incline)
     slope = d.amplitude * d.frequency
     p = (*map(float, d[:11]), float(d.reaction), axial, slope)
@@ -197,7 +197,5 @@ def measure_accuracy() -> tuple[list[Row], dict[str, str]]:
     with multiprocessing.get_context("spawn").Pool(os.cpu_count()) as pool:
         rows = pool.map(_row, range(ACTUATORS), chunksize=1)
     worst = max(rows, key=lambda row: row["error_over_tolerance"])
-    print(
-        f"accuracy: worst {worst['error_over_tolerance']:.3g} tolerances, {worst['problem']}: {worst['setting']}"
-    )
+    print(f"accuracy: worst {worst['error_over_tolerance']:.3g} tolerances, {worst['problem']}")
     return rows, {name: version(name) for name in ("stickslip", "numba", "numpy", "scipy")}

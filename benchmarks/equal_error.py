@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 from typing import Any
 
 Row = dict[str, Any]
@@ -24,7 +25,7 @@ def cost_at(rows: Sequence[Row], target: float, cost: str, error: str) -> float 
     A tool whose cheapest run is better than the target pays for that run; None where no run is good enough.
     """
     points = front(rows, cost, error)
-    for (worse, less), (better, more) in zip(points, points[1:], strict=False):
+    for (worse, less), (better, more) in pairwise(points):
         if better <= target <= worse:
             share = math.log(worse / target) / math.log(worse / better)
             return less * (more / less) ** share

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable, Iterable
+
 import numpy as np
 
 # Of P4, from a fit with simulations at a relative tolerance of 1e-11; its reduced chi-square is 0.9736.
@@ -22,6 +25,22 @@ def judge_fit(values: np.ndarray) -> dict[str, object]:
         "away_in_standard_errors": away,
         "global": away < SAME,
     }
+
+
+SECONDS = 60.0  # for fits from a hundred starts
+
+
+def from_all(fit: Callable[[np.ndarray], np.ndarray], starts: Iterable[np.ndarray]) -> np.ndarray:
+    """The values that fits from as many of the starts as there is time for end in; NaN where one fails."""
+    end, found = time.perf_counter() + SECONDS, []
+    for start in starts:
+        if time.perf_counter() > end:
+            break
+        try:
+            found.append(fit(start))
+        except (ArithmeticError, RuntimeError, ValueError, np.linalg.LinAlgError):
+            found.append(np.full(3, np.nan))
+    return np.array(found)
 
 
 def judge_starts(values: np.ndarray) -> dict[str, int]:

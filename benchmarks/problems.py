@@ -64,9 +64,11 @@ def error(problem: str, position: Array) -> dict[str, float]:
 
 
 class Steady(NamedTuple):
-    """Steady stepping of P1's contact under another stage and drive: rad/s, V, Hz; in the last of
-    `periods` from rest the net step is within 1e-10 m of `step` [m], that of DOP853 at a relative tolerance of 1e-11
-    once it has settled, and is known to be so (at least two steps are equal)."""
+    """Steady stepping of P1's contact under another stage and drive: rad/s, V, Hz.
+
+    In the last of `periods` from rest the net step is within 1e-10 m of `step` [m], that of DOP853 at a
+    relative tolerance of 1e-11 once it has settled, and so was the one before.
+    """
 
     natural_frequency: float
     amplitude: float
@@ -90,7 +92,7 @@ MEMBERS = 4096
 
 
 def parameter_sets(members: int = MEMBERS) -> Array:
-    """P3: sigma_0, F_C and mass of P1, each log-uniform within 50 %; [members, 3]. Those of 4096 are the problem."""
+    """P3: sigma_0, F_C and mass of P1, each log-uniform within 50 %; [members, 3]."""
     p = PROBLEMS["P1"]
     spread = np.random.default_rng(0).uniform(np.log(0.5), np.log(1.5), size=(members, 3))
     return np.array([p.sigma_0, p.coulomb_force, p.mass]) * np.exp(spread)

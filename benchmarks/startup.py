@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+import resource
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Mapping
 from importlib.metadata import version
 
 from .session import Row
@@ -17,46 +19,53 @@ SIMULATION = f"""
 {IMPORT}
 ss.simulate(ss.load_actuator("kang2007"), ss.Sawtooth(amplitude=65.0, frequency=5.0), duration=1.6)
 """
+# What a first simulation imports, so that its byte code is there, as after the first use of an installation.
+LIBRARIES = (
+    "import numba.core.registry, pint, scipy.linalg, xarray; numba.njit(lambda: 0)(); pint.UnitRegistry()"
+)
 
 
 def measure_startup() -> tuple[list[Row], dict[str, str]]:
-    """Rows with the median and the longest wall time, s, and what was aimed at."""
-    empty = min(_seconds("pass", {}) for _ in range(5))
+    """Rows with wall and CPU times, s, less those of an empty process, and what was aimed at."""
+    with tempfile.TemporaryDirectory() as folder:
+        kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+        place = kept | {"STICKSLIP_CACHE_DIR": folder, "PYTHONPYCACHEPREFIX": folder}
+        _process(LIBRARIES, place)
+        empty = [_process("pass", place) for _ in range(5)]
+        cold = [_process(SIMULATION, place)]
+        simulation = [_process(SIMULATION, place) for _ in range(7)]
+        imported = [_process(IMPORT, place) for _ in range(11)]
     rows = [
-        _row("import stickslip", [_seconds(IMPORT, {}) - empty for _ in range(11)], 0.3),
+        _row("import stickslip", imported, empty, 0.3),
+        _row("import and first simulation, kernels compiled before", simulation, empty, 0.5),
+        _row("import and first simulation, kernels to be compiled", cold, empty, 15.0),
     ]
-    with tempfile.TemporaryDirectory() as cache:
-        place = {"STICKSLIP_CACHE_DIR": cache}
-        cold = _seconds(SIMULATION, place) - empty
-        rows.append(
-            _row(
-                "import and first simulation, kernels compiled before",
-                [_seconds(SIMULATION, place) - empty for _ in range(7)],
-                0.5,
-            )
-        )
-    rows.append(_row("import and first simulation, kernels to be compiled", [cold], 15.0))
-    return rows, {name: version(name) for name in ("stickslip", "numba", "numpy", "xarray")}
+    return rows, {name: version(name) for name in ("stickslip", "numba", "numpy", "pint", "xarray")}
 
 
-def _seconds(program: str, environment: dict[str, str]) -> float:
-    start = time.perf_counter()
-    subprocess.run(
-        [sys.executable, "-c", program], env={**os.environ, **environment}, check=True, timeout=120
-    )
-    return time.perf_counter() - start
+def _process(program: str, environment: Mapping[str, str]) -> tuple[float, float]:
+    """Wall and CPU time of a process, s."""
+    wall, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
+    command = [sys.executable, "-c", program]
+    subprocess.run(command, env=environment, check=True, timeout=180, capture_output=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return time.perf_counter() - wall, cpu
 
 
-def _row(what: str, seconds: list[float], limit: float) -> Row:
+def _row(what: str, times: list[tuple[float, float]], empty: list[tuple[float, float]], limit: float) -> Row:
+    nothing = [min(column) for column in zip(*empty, strict=True)]
+    walls, cpus = zip(*times, strict=True)
     return {
         "part": "startup",
         "problem": "",
         "tool": "stickslip",
-        "method": "fresh process, less an empty one",
+        "method": "fresh process",
         "setting": what,
-        "repeats": len(seconds),
-        "wall_s_median": statistics.median(seconds),
-        "wall_s_min": min(seconds),
-        "wall_s_max": max(seconds),
-        "limit_s": limit,
+        "repeats": len(times),
+        "wall_ms_median": 1e3 * (statistics.median(walls) - nothing[0]),
+        "wall_ms_min": 1e3 * (min(walls) - nothing[0]),
+        "cpu_ms_median": 1e3 * (statistics.median(cpus) - nothing[1]),
+        "cpu_ms_min": 1e3 * (min(cpus) - nothing[1]),
+        "limit_ms": 1e3 * limit,
     }

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from .equal_error import cost_at
+from .problems import MEMBERS
 
 Row = dict[str, Any]
 
@@ -27,19 +28,19 @@ def page(results: dict[str, Any]) -> str:
 _INTRODUCTION = """
 # Benchmarks
 
-Made by `make bench` (`make bench PART=trajectory` for one part), which keeps every number in `results.json`. All
-tools run on this machine in the same session, turn by turn, and restart where the drive jumps; compilation is not
-counted. What is compared is CPU time, the median over all turns. The problems are stated in
-`benchmarks/problems.py`, the peers' programs in `benchmarks/peers/` were written for this comparison, and errors
-are those against trajectories of an independent solver at a relative tolerance of 1e-13.
+Made by `make bench` (`make bench PART=trajectory` for one part), which keeps every number in `results.json`.
+All tools run on one machine in the same session, turn by turn, and restart where the drive jumps; compilation
+is not counted. What is compared is CPU time, the median over all turns. The problems are stated in
+`benchmarks/problems.py`, the peers' programs in `benchmarks/peers/` were written for this comparison, and
+errors are those against trajectories of an independent solver at a relative tolerance of 1e-13.
 """
 
 
 def _where(found: dict[str, Any]) -> str:
     versions = ", ".join(f"{name} {number}" for name, number in sorted(found["versions"].items()))
     return (
-        f"<sub>{found['made']}, {found['machine']}; load {found['load_average']:.1f} (other programs ran as well "
-        f"where it is above the number of cores); took {found['took_s']:.0f} s. {versions}.</sub>"
+        f"<sub>{found['made']}, {found['machine']}; load {found['load_average']:.1f} (above the number of "
+        f"cores: other programs ran as well); took {found['took_s']:.0f} s. {versions}.</sub>"
     )
 
 
@@ -71,10 +72,10 @@ def _groups(rows: Iterable[Row]) -> dict[tuple[str, str], list[Row]]:
 def _trajectory(rows: list[Row]) -> list[str]:
     text = [
         "8 periods, 1.6 s, 1601 samples. P1 is the thesis's actuator; P2 has a stiff contact with a Stribeck "
-        "curve. The cost at a given error lies between two settings of a tool, on a straight line in logarithmic "
-        "axes. *Engine* is the compiled solver with its samples; `ss.simulate` adds the checks and the labelled "
-        "dataset. This engine copies a period that begins as the one before it did; *no period repeats* is a "
-        "drive whose periods differ by 1e-9 of the amplitude, which forbids that.",
+        "curve. The cost at a given error lies between two settings of a tool, on a straight line in "
+        "logarithmic axes. *Engine* is the compiled solver with its samples; `ss.simulate` adds checks and "
+        "the labelled dataset. The engine copies periods once two began alike; a drive of which *no period "
+        "repeats* (they differ by 1e-9 of the amplitude) shows what it needs where it cannot.",
         "![work-precision](work-precision.svg)",
     ]
     for problem, target in TARGETS.items():
@@ -122,8 +123,8 @@ def _runs(rows: Iterable[Row]) -> str:
 
 def _steady(rows: list[Row]) -> list[str]:
     text = [
-        "The net step per period once the motion is periodic: solved for, and waited for. Those who wait are told "
-        "after how many periods the step is within 0.1 nm of the settled one, which in truth nobody knows before."
+        "The net step per period once the motion is periodic: solved for, and waited for. Those who wait are "
+        "told how many periods it takes to 0.1 nm, which in truth nobody knows before."
     ]
     head = ("problem", "tool", "method", "setting", "CPU ms", "net step, um", "error, m")
     body = (
@@ -158,9 +159,9 @@ def _ensemble(rows: list[Row]) -> list[str]:
         for row in sorted(members, key=lambda row: row["cpu_ms_median"])
     )
     text = [
-        "P3: the net displacement of P1 after 1.6 s for 4096 sets of stiffness, Coulomb force and mass, on all "
-        "cores. Simulations per second of wall time, and per second of CPU time of one core, which other programs "
-        "disturb less. The truth is a fixed step of 1 us.",
+        "P3: the net displacement of P1 after 1.6 s for 4096 sets of stiffness, Coulomb force and mass, on "
+        "all cores. Simulations per second of wall time, and per second of CPU time of one core, which other "
+        "programs disturb less. The truth is a fixed step of 1 us.",
         _table(head, body),
     ]
     costs = {
@@ -172,8 +173,8 @@ def _ensemble(rows: list[Row]) -> list[str]:
         for name, cost in costs.items():
             if cost:
                 text.append(
-                    f"At a median error of 1 nm, {name[0]}, {name[1]}: {1e3 * 4096 / cost:.0f} per CPU second, "
-                    f"{best / cost:.2g} x the best peer."
+                    f"At a median error of 1 nm, {name[0]}, {name[1]}: {1e3 * MEMBERS / cost:.0f} per CPU "
+                    f"second, {best / cost:.2g} x the best peer."
                 )
     if growth:
         head = ("members", "wall s", "per s", "peak memory, MiB")
@@ -197,11 +198,13 @@ def _fit(rows: list[Row]) -> list[str]:
         if "starts" in row:
             where = f"{row['at_the_optimum']} of {row['starts']}"
         else:
-            where = f"{'yes' if row['global'] else 'no'}, {row['away_in_standard_errors']:.2g} standard errors off"
+            where = f"{row['away_in_standard_errors']:.2g} standard errors off it"
+            where = f"{'yes' if row['global'] else 'no'}, {where}"
         body.append((row["setting"], row["tool"], row["method"], _number(row["cpu_ms_median"], 4), where))
     return [
-        "P4: sigma_0, sigma_1 and F_C from P1's positions with 20 nm of noise, from the poor start (1e6, 30, 1.5), "
-        "and from starts drawn within a factor 30 of the truth in every parameter.",
+        "P4: sigma_0, sigma_1 and F_C from P1's positions with 20 nm of noise, from the poor start "
+        "(1e6, 30, 1.5), and from starts drawn within a factor 30 of the truth in every parameter, as many "
+        "of a hundred as a minute allows.",
         _table(head, body),
     ]
 
@@ -216,22 +219,26 @@ def _accuracy(rows: list[Row]) -> list[str]:
         values = sorted(row["error_over_tolerance"] for row in rows if row["law"] == law)
         body.append((law, _number(values[-1]), _number(values[len(values) // 2]), str(len(values))))
     return [
-        f"{len(rows)} actuators drawn at random over three decades of stiffness, mass and frequency and one and a "
-        "half of voltage, with and without the friction's reaction on the stage, external force and incline; three "
-        "periods at a tolerance of 1 nm against an independent solution. "
+        f"{len(rows)} actuators drawn at random over three decades of stiffness, mass, voltage, frequency; "
+        "with and without the friction's reaction on the stage, external force and incline; three periods at "
+        "a tolerance of 1 nm against an independent solution. "
         f"Median error {ordered[len(ordered) // 2]:.2g} tolerances, worst {ordered[-1]:.3g}.",
         _table(head, body),
-        f"The worst: `{worst['setting']}`.",
+        f"The worst, {worst['problem'].removeprefix('random ')}: {worst['setting']}.",
     ]
 
 
 def _startup(rows: list[Row]) -> list[str]:
-    head = ("what, in a fresh process", "median s", "longest s", "aim s")
+    head = ("what, in a fresh process", "wall s", "CPU s", "least CPU s", "aim s")
     body = (
-        (r["setting"], _number(r["wall_s_median"]), _number(r["wall_s_max"]), f"{r['limit_s']:g}")
-        for r in rows
+        (
+            row["setting"],
+            *(_number(row[name] / 1e3, 2) for name in ("wall_ms_median", "cpu_ms_median", "cpu_ms_min")),
+            f"{row['limit_ms'] / 1e3:g}",
+        )
+        for row in rows
     )
-    return [_table(head, body)]
+    return ["Less what an empty process takes; the byte code of the libraries is there.", _table(head, body)]
 
 
 _SECTIONS = {

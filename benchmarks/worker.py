@@ -27,9 +27,9 @@ class Timed(NamedTuple):
 class Case(NamedTuple):
     """A tool, how it is used, and for which problem.
 
-    `make` builds and returns what is timed; `judge` turns its result into fields of a row, the error among them.
-    The first run compiles and is not counted; it counts, and is the only one, for a case that takes so long that
-    `once` is set, whose `make` compiles all there is.
+    `make` builds and returns what is timed; `judge` turns its result into fields of a row, the error among
+    them. The first run compiles and is not counted; where `once` is set, for a case that takes long, `make`
+    compiles all there is, and the first run is the only one.
     """
 
     tool: str

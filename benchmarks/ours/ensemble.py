@@ -23,7 +23,8 @@ MEMBERS = (1_000, 10_000, 100_000, 1_000_000)
 def _ensemble(members: int, tolerance: float) -> Callable[[], np.ndarray]:
     model, sets = actuator("P1"), problems.parameter_sets(members)
     ss.simulate_ensemble(model, DRIVE, DURATION, parameters={"sigma_0": sets[:8, 0]})  # compiles
-    columns = dict(zip(("sigma_0", "coulomb_force", "end_effector_mass"), sets.T, strict=True))
+    names: tuple[str, ...] = ("sigma_0", "coulomb_force", "end_effector_mass")
+    columns = dict(zip(names, sets.T, strict=True))
 
     def run() -> np.ndarray:
         found = ss.simulate_ensemble(model, DRIVE, DURATION, parameters=columns, tolerance=tolerance)

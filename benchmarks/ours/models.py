@@ -11,8 +11,8 @@ from ..problems import AMPLITUDE, FREQUENCY, GAIN, PERIOD, PERIODS, PROBLEMS, WN
 DRIVE = ss.Sawtooth(amplitude=AMPLITUDE, frequency=FREQUENCY)
 DURATION = PERIODS * PERIOD
 
-# Each period by 1e-9 of the amplitude larger than the one before, which moves the end-effector by some 1e-14 m: the
-# same solution, but no two periods of the drive are equal, so none can be copied from another.
+# Each period is by 1e-9 of the amplitude larger than the one before, which moves the end-effector by some
+# 1e-14 m: the same solution, but no two periods of the drive are equal, so none is a copy of another.
 UNLIKE = ss.Sequence(
     *((ss.Sawtooth(AMPLITUDE * (1.0 + 1e-9 * k), FREQUENCY), PERIOD) for k in range(PERIODS))
 )

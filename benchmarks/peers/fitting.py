@@ -6,7 +6,6 @@ side of the start.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
@@ -17,7 +16,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
 from .. import problems
-from ..fits import judge_fit, judge_starts
+from ..fits import from_all, judge_fit, judge_starts
 from ..problems import NOISE, PERIOD, TAU
 from ..worker import Case, serve
 from .equations import with_contact
@@ -26,7 +25,6 @@ from .periods import restarted
 
 REACH = np.log(30.0)
 TOLERANCE = 1e-8  # of the simulations: differences of 1e-4 need it
-SECONDS = 60.0  # for a hundred starts
 
 Simulate = Callable[[np.ndarray], np.ndarray]
 
@@ -94,22 +92,9 @@ def _one(fit: Callable[..., np.ndarray], simulator: Callable[[], Simulate]) -> C
 
 
 def _many(starts: np.ndarray) -> Callable[[], np.ndarray]:
-    """As many of the starts as there is time for."""
     simulate, record = with_dop853(), problems.noisy_record()
     simulate(np.array(problems.TRUE))
-
-    def run() -> np.ndarray:
-        end, found = time.perf_counter() + SECONDS, []
-        for start in starts:
-            if time.perf_counter() > end:
-                break
-            try:
-                found.append(with_trf(simulate, record, start))
-            except (ValueError, np.linalg.LinAlgError):  # a simulation gave no finite positions
-                found.append(np.full(3, np.nan))
-        return np.array(found)
-
-    return run
+    return lambda: from_all(partial(with_trf, simulate, record), starts)
 
 
 def cases() -> Iterator[Case]:

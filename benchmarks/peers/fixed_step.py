@@ -1,4 +1,4 @@
-"""The classical Runge-Kutta method at a fixed step, written by hand in Numba: the thesis's 25 us, and shorter."""
+"""The classical Runge-Kutta method at a fixed step, by hand in Numba: the thesis's 25 us, and shorter."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""P3 by the classical Runge-Kutta method in Numba, sixteen members side by side in vector registers, both cores.
+"""P3 by the classical Runge-Kutta method in Numba, sixteen members side by side in vector registers.
 
-Written by hand for this comparison: no packaged tool, but what Numba can do. `python -m benchmarks.peers.lanes
-truth FILE` computes the truth that all are measured by, at a step of 1 us.
+No packaged tool, but what Numba can do by hand. `python -m benchmarks.peers.lanes truth FILE` computes the
+truth that all are measured by, at a step of 1 us.
 """
 
 from __future__ import annotations

@@ -20,8 +20,8 @@ SOLVERS = {"DOP853": dop853, "LSODA": lsoda}
 
 
 def scaled(problem: str) -> Any:
-    """The right-hand side as a C function of the states over their sizes, for the tolerances of this tool are of
-    one number; its parameters are sigma_0, sigma_1, F_C and the mass."""
+    """The right-hand side as a C function of the states over their sizes, for all share one tolerance; its
+    parameters are sigma_0, sigma_1, F_C and the mass."""
     c0, c1, c2, c3, c4 = problems.PROBLEMS[problem].scale
     _, _, coulomb, stiction, stribeck, _ = contact_of(problem)
     excess = stiction - coulomb
@@ -110,7 +110,7 @@ def members() -> Iterator[Case]:
 
 
 def stepper(method: str) -> Callable[..., np.ndarray]:
-    """Net step of each of a number of periods of P1's contact under another stage and drive, tolerance given."""
+    """Net step of each of a number of periods of P1's contact under another stage and drive."""
     c0, c1, c2, c3, c4 = problems.PROBLEMS["P1"].scale
     contact, solver = contact_of("P1"), SOLVERS[method]
 

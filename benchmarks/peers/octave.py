@@ -1,4 +1,4 @@
-"""GNU Octave: lsode (ODEPACK) and ode15s (SUNDIALS), which times itself; the start of Octave is not counted."""
+"""GNU Octave: lsode (ODEPACK) and ode15s (SUNDIALS). It times itself; its start is not counted."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ function d = rates (t, q)
   v = q(2) - q(5);
   g = {coulomb} + {excess} * exp (-(v / {stribeck})^2);
   dz = v - {sigma_0} * abs (v) / g * q(3);
-  d = [q(2); {drive} * t - {damping} * q(2) - {stiffness} * q(1); dz; q(5); ({sigma_0} * q(3) + {sigma_1} * dz) / {mass}];
+  force = {sigma_0} * q(3) + {sigma_1} * dz;
+  d = [q(2); {drive} * t - {damping} * q(2) - {stiffness} * q(1); dz; q(5); force / {mass}];
 end
 tau = linspace (0, {period}, {samples} + 1);
 scale = {scale}';

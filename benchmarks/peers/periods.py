@@ -12,8 +12,8 @@ Array = np.ndarray
 
 
 def restarted(one_period: Callable[[Array], tuple[Array, Array]]) -> Callable[[], Array]:
-    """All positions, from a function that takes the state at the start of a period to the positions at its samples
-    (but the first) and the state at its end."""
+    """All positions, from a function that takes the state at the start of a period to the positions at its
+    samples (but the first) and the state at its end."""
 
     def run() -> Array:
         state, parts = np.zeros(5), [np.zeros(1)]
