@@ -49,12 +49,12 @@ def _ensemble() -> tuple[list[Row], dict[str, str]]:
     rows, versions = measure("ensemble", tools, rounds=5, most=4.0)
     for members in MEMBERS:  # one after the other, each in a process that held no more before
         name = f"ensemble-{members}"
-        rows += measure(name, [Tool("benchmarks.ours.ensemble")], rounds=2, most=2.0, patience=300.0)[0]
+        rows += measure(name, [Tool("benchmarks.ours.ensemble")], rounds=2, most=2.0)[0]
     return rows, versions
 
 
 def _fit() -> tuple[list[Row], dict[str, str]]:
-    return measure("fit", [Tool("benchmarks.ours.fit"), peer("fitting")], rounds=3, most=1.0, patience=200.0)
+    return measure("fit", [Tool("benchmarks.ours.fit"), peer("fitting")], rounds=3, most=1.0)
 
 
 PARTS: dict[str, Part] = {

@@ -95,7 +95,7 @@ def measure(
     rounds: int,
     seconds: float = 0.03,
     most: float = 0.8,
-    patience: float = 90.0,
+    patience: float = 240.0,
 ) -> tuple[list[Row], dict[str, str]]:
     """Rows of a part and the versions of what ran.
 

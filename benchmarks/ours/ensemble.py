@@ -24,7 +24,7 @@ def _ensemble(members: int, tolerance: float) -> Callable[[], np.ndarray]:
     model, sets = actuator("P1"), problems.parameter_sets(members)
     ss.simulate_ensemble(model, DRIVE, DURATION, parameters={"sigma_0": sets[:8, 0]})  # compiles
     names: tuple[str, ...] = ("sigma_0", "coulomb_force", "end_effector_mass")
-    columns = dict(zip(names, sets.T, strict=True))
+    columns: dict[str, np.ndarray] = dict(zip(names, sets.T, strict=True))
 
     def run() -> np.ndarray:
         found = ss.simulate_ensemble(model, DRIVE, DURATION, parameters=columns, tolerance=tolerance)
