@@ -90,6 +90,7 @@ def small(folder: Path, **changes: object) -> Path:
     return path
 
 
+@pytest.mark.compiled
 def test_record(tmp_path: Path) -> None:
     out = tmp_path / "out"
     done = run("record", str(small(tmp_path)), "--out", str(out))
@@ -105,6 +106,7 @@ def test_record(tmp_path: Path) -> None:
     assert "2 of them were there already" in again.stdout
 
 
+@pytest.mark.compiled
 def test_record_interrupted(tmp_path: Path) -> None:
     """In real time it would take three minutes: a Ctrl-C ends it, with what was recorded kept."""
     long = {"length": 180.0, "interval": 1e-3, "pre_trigger": 0.01}

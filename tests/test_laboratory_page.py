@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import pytest
 import yaml
 
 from stickslip.experiment.file import ExperimentFile
@@ -13,6 +14,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = (ROOT / "docs" / "laboratory.md").read_text(encoding="utf-8")
 
 
+@pytest.mark.compiled
 def test_the_program_on_the_page() -> None:
     (program,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
     names: dict = {}

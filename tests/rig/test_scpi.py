@@ -25,6 +25,8 @@ from stickslip.waveform.shapes import Step
 from experiment.files import NAMES, SMALL, written  # isort: skip
 from rig.laboratory import ACTUATOR, BENCH, CHANNELS, IDEAL  # isort: skip
 
+pytestmark = pytest.mark.compiled
+
 
 class Served:
     """A server in a thread of its own."""

@@ -18,6 +18,8 @@ from stickslip.waveform.shapes import Constant, Rest, Step
 
 from rig.laboratory import ACTUATOR, BENCH, CHANNELS, IDEAL, INDUCTIVE, quiet  # isort: skip
 
+pytestmark = pytest.mark.compiled
+
 EDGE = Trigger("drive_voltage", 1.0)
 FAST = Capture(length=0.5, interval=50e-6, pre_trigger=0.2, trigger=EDGE)
 
