@@ -21,6 +21,7 @@ from stickslip.calibration import (
 )
 from stickslip.calibration.storage import from_text
 from stickslip.recording import RecordingError, make_recording, open_recording, save_recording
+from stickslip.study.file import Recorded
 
 CHAIN = ["kang2007-inductive-5", "kang2007-recalibration"]
 
@@ -61,6 +62,30 @@ def test_a_recording_keeps_what_was_applied(tmp_path: Path) -> None:
     applied = json.loads(read.attrs["calibration"])
     assert applied["notes"] == "none"
     assert [from_text(json.dumps(part)).name for part in applied["sensor"]] == CHAIN
+
+
+def test_a_calibrated_sensor_takes_a_standard_name() -> None:
+    bare = recording().drop_vars("end_effector_position")
+    calibrated = apply_calibration(bare, {"sensor": CHAIN}, {"sensor": "end_effector_position"})
+    assert list(calibrated.data_vars) == ["end_effector_position"]
+    assert calibrated["end_effector_position"].attrs == {"units": "m", "long_name": "end-effector position"}
+    assert "end_effector_position" in json.loads(calibrated.attrs["calibration"])
+    with pytest.raises(CalibrationError, match="force is a quantity in N"):
+        apply_calibration(bare, {"sensor": CHAIN}, {"sensor": "force"})
+    with pytest.raises(CalibrationError, match="not calibrated"):
+        apply_calibration(bare, {"sensor": CHAIN}, {"nose": "force"})
+
+
+def test_an_identification_file_names_calibrations(tmp_path: Path) -> None:
+    save_calibration(load_calibration("kang2007-recalibration"), tmp_path / "own.json")
+    (tmp_path / "r.csv").write_text("time [s],sensor [V]\n0,6.8\n1,6.82\n2,6.85\n")
+    source = Recorded(
+        file="r.csv",
+        calibration={"sensor": ["kang2007-inductive-5", "own.json"]},
+        rename={"sensor": "end_effector_position"},
+    )
+    read = source.read(tmp_path)["end_effector_position"].values
+    np.testing.assert_array_equal(read, apply_calibration(recording(), {"sensor": CHAIN})["sensor"])
 
 
 @pytest.mark.parametrize(

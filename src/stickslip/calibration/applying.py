@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -12,7 +13,8 @@ from ..recording import STANDARD_NAMES, RecordingError, validate_recording
 from .polynomial import Calibration, CalibrationError
 from .storage import load_calibration, to_text
 
-Chain = Calibration | str | Sequence[Calibration | str]
+Part = Calibration | str | os.PathLike[str]
+Chain = Part | Sequence[Part]
 
 
 def calibration_chain(chain: Chain, unit: str) -> tuple[Calibration, ...]:
@@ -21,8 +23,8 @@ def calibration_chain(chain: Chain, unit: str) -> tuple[Calibration, ...]:
     Raises:
         CalibrationError: one cannot be loaded, or takes another unit than what comes before gives.
     """
-    parts = (chain,) if isinstance(chain, Calibration | str) else tuple(chain)
-    loaded = tuple(load_calibration(part) if isinstance(part, str) else part for part in parts)
+    parts = (chain,) if isinstance(chain, Calibration | str | os.PathLike) else tuple(chain)
+    loaded = tuple(part if isinstance(part, Calibration) else load_calibration(part) for part in parts)
     if not loaded:
         raise CalibrationError("no calibration is named")
     given = "the readings are in", unit
@@ -35,16 +37,20 @@ def calibration_chain(chain: Chain, unit: str) -> tuple[Calibration, ...]:
     return loaded
 
 
-def apply_calibration(recording: xr.Dataset, calibrations: Mapping[str, Chain]) -> xr.Dataset:
+def apply_calibration(
+    recording: xr.Dataset, calibrations: Mapping[str, Chain], rename: Mapping[str, str] | None = None
+) -> xr.Dataset:
     """The recording with some of its variables calibrated; what was applied is kept in its attributes.
 
     Args:
         recording: over "time".
         calibrations: variable -> calibration, or its name or file, or a sequence of them:
-            ``{"end_effector_position": ["kang2007-inductive-5", "kang2007-recalibration"]}``.
+            ``{"sensor": ["kang2007-inductive-5", "kang2007-recalibration"]}``.
+        rename: variable -> what it is called from then on: a variable of a standard name cannot be in V,
+            ``{"sensor": "end_effector_position"}`` gives it that name when it is in m.
 
     Raises:
-        CalibrationError: a calibration cannot be loaded, or does not fit the variable's unit.
+        CalibrationError: a calibration cannot be loaded, or does not fit the variable's unit or new name.
         RecordingError: the recording has no such variable.
     """
     made, applied = recording.copy(), dict[str, list[str]]()
@@ -56,14 +62,22 @@ def apply_calibration(recording: xr.Dataset, calibrations: Mapping[str, Chain]) 
             loaded = calibration_chain(chain, recording[name].attrs["units"])
         except CalibrationError as error:
             raise CalibrationError(f"{name}: {error}") from None
-        standard = STANDARD_NAMES.get(name)
+        new = (rename or {}).get(name, name)
+        standard = STANDARD_NAMES.get(new)
         if standard is not None and standard.unit != loaded[-1].y_unit:
-            raise CalibrationError(f"{name} is a quantity in {standard.unit}, not {loaded[-1].y_unit}")
+            raise CalibrationError(f"{new} is a quantity in {standard.unit}, not {loaded[-1].y_unit}")
         values = recording[name].values
         for calibration in loaded:
             values = calibration(values)
-        made[name] = ("time", values, {**recording[name].attrs, "units": loaded[-1].y_unit})
-        applied[name] = [to_text(calibration) for calibration in loaded]
+        attrs = {**recording[name].attrs, "units": loaded[-1].y_unit}
+        if new != name:
+            attrs["long_name"] = standard.long_name if standard else new.replace("_", " ")
+            made = made.drop_vars(name)
+        made[new] = ("time", values, attrs)
+        applied[new] = [to_text(calibration) for calibration in loaded]
+    for name in rename or {}:
+        if name not in calibrations:
+            raise CalibrationError(f"{name!r} is renamed but not calibrated")
     made.attrs["calibration"] = calibration_attribute(applied, str(recording.attrs.get("calibration", "")))
     return validate_recording(made)
 

@@ -9,6 +9,7 @@ from typing import Literal
 import xarray as xr
 from pydantic import Field
 
+from ..calibration import apply_calibration
 from ..datasets import dataset_path
 from ..input_file import Hertz, InputFileError, Seconds, Strict
 from ..readers import read_recording
@@ -33,11 +34,13 @@ class Source(Strict):
 
 
 class Recorded(Source):
-    """A recording in a file: `columns` and `units` as for `read_recording`; `start` and `end` cut a part of
-    it out."""
+    """A recording in a file: `columns` and `units` as for `read_recording`; `calibration` names those of a
+    variable, in order, and `rename` calls it otherwise then; `start` and `end` cut a part of it out."""
 
     columns: dict[str, str | int | list[str | int]] = Field(default_factory=dict)
     units: dict[str, str] = Field(default_factory=dict)
+    calibration: dict[str, list[str]] = Field(default_factory=dict)
+    rename: dict[str, str] = Field(default_factory=dict)
     sample_rate: Hertz | None = None
     start: Seconds | None = None
     end: Seconds | None = None
@@ -50,11 +53,18 @@ class Recorded(Source):
         return self.name or Path(self.file).stem
 
     def read(self, folder: Path) -> xr.Dataset:
-        """All that the file holds; raises RecordingError."""
+        """All that the file holds, calibrated; raises RecordingError and CalibrationError."""
         columns = {k: tuple(v) if isinstance(v, list) else v for k, v in self.columns.items()}
-        return read_recording(
+        recording = read_recording(
             self.path(folder), columns or None, self.units or None, sample_rate=self.sample_rate
         )
+        if not self.calibration:
+            return recording
+        calibrations = {
+            name: [folder / text if text.endswith(".json") else text for text in chain]
+            for name, chain in self.calibration.items()
+        }
+        return apply_calibration(recording, calibrations, self.rename)
 
     def cut(self, whole: xr.Dataset) -> xr.Dataset:
         """The part of it, with the label as its title; raises StudyError for fewer than two samples."""
@@ -82,7 +92,9 @@ def read_parts(recordings: Sequence[Recorded], folder: Path) -> dict[str, xr.Dat
             raise StudyError(
                 f"recordings: two are called {recording.label!r}; give each a 'name', such as its part"
             )
-        source = recording.model_dump_json(include={"dataset", "file", "columns", "units", "sample_rate"})
+        source = recording.model_dump_json(
+            include={"dataset", "file", "columns", "units", "sample_rate", "calibration", "rename"}
+        )
         if source not in whole:
             whole[source] = recording.read(folder)
         parts[recording.label] = recording.cut(whole[source])
