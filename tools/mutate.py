@@ -49,12 +49,15 @@ LAWS = tuple(
     )
 )
 MOTION = ("tests/test_mechanism.py",)
+STEP = ("tests/solve/test_contact_step.py",)
 # The first row that fits a file counts.
 TARGETS = (
     Target("friction/law.py", LAWS, ("force",)),
     Target("friction/*.py", LAWS),
     Target("mechanism.py", MOTION),
     Target("simulation/models.py", MOTION, ("mechanism", "resting_state")),
+    Target("solve/contact_step.py", STEP, ("smooth_rate", "slope", "factor", "solved", "contact_step", "at")),
+    Target("solve/rodas.py", STEP, ("derivative", "factor", "solve", "interpolate")),
     Target("actuator.py", ("tests/test_actuator.py",), ("axial_force", "from_parts")),
 )
 
