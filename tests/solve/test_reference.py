@@ -109,6 +109,20 @@ def test_steady_orbit_is_a_fixed_point_at_high_frequency() -> None:
     assert steady_step(PROBLEMS["P1"], drive) == pytest.approx(last, abs=1e-10)
 
 
+@pytest.mark.compiled
+@pytest.mark.parametrize("kilohertz", [15.0, 60.0])
+def test_steady_step_is_right_where_transients_outlast_thousands_of_periods(kilohertz: float) -> None:
+    """A multiplier of 0.999: what one period still changes says little about how far the orbit is."""
+    model = PROBLEMS["P1"].replace(natural_frequency=2e3 * np.pi * kilohertz)
+    drive = Sawtooth(amplitude=20.0 if kilohertz > 15.0 else 65.0, frequency=20e3)
+    orbit = steady_orbit(model, drive, tolerance=1e-10)
+    assert orbit.converged
+    assert 0.99 < np.abs(orbit.multipliers).max() < 1.0
+    times = np.array([0.0, 0.7, 0.8])
+    waited = simulate(model, drive, times=times, tolerance=1e-11)["end_effector_position"].values
+    assert orbit.step == pytest.approx((waited[2] - waited[1]) / 2000, abs=1e-10)
+
+
 def test_a_trajectory_that_cannot_be_finished_comes_back_with_the_reason() -> None:
     whole = simulate(PROBLEMS["P1"], DRIVE, 1.6)
     with pytest.warns(SimulationWarning, match="stopped at"):

@@ -3,8 +3,8 @@ r"""Steady stepping: the periodic orbit itself, by shooting, instead of waiting 
 Once periodic, everything but the position of the end-effector repeats from period to period, and that
 position moves on by the net step. So with r the state without the position, and G the map of r over one
 period, the orbit is r = G(r). It is found by Newton's method on differences of G; where that does not bring
-the residual down (a static law makes G discontinuous), the map itself is iterated, which is what waiting
-would do.
+the residual down (a static law makes G discontinuous, or it starts too far away), the map itself is iterated
+for some periods, which is what waiting would do, and then it is tried again.
 """
 
 from __future__ import annotations
@@ -23,6 +23,8 @@ from .outcome import DONE
 from .periods import LOG_ROWS, integrate_near
 
 MAX_STEPS = 10_000_000
+# Periods of waiting between two attempts of Newton's method.
+PATIENCE = 20
 # By how much neighbours differ, m; rounding is all that limits it.
 NUDGE = 1e-12
 
@@ -30,7 +32,8 @@ NUDGE = 1e-12
 class Orbit(NamedTuple):
     """A periodic orbit: `step`, net displacement per period, m; `state` at the start of the period;
     `multipliers`, by which a small disturbance grows over one period (stable where all are below 1 in size);
-    `converged`, with the `residual` left in it, m; `periods` integrated to find it."""
+    `converged`, with the `residual`, how far off state and step may still be, m; `periods` integrated to
+    find it."""
 
     step: float
     state: NDArray[np.float64]
@@ -48,7 +51,7 @@ def find_orbit(
     start: NDArray[np.float64],
     period: float,
     tolerance: float,
-    max_periods: int = 400,
+    max_periods: int = 2000,
 ) -> Orbit:
     """The periodic orbit reached from the state `start`; see the module. `tolerance` in m, on the net
     step.
@@ -78,7 +81,10 @@ def find_orbit(
             raise FloatingPointError("the motion could not be followed over one period")
         return q[rows], float(q[SLIDER])
 
-    def slopes(r: NDArray[np.float64], at_r: NDArray[np.float64]) -> NDArray[np.float64]:
+    def slopes(
+        r: NDArray[np.float64], at_r: NDArray[np.float64], step: float
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Of the map, and of the step."""
         nonlocal count
         if one_bristle(law, mech):  # differences to neighbours that take the same steps
             count += 1
@@ -88,14 +94,15 @@ def find_orbit(
             near = neighbours(laws, mechs, states, LOG_ROWS, 1)
             q, ends, sample = state(r), np.array([0.0, period]), np.zeros((1, 6))
             integrate_near(law, mech, drive, load, q, ends, fine, MAX_STEPS, np.array([period]), sample, near)
-            return (near.states[:, rows] - q[rows]).T / nudges
-        jacobian = np.empty((rows.size, rows.size))
+            return (near.states[:, rows] - q[rows]).T / nudges, (near.states[:, SLIDER] - q[SLIDER]) / nudges
+        jacobian, of_step = np.empty((rows.size, rows.size)), np.empty(rows.size)
         for c in range(rows.size):
             nudged = r.copy()
             nudge = 1e3 * fine / scale[c]
             nudged[c] += nudge
-            jacobian[:, c] = (advance(nudged)[0] - at_r) / nudge
-        return jacobian
+            moved, moved_step = advance(nudged)
+            jacobian[:, c], of_step[c] = (moved - at_r) / nudge, (moved_step - step) / nudge
+        return jacobian, of_step
 
     def size(r: NDArray[np.float64]) -> float:
         return float(np.max(np.abs(r) * scale, initial=0.0))
@@ -103,23 +110,39 @@ def find_orbit(
     r = start[rows].copy()
     r, _ = advance(r)
     after, step = advance(r)
-    newton = True
-    while size(after - r) > tolerance and count < max_periods:
-        if newton:
+    wait = 0  # periods to go through before Newton's method is tried again
+    while True:
+        jacobian, of_step = slopes(r, after, step)
+        change = _to_orbit(jacobian, after - r)
+        # How far the orbit is away; where the multipliers come near 1, much further than one period shows.
+        residual = max(size(after - r), size(change), abs(float(of_step @ change)))
+        if residual <= tolerance or count >= max_periods:
+            break
+        if wait == 0 and np.isfinite(residual):
             try:
-                trial = r + np.linalg.solve(np.eye(rows.size) - slopes(r, after), after - r)
+                trial = r + change
                 trial_after, trial_step = advance(trial)
-            except (np.linalg.LinAlgError, FloatingPointError):
-                trial, trial_after, trial_step = r, after + np.inf, step
-            if size(trial_after - trial) < 0.5 * size(after - r):
-                r, after, step = trial, trial_after, trial_step
-                continue
-            newton = False
-        r = after
-        after, step = advance(r)
-    residual = size(after - r)
-    multipliers = np.linalg.eigvals(slopes(r, after)).astype(np.complex128)
+                if size(trial_after - trial) < 0.5 * size(after - r):
+                    r, after, step = trial, trial_after, trial_step
+                    continue
+            except FloatingPointError:
+                pass
+            wait = PATIENCE
+        for _ in range(max(wait, 1)):
+            r = after
+            after, step = advance(r)
+        wait = 0
+    multipliers = np.linalg.eigvals(jacobian).astype(np.complex128)
     return Orbit(step, state(r), multipliers, residual <= tolerance, residual, count)
+
+
+def _to_orbit(jacobian: NDArray[np.float64], defect: NDArray[np.float64]) -> Any:
+    """From a state whose period ends off by `defect` to the orbit, to first order; infinite where there is
+    none."""
+    try:
+        return np.linalg.solve(np.eye(defect.size) - jacobian, defect)
+    except np.linalg.LinAlgError:
+        return np.full(defect.size, np.inf)
 
 
 def _shooting_rows(law: Any, mech: Mechanism) -> list[int]:
