@@ -194,7 +194,11 @@ def test_gallery_links_only_figures_that_are_there_and_small() -> None:
     for link in links:
         file = ROOT / "docs" / link
         assert 1000 < file.stat().st_size < 150_000, link
-    assert not set((ROOT / "docs" / "figures").glob("*.svg")) - {ROOT / "docs" / link for link in links}
+
+
+def test_every_figure_of_the_docs_is_shown_somewhere() -> None:
+    pages = "".join(page.read_text("utf-8") for page in [*(ROOT / "docs").glob("*.md"), ROOT / "README.md"])
+    assert all(f"figures/{file.name})" in pages for file in (ROOT / "docs" / "figures").glob("*.svg"))
 
 
 def test_gallery_names_the_assumptions_and_the_figures() -> None:

@@ -64,7 +64,7 @@ class WalkStudy(Study):
     free: list[str]
     bounds: dict[str, tuple[float | str, float | str]] = Field(default_factory=dict)
     starts: int = 4
-    tolerance: Annotated[float, quantity("m")] = 1e-12
+    tolerance: Annotated[float, quantity("m")] | None = None
     recordings: list[WalkRecording]
 
     def run(self, folder: Path, progress: Callable[[str, float], None]) -> Document:
