@@ -7,10 +7,15 @@ at once. It is keyed by the package's source, so it cannot hide an edit; tests o
 from __future__ import annotations
 
 import os
+import signal
 
 from hypothesis import settings
 
 os.environ["MPLBACKEND"] = "Agg"  # here and in commands that tests start: no display
+
+# A shell starts what runs in the background with Ctrl-C ignored, and that is inherited: commands that tests
+# interrupt would not notice.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # The same examples on every run of continuous integration, new ones at a desk; the first example compiles.
 settings.register_profile("stickslip", deadline=None, max_examples=40, derandomize="CI" in os.environ)

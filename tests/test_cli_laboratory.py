@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -118,7 +119,11 @@ def test_record_interrupted(tmp_path: Path) -> None:
     )
     command = [sys.executable, "-m", "stickslip", "record", str(path), "--out", str(out)]
     for sign in (signal.SIGINT, signal.SIGTERM):
-        with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        with (
+            subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process,
+            contextlib.ExitStack() as at_last,
+        ):
+            at_last.callback(process.kill)  # a test that fails must not wait for ever
             assert process.stderr is not None
             while "long_35V" not in (line := process.stderr.readline()):
                 assert line, "it ended early"
@@ -149,9 +154,13 @@ def test_schema(kind: str, field: str) -> None:
 def test_instrument() -> None:
     command = [sys.executable, "-m", "stickslip", "instrument", "--port", "0"]
     environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
-    ) as process:
+    with (
+        subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
+        ) as process,
+        contextlib.ExitStack() as at_last,
+    ):
+        at_last.callback(process.kill)
         assert process.stdout is not None
         kind, address, port, _ = process.stdout.readline().strip().split("::")
         assert (kind, address) == ("TCPIP", "127.0.0.1")
