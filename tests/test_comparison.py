@@ -203,9 +203,9 @@ def test_tables_show_what_was_found(rows: Rows, limits: Limits) -> None:
     assert "+30 %" in table[3]
     assert "nm" in table[3].split("|")[7]
     assert table[4].split("|")[7].strip() == "0"
-    limits = limits_as_markdown(limits.values()).splitlines()
-    assert len(limits) == len(limits) + 2
-    assert "σ₀ × 10⁴" in limits[3]
+    printed = limits_as_markdown(limits.values()).splitlines()
+    assert len(printed) == len(limits) + 2
+    assert "σ₀ × 10⁴" in printed[3]
 
 
 @pytest.mark.compiled
