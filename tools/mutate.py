@@ -58,6 +58,8 @@ TARGETS = (
     Target("simulation/models.py", MOTION, ("mechanism", "resting_state")),
     Target("solve/contact_step.py", STEP, ("smooth_rate", "slope", "factor", "solved", "contact_step", "at")),
     Target("solve/rodas.py", STEP, ("derivative", "factor", "solve", "interpolate")),
+    Target("solve/energy.py", ("tests/solve/test_energy_terms.py",)),
+    Target("solve/prescribed.py", ("tests/solve/test_prescribed.py",)),
     Target("actuator.py", ("tests/test_actuator.py",), ("axial_force", "from_parts")),
 )
 

@@ -1,0 +1,97 @@
+"""Elements under a prescribed motion, one step and one interval at a time, against SciPy's pair of the same
+order and NumPy's stop operators."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import RK23
+
+from stickslip.friction import Coulomb, Dahl, LuGre, MaxwellSlip
+from stickslip.solve.prescribed import advance, follow
+
+SIGMA_0, F_C, V = 1e6, 0.5, -2e-5
+DAHL = Dahl(SIGMA_0, F_C)
+START, H = 1e-7, 2e-3
+
+
+def slope(t: float, z: np.ndarray) -> np.ndarray:
+    return V * (1.0 - SIGMA_0 * z / F_C * math.copysign(1.0, V))
+
+
+def one_step() -> tuple[float, float]:
+    """Deflection after one step of SciPy's pair, and its estimate of the error."""
+    solver = RK23(slope, 0.0, [START], H, first_step=H, rtol=1.0, atol=1.0)
+    solver.step()
+    assert solver.t == H
+    return float(solver.y[0]), float(abs(solver.K.T @ solver.E * H)[0])
+
+
+def test_one_step_and_its_error_are_those_of_the_pair() -> None:
+    """A tolerance just above the estimate lets the step pass, one just below does not."""
+    value, error = one_step()
+    assert error > 1e-14
+    z, reached = advance(DAHL, V, START, H, 1.001 * error)
+    assert reached is True
+    assert z == pytest.approx(value, rel=1e-14)
+    halved, reached = advance(DAHL, V, START, H, 0.999 * error)
+    assert reached is True
+    assert abs(halved - value) > 0.01 * error
+
+
+@pytest.mark.parametrize("tolerance", [1e-9, 1e-11, 1e-13])
+def test_many_steps_meet_the_closed_form(tolerance: float) -> None:
+    z, reached = advance(DAHL, V, START, 0.5, tolerance)
+    rest = math.copysign(F_C / SIGMA_0, V)
+    assert reached is True
+    assert z == pytest.approx(
+        rest + (START - rest) * math.exp(-abs(V) * SIGMA_0 / F_C * 0.5), abs=20 * tolerance
+    )
+
+
+def test_what_cannot_be_followed_is_said() -> None:
+    """No error at all is allowed: the steps shrink to nothing, and the deflection stays where it came to."""
+    z, reached = advance(DAHL, V, START, H, 0.0)
+    assert not reached
+    assert z == pytest.approx(START, rel=1e-2)
+    time, samples = np.linspace(0.0, 1.0, 5), np.zeros((5, 2))
+    position = np.array([0.0, 1e-6, 2e-6, math.nan, 0.0])
+    assert follow(DAHL, time, position, np.ones(5), np.zeros(1), 1e-12, samples) == 3
+
+
+def test_elements_add_up_under_their_load() -> None:
+    stiffness, strength, sigma_2 = np.array([3e6, 1e6]), np.array([0.4, 0.3]), 20.0
+    time = np.cumsum([0.0, 0.1, 0.2, 0.1, 0.3, 0.2, 0.1])
+    position = 1e-7 * np.array([0.0, 1.0, 2.5, 4.0, 2.0, -3.0, -2.0])
+    load = np.linspace(0.7, 1.3, time.size)
+    limit = strength / stiffness
+    z, expected = np.array([0.5e-7, -1e-7]), []
+    for k in range(time.size):
+        ahead = max(k, 1)
+        if k:
+            z = np.clip(z + position[k] - position[k - 1], -limit, limit)
+        v = (position[ahead] - position[ahead - 1]) / (time[ahead] - time[ahead - 1])
+        expected.append([load[k] * (stiffness @ z + sigma_2 * v), *z])
+    state, samples = np.array([0.5e-7, -1e-7]), np.zeros((time.size, 3))
+    law = MaxwellSlip(tuple(stiffness), tuple(strength), sigma_2)
+    assert follow(law, time, position, load, state, 1e-13, samples) == time.size
+    np.testing.assert_allclose(samples, expected, rtol=1e-9, atol=1e-13)
+    np.testing.assert_array_equal(state, samples[-1, 1:])
+
+
+def test_a_bristle_starts_where_it_is_and_shows_the_force_of_the_interval_ahead() -> None:
+    law, state, samples = LuGre(SIGMA_0, 30.0, 2.0, F_C, F_C), np.array([1e-7]), np.zeros((2, 2))
+    follow(law, np.array([0.0, 1e-9]), np.array([0.0, 1e-12]), np.ones(2), state, 1e-13, samples)
+    v = 1e-3
+    rate = v - SIGMA_0 * v / F_C * 1e-7
+    assert samples[0] == pytest.approx([SIGMA_0 * 1e-7 + 30.0 * rate + 2.0 * v, 1e-7], rel=1e-12)
+
+
+def test_a_static_law_keeps_its_direction_while_the_motion_pauses() -> None:
+    time, state, samples = np.arange(5.0), np.array([1.0]), np.zeros((5, 2))
+    position = np.array([0.0, -1.0, -1.0, 2.0, 2.0])
+    assert follow(Coulomb(0.3), time, position, np.full(5, 2.0), state, 1e-12, samples) == 5
+    np.testing.assert_allclose(samples[:, 0], [-0.6, -0.6, -0.6, 0.6, 0.6])
+    np.testing.assert_allclose(samples[:, 1], [-1.0, -1.0, -1.0, 1.0, 1.0])
