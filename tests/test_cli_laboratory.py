@@ -151,6 +151,7 @@ def test_schema(kind: str, field: str) -> None:
     assert field in json.dumps(printed)
 
 
+@pytest.mark.compiled
 def test_instrument() -> None:
     command = [sys.executable, "-m", "stickslip", "instrument", "--port", "0"]
     environment = {**os.environ, "PYTHONUNBUFFERED": "1"}

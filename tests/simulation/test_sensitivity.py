@@ -36,7 +36,9 @@ def value(model: Actuator, name: str) -> float:
     return law[name] if name in law else getattr(model, name)
 
 
-@pytest.mark.parametrize("law", CASES)
+@pytest.mark.parametrize(
+    "law", ["Dahl", *(pytest.param(law, marks=pytest.mark.compiled) for law in ("LuGre", "Elastoplastic"))]
+)
 def test_derivatives_are_central_differences_of_simulations(law: str) -> None:
     friction, of_law = CASES[law]
     model = MODEL.replace(friction=friction)
@@ -92,6 +94,7 @@ def test_a_disturbed_start_dies_out_as_the_model_says(name: str) -> None:
     np.testing.assert_allclose(by, expected, rtol=0, atol=2e-2 * scale)
 
 
+@pytest.mark.compiled
 def test_derivatives_of_the_steady_step() -> None:
     names = ["sigma_0", "coulomb_force", "end_effector_mass", "gain", "external_force"]
     found = steady_step_derivatives(MODEL, DRIVE, parameters=names)

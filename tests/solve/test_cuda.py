@@ -41,6 +41,7 @@ print(json.dumps(found))
     return json.loads(done.stdout)
 
 
+@pytest.mark.compiled
 def test_the_simulated_gpu_takes_the_steps_of_the_cpu() -> None:
     found = on_the_simulator()
     assert found["cuda"]["status"] == [0, 0, 4, 0]

@@ -87,6 +87,7 @@ def test_terms_are_their_definitions() -> None:
     assert last["external_work"] == pytest.approx(weight * (x[-1] - x[0]), rel=1e-9)
 
 
+@pytest.mark.compiled
 def test_friction_work_of_coulomb_friction_is_force_times_path() -> None:
     t = np.linspace(0.0, 0.1, 20_001)
     d = simulate(actuator(Coulomb(0.5401)), DRIVE, times=t, tolerance=1e-11, energy=True)

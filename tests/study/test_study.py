@@ -166,7 +166,7 @@ def test_a_walk_in_short(tmp_path: Path) -> None:
         "change": {"stage_reaction": False},
         "friction": {"coulomb_force": "0.52 N", "stiction_force": "0.52 N"},
         "free": ["coulomb_force"],
-        "starts": 1,
+        "hops": 0,
         "tolerance": "0.1 nm",
         "recordings": [
             {

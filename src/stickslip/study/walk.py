@@ -54,7 +54,7 @@ class WalkRecording(Recorded):
 
 class WalkStudy(Study):
     """See the module. `model` is a parameter set or a file; `change` and `friction` change fields of it
-    before the fit, which starts there; `starts` and `tolerance` (of the simulations) as for
+    before the fit, which starts there; `starts`, `hops` and `tolerance` (of the simulations) as for
     `identify_friction`."""
 
     kind: Literal["walk"]
@@ -63,7 +63,8 @@ class WalkStudy(Study):
     friction: dict[str, float | str] = Field(default_factory=dict)
     free: list[str]
     bounds: dict[str, tuple[float | str, float | str]] = Field(default_factory=dict)
-    starts: int = 4
+    starts: int = 1
+    hops: int = 6
     tolerance: Annotated[float, quantity("m")] | None = None
     recordings: list[WalkRecording]
 
@@ -88,6 +89,7 @@ class WalkStudy(Study):
             drive=[w for _, w in fitted],
             bounds=self.bounds or None,
             starts=self.starts,
+            hops=self.hops,
             tolerance=self.tolerance,
             progress=lambda p: progress(f"fitting, start {p.start}", 0.7 * (p.start - 1) / p.starts),
         )
