@@ -16,8 +16,8 @@ READY := $(VENV)/.ready
 
 # Two processes suit two cores; the first run compiles the kernels, later ones find them in the user's cache.
 PYTEST ?= $(BIN)/python -m pytest -q -n 2 --dist worksteal
-# What runs as plain Python: all but the tests marked as too long for it.
-NOJIT_TESTS ?= tests -m "not compiled"
+# What runs as plain Python: all but the tests marked as too long for it, and the browser's.
+NOJIT_TESTS ?= tests -m "not compiled and not browser"
 COVERAGE ?= 90
 LOCK_FLAGS ?=
 # Of trajectory, steady, ensemble, fit, accuracy, startup; all of them if empty.
@@ -26,7 +26,7 @@ PART ?=
 PEERS := .venv-peers
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test coverage check format mutation bench peers lock clean
+.PHONY: help setup demo test browser coverage check format mutation bench peers lock clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -53,9 +53,15 @@ $(READY): requirements.lock pyproject.toml
 demo: $(READY)
 	$(BIN)/stickslip demo --out out/demo
 
-test: $(READY)
+test: $(READY) browser
 	$(PYTEST)
 	$(MAKE) coverage
+
+# The tests of the panel drive a real browser.
+browser:
+	@command -v chromium >/dev/null || { echo "installing chromium for the browser tests ..." >&2; \
+	  apt-get update -qq && apt-get install -y -qq --no-install-recommends chromium; } >/dev/null 2>&1 || \
+	  echo "chromium is not there and cannot be installed: the browser tests will fail" >&2
 
 coverage: $(READY)
 	NUMBA_DISABLE_JIT=1 NUMBA_ENABLE_CUDASIM=1 $(PYTEST) --cov --cov-fail-under=$(COVERAGE) $(NOJIT_TESTS)

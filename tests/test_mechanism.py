@@ -19,6 +19,7 @@ from stickslip.mechanism import (
     joined,
     slider_acceleration,
     stage_acceleration,
+    with_coefficients,
 )
 from stickslip.simulation.models import mechanism, resting_state
 
@@ -119,3 +120,10 @@ def test_state_at_rest_on_a_static_stage_and_on_a_spring() -> None:
     assert resting_state(LAW, static, U)[STAGE] == pytest.approx(T / K * U, rel=1e-12)
     pulled = resting_state(LAW, mechanism(SLIDER_PULLED), 1e-5)
     assert pulled[SLIDER] == pytest.approx(1e-5, rel=1e-12)
+
+
+def test_mechanism_with_other_coefficients_keeps_its_flags() -> None:
+    mech = mechanism(ACTUATOR.replace(clamped=True))
+    other = with_coefficients(mech, np.arange(1.0, len(mech) + 1.0))
+    assert isinstance(other, type(mech))
+    assert tuple(other) == (mech.kinematic, mech.clamped, *np.arange(3.0, len(mech) + 1.0))
