@@ -111,7 +111,7 @@ def identify_friction(
 
     def residuals(motion: Displacement, position: NDArray[np.float64]) -> Any:
         def of(values: Values) -> NDArray[np.float64]:
-            return _observed(motion, model, values) - position
+            return observed(motion, model, values) - position
 
         return of
 
@@ -134,7 +134,7 @@ def identify_friction(
 
     def predict(recording: xr.Dataset, drive: Waveform | None = None) -> NDArray[np.float64]:
         name = names_of([recording])[0]
-        return _observed(Displacement(recording, drive, name, model, tolerance), model, fit.values)
+        return observed(Displacement(recording, drive, name, model, tolerance), model, fit.values)
 
     return replace(fit, model=with_values(model, _own(fit.values)), observed=OBSERVED, predict=predict)
 
@@ -150,8 +150,8 @@ def _own(values: Values) -> Values:
     return {name: value for name, value in values.items() if name not in CHANNEL}
 
 
-def _observed(motion: Displacement, model: Actuator, values: Values) -> NDArray[np.float64]:
-    """What the position channel shows."""
+def observed(motion: Displacement, model: Actuator, values: Values) -> NDArray[np.float64]:
+    """What the position channel shows for values of the actuator and of the channel [m]."""
     position = motion.position(with_values(model, _own(values)), values.get("delay", 0.0))
     return position + values.get("offset", 0.0)
 

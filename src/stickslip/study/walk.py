@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 import xarray as xr
 from pydantic import Field
 
-from ..actuator import load_actuator
+from ..actuator import Actuator, load_actuator
 from ..figures.identification import fit_with_residuals
 from ..figures.style import svg
 from ..identify.friction import identify_friction
-from ..identify.result import goodness
+from ..identify.result import Fit, goodness
 from ..input_file import Strict, quantity
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import estimates, fit_numbers, parameter_table
@@ -93,67 +93,85 @@ class WalkStudy(Study):
             tolerance=self.tolerance,
             progress=lambda p: progress(f"fitting, start {p.start}", 0.7 * (p.start - 1) / p.starts),
         )
-        rows, pictures, numbers = [], [], {}
-        for i, (label, (source, recording, waveform)) in enumerate(data.items()):
-            progress(f"predicting {label}", 0.7 + 0.3 * i / len(data))
-            found = _compared(fit, recording, waveform)
-            rows.append((label, source.use, found["r_squared"], found["rmse"]))
-            numbers[f"recording_{i + 1}"] = {
-                "r_squared": Number(found["r_squared"], "", note=label),
-                "rmse": Number(found["rmse"], "m"),
-            }
-            pictures.append(
-                Picture(
-                    f"walk_{i + 1}",
-                    f"{label}: end-effector position, measured and {_ROLE[source.use]}.",
-                    svg(
-                        fit_with_residuals(
-                            recording["time"].values,
-                            recording["end_effector_position"].values,
-                            found["model"],
-                            name="end-effector position",
-                            unit="m",
-                        )
-                    ),
-                    "Position over time, data under the model, and the residuals below",
-                )
-            )
-        unseen = [r[2] for r in rows if r[1] == "verify"]
-        verified = ""
-        if unseen:
-            verified = f" On {len(unseen)} that it has not seen, r² is {min(unseen):.4f} or more."
-        return Document(
-            title=self.title,
-            summary=f"{len(self.free)} parameters fitted to {len(fitted)} recordings: r² {fit.r_squared:.4f}."
-            + verified,
-            sections=(
-                Section(
-                    "Parameters",
-                    tables=(parameter_table("Identified parameters.", fit),),
-                    paragraphs=(self.notes,) if self.notes else (),
-                ),
-                Section(
-                    "Recordings",
-                    tables=(
-                        Table(
-                            "Coefficient of determination (app. 6 of the thesis) and rms error.",
-                            (
-                                Column("recording"),
-                                Column("role"),
-                                Column("r²", "", 5),
-                                Column("rms error", "m", 3),
-                            ),
-                            rows,
-                        ),
-                    ),
-                    figures=pictures,
-                ),
-            ),
-            highlights=[(name, number) for name, number in estimates(fit).items()],
-            numbers={**fit_numbers(fit, "m"), "recordings": numbers},
-            assumptions=[f"{field} = {words}" for field, words in model.assumptions.items()],
-            citations=model.citation,
+        walks = {label: Walk(source.use, d, w) for label, (source, d, w) in data.items()}
+        return walk_document(
+            self.title, fit, model, walks, self.notes, lambda doing, part: progress(doing, 0.7 + 0.3 * part)
         )
+
+
+class Walk(NamedTuple):
+    """A recording of a walk, fitted or to be predicted, and its drive (None: as recorded)."""
+
+    use: Literal["fit", "verify"]
+    recording: xr.Dataset
+    drive: Waveform | None = None
+
+
+def walk_document(
+    title: str,
+    fit: Fit,
+    model: Actuator,
+    walks: Mapping[str, Walk],
+    notes: str = "",
+    progress: Callable[[str, float], None] = lambda doing, part: None,
+) -> Document:
+    """The report of a fit: its parameters, and each recording, by name, beside what the model predicts.
+
+    `model` is that from which the fit began: what it assumes and cites is told.
+    """
+    rows, pictures, numbers = [], [], {}
+    for i, (label, walk) in enumerate(walks.items()):
+        progress(f"predicting {label}", i / len(walks))
+        found = _compared(fit, walk.recording, walk.drive)
+        rows.append((label, walk.use, found["r_squared"], found["rmse"]))
+        numbers[f"recording_{i + 1}"] = {
+            "r_squared": Number(found["r_squared"], "", note=label),
+            "rmse": Number(found["rmse"], "m"),
+        }
+        drawn = fit_with_residuals(
+            walk.recording["time"].values,
+            walk.recording["end_effector_position"].values,
+            found["model"],
+            name="end-effector position",
+            unit="m",
+        )
+        pictures.append(
+            Picture(
+                f"walk_{i + 1}",
+                f"{label}: end-effector position, measured and {_ROLE[walk.use]}.",
+                svg(drawn),
+                "Position over time, data under the model, and the residuals below",
+            )
+        )
+    unseen = [r[2] for r in rows if r[1] == "verify"]
+    verified = ""
+    if unseen:
+        verified = f" On {len(unseen)} that it has not seen, r² is {min(unseen):.4f} or more."
+    fitted = len(rows) - len(unseen)
+    columns = (Column("recording"), Column("role"), Column("r²", "", 5), Column("rms error", "m", 3))
+    return Document(
+        title=title,
+        summary=f"{len(fit.parameters)} parameters fitted to {fitted} recordings: r² {fit.r_squared:.4f}."
+        + verified,
+        sections=(
+            Section(
+                "Parameters",
+                tables=(parameter_table("Identified parameters.", fit),),
+                paragraphs=(notes,) if notes else (),
+            ),
+            Section(
+                "Recordings",
+                tables=(
+                    Table("Coefficient of determination (app. 6 of the thesis), rms error.", columns, rows),
+                ),
+                figures=pictures,
+            ),
+        ),
+        highlights=list(estimates(fit).items()),
+        numbers={**fit_numbers(fit, "m"), "recordings": numbers},
+        assumptions=[f"{field} = {words}" for field, words in model.assumptions.items()],
+        citations=model.citation,
+    )
 
 
 def _compared(fit: Any, recording: xr.Dataset, waveform: Waveform | None) -> dict[str, Any]:
