@@ -1,0 +1,73 @@
+"""The command that serves the control panel."""
+
+from __future__ import annotations
+
+import secrets
+import socket
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .frame import Traceback, app, errors_in_one_line
+
+_LOOPBACK = ("127.0.0.1", "localhost", "::1")
+
+
+@app.command()
+def panel(
+    folder: Annotated[
+        Path, typer.Argument(file_okay=False, help="Recordings and experiment files; made if missing.")
+    ] = Path("out/panel"),
+    host: Annotated[str, typer.Option(help="Address to serve; by default this machine only.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="TCP port; 0 takes a free one.", min=0, max=65535)] = 8080,
+    token: Annotated[
+        str,
+        typer.Option(
+            envvar="STICKSLIP_PANEL_TOKEN",
+            help="What a browser must show; other than on this machine one is made if none is given.",
+        ),
+    ] = "",
+    browser: Annotated[bool, typer.Option(help="Open the page in the browser.")] = True,
+    show_traceback: Traceback = False,
+) -> None:
+    """Open the control panel in the browser: experiments live, identification, the model; until Ctrl-C."""
+    with errors_in_one_line(show_traceback):
+        import uvicorn
+
+        from ..panel import create_app
+        from ..panel.guard import LOOPBACK
+
+        local = host in _LOOPBACK
+        if token and len(token) < 16:
+            raise ValueError("--token: at least 16 characters")
+        secret = token or (None if local else secrets.token_urlsafe(24))
+        folder.mkdir(parents=True, exist_ok=True)
+        listening = socket.create_server(
+            (host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET
+        )
+        number = listening.getsockname()[1]
+        shown = f"[{host}]" if ":" in host else host
+        names = LOOPBACK | {shown.lower(), socket.gethostname().lower()}
+        served = create_app(folder, token=secret, hosts=names, any_address=not local)
+        address = f"http://{shown}:{number}/" + (f"?token={secret}" if secret else "")
+        typer.echo(f"Panel: {address}")
+        if browser:
+            _open(address)
+        config = uvicorn.Config(
+            served,
+            log_level="warning",
+            ws_max_size=2**17,
+            ws_per_message_deflate=False,
+            timeout_graceful_shutdown=2,
+            server_header=False,
+        )
+        uvicorn.Server(config).run(sockets=[listening])
+
+
+def _open(address: str) -> None:
+    """In a moment: the server is not there yet."""
+    import threading
+    import webbrowser
+
+    threading.Timer(0.5, webbrowser.open, (address,)).start()

@@ -1,0 +1,77 @@
+"""Who holds control of the rig: one page; the others watch, and may ask for it. Anybody may stop the rig."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections.abc import Callable
+
+from .stream import Client, Hub, Message
+
+PATIENCE = 10.0  # s that a page which is gone keeps control: it may be loading anew
+
+
+class ControlError(ValueError):
+    """Somebody else holds control."""
+
+
+class Control:
+    """The holder of control, "" for nobody; pages are told of every change."""
+
+    def __init__(self, hub: Hub, clock: Callable[[], float] = time.monotonic) -> None:
+        self.holder = self.asking = ""
+        self._hub, self._clock = hub, clock
+        self._seen = 0.0
+        self._lock = threading.Lock()
+        hub.greetings.append(lambda client, said: [self._message()])
+        hub.hears["ask_control"] = lambda client, said: self.ask(client.identity)
+        hub.hears["hand_over"] = lambda client, said: self.hand_over(client)
+
+    def ask(self, identity: str) -> None:
+        """Take control if nobody has it, or ask whoever does."""
+        with self._lock:
+            if not self._free():
+                self.asking = identity if identity != self.holder else self.asking
+            elif identity:
+                self._give(identity)
+        self._hub.send(self._message())
+
+    def hand_over(self, client: Client) -> None:
+        """Give control to who asked for it, or to nobody."""
+        with self._lock:
+            if self.holder == client.identity:
+                self._give(self.asking)
+        self._hub.send(self._message())
+
+    def need(self, identity: str) -> None:
+        """Take control if nobody has it; raises ControlError where somebody else holds it."""
+        with self._lock:
+            if not identity:
+                raise ControlError("a request must say in X-Client who makes it")
+            if self.holder == identity:
+                return
+            if not self._free():
+                raise ControlError("another page controls the rig: ask it for control, at the top")
+            self._give(identity)
+        self._hub.send(self._message())
+
+    def _give(self, identity: str) -> None:
+        self.holder, self.asking, self._seen = identity, "", self._clock()
+
+    def _free(self) -> bool:
+        """Whether the holder is nobody, or has been gone for too long."""
+        if any(client.identity == self.holder for client in self._hub.clients):
+            self._seen = self._clock()
+        return not self.holder or self._clock() - self._seen > PATIENCE
+
+    def watch(self) -> None:
+        """Once a second: let go of control for a page that does not come back."""
+        with self._lock:
+            if not self.holder or not self._free():
+                return
+            self._give(self.asking)
+        self._hub.send(self._message())
+
+    def _message(self) -> Message:
+        return json.dumps({"kind": "control", "holder": self.holder, "asking": self.asking})

@@ -1,0 +1,152 @@
+"""Who may talk to the panel: hosts, origins, the token, the size of requests; and the headers of answers."""
+
+from __future__ import annotations
+
+import hmac
+import ipaddress
+from collections.abc import Awaitable, Callable, MutableMapping
+from http.cookies import CookieError, SimpleCookie
+from typing import Any
+from urllib.parse import parse_qs
+
+Scope = MutableMapping[str, Any]
+Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
+Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
+
+LOOPBACK = frozenset({"127.0.0.1", "localhost", "[::1]"})
+LARGEST_BODY = 32 * 2**20  # bytes of a request; an uploaded recording is the largest
+_COOKIE = "stickslip_panel"
+# The page's own files only: no inline script or style, no eval, no other host.
+_HEADERS = {
+    "content-security-policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
+    "img-src 'self' data:; connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "x-content-type-options": "nosniff",
+    "referrer-policy": "no-referrer",
+    "cross-origin-resource-policy": "same-origin",
+    "cross-origin-opener-policy": "same-origin",
+    "cache-control": "no-cache",
+}
+
+
+class _TooLarge(Exception):
+    """A body that said less about its length than it sent."""
+
+
+class Guard:
+    """ASGI middleware before everything else.
+
+    Args:
+        app: what is guarded.
+        hosts: names that the Host header may have; None: any address in numbers too, for a panel that is
+            served to a network behind a token. A name that somebody else's DNS points here is in neither.
+        token: what a client must show, as a bearer, a cookie, or once as ``/?token=``; None: nothing.
+        largest_body: bytes of a request.
+    """
+
+    def __init__(
+        self,
+        app: Any,
+        hosts: frozenset[str] = LOOPBACK,
+        any_address: bool = False,
+        token: str | None = None,
+        largest_body: int = LARGEST_BODY,
+    ) -> None:
+        self._app, self._hosts, self._any_address = app, hosts, any_address
+        self._token, self._largest = token, largest_body
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        headers = {name.decode("latin-1"): value.decode("latin-1") for name, value in scope["headers"]}
+        refused = self._refused(scope, headers)
+        if refused:
+            await _answer(scope, receive, send, *refused)
+            return
+        if scope["type"] == "websocket":
+            await self._app(scope, receive, send)
+            return
+        await self._http(scope, receive, send)
+
+    async def _http(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if self._token is not None and scope["path"] == "/" and b"token=" in scope["query_string"]:
+            cookie = f"{_COOKIE}={self._token}; HttpOnly; SameSite=Strict; Path=/"
+            await _answer(scope, receive, send, 303, "", {"location": "/", "set-cookie": cookie})
+            return
+        taken = 0
+
+        async def counted() -> MutableMapping[str, Any]:
+            nonlocal taken
+            message = await receive()
+            taken += len(message.get("body", b""))
+            if taken > self._largest:
+                raise _TooLarge
+            return message
+
+        async def headed(message: MutableMapping[str, Any]) -> None:
+            if message["type"] == "http.response.start":
+                present = {name for name, _ in message["headers"]}
+                more = [(k.encode(), v.encode()) for k, v in _HEADERS.items() if k.encode() not in present]
+                message = {**message, "headers": [*message["headers"], *more]}
+            await send(message)
+
+        try:
+            await self._app(scope, counted, headed)
+        except _TooLarge:
+            await _answer(scope, receive, send, 413, self._too_large())
+
+    def _too_large(self) -> str:
+        return f"a request may have up to {self._largest / 2**20:.3g} MiB"
+
+    def _refused(self, scope: Scope, headers: dict[str, str]) -> tuple[int, str] | None:
+        """Status and reason, or None."""
+        host = headers.get("host", "").lower()
+        if not self._known(host):
+            return 421, "this panel does not answer under that host name"
+        origin = headers.get("origin")
+        if origin is not None and origin.lower() not in (f"http://{host}", f"https://{host}"):
+            return 403, "a page of another origin may not use this panel"
+        if self._token is not None and not self._shown(scope, headers):
+            return 401, "the panel needs its token: open the address that the command printed"
+        length = headers.get("content-length", "0")
+        if not length.isdecimal() or int(length) > self._largest:
+            return 413, self._too_large()
+        return None
+
+    def _known(self, host: str) -> bool:
+        name = host if host.endswith("]") else host.rsplit(":", 1)[0]
+        if name in self._hosts:
+            return True
+        if not self._any_address:
+            return False
+        try:
+            ipaddress.ip_address(name.strip("[]"))
+        except ValueError:
+            return False
+        return True
+
+    def _shown(self, scope: Scope, headers: dict[str, str]) -> bool:
+        shown = [headers.get("authorization", "").removeprefix("Bearer ")]
+        if scope["path"] == "/":
+            shown += parse_qs(scope["query_string"].decode("latin-1")).get("token", [])
+        try:
+            cookie = SimpleCookie(headers.get("cookie", "")).get(_COOKIE)
+        except CookieError:
+            cookie = None
+        shown += [cookie.value] if cookie else []
+        return any(hmac.compare_digest(one.encode(), str(self._token).encode()) for one in shown)
+
+
+async def _answer(
+    scope: Scope, receive: Receive, send: Send, status: int, text: str, headers: dict[str, str] | None = None
+) -> None:
+    if scope["type"] == "websocket":
+        await receive()
+        await send({"type": "websocket.close", "code": 1008, "reason": text})
+        return
+    body = text.encode()
+    all_headers = {"content-type": "text/plain; charset=utf-8", "content-length": str(len(body))}
+    all_headers |= _HEADERS | (headers or {})
+    encoded = [(name.encode(), value.encode()) for name, value in all_headers.items()]
+    await send({"type": "http.response.start", "status": status, "headers": encoded})
+    await send({"type": "http.response.body", "body": body})

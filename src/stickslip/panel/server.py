@@ -1,0 +1,118 @@
+"""The panel's server: the page's files, the routes of its pages, one stream."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import secrets
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+from fastapi import FastAPI, Request, WebSocket
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import FileResponse, JSONResponse
+from fastapi.staticfiles import StaticFiles
+from starlette.exceptions import HTTPException
+
+from ..input_file import Strict
+from ..units import to_si
+from .control import Control
+from .folder import Folder
+from .guard import LARGEST_BODY, LOOPBACK, Guard
+from .stream import Hub
+
+STATIC = Path(__file__).parent / "static"
+
+
+class Text(Strict):
+    """What somebody typed into a field of a unit."""
+
+    text: str
+    unit: str = ""
+
+
+def create_app(
+    folder: Path,
+    *,
+    token: str | None = None,
+    hosts: frozenset[str] = LOOPBACK,
+    any_address: bool = False,
+    largest_body: int = LARGEST_BODY,
+) -> FastAPI:
+    """The panel on a folder.
+
+    Args:
+        folder: recordings and experiment files are read from it and written to it, and nowhere else.
+        token: what a browser must show; None: nothing, for the loopback address only.
+        hosts, any_address: see `guard.Guard`.
+        largest_body: bytes of a request.
+    """
+    files = Folder(folder)
+    hub = Hub()
+    boot = secrets.token_hex(8)
+    hub.greetings.append(lambda client, said: [json.dumps({"kind": "hello", "boot": boot})])
+    control = Control(hub)
+
+    async def beat() -> None:
+        """Every second a sign of life: silence tells a page that the connection is lost."""
+        while True:
+            await asyncio.sleep(1.0)
+            control.watch()
+            hub.tell("beat")
+
+    @asynccontextmanager
+    async def life(app: FastAPI) -> AsyncIterator[None]:
+        beating = asyncio.create_task(beat())
+        yield
+        beating.cancel()
+
+    app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None, lifespan=life)
+    app.state.hub, app.state.control, app.state.folder = hub, control, files
+
+    @app.websocket("/stream")
+    async def stream(socket: WebSocket) -> None:
+        await hub.serve(socket)
+
+    @app.post("/quantity")
+    def quantity(asked: Text) -> dict[str, float]:
+        return {"value": to_si(asked.text, asked.unit, "value")}
+
+    @app.get("/")
+    def page() -> FileResponse:
+        return FileResponse(STATIC / "index.html")
+
+    app.mount("/static", StaticFiles(directory=STATIC), name="static")
+    _explain_errors(app, files)
+    app.add_middleware(Guard, hosts=hosts, any_address=any_address, token=token, largest_body=largest_body)
+    return app
+
+
+def _explain_errors(app: FastAPI, folder: Folder) -> None:
+    """An error is one line for the page, {"error": ...}, without paths of this machine."""
+
+    def answer(status: int, text: str) -> JSONResponse:
+        return JSONResponse({"error": folder.told(" ".join(text.split()))}, status)
+
+    @app.exception_handler(RequestValidationError)
+    async def malformed(request: Request, error: RequestValidationError) -> JSONResponse:
+        first = error.errors()[0]
+        return answer(400, f"{'.'.join(str(part) for part in first['loc'])}: {first['msg']}")
+
+    @app.exception_handler(HTTPException)
+    async def known(request: Request, error: HTTPException) -> JSONResponse:
+        return answer(error.status_code, str(error.detail))
+
+    @app.exception_handler(Exception)
+    async def other(request: Request, error: Exception) -> JSONResponse:
+        return answer(500, f"the server failed at this ({type(error).__name__}); its terminal says more")
+
+    async def explained(request: Request, error: Exception) -> JSONResponse:
+        return answer(400, str(error))
+
+    from ..rig import RigError
+
+    handlers: dict[type[Exception], Any] = dict.fromkeys((ValueError, RigError, OSError), explained)
+    for kind, handler in handlers.items():
+        app.add_exception_handler(kind, handler)

@@ -1,0 +1,139 @@
+// Boot, pages by the location's hash, requests, the stream, notices, emergency stop, theme.
+
+import { openStream } from "./stream.js";
+
+const PAGES = { bench: "./bench.js", identify: "./identify.js", explore: "./explore.js" };
+const byId = (id) => document.getElementById(id);
+
+/** A request to the server: GET without a body, else POST. JSON or, for binary answers, an ArrayBuffer. */
+async function request(path, body) {
+  const headers = { "X-Client": app.client };
+  const options = { headers, credentials: "same-origin" };
+  if (body !== undefined) {
+    options.method = "POST";
+    if (body instanceof Blob || body instanceof ArrayBuffer) {
+      headers["Content-Type"] = "application/octet-stream";
+      options.body = body;
+    } else {
+      headers["Content-Type"] = "application/json";
+      options.body = JSON.stringify(body);
+    }
+  }
+  let answer;
+  try {
+    answer = await fetch(path, options);
+  } catch {
+    throw new Error("The server does not answer.");
+  }
+  const type = answer.headers.get("Content-Type") || "";
+  if (!answer.ok) {
+    const said = type.includes("json") ? (await answer.json()).error : await answer.text();
+    throw Object.assign(new Error(said || answer.statusText), { status: answer.status });
+  }
+  return type.includes("json") ? answer.json() : answer.arrayBuffer();
+}
+
+/** A line at the top for some seconds; kinds: "", "warning", "error". */
+function notify(text, kind = "") {
+  const line = document.createElement("div");
+  line.className = `notice ${kind}`;
+  line.textContent = text;
+  const close = document.createElement("button");
+  close.type = "button";
+  close.textContent = "✕";
+  close.setAttribute("aria-label", "Close this notice");
+  close.onclick = () => line.remove();
+  line.append(close);
+  const notices = byId("notices");
+  notices.append(line);
+  while (notices.children.length > 4) notices.firstChild.remove();
+  setTimeout(() => line.remove(), kind === "error" ? 15000 : 6000);
+}
+
+/** Something that only this browser tab has: it keeps control of the rig over a reconnection. */
+function identity() {
+  let found = sessionStorage.getItem("client");
+  if (!found) {
+    found = [...crypto.getRandomValues(new Uint8Array(12))].map((b) => b.toString(16).padStart(2, "0")).join("");
+    sessionStorage.setItem("client", found);
+  }
+  return found;
+}
+
+export const app = { request, notify, client: identity(), control: { holder: "", mine: false, asking: "" } };
+app.stream = openStream(app.client);
+
+let unmount = () => {};
+let shown = "";
+async function route() {
+  const name = location.hash.slice(1).split("?")[0];
+  const page = PAGES[name] ? name : "bench";
+  if (page === shown) return;
+  shown = page;
+  unmount();
+  unmount = () => {};
+  for (const link of document.querySelectorAll("nav a")) {
+    if (link.hash === `#${page}`) link.setAttribute("aria-current", "page");
+    else link.removeAttribute("aria-current");
+  }
+  document.title = `${page[0].toUpperCase()}${page.slice(1)} · stickslip`;
+  const element = byId("page");
+  element.replaceChildren();
+  const module = await import(PAGES[page]);
+  if (shown !== page) return;
+  const left = await module.mount(element, app);
+  if (shown === page) unmount = left || unmount;
+  else left?.();
+}
+
+function emergencyStop() {
+  app.stream.send({ kind: "emergency_stop" });
+  // The stream is the quickest way; where it is down, a request may still get through.
+  if (!app.stream.connected) request("/bench/stop", {}).catch((error) => notify(error.message, "error"));
+}
+
+function theme(choice) {
+  const root = document.documentElement;
+  if (choice) root.dataset.theme = choice;
+  else delete root.dataset.theme;
+  window.dispatchEvent(new Event("themechange"));
+}
+
+function boot() {
+  theme(localStorage.getItem("theme"));
+  byId("theme").onclick = () => {
+    const dark = document.documentElement.dataset.theme
+      ? document.documentElement.dataset.theme === "dark"
+      : matchMedia("(prefers-color-scheme: dark)").matches;
+    localStorage.setItem("theme", dark ? "light" : "dark");
+    theme(dark ? "light" : "dark");
+  };
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => window.dispatchEvent(new Event("themechange")));
+  byId("stop").onclick = emergencyStop;
+  // Before everything else that listens for Esc, and whatever has the focus.
+  window.addEventListener("keydown", (event) => event.key === "Escape" && emergencyStop(), { capture: true });
+
+  const lamp = byId("connection");
+  app.stream.on("connection", ({ state, missed }) => {
+    lamp.textContent = state;
+    lamp.dataset.state = state;
+    document.body.classList.toggle("offline", state !== "connected");
+    if (missed) notify(`Connected again after ${missed.toFixed(missed < 10 ? 1 : 0)} s; what was missed is shown.`);
+  });
+  app.stream.on("notice", ({ text, level }) => notify(text, level));
+  const control = byId("control");
+  app.stream.on("control", (state) => {
+    app.control = { ...state, mine: state.holder === app.client };
+    const asked = app.control.mine && state.asking;
+    control.textContent = asked ? "Hand over control" : app.control.mine ? "In control" : state.holder ? "Ask for control" : "Take control";
+    control.dataset.state = asked ? "asked" : app.control.mine ? "mine" : state.holder ? "other" : "free";
+    if (asked && state.asking !== app.client) notify("Another page asks for control.", "warning");
+    document.body.classList.toggle("watching", Boolean(state.holder) && !app.control.mine);
+    window.dispatchEvent(new Event("controlchange"));
+  });
+  control.onclick = () => app.stream.send({ kind: app.control.mine ? "hand_over" : "ask_control" });
+  window.addEventListener("hashchange", route);
+  route().catch((error) => notify(error.message, "error"));
+}
+
+boot();

@@ -1,0 +1,8 @@
+// The page is still to come.
+
+export function mount(element, app) {
+  const title = document.createElement("h1");
+  title.textContent = "Bench";
+  element.append(title);
+  return () => {};
+}

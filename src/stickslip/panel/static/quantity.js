@@ -1,0 +1,120 @@
+// Numbers with units: reading "65 V", "65" or "0.065 kV", writing 6.5e-5 m as "65 µm", and the field for both.
+
+const PREFIXES = { p: -12, n: -9, u: -6, "µ": -6, "μ": -6, m: -3, c: -2, d: -1, k: 3, M: 6, G: 9 };
+const SHOWN = { "-12": "p", "-9": "n", "-6": "µ", "-3": "m", 0: "", 3: "k", 6: "M", 9: "G" };
+const PREFIXED = /^(?:m|s|V|A|N|Hz|W|J|C)(?:[ /]|$)/;
+const NUMBER = /^\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*$/;
+
+/** Power of ten by which one factor of a unit ("um") is another ("m"); null if it is not of its kind. */
+function power(text, unit) {
+  if (text === unit) return 0;
+  if (unit === "kg") return text === "g" ? -3 : text.endsWith("g") && text[0] in PREFIXES && text.length === 2 ? PREFIXES[text[0]] - 3 : null;
+  if (text.endsWith(unit) && text.length === unit.length + 1 && text[0] in PREFIXES) return PREFIXES[text[0]];
+  return null;
+}
+
+/** The number in SI that a text stands for; throws an Error that says what is wrong. null: ask the server. */
+export function parseQuantity(text, unit) {
+  const found = NUMBER.exec(text);
+  if (!found) throw new Error(unit ? `a number in ${unit}, such as 65 ${unit}` : "a number");
+  const [, number, rest] = found;
+  if (/^,\d/.test(rest)) throw new Error("write a decimal point");
+  if (!rest || rest === unit) return Number(number);
+  const given = rest.split("/");
+  const wanted = unit.split("/");
+  if (unit && given.length === wanted.length) {
+    const powers = given.map((part, i) => power(part.trim(), wanted[i]));
+    if (!powers.includes(null)) return Number(`${number}`) * 10 ** powers.reduce((sum, p, i) => sum + (i ? -p : p), 0);
+  }
+  return null;
+}
+
+/** The number, whoever has to be asked for it. */
+export async function readQuantity(text, unit, app) {
+  const value = parseQuantity(text, unit);
+  if (value !== null) return tidy(value);
+  return (await app.request("/quantity", { text, unit })).value;
+}
+
+const tidy = (value) => Number(value.toPrecision(15));
+
+/** The power of ten, a multiple of three, with which a number is best shown. */
+export function prefixPower(value, unit) {
+  if (!value || !Number.isFinite(value) || !PREFIXED.test(unit)) return 0;
+  const exponent = Number(Math.abs(value).toExponential(5).split("e")[1]);
+  return Math.min(Math.max(3 * Math.floor(exponent / 3), -12), 9);
+}
+
+export const prefixed = (exponent, unit) => `${SHOWN[exponent]}${unit}`;
+
+/** "320 nm" for 3.2e-7 m. */
+export function formatQuantity(value, unit, digits = 4) {
+  if (value === null || value === undefined || !Number.isFinite(value)) return "–";
+  const exponent = prefixPower(Number(value.toPrecision(digits)), unit);
+  const number = Number((value / 10 ** exponent).toPrecision(digits));
+  return `${number} ${prefixed(exponent, unit)}`.trim();
+}
+
+let count = 0;
+
+/**
+ * A labelled field for a quantity. `change(value, text)` is called with SI and what was typed, and may refuse by
+ * throwing or rejecting: the field then says why. The server checks again whatever it is told.
+ */
+export function makeQuantity({ label, unit = "", value, app, change, hint = "" }) {
+  const element = document.createElement("div");
+  element.className = "field";
+  const id = `quantity-${++count}`;
+  const name = document.createElement("label");
+  name.htmlFor = id;
+  name.textContent = label;
+  const input = document.createElement("input");
+  Object.assign(input, { id, type: "text", autocomplete: "off", spellcheck: false, title: hint });
+  const fault = document.createElement("span");
+  Object.assign(fault, { id: `${id}-fault`, className: "fault" });
+  fault.setAttribute("role", "alert");
+  input.setAttribute("aria-describedby", fault.id);
+  element.append(name, input, fault);
+
+  let current = value;
+  const show = () => {
+    input.value = current === null || current === undefined ? "" : formatQuantity(current, unit, 9);
+  };
+  const say = (text) => {
+    fault.textContent = text;
+    input.setAttribute("aria-invalid", text ? "true" : "false");
+  };
+  let asked = 0;
+  async function commit() {
+    const mine = ++asked;
+    if (input.value === "" && (current === null || current === undefined)) return;
+    try {
+      const text = input.value.trim();
+      const read = await readQuantity(text, unit, app);
+      if (read !== current) await change(read, text);
+      if (mine !== asked) return;
+      current = read;
+      say("");
+      show();
+    } catch (error) {
+      if (mine === asked) say(error.message);
+    }
+  }
+  input.addEventListener("change", commit);
+  input.addEventListener("keydown", (event) => {
+    if (event.key === "Enter") commit();
+  });
+  show();
+  return {
+    element,
+    input,
+    /** Show another value, unless somebody is typing one. */
+    set(next) {
+      if (next === current) return;
+      current = next;
+      if (document.activeElement !== input && input.getAttribute("aria-invalid") !== "true") show();
+    },
+    get: () => current,
+    disable: (off) => (input.disabled = off),
+  };
+}

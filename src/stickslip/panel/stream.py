@@ -1,0 +1,140 @@
+"""The one WebSocket of the page: JSON both ways, and blocks of float32 to the page.
+
+A binary message is the length of its header (4 bytes, little endian), the header (JSON, padded with spaces to
+a multiple of 4), and the numbers. What goes to everybody is encoded once.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import struct
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import numpy as np
+from fastapi import WebSocket, WebSocketDisconnect
+from numpy.typing import ArrayLike
+
+Message = str | bytes
+MOST_WAITING = 400  # messages; a client that is further behind is let go: it comes back and catches up
+MOST_CLIENTS = 200
+LONGEST_MESSAGE = 65536  # characters of what a page may say
+
+
+def packed(header: dict[str, Any], *arrays: ArrayLike) -> bytes:
+    """A binary message: the header gets the lengths of the arrays as "lengths"."""
+    numbers = [np.asarray(array, dtype="<f4").ravel() for array in arrays]
+    text = json.dumps({**header, "lengths": [one.size for one in numbers]}).encode()
+    text += b" " * (-len(text) % 4)
+    return b"".join([struct.pack("<I", len(text)), text, *(one.tobytes() for one in numbers)])
+
+
+class Client:
+    """One page."""
+
+    def __init__(self, identity: str, name: str) -> None:
+        self.identity, self.name = identity, name
+        self.waiting: asyncio.Queue[Message | None] = asyncio.Queue()
+        self.lagging = False
+
+    def put(self, message: Message) -> None:
+        """Queue a message; in the event loop only."""
+        if self.waiting.qsize() >= MOST_WAITING:
+            self.lagging = True
+            while not self.waiting.empty():
+                self.waiting.get_nowait()
+            self.waiting.put_nowait(None)
+        elif not self.lagging:
+            self.waiting.put_nowait(message)
+
+
+class Hub:
+    """All pages that are connected.
+
+    `greetings` give what a page is told first, called with what it said of itself; `hears` maps the "kind" of
+    a message from a page to what is done with it; `gone` and `come` are called with the client. All of these
+    run in the event loop, and must be quick.
+    """
+
+    def __init__(self) -> None:
+        self.clients: set[Client] = set()
+        self.greetings: list[Callable[[Client, dict[str, Any]], Iterable[Message]]] = []
+        self.hears: dict[str, Callable[[Client, dict[str, Any]], None]] = {}
+        self.changed: list[Callable[[], None]] = []
+        self._loop: asyncio.AbstractEventLoop | None = None
+
+    def tell(self, kind: str, **fields: Any) -> None:
+        """Tell every page; from any thread."""
+        self.send(json.dumps({"kind": kind, **fields}))
+
+    def send(self, message: Message) -> None:
+        """Send a message to every page; from any thread."""
+        if self._loop is not None and not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self._put, message)
+
+    def _put(self, message: Message) -> None:
+        for client in self.clients:
+            client.put(message)
+
+    async def serve(self, socket: WebSocket) -> None:
+        """Talk to one page until it goes."""
+        self._loop = asyncio.get_running_loop()
+        await socket.accept()
+        if len(self.clients) >= MOST_CLIENTS:
+            await socket.close(1013, f"{MOST_CLIENTS} pages are connected already")
+            return
+        try:
+            said = _said(await asyncio.wait_for(socket.receive_text(), 10.0))
+        except (TimeoutError, WebSocketDisconnect, KeyError):
+            return
+        client = Client(str(said.get("client", ""))[:64], str(said.get("name", ""))[:40])
+        # No await between: what is said from now on comes after the greeting, and nothing is said twice.
+        for greet in self.greetings:
+            for message in greet(client, said):
+                client.put(message)
+        self.clients.add(client)
+        self._changed()
+        writing = asyncio.create_task(_write(socket, client))
+        try:
+            while True:
+                message = _said(await socket.receive_text())
+                act = self.hears.get(str(message.get("kind")))
+                if act is not None:
+                    act(client, message)
+        except (WebSocketDisconnect, RuntimeError, KeyError):
+            pass
+        finally:
+            self.clients.discard(client)
+            writing.cancel()
+            self._changed()
+
+    def _changed(self) -> None:
+        for call in self.changed:
+            call()
+
+
+def _said(text: str) -> dict[str, Any]:
+    """What a page said; nothing where it is no JSON object of a sensible length."""
+    if len(text) > LONGEST_MESSAGE:
+        return {}
+    try:
+        found = json.loads(text)
+    except (ValueError, RecursionError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+async def _write(socket: WebSocket, client: Client) -> None:
+    try:
+        while True:
+            message = await client.waiting.get()
+            if message is None:
+                await socket.close(1013, "too slow: connect again and catch up")
+                return
+            if isinstance(message, str):
+                await socket.send_text(message)
+            else:
+                await socket.send_bytes(message)
+    except (WebSocketDisconnect, RuntimeError):
+        return  # the page went; its reader notices too
