@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import xarray as xr
 
+from stickslip.actuator import load_actuator
 from stickslip.identify.fit import Residuals, fit_least_squares
 from stickslip.identify.result import Fit, Parameter
 from stickslip.recording import RecordingError, make_recording
-from stickslip.verification import verify
+from stickslip.simulation import simulate
+from stickslip.units import QuantityError
+from stickslip.verification import Predictor, Requirement, net_step, verify
+from stickslip.waveform.periodic import Sawtooth
+from stickslip.waveform.sequence import Sequence
+from stickslip.waveform.shapes import Rest, Step
 
 
 def line(slope: float, n: int, title: str) -> xr.Dataset:
@@ -69,3 +76,61 @@ def test_what_cannot_be_verified_is_refused() -> None:
         verify(lost, line(2.0, 12, "same"))
     with pytest.raises(RecordingError, match="there are 2 drives for 1 recordings"):
         verify(fitted(), line(2.0, 12, "same"), drive=[1.0, 2.0])
+
+
+def walk(step: float, n_periods: int = 4, rate: int = 50) -> xr.Dataset:
+    """A sawtooth of a metre that moves on by `step` in each period of 1 s, after a second at rest."""
+    t = np.arange((n_periods + 1) * rate) / rate
+    k, phase = np.divmod(t - 1.0, 1.0)
+    return make_recording(t, {"position": np.where(t < 1.0, 0.0, step * k + phase)}, title=f"{step:g} m")
+
+
+def test_net_step_is_that_of_the_periods() -> None:
+    drive = Sequence(Rest(1.0), Sawtooth(10.0, 1.0, periods=4))
+    recording = walk(0.3)
+    time, x = recording["time"].values, recording["position"].values
+    assert net_step(time, x, drive) == pytest.approx(0.3, rel=1e-9)
+    assert math.isnan(net_step(time, x, Step(10.0)))
+    assert math.isnan(net_step(time, x, None))
+    assert math.isnan(net_step(time[:80], x[:80], drive))  # less than two periods
+    fit = replace(fitted(), predict=lambda r, drive: 1.02 * r["position"].values)
+    found = verify(fit, [recording, line(2.0, 12, "no walk")], drive=[drive, Step(10.0)])
+    assert found.table["net_step"].values[0] == pytest.approx(0.3)
+    assert found.table["net_step_error"].values[0] == pytest.approx(0.02)
+    assert "2 %" in found.report()
+    assert found.unmet([Requirement.parse("net_step_error < 3 %")]) == []
+    (said,) = found.unmet([Requirement.parse("net_step_error < 1%")])
+    assert said == "0.3 m: net_step_error is 2 %, which is not < 1 %"
+
+
+def test_requirements() -> None:
+    found = verify(fitted(), [line(2.0, 12, "same"), line(3.0, 15, "steeper")])
+    wanted = [Requirement.parse(text) for text in ("r_squared > 0.9", "rmse <= 100 mm", "rmse < 10")]
+    assert wanted[1] == Requirement("rmse", "<=", 0.1)
+    assert [s.split(" is ")[0] for s in found.unmet(wanted)] == ["steeper: r_squared", "steeper: rmse"]
+    (first, second) = found.unmet([Requirement.parse("net_step_error < 1 %")])
+    assert "same: net_step_error does not exist; the drive" in first
+    assert second.startswith("steeper")
+    for text, words in (
+        ("r_squared 0.9", "no requirement"),
+        ("r_sqared > 0.9", "did you mean 'r_squared'"),
+        ("rmse < 1 V", "no m"),
+        ("rmse < 1 %", "no m"),
+    ):
+        with pytest.raises(QuantityError, match=words):
+            Requirement.parse(text)
+
+
+@pytest.mark.compiled
+def test_an_actuator_predicts_as_simulate_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    model = load_actuator("kang2007").replace(stage_reaction=False)
+    drive = Sawtooth(amplitude=65.0, frequency=5.0, periods=3)
+    recording = simulate(model, drive, sample_rate=1e3, tolerance=1e-11)
+    found = verify(Predictor(model), recording, drive=drive)
+    assert found.rmse < 1e-9
+    later = verify(Predictor(model, delay=5e-3, offset=1e-6), recording, drive=drive)
+    delayed = np.interp(recording["time"] - 5e-3, recording["time"], recording["end_effector_position"])
+    np.testing.assert_allclose(later.predictions[0]["predicted"], delayed + 1e-6, atol=1e-9)
+    monkeypatch.setattr("stickslip.identify.displacement.MAX_STEPS", 20)
+    with pytest.raises(RecordingError, match="cannot predict end_effector_position"):
+        verify(Predictor(model), recording, drive=drive)

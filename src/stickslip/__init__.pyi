@@ -68,6 +68,8 @@ from .simulation import steady_orbit as steady_orbit
 from .simulation import steady_step as steady_step
 from .simulation import steady_step_derivatives as steady_step_derivatives
 from .units import QuantityError as QuantityError
+from .verification import Predictor as Predictor
+from .verification import Requirement as Requirement
 from .verification import Verification as Verification
 from .verification import verify as verify
 from .waveform.multisine import Multisine as Multisine

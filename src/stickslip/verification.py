@@ -3,16 +3,102 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import operator
+import re
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
+from .actuator import Actuator
 from .identify.channels import channel, names_of, recordings_of, same_number
+from .identify.displacement import Displacement
 from .identify.result import Fit, Goodness, goodness
 from .recording import RecordingError, make_recording
+from .records import did_you_mean
+from .units import QuantityError, to_si, with_prefix
+from .waveform.sequence import Sequence as Parts
+
+# Of a simulation that stands beside a recording: far below any noise.
+TOLERANCE = 1e-10
+
+
+class Predictor(NamedTuple):
+    """An actuator with given values in the place of a fit: what its position channel should show.
+
+    `delay` [s] and `offset` [m] are those of the channel.
+    """
+
+    model: Actuator
+    delay: float = 0.0
+    offset: float = 0.0
+
+    observed = "end_effector_position"
+
+    def predict(self, recording: xr.Dataset, drive: Any = None) -> NDArray[np.float64]:
+        """The channel at the recording's samples, m; from the channel drive_voltage without a drive.
+
+        Raises:
+            RecordingError: the motion cannot be followed.
+        """
+        name = names_of([recording])[0]
+        try:
+            motion = Displacement(recording, drive, name, self.model, TOLERANCE)
+            return motion.position(self.model, self.delay) + self.offset
+        except ArithmeticError as error:
+            raise RecordingError(
+                f"the model cannot predict {self.observed} [m] of {name}: {error}"
+            ) from error
+
+
+class Requirement(NamedTuple):
+    """What every recording has to fulfil: a figure of merit of `Verification.table`, and its limit in SI."""
+
+    figure: str
+    relation: str
+    limit: float
+
+    @classmethod
+    def parse(cls, text: str) -> Requirement:
+        """From words such as "r_squared > 0.99", "rmse <= 100 nm", "net_step_error < 2 %".
+
+        Raises:
+            QuantityError: it has another form, or the unit is not that of the figure.
+        """
+        found = re.fullmatch(r"\s*([a-z_]+)\s*(>=|<=|>|<)\s*(.+?)\s*", text)
+        if not found:
+            raise QuantityError(f"{text!r} is no requirement: write one like 'r_squared > 0.99'")
+        figure, relation, limit = found.groups()
+        if figure not in FIGURES:
+            hint = did_you_mean(figure, FIGURES)
+            raise QuantityError(f"{figure!r} cannot be required{hint}: there are {', '.join(FIGURES)}")
+        if figure == "net_step_error" and limit.endswith("%"):
+            return cls(figure, relation, to_si(limit[:-1], "", figure) / 100.0)
+        return cls(figure, relation, to_si(limit, FIGURES[figure], figure))
+
+    def met(self, value: float) -> bool:
+        """Whether a value fulfils it; NaN does not."""
+        return bool(_RELATIONS[self.relation](value, self.limit))
+
+    def shown(self, value: float) -> str:
+        """A value of the figure with its unit."""
+        if self.figure == "net_step_error":
+            return f"{100.0 * value:.3g} %"
+        return with_prefix(value, FIGURES[self.figure], 5)
+
+
+_RELATIONS: dict[str, Callable[[float, float], bool]] = {
+    ">": operator.gt, ">=": operator.ge, "<": operator.lt, "<=": operator.le,
+}  # fmt: skip
+# Figures of merit that can be required, with their units.
+FIGURES = {"r_squared": "", "rmse": "m", "largest_error": "m", "net_step_error": ""}
+_WHY_NOT = {
+    "r_squared": "what was measured is constant",
+    "net_step_error": "the drive is not known as a waveform with periods",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +109,7 @@ class Verification:
         observed: name of the channel.
         unit: its unit.
         recordings: the goodness of each.
+        steps: net step per period of each, measured and predicted; NaN where the drive does not repeat.
         predictions: for each a recording with measured, predicted and residual (predicted minus measured).
     """
 
@@ -30,6 +117,7 @@ class Verification:
     unit: str
     recordings: tuple[Goodness, ...]
     predictions: tuple[xr.Dataset, ...]
+    steps: tuple[tuple[float, float], ...]
 
     @property
     def r_squared(self) -> float:
@@ -44,12 +132,17 @@ class Verification:
 
     @property
     def table(self) -> xr.Dataset:
-        """r_squared, rmse, largest_error and n_data over "recording"."""
+        """r_squared, rmse, largest_error, net_step, net_step_error and n_data over "recording".
+
+        The error of the net step is a part of it: predicted over measured, less one, without its sign.
+        """
         errors = [float(np.max(np.abs(p["residual"].values))) for p in self.predictions]
         columns = {
             "r_squared": ([g.r_squared for g in self.recordings], ""),
             "rmse": ([g.rmse for g in self.recordings], self.unit),
             "largest_error": (errors, self.unit),
+            "net_step": ([measured for measured, _ in self.steps], self.unit),
+            "net_step_error": ([_step_error(*pair) for pair in self.steps], ""),
             "n_data": ([g.n_data for g in self.recordings], ""),
         }
         return xr.Dataset(
@@ -57,17 +150,44 @@ class Verification:
             coords={"recording": [g.name for g in self.recordings]},
         )
 
+    def unmet(self, requirements: Sequence[Requirement]) -> list[str]:
+        """A sentence for each recording and requirement that it does not meet.
+
+        A requirement on the net step is none of recordings that have none, unless no recording has one.
+        """
+        table = self.table
+        sentences = []
+        for wanted in requirements:
+            values = table[wanted.figure].values
+            judged = np.ones(values.size, dtype=bool)
+            if wanted.figure == "net_step_error" and np.any(np.isfinite(values)):
+                judged = np.isfinite(values)
+            for name, value in zip(table["recording"].values[judged], values[judged], strict=True):
+                if not math.isfinite(value):
+                    sentences.append(f"{name}: {wanted.figure} does not exist; {_WHY_NOT[wanted.figure]}")
+                elif not wanted.met(float(value)):
+                    sentences.append(
+                        f"{name}: {wanted.figure} is {wanted.shown(float(value))}, which is not "
+                        f"{wanted.relation} {wanted.shown(wanted.limit)}"
+                    )
+        return sentences
+
     def report(self) -> str:
         """A text table, one line for each recording and one for all."""
         width = max(len("recording"), *(len(g.name) for g in self.recordings))
         lines = [
             f"prediction of {self.observed} [{self.unit}]",
-            f"{'recording':{width}}  {'r^2':9}  {'rmse':10}  data",
+            f"{'recording':{width}}  {'r^2':9}  {'rmse':10}  {'net step error':14}  data",
         ]
-        rows = [(g.name, g.r_squared, g.rmse, g.n_data) for g in self.recordings]
+        rows = [
+            (g.name, g.r_squared, g.rmse, _percent(_step_error(*pair)), g.n_data)
+            for g, pair in zip(self.recordings, self.steps, strict=True)
+        ]
         if len(rows) > 1:
-            rows.append(("all", self.r_squared, self.rmse, sum(g.n_data for g in self.recordings)))
-        return "\n".join([*lines, *(f"{n:{width}}  {r:9.6f}  {e:<10.4g}  {k}" for n, r, e, k in rows)])
+            rows.append(("all", self.r_squared, self.rmse, "", sum(g.n_data for g in self.recordings)))
+        return "\n".join(
+            [*lines, *(f"{n:{width}}  {r:9.6f}  {e:<10.4g}  {s:14}  {k}" for n, r, e, s, k in rows)]
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Every number with its unit, ready for JSON; None where r^2 does not exist."""
@@ -77,25 +197,76 @@ class Verification:
             "r_squared": _finite(self.r_squared),
             "rmse": self.rmse,
             "recordings": {
-                g.name: {"r_squared": _finite(g.r_squared), "rmse": g.rmse, "n_data": g.n_data}
-                for g in self.recordings
+                g.name: {
+                    "r_squared": _finite(g.r_squared),
+                    "rmse": g.rmse,
+                    "net_step": _finite(pair[0]),
+                    "net_step_error": _finite(_step_error(*pair)),
+                    "n_data": g.n_data,
+                }
+                for g, pair in zip(self.recordings, self.steps, strict=True)
             },
         }
+
+
+def _step_error(measured: float, predicted: float) -> float:
+    return abs(predicted / measured - 1.0) if measured else math.nan
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.3g} %" if math.isfinite(share) else "-"
 
 
 def _finite(number: float) -> float | None:
     return number if math.isfinite(number) else None
 
 
+def net_step(time: NDArray[np.float64], position: NDArray[np.float64], drive: Any) -> float:
+    """Displacement per period while the drive repeats itself, m; NaN where it does not do so twice.
+
+    The mean position over the last period less that over the first, by the number of periods between: each
+    sample counts, where peaks [kang2007, appendix 9] would take the noise for displacement. Of a sequence, of
+    its first part that has a period.
+    """
+    begin, periodic = _periodic_part(drive)
+    if periodic is None:
+        return math.nan
+    period = float(periodic.period)
+    count = math.floor(min(periodic.duration, float(time[-1]) - begin) / period + 1e-6)
+    if count < 2:
+        return math.nan
+
+    def mean(first: float) -> float:
+        inside = (time >= first) & (time < first + period * (1.0 - 1e-9))
+        return float(np.mean(position[inside])) if np.any(inside) else math.nan
+
+    return (mean(begin + (count - 1) * period) - mean(begin)) / (count - 1)
+
+
+def _periodic_part(drive: Any) -> tuple[float, Any]:
+    """When the first part with a period begins, and that part; None where there is none."""
+    begin = 0.0
+    for part, length in drive.parts if isinstance(drive, Parts) else [(drive, 0.0)]:
+        if getattr(part, "period", None) is not None:
+            return begin, part
+        begin += length
+    return begin, None
+
+
 def verify(
-    fit: Fit, recordings: xr.Dataset | Sequence[xr.Dataset], *, drive: Any | Sequence[Any] | None = None
+    fit: Fit | Predictor,
+    recordings: xr.Dataset | Sequence[xr.Dataset],
+    *,
+    drive: Any | Sequence[Any] | None = None,
+    steps_of: Sequence[Any] | None = None,
 ) -> Verification:
     """Predict recordings with a fitted model, nothing fitted again.
 
     Args:
-        fit: of an identification that builds a model.
+        fit: of an identification that builds a model, or a `Predictor`.
         recordings: with the channels that the identification needed.
         drive: waveform of each recording (one: of all) where the fit took waveforms.
+        steps_of: waveform of each recording whose periods the net step is of; left out, `drive`.
 
     Raises:
         RecordingError: a channel is missing, too short or not finite; numbers do not match.
@@ -106,8 +277,9 @@ def verify(
     found = recordings_of(recordings)
     names = names_of(found)
     drives = [drive] * len(found) if hasattr(drive, "drive") else same_number(drive, found, "drives")
-    goods, predictions = [], []
-    for recording, waveform, name in zip(found, drives, names, strict=True):
+    repeating = drives if steps_of is None else same_number(steps_of, found, "waveforms")
+    goods, predictions, steps = [], [], []
+    for recording, waveform, repeated, name in zip(found, drives, repeating, names, strict=True):
         measured = channel(recording, fit.observed, name)
         unit = str(recording[fit.observed].attrs.get("units", ""))
         predicted = fit.predict(recording) if waveform is None else fit.predict(recording, waveform)
@@ -115,7 +287,7 @@ def verify(
             raise RecordingError(f"the model cannot predict {fit.observed} [{unit}] of {name}")
         variables = {"measured": measured, "predicted": predicted, "residual": predicted - measured}
         goods.append(goodness(predicted - measured, measured, name, unit))
-        predictions.append(
-            make_recording(recording["time"].values, {k: (v, unit) for k, v in variables.items()}, title=name)
-        )
-    return Verification(fit.observed, goods[0].unit, tuple(goods), tuple(predictions))
+        time = recording["time"].values
+        steps.append((net_step(time, measured, repeated), net_step(time, predicted, repeated)))
+        predictions.append(make_recording(time, {k: (v, unit) for k, v in variables.items()}, title=name))
+    return Verification(fit.observed, goods[0].unit, tuple(goods), tuple(predictions), tuple(steps))

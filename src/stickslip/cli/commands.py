@@ -163,6 +163,41 @@ def identify(
 
 
 @app.command()
+def verify(
+    fit: Annotated[
+        Path,
+        typer.Argument(
+            exists=True,
+            dir_okay=False,
+            metavar="FILE.yaml|results.json",
+            help="What to verify: a verification file, or the results of an identification.",
+        ),
+    ],
+    recordings: Annotated[
+        list[Path] | None,
+        typer.Argument(exists=True, dir_okay=False, metavar="[RECORDING]...", help="With results.json."),
+    ] = None,
+    require: Annotated[
+        list[str],
+        typer.Option(metavar="'FIGURE > LIMIT'", help="'r_squared > 0.99', 'rmse < 100 nm', ..."),
+    ] = [],  # noqa: B006  # typer copies it
+    out: Out = Path("out/verify"),
+    show_traceback: Traceback = False,
+) -> None:
+    """Predict recordings with a fitted model; fails where a requirement is not met."""
+    begun = time.perf_counter()
+    with errors_in_one_line(show_traceback):
+        check_output(out)
+        from ..study.running import run_study
+        from ..study.verification import verification_study
+
+        study, folder = verification_study(fit, recordings or [], require)
+        with progress_bar() as progress:
+            document = run_study(study, folder, progress)
+        write(document, out, begun)
+
+
+@app.command()
 def demo(out: Out = Path("out/demo"), show_traceback: Traceback = False) -> None:
     """Identify and verify models on published recordings, and simulate the actuator of the thesis."""
     begun = time.perf_counter()

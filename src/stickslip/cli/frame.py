@@ -119,7 +119,12 @@ def check_output(out: Path) -> None:
         raise ValueError(f"--out {out}: {existing} cannot be written to")
 
 
+class RequirementError(Exception):
+    """Something that the user required is not so."""
+
+
 def write(document: Document, out: Path, begun: float) -> None:
+    """Write the report, print what matters most; raises RequirementError if something required is not so."""
     from ..report import write_report
 
     command = shlex.join(["stickslip", *sys.argv[1:]])
@@ -128,6 +133,8 @@ def write(document: Document, out: Path, begun: float) -> None:
     for what, number in document.highlights:
         typer.echo(f"  {what}: {_shown(number)}")
     typer.echo(f"Report: {report}")
+    if document.failures:
+        raise RequirementError(f"not as required: {'; '.join(document.failures)}")
 
 
 def _shown(number: Number) -> str:

@@ -150,6 +150,7 @@ class Document:
             "high", whatever else), or a mapping of such.
         assumptions: what was assumed, a sentence each.
         citations: BibTeX.
+        failures: what had been required and is not so, a sentence each.
     """
 
     title: str
@@ -159,9 +160,10 @@ class Document:
     numbers: Mapping[str, Any] = field(default_factory=dict)
     assumptions: Sequence[str] = ()
     citations: str = ""
+    failures: Sequence[str] = ()
 
     def __post_init__(self) -> None:
-        _freeze(self, "the document", ["sections", "highlights", "assumptions"])
+        _freeze(self, "the document", ["sections", "highlights", "assumptions", "failures"])
         names = [picture.name for picture in self.pictures()]
         for name in names:
             if names.count(name) > 1:

@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
+from ..actuator import Actuator
+from ..friction import LAWS
 from ..identify.result import Fit
+from ..records import quantities
+from ..units import QuantityError
 from .document import Column, Number, Table
 
 
@@ -59,3 +66,46 @@ def fit_numbers(fit: Fit, unit: str, level: float = 0.95) -> dict[str, Any]:
         "converged": fit.converged,
         "undetermined": list(fit.undetermined),
     }
+
+
+def model_numbers(model: Actuator) -> dict[str, Any]:
+    """An actuator for results.json, whole: `model_of` makes it again.
+
+    Infinite fields, which are the defaults, are left out.
+    """
+    return {
+        "actuator": _fields(model),
+        "law": type(model.friction).__name__,
+        "friction": _fields(model.friction),
+    }
+
+
+def _fields(record: Any) -> dict[str, Any]:
+    known, found = quantities(type(record)), {}
+    for name, value in record._asdict().items():
+        if isinstance(value, bool | str):
+            found[name] = value
+        elif name in known and value is not None and np.all(np.isfinite(value)):
+            found[name] = {"value": value, "unit": known[name].unit}
+    return found
+
+
+def model_of(numbers: Mapping[str, Any]) -> Actuator:
+    """The actuator of `model_numbers`, from what was read from results.json.
+
+    Raises:
+        QuantityError: it is none.
+    """
+    try:
+        law = {law.__name__: law for law in LAWS}[numbers["law"]]
+        friction = law(**_values(numbers["friction"]))
+        return Actuator(**_values(numbers["actuator"]), friction=friction)
+    except (KeyError, TypeError, AttributeError) as error:
+        raise QuantityError(
+            f"there is no actuator in the results ({type(error).__name__}: {error})"
+        ) from error
+
+
+def _values(fields: Mapping[str, Any]) -> dict[str, Any]:
+    values = {k: v["value"] if isinstance(v, Mapping) else v for k, v in fields.items()}
+    return {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}

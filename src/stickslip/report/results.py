@@ -29,6 +29,7 @@ def results_json(document: Document, made: Circumstances) -> str:
         "highlights": {what: _number(number) for what, number in document.highlights},
         "numbers": _numbers(document.numbers, "numbers"),
         "tables": [_table(table) for table in document.tables()],
+        "failures": list(document.failures),
         "assumptions": list(document.assumptions),
         "citations": document.citations,
         "made": made.made,

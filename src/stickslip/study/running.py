@@ -18,12 +18,15 @@ from .file import StudyError
 from .frequency import FrequencyStudy
 from .loops import LoopStudy
 from .pulled import PulledStudy
+from .verification import VerificationStudy
 from .walk import WalkStudy
 
 # What is called as the work goes on: what is being done, and how much of all is done, from 0 to 1.
 Progress = Callable[[str, float], None]
 
-_Any = Annotated[LoopStudy | FrequencyStudy | PulledStudy | WalkStudy, Field(discriminator="kind")]
+_Any = Annotated[
+    LoopStudy | FrequencyStudy | PulledStudy | VerificationStudy | WalkStudy, Field(discriminator="kind")
+]
 _FILE: TypeAdapter[Any] = TypeAdapter(_Any)
 
 
@@ -42,9 +45,14 @@ def run_file(path: str | os.PathLike[str], progress: Progress | None = None) -> 
         study = _FILE.validate_python(load_yaml(path))
     except ValidationError as error:
         raise explain(path, error) from error
+    return run_study(study, Path(path).parent, progress)
+
+
+def run_study(study: Any, folder: Path, progress: Progress | None = None) -> Document:
+    """As `run_file`, of what an identification file says; other files are relative to the folder."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", RecordingWarning)
-        document = study.run(Path(path).parent, progress or (lambda doing, done: None))
+        document = study.run(folder, progress or (lambda doing, done: None))
     unseen = {str(w.message): w for w in caught if issubclass(w.category, RecordingWarning)}
     for w in (*unseen.values(), *(w for w in caught if not issubclass(w.category, RecordingWarning))):
         warnings.warn_explicit(w.message, w.category, w.filename, w.lineno)

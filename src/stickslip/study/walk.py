@@ -16,7 +16,7 @@ from ..identify.friction import identify_friction
 from ..identify.result import Fit, goodness
 from ..input_file import Strict, quantity
 from ..report import Column, Document, Number, Picture, Section, Table
-from ..report.fits import estimates, fit_numbers, parameter_table
+from ..report.fits import estimates, fit_numbers, model_numbers, parameter_table
 from ..waveform import periodic, shapes
 from ..waveform.signal import Waveform
 from .file import Recorded, Study, StudyError, read_parts
@@ -168,7 +168,7 @@ def walk_document(
             ),
         ),
         highlights=list(estimates(fit).items()),
-        numbers={**fit_numbers(fit, "m"), "recordings": numbers},
+        numbers={**fit_numbers(fit, "m"), "recordings": numbers, "model": model_numbers(fit.model)},
         assumptions=[f"{field} = {words}" for field, words in model.assumptions.items()],
         citations=model.citation,
     )

@@ -1,0 +1,202 @@
+"""Study: a fitted actuator against recordings of its walk, and what is required of it."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import Field, ValidationError
+
+from ..actuator import Actuator, load_actuator
+from ..figures.identification import fit_with_residuals
+from ..figures.style import svg
+from ..input_file import Seconds, explain, load_yaml
+from ..report import Column, Document, Number, Picture, Section, Table
+from ..report.fits import model_numbers, model_of
+from ..verification import Predictor, Requirement, Verification, verify
+from .file import Study, StudyError, read_parts
+from .walk import WalkRecording
+
+MOST_PICTURES = 8
+
+
+class VerificationStudy(Study):
+    """See the module. The model is that of `fit`, a results.json of an identification, or of the parameter
+    set `model` with fields changed; `require` are sentences such as "r_squared > 0.99"."""
+
+    kind: Literal["verification"]
+    fit: str | None = None
+    model: str | None = None
+    change: dict[str, float | str | bool] = Field(default_factory=dict)
+    friction: dict[str, float | str] = Field(default_factory=dict)
+    delay: Seconds = 0.0
+    recordings: list[WalkRecording] = Field(min_length=1)
+    require: list[str] = Field(default_factory=list)
+
+    def run(self, folder: Path, progress: Callable[[str, float], None]) -> Document:
+        """Predict everything."""
+        requirements = [Requirement.parse(text) for text in self.require]
+        predictor = self._predictor(folder)
+        progress("reading", 0.0)
+        parts = read_parts(self.recordings, folder)
+        drives = [r.drive.waveform() if r.drive else None for r in self.recordings]
+        progress("predicting", 0.2)
+        found = verify(predictor, list(parts.values()), drive=drives)
+        failures = found.unmet(requirements)
+        least = min(found.table["r_squared"].values)
+        said = (
+            f"{len(parts)} recordings predicted, nothing fitted: r² {least:.4f} or more, rms error "
+            f"{1e9 * found.rmse:.3g} nm."
+        )
+        if requirements:
+            count = len(requirements)
+            said += f" {'NOT all' if failures else 'All'} of the {count} requirement{'s' * (count > 1)} met."
+        progress("drawing", 0.6)
+        return Document(
+            title=self.title,
+            summary=said,
+            sections=[
+                Section(
+                    "Recordings",
+                    paragraphs=(self.notes,) if self.notes else (),
+                    points=[f"required: {text}" for text in self.require],
+                    tables=(verification_table(found),),
+                    figures=prediction_pictures(found),
+                )
+            ],
+            highlights=[
+                ("least r²", Number(float(least), "")),
+                ("rms error", Number(found.rmse, "m")),
+            ],
+            numbers={
+                "verification": verification_numbers(found),
+                "model": model_numbers(predictor.model),
+                "required": list(self.require),
+            },
+            assumptions=[f"{name} = {words}" for name, words in predictor.model.assumptions.items()],
+            citations=predictor.model.citation,
+            failures=failures,
+        )
+
+    def _predictor(self, folder: Path) -> Predictor:
+        if (self.fit is None) == (self.model is None):
+            raise StudyError("a verification has either 'fit', a results.json, or 'model', a parameter set")
+        delay = self.delay
+        if self.fit is not None:
+            base, parameters = _results(folder / self.fit)
+            delay = delay or float(parameters.get("delay", {}).get("value", 0.0))
+        else:
+            own = folder / str(self.model)
+            base = load_actuator(own if own.suffix == ".toml" and own.is_file() else str(self.model))
+        changes: dict[str, Any] = {**self.change, "friction": base.friction._replace(**self.friction)}
+        return Predictor(base.replace(**changes), delay)
+
+
+def _results(path: Path) -> tuple[Actuator, dict[str, Any]]:
+    """The actuator of a results.json, and the parameters that were fitted."""
+    try:
+        numbers = json.loads(path.read_text(encoding="utf-8"))["numbers"]
+        return model_of(numbers["model"]), numbers.get("parameters", {})
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise StudyError(f"{path}: no results of an identification with a model: {error}") from error
+
+
+def verification_study(
+    path: str | os.PathLike[str], recordings: Sequence[str | os.PathLike[str]], require: Sequence[str]
+) -> tuple[VerificationStudy, Path]:
+    """What the command line asks for, and the folder that its files are relative to.
+
+    Args:
+        path: a verification file, or a results.json.
+        recordings: with a results.json, the files to predict; their drive is the channel drive_voltage.
+        require: further requirements.
+
+    Raises:
+        StudyError: the file is not as it must be, or recordings are named twice or not at all.
+    """
+    path = Path(path)
+    if path.suffix == ".json":
+        if not recordings:
+            raise StudyError(f"{path}: name the recordings that the model is to predict")
+        content: dict[str, Any] = {
+            "kind": "verification",
+            "title": "Verification",
+            "fit": path.name,
+            "recordings": [{"file": os.path.abspath(file)} for file in recordings],
+        }
+    else:
+        content = load_yaml(path)
+        if recordings:
+            raise StudyError(f"{path} names its recordings itself; {recordings[0]} is one too many")
+    try:
+        study = VerificationStudy.model_validate(content)
+    except ValidationError as error:
+        raise explain(path, error) from error
+    return study.model_copy(update={"require": [*study.require, *require]}), path.parent
+
+
+def verification_table(found: Verification, roles: Sequence[str] = ()) -> Table:
+    """r², rms error and the error of the net step, one row for each recording."""
+    table = found.table
+    rows = []
+    for i, name in enumerate(table["recording"].values):
+        r_squared, rmse, step, error = (
+            float(table[key][i]) for key in ("r_squared", "rmse", "net_step", "net_step_error")
+        )
+        role = (roles[i],) if roles else ()
+        known = math.isfinite(step)
+        rows.append(
+            (
+                str(name),
+                *role,
+                r_squared,
+                rmse,
+                step if known else None,
+                100.0 * error if known else None,
+            )
+        )
+    columns = [Column("r²", "", 5), Column("rms error", "m", 3), Column("net step, measured", "m")]
+    role = [Column("role")] if roles else []
+    return Table(
+        "Measured and predicted.",
+        (Column("recording"), *role, *columns, Column("error of the net step", "%", 2)),
+        rows,
+        notes="r² = (SST − SSE)/SST; the net step is the displacement per period of the drive.",
+    )
+
+
+def verification_numbers(found: Verification) -> dict[str, Any]:
+    """The same for results.json, by recording."""
+    table = found.table
+    return {
+        str(name): {
+            key: Number(float(table[key][i]), str(table[key].attrs["units"]))
+            for key in ("r_squared", "rmse", "largest_error", "net_step", "net_step_error", "n_data")
+        }
+        for i, name in enumerate(table["recording"].values)
+    }
+
+
+def prediction_pictures(found: Verification) -> list[Picture]:
+    """Measured, predicted and the residual of the first recordings."""
+    return [
+        Picture(
+            f"prediction_{i + 1}",
+            f"{good.name}: end-effector position, measured and predicted.",
+            svg(
+                fit_with_residuals(
+                    p["time"].values,
+                    p["measured"].values,
+                    p["predicted"].values,
+                    name="end-effector position",
+                    unit=found.unit,
+                )
+            ),
+            "Position over time, data under the model, and the residuals below",
+        )
+        for i, (good, p) in enumerate(zip(found.recordings[:MOST_PICTURES], found.predictions, strict=False))
+    ]

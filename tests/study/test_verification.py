@@ -1,0 +1,117 @@
+"""Verification files and `stickslip verify`, as a lab's own checks would use them."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+from stickslip.actuator import load_actuator
+from stickslip.cli import app
+from stickslip.friction import MaxwellSlip
+from stickslip.recording import save_recording
+from stickslip.report import Document, write_report
+from stickslip.report.fits import model_numbers, model_of
+from stickslip.simulation import simulate
+from stickslip.units import QuantityError
+from stickslip.waveform.periodic import Sawtooth
+
+DRIVE = {"shape": "Sawtooth", "fields": {"amplitude": 65.0, "frequency": 100.0, "periods": 2}}
+MODEL = load_actuator("kang2007").replace(stage_reaction=False)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = tmp_path_factory.mktemp("verify")
+    walk = simulate(MODEL, Sawtooth(**DRIVE["fields"]), 0.02, sample_rate=10e3, tolerance=1e-11)
+    save_recording(walk, made / "walk.nc")
+    file = {
+        "kind": "verification",
+        "title": "The actuator as it is",
+        "model": "kang2007",
+        "change": {"stage_reaction": False},
+        "recordings": [{"file": "walk.nc", "drive": DRIVE}],
+        "require": ["r_squared > 0.99", "net_step_error < 1 %"],
+    }
+    (made / "check.yaml").write_text(yaml.safe_dump(file), "utf-8")
+    return made
+
+
+def run(*arguments: str):
+    return CliRunner().invoke(app, ["verify", *arguments], prog_name="stickslip")
+
+
+def test_what_is_required_is_met(folder: Path) -> None:
+    done = run(str(folder / "check.yaml"), "--out", str(folder / "out"))
+    assert done.exit_code == 0, done.stderr
+    assert "All of the 2 requirements met" in done.stdout
+    results = json.loads((folder / "out" / "results.json").read_bytes())
+    found = results["numbers"]["verification"]["walk"]
+    assert found["r_squared"]["value"] > 0.999999
+    assert found["rmse"]["unit"] == "m"
+    assert found["net_step_error"]["value"] < 1e-3
+    assert results["failures"] == []
+
+
+def test_what_is_not_met_fails_with_a_sentence(folder: Path) -> None:
+    content = yaml.safe_load((folder / "check.yaml").read_text("utf-8"))
+    content["friction"] = {"coulomb_force": "0.3 N", "stiction_force": "0.3 N"}
+    (folder / "wrong.yaml").write_text(yaml.safe_dump(content), "utf-8")
+    done = run(str(folder / "wrong.yaml"), "--require", "rmse < 1 nm", "--out", str(folder / "wrong"))
+    assert done.exit_code == 1
+    last = done.stderr.splitlines()[-1]
+    assert last.startswith("Error: not as required: walk: r_squared is 0.")
+    assert "which is not > 0.99; walk: net_step_error is" in last
+    assert "walk: rmse is" in last
+    page = (folder / "wrong" / "report.html").read_text("utf-8")
+    assert "Not as required" in page
+
+
+def test_results_of_an_identification_are_verified(folder: Path) -> None:
+    numbers = {"model": model_numbers(MODEL), "parameters": {}}
+    write_report(Document("A fit", "Made.", [], numbers=numbers), folder / "fit")
+    results = str(folder / "fit" / "results.json")
+    with warnings.catch_warnings():
+        warnings.simplefilter("default")
+        done = run(results, str(folder / "walk.nc"), "--require", "rmse < 2 um", "--out", str(folder / "o2"))
+    assert "Warning: drive_voltage [V] of walk changes too fast" in done.stderr
+    assert done.exit_code == 0, done.stderr
+    assert run(results, "--out", str(folder / "o4")).exit_code == 2
+    assert run(str(folder / "o2" / "report.html"), "--out", str(folder / "o5")).exit_code == 2
+    both = run(str(folder / "check.yaml"), str(folder / "walk.nc"), "--out", str(folder / "o6"))
+    assert both.exit_code == 2
+    assert "one too many" in both.stderr
+
+
+def test_a_model_comes_back_from_its_numbers() -> None:
+    law = MaxwellSlip((1e6, 2e5), (0.3, 0.2))
+    for model in (MODEL, MODEL.replace(friction=law, clamped=True)):
+        written = json.loads(json.dumps(_plain(model_numbers(model))))
+        assert model_of(written) == model
+    with pytest.raises(QuantityError, match="no actuator in the results"):
+        model_of({"law": "LuGre"})
+
+
+def _plain(numbers):
+    if isinstance(numbers, dict):
+        return {k: _plain(v) for k, v in numbers.items()}
+    return numbers.tolist() if isinstance(numbers, np.ndarray) else numbers
+
+
+def test_wrong_files_are_refused(folder: Path) -> None:
+    content = yaml.safe_load((folder / "check.yaml").read_text("utf-8"))
+    for change, words in (
+        ({"fit": "fit.json"}, "either 'fit'"),
+        ({"model": None, "fit": "none.json"}, "no results of an identification"),
+        ({"require": ["r_squared >> 1"]}, "r_squared"),
+        ({"recordings": []}, "recordings"),
+    ):
+        (folder / "bad.yaml").write_text(yaml.safe_dump({**content, **change}), "utf-8")
+        done = run(str(folder / "bad.yaml"), "--out", str(folder / "bad"))
+        assert done.exit_code == 2
+        assert words in done.stderr
