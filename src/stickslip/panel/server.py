@@ -19,8 +19,10 @@ from starlette.exceptions import HTTPException
 from ..input_file import Strict
 from ..units import to_si
 from .control import Control
+from .explore import explore_routes
 from .folder import Folder
 from .guard import LARGEST_BODY, LOOPBACK, Guard
+from .identifying import identify_routes
 from .stream import Hub
 
 STATIC = Path(__file__).parent / "static"
@@ -74,6 +76,9 @@ def create_app(
     @app.websocket("/stream")
     async def stream(socket: WebSocket) -> None:
         await hub.serve(socket)
+
+    app.include_router(explore_routes())
+    app.include_router(identify_routes(files, hub))
 
     @app.post("/quantity")
     def quantity(asked: Text) -> dict[str, float]:

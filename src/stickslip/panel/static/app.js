@@ -27,8 +27,8 @@ async function request(path, body) {
   }
   const type = answer.headers.get("Content-Type") || "";
   if (!answer.ok) {
-    const said = type.includes("json") ? (await answer.json()).error : await answer.text();
-    throw Object.assign(new Error(said || answer.statusText), { status: answer.status });
+    const said = type.includes("json") ? await answer.json() : { error: await answer.text() };
+    throw Object.assign(new Error(said.error || answer.statusText), { status: answer.status, field: said.field });
   }
   return type.includes("json") ? answer.json() : answer.arrayBuffer();
 }

@@ -15,7 +15,7 @@ let plots = 0;
  * series: [{ label, unit, color, strip, dash, width }]; color is a CSS colour or a variable's name ("--series-2"),
  *   left out: the next of the palette. Series of one `strip` (left out: of one unit) share a vertical axis; strips
  *   stand below each other over the same horizontal axis.
- * time: { label, unit } of that axis.
+ * time: { label, unit, log } of that axis.
  * xy: the curves need not run from left to right; setData then takes [x1, y1, x2, y2, ...].
  * tools: buttons for autoscale, freeze and cursors.
  */
@@ -49,7 +49,7 @@ export function makePlot(element, { series, time = { label: "time", unit: "s" },
       for (const value of column) { if (value < from) from = value; if (value > to) to = value; }
     }
     if (!(to > from)) return Number.isFinite(from) ? [from - 0.5, from + 0.5] : [0, 1];
-    const margin = xy ? 0.04 * (to - from) : 0;
+    const margin = xy && !time.log ? 0.04 * (to - from) : 0;
     return [from - margin, to + margin];
   };
   const shownRange = () => view ?? everything();
@@ -59,11 +59,12 @@ export function makePlot(element, { series, time = { label: "time", unit: "s" },
   const names = [...new Set(drawn.map((one) => one.strip ?? one.unit))];
   const strips = names.map((name, i) => makeStrip(drawn.filter((one) => (one.strip ?? one.unit) === name), i === names.length - 1));
 
-  function axisValues(unit) {
+  function axisValues(unit, scale) {
     return (u, splits) => {
       const exponent = prefixPower(Math.max(...splits.map(Math.abs)), unit);
       const step = splits.length > 1 ? Math.abs(splits[1] - splits[0]) / 10 ** exponent : 1;
       const digits = Math.min(Math.max(Math.ceil(-Math.log10(step) - 1e-6), 0), 6);
+      if (time.log && u.scales[scale].distr === 3) return splits.map((value) => (value === null ? "" : String(Number((value / 10 ** exponent).toPrecision(3)))));
       return splits.map((value) => trimmed(value / 10 ** exponent, step, digits));
     };
   }
@@ -98,7 +99,7 @@ export function makePlot(element, { series, time = { label: "time", unit: "s" },
     const unit = members[0].unit;
     const axis = (scale, of, text) => ({
       scale, stroke: () => css("--axis"), grid: { stroke: () => css("--grid"), width: 1 }, ticks: { stroke: () => css("--grid"), width: 1, size: 5 },
-      font, labelFont: font, values: axisValues(of), label: axisLabel(of, scale, text), labelSize: 20, labelGap: 0,
+      font, labelFont: font, values: axisValues(of, scale), label: axisLabel(of, scale, text), labelSize: 20, labelGap: 0,
     });
     const options = {
       mode: xy ? 2 : 1,
@@ -111,7 +112,7 @@ export function makePlot(element, { series, time = { label: "time", unit: "s" },
         bind: { dblclick: () => () => (autoscale(), null) },
       },
       scales: {
-        x: { time: false, auto: false, range: () => shownRange() },
+        x: { time: false, auto: false, distr: time.log ? 3 : 1, range: () => shownRange() },
         y: { range: (u, min, max) => strip.yView ?? padded(min, max) },
       },
       axes: [
@@ -182,6 +183,7 @@ export function makePlot(element, { series, time = { label: "time", unit: "s" },
   }
   function setView(range) {
     view = range && range[1] > range[0] ? [...range] : null;
+    if (view && time.log) view[0] = Math.max(view[0], 1e-6 * view[1]);
     changed();
   }
   /** Zoom by a factor about a place (0 left to 1 right), or pan by a part of the width. */

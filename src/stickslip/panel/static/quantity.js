@@ -15,6 +15,7 @@ function power(text, unit) {
 
 /** The number in SI that a text stands for; throws an Error that says what is wrong. null: ask the server. */
 export function parseQuantity(text, unit) {
+  if (/^\s*(?:∞|inf)/i.test(text)) return Infinity;
   const found = NUMBER.exec(text);
   if (!found) throw new Error(unit ? `a number in ${unit}, such as 65 ${unit}` : "a number");
   const [, number, rest] = found;
@@ -49,6 +50,7 @@ export const prefixed = (exponent, unit) => `${SHOWN[exponent]}${unit}`;
 
 /** "320 nm" for 3.2e-7 m. */
 export function formatQuantity(value, unit, digits = 4) {
+  if (value === Infinity) return `∞ ${unit}`.trim();
   if (value === null || value === undefined || !Number.isFinite(value)) return "–";
   const exponent = prefixPower(Number(value.toPrecision(digits)), unit);
   const number = Number((value / 10 ** exponent).toPrecision(digits));

@@ -1,0 +1,233 @@
+"""One state of the Explore page: the experiment that it stands for, its numbers, and the same in Python."""
+
+from __future__ import annotations
+
+import math
+import re
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from pydantic import Field
+
+from ..actuator import Actuator, load_actuator
+from ..input_file import Strict
+from ..parameters import available_sets
+from ..records import Quantity
+from ..simulation import SimulationError, simulate, steady_step
+from ..units import QuantityError
+from ..waveform.signal import Waveform
+from .sliders import LAW_TYPES, SHAPES
+
+# Samples of the whole, of one period of the friction loop, and of a ring-down after each break of the drive.
+POINTS, LOOP_POINTS, RING_POINTS = 1200, 300, 40
+RING_TIME = 40.0  # over the stage's natural frequency [rad/s]: some six of its periods
+MOST_RINGS = 50
+MOST_PERIODS = 10_000
+LONGEST = 100.0  # s
+TOLERANCE = 1e-9  # m
+MOST_STEPS = 500_000  # of the solver: about a second
+CURVE_POINTS = 25
+CURVE_SECONDS = 1.0  # after which the rest of a curve is left out
+
+_LENGTH = Quantity("s", "T", "length of the experiment", above=0, maximum=LONGEST)
+
+Value = float | str | bool
+Array = NDArray[np.float64]
+
+
+class Model(Strict):
+    """An actuator in a request of the page. Values are in SI or texts with units; infinity is "inf".
+
+    `set` is a parameter set; `model` and `friction` have the fields of `Actuator` and of the `law` by name,
+    elements of a law being "stiffness_1" and so on. Fields of the model that are left out are the set's.
+    """
+
+    set: str = Field(max_length=60)
+    model: dict[str, Value] = Field(default_factory=dict, max_length=20)
+    law: str
+    friction: dict[str, Value] = Field(max_length=80)
+
+    def actuator(self) -> Actuator:
+        """The record; QuantityError for a wrong value."""
+        if self.set not in available_sets():
+            raise QuantityError(f"set = {self.set!r} is none of those that come with the package")
+        base = load_actuator(self.set)
+        changes: dict[str, Any] = dict(self.model)
+        if "natural_frequency" in changes and base.blocked_force_per_volt is not None:
+            changes["blocked_force_per_volt"] = None  # of a static stage only, and moves nothing
+        return base.replace(**changes, friction=self._friction())
+
+    def _friction(self) -> Any:
+        law = _known(LAW_TYPES, self.law, "law")
+        fields: dict[str, Any] = {}
+        elements: dict[str, dict[int, Value]] = {}
+        for name, value in self.friction.items():
+            element = re.fullmatch(r"(stiffness|strength)_(\d{1,3})", name)
+            if element:
+                elements.setdefault(element[1], {})[int(element[2])] = value
+            else:
+                fields[name] = value
+        fields |= {name: [v for _, v in sorted(values.items())] for name, values in elements.items()}
+        return law(**fields)
+
+
+class State(Model):
+    """What the sliders say: an actuator, the fields of a waveform (`shape`) by name, and the length [s]."""
+
+    shape: str
+    waveform: dict[str, Value] = Field(max_length=20)
+    duration: Value
+
+    def experiment(self) -> tuple[Actuator, Waveform, float]:
+        """The actuator, its drive and the length [s]; QuantityError for a wrong value."""
+        actuator = self.actuator()
+        waveform = _known(SHAPES, self.shape, "shape")(**self.waveform)
+        seconds = _LENGTH.check(self.duration, "duration")
+        period = _period(waveform)
+        repeats = seconds / period if period else 0.0
+        if repeats > MOST_PERIODS:
+            raise QuantityError(
+                f"duration = {seconds:g} s is out of range: {repeats:.0f} periods are more than the "
+                f"{MOST_PERIODS} that are followed here"
+            )
+        return actuator, waveform, seconds
+
+
+def _known(kinds: dict[str, Any], name: str, field: str) -> Any:
+    if name not in kinds:
+        raise QuantityError(f"{field} = {name!r} is unknown; there are {', '.join(kinds)}")
+    return kinds[name]
+
+
+def _period(waveform: Any) -> float | None:
+    return getattr(waveform, "period", None)
+
+
+def sample_times(actuator: Actuator, waveform: Waveform, duration: float) -> tuple[Array, float]:
+    """Times that show everything, and where the last whole period begins, s.
+
+    An even grid, a finer one over the last period (for the friction loop), and a finer one still over the
+    ring-down after each break of the drive (the last of them, where there are many).
+    """
+    period = _period(waveform)
+    last = 0.0
+    if period is not None and period <= duration:
+        last = (math.floor(duration / period * (1 + 1e-12)) - 1) * period
+    end = min(last + period, duration) if period else duration
+    ring = np.linspace(0.0, RING_TIME / min(actuator.natural_frequency, 1e5), RING_POINTS)
+    if period:
+        ring = ring[ring < period]
+    breaks = np.asarray(waveform.breaks(duration))[-MOST_RINGS:]  # type: ignore[attr-defined]
+    after = (breaks[:, None] + ring).ravel()
+    before = np.nextafter(breaks, 0.0)
+    grids = (
+        np.linspace(0.0, duration, POINTS),
+        np.linspace(last, end, LOOP_POINTS),
+        after,
+        before,
+    )
+    times = np.unique(np.concatenate(grids))
+    return times[(times >= 0.0) & (times <= duration)], last
+
+
+def motion(state: State) -> tuple[xr.Dataset, tuple[int, int]]:
+    """The trajectory, and from and to which sample the last period (the whole, of a drive without) goes."""
+    actuator, waveform, duration = state.experiment()
+    times, last = sample_times(actuator, waveform, duration)
+    moved = simulate(actuator, waveform, times=times, tolerance=TOLERANCE, max_steps=MOST_STEPS)
+    end = last + (_period(waveform) or duration)
+    found = moved["time"].values
+    first, after = np.searchsorted(found, [last * (1 - 1e-12), end * (1 + 1e-12)])
+    return moved, (int(first), int(after))
+
+
+def step_curves(state: State) -> dict[str, Array]:
+    """The steady step per period [m] over the amplitude [V] and over the frequency [Hz] of the drive.
+
+    Keys: amplitude, step_over_amplitude, frequency, step_over_frequency, and step (one value: at the present
+    drive). NaN where there is no steady stepping, or the voltage leaves the actuator's range. All empty for a
+    drive that does not repeat.
+    """
+    actuator, waveform, _ = state.experiment()
+    if _period(waveform) is None:
+        names = ("amplitude", "step_over_amplitude", "frequency", "step_over_frequency", "step")
+        return {name: np.zeros(0) for name in names}
+    wave: Any = waveform
+    top = actuator.max_voltage - max(wave.offset, 0.0)
+    top = min(top, -actuator.min_voltage) if state.shape == "Sine" and actuator.min_voltage else top
+    top = top if math.isfinite(top) and top > 0 else max(150.0, abs(wave.amplitude))
+    amplitude = np.linspace(top / CURVE_POINTS, top, CURVE_POINTS)
+    highest = min(actuator.natural_frequency / (2 * math.pi), 1e4)
+    ends = min(1.0, wave.frequency), max(highest, wave.frequency)
+    frequency = np.geomspace(*ends, CURVE_POINTS)
+    present = _step(actuator, wave, math.inf)
+    give_up = time.monotonic() + CURVE_SECONDS
+
+    def steps(drives: Iterator[Any]) -> Array:
+        return np.array([_step(actuator, drive, give_up) for drive in drives])
+
+    return {
+        "amplitude": amplitude,
+        "step_over_amplitude": steps(_varied(wave, "amplitude", amplitude)),
+        "frequency": frequency,
+        "step_over_frequency": steps(_varied(wave, "frequency", frequency)),
+        "step": np.array([present]),
+    }
+
+
+def _varied(wave: Any, field: str, values: Array) -> Iterator[Any]:
+    return (wave._replace(**{field: float(value)}) for value in values)
+
+
+def _step(actuator: Actuator, drive: Any, give_up: float) -> float:
+    if time.monotonic() > give_up:
+        return math.nan
+    try:
+        return steady_step(actuator, drive, tolerance=TOLERANCE)
+    except (SimulationError, QuantityError):
+        return math.nan
+
+
+def python(state: State) -> str:
+    """The few lines that give the same trajectory and step."""
+    actuator, waveform, duration = state.experiment()
+    base = load_actuator(state.set)
+    changed = {
+        field: value
+        for field, value in actuator._asdict().items()
+        if value != getattr(base, field) and field != "friction"
+    }
+    arguments = [f"{field}={_literal(value)}" for field, value in changed.items()]
+    if actuator.friction != base.friction:
+        arguments.append(f"friction={_record(actuator.friction)}")
+    model = f'ss.load_actuator("{state.set}")'
+    if arguments:
+        model += ".replace(\n    " + ",\n    ".join(arguments) + ",\n)"
+    lines = [
+        "import stickslip as ss",
+        "",
+        f"actuator = {model}",
+        f"drive = {_record(waveform)}",
+        f"trajectory = ss.simulate(actuator, drive, duration={duration!r}, sample_rate=10e3)",
+    ]
+    if _period(waveform) is not None:
+        lines.append("step = ss.steady_step(actuator, drive)  # m per period")
+    return "\n".join(lines) + "\n"
+
+
+def _record(record: Any) -> str:
+    defaults = record._field_defaults
+    fields = (
+        f"{field}={_literal(value)}"
+        for field, value in record._asdict().items()
+        if field not in defaults or defaults[field] != value
+    )
+    return f"ss.{type(record).__name__}({', '.join(fields)})"
+
+
+def _literal(value: Any) -> str:
+    return f'float("{value}")' if isinstance(value, float) and not math.isfinite(value) else repr(value)

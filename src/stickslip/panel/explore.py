@@ -1,0 +1,104 @@
+"""Routes of the Explore page: what can be adjusted, the motion and the step curves of a state, its Python."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from fastapi import APIRouter, Response
+from fastapi.responses import JSONResponse
+from numpy.typing import ArrayLike
+
+from ..simulation import SimulationError
+from ..units import QuantityError
+from .exploration import State, motion, python, step_curves
+from .sliders import LAW_TYPES, SHAPES, choices
+from .stream import packed
+
+SHOWN = (
+    "drive_voltage",
+    "stage_position",
+    "end_effector_position",
+    "sliding_displacement",
+    "friction_force",
+)
+
+
+def explore_routes() -> APIRouter:
+    """The routes, to be included by the application. They keep nothing: all state is in the requests.
+
+    A wrong value is answered by status 422 with the `field` of the state and the reason as `error`.
+    """
+    routes = APIRouter(prefix="/api/explore")
+
+    @routes.get("/choices")
+    def offered() -> dict[str, Any]:
+        return choices()
+
+    @routes.post("/motion")
+    def moved(state: State) -> Response:
+        try:
+            found, (first, after) = motion(state)
+        except (QuantityError, SimulationError) as error:
+            return _refused(error)
+        time, position = found["time"].values, found["end_effector_position"].values
+        arrays = {"time": time, **{name: found[name].values for name in SHOWN}}
+        outcome = found.attrs["outcome"]
+        numbers = {
+            "net_displacement": {"value": float(position[-1] - position[0]), "unit": "m"},
+            "mean_speed": {"value": float((position[-1] - position[0]) / time[-1]), "unit": "m/s"},
+        }
+        return _binary(
+            {"loop": [first, after], "problem": "" if outcome == "complete" else outcome, "numbers": numbers},
+            arrays,
+        )
+
+    @routes.post("/steps")
+    def steps(state: State) -> Response:
+        try:
+            curves = step_curves(state)
+        except QuantityError as error:
+            return _refused(error)
+        return _binary({}, curves)
+
+    @routes.post("/python")
+    def code(state: State) -> Response:
+        try:
+            return JSONResponse({"code": python(state)})
+        except QuantityError as error:
+            return _refused(error)
+
+    return routes
+
+
+def _binary(header: dict[str, Any], arrays: Mapping[str, ArrayLike]) -> Response:
+    """A header with the names of the arrays, and the arrays, as the stream packs them."""
+    body = packed({**header, "names": list(arrays)}, *arrays.values())
+    return Response(body, media_type="application/octet-stream")
+
+
+def _refused(error: Exception) -> JSONResponse:
+    return JSONResponse({"error": str(error), "field": field_of(str(error))}, status_code=422)
+
+
+def field_of(message: str) -> str:
+    """The field of the state that an error is about, such as "friction.sigma_0"; empty if it names none."""
+    found = re.match(r"(?:(\w+)\.)?(\w+)(?:\[(\d+)\])?", message)
+    if found is None:
+        return ""
+    owner, field, index = found.groups()
+    section = (
+        "model"
+        if owner == "Actuator"
+        else "friction"
+        if owner in LAW_TYPES
+        else "waveform"
+        if owner in SHAPES
+        else ""
+    )
+    if section:
+        return f"{section}.{field}" + (f"_{int(index) + 1}" if index else "")
+    if message.startswith("drive voltage"):
+        return "waveform.amplitude"
+    return field if field in ("duration", "set", "law", "shape") else ""

@@ -1,0 +1,193 @@
+"""What can be adjusted on the Explore page: every field with its unit, meaning and the range of its slider.
+
+Units, symbols, meanings and what is allowed come from the records themselves. Only the range that a slider
+sweeps is chosen here, from what such actuators have; a typed value may lie outside of it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Literal, NamedTuple
+
+from ..actuator import Actuator, load_actuator
+from ..comparison.laws import example_laws
+from ..friction import LAWS, LuGre
+from ..parameters import available_sets, load_set
+from ..records import quantities
+from ..waveform import periodic, shapes
+
+SHAPES: dict[str, Any] = {
+    shape.__name__: shape
+    for shape in (
+        periodic.Sawtooth,
+        periodic.ReverseSawtooth,
+        periodic.Triangle,
+        periodic.Cycloid,
+        periodic.Sine,
+        shapes.Step,
+        shapes.Ramp,
+        shapes.Chirp,
+    )
+}
+LAW_TYPES: dict[str, Any] = {law.__name__: law for law in LAWS}
+
+
+class Slider(NamedTuple):
+    """The range of a slider. On a logarithmic one, the left end may stand for zero, the right end for ∞."""
+
+    low: float
+    high: float
+    scale: Literal["log", "linear"] = "log"
+    zero: bool = False
+    infinite: bool = False
+
+
+_MODEL = {
+    "gain": Slider(1e-8, 1e-6),
+    "natural_frequency": Slider(1e2, 1e5, infinite=True),
+    "damping_ratio": Slider(1e-3, 2.0, zero=True),
+    "stage_mass": Slider(1e-3, 10.0),
+    "end_effector_mass": Slider(1e-3, 10.0),
+    "external_force": Slider(-1.0, 1.0, "linear"),
+    "incline": Slider(-math.pi / 2, math.pi / 2, "linear"),
+    "stage_reaction": Slider(0, 1, "linear"),
+    "clamped": Slider(0, 1, "linear"),
+}
+_FRICTION = {
+    "sigma_0": Slider(1e4, 1e9),
+    "sigma_1": Slider(1e-1, 1e4, zero=True),
+    "sigma_2": Slider(1e-2, 1e3, zero=True),
+    "coulomb_force": Slider(1e-3, 1e2),
+    "stiction_force": Slider(1e-3, 1e2),
+    "stribeck_velocity": Slider(1e-6, 1.0),
+    "damping_velocity": Slider(1e-4, 10.0, infinite=True),
+    "exponent": Slider(0.1, 10.0),
+    "breakaway_deflection": Slider(1e-9, 1e-4, zero=True),
+    "stiction_excess": Slider(0.0, 2.0, "linear"),
+    "stiction_ratio": Slider(1.0, 3.0, "linear"),
+    "attraction_rate": Slider(1.0, 1e6),
+    "stiffness": Slider(1e4, 1e9),
+    "strength": Slider(1e-3, 1e2),
+}
+_WAVEFORM = {
+    "amplitude": Slider(0.0, 150.0, "linear"),
+    "frequency": Slider(0.1, 2e3),
+    "rise_fraction": Slider(0.05, 1.0, "linear"),
+    "fall_fraction": Slider(0.05, 1.0, "linear"),
+    "phase": Slider(-math.pi, math.pi, "linear"),
+    "offset": Slider(0.0, 150.0, "linear"),
+    "delay": Slider(0.0, 1.0, "linear"),
+    "rate": Slider(1.0, 1e5),
+    "rise_time": Slider(1e-4, 1.0, infinite=True),
+    "start_frequency": Slider(0.1, 2e3, zero=True),
+    "end_frequency": Slider(0.1, 2e3, zero=True),
+    "duration": Slider(1e-3, 10.0),
+}
+DURATION = Slider(1e-2, 10.0)
+# Fields that follow others of the same law, as powers of them, so that the law stays whole: as in fits,
+# stiction keeps its ratio to sliding friction, and an elastic range its share of the presliding distance.
+TIED = {
+    "stiction_force": {"coulomb_force": 1},
+    "breakaway_deflection": {"coulomb_force": 1, "sigma_0": -1},
+}
+# Where a waveform begins when it is chosen.
+_BEGIN = {
+    "amplitude": 65.0,
+    "frequency": 5.0,
+    "rate": 150.0,
+    "delay": 0.1,
+    "start_frequency": 1.0,
+    "end_frequency": 50.0,
+    "duration": 1.0,
+    "rise_time": 0.5,
+}
+
+
+def choices() -> dict[str, Any]:
+    """Everything that the page offers, as JSON can hold it (infinity is "inf").
+
+    By "sets" (title, model, law, and values of each law for that contact), "laws" and "shapes" (fields),
+    "model" (fields), "start" (values of each shape), "tied" (see `TIED`) and "duration" (a field).
+    """
+    sets = {}
+    for name in available_sets():
+        if load_set(name).kind == "actuator":
+            actuator = load_actuator(name)
+            law = type(actuator.friction).__name__
+            laws = {type(example).__name__: example for example in _laws_like(actuator.friction)}
+            laws[law] = actuator.friction
+            sets[name] = {
+                "title": load_set(name).title,
+                "model": {field: plain(getattr(actuator, field)) for field in _MODEL},
+                "law": law,
+                "friction": {kind: values_of(example) for kind, example in laws.items()},
+            }
+    start = {name: {**shape._field_defaults, **_BEGIN} for name, shape in SHAPES.items()}
+    for swinging in ("Sine", "Chirp"):  # about the middle of what a stack takes
+        start[swinging] |= {"offset": 75.0}
+    return {
+        "sets": sets,
+        "model": [_described(Actuator, field, slider) for field, slider in _MODEL.items()],
+        "laws": {
+            name: [_described(law, field, _FRICTION[field]) for field in law._fields]
+            for name, law in LAW_TYPES.items()
+        },
+        "shapes": {
+            name: [_described(shape, f, _WAVEFORM[f]) for f in shape._fields if f in _WAVEFORM]
+            for name, shape in SHAPES.items()
+        },
+        "start": {
+            name: {f: plain(start[name][f]) for f in shape._fields if f in _WAVEFORM}
+            for name, shape in SHAPES.items()
+        },
+        "tied": TIED,
+        "duration": {
+            "name": "duration",
+            "unit": "s",
+            "symbol": "T",
+            "meaning": "length of the experiment",
+            **DURATION._asdict(),
+        },
+    }
+
+
+def _laws_like(law: Any) -> list[Any]:
+    """A law of each kind for the same contact, whatever law that is described by."""
+    if isinstance(law, LuGre):
+        return list(example_laws(law, sigma_2=0.0).values())
+    force = getattr(law, "coulomb_force", 0.5)
+    contact = LuGre(getattr(law, "sigma_0", 1.4e6), getattr(law, "sigma_1", 35.0), 0.0, force, force)
+    return list(example_laws(contact, sigma_2=0.0).values())
+
+
+def values_of(law: Any) -> dict[str, Any]:
+    """The values of a law by the name of their slider: elements are "stiffness_1", "stiffness_2", ..."""
+    found = {}
+    for field, value in law._asdict().items():
+        if isinstance(value, tuple):
+            found |= {f"{field}_{i}": v for i, v in enumerate(value, 1)}
+        else:
+            found[field] = plain(value)
+    return found
+
+
+def plain(value: Any) -> Any:
+    """The value as JSON can hold it."""
+    return str(value) if isinstance(value, float) and math.isinf(value) else value
+
+
+def _described(record: Any, field: str, slider: Slider) -> dict[str, Any]:
+    quantity = quantities(record).get(field)
+    if quantity is None:
+        meaning = {
+            "stage_reaction": "friction acts back on the stage",
+            "clamped": "end-effector fixed to the stage",
+        }[field]
+        return {"name": field, "switch": True, "meaning": meaning}
+    return {
+        "name": field,
+        "unit": quantity.unit,
+        "symbol": quantity.symbol,
+        "meaning": quantity.meaning,
+        **slider._asdict(),
+    }
