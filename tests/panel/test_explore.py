@@ -171,7 +171,7 @@ def test_a_set_that_is_changed_by_nothing_is_written_in_one_line() -> None:
         ({"duration": 1e6}, "duration", "<= 100 s"),
         ({"duration": 50.0, "waveform": {"frequency": 2e3}}, "duration", "periods"),
         ({"law": "Magic"}, "law", "LuGre"),
-        ({"set": "../../etc/passwd.toml"}, "set", "comes with the package"),
+        ({"set": "../../etc/passwd.toml"}, "set", "come with the package"),
     ],
 )
 def test_errors_name_the_field(changes: dict[str, Any], field: str, words: str) -> None:
