@@ -37,6 +37,8 @@ SAME = 0.02
 
 # Segments of a period, at most.
 LONGEST_CYCLE = 16
+# Not the literal 0, for which Numba would compile what is called with it once more.
+ZERO = np.int64(0)
 # Few enough to stay in the cache.
 LOG_ROWS = 512
 
@@ -91,7 +93,7 @@ def cycle_of(drive, load):
         constant = constant and load.polynomial[0, c] == 0.0
     if constant:
         for k in range(1, LONGEST_CYCLE + 1):
-            if k < drive.start.size and _alike(drive, 0, k):
+            if k < drive.start.size and _alike(drive, ZERO, k):
                 return k
     return 0
 
@@ -130,7 +132,7 @@ def follow(law, mech, drive, load, q, span, tolerance, max_steps, times, samples
     local = LOCAL * tolerance
     clock[TIME], clock[STEP], clock[SIDE] = span[0], math.inf, 0.0
     cycle = cycle_of(drive, load) if mech.slider_stiffness == 0.0 else 0
-    outcome, accepted, rejected, k = DONE, 0, 0, 0
+    outcome, accepted, rejected, k = DONE, 0, 0, ZERO
     i = segment_of(drive, span[0])
     if cycle > 0 and (i % cycle != 0 or drive.start[i] != span[0]):
         cycle = 0
