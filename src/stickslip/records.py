@@ -7,6 +7,7 @@ goes into a compiled kernel as it is: there is no second, "fast" copy of any par
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Iterable
 from difflib import get_close_matches
@@ -89,6 +90,7 @@ class _Field(NamedTuple):
         return tuple(self.quantity.check(v, f"{label}[{i}]") for i, v in enumerate(value))
 
 
+@functools.cache
 def _fields_with_quantity(record_type: type) -> dict[str, _Field]:
     found = {}
     for name, hint in get_type_hints(record_type, include_extras=True).items():

@@ -440,3 +440,24 @@ def test_report_and_results_say_values_units_and_doubts() -> None:
     assert found["parameters"]["idle"]["standard_error"] is None
     assert found["recordings"]["run 7"]["rmse"] == fit.rmse
     assert found["undetermined"] == list(fit.undetermined)
+
+
+def wavy(noise: float):
+    """Data with valleys of the sum of squares beside the deepest one, which is at 2.3."""
+    t = np.linspace(0.0, 6.0, 400)
+    measured = np.sin(2.3 * t) + np.random.default_rng(3).normal(0.0, noise, t.size)
+    return lambda values: np.sin(values["omega"] * t) - measured
+
+
+def test_hops_find_the_deepest_valley() -> None:
+    omega = Parameter("omega", 9.0, 0.3, 30.0)
+    stuck = fit_least_squares(wavy(0.1), [omega])
+    assert abs(stuck.values["omega"] - 2.3) > 1.0
+    found = fit_least_squares(wavy(0.1), [omega], hops=4)
+    assert found.values["omega"] == pytest.approx(2.3, abs=0.02)
+
+
+def test_no_hops_where_only_noise_is_left() -> None:
+    omega = Parameter("omega", 2.2, 0.3, 30.0)
+    alone = fit_least_squares(wavy(0.1), [omega])
+    assert fit_least_squares(wavy(0.1), [omega], hops=4).n_evaluations == alone.n_evaluations

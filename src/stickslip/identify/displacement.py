@@ -23,7 +23,7 @@ from ..waveform.signal import Waveform
 from .recorded_drive import recorded_drive
 
 # A model that needs more for one recording is none: a trial point with a contact far too stiff.
-MAX_STEPS = 500_000
+MAX_STEPS = 200_000
 LOAD = load_drive(1.0, 1.0)
 
 

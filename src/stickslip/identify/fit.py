@@ -20,10 +20,12 @@ from scipy.stats import qmc
 from .blas import single_threaded
 from .covariance import LOSSES, Noise, uncertainty
 from .result import Fit, Parameter, Values, goodness
+from .whiteness import white
 
-# Hops: a parameter times or over these factors (of its range, where its scale is linear), then a search of
-# so many evaluations, which shows whether there is a lower valley.
-HOPS, LOOK = (0.25, 0.5, 2.0, 4.0), 12
+# Whether there is a lower valley is shown by searches of so many evaluations (`LOOK`): from the best few of
+# many points that fill the bounds, and from a parameter times or over these factors (of its range, where its
+# scale is linear).
+LOOK, SCREENED, LOOKED_AT, HOPS = 12, 64, 4, (0.25, 0.5, 2.0, 4.0)
 # Starts whose cost is within this many noise variances of the best are statistically the same answer.
 SAME_MINIMUM = 0.01
 
@@ -201,8 +203,9 @@ def fit_least_squares(
         loss_scale: weighted residual above which a robust loss discounts: in noise deviations if the noise is
             given, else in the unit of the data.
         starts: total number of starts; those after the first fill the bounds by a Latin hypercube.
-        hops: how many times at most to look for a lower valley beside the best one found: each parameter
-            times 4, 2, 1/2 and 1/4 in turn. It ends when none of that leads lower.
+        hops: how many times at most to look for a lower valley than the best one found: from the best of
+            many points within the bounds, then beside it, with each parameter times 4, 2, 1/2 and 1/4 in
+            turn. It ends when none of that leads lower, or nothing but white noise is left to explain.
         seed: of that hypercube.
         difference_step: of the derivatives, relative to the value. Must stay far above the relative error of
             an adaptive simulator; 1e-4 suits tolerances of 1e-8 and below.
@@ -279,11 +282,16 @@ def fit_least_squares(
     ends = [search(i, q) for i, q in begins if np.all(np.isfinite(problem.residuals(q)))]
     for _ in range(hops):
         best = min(ends, key=lambda end: end.cost)
-        looks = [search(starts, q, LOOK) for q in _beside(problem, best.q)]
-        look = min(looks, key=lambda end: end.cost)
-        if not look.cost < best.cost * (1 - SAME_MINIMUM / degrees_of_freedom):
+        if best.converged and white(problem.residuals(best.q), problem.sizes):
             break
-        ends.append(search(starts, look.q))
+        for beside in (_screened, _hops):
+            looks = [search(starts, q, LOOK) for q in beside(problem, best.q)]
+            look = min(looks, key=lambda end: end.cost, default=best)
+            if look.cost < best.cost * (1 - SAME_MINIMUM / degrees_of_freedom):
+                ends.append(search(starts, look.q))
+                break
+        else:
+            break
     best = min(ends, key=lambda end: end.cost)
     same = best.cost * (1 + SAME_MINIMUM / degrees_of_freedom) + 1e-12 * problem.scale**2
     uncertain = uncertainty(
@@ -338,7 +346,20 @@ def _scattered(problem: _Problem, n: int, seed: int) -> np.ndarray:
     return problem.lower + cube * (problem.upper - problem.lower)
 
 
-def _beside(problem: _Problem, q: np.ndarray) -> list[np.ndarray]:
+def _screened(problem: _Problem, q: np.ndarray) -> list[np.ndarray]:
+    """The best of many points that fill the bounds: some of them stand in the deepest valley."""
+    del q
+    if not np.all(np.isfinite(problem.upper - problem.lower)):
+        return []
+    found = []
+    for point in _scattered(problem, SCREENED, seed=0):
+        r = problem.residuals(point)
+        if np.all(np.isfinite(r)):
+            found.append((float(r @ r), point))
+    return [point for _, point in sorted(found, key=lambda pair: pair[0])[:LOOKED_AT]]
+
+
+def _hops(problem: _Problem, q: np.ndarray) -> list[np.ndarray]:
     """Where hops from q begin: inside the bounds, and where the model works."""
     found = []
     for i, p in enumerate(problem.parameters):

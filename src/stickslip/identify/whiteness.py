@@ -1,0 +1,39 @@
+"""Whether residuals are nothing but noise, so that no other values of the parameters can describe more."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+# Of the largest departure of a cumulative periodogram, times the root of its length: exceeded by one of a
+# hundred recordings of white noise.
+CRITICAL = 1.63
+FEWEST = 64  # samples, below which the test has no power
+
+
+def white(residuals: NDArray[np.float64], sizes: Sequence[int]) -> bool:
+    """Whether the residuals of every recording pass the test of the cumulative periodogram [durbin1969].
+
+    The share of the power below each frequency is compared with that of white noise, as Kolmogorov and
+    Smirnov compare distributions. Smooth misfits stand far below the noise when they fail it.
+
+    Args:
+        residuals: of all recordings, joined, shape (n,).
+        sizes: how many of them each recording has; its samples are taken as equally spaced.
+    """
+    return all(_white(part) for part in np.split(residuals, np.cumsum(sizes)[:-1]))
+
+
+def _white(r: NDArray[np.float64]) -> bool:
+    if r.size < FEWEST:
+        return False
+    power = np.abs(np.fft.rfft(r - r.mean())[1 : (r.size + 1) // 2]) ** 2
+    total = float(np.sum(power))
+    if total == 0.0:
+        return True
+    share = np.cumsum(power) / total
+    m = power.size
+    expected = np.arange(1, m + 1) / m
+    return float(np.max(np.abs(share - expected))) * np.sqrt(m) < CRITICAL
