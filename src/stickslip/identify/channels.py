@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from ..recording import STANDARD_NAMES, RecordingError
 
 FEWEST_SAMPLES = 10
+# As many samples in a row that are exactly the greatest or the least are no chance.
+FEWEST_CLIPPED = 5
 
 
 def recordings_of(recordings: xr.Dataset | Sequence[xr.Dataset]) -> list[xr.Dataset]:
@@ -77,3 +79,22 @@ def same_number(items: Sequence[Any] | None, recordings: Sequence[xr.Dataset], w
     if len(items) != len(recordings):
         raise RecordingError(f"there are {len(items)} {what} for {len(recordings)} recordings")
     return list(items)
+
+
+def refuse_clipped(values: NDArray[np.float64], name: str, where: str) -> None:
+    """Raise `RecordingError` if a channel stands at its greatest or least value as a saturated one does.
+
+    That is: it comes to it in full motion and stays there exactly, for `FEWEST_CLIPPED` samples.
+    """
+    change = np.abs(np.diff(values))
+    moving = change[change > 0.0]
+    if not moving.size:
+        return
+    for end, what in ((values.max(), "greatest"), (values.min(), "least")):
+        at = np.flatnonzero(np.diff(np.concatenate([[0], (values == end).astype(int), [0]])))
+        for first, last in zip(at[::2], at[1::2], strict=True):
+            if last - first >= FEWEST_CLIPPED and first > 0 and change[first - 1] >= np.median(moving):
+                raise RecordingError(
+                    f"{name} of {where} is clipped: it stays at its {what} value, {end:g}, for "
+                    f"{last - first} samples from sample {first} on"
+                )

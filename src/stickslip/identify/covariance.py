@@ -84,9 +84,9 @@ def uncertainty(
     slope = jacobian.T @ (residuals * noise.loss((residuals / noise.scale) ** 2)[1])
     deviation = np.sqrt(np.diag(covariance(jacobian, residuals, noise)))
     # The optimiser stops just short of a bound: "at" it is within a hundredth of the standard error.
-    near = np.maximum(
-        np.minimum(0.01 * deviation, 1e-3 * (upper - lower)), 1e-6 * np.maximum(1, abs(coordinates))
-    )
+    span = upper - lower
+    least = 1e-6 * np.where(np.isfinite(span), span, np.maximum(1, abs(coordinates)))
+    near = np.maximum(np.minimum(0.01 * deviation, 1e-3 * span), least)
     bounded = ((upper - coordinates < near) & (slope < 0)).astype(int)
     bounded -= (coordinates - lower < near) & (slope > 0)
     free = np.flatnonzero(bounded == 0)

@@ -152,7 +152,7 @@ class _Problem:
         r = self.residuals(q)
         columns = []
         for i, p in enumerate(self.parameters):
-            h = self.step * (1.0 if p.log else max(abs(q[i]), 1e-3 * self.typical[i]))
+            h = self.step * (1.0 if p.log else max(abs(q[i]), self.typical[i] * (1.0 if p.square else 1e-3)))
             h = min(h, 0.25 * (self.upper[i] - self.lower[i]))
             sides = []
             for x in (q[i] + h, q[i] - h):
@@ -236,7 +236,7 @@ def fit_least_squares(
     def slope(q: np.ndarray, two_sided: bool = True) -> np.ndarray:
         if jacobian is None:
             return problem.differences(q, two_sided)
-        slopes = [p.value(x) if p.log else 1.0 for p, x in zip(parameters, q, strict=True)]
+        slopes = [p.slope(p.value(x)) for p, x in zip(parameters, q, strict=True)]
         return jacobian(problem.values(q)) * slopes / (problem.noise * problem.scale)[:, None]
 
     def search(number: int, q: np.ndarray, most: int = max_evaluations) -> _End:
@@ -294,8 +294,9 @@ def fit_least_squares(
             break
     best = min(ends, key=lambda end: end.cost)
     same = best.cost * (1 + SAME_MINIMUM / degrees_of_freedom) + 1e-12 * problem.scale**2
+    tangent = slope(best.q) * problem.scale
     uncertain = uncertainty(
-        slope(best.q) * problem.scale,
+        tangent,
         problem.residuals(best.q) * problem.scale,
         best.q,
         (problem.lower, problem.upper),
@@ -323,6 +324,8 @@ def fit_least_squares(
         message=best.message,
         starts=starts,
         starts_agreeing=sum(end.cost <= same for end in ends),
+        residuals=tuple(parts),
+        jacobian=tangent * problem.noise[:, None],
     )
 
 

@@ -32,7 +32,7 @@ class Parameter(NamedTuple):
     """A parameter to fit: start and bounds in its (SI) unit.
 
     `log` fits its logarithm: for positive parameters whose order of magnitude is in question. With `log`, a
-    `lower` of 0 means no lower bound.
+    `lower` of 0 means no lower bound. `square` fits its square: for those that act by it, and may be 0.
     """
 
     name: str
@@ -41,6 +41,7 @@ class Parameter(NamedTuple):
     upper: float
     unit: str = ""
     log: bool = True
+    square: bool = False
 
     def _check(self) -> None:
         limits = f"between {self.lower:g} and {self.shown(self.upper)}"
@@ -51,18 +52,30 @@ class Parameter(NamedTuple):
             raise QuantityError(f"{shown} is out of range: lower must be below upper")
         if self.log and (self.start <= 0 or self.lower < 0):
             raise QuantityError(f"{shown} is out of range: must be positive to be fitted on a log scale")
+        if self.square and (self.log or self.lower < 0):
+            raise QuantityError(f"{shown} is out of range: must not be negative to be fitted by its square")
 
     def coordinate(self, value: float) -> float:
         """The fitted coordinate q of a physical value."""
+        if self.square:
+            return float(value) ** 2
         if not self.log:
             return float(value)
         return math.log(value) if value > 0 else -math.inf
 
     def value(self, coordinate: float) -> float:
         """The physical value at the coordinate q."""
+        if self.square:
+            return math.sqrt(max(coordinate, 0.0))
         if not self.log:
             return float(coordinate)
         return math.exp(coordinate) if coordinate < 709 else math.inf
+
+    def slope(self, value: float) -> float:
+        """Derivative of the physical value by the coordinate q."""
+        if self.square:
+            return 0.5 / value if value > 0 else math.inf
+        return value if self.log else 1.0
 
     def shown(self, value: float, digits: int = 6) -> str:
         """The value with its unit."""
@@ -121,6 +134,8 @@ class Fit:
         starts: how many there were; `starts_agreeing` ended at this same minimum.
         model: what the values describe, if the identification builds it (an actuator, a law, a modal model).
         observed: name of the channel that was fitted.
+        residuals: model minus measured of each recording, in the unit of the data.
+        jacobian: derivatives of all residuals, joined, by the searched coordinates q, shape (n, k).
         predict: from any recording, seen or not, to the values of that channel by the model, shape (n,).
     """
 
@@ -140,6 +155,8 @@ class Fit:
     starts_agreeing: int = 1
     model: Any = None
     observed: str = ""
+    residuals: tuple[np.ndarray, ...] = ()
+    jacobian: np.ndarray | None = None
     predict: Callable[..., np.ndarray] | None = None
 
     @property
@@ -150,7 +167,7 @@ class Fit:
     @property
     def covariance(self) -> np.ndarray:
         """Covariance of the values, shape (k, k), linearised."""
-        slopes = np.array([self.values[p.name] if p.log else 1.0 for p in self.parameters])
+        slopes = np.array([p.slope(self.values[p.name]) for p in self.parameters])
         return self.uncertainty.covariance * np.outer(slopes, slopes)
 
     @property

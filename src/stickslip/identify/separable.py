@@ -124,7 +124,7 @@ def _with_coefficients(fit: Fit, recordings: Sequence[Linear], solutions: list[_
         for recording, s in zip(recordings, solutions, strict=True)
         for (name, unit), x in zip(recording.coefficients, s.x, strict=True)
     ]
-    slopes = np.array([fit.values[p.name] if p.log else 1.0 for p in fit.parameters])
+    slopes = np.array([p.slope(fit.values[p.name]) for p in fit.parameters])
     tangents = [s.weights[:, None] * s.design.tangent(s.x) * slopes for s in solutions]
     joint = _correlated if fit.correlated else _white
     none = np.zeros(len(added))

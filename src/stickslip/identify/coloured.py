@@ -1,0 +1,155 @@
+r"""Noise that remembers: least squares stays right, its uncertainty does not.
+
+Noise of a filtered, drifting sensor is an autoregressive part and a random walk. The estimate by least
+squares is unbiased under both; its covariance is the sandwich
+:math:`(J^TJ)^{-1} J^T \Sigma J (J^TJ)^{-1}` with the covariance :math:`\Sigma` of a model of the noise, whose
+few numbers come from the residuals. Weighting by :math:`\Sigma^{-1}` would gain little and trust the model at
+frequencies where the filter leaves no noise.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_solve_banded, cholesky_banded, solve_toeplitz
+from scipy.optimize import minimize_scalar
+from scipy.signal import fftconvolve, lfilter
+
+from .result import Fit
+
+MOST_ORDER = 20
+# The random walk's step, over the deviation of the rest: looked for in this range.
+LEAST_WALK, MOST_WALK = 1e-4, 1.0
+
+Array = NDArray[np.float64]
+
+
+class Coloured(NamedTuple):
+    """Noise of one channel: autocovariance [lags] of its stationary part, in the unit of the data squared;
+    and the variance that its random walk gains from sample to sample."""
+
+    autocovariance: Array
+    walk: float = 0.0
+
+
+def autoregression(pieces: Sequence[Array], most: int = MOST_ORDER) -> tuple[Array, float]:
+    """The filter 1, -a_1, ..., -a_p that whitens residuals, and the variance of what is then left.
+
+    By the Yule-Walker equations from the autocovariance of all pieces, the order by Akaike's criterion.
+    """
+    size = sum(r.size for r in pieces)
+    most = min(most, min(r.size for r in pieces) // 4)
+    covariance = np.zeros(most + 1)
+    for r in pieces:
+        covariance += [float(r[k:] @ r[: r.size - k]) / size for k in range(most + 1)]
+    best, variance = np.ones(1), float(covariance[0])
+    if variance <= 0.0:
+        return best, 0.0
+    lowest = size * math.log(variance)
+    for order in range(1, most + 1):
+        a = solve_toeplitz(covariance[:order], covariance[1 : order + 1])
+        left = float(covariance[0] - a @ covariance[1 : order + 1])
+        if left <= 0.0:
+            break
+        criterion = size * math.log(left) + 2 * order
+        if criterion < lowest:
+            best, variance, lowest = np.append(1.0, -a), left, criterion
+    return best, variance
+
+
+def coloured(pieces: Sequence[Array], walks: bool = False) -> Coloured:
+    """The noise that residuals show, one array for each recording.
+
+    Args:
+        pieces: residuals, each shape (n,), evenly sampled.
+        walks: look for a random walk too. Model error that changes slowly is counted as one.
+    """
+    walk = _walk(pieces) if walks else 0.0
+    left = [_without_walk(r, walk) if walk else r - r.mean() for r in pieces]
+    filter, variance = autoregression(left)
+    impulse = np.zeros(min(max(r.size for r in pieces), 2000))
+    impulse[0] = math.sqrt(variance)
+    response = np.asarray(lfilter([1.0], filter, impulse))
+    autocovariance = fftconvolve(response, response[::-1])[response.size - 1 :]
+    level = float(np.mean(np.concatenate(left) ** 2))
+    return Coloured(autocovariance, walk * level)
+
+
+def _walk(pieces: Sequence[Array]) -> float:
+    """Variance of a random walk's steps over that of white noise, by maximum likelihood; 0 without one.
+
+    The differences of the sum of both are a moving average, so their covariance is tridiagonal.
+    """
+    changes = [np.diff(r) for r in pieces]
+    size = sum(d.size for d in changes)
+
+    def criterion(log_ratio: float) -> float:
+        ratio, total, log_determinant = math.exp(log_ratio), 0.0, 0.0
+        for d in changes:
+            band = np.full((2, d.size), -1.0)
+            band[0] = 2.0 + ratio
+            factor = cholesky_banded(band, lower=True)
+            total += float(d @ cho_solve_banded((factor, True), d))
+            log_determinant += 2.0 * float(np.sum(np.log(factor[0])))
+        return size * math.log(total) + log_determinant
+
+    if not all(np.any(d) for d in changes):
+        return 0.0
+    range_ = (2.0 * math.log(LEAST_WALK), 2.0 * math.log(MOST_WALK))
+    found = minimize_scalar(criterion, bounds=range_, method="bounded", options={"xatol": 0.05})
+    # Half of the chi-squared of a quantity that cannot be negative: 5 % by chance.
+    return math.exp(found.x) if criterion(range_[0]) - found.fun > 2.7 else 0.0
+
+
+def _without_walk(r: Array, ratio: float) -> Array:
+    """What is left of the residuals beside their most likely random walk."""
+    # (1/ratio) D'D x + x = r, D the differences.
+    band = np.full((2, r.size), -1.0 / ratio)
+    band[0] = 1.0 + 2.0 / ratio
+    band[0, [0, -1]] = 1.0 + 1.0 / ratio
+    return r - cho_solve_banded((cholesky_banded(band, lower=True), True), r)
+
+
+def scores(jacobians: Sequence[Array], noise: Coloured) -> Array:
+    r""":math:`J^T \Sigma J`, shape (k, k), of recordings with independent noise; jacobians [n, k] of each."""
+    total = np.zeros((jacobians[0].shape[1],) * 2)
+    for j in jacobians:
+        lags = noise.autocovariance[: len(j)]
+        kernel = np.concatenate([lags[:0:-1], lags])
+        full = fftconvolve(j, kernel[:, None], axes=0)[lags.size - 1 : lags.size - 1 + len(j)]
+        total += j.T @ full
+        later = np.cumsum(j[::-1], axis=0)[::-1][1:]
+        total += noise.walk * later.T @ later
+    return 0.5 * (total + total.T)
+
+
+def with_coloured_noise(fit: Fit, noise: Coloured) -> Fit:
+    """The fit with the covariance that the noise gives it.
+
+    Values at a bound do not make the others surer: those have the covariance they would have without it.
+    """
+    assert fit.jacobian is not None
+    ends = np.cumsum([g.n_data for g in fit.recordings])[:-1]
+    norms = np.linalg.norm(fit.jacobian, axis=0)
+    norms[norms == 0.0] = 1.0
+    j = fit.jacobian / norms
+    _, s, vt = np.linalg.svd(j, full_matrices=False)
+    known = s > s[0] * max(j.shape) * np.finfo(float).eps
+    inverse = (vt[known].T / s[known] ** 2) @ vt[known]
+    lost = np.any(np.abs(vt[~known]) > 1e-6, axis=0)
+    spread = inverse @ scores(np.split(j, ends), noise) @ inverse / np.outer(norms, norms)
+    spread[lost, :] = spread[:, lost] = 0.0
+    spread[lost, lost] = np.inf
+    bounded = fit.uncertainty.bounded != 0
+    released = np.where(bounded, np.diag(spread), 0.0)
+    spread[bounded, :] = spread[:, bounded] = np.nan
+    return replace(
+        fit,
+        uncertainty=fit.uncertainty._replace(covariance=spread, released=released),
+        correlated=True,
+    )
