@@ -144,7 +144,7 @@ def fused(function: Callable[..., Any]) -> Any:
     """As `inlined`, with a product and the sum after it rounded once, which is an eighth quicker. Not for
     code that asks whether two sums are exactly equal, as the rest of a static law does; and not to be called
     from Python: the wrappers for it would take a tenth of the time that a kernel needs to compile."""
-    bare = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    bare: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     return numba.njit(function, forceinline=True, fastmath={"contract"}, **_OPTIONS, **bare)
 
 
