@@ -22,8 +22,9 @@ from ..units import QuantityError
 from ..waveform.signal import Waveform
 from .sliders import LAW_TYPES, SHAPES
 
-# Samples of the whole, of one period of the friction loop, and of a ring-down after each break of the drive.
-POINTS, LOOP_POINTS, RING_POINTS = 1200, 300, 40
+# Samples of the whole, of one period of the friction loop, of a ring-down after each break of the drive, and
+# of that in the friction loop.
+POINTS, LOOP_POINTS, RING_POINTS, LOOP_RING_POINTS = 1200, 200, 40, 300
 RING_TIME = 40.0  # over the stage's natural frequency [rad/s]: some six of its periods
 MOST_RINGS = 50
 MOST_PERIODS = 10_000
@@ -118,17 +119,15 @@ def sample_times(actuator: Actuator, waveform: Waveform, duration: float) -> tup
     if period is not None and period <= duration:
         last = (math.floor(duration / period * (1 + 1e-12)) - 1) * period
     end = min(last + period, duration) if period else duration
-    ring = np.linspace(0.0, RING_TIME / min(actuator.natural_frequency, 1e5), RING_POINTS)
-    if period:
-        ring = ring[ring < period]
     breaks = np.asarray(waveform.breaks(duration))[-MOST_RINGS:]  # type: ignore[attr-defined]
-    after = (breaks[:, None] + ring).ravel()
-    before = np.nextafter(breaks, 0.0)
+    reach = min(RING_TIME / min(actuator.natural_frequency, 1e5), period or duration)
+    ring, fine = (reach * np.linspace(0.0, 1.0, n) ** 2 for n in (RING_POINTS, LOOP_RING_POINTS))
     grids = (
         np.linspace(0.0, duration, POINTS),
         np.linspace(last, end, LOOP_POINTS),
-        after,
-        before,
+        (breaks[:, None] + ring).ravel(),
+        (breaks[breaks >= last * (1 - 1e-12)][-4:, None] + fine).ravel(),
+        np.nextafter(breaks, 0.0),
     )
     times = np.unique(np.concatenate(grids))
     return times[(times >= 0.0) & (times <= duration)], last
@@ -163,7 +162,12 @@ def step_curves(state: State) -> dict[str, Array]:
     amplitude = np.linspace(top / CURVE_POINTS, top, CURVE_POINTS)
     highest = min(actuator.natural_frequency / (2 * math.pi), 1e4)
     ends = min(1.0, wave.frequency), max(highest, wave.frequency)
-    frequency = np.geomspace(*ends, CURVE_POINTS)
+    # Below the stage's resonance nothing happens, at it much does.
+    knee = min(max(highest / 8.0, ends[0]), ends[1])
+    few = CURVE_POINTS // 3
+    frequency = np.append(
+        np.geomspace(ends[0], knee, few, endpoint=False), np.geomspace(knee, ends[1], CURVE_POINTS - few)
+    )
     present = _step(actuator, wave, math.inf)
     give_up = time.monotonic() + CURVE_SECONDS
 

@@ -133,7 +133,11 @@ def choices() -> dict[str, Any]:
             for name, law in LAW_TYPES.items()
         },
         "shapes": {
-            name: [_described(shape, f, _WAVEFORM[f]) for f in shape._fields if f in _WAVEFORM]
+            name: [
+                _described(shape, f, _WAVEFORM[f]) | {"meaning": f.replace("_", " ")}
+                for f in shape._fields
+                if f in _WAVEFORM
+            ]
             for name, shape in SHAPES.items()
         },
         "start": {

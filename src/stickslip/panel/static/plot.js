@@ -48,6 +48,7 @@ export function makePlot(element, { series, time = { label: "time", unit: "s" },
       if (!xy) { from = Math.min(from, column[0]); to = Math.max(to, column[column.length - 1]); continue; }
       for (const value of column) { if (value < from) from = value; if (value > to) to = value; }
     }
+    if (!(to > from) && time.log) return from > 0 && Number.isFinite(from) ? [from / 2, from * 2] : [1, 10];
     if (!(to > from)) return Number.isFinite(from) ? [from - 0.5, from + 0.5] : [0, 1];
     const margin = xy && !time.log ? 0.04 * (to - from) : 0;
     return [from - margin, to + margin];

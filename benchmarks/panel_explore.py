@@ -1,0 +1,91 @@
+"""How often the Explore page redraws while a slider moves: server, network and drawing, in a headless browser.
+
+    python -m benchmarks.panel_explore [--chromium /usr/bin/chromium] [--seconds 5]
+
+A slider is moved in every frame. What counts is the number of pictures: frames with an answer of the server that
+had not been shown before, for an experiment of 1 s.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import subprocess
+import sys
+import tempfile
+
+from playwright.sync_api import Page, sync_playwright
+
+# The slider is moved in every frame, as a hand does; the page counts the answers that it has drawn.
+_DRAG = """([slider, milliseconds]) => new Promise((done) => {
+  const root = document.querySelector(".explore");
+  const start = performance.now(), home = slider.value, gaps = [];
+  const before = Number(root.dataset.curves);
+  let frames = 0, last = root.dataset.drawn, at = start;
+  const frame = () => {
+    const now = performance.now();
+    frames += 1;
+    if (root.dataset.drawn !== last) {
+      last = root.dataset.drawn;
+      gaps.push(now - at);
+      at = now;
+    }
+    if (now - start < milliseconds) {
+      slider.value = String(Math.round(500 + 150 * Math.sin((now - start) / 400)));
+      slider.dispatchEvent(new Event("input", { bubbles: true }));
+      requestAnimationFrame(frame);
+      return;
+    }
+    slider.value = home;
+    slider.dispatchEvent(new Event("input", { bubbles: true }));
+    slider.dispatchEvent(new Event("change", { bubbles: true }));
+    const elapsed = (now - start) / 1000;
+    gaps.sort((a, b) => a - b);
+    done({ pictures: gaps.length / elapsed, frames: frames / elapsed,
+      curves: (Number(root.dataset.curves) - before) / elapsed, slow: gaps[Math.floor(0.95 * gaps.length)] ?? NaN });
+  };
+  requestAnimationFrame(frame);
+})"""
+
+
+def drag(page: Page, label: str, seconds: float) -> dict[str, float]:
+    """Per second: pictures (frames with new curves), frames, step curves; and ms below which 95 % of the gaps
+    between pictures are ("slow"), while a slider is dragged for some seconds."""
+    slider = page.get_by_role("slider", name=label, exact=True)
+    return page.evaluate(_DRAG, [slider.element_handle(), 1000 * seconds])
+
+
+def main() -> None:
+    """Serve, drag, print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--chromium", default="/usr/bin/chromium")
+    parser.add_argument("--seconds", type=float, default=5.0)
+    asked = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "stickslip", "panel", folder, "--port", "0", "--no-browser"]
+        server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=os.environ)
+        try:
+            assert server.stdout is not None
+            found = re.search(r"http://\S+", server.stdout.readline())
+            assert found is not None, "the panel did not start"
+            with sync_playwright() as playwright:
+                browser = playwright.chromium.launch(executable_path=asked.chromium, args=["--no-sandbox"])
+                page = browser.new_page(viewport={"width": 1280, "height": 720})
+                page.goto(f"{found[0]}#explore")
+                page.locator(".explore[data-curves]").wait_for(timeout=120_000)
+                print(f"{os.cpu_count()} processors, load {os.getloadavg()[0]:.1f} before")
+                for label in ("Amplitude", "Bristle stiffness", "Mass of the end-effector"):
+                    figures = drag(page, label, asked.seconds)
+                    print(
+                        f"{label}: {figures['pictures']:.1f} pictures/s, {figures['curves']:.1f} pairs of step "
+                        f"curves/s, {figures['frames']:.1f} frames/s; 95 % of gaps below {figures['slow']:.0f} ms"
+                    )
+                browser.close()
+        finally:
+            server.terminate()
+            server.wait()
+
+
+if __name__ == "__main__":
+    main()
