@@ -1,9 +1,9 @@
-"""How often the Explore page redraws while a slider moves: server, network and drawing, in a headless browser.
+"""How often the Explore page redraws while a slider moves: server, network and drawing, headless.
 
     python -m benchmarks.panel_explore [--chromium /usr/bin/chromium] [--seconds 5]
 
-A slider is moved in every frame. What counts is the number of pictures: frames with an answer of the server that
-had not been shown before, for an experiment of 1 s.
+A slider is moved in every frame. What counts is the number of pictures: frames with an answer of the server
+that had not been shown before, for an experiment of 1 s.
 """
 
 from __future__ import annotations
@@ -42,8 +42,12 @@ _DRAG = """([slider, milliseconds]) => new Promise((done) => {
     slider.dispatchEvent(new Event("change", { bubbles: true }));
     const elapsed = (now - start) / 1000;
     gaps.sort((a, b) => a - b);
-    done({ pictures: gaps.length / elapsed, frames: frames / elapsed,
-      curves: (Number(root.dataset.curves) - before) / elapsed, slow: gaps[Math.floor(0.95 * gaps.length)] ?? NaN });
+    done({
+      pictures: gaps.length / elapsed,
+      frames: frames / elapsed,
+      curves: (Number(root.dataset.curves) - before) / elapsed,
+      slow: gaps[Math.floor(0.95 * gaps.length)] ?? NaN,
+    });
   };
   requestAnimationFrame(frame);
 })"""
@@ -78,8 +82,9 @@ def main() -> None:
                 for label in ("Amplitude", "Bristle stiffness", "Mass of the end-effector"):
                     figures = drag(page, label, asked.seconds)
                     print(
-                        f"{label}: {figures['pictures']:.1f} pictures/s, {figures['curves']:.1f} pairs of step "
-                        f"curves/s, {figures['frames']:.1f} frames/s; 95 % of gaps below {figures['slow']:.0f} ms"
+                        f"{label}: {figures['pictures']:.1f} pictures/s, "
+                        f"{figures['curves']:.1f} pairs of step curves/s, {figures['frames']:.1f} frames/s; "
+                        f"95 % of gaps below {figures['slow']:.0f} ms"
                     )
                 browser.close()
         finally:

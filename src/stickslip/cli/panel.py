@@ -46,6 +46,8 @@ def panel(
         listening = socket.create_server(
             (host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET
         )
+        # Else every answer waits 40 ms for an acknowledgement (asyncio does it for its own sockets only).
+        listening.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         number = listening.getsockname()[1]
         shown = f"[{host}]" if ":" in host else host
         names = LOOPBACK | {shown.lower(), socket.gethostname().lower()}

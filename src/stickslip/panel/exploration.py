@@ -6,10 +6,10 @@ import math
 import re
 import time
 from collections.abc import Iterator
-from typing import Any
+from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 from pydantic import Field
 
@@ -17,8 +17,10 @@ from ..actuator import Actuator, load_actuator
 from ..input_file import Strict
 from ..parameters import available_sets
 from ..records import Quantity
-from ..simulation import SimulationError, simulate, steady_step
+from ..simulation import SimulationError, steady_step
+from ..simulation.trajectory import COMPLETE, follow
 from ..units import QuantityError
+from ..waveform.drive import evaluate
 from ..waveform.signal import Waveform
 from .sliders import LAW_TYPES, SHAPES
 
@@ -54,9 +56,7 @@ class Model(Strict):
 
     def actuator(self) -> Actuator:
         """The record; QuantityError for a wrong value."""
-        if self.set not in available_sets():
-            raise QuantityError(f"set = {self.set!r} is none of those that come with the package")
-        base = load_actuator(self.set)
+        base = published(self.set)
         changes: dict[str, Any] = dict(self.model)
         if "natural_frequency" in changes and base.blocked_force_per_volt is not None:
             changes["blocked_force_per_volt"] = None  # of a static stage only, and moves nothing
@@ -98,6 +98,17 @@ class State(Model):
         return actuator, waveform, seconds
 
 
+@cache
+def published(name: str) -> Actuator:
+    """The actuator of a parameter set that comes with the package; QuantityError where there is none.
+
+    Read once: reading its file takes longer than simulating it.
+    """
+    if name not in available_sets():
+        raise QuantityError(f"set = {name!r} is none of those that come with the package")
+    return load_actuator(name)
+
+
 def _known(kinds: dict[str, Any], name: str, field: str) -> Any:
     if name not in kinds:
         raise QuantityError(f"{field} = {name!r} is unknown; there are {', '.join(kinds)}")
@@ -133,15 +144,39 @@ def sample_times(actuator: Actuator, waveform: Waveform, duration: float) -> tup
     return times[(times >= 0.0) & (times <= duration)], last
 
 
-def motion(state: State) -> tuple[xr.Dataset, tuple[int, int]]:
-    """The trajectory, and from and to which sample the last period (the whole, of a drive without) goes."""
+class Motion(NamedTuple):
+    """A trajectory: arrays [times]; `problem` says why it ends early, if it does.
+
+    `loop`: from and to which sample the last period (the whole, of a drive without) goes.
+    """
+
+    time: Array
+    drive_voltage: Array
+    stage_position: Array
+    end_effector_position: Array
+    friction_force: Array
+    loop: tuple[int, int]
+    problem: str
+
+    @property
+    def sliding_displacement(self) -> Array:
+        """m"""
+        return self.stage_position - self.end_effector_position
+
+
+def motion(state: State) -> Motion:
+    """The trajectory of a state; SimulationError where not even two samples can be computed."""
     actuator, waveform, duration = state.experiment()
-    times, last = sample_times(actuator, waveform, duration)
-    moved = simulate(actuator, waveform, times=times, tolerance=TOLERANCE, max_steps=MOST_STEPS)
+    wanted, last = sample_times(actuator, waveform, duration)
+    found = follow(actuator, waveform, wanted, tolerance=TOLERANCE, max_steps=MOST_STEPS)
+    if found.times.size < 2:
+        raise SimulationError(found.outcome)
     end = last + (_period(waveform) or duration)
-    found = moved["time"].values
-    first, after = np.searchsorted(found, [last * (1 - 1e-12), end * (1 + 1e-12)])
-    return moved, (int(first), int(after))
+    first, after = np.searchsorted(found.times, [last * (1 - 1e-12), end * (1 + 1e-12)])
+    y, _, x, _, force = found.samples[:, :5].T
+    drive = evaluate(found.drive, found.times)[0]
+    problem = "" if found.outcome == COMPLETE else found.outcome
+    return Motion(found.times, drive, y, x, force, (int(first), int(after)), problem)
 
 
 def step_curves(state: State) -> dict[str, Array]:
@@ -199,7 +234,7 @@ def _step(actuator: Actuator, drive: Any, give_up: float) -> float:
 def python(state: State) -> str:
     """The few lines that give the same trajectory and step."""
     actuator, waveform, duration = state.experiment()
-    base = load_actuator(state.set)
+    base = published(state.set)
     changed = {
         field: value
         for field, value in actuator._asdict().items()

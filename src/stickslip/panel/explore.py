@@ -17,6 +17,7 @@ from .sliders import LAW_TYPES, SHAPES, choices
 from .stream import packed
 
 SHOWN = (
+    "time",
     "drive_voltage",
     "stage_position",
     "end_effector_position",
@@ -39,20 +40,16 @@ def explore_routes() -> APIRouter:
     @routes.post("/motion")
     def moved(state: State) -> Response:
         try:
-            found, (first, after) = motion(state)
+            found = motion(state)
         except (QuantityError, SimulationError) as error:
             return _refused(error)
-        time, position = found["time"].values, found["end_effector_position"].values
-        arrays = {"time": time, **{name: found[name].values for name in SHOWN}}
-        outcome = found.attrs["outcome"]
+        net = float(found.end_effector_position[-1] - found.end_effector_position[0])
         numbers = {
-            "net_displacement": {"value": float(position[-1] - position[0]), "unit": "m"},
-            "mean_speed": {"value": float((position[-1] - position[0]) / time[-1]), "unit": "m/s"},
+            "net_displacement": {"value": net, "unit": "m"},
+            "mean_speed": {"value": net / float(found.time[-1]), "unit": "m/s"},
         }
-        return _binary(
-            {"loop": [first, after], "problem": "" if outcome == "complete" else outcome, "numbers": numbers},
-            arrays,
-        )
+        header = {"loop": found.loop, "problem": found.problem, "numbers": numbers}
+        return _binary(header, {name: getattr(found, name) for name in SHOWN})
 
     @routes.post("/steps")
     def steps(state: State) -> Response:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -23,6 +23,7 @@ from ..waveform.signal import Waveform
 from .errors import SimulationError, SimulationWarning
 from .models import checked_drive, load_drive, mechanism, resting_state
 
+COMPLETE = "complete"
 _OUTCOMES = {STEP_TOO_SMALL: "the step size fell below what floating point can resolve"}
 
 
@@ -65,7 +66,64 @@ def simulate(
         QuantityError: a drive outside the actuator's voltage range, wrong unit, bad times, tolerance or rate.
         SimulationError: not even two samples could be computed.
     """
-    times = sample_times(waveform, duration, sample_rate, times)
+    found = follow(
+        model,
+        waveform,
+        sample_times(waveform, duration, sample_rate, times),
+        tolerance=tolerance,
+        load=load,
+        energy=energy,
+        max_steps=max_steps,
+    )
+    if found.times.size < 2:
+        raise SimulationError(found.outcome)
+    if found.outcome != COMPLETE:
+        warnings.warn(found.outcome, SimulationWarning, stacklevel=2)
+    times, samples = found.times, found.samples
+    variables: dict[str, Any] = _variables(model, samples, found.drive, times)
+    if energy:
+        assert isinstance(model, Actuator)
+        variables |= _account(model, samples, found.work, found.start)
+    made = make_recording(times, variables, title=f"simulation of {model.name or type(model).__name__}")
+    made.attrs.update(
+        outcome=found.outcome,
+        tolerance=tolerance,
+        steps=found.steps,
+        rejected_steps=found.rejected,
+        model=repr(model),
+        drive=repr(waveform),
+    )
+    return made
+
+
+class Followed(NamedTuple):
+    """A trajectory without labels, up to where it could be followed; `outcome` is COMPLETE or says why not.
+
+    `samples` [times, states + 1]: stage position and velocity, end-effector's position and velocity, friction
+    force, bristles; `work` see `solve.energy`; `start`, the state before; `drive`, the segment table.
+    """
+
+    times: NDArray[np.float64]
+    samples: NDArray[np.float64]
+    work: NDArray[np.float64]
+    start: NDArray[np.float64]
+    drive: Drive
+    outcome: str
+    steps: int
+    rejected: int
+
+
+def follow(
+    model: Actuator | PulledSlider,
+    waveform: Waveform,
+    times: NDArray[np.float64],
+    *,
+    tolerance: float = 1e-9,
+    load: Waveform | float = 1.0,
+    energy: bool = False,
+    max_steps: int = 20_000_000,
+) -> Followed:
+    """What `simulate` does, without labels and warnings: for what is drawn many times a second."""
     law = model.friction
     mech = mechanism(model)
     end = float(times[-1])
@@ -82,29 +140,13 @@ def simulate(
     outcome, reached, steps, rejected = motion(
         law, mech, table, load_table, q, (0.0, end), float(tolerance), max_steps, times, samples, work
     )
-    text = "complete"
+    text = COMPLETE
     if outcome != DONE:
         reason = _OUTCOMES.get(outcome, f"more than {max_steps} steps were needed")
         text = f"stopped at t = {with_prefix(reached, 's')} of {with_prefix(end, 's')}: {reason}"
         keep = np.isfinite(samples[:, 0])
         times, samples, work = times[keep], samples[keep], work[keep] if energy else work
-        if times.size < 2:
-            raise SimulationError(text)
-        warnings.warn(text, SimulationWarning, stacklevel=2)
-    variables: dict[str, Any] = _variables(model, samples, table, times)
-    if energy:
-        assert isinstance(model, Actuator)
-        variables |= _account(model, samples, work, start)
-    made = make_recording(times, variables, title=f"simulation of {model.name or type(model).__name__}")
-    made.attrs.update(
-        outcome=text,
-        tolerance=tolerance,
-        steps=steps,
-        rejected_steps=rejected,
-        model=repr(model),
-        drive=repr(waveform),
-    )
-    return made
+    return Followed(times, samples, work, start, table, text, steps, rejected)
 
 
 def sample_times(

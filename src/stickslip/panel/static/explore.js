@@ -10,7 +10,7 @@ import { button, make, showDialog, styled } from "./elements.js";
 
 const MOST_PINS = 3;
 const PIN_COLOURS = ["--series-4", "--series-5", "--series-6"];
-const CURVE_PAUSE = 150; // ms between two pairs of step curves: a pair costs some thirty motions
+const CURVE_SHARE = 0.3; // of the time: a pair of step curves costs some twenty motions
 
 const named = (answer) => {
   const { header, arrays } = unpack(answer);
@@ -183,7 +183,7 @@ export async function mount(element, app) {
       drawSteps();
     },
     refuse() {}, // the motion's answer says what is wrong
-    pause: CURVE_PAUSE,
+    share: CURVE_SHARE,
   });
   function clear() {
     for (const one of controls.values()) one.say("");

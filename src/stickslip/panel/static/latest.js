@@ -1,32 +1,34 @@
 // One request at a time, and always for the newest wish: no backlog, however fast wishes come.
 
 /**
- * `ask(wish)` fetches, `take(answer, wish)` shows, `refuse(error, wish)` says what is wrong. At least `pause` ms lie
- * between two requests.
+ * `ask(wish)` fetches, `take(answer, wish)` shows, `refuse(error, wish)` says what is wrong. Requests take no more
+ * than this `share` of the time, so that what is more urgent has the rest.
  */
-export function latestWins({ ask, take, refuse, pause = 0 }) {
-  let wish = null, busy = false, ended = false, last = -Infinity;
+export function latestWins({ ask, take, refuse, share = 1 }) {
+  let wish = null, busy = false, ended = false, next = -Infinity;
   async function work() {
     busy = true;
     while (wish !== null && !ended) {
-      const rest = pause - (performance.now() - last);
+      const rest = next - performance.now();
       if (rest > 0) await new Promise((done) => setTimeout(done, rest));
       const mine = wish;
       wish = null;
-      last = performance.now();
+      const began = performance.now();
       if (mine === null || ended) break;
       try {
         const answer = await ask(mine);
         if (!ended) take(answer, mine);
       } catch (error) {
-        if (!ended && error.name !== "AbortError") refuse(error, mine);
+        if (!ended) refuse(error, mine);
       }
+      const took = performance.now() - began;
+      next = began + took / share;
     }
     busy = false;
   }
   return {
-    want(next) {
-      wish = next;
+    want(newest) {
+      wish = newest;
       if (!busy) work();
     },
     get busy() { return busy; },
