@@ -31,6 +31,7 @@ from .identify.modal import identify_frequency as identify_frequency
 from .identify.modal_time import identify_in_time as identify_in_time
 from .identify.pulled import identify_pulled_slider as identify_pulled_slider
 from .identify.result import Fit as Fit
+from .identify.sawtooth import sawtooth_features as sawtooth_features
 from .identify.step_fit import identify_step as identify_step
 from .identify.step_fit import step_formula_errors as step_formula_errors
 from .identify.step_formulas import step_features as step_features
