@@ -243,12 +243,14 @@ def net_step(time: NDArray[np.float64], position: NDArray[np.float64], drive: An
     return (mean(begin + (count - 1) * period) - mean(begin)) / (count - 1)
 
 
-def _periodic_part(drive: Any) -> tuple[float, Any]:
+def _periodic_part(drive: Any, begin: float = 0.0) -> tuple[float, Any]:
     """When the first part with a period begins, and that part; None where there is none."""
-    begin = 0.0
-    for part, length in drive.parts if isinstance(drive, Parts) else [(drive, 0.0)]:
-        if getattr(part, "period", None) is not None:
-            return begin, part
+    if not isinstance(drive, Parts):
+        return begin, drive if getattr(drive, "period", None) is not None else None
+    for part, length in drive.parts:
+        found = _periodic_part(part, begin)
+        if found[1] is not None:
+            return found
         begin += length
     return begin, None
 

@@ -163,6 +163,26 @@ def identify(
 
 
 @app.command()
+def campaign(
+    file: Annotated[
+        Path, typer.Argument(exists=True, dir_okay=False, metavar="FILE.yaml", help="The campaign.")
+    ],
+    figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw figures.")] = True,
+    out: Out = Path("out/campaign"),
+    show_traceback: Traceback = False,
+) -> None:
+    """From the recordings of steps and walks to a verified model, with the uncertainty of every number."""
+    begun = time.perf_counter()
+    with errors_in_one_line(show_traceback):
+        check_output(out)
+        from ..campaign import run_campaign
+
+        with progress_bar() as progress:
+            document = run_campaign(file, out, progress, figures=figures)
+        write(document, out, begun)
+
+
+@app.command()
 def verify(
     fit: Annotated[
         Path,

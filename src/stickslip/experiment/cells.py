@@ -167,7 +167,7 @@ def _cell(
     limits = limits_of(file, actuator)
     units = channel_units(can, channels, limits)
     capture = _capture(run, can, units)
-    drive = _drive(run.waveform, axes, folder)
+    drive = drive_of(run.waveform, axes, folder)
     plan = plan_run(can, drive, channels, capture, limits)
     made_of = repr(
         (__version__, can, file.rig, actuator, channels, capture, limits, seed, file.variables, axes)
@@ -252,7 +252,8 @@ def _capture(run: RunSpec, can: Capabilities, units: Mapping[str, str]) -> Captu
     return Capture(spec.length, interval, spec.pre_trigger, trigger, spec.average)
 
 
-def _drive(parts: list[PartSpec], axes: Mapping[str, float | str], folder: Path) -> Waveform:
+def drive_of(parts: list[PartSpec], axes: Mapping[str, float | str], folder: Path) -> Waveform:
+    """The waveform of a run, one part after the other; raises QuantityError, naming the part."""
     made = []
     for i, part in enumerate(parts):
         try:

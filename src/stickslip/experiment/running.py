@@ -34,7 +34,10 @@ class Recorded(NamedTuple):
 
 
 def run_experiment(
-    path: str | os.PathLike[str], out: str | os.PathLike[str], progress: Progress | None = None
+    path: str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    progress: Progress | None = None,
+    each: Callable[[Cell, xr.Dataset], None] | None = None,
 ) -> list[Recorded]:
     """Record what an experiment file asks for into a folder: ``NAME.nc`` for each cell, and experiment.log.
 
@@ -45,6 +48,8 @@ def run_experiment(
         path: the YAML file.
         out: the folder; made if it is missing.
         progress: called with what is being done and how much of all is done, from 0 to 1.
+        each: called with every cell and its recording, also those that are kept: spares who needs them from
+            reading the files again.
 
     Raises:
         InputFileError: the file is not as it must be; names the file and the field.
@@ -67,7 +72,10 @@ def run_experiment(
             done = []
             for i, cell in enumerate(wanted):
                 part = partial(_tell, tell, cell.name, i, len(wanted))
-                done.append(_recorded(file, cell, out, laboratory, log, part))
+                one, recording = _recorded(file, cell, out, laboratory, log, part)
+                done.append(one)
+                if each is not None:
+                    each(cell, recording)
         except BaseException as error:
             log(f"stopped: {type(error).__name__} {error}".rstrip())
             raise
@@ -110,7 +118,7 @@ def _recorded(
     laboratory: Laboratory,
     log: _Log,
     progress: Callable[[float], None],
-) -> Recorded:
+) -> tuple[Recorded, xr.Dataset]:
     path = out / f"{cell.name}.nc"
     progress(0.0)
     recording = _finished(path, cell.key)
@@ -130,7 +138,7 @@ def _recorded(
             save_csv(recording, target)
         else:
             save_matlab(recording, target, "trace" if kind == "mat" else "controldesk")
-    return Recorded(cell, path, kept)
+    return Recorded(cell, path, kept), recording
 
 
 def _measured(

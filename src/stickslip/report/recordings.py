@@ -51,12 +51,13 @@ def recordings_document(title: str, recorded: Sequence[Recorded], log: Path) -> 
         sections=[*sections, Section("Log", listings=(Listing(log.name, log.read_text(encoding="utf-8")),))],
         highlights=(("recordings", Number(len(recorded), "")),),
         numbers=numbers,
-        assumptions=_assumptions(recorded),
+        assumptions=recorded_assumptions(recorded),
         citations=load_actuator(actuator.name).citation if actuator.name else "",
     )
 
 
-def _assumptions(recorded: Sequence[Recorded]) -> list[str]:
+def recorded_assumptions(recorded: Sequence[Recorded]) -> list[str]:
+    """What was assumed about the actuator and the bench of an experiment, by field."""
     found = [f"{field} = {words}" for field, words in recorded[0].cell.actuator.assumptions.items()]
     bench = recorded[0].cell.bench
     if bench:

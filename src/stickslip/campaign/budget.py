@@ -1,0 +1,103 @@
+"""How sure the friction parameters are when the stage and the sensor's scale are not known exactly either.
+
+The fit takes the stage's values as they were identified before. What their errors do to it is linearised:
+a change g of what was taken as known moves the estimate by -(JᵀJ)⁻¹ Jᵀ G g, with J and G the derivatives of
+the position by what was fitted and by what was taken.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from ..identify.displacement import Displacement, has_slopes
+from ..identify.friction import CHANNEL
+from ..identify.result import Fit
+from .gathering import POSITION, Gathered, Scale
+
+STAGE = ("gain", "natural_frequency", "damping_ratio")
+LEVEL = 0.95
+_TOLERANCE = 1e-11
+
+Array = NDArray[np.float64]
+
+
+class Budget(NamedTuple):
+    """Standard errors of each parameter, by source, and their sum; in the unit of the parameter.
+
+    `bands` are the half widths of the 95 % prediction bands of the recordings that were fitted [m].
+    """
+
+    sources: dict[str, dict[str, float]]
+    total: dict[str, float]
+    intervals: dict[str, tuple[float, float]]
+
+
+def budget(fit: Fit, fitted: list[Gathered], stage: Fit | None, scale: Scale | None) -> Budget:
+    """The error budget of a friction fit to `fitted`, with the stage of `stage` and the scale of a sensor."""
+    own = [p for p in fit.parameters if p.name not in CHANNEL]
+    spread = fit.uncertainty.covariance
+    variances = {"noise of the recordings": np.diag(spread).copy()}
+    if fit.model is not None and has_slopes(fit.model) and (stage is not None or scale is not None):
+        moved = _moved(fit, fitted)
+        if stage is not None:
+            names = [p.name for p in stage.parameters]
+            at = [names.index(name) for name in STAGE]
+            known = stage.covariance[np.ix_(at, at)]
+            by = np.column_stack([moved[name] for name in STAGE])
+            variances["stage from the steps"] = np.einsum("ij,jk,ik->i", by, known, by)
+        if scale is not None and scale.standard_error > 0:
+            # A position read too large by a share makes the gain too large by the same.
+            relative = scale.standard_error / scale.value
+            by_scale = moved["scale"] - (moved["gain"] * fit.model.gain if stage is not None else 0.0)
+            variances["scale of the sensor"] = (relative * by_scale) ** 2
+    total = np.sum(list(variances.values()), axis=0)
+    t = float(
+        stats.norm.ppf(0.5 + LEVEL / 2)
+        if fit.noise_known
+        else stats.t.ppf(0.5 + LEVEL / 2, fit.degrees_of_freedom)
+    )
+    intervals, deviations = {}, {}
+    for i, p in enumerate(fit.parameters):
+        value, error = fit.values[p.name], math.sqrt(total[i])
+        q = p.coordinate(value)
+        intervals[p.name] = (p.value(q - t * error), p.value(q + t * error))
+        deviations[p.name] = error * (value if p.log else 1.0)
+    sources = {
+        source: {
+            p.name: math.sqrt(variance[i]) * (fit.values[p.name] if p.log else 1.0)
+            for i, p in enumerate(fit.parameters)
+            if p in own
+        }
+        for source, variance in variances.items()
+    }
+    return Budget(
+        sources, {p.name: deviations[p.name] for p in own}, {p.name: intervals[p.name] for p in own}
+    )
+
+
+def _moved(fit: Fit, fitted: list[Gathered]) -> dict[str, Array]:
+    """How the coordinates of the fit move with the stage's values and with the log of the sensor's scale."""
+    own = [p.name for p in fit.parameters if p.name not in CHANNEL]
+    delay = fit.values.get("delay", 0.0)
+    columns = []
+    for one in fitted:
+        motion = Displacement(one.recording, one.drive, one.name, fit.model, _TOLERANCE)
+        slopes = motion.slopes(fit.model, delay, [*own, *STAGE])
+        known = dict(zip([*own, *STAGE, "delay"], slopes.T, strict=True))
+        known["offset"] = np.ones(len(slopes))
+        known["scale"] = one.recording[POSITION].values
+        columns.append(known)
+    stacked = {name: np.concatenate([c[name] for c in columns]) for name in columns[0]}
+    jacobian = np.column_stack(
+        [stacked[p.name] * (fit.values[p.name] if p.log else 1.0) for p in fit.parameters]
+    )
+    size = np.linalg.norm(jacobian, axis=0)
+    return {
+        name: -np.linalg.lstsq(jacobian / size, stacked[name], rcond=None)[0] / size
+        for name in (*STAGE, "scale")
+    }

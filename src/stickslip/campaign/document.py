@@ -1,0 +1,356 @@
+"""The report of a campaign."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..experiment import Recorded
+from ..figures.campaign import Trace, step_responses, walks
+from ..figures.style import svg
+from ..identify.result import Fit
+from ..report import Column, Document, Number, Picture, Section, Table
+from ..report.fits import fit_numbers, model_numbers, parameter_table
+from ..report.recordings import recorded_assumptions
+from ..study.verification import verification_numbers
+from ..units import with_prefix
+from .evaluation import Found
+from .file import CampaignFile
+from .gathering import POSITION, Gathered
+
+_ROLE = {"step": "stage", "fit": "friction, fitted", "verify": "predicted"}
+# s around a step that are shown.
+_BEFORE, _AFTER = 2e-3, 12e-3
+
+
+def campaign_document(
+    file: CampaignFile, found: Found, recorded: Sequence[Recorded], *, figures: bool = True
+) -> Document:
+    """What was done, what came out, and how sure it is."""
+    friction, seen = found.friction, found.verification
+    numbers: dict[str, Any] = {
+        "friction": {
+            **fit_numbers(friction, "m"),
+            "parameters_with_all_errors": {
+                name: Number(friction.values[name], _unit(friction, name), *ends, found.budget.total[name])
+                for name, ends in found.budget.intervals.items()
+            },
+        },
+        "verification": verification_numbers(seen),
+        "model": model_numbers(friction.model),
+        "parameters": {"delay": Number(friction.values["delay"], "s")},
+        "recordings": {
+            one.name: {"begin": Number(one.begin, "s"), "noise": Number(one.noise, "m")}
+            for one in found.gathered
+        },
+        "published_r_squared": {name: Number(value, "") for name, value in file.published.items()},
+        "required": list(file.require),
+    }
+    if found.stage is not None:
+        numbers["stage"] = fit_numbers(found.stage, "m")
+    if found.scale is not None:
+        numbers["sensor_scale"] = Number(found.scale.value, "", standard_error=found.scale.standard_error)
+    sections = [
+        _set_up(file, found, recorded),
+        _calibration(file, found),
+        *([_stage(file, found, figures)] if found.stage is not None else []),
+        _friction(found, figures),
+        _verification(file, found, figures),
+    ]
+    least = float(np.min(seen.table["r_squared"].values))
+    errors = seen.table["net_step_error"].values
+    known = errors[np.isfinite(errors)]
+    steps = f" and the net step within {100 * known.max():.2g} %" if known.size else ""
+    unseen = sum(one.use == "verify" for one in found.walks)
+    return Document(
+        title=file.title,
+        summary=(
+            f"Friction fitted to {len(found.walks) - unseen} of {len(found.walks)} walks, r² "
+            f"{friction.r_squared:.4f}; over all walks r² is {least:.4f} or more{steps}."
+        ),
+        sections=sections,
+        highlights=[
+            *((name, number) for name, number in numbers["friction"]["parameters_with_all_errors"].items()),
+            ("r² of the fitted walk", Number(friction.r_squared, "")),
+            ("least r² of all walks", Number(least, "")),
+            ("rms error", Number(seen.rmse, "m")),
+        ],
+        numbers=numbers,
+        assumptions=[*dict.fromkeys((*_assumptions(file, found, recorded),))],
+        citations=friction.model.citation,
+        failures=found.failures,
+    )
+
+
+def _unit(fit: Fit, name: str) -> str:
+    return next(p.unit for p in fit.parameters if p.name == name)
+
+
+def _set_up(file: CampaignFile, found: Found, recorded: Sequence[Recorded]) -> Section:
+    rows = []
+    for one in found.gathered:
+        time = one.recording["time"].values
+        rows.append(
+            (
+                one.name,
+                _ROLE[one.use],
+                str(one.recording.attrs.get("source", "")).rsplit("/", 1)[-1],
+                time.size,
+                float(np.median(np.diff(time))),
+                float(time[-1] - time[0]),
+                one.begin,
+                one.noise if math.isfinite(one.noise) else None,
+            )
+        )
+    first = found.gathered[0].recording
+    processing = str(first.attrs.get("processing", ""))
+    said = [file.notes] if file.notes else []
+    if processing:
+        said.append(f"The recordings: {processing}.")
+    said.append(
+        "Each begins where its drive_voltage matches the drive that was wanted; what lies more than "
+        "5 % of the drive's duration behind its end is left out. The mean before the begin is taken off."
+    )
+    return Section(
+        "Set-up and recordings",
+        paragraphs=said,
+        tables=(
+            Table(
+                "Recordings; the noise is the scatter (one standard deviation) before the drive begins.",
+                (
+                    Column("recording"),
+                    Column("used for"),
+                    Column("source"),
+                    Column("samples", "", 6),
+                    Column("interval", "s", 3),
+                    Column("length", "s", 3),
+                    Column("begin", "s", 5),
+                    Column("noise", "m", 3),
+                ),
+                rows,
+            ),
+        ),
+    )
+
+
+def _calibration(file: CampaignFile, found: Found) -> Section:
+    rows = []
+    for name, chain in _applied(found.gathered[0]).items():
+        for one in chain:
+            unit = str(one.get("y_unit", ""))
+            errors = [
+                None if one.get(key) is None else Number(float(one[key]), unit)
+                for key in ("max_error", "rms_error")
+            ]
+            source = str(one.get("source", ""))
+            rows.append(
+                (name, str(one.get("name", "")), len(one.get("coefficients", ())) - 1, *errors, source)
+            )
+    tables = []
+    if rows:
+        columns = (
+            Column("channel"),
+            Column("calibration"),
+            Column("order", ""),
+            Column("largest error"),
+            Column("rms error"),
+            Column("source"),
+        )
+        tables.append(Table("Calibrations, applied in this order.", columns, rows))
+    said = ["No calibration is recorded in the data."] if not rows else []
+    if found.scale is not None:
+        share = 100.0 * (found.scale.value - 1.0)
+        more, error = "more" if share > 0 else "less", 100.0 * found.scale.standard_error
+        said.append(
+            f"On the clamped steps the position reads {abs(share):.3g} % {more} than {file.reference} "
+            f"(standard error {error:.2g} %); it is divided by {found.scale.value:.5f} from here on. A "
+            "polynomial that is right within some micrometres over a millimetre may well be wrong by per "
+            "cents in its slope, which is what a motion of some micrometres is multiplied by."
+        )
+    return Section("Calibration", paragraphs=said, tables=tables)
+
+
+def _applied(one: Gathered) -> Mapping[str, Any]:
+    try:
+        found = json.loads(str(one.recording.attrs.get("calibration", "")) or "{}")
+    except ValueError:
+        return {}
+    return {name: chain for name, chain in found.items() if isinstance(chain, list)}
+
+
+def _stage(file: CampaignFile, found: Found, figures: bool) -> Section:
+    stage = found.stage
+    assert stage is not None
+    assert stage.predict is not None
+    steps = [one for one in found.gathered if one.use == "step"]
+    pictures = []
+    if figures:
+        traces = {}
+        for one in steps:
+            since = one.recording["time"].values - one.begin
+            near = (since > -_BEFORE) & (since < _AFTER)
+            traces[one.name] = Trace(
+                since[near], one.recording[POSITION].values[near], stage.predict(one.recording)[near]
+            )
+        pictures.append(
+            Picture(
+                "campaign-steps",
+                "Step responses, measured and by the second-order stage (fig. 5.1 of the thesis).",
+                svg(step_responses(traces)),
+                "Position over the milliseconds after a step, measured and model, and the residuals below",
+            )
+        )
+    published = file.published.get("step")
+    beside = f" Published: r² {published:.4f}." if published is not None else ""
+    return Section(
+        "Stage, from steps",
+        paragraphs=(
+            f"All samples of {len(steps)} steps at once, the end-effector fixed to the stage: r² "
+            f"{stage.r_squared:.4f}.{beside}",
+        ),
+        tables=(parameter_table("Second-order stage, delay and lag of the sensor.", stage),),
+        figures=pictures,
+    )
+
+
+def _friction(found: Found, figures: bool) -> Section:
+    fit, parts = found.friction, found.budget
+    names = list(parts.total)
+    rows = [
+        (
+            name,
+            Number(fit.values[name], _unit(fit, name), *parts.intervals[name]),
+            *(Number(by[name], _unit(fit, name)) for by in parts.sources.values()),
+        )
+        for name in names
+    ]
+    table = Table(
+        "Friction parameters with 95 % intervals that hold all of these standard errors.",
+        (
+            Column("parameter"),
+            Column("estimate [95 % interval]"),
+            *(Column(source) for source in parts.sources),
+        ),
+        rows,
+        notes=" ".join(fit.undetermined),
+    )
+    pictures = []
+    if figures:
+        pictures = [
+            _walks_picture(
+                found,
+                [one for one in found.walks if one.use == "fit"],
+                "campaign-fit",
+                "The walk that the friction was fitted to (fig. 5.2 of the thesis)",
+                whole=True,
+            )
+        ]
+    return Section(
+        "Friction, from a walk",
+        paragraphs=(
+            "Least squares over simulations of the whole walk, all raw samples; the stage is that of the "
+            "steps, and its errors are part of the intervals.",
+        ),
+        tables=(table, parameter_table("The fit itself, with delay and offset of the sensor.", fit)),
+        figures=pictures,
+    )
+
+
+def _verification(file: CampaignFile, found: Found, figures: bool) -> Section:
+    table = found.verification.table
+    rows = []
+    for i, one in enumerate(found.walks):
+        r_squared, rmse, step, error = (
+            float(table[key][i]) for key in ("r_squared", "rmse", "net_step", "net_step_error")
+        )
+        known = math.isfinite(step)
+        most = 1.0 - one.noise**2 / float(np.var(one.recording[POSITION].values)) if one.noise > 0 else None
+        rows.append(
+            (
+                one.name,
+                _ROLE[one.use],
+                r_squared,
+                file.published.get(one.name),
+                most,
+                rmse,
+                step if known else None,
+                100.0 * error if known else None,
+            )
+        )
+    columns = (
+        Column("recording"),
+        Column("role"),
+        Column("r²", "", 5),
+        Column("r², published", "", 4),
+        Column("r² that noise allows", "", 5),
+        Column("rms error", "m", 3),
+        Column("net step, measured", "m", 4),
+        Column("its error", "%", 2),
+    )
+    pictures = []
+    if figures:
+        groups: dict[str, list[Gathered]] = {}
+        for one in found.walks:
+            if one.use == "verify":
+                groups.setdefault(one.name.rpartition("_")[0] or "walks", []).append(one)
+        for i, (name, group) in enumerate(groups.items()):
+            words = "fig. 5.4 of the thesis" if i == 0 and file.published else "not fitted"
+            said = f"{name.replace('_', ' ')}: predicted, and measured ({words})"
+            pictures.append(_walks_picture(found, group[:4], f"campaign-predicted-{i + 1}", said))
+    return Section(
+        "Verification",
+        paragraphs=("What was fitted predicts the other walks; nothing is fitted again.",),
+        points=[f"required: {text}" for text in file.require],
+        tables=(
+            Table(
+                "Measured and predicted walks.",
+                columns,
+                rows,
+                notes="r² = (SST − SSE)/SST (app. 6 of the thesis). The noise before the drive begins "
+                "allows no more than the r² beside it, and the less the smaller the walk.",
+            ),
+        ),
+        figures=pictures,
+    )
+
+
+def _walks_picture(
+    found: Found, shown: Sequence[Gathered], name: str, said: str, *, whole: bool = False
+) -> Picture:
+    """Of the forward walk only, unless `whole`."""
+    traces = {}
+    for one in shown:
+        p = found.verification.predictions[[w.name for w in found.walks].index(one.name)]
+        time = p["time"].values
+        end = math.inf if whole or one.forward is None else one.forward
+        near = time <= end
+        traces[one.name.replace("_", " ")] = Trace(
+            time[near],
+            p["measured"].values[near],
+            p["predicted"].values[near],
+            1.96 * found.friction.rmse,
+        )
+    return Picture(
+        name,
+        f"{said}; below, the residuals in the band that the fit's noise leaves 95 % of.",
+        svg(walks(traces)),
+        "Position over time, measured under the model, and the residuals below",
+    )
+
+
+def _assumptions(file: CampaignFile, found: Found, recorded: Sequence[Recorded]) -> list[str]:
+    model = found.friction.model
+    fitted = {*(p.name for p in (found.stage.parameters if found.stage else ()))}
+    fitted |= {f"friction.{name}" for name in file.free}
+    said = [f"{field} = {words}" for field, words in model.assumptions.items() if field not in fitted]
+    if math.isfinite(file.slew_rate):
+        words = file.slew_rate_source or "as the campaign file says"
+        said.append(f"slew_rate = {with_prefix(file.slew_rate, 'V/s')}: {words}")
+    if file.filter is not None:
+        said.append(f"filter of the position = order {file.filter.order}, {file.filter.corner}: as recorded")
+    said.append("one delay of the position sensor for all walks")
+    return [*said, *(recorded_assumptions(recorded) if recorded else [])]

@@ -1,0 +1,149 @@
+"""The drive as it is at the piezo: when it begins in a recording, and how fast its jumps really are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from scipy.optimize import minimize_scalar
+from scipy.signal import correlate
+
+from ..identify.channels import channel
+from ..recording import RecordingError
+from ..units import QuantityError
+from ..waveform.drive import Drive, evaluate
+from ..waveform.signal import Waveform, breaks_within, slope_at, value_at
+
+# Of the range of the drive; the channel differs from the waveform by no more, on average, if it is of it.
+ALIKE = 0.1
+# Samples that it is compared at, one in so many of them all.
+MOST_SAMPLES = 2000
+
+
+@dataclass(frozen=True)
+class Slewed:
+    """A drive whose jumps take the time that the amplifier's `rate` [V/s] needs, as of a current limit.
+
+    What lies between the jumps is slower, and stays.
+    """
+
+    source: Waveform
+    rate: float
+
+    value, slope, breaks = value_at, slope_at, breaks_within
+
+    def __post_init__(self) -> None:
+        if not self.rate > 0:
+            raise QuantityError(f"the slew rate {self.rate:g} V/s is out of range: it must be > 0 V/s")
+
+    @property
+    def unit(self) -> str:
+        """That of the source."""
+        return self.source.unit
+
+    @property
+    def duration(self) -> float:
+        """s, that of the source and of a last jump."""
+        low, high = self.source.range()
+        return self.source.duration + (high - low) / self.rate
+
+    def range(self) -> tuple[float, float]:
+        """That of the source."""
+        return self.source.range()
+
+    def drive(self, duration: float) -> Drive:
+        """The segment table for 0 <= t < duration [s].
+
+        Raises:
+            QuantityError: a jump takes longer than what follows it before the next.
+        """
+        table = self.source.drive(duration)
+        ends = np.append(table.start[1:], np.inf)
+        starts, polynomials, rows, harmonics, last = [], [], [0], [], table.before
+        for i, (start, end) in enumerate(zip(table.start, ends, strict=True)):
+            harmonic = table.harmonic[table.first[i] : table.first[i + 1]]
+            taken = abs(_at(table, i, 0.0) - last) / self.rate
+            if taken >= end - start:
+                raise QuantityError(
+                    f"at {self.rate:g} V/s the jump at {start:g} s takes {taken:g} s, more than there is"
+                )
+            if taken > 1e-9:
+                rise = (_at(table, i, taken) - last) / taken
+                starts.append(start)
+                polynomials.append([last, rise, 0.0, 0.0])
+                rows.append(rows[-1])
+            else:
+                taken = 0.0
+            starts.append(start + taken)
+            polynomials.append(_shifted(table.polynomial[i], taken))
+            rows.append(rows[-1] + len(harmonic))
+            for amplitude, omega, phase, chirp in harmonic:
+                phase += taken * (omega + chirp * taken)
+                harmonics.append([amplitude, omega + 2.0 * chirp * taken, phase, chirp])
+            last = _at(table, i, end - start) if np.isfinite(end) else last
+        return Drive(
+            table.before,
+            np.array(starts),
+            np.array(polynomials),
+            np.array(rows, dtype=np.int64),
+            np.array(harmonics).reshape(-1, 4),
+        )
+
+
+def _at(table: Drive, i: int, tau: float) -> float:
+    """The value of segment i, also at its very end."""
+    one = Drive(
+        table.before,
+        np.zeros(1),
+        table.polynomial[i : i + 1],
+        np.array([0, table.first[i + 1] - table.first[i]]),
+        table.harmonic[table.first[i] : table.first[i + 1]],
+    )
+    return float(evaluate(one, np.array([tau]))[0][0])
+
+
+def _shifted(polynomial: np.ndarray, by: float) -> list[float]:
+    """Coefficients of the same polynomial from a later time on."""
+    c0, c1, c2, c3 = polynomial
+    return [
+        c0 + by * (c1 + by * (c2 + by * c3)),
+        c1 + by * (2.0 * c2 + 3.0 * by * c3),
+        c2 + 3.0 * by * c3,
+        c3,
+    ]
+
+
+def begin_of(recording: xr.Dataset, drive: Waveform, where: str) -> float:
+    """The instant [s] of a recording at which a drive begins, by its channel drive_voltage.
+
+    Where they differ least: in the sum of squares by whole samples, then in the mean between them.
+
+    Raises:
+        RecordingError: the channel is missing, too short or constant, or it shows another drive.
+    """
+    u, t = channel(recording, "drive_voltage", where, varies=True), recording["time"].values
+    since, interval = t - t[0], float(np.median(np.diff(t)))
+    table = drive.drive(float(since[-1]))
+    shape = evaluate(table, since)[0] - table.before
+    common = correlate(u - table.before, shape)[t.size - 1 :]
+    energy = np.cumsum(shape**2)[::-1]
+    lag = int(np.argmax(2.0 * common - energy))
+    some = np.arange(0, t.size, max(1, t.size // MOST_SAMPLES))
+
+    def difference(begin: float) -> float:
+        return float(np.mean(np.abs(evaluate(table, since[some] - begin)[0] - u[some])))
+
+    trials = np.clip(interval * (lag + np.linspace(-1.5, 1.5, 31)), 0.0, None)
+    coarse = float(min(trials, key=difference))
+    near = (max(coarse - 0.2 * interval, 0.0), coarse + 0.2 * interval)
+    fine: Any = minimize_scalar(difference, bounds=near, method="bounded", options={"maxiter": 15})
+    begin = min(coarse, float(fine.x), key=difference)
+    low, high = drive.range()
+    if difference(begin) > ALIKE * (high - low):
+        raise RecordingError(
+            f"drive_voltage [V] of {where} is not the drive that the file names: they differ by "
+            f"{difference(begin):.3g} V on average, wherever it begins"
+        )
+    return float(t[0]) + begin

@@ -1,0 +1,98 @@
+"""From gathered recordings to what a campaign found: scale, stage, friction, prediction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ..actuator import Actuator, load_actuator
+from ..electronics import Filter
+from ..identify.friction import identify_friction
+from ..identify.result import Fit
+from ..identify.step_fit import identify_step
+from ..verification import Predictor, Requirement, Verification, verify
+from .budget import Budget, budget
+from .file import CampaignFile
+from .gathering import Gathered, Progress, Scale, scale_of, scaled
+
+
+class Found(NamedTuple):
+    """What a campaign found.
+
+    `gathered` are the recordings in the scale of the reference; `scale` and `stage` are None where there were
+    no reference or no steps; `start` is the actuator that the fit of the friction began with; `walks` are
+    the recordings of `verification`, in its order.
+    """
+
+    gathered: list[Gathered]
+    scale: Scale | None
+    stage: Fit | None
+    start: Actuator
+    friction: Fit
+    budget: Budget
+    walks: list[Gathered]
+    verification: Verification
+    failures: list[str]
+
+
+def evaluate(file: CampaignFile, folder: Path, gathered: Sequence[Gathered], progress: Progress) -> Found:
+    """Fit and verify.
+
+    Raises:
+        RecordingError: a recording is not what it must be.
+        FitError, QuantityError: a fit has nothing to begin with, or the file names what does not exist.
+    """
+    requirements = [Requirement.parse(text) for text in file.require]
+    recordings = list(gathered)
+    scale = None
+    if file.reference is not None:
+        steps = [one for one in recordings if one.use == "step"]
+        scale = scale_of(steps, file.reference, file.settling)
+        recordings = [scaled(one, scale.value) for one in recordings]
+    model = _model(file, folder)
+    stage = None
+    steps = [one for one in recordings if one.use == "step"]
+    if steps:
+        progress("identifying the stage", 0.1)
+        low_pass = None if file.filter is None else Filter(**file.filter.model_dump())
+        rate = file.slew_rate if file.slew_rate < float("inf") else None
+        stage = identify_step([one.recording for one in steps], model, filter=low_pass, slew_rate=rate)
+        model = stage.model
+    progress("identifying the friction", 0.2)
+    fitted = [one for one in recordings if one.use == "fit"]
+    friction = identify_friction(
+        [one.recording for one in fitted],
+        model,
+        [*file.free, "delay", "offset"],
+        drive=[one.drive for one in fitted],
+        hops=file.hops,
+        correlated=True,
+    )
+    progress("predicting", 0.7)
+    walks = [one for one in recordings if one.use != "step"]
+    predictor = Predictor(friction.model, friction.values["delay"])
+    verification = verify(
+        predictor,
+        [one.recording for one in walks],
+        drive=[one.drive for one in walks],
+        steps_of=[one.wanted for one in walks],
+    )
+    return Found(
+        recordings,
+        scale,
+        stage,
+        model,
+        friction,
+        budget(friction, fitted, stage, scale),
+        walks,
+        verification,
+        verification.unmet(requirements),
+    )
+
+
+def _model(file: CampaignFile, folder: Path) -> Actuator:
+    own = folder / file.model
+    model = load_actuator(own if own.suffix == ".toml" and own.is_file() else file.model)
+    changes: dict[str, Any] = {**file.change, "friction": model.friction._replace(**file.friction)}
+    return model.replace(**changes)

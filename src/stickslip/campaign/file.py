@@ -1,0 +1,86 @@
+"""What a campaign file may say."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, ValidationError
+
+from ..experiment.file import FilterSpec, PartSpec
+from ..input_file import InputFileError, Seconds, Strict, explain, load_yaml, quantity
+from ..study.file import Recorded
+
+# `step`: the end-effector fixed to the stage; `fit` and `verify`: it walks.
+Use = Literal["step", "fit", "verify"]
+
+
+class CellsSpec(Strict):
+    """Recordings of the experiment whose names fit a pattern ("step_*") and no pattern before it."""
+
+    cells: str
+    use: Use
+
+
+class OwnSpec(Recorded):
+    """A recording in a file of one's own, and the drive as in an experiment file.
+
+    Its channel drive_voltage shows when the drive begins; without a `waveform` the channel is the drive.
+    """
+
+    use: Use = "fit"  # type: ignore[assignment]
+    waveform: list[PartSpec] = Field(default_factory=list)
+
+
+class CampaignFile(Strict):
+    """A whole campaign file.
+
+    `experiment` is an experiment file that is recorded first. `model` is a parameter set or a file, whose
+    fields `change` and `friction` change; the fit of the parameters `free` starts there, with `hops` as for
+    `identify_friction`. `reference` is a channel that shows the clamped position too, and better: on the
+    steps the position is scaled to it, the time `settling` after them left out. `filter` and `slew_rate` are
+    those of the position channel and of the amplifier, where they are known. `published` are r² that others
+    found, by recording (and of all steps, "step").
+    """
+
+    title: str
+    notes: str = ""
+    experiment: str | None = None
+    recordings: Annotated[list[CellsSpec | OwnSpec], Field(min_length=1)]
+    model: str = "kang2007"
+    change: dict[str, float | str | bool] = Field(default_factory=dict)
+    friction: dict[str, float | str] = Field(default_factory=dict)
+    free: list[str] = Field(default_factory=lambda: ["sigma_0", "sigma_1", "coulomb_force"])
+    hops: int = 6
+    reference: str | None = None
+    filter: FilterSpec | None = None
+    slew_rate: Annotated[float, quantity("V/s")] = math.inf
+    slew_rate_source: str = ""
+    settling: Seconds = 0.01
+    published: dict[str, float] = Field(default_factory=dict)
+    require: list[str] = Field(default_factory=list)
+
+
+def read_campaign(path: Path) -> CampaignFile:
+    """The content of a campaign file.
+
+    Raises:
+        InputFileError: it is not as it must be; names the file and the field.
+    """
+    try:
+        file = CampaignFile.model_validate(load_yaml(path))
+    except ValidationError as error:
+        raise explain(path, error) from error
+    if file.experiment is None and any(isinstance(r, CellsSpec) for r in file.recordings):
+        raise InputFileError(
+            f"{path}: recordings: 'cells' are of an experiment, and no 'experiment' is named"
+        )
+    if not any(r.use == "fit" for r in file.recordings):
+        raise InputFileError(f"{path}: recordings: there is none to fit the friction to (use: fit)")
+    return file
+
+
+def json_schema() -> dict[str, Any]:
+    """The JSON Schema of campaign files, for editors."""
+    return CampaignFile.model_json_schema()

@@ -1,0 +1,168 @@
+"""The recordings of a campaign, ready to be fitted: cut, without bias, in the scale of the reference."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from ..experiment import Recorded, run_experiment
+from ..experiment.cells import drive_of
+from ..identify.channels import channel
+from ..input_file import InputFileError
+from ..recording import RecordingError
+from ..units import QuantityError
+from ..waveform.sequence import Sequence as Parts
+from ..waveform.shapes import Rest
+from ..waveform.signal import Waveform
+from .drives import Slewed, begin_of
+from .file import CampaignFile, OwnSpec, Use
+
+POSITION = "end_effector_position"
+# Of the drive's duration: what is kept behind it, for the residual vibration.
+AFTER = 0.05
+# s, beside a step: the mean over so much of rest is a level.
+LEVEL = 0.05
+
+Progress = Callable[[str, float], None]
+
+
+class Gathered(NamedTuple):
+    """A recording and its drive.
+
+    `recording` holds the position less its mean before `begin` [s]; `noise` [m] is its scatter there, NaN
+    where nothing is before. `wanted` is the drive as asked for, `drive` as it is at the piezo, both in the
+    time of the recording; None where the channel drive_voltage is all that is known. The first part of the
+    drive ends at `forward` [s], None where it is the whole.
+    """
+
+    name: str
+    use: Use
+    recording: xr.Dataset
+    begin: float
+    noise: float
+    wanted: Waveform | None
+    drive: Waveform | None
+    forward: float | None = None
+
+
+class Scale(NamedTuple):
+    """The position channel over the reference on clamped steps: mean ratio, its standard error, and each."""
+
+    value: float
+    standard_error: float
+    ratios: tuple[float, ...]
+
+
+def gather(
+    file: CampaignFile, folder: Path, out: Path, progress: Progress
+) -> tuple[list[Gathered], list[Recorded]]:
+    """All recordings, those of the experiment recorded first into ``out/recordings`` unless they are there.
+
+    Raises:
+        InputFileError: a pattern fits no recording, or two recordings have one name.
+        RecordingError: a file cannot be read, or is not what it must be.
+    """
+    recorded: list[Recorded] = []
+    left: dict[str, tuple[Waveform, xr.Dataset]] = {}
+    if file.experiment is not None:
+        recorded = run_experiment(
+            folder / file.experiment,
+            out / "recordings",
+            progress,
+            lambda cell, recording: left.update({cell.name: (cell.drive, recording)}),
+        )
+    found: list[Gathered] = []
+    for spec in file.recordings:
+        if isinstance(spec, OwnSpec):
+            whole = spec.cut(spec.read(folder))
+            drive = drive_of(spec.waveform, {}, folder) if spec.waveform else None
+            found.append(_gathered(spec.label, spec.use, whole, drive, file.slew_rate))
+            continue
+        names = [name for name in left if fnmatchcase(name, spec.cells)]
+        if not names:
+            raise InputFileError(f"recordings: no cell of {file.experiment} that is left fits {spec.cells!r}")
+        for name in names:
+            drive, whole = left.pop(name)
+            found.append(_gathered(name, spec.use, whole, drive, file.slew_rate))
+    names = [one.name for one in found]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputFileError(f"recordings: two are called {name!r}; give each a 'name'")
+    return found, recorded
+
+
+def _gathered(name: str, use: Use, whole: xr.Dataset, drive: Waveform | None, slew_rate: float) -> Gathered:
+    position = channel(whole, POSITION, name, varies=True)
+    time = whole["time"].values
+    begin = float(time[0])
+    if drive is not None:
+        begin = begin_of(whole, drive, name)
+        end = begin + (1.0 + AFTER) * drive.duration if math.isfinite(drive.duration) else math.inf
+        keep = time <= end
+        whole, time, position = whole.isel(time=keep), time[keep], position[keep]
+    before = position[time < begin - 2.0 * float(np.median(np.diff(time)))]
+    bias = float(before.mean()) if before.size else float(position[0])
+    noise = float(before.std(ddof=1)) if before.size > 2 else math.nan
+    data = ("time", position - bias, whole[POSITION].attrs)
+    recording = whole.assign({POSITION: data}).assign_attrs(title=name)
+    if drive is None:
+        return Gathered(name, use, recording, begin, noise, None, None)
+    # Of time that begins with the recording's: a waveform begins at zero.
+    moved = recording.assign_coords(time=("time", time - time[0], recording["time"].attrs))
+    begin -= float(time[0])
+    at_piezo = drive if math.isinf(slew_rate) else Slewed(drive, slew_rate)
+    length = float(time[-1] - time[0])
+    wanted, given = _from(drive, begin, length), _from(at_piezo, begin, length)
+    forward = begin + drive.parts[0][1] if isinstance(drive, Parts) else None
+    return Gathered(name, use, moved, begin, noise, wanted, given, forward)
+
+
+def _from(drive: Waveform, begin: float, length: float) -> Waveform:
+    if begin <= 0.0:
+        return drive
+    lasting = min(drive.duration, length)
+    return Parts(Rest(begin, float(drive.drive(lasting).before)), (drive, lasting))
+
+
+def scale_of(steps: Sequence[Gathered], reference: str, settling: float) -> Scale:
+    """How the position channel stands to a reference: their changes over each clamped step.
+
+    Args:
+        steps: of the clamped end-effector.
+        reference: a channel in m.
+        settling: s after the step, left out.
+
+    Raises:
+        RecordingError: there is no step, or no such channel, or a level lasts too short.
+    """
+    if not steps:
+        raise RecordingError(f"the scale of {POSITION} is taken from clamped steps, and there is none")
+    ratios = []
+    for one in steps:
+        values = channel(one.recording, reference, one.name, varies=True)
+        unit = one.recording[reference].attrs["units"]
+        if unit != "m":
+            raise QuantityError(f"{reference} of {one.name} is in {unit}: a reference must be in m")
+        since = one.recording["time"].values - one.begin
+        before = (since < -1e-3) & (since > -1e-3 - LEVEL)
+        after = (since > settling) & (since < settling + LEVEL)
+        if np.count_nonzero(before) < 10 or np.count_nonzero(after) < 10:
+            raise RecordingError(f"{one.name} has less than 10 samples at rest before or after its step")
+        position = one.recording[POSITION].values
+        changes = [float(x[after].mean() - x[before].mean()) for x in (position, values)]
+        ratios.append(changes[0] / changes[1])
+    error = float(np.std(ratios, ddof=1) / math.sqrt(len(ratios))) if len(ratios) > 1 else 0.0
+    return Scale(float(np.mean(ratios)), error, tuple(ratios))
+
+
+def scaled(one: Gathered, scale: float) -> Gathered:
+    """The recording with its position divided by the scale."""
+    position = one.recording[POSITION]
+    data = ("time", position.values / scale, position.attrs)
+    return one._replace(recording=one.recording.assign({POSITION: data}), noise=one.noise / scale)

@@ -1,0 +1,91 @@
+"""The figures of a campaign: step responses and walks beside the model [kang2007, fig. 5.1, 5.2 and 5.4]."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
+
+from .scale import scale_for
+from .style import (
+    BLUE,
+    DASHES,
+    MEASURED,
+    SERIES,
+    SHADE,
+    VERMILLION,
+    WIDTH,
+    drawn,
+    legend_above,
+    panels,
+    trace,
+)
+
+
+class Trace(NamedTuple):
+    """A position over time, measured and by the model, arrays of shape (n,) in s and m.
+
+    `band` is the half width within which a new sample is expected, m.
+    """
+
+    time: ArrayLike
+    measured: ArrayLike
+    model: ArrayLike
+    band: ArrayLike = 0.0
+
+
+@drawn
+def step_responses(traces: Mapping[str, Trace]) -> Figure:
+    """Step responses of the clamped end-effector over the time since the step, and the residuals below."""
+    figure, (above, below) = panels((2.6, 1.2))
+    times = [np.asarray(t.time, dtype=float) for t in traces.values()]
+    clock = scale_for("s", *times)
+    scale = scale_for("m", *(np.asarray(t.measured) for t in traces.values()))
+    small = scale_for("m", *(np.asarray(t.model) - np.asarray(t.measured) for t in traces.values()))
+    below.axhline(0.0, color="#404040", lw=0.7, zorder=1.5)
+    for i, (name, t) in enumerate(traces.items()):
+        how = {"color": SERIES[i % len(SERIES)], "ls": DASHES[i % len(DASHES)]}
+        data = {"color": MEASURED, "lw": 2.4, "label": "measured" if i == 0 else None}
+        measured, model = np.asarray(t.measured, dtype=float), np.asarray(t.model, dtype=float)
+        trace(above, clock(times[i]), scale(measured), **data)
+        trace(above, clock(times[i]), scale(model), label=name, **how)
+        trace(below, clock(times[i]), small(model - measured), lw=0.8, alpha=0.8, **how)
+    above.set_ylabel(scale.label("end-effector position"))
+    below.set_ylabel(small.label("residual"))
+    below.set_xlabel(clock.label("time since the step"))
+    legend_above(above, columns=5)
+    return figure
+
+
+@drawn
+def walks(traces: Mapping[str, Trace]) -> Figure:
+    """Walks side by side, measured under the model, and below the residuals within the prediction band."""
+    count = len(traces)
+    figure = Figure(figsize=(WIDTH, 3.6))
+    grid = figure.subplots(2, count, sharex="col", sharey="row", squeeze=False, height_ratios=(2.2, 1.0))
+    scale = scale_for("m", *(np.asarray(t.measured) for t in traces.values()))
+    small = scale_for("m", *(np.asarray(t.model) - np.asarray(t.measured) for t in traces.values()))
+    for i, (name, t) in enumerate(traces.items()):
+        above, below = grid[:, i]
+        time, measured, model = (np.asarray(a, dtype=float) for a in t[:3])
+        clock = scale_for("s", time)
+        trace(above, clock(time), scale(measured), color=MEASURED, lw=2.4, label="measured")
+        trace(above, clock(time), scale(model), color=BLUE, lw=0.9, label="model")
+        band = np.broadcast_to(small(np.asarray(t.band, dtype=float)), time.shape)
+        if np.any(band > 0):
+            below.fill_between(clock(time), -band, band, color=SHADE, lw=0, label="95 % band")
+            for side in (-1.0, 1.0):
+                trace(below, clock(time), side * band, color=VERMILLION, lw=0.5)
+        trace(below, clock(time), small(model - measured), color=BLUE, lw=0.6)
+        above.set_title(name)
+        below.set_xlabel(clock.label("time"))
+        below.locator_params(axis="x", nbins=4)
+    grid[0, 0].set_ylabel(scale.label("end-effector position"))
+    grid[1, 0].set_ylabel(small.label("residual"))
+    handles, labels = grid[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper left", ncols=2)
+    figure.align_ylabels(grid[:, 0])
+    return figure

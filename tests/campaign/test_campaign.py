@@ -1,0 +1,176 @@
+"""A campaign on the virtual rig, whose truth is known, and what a campaign file may say."""
+
+from __future__ import annotations
+
+import importlib.resources
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+from stickslip.campaign.file import read_campaign
+from stickslip.campaign.gathering import Gathered, scale_of, scaled
+from stickslip.cli import app
+from stickslip.input_file import InputFileError
+from stickslip.recording import RecordingError, make_recording
+from stickslip.units import QuantityError
+
+EXAMPLES = Path(str(importlib.resources.files("stickslip") / "examples"))
+CAMPAIGN = yaml.safe_load((EXAMPLES / "kang2007_campaign.yaml").read_text("utf-8"))
+TRUE = {"sigma_0": 1.399e6, "sigma_1": 34.9, "coulomb_force": 0.5401}
+
+
+def run(*arguments: str):
+    return CliRunner().invoke(app, ["campaign", *arguments], prog_name="stickslip")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A campaign of three recordings, 20 Hz only: short, and all that a campaign is."""
+    made = tmp_path_factory.mktemp("campaign")
+    experiment = yaml.safe_load((EXAMPLES / "kang2007_experiment.yaml").read_text("utf-8"))
+    step, _, walk = experiment["runs"]
+    step["matrix"] = {"voltage": ["60 V", "80 V"]}
+    walk["matrix"] = {"voltage": ["65 V", "75 V"]}
+    experiment["runs"] = [step, walk]
+    (made / "experiment.yaml").write_text(yaml.safe_dump(experiment), "utf-8")
+    return made
+
+
+def written(folder: Path, name: str = "campaign.yaml", **changes) -> str:
+    file = {
+        **CAMPAIGN,
+        "experiment": "experiment.yaml",
+        "recordings": [
+            {"cells": "step_*", "use": "step"},
+            {"cells": "*65V", "use": "fit"},
+            {"cells": "*", "use": "verify"},
+        ],
+        **changes,
+    }
+    (folder / name).write_text(yaml.safe_dump(file), "utf-8")
+    return str(folder / name)
+
+
+@pytest.mark.compiled
+def test_the_truth_is_within_the_intervals_and_the_other_walk_is_predicted(folder: Path) -> None:
+    out = folder / "out"
+    done = run(written(folder), "--out", str(out))
+    assert done.exit_code == 0, done.stderr
+    results = json.loads((out / "results.json").read_bytes())
+    numbers = results["numbers"]
+    for name, true in TRUE.items():
+        found = numbers["friction"]["parameters_with_all_errors"][name]
+        assert found["low"] < true < found["high"], name
+        own = numbers["friction"]["parameters"][name]
+        assert found["standard_error"] >= own["standard_error"]
+    stage = numbers["stage"]["parameters"]
+    for name, true in (("gain", 0.1057e-6), ("natural_frequency", 3303.1), ("damping_ratio", 0.524)):
+        assert abs(stage[name]["value"] - true) < 3.0 * stage[name]["standard_error"], name
+    # The maker's polynomial and the recalibration are 3 % off in their slope; the strain gauge is not.
+    assert numbers["sensor_scale"]["value"] == pytest.approx(0.967, abs=0.003)
+    other = numbers["verification"]["sawtooth_20Hz_75V"]
+    assert other["r_squared"]["value"] > 0.9995
+    assert other["net_step_error"]["value"] < 0.01
+    assert results["failures"] == []
+    page = (out / "report.html").read_text("utf-8")
+    assert "fig. 5.1 of the thesis" in page
+    assert {p.name for p in (out / "figures").iterdir()} == {
+        "campaign-steps.svg", "campaign-fit.svg", "campaign-predicted-1.svg",
+    }  # fmt: skip
+    again = run(written(folder, require=["rmse < 10 nm"]), "--no-figures", "--out", str(out))
+    assert again.exit_code == 1
+    assert "sawtooth_20Hz_65V: rmse is" in again.stderr
+    assert "<svg" not in (out / "report.html").read_text("utf-8")
+
+
+@pytest.mark.compiled
+def test_own_recordings_and_what_is_wrong_with_them(folder: Path) -> None:
+    """The walk as a CSV of one's own; then cut short, constant, empty: each is refused by its name."""
+    time = np.arange(4000) * 0.25e-3
+    rng = np.random.default_rng(0)
+    from stickslip.actuator import load_actuator
+    from stickslip.simulation import simulate
+    from stickslip.waveform.periodic import Sawtooth
+    from stickslip.waveform.sequence import Sequence
+    from stickslip.waveform.shapes import Rest
+
+    drive = Sequence(Rest(0.1), Sawtooth(65.0, 20.0, periods=8))
+    true = load_actuator("kang2007").replace(stage_reaction=False)
+    d = simulate(true, drive, times=time, tolerance=1e-10)
+    micrometres = 1e6 * d["end_effector_position"].values + 0.02 * rng.standard_normal(time.size)
+    own = {
+        "file": "walk.csv",
+        "columns": {"time": "t", "end_effector_position": "x", "drive_voltage": "u"},
+        "waveform": [
+            {"shape": "Sawtooth", "fields": {"amplitude": "65 V", "frequency": "20 Hz", "periods": 8}}
+        ],
+    }
+    plain = {"experiment": None, "reference": None, "slew_rate": "inf V/s", "recordings": [own]}
+
+    def saved(x, n: int = time.size) -> None:
+        rows = (
+            f"{t:.5f},{a:.5f},{b:.5f}" for t, a, b in zip(time[:n], x, drive.value(time[:n]), strict=False)
+        )
+        (folder / "walk.csv").write_text("\n".join(["t [s],x [um],u [V]", *rows]), "utf-8")
+
+    saved(micrometres)
+    file = written(folder, "own.yaml", **plain)
+    done = run(file, "--no-figures", "--out", str(folder / "own"))
+    assert done.exit_code == 0, done.stderr
+    found = json.loads((folder / "own" / "results.json").read_bytes())["numbers"]
+    interval = found["friction"]["parameters"]["coulomb_force"]
+    assert interval["low"] < 0.5401 < interval["high"]
+    assert found["recordings"]["walk"]["begin"]["value"] == pytest.approx(0.1, abs=1e-5)
+    for x, words in ((0 * micrometres, "is 0 throughout"), (micrometres[:5], "5 samples")):
+        saved(x, x.size)
+        refused = run(file, "--no-figures", "--out", str(folder / "own"))
+        assert refused.exit_code == 2
+        assert "walk" in refused.stderr.splitlines()[-1]
+        assert words in refused.stderr
+
+
+def clamped(ratio: float, name: str, unit: str = "m") -> Gathered:
+    t = np.arange(0.0, 0.3, 1e-3)
+    x = np.where(t > 0.1, 6e-6, 0.0)
+    data = {"end_effector_position": ratio * x, "other": (x, unit)}
+    return Gathered(name, "step", make_recording(t, data), 0.1, 1e-9, None, None)
+
+
+def test_the_scale_is_the_mean_ratio_of_the_steps() -> None:
+    steps = [clamped(0.95, "a"), clamped(0.97, "b")]
+    scale = scale_of(steps, "other", 0.01)
+    assert scale.value == pytest.approx(0.96)
+    assert scale.standard_error == pytest.approx(0.01)
+    assert scaled(steps[0], 0.95).recording["end_effector_position"].values[-1] == pytest.approx(6e-6)
+    with pytest.raises(RecordingError, match="there is none"):
+        scale_of([], "other", 0.01)
+    with pytest.raises(RecordingError, match="less than 10 samples at rest"):
+        scale_of([clamped(1.0, "c")._replace(begin=0.002)], "other", 0.01)
+    with pytest.raises(RecordingError, match="c has no gauge"):
+        scale_of([clamped(1.0, "c")], "gauge", 0.01)
+    with pytest.raises(QuantityError, match="other of c is in V"):
+        scale_of([clamped(1.0, "c", "V")], "other", 0.01)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"recordings": [{"cells": "step_*", "use": "step"}]}, "none to fit the friction to"),
+        ({"experiment": None}, "no 'experiment' is named"),
+        ({"friktion": {}}, "friktion"),
+        ({"slew_rate": "3 V"}, "slew_rate"),
+        ({"recordings": [{"cells": "*", "use": "guess"}]}, "use"),
+    ],
+)
+def test_wrong_files_are_refused_by_field(tmp_path: Path, changes, words: str) -> None:
+    with pytest.raises(InputFileError, match=words):
+        read_campaign(Path(written(tmp_path, **changes)))
+
+
+def test_the_example_is_one() -> None:
+    file = read_campaign(EXAMPLES / "kang2007_campaign.yaml")
+    assert file.slew_rate == pytest.approx(0.4 / 1.4e-6, rel=2e-3)
