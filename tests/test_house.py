@@ -38,7 +38,7 @@ OWNERS = {
     "jinja2": {"report"},
     "pooch": {"datasets"},
     "threadpoolctl": {"identify"},
-    "pydantic": {"input_file", "study", "experiment", "panel"},
+    "pydantic": {"input_file", "study", "experiment", "campaign", "panel"},
     "yaml": {"input_file"},
     "pyvisa": {"rig/scpi"},
     "typer": {"cli"},

@@ -9,6 +9,7 @@ from .calibration import apply_calibration as apply_calibration
 from .calibration import fit_calibration as fit_calibration
 from .calibration import load_calibration as load_calibration
 from .calibration import save_calibration as save_calibration
+from .campaign import run_campaign as run_campaign
 from .experiment import run_experiment as run_experiment
 from .friction import LAWS as LAWS
 from .friction import Coulomb as Coulomb

@@ -33,7 +33,7 @@ def test_jumps_take_their_time_and_the_rest_stays() -> None:
 
 
 @pytest.mark.parametrize(
-    "waveform", [Cycloid(30.0, 20.0), Chirp(10.0, 5.0, 50.0, 0.3), Multisine((5.0, 2.0), (10.0, 30.0))]
+    "waveform", [Cycloid(30.0, 20.0, 0.5), Chirp(10.0, 5.0, 50.0, 0.3), Multisine((5.0, 2.0), (10.0, 30.0))]
 )
 def test_curved_pieces_go_on_as_they_were(waveform) -> None:
     slewed = Slewed(Sequence(Rest(0.01, 40.0), (waveform, 0.2)), 1e6)
