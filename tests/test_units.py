@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 import pickle
+import re
 import subprocess
 import sys
 from decimal import Decimal
 from fractions import Fraction
 
 import numpy as np
+import pint
 import pytest
 import xarray as xr
 from hypothesis import given
@@ -176,10 +178,26 @@ def test_pint_is_imported_with_the_first_foreign_unit_only() -> None:
     program = (
         "import sys; from stickslip.units import to_si, with_prefix\n"
         "to_si(65, 'V'); to_si('65', 'V'); to_si('65 V', 'V'); with_prefix(1e-9, 'm')\n"
-        "print('pint' in sys.modules); to_si('65 mV', 'V'); print('pint' in sys.modules)"
+        "to_si('1.4 N/um', 'N/m'); to_si('5 g', 'kg')\n"
+        "print('pint' in sys.modules); to_si('1 lbf', 'N'); print('pint' in sys.modules)"
     )
     result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert result.stdout.split() == ["False", "True"]
+
+
+PREFIXES = ("", "p", "n", "u", "µ", "m", "k", "M", "G")
+
+
+@pytest.mark.parametrize("unit", ["N/m", "m/V", "V", "Hz", "N s/m", "kg", "1/s", "V/s", "m/s"])
+def test_prefixed_units_are_those_of_pint(unit: str) -> None:
+    """What is read without pint, for its slow import, is what pint reads."""
+    plain = "g" if unit == "kg" else unit
+    parts = ("m", "s", "V", "g", "N", "Hz")
+    units = {re.sub(rf"\b{part}\b", prefix + part, plain) for part in parts for prefix in PREFIXES}
+    registry = pint.UnitRegistry()
+    for written in units:
+        expected = registry.Quantity(3.0, written).to(unit).magnitude
+        assert to_si(f"3 {written}", unit) == pytest.approx(expected, rel=1e-12), written
 
 
 @pytest.mark.parametrize(

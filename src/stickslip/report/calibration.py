@@ -76,8 +76,8 @@ def calibration_document(
                 tables=(
                     Table(
                         f"Points left out one at a time: order {best} predicts them best.",
-                        (Column("order", "", 2), Column("rms error at the point left out", unit, 3)),
-                        [(float(order), error) for order, error in left_out.items()],
+                        (Column("order"), Column("rms error at the point left out", unit, 3)),
+                        [(str(order), error) for order, error in left_out.items()],
                     ),
                 ),
             )

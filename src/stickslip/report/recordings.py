@@ -82,7 +82,7 @@ def _section(run: str, recordings: dict[str, xr.Dataset]) -> Section:
         paragraphs=(f"Processing: {first.attrs['processing']}.",),
         tables=(
             Table(
-                "Largest less least value of each channel.",
+                "Range of each channel: its largest value less its smallest.",
                 (Column("recording"), *(Column(v.replace("_", " ")) for v in variables)),
                 spans,
             ),
