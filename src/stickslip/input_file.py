@@ -52,6 +52,11 @@ def load_yaml(path: str | os.PathLike[str]) -> dict[str, Any]:
     return found
 
 
+def yaml_text(content: dict[str, Any]) -> str:
+    """The YAML of a file's content, in the order that it has."""
+    return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110)
+
+
 def explain(path: str | os.PathLike[str], error: ValidationError) -> InputFileError:
     """The first thing that is wrong in a file, in one line."""
     first = error.errors()[0]

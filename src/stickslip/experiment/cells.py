@@ -162,12 +162,13 @@ def _cell(
     parts = [run.name, *(_in_name(value) for value in axes.values())]
     name = "_".join(parts + ([str(repeat)] if run.repeats > 1 else []))
     seed = (getattr(file.rig, "seed", 0) << 32) + zlib.crc32(name.encode())
-    actuator = _actuator(file, run, axes, folder)
+    named = {k: v for k, v in file.variables.items() if not isinstance(v, bool)} | axes
+    actuator = _actuator(file, run, named, folder)
     can = laboratory.rig(actuator, seed).capabilities
     limits = limits_of(file, actuator)
     units = channel_units(can, channels, limits)
     capture = _capture(run, can, units)
-    drive = drive_of(run.waveform, axes, folder)
+    drive = drive_of(run.waveform, named, folder)
     plan = plan_run(can, drive, channels, capture, limits)
     made_of = repr(
         (__version__, can, file.rig, actuator, channels, capture, limits, seed, file.variables, axes)
@@ -207,7 +208,9 @@ def _substituted(value: Any, axes: Mapping[str, float | str]) -> Any:
         return value
     if value[1:] not in axes:
         hint = did_you_mean(value[1:], axes)
-        raise QuantityError(f"{value} is no axis of the matrix{hint}; there are {', '.join(axes) or 'none'}")
+        raise QuantityError(
+            f"{value} is no axis of the matrix and no variable{hint}; there are {', '.join(axes) or 'none'}"
+        )
     return axes[value[1:]]
 
 

@@ -106,7 +106,8 @@ class PartSpec(Strict):
 
 
 class RunSpec(Strict):
-    """Recordings that differ by the values of the matrix; $NAME stands for the value of that axis.
+    """Recordings that differ by the values of the matrix; $NAME stands for the value of that axis, or of that
+    variable of the file.
 
     One recording for each combination of values, and so many `repeats` of it.
     """
@@ -118,6 +119,16 @@ class RunSpec(Strict):
     matrix: dict[Name, Annotated[list[Quantity], Field(min_length=1)]] = Field(default_factory=dict)
     repeats: Count = 1
     change: dict[str, Quantity | bool] = Field(default_factory=dict)
+
+
+class InstrumentSpec(Strict):
+    """An instrument on the control panel, bound to variables; `width` in twelfths of the panel's."""
+
+    kind: Literal["plotter", "input", "display"]
+    variables: Annotated[list[str], Field(min_length=1, max_length=12)]
+    title: str = ""
+    width: Annotated[int, Field(ge=1, le=12)] = 3
+    height: Annotated[int, Field(ge=1, le=12)] = 1
 
 
 class ExperimentFile(Strict):
@@ -133,6 +144,7 @@ class ExperimentFile(Strict):
     variables: dict[str, Quantity | bool] = Field(default_factory=dict)
     save_as: list[Literal["mat", "controldesk", "csv"]] = Field(default_factory=list)
     runs: Annotated[list[RunSpec], Field(min_length=1)]
+    panel: Annotated[list[InstrumentSpec], Field(max_length=60)] = Field(default_factory=list)
 
 
 def json_schema() -> dict[str, Any]:

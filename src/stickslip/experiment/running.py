@@ -9,7 +9,7 @@ from contextlib import suppress
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import xarray as xr
 from pydantic import ValidationError
@@ -17,11 +17,12 @@ from pydantic import ValidationError
 from ..input_file import InputFileError, explain, load_yaml
 from ..recording import RecordingError, open_recording, save_csv, save_matlab, save_recording
 from ..recording.replacing import remove_leftovers
-from ..rig import measure
+from ..rig import Rig, measure
 from .cells import Cell, Laboratory, cells, open_laboratory, variables_attribute
 from .file import ExperimentFile
 
 Progress = Callable[[str, float], None]
+Watch = Callable[[Cell, Rig], Rig]
 _EXPORTS = {"mat": ".mat", "controldesk": "_controldesk.mat", "csv": ".csv"}
 
 
@@ -57,22 +58,47 @@ def run_experiment(
             until then is kept.
         OSError: a file cannot be written.
     """
-    path, out = Path(path), Path(out)
+    path = Path(path)
+    if progress is not None:
+        progress("checking", 0.0)
+    return record_experiment(read_experiment(path), path.parent, out, progress, each, label=path)
+
+
+def record_experiment(
+    file: ExperimentFile,
+    folder: Path,
+    out: str | os.PathLike[str],
+    progress: Progress | None = None,
+    each: Callable[[Cell, xr.Dataset], None] | None = None,
+    *,
+    label: str | os.PathLike[str] = "experiment",
+    watch: Watch | None = None,
+) -> list[Recorded]:
+    """As `run_experiment`, of a file that has been read.
+
+    Args:
+        file: what to record.
+        folder: the paths in the file begin here.
+        out, progress, each: as `run_experiment`.
+        label: what errors call the file.
+        watch: called with each cell and its rig; gives the rig to record from, a `WatchedRig` around it say.
+    """
+    label, out = Path(label), Path(out)
     tell = progress or (lambda doing, done: None)
-    tell("checking", 0.0)
-    file = read_experiment(path)
-    laboratory = _opened(path, file)
+    laboratory = _opened(label, file, folder)
     try:
-        wanted = _cells(path, file, laboratory)
+        wanted = _cells(label, file, folder, laboratory)
         out.mkdir(parents=True, exist_ok=True)
         log = _Log(out / "experiment.log")
         left = remove_leftovers(out)
-        log(f"{path.name}: {len(wanted)} recordings" + (f"; {left} unfinished files removed" if left else ""))
+        log(
+            f"{label.name}: {len(wanted)} recordings" + (f"; {left} unfinished files removed" if left else "")
+        )
         try:
             done = []
             for i, cell in enumerate(wanted):
                 part = partial(_tell, tell, cell.name, i, len(wanted))
-                one, recording = _recorded(file, cell, out, laboratory, log, part)
+                one, recording = _recorded(file, cell, out, laboratory, log, part, watch)
                 done.append(one)
                 if each is not None:
                     each(cell, recording)
@@ -91,22 +117,27 @@ def _tell(tell: Progress, doing: str, index: int, count: int, part: float) -> No
 
 def read_experiment(path: str | os.PathLike[str]) -> ExperimentFile:
     """The content of an experiment file; raises InputFileError."""
+    return check_experiment(load_yaml(path), path)
+
+
+def check_experiment(content: dict[str, Any], path: str | os.PathLike[str] = "experiment") -> ExperimentFile:
+    """The content of an experiment file, checked; raises InputFileError, which calls the file `path`."""
     try:
-        return ExperimentFile.model_validate(load_yaml(path))
+        return ExperimentFile.model_validate(content)
     except ValidationError as error:
         raise explain(path, error) from error
 
 
-def _opened(path: Path, file: ExperimentFile) -> Laboratory:
+def _opened(path: Path, file: ExperimentFile, folder: Path) -> Laboratory:
     try:
-        return open_laboratory(file, path.parent)
+        return open_laboratory(file, folder)
     except ValueError as error:
         raise InputFileError(f"{path}: {error}") from error
 
 
-def _cells(path: Path, file: ExperimentFile, laboratory: Laboratory) -> list[Cell]:
+def _cells(path: Path, file: ExperimentFile, folder: Path, laboratory: Laboratory) -> list[Cell]:
     try:
-        return cells(file, path.parent, laboratory)
+        return cells(file, folder, laboratory)
     except ValueError as error:
         raise InputFileError(f"{path}: {error}") from error
 
@@ -118,6 +149,7 @@ def _recorded(
     laboratory: Laboratory,
     log: _Log,
     progress: Callable[[float], None],
+    watch: Watch | None,
 ) -> tuple[Recorded, xr.Dataset]:
     path = out / f"{cell.name}.nc"
     progress(0.0)
@@ -125,7 +157,8 @@ def _recorded(
     kept = recording is not None
     if recording is None:
         begun = time.perf_counter()
-        recording = _measured(file, cell, laboratory, progress)
+        rig = laboratory.rig(cell.actuator, cell.seed)
+        recording = _measured(file, cell, rig if watch is None else watch(cell, rig), progress)
         save_recording(recording, path)
         log(f"{path.name}: recorded in {time.perf_counter() - begun:.2f} s")
     else:
@@ -141,11 +174,9 @@ def _recorded(
     return Recorded(cell, path, kept), recording
 
 
-def _measured(
-    file: ExperimentFile, cell: Cell, laboratory: Laboratory, progress: Callable[[float], None]
-) -> xr.Dataset:
+def _measured(file: ExperimentFile, cell: Cell, rig: Rig, progress: Callable[[float], None]) -> xr.Dataset:
     recording = measure(
-        laboratory.rig(cell.actuator, cell.seed),
+        rig,
         cell.drive,
         cell.channels,
         cell.capture,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import secrets
+import threading
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -18,11 +19,16 @@ from starlette.exceptions import HTTPException
 
 from ..input_file import Strict
 from ..units import to_si
+from .bench import bench_routes
 from .control import Control
 from .explore import explore_routes
 from .folder import Folder
 from .guard import LARGEST_BODY, LOOPBACK, Guard
 from .identifying import identify_routes
+from .journal import Journal
+from .live import Live
+from .recordings import recording_routes
+from .running import Runner
 from .stream import Hub
 
 STATIC = Path(__file__).parent / "static"
@@ -56,6 +62,9 @@ def create_app(
     boot = secrets.token_hex(8)
     hub.greetings.append(lambda client, said: [json.dumps({"kind": "hello", "boot": boot})])
     control = Control(hub)
+    journal = Journal(hub, files)
+    live = Live(hub)
+    runner = Runner(hub, live, journal)
 
     async def beat() -> None:
         """Every second a sign of life: silence tells a page that the connection is lost."""
@@ -67,11 +76,17 @@ def create_app(
     @asynccontextmanager
     async def life(app: FastAPI) -> AsyncIterator[None]:
         beating = asyncio.create_task(beat())
+        threading.Thread(target=_warm_up, daemon=True).start()
         yield
         beating.cancel()
+        if runner.stop("the panel closes"):
+            await asyncio.to_thread(runner.join)
 
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None, lifespan=life)
     app.state.hub, app.state.control, app.state.folder = hub, control, files
+
+    app.include_router(bench_routes(files, hub, control, journal, runner, live))
+    app.include_router(recording_routes(files, hub, control))
 
     @app.websocket("/stream")
     async def stream(socket: WebSocket) -> None:
@@ -92,6 +107,17 @@ def create_app(
     _explain_errors(app, files)
     app.add_middleware(Guard, hosts=hosts, any_address=any_address, token=token, largest_body=largest_body)
     return app
+
+
+def _warm_up() -> None:
+    """Compile the solver, or read it from its cache, before somebody presses Start."""
+    from ..actuator import load_actuator
+    from ..simulation import simulate
+    from ..waveform.periodic import Sawtooth
+
+    model = load_actuator("kang2007")
+    for reaction in (True, False):
+        simulate(model.replace(stage_reaction=reaction), Sawtooth(65.0, 5.0), 0.01)
 
 
 def _explain_errors(app: FastAPI, folder: Folder) -> None:

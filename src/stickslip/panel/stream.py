@@ -52,9 +52,9 @@ class Client:
 class Hub:
     """All pages that are connected.
 
-    `greetings` give what a page is told first, called with what it said of itself; `hears` maps the "kind" of
-    a message from a page to what is done with it; `gone` and `come` are called with the client. All of these
-    run in the event loop, and must be quick.
+    `greetings` give what a page is told first, and again when it asks to be greeted, called with what it said
+    of itself; `hears` maps the "kind" of a message from a page to what is done with it; `changed` is called
+    when a page came or went. All of these run in the event loop, and must be quick.
     """
 
     def __init__(self) -> None:
@@ -90,15 +90,15 @@ class Hub:
             return
         client = Client(str(said.get("client", ""))[:64], str(said.get("name", ""))[:40])
         # No await between: what is said from now on comes after the greeting, and nothing is said twice.
-        for greet in self.greetings:
-            for message in greet(client, said):
-                client.put(message)
+        self._greet(client, said)
         self.clients.add(client)
         self._changed()
         writing = asyncio.create_task(_write(socket, client))
         try:
             while True:
                 message = _said(await socket.receive_text())
+                if message.get("kind") == "greet":
+                    self._greet(client, {})
                 act = self.hears.get(str(message.get("kind")))
                 if act is not None:
                     act(client, message)
@@ -108,6 +108,11 @@ class Hub:
             self.clients.discard(client)
             writing.cancel()
             self._changed()
+
+    def _greet(self, client: Client, said: dict[str, Any]) -> None:
+        for greet in self.greetings:
+            for message in greet(client, said):
+                client.put(message)
 
     def _changed(self) -> None:
         for call in self.changed:

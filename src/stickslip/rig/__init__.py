@@ -16,3 +16,4 @@ from .protocols import Rig as Rig
 from .protocols import RigError as RigError
 from .scpi import ScpiRig as ScpiRig
 from .virtual import VirtualRig as VirtualRig
+from .watching import WatchedRig as WatchedRig

@@ -1,8 +1,172 @@
-// The page is still to come.
+// The Bench page: run experiments, see them live, keep and compare the recordings.
 
-export function mount(element, app) {
-  const title = document.createElement("h1");
-  title.textContent = "Bench";
-  element.append(title);
-  return () => {};
+import { makeArrangement } from "./arrangement.js";
+import { makeCapture } from "./capture.js";
+import { h, openDialog } from "./dom.js";
+import { variableField } from "./instruments.js";
+import { makeLiveData } from "./livedata.js";
+import { makeLog, makeVariables } from "./tables.js";
+import { makeRecordings } from "./recordings.js";
+import { formatQuantity } from "./quantity.js";
+
+const PHASES = { idle: "Ready", preparing: "Preparing", running: "Running", stopping: "Stopping: ramp to 0 V", done: "Done", stopped: "Stopped", failed: "Failed" };
+
+export async function mount(element, app) {
+  const bench = {
+    app,
+    experiment: { name: "", content: { runs: [] }, panel: [], channels: [], variables: [] },
+    run: { phase: "idle", position: 0 },
+    live: makeLiveData(app),
+    shown: { live: true, recordings: [] },
+    chosen: null, // the run that Start starts
+    /** Change one place of the experiment; the server refuses what cannot be recorded. */
+    set: (path, value) => app.request("/bench/set", { path, value }),
+    act(path, body = {}) {
+      return app.request(path, body).catch((error) => app.notify(error.message, "error"));
+    },
+    show(shown) {
+      bench.shown = { ...bench.shown, ...shown };
+      arrangement.update();
+      recordings.update();
+    },
+  };
+
+  // --- running
+  const select = h("select", { id: "run-choice", onchange: () => { bench.chosen = select.value; capture.build(); } });
+  const start = h("button", { type: "button", id: "start", class: "primary", onclick: run }, "Start");
+  const halt = h("button", { type: "button", id: "halt", title: "Ramp to 0 V and end the run", onclick: () => bench.act("/bench/stop") }, "Stop");
+  const home = h("button", { type: "button", id: "home", title: "Walk back to where home is", onclick: () => { bench.show({ live: true }); bench.act("/bench/home"); } }, "Home");
+  const here = h("button", { type: "button", class: "small quiet", title: "Call the present position home", onclick: () => bench.act("/bench/home_here") }, "Set home here");
+  const phase = h("strong", { id: "phase" });
+  const doing = h("span", { class: "soft number", id: "doing" });
+  const bar = h("progress", { max: 1, value: 0, "aria-label": "Progress of the run" });
+  const inputs = h("div", { class: "inputs", id: "inputs" });
+  const controls = h("fieldset", { class: "bare" },
+    h("div", { class: "field" }, h("label", { htmlFor: "run-choice" }, "Run"), select),
+    h("div", { class: "row" }, start, halt, home),
+    h("h3", {}, "Inputs"), inputs);
+  const capture = makeCapture(bench);
+  const recordings = makeRecordings(bench);
+  const variables = makeVariables(bench);
+  const log = makeLog(app);
+  const tabs = makeTabs([["Recordings", recordings.element], ["Capture", capture.element], ["Variables", variables.element], ["Log", log.element]]);
+  const side = h("section", { class: "side", "aria-label": "Run" },
+    h("div", { class: "card" }, controls, h("div", { class: "status", role: "status" }, h("div", { class: "row" }, phase, h("span", { class: "grow" }), here), bar, doing)),
+    h("div", { class: "card tabs" }, tabs));
+
+  // --- experiment file and instruments
+  const name = h("strong", { id: "experiment" });
+  const arrangement = makeArrangement(bench);
+  const tools = h("div", { class: "row tools" }, name, h("span", { class: "grow" }),
+    h("button", { type: "button", class: "small", onclick: loadDialog }, "Load…"),
+    h("button", { type: "button", class: "small", onclick: saveDialog }, "Save…"),
+    ...arrangement.buttons);
+  element.append(h("div", { class: "bench" }, side, h("section", { class: "desk", "aria-label": "Instruments" }, tools, arrangement.element)));
+
+  function run() {
+    bench.show({ live: true });
+    return bench.act("/bench/start", { runs: [bench.chosen] });
+  }
+
+  function loadDialog() {
+    return openDialog("Load an experiment", (close) => {
+      const list = h("div", { class: "choices" }, "…");
+      app.request("/bench/experiments").then((names) => list.replaceChildren(...(names.length ? names.map((one) =>
+        h("button", { type: "button", onclick: () => { close(); bench.act("/bench/load", { name: one }); } }, one)) : ["There are no experiment files in the folder yet."])));
+      return h("div", {}, list, h("div", { class: "row end" }, h("button", { type: "button", onclick: close }, "Cancel")));
+    });
+  }
+  function saveDialog() {
+    return openDialog("Save the experiment", (close) => {
+      const field = h("input", { id: "save-name", value: bench.experiment.name || "experiment.yaml", spellcheck: false });
+      const save = async (event) => {
+        event.preventDefault();
+        const wanted = /\.yaml$/.test(field.value) ? field.value : `${field.value}.yaml`;
+        if (await bench.act("/bench/save", { name: wanted })) close();
+      };
+      return h("form", { onsubmit: save },
+        h("div", { class: "field" }, h("label", { htmlFor: "save-name" }, "Name, with inputs, capture settings and instruments"), field),
+        h("div", { class: "row end" }, h("button", { type: "button", onclick: close }, "Cancel"), h("button", { class: "primary" }, "Save")));
+    });
+  }
+
+  // --- what the server tells
+  let fields = [];
+  let shape = "";
+  function showExperiment() {
+    const { experiment } = bench;
+    name.textContent = `${experiment.content.title}${experiment.name ? ` · ${experiment.name}` : ""}`;
+    const runs = experiment.content.runs.map((one) => one.name);
+    if (!runs.includes(bench.chosen)) bench.chosen = runs[0] ?? null;
+    if (select.options.length !== runs.length || runs.some((one, i) => select.options[i].value !== one)) {
+      select.replaceChildren(...runs.map((one) => h("option", { value: one, title: experiment.content.runs.find((r) => r.name === one).notes }, one)));
+    }
+    select.value = bench.chosen;
+    const own = experiment.variables.filter((one) => one.kind === "experiment");
+    const now = JSON.stringify(own.map(({ name: called, unit }) => [called, unit]));
+    if (now !== shape) {
+      shape = now;
+      fields = own.map((one) => [one.name, variableField(bench, one)]);
+      inputs.replaceChildren(...fields.map(([, field]) => field.element));
+    }
+    for (const [called, field] of fields) field.set(own.find((one) => one.name === called).value);
+    capture.build();
+    variables.build();
+    arrangement.build();
+  }
+  function showRun() {
+    const { run: now } = bench;
+    const busy = ["preparing", "running", "stopping"].includes(now.phase);
+    phase.textContent = PHASES[now.phase] ?? now.phase;
+    phase.dataset.phase = now.phase;
+    bar.value = busy ? now.done : now.phase === "done" ? 1 : 0;
+    const left = now.remaining !== null && busy ? ` · ${formatQuantity(now.remaining, "s", 2)} left` : "";
+    doing.textContent = busy ? `${Math.round(100 * now.done)} %${left} · ${now.doing || now.title}` : now.title;
+    start.disabled = home.disabled = here.disabled = busy;
+    halt.disabled = !busy;
+    arrangement.values();
+  }
+  function showControl() {
+    controls.disabled = Boolean(app.control.holder) && !app.control.mine;
+    document.querySelector(".bench")?.classList.toggle("locked", controls.disabled);
+  }
+  const offs = [
+    app.stream.on("experiment", (message) => { bench.experiment = message; showExperiment(); }),
+    app.stream.on("run", (message) => { bench.run = message; showRun(); }),
+    app.stream.on("recordings", () => recordings.build()),
+    app.stream.on("connection", ({ state }) => state === "connected" && recordings.build()),
+  ];
+  window.addEventListener("controlchange", showControl);
+  showControl();
+  showRun();
+  recordings.build();
+  app.stream.send({ kind: "greet" }); // a page that was mounted later has missed the greeting
+  return () => {
+    offs.forEach((off) => off());
+    window.removeEventListener("controlchange", showControl);
+    bench.live.destroy();
+    arrangement.destroy();
+    log.destroy();
+  };
+}
+
+/** Tabs as the WAI-ARIA practices have them: arrow keys move between them. */
+function makeTabs(pages) {
+  const list = h("div", { role: "tablist", class: "tablist" });
+  const heads = pages.map(([title, page], i) => {
+    page.id = `tab-${title.toLowerCase()}`;
+    page.setAttribute("role", "tabpanel");
+    page.setAttribute("aria-label", title);
+    return h("button", { type: "button", role: "tab", "aria-controls": page.id, onclick: () => choose(i), onkeydown: (event) => {
+      const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+      if (step) { choose((i + step + pages.length) % pages.length); heads[(i + step + pages.length) % pages.length].focus(); }
+    } }, title);
+  });
+  function choose(index) {
+    heads.forEach((head, i) => { head.setAttribute("aria-selected", String(i === index)); head.tabIndex = i === index ? 0 : -1; });
+    pages.forEach(([, page], i) => (page.hidden = i !== index));
+  }
+  list.append(...heads);
+  choose(0);
+  return h("div", { class: "tabbox" }, list, ...pages.map(([, page]) => page));
 }

@@ -2,6 +2,16 @@
 
 import { formatQuantity } from "./quantity.js";
 
+/** The value at an index, or the nearest one that is there. */
+export function valueAt(column, index) {
+  if (!column?.length || index < 0) return null;
+  for (let away = 0; away < column.length; away++) {
+    const found = column[index - away] ?? column[index + away];
+    if (found !== null && found !== undefined) return found;
+  }
+  return null;
+}
+
 export function makeMarks({ root, strips, drawn, time, values, range, enabled }) {
   const at = { A: null, B: null };
   const table = document.createElement("table");
@@ -78,7 +88,7 @@ export function makeMarks({ root, strips, drawn, time, values, range, enabled })
     const index = { A: at.A === null || !x.length ? null : nearest(x, at.A), B: at.B === null || !x.length ? null : nearest(x, at.B) };
     const rows = [[time.label, at.A, at.B, time.unit]];
     for (const one of drawn) {
-      const value = (name) => (index[name] === null ? null : data[one.index]?.[index[name]] ?? null);
+      const value = (name) => (index[name] === null ? null : valueAt(data[one.index], index[name]));
       rows.push([one.label, value("A"), value("B"), one.unit]);
     }
     const cell = (tag, text) => {

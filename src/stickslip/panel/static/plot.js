@@ -3,8 +3,11 @@
 
 import uPlot from "./vendor/uplot.js";
 import { attachGestures } from "./gestures.js";
-import { makeMarks } from "./marks.js";
+import { makeMarks, valueAt } from "./marks.js";
 import { formatQuantity, prefixed, prefixPower } from "./quantity.js";
+
+/** Tables [x, y, ...] over different x as one, with gaps that the lines cross. */
+export const joined = (tables) => uPlot.join(tables.map((table) => table.map((one) => Array.from(one))));
 
 const DASHES = [[], [8, 4], [2, 3], [10, 3, 2, 3]];
 let plots = 0;
@@ -153,7 +156,7 @@ export function makePlot(element, { series, time = { label: "time", unit: "s" },
     const idx = xy ? null : strip.plot.cursor.idx;
     strip.members.forEach((one, i) => {
       const column = xy ? data[one.index]?.[1] : data[one.index];
-      const value = column?.length ? column[idx ?? column.length - 1] : NaN;
+      const value = valueAt(column, idx ?? (column?.length ?? 0) - 1);
       strip.outputs[i].children[2].textContent = xy ? "" : formatQuantity(value, one.unit);
     });
   }

@@ -1,0 +1,35 @@
+"""As many points as a screen can show, with every peak kept: the least and greatest value of each bucket."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float32 = NDArray[np.float32]
+
+
+def extremes(values: Float32, bucket: int) -> Float32:
+    """Least and greatest of each whole bucket of so many samples [rows, n] -> [rows, 2 n // bucket].
+
+    They alternate, the least first. A bucket of 1 is the samples as they are.
+    """
+    rows, count = values.shape[0], values.shape[1] // bucket
+    if bucket == 1:
+        return values
+    shaped = values[:, : count * bucket].reshape(rows, count, bucket)
+    return np.stack([shaped.min(axis=2), shaped.max(axis=2)], axis=2).reshape(rows, 2 * count)
+
+
+def window(time: NDArray[np.float64], values: Float32, points: int) -> tuple[NDArray[np.float64], Float32]:
+    """Times [m] and values [rows, m] with at most some `points` points; all samples where there are fewer.
+
+    `time` [n] need not be regular; the pairs of a bucket stand at a quarter and three quarters of it.
+    """
+    bucket = max(1, -(-2 * time.size // max(points, 2)))
+    if bucket < 3:
+        return time, values
+    count = time.size // bucket
+    quarter = np.arange(count) * bucket
+    times = np.stack([time[quarter + bucket // 4], time[quarter + (3 * bucket) // 4]], axis=1).ravel()
+    left = count * bucket  # the samples after the last whole bucket are shown as they are
+    return np.append(times, time[left:]), np.append(extremes(values, bucket), values[:, left:], axis=1)

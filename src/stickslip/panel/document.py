@@ -1,0 +1,175 @@
+"""The experiment on the bench: an experiment file's content as typed, checked as a whole at every change."""
+
+from __future__ import annotations
+
+import copy
+import itertools
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ..actuator import Actuator
+from ..experiment.cells import Cell, cells, limits_of, open_laboratory
+from ..experiment.file import ExperimentFile
+from ..experiment.running import check_experiment
+from ..input_file import load_yaml, yaml_text
+from ..recording import STANDARD_NAMES
+from ..recording.replacing import replaced_whole
+from ..records import quantities
+from ..rig.measurement import channel_units
+from ..units import QuantityError, to_si
+from .folder import Folder
+
+DEFAULT = Path(__file__).parent / "experiment.yaml"
+_KEY_LIMIT = 8  # parts of a path into the content
+
+
+class Checked(NamedTuple):
+    """Content that was found right: what it says, its cells, and the unit of each channel."""
+
+    content: dict[str, Any]
+    file: ExperimentFile
+    cells: list[Cell]
+    units: dict[str, str]
+
+
+class Document:
+    """The experiment that is on the bench; `name` is that of its file, "" for one that was not saved."""
+
+    def __init__(self, folder: Folder) -> None:
+        self._folder = folder
+        self.name = ""
+        self.checked = self._check(load_yaml(DEFAULT))
+
+    def _check(self, content: dict[str, Any]) -> Checked:
+        """Raises ValueError or RigError for what cannot be recorded; nothing is put out."""
+        file = check_experiment(content)
+        for name in _files(file):
+            self._folder.path(name)
+        laboratory = open_laboratory(file, self._folder.root)
+        try:
+            found = cells(file, self._folder.root, laboratory)
+            can = laboratory.rig(found[0].actuator, 0).capabilities
+        finally:
+            laboratory.close()
+        limits = limits_of(file, found[0].actuator)
+        return Checked(content, file, found, channel_units(can, found[0].channels, limits))
+
+    def change(self, path: list[str | int], value: Any) -> None:
+        """Set one place of the content, null takes it away; raises as `replace`, and nothing is changed."""
+        content = copy.deepcopy(self.checked.content)
+        if not 0 < len(path) <= _KEY_LIMIT:
+            raise QuantityError("a change names a place in the experiment")
+        place: Any = content
+        for part, after in itertools.pairwise(path):
+            if isinstance(place, dict) and isinstance(part, str):
+                place = place.setdefault(part, [] if isinstance(after, int) else {})
+            else:
+                place = _item(place, part)
+        last = path[-1]
+        if isinstance(place, dict) and isinstance(last, str):
+            if value is None:
+                place.pop(last, None)
+            else:
+                place[last] = value
+        else:
+            _item(place, last)
+            place[last] = value
+        self.checked = self._check(content)
+
+    def replace(self, content: dict[str, Any], name: str) -> None:
+        """Put another experiment on the bench; raises ValueError or RigError where it cannot be recorded."""
+        self.checked, self.name = self._check(content), name
+
+    def load(self, name: str) -> None:
+        """Load an experiment file of the folder."""
+        self.replace(load_yaml(self._folder.path(name)), name)
+
+    def save(self, name: str) -> None:
+        """Save as an experiment file of the folder; all of it or nothing."""
+        if not name.endswith(".yaml"):
+            raise QuantityError(f"{name[:60]!r}: an experiment file is called NAME.yaml")
+        path = self._folder.path(name)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with replaced_whole(path) as temporary:
+            temporary.write_text(yaml_text(self.checked.content), encoding="utf-8")
+        self.name = name
+
+    def of_runs(self, names: list[str]) -> dict[str, Any]:
+        """The content with these runs only."""
+        runs = [run for run in self.checked.content["runs"] if run["name"] in names]
+        if not runs or len(runs) < len(set(names)):
+            raise QuantityError(f"there is no run {', '.join(names) or 'chosen'}")
+        return {**self.checked.content, "runs": runs}
+
+    def described(self) -> dict[str, Any]:
+        """All that a page needs to know of it."""
+        content, file, _, units = self.checked
+        return {
+            "name": self.name,
+            "content": content,
+            "panel": [one.model_dump() for one in file.panel],
+            "channels": [_channel(name, unit) for name, unit in units.items()],
+            "variables": list(self._variables()),
+        }
+
+    def _variables(self) -> Iterator[dict[str, Any]]:
+        """Everything that an input can be bound to: name, value in SI, unit, meaning, place in the file."""
+        _, file, found, _ = self.checked
+        for name, value in file.variables.items():
+            unit = _unit_of(name, value)
+            if unit is not None and not isinstance(value, bool):
+                yield _variable(name, to_si(value, unit, name), unit, "", ["variables", name], "experiment")
+        actuator: Actuator = found[0].actuator
+        for name, quantity in quantities(type(actuator)).items():
+            value = getattr(actuator, name)
+            if isinstance(value, float) and math.isfinite(value):
+                place = ["actuator", "change", name]
+                yield _variable(name, value, quantity.unit, quantity.meaning, place, "actuator")
+        for name, quantity in quantities(type(actuator.friction)).items():
+            value = getattr(actuator.friction, name)
+            if isinstance(value, float):
+                place = ["actuator", "friction", name]
+                yield _variable(f"friction.{name}", value, quantity.unit, quantity.meaning, place, "friction")
+
+
+def _item(place: Any, part: str | int) -> Any:
+    try:
+        return place[part]
+    except (KeyError, IndexError, TypeError):
+        raise QuantityError(f"{part!r} is no place in the experiment") from None
+
+
+def _files(file: ExperimentFile) -> Iterator[str]:
+    """Names of files that an experiment asks for; they may only be in the panel's folder."""
+    bench = getattr(file.rig, "bench", "")
+    named = [(bench, ".toml"), (file.actuator.set, ".toml")]
+    named += [(name, ".json") for channel in file.channels.values() for name in channel.calibration]
+    yield from (name for name, suffix in named if name.endswith(suffix))
+    yield from (part.file for run in file.runs for part in run.waveform if part.file is not None)
+
+
+def _channel(name: str, unit: str) -> dict[str, str]:
+    standard = STANDARD_NAMES.get(name)
+    return {"name": name, "unit": unit, "label": standard.long_name if standard else name.replace("_", " ")}
+
+
+def _variable(
+    name: str, value: float, unit: str, meaning: str, place: list[str], kind: str
+) -> dict[str, Any]:
+    label = meaning or name.replace("_", " ")
+    return {"name": name, "value": value, "unit": unit, "label": label, "path": place, "kind": kind}
+
+
+def _unit_of(name: str, value: Any) -> str | None:
+    """The SI unit in which a variable of an experiment file is given; None for a text that is no quantity."""
+    if isinstance(value, int | float):
+        return ""
+    for unit in ("V", "Hz", "s", "m", "N", "kg", "", "N/m", "V/s", "m/s", "N s/m"):
+        try:
+            to_si(value, unit, name)
+        except QuantityError:
+            continue
+        return unit
+    return None

@@ -1,0 +1,111 @@
+"""The samples of the run that is going on, or was the last: told to every page as they come, and kept."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .decimation import Float32, extremes, window
+from .stream import Client, Hub, Message, packed
+
+SHOWN = 2000  # buckets of a whole run
+
+
+class Live:
+    """One run at a time; the memory of the one before is given back.
+
+    Args:
+        hub: who is told.
+        largest: samples of all channels together that are kept at full resolution, float32.
+    """
+
+    def __init__(self, hub: Hub, largest: int = 60_000_000) -> None:
+        self._hub, self._largest = hub, largest
+        self._lock = threading.Lock()
+        self._number = 0
+        self._header: dict[str, Any] | None = None
+        self._values: Float32 = np.zeros((0, 0), np.float32)
+        self._filled = self._sent = 0
+        self._bucket = 1
+        self._rate = 1.0
+        hub.greetings.append(self._so_far)
+
+    def begin(
+        self, title: str, columns: list[dict[str, str]], rate: float, samples: int, before: int
+    ) -> None:
+        """A run begins.
+
+        Args:
+            title: of the run.
+            columns: name, unit and label of each channel.
+            rate: Hz.
+            samples: how many each channel will have.
+            before: how many of them come before the drive: time 0 is after them.
+        """
+        if samples * len(columns) > self._largest:
+            raise MemoryError(f"{samples} samples of {len(columns)} channels are too many to show")
+        with self._lock:
+            self._number += 1
+            self._bucket = max(1, samples // SHOWN)
+            self._rate = rate
+            self._values = np.zeros((len(columns), samples), np.float32)
+            self._filled = self._sent = 0
+            self._header = {
+                "kind": "trace",
+                "trace": self._number,
+                "title": title,
+                "columns": columns,
+                "begin": -before / rate,
+                "interval": 1 / rate,
+                "samples": samples,
+                "bucket": self._bucket,
+            }
+            self._hub.send(json.dumps(self._header))
+
+    def add(self, block: Mapping[str, NDArray[np.float64]]) -> None:
+        """The next samples of each channel."""
+        rows = list(block.values())
+        with self._lock:
+            end = min(self._filled + rows[0].size, self._values.shape[1])
+            for i, row in enumerate(rows):
+                self._values[i, self._filled : end] = row[: end - self._filled]
+            self._filled = end
+            message = self._block(self._sent)
+            if message is not None:
+                self._sent = self._filled // self._bucket
+                self._hub.send(message)
+
+    def window(self, trace: int, begin: float, end: float, points: int) -> bytes:
+        """What a page asks for when it zooms in: times from `begin`, and the values of each channel."""
+        with self._lock:
+            if self._header is None or trace != self._number:
+                raise ValueError("that run is no longer in memory: open its recording")
+            first = self._header["begin"]
+            low = max(int((begin - first) * self._rate) - 1, 0)
+            high = min(int((end - first) * self._rate) + 3, self._filled)
+            values = self._values[:, low : max(high, low)]
+            time = first + (low + np.arange(values.shape[1])) / self._rate
+            times, shown = window(time, values, points)
+            return packed({"kind": "window", "trace": trace, "from": begin}, times - begin, *shown)
+
+    def _block(self, first: int) -> bytes | None:
+        """The whole buckets from `first` on, as a message; None if there are none."""
+        last = self._filled // self._bucket
+        if last <= first:
+            return None
+        values = extremes(self._values[:, first * self._bucket : last * self._bucket], self._bucket)
+        latest = self._values[:, self._filled - 1].tolist()
+        return packed({"kind": "block", "trace": self._number, "bucket": first, "latest": latest}, *values)
+
+    def _so_far(self, client: Client, said: dict[str, Any]) -> Iterable[Message]:
+        with self._lock:
+            if self._header is not None:
+                yield json.dumps(self._header)
+                message = self._block(0)
+                if message is not None:
+                    yield message

@@ -1,0 +1,143 @@
+"""The recordings in the panel's folder: list, show, rename, export."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections import OrderedDict
+from pathlib import Path
+from threading import Lock
+from typing import Any, Literal
+
+import numpy as np
+import xarray as xr
+from fastapi import APIRouter, Request, Response
+from fastapi.responses import FileResponse
+from starlette.background import BackgroundTask
+
+from ..input_file import Strict
+from ..readers import read_recording
+from ..recording import open_recording, save_csv, save_matlab
+from .control import Control
+from .decimation import window
+from .folder import Folder, FolderError
+from .stream import Hub, packed
+
+MOST_OPEN = 6  # recordings kept in memory for zooming
+MOST_POINTS = 20_000
+Kind = Literal["nc", "mat", "controldesk", "csv"]
+_SUFFIX = {"nc": ".nc", "mat": ".mat", "controldesk": "_controldesk.mat", "csv": ".csv"}
+
+
+class Shown(Strict):
+    """Part of a recording, for the screen; all of it where `begin` and `end` are left out."""
+
+    name: str
+    begin: float | None = None
+    end: float | None = None
+    points: int = 2000
+
+
+class Renaming(Strict):
+    """A file and the name that it shall have."""
+
+    name: str
+    to: str
+
+
+class Shelf:
+    """Recordings that were opened last, by name and time of change."""
+
+    def __init__(self, folder: Folder) -> None:
+        self._folder = folder
+        self._open: OrderedDict[tuple[str, float], xr.Dataset] = OrderedDict()
+        self._lock = Lock()
+
+    def recording(self, name: str) -> xr.Dataset:
+        """A recording of the folder; raises FolderError or RecordingError."""
+        path = self._folder.path(name)
+        if not path.is_file():
+            raise FolderError(f"{name[:60]}: there is no such recording")
+        key = (name, path.stat().st_mtime)
+        with self._lock:
+            if key in self._open:
+                self._open.move_to_end(key)
+                return self._open[key]
+        found = open_recording(path) if path.suffix == ".nc" else read_recording(path)
+        with self._lock:
+            self._open[key] = found
+            while len(self._open) > MOST_OPEN:
+                self._open.popitem(last=False)
+        return found
+
+
+def recording_routes(folder: Folder, hub: Hub, control: Control) -> APIRouter:
+    """The routes of the recordings."""
+    routes = APIRouter(prefix="/recordings")
+    shelf = Shelf(folder)
+
+    @routes.get("")
+    def listed() -> list[dict[str, Any]]:
+        return [_described(folder, name) for name in folder.files(".nc")[:500]]
+
+    @routes.post("/show")
+    def show(asked: Shown) -> Response:
+        recording = shelf.recording(asked.name)
+        time = recording["time"].values
+        begin = float(time[0]) if asked.begin is None else asked.begin
+        end = float(time[-1]) if asked.end is None else asked.end
+        low = max(int(np.searchsorted(time, begin)) - 1, 0)
+        high = int(np.searchsorted(time, end, side="right")) + 1
+        names = [str(name) for name in recording.data_vars]
+        values = np.array([recording[name].values[low:high] for name in names], np.float32)
+        times, shown = window(time[low:high], values, min(asked.points, MOST_POINTS))
+        columns = [
+            {"name": n, "unit": recording[n].attrs["units"], "label": recording[n].attrs["long_name"]}
+            for n in names
+        ]
+        header = {"kind": "recording", "name": asked.name, "from": begin, "columns": columns}
+        header |= {
+            "extent": [float(time[0]), float(time[-1])],
+            "title": str(recording.attrs.get("title", "")),
+        }
+        return Response(packed(header, times - begin, *shown), media_type="application/octet-stream")
+
+    @routes.post("/rename")
+    def rename(asked: Renaming, request: Request) -> dict[str, str]:
+        control.need(request.headers.get("x-client", ""))
+        source, target = folder.path(asked.name), folder.path(asked.to)
+        if source.suffix != ".nc" or target.suffix != ".nc" or not source.is_file():
+            raise FolderError("a recording is called NAME.nc")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            os.link(source, target)  # unlike a plain renaming, this never takes the place of another file
+        except FileExistsError:
+            raise FolderError(f"{asked.to} is there already") from None
+        source.unlink()
+        hub.tell("recordings")
+        return {"name": asked.to}
+
+    @routes.get("/export")
+    def export(name: str, kind: Kind = "nc") -> FileResponse:
+        recording = shelf.recording(name)
+        stem = Path(name).stem
+        if kind == "nc" and name.endswith(".nc"):
+            return FileResponse(folder.path(name), filename=f"{stem}.nc")
+        made = Path(tempfile.mkdtemp(prefix="stickslip-")) / f"{stem}{_SUFFIX[kind]}"
+        if kind == "csv":
+            save_csv(recording, made)
+        else:
+            save_matlab(recording, made, "trace" if kind == "mat" else "controldesk")
+        return FileResponse(made, filename=made.name, background=BackgroundTask(_remove, made))
+
+    return routes
+
+
+def _described(folder: Folder, name: str) -> dict[str, Any]:
+    status = folder.path(name).stat()
+    return {"name": name, "changed": status.st_mtime, "bytes": status.st_size}
+
+
+def _remove(path: Path) -> None:
+    path.unlink(missing_ok=True)
+    path.parent.rmdir()

@@ -1,0 +1,137 @@
+// The instruments of the Bench page: plotter, display, input; each is { element, update(), destroy() }.
+
+import { h } from "./dom.js";
+import { showRecording } from "./livedata.js";
+import { joined, makePlot } from "./plot.js";
+import { formatQuantity, makeQuantity } from "./quantity.js";
+
+const POSITION = { name: "position", unit: "m", label: "position from home" };
+
+/** What a name is bound to: a channel, the position, or a variable of the experiment. */
+export function bound(bench, name) {
+  const { channels, variables } = bench.experiment;
+  const channel = channels.find((one) => one.name === name);
+  if (channel) return { ...channel, kind: "channel", value: () => bench.live.latest(name) };
+  if (name === "position") return { ...POSITION, kind: "channel", value: () => bench.run.position };
+  const variable = variables.find((one) => one.name === name);
+  if (variable) return { ...variable, kind: "variable", value: () => bench.experiment.variables.find((one) => one.name === name)?.value };
+  return { name, unit: "", label: `${name} (is gone)`, kind: "gone", value: () => undefined };
+}
+
+export function makeInstrument(bench, spec) {
+  return { plotter, display, input }[spec.kind](bench, spec);
+}
+
+function display(bench, spec) {
+  const parts = spec.variables.map((name) => {
+    const to = bound(bench, name);
+    const value = h("output", { class: "reading number" });
+    return { to, value, element: h("div", { class: "display" }, h("span", { class: "soft" }, spec.variables.length === 1 && spec.title ? spec.title : to.label), value) };
+  });
+  const element = h("div", { class: "displays" }, ...parts.map((part) => part.element));
+  const update = () => parts.forEach(({ to, value }) => (value.textContent = formatQuantity(to.value(), to.unit)));
+  const off = bench.live.listen(update);
+  update();
+  return { element, update, destroy: off };
+}
+
+function input(bench, spec) {
+  const fields = spec.variables.map((name) => {
+    const to = bound(bench, name);
+    if (to.kind !== "variable") return { to, field: { element: h("div", { class: "soft" }, `${to.label}: cannot be set`), set() {} } };
+    return { to, field: variableField(bench, to) };
+  });
+  const update = () => fields.forEach(({ to, field }) => field.set(to.value()));
+  return { element: h("div", { class: "inputs" }, ...fields.map(({ field }) => field.element)), update, destroy() {} };
+}
+
+/** A field for a variable of the experiment; the server checks the whole experiment with the new value. */
+export function variableField(bench, variable, label = variable.label) {
+  return makeQuantity({
+    label, unit: variable.unit, value: variable.value, app: bench.app, hint: variable.unit ? `in ${variable.unit}` : "",
+    change: (value, text) => bench.set(variable.path, variable.unit ? withUnit(text, value, variable.unit) : value),
+  });
+}
+
+const withUnit = (text, value, unit) => (/[A-Za-zµμΩ°%]\s*$/.test(text) && !/^[-+.\d]*e[-+]?\d+$/i.test(text) ? text : `${value} ${unit}`);
+
+function plotter(bench, spec) {
+  const box = h("div", { class: "plotter" });
+  let plot = null;
+  let offView = () => {};
+  let made = "";
+  let asked = 0;
+  let busy = false;
+  let again = false;
+
+  /** Sources: the live run and the recordings that are shown; more than one are told apart by colour. */
+  const sources = () => [...(bench.shown.live ? ["live"] : []), ...bench.shown.recordings];
+  function build() {
+    const from = sources();
+    const key = JSON.stringify([from, spec.variables, bench.experiment.channels]);
+    if (key === made) return;
+    made = key;
+    offView();
+    const view = plot?.view ?? null;
+    plot?.destroy();
+    const several = from.length > 1;
+    const series = from.flatMap((source, s) => spec.variables.map((name, v) => {
+      const to = bound(bench, name);
+      const label = several ? `${to.label} · ${source === "live" ? "this run" : shortName(source)}` : to.label;
+      return { label, unit: to.unit, strip: name, color: `--series-${((several ? s : v) % 6) + 1}`, dash: several && s ? [[9, 4], [3, 3], [12, 3, 3, 3]][(s - 1) % 3] : [] };
+    }));
+    plot = makePlot(box, { series, label: spec.title || "Plotter" });
+    offView = plot.onView(() => later());
+    if (view) plot.setView(view);
+  }
+  async function columns(source, view) {
+    if (source !== "live") {
+      const { header, x, columns: found } = await showRecording(bench.app, source, view, 2 * plot.pixels);
+      return [x, ...spec.variables.map((name) => found[header.columns.findIndex((one) => one.name === name)] ?? new Float32Array(x.length))];
+    }
+    const { header } = bench.live.data;
+    if (!header || !view || header.bucket === 1) return bench.live.whole(spec.variables);
+    return bench.live.window(spec.variables, view, 2 * plot.pixels);
+  }
+  async function refresh() {
+    if (busy) { again = true; return; }
+    busy = true;
+    build();
+    const mine = ++asked;
+    try {
+      const from = sources();
+      const view = plot.view && [plot.view[0] - 0.05 * (plot.view[1] - plot.view[0]), plot.view[1] + 0.05 * (plot.view[1] - plot.view[0])];
+      const tables = await Promise.all(from.map((source) => columns(source, view)));
+      if (mine === asked && plot) {
+        plot.setExtent(from.length === 1 && from[0] === "live" ? bench.live.extent() : null);
+        plot.setData(tables.length === 1 ? tables[0] : joined(tables));
+      }
+    } catch (error) {
+      bench.app.notify(error.message, "error");
+    } finally {
+      busy = false;
+      if (again) { again = false; later(); }
+    }
+  }
+  let timer = 0;
+  function later() {
+    clearTimeout(timer);
+    timer = setTimeout(() => { timer = 0; refresh(); }, 40);
+  }
+  const off = bench.live.listen((what) => {
+    const simple = sources().length === 1 && bench.shown.live && plot && (!plot.view || bench.live.data.header?.bucket === 1);
+    if (what === "block" && simple && made) {
+      plot.setExtent(bench.live.extent());
+      plot.setData(bench.live.whole(spec.variables));
+    } else if (what === "block") timer ||= setTimeout(() => { timer = 0; refresh(); }, 150);
+    else refresh();
+  });
+  queueMicrotask(refresh);
+  return { element: box, update: refresh, destroy() { off(); offView(); clearTimeout(timer); plot?.destroy(); plot = null; } };
+}
+
+export const shortName = (name) => {
+  const parts = name.replace(/\.nc$/, "").split("/");
+  const stamp = /^\d{4}-(\d\d-\d\d)_(\d\d)(\d\d)(\d\d)/.exec(parts.at(-2) ?? "");
+  return stamp ? `${parts.at(-1)} ${stamp[1]} ${stamp[2]}:${stamp[3]}:${stamp[4]}` : parts.slice(-2).join("/");
+};

@@ -1,0 +1,65 @@
+// What the page knows of the run: samples so far (least and greatest of each bucket), latest values, windows.
+
+import { unpack } from "./stream.js";
+
+export function makeLiveData(app) {
+  const listeners = new Set();
+  const data = { header: null, x: new Float64Array(0), columns: [], filled: 0, latest: [] };
+  const tell = (what) => listeners.forEach((act) => act(what));
+  const offs = [
+    app.stream.on("trace", (header) => {
+      const per = header.bucket === 1 ? 1 : 2;
+      const count = Math.floor(header.samples / header.bucket);
+      const step = header.interval * header.bucket;
+      data.header = header;
+      data.x = Float64Array.from({ length: per * count }, (_, i) =>
+        header.begin + (per === 1 ? i * step : (Math.floor(i / 2) + (i % 2 ? 0.75 : 0.25)) * step));
+      data.columns = header.columns.map(() => new Float32Array(per * count));
+      data.filled = 0;
+      data.latest = [];
+      tell("trace");
+    }),
+    app.stream.on("block", (header, arrays) => {
+      if (header.trace !== data.header?.trace) return;
+      const per = data.header.bucket === 1 ? 1 : 2;
+      arrays.forEach((values, i) => data.columns[i].set(values, per * header.bucket));
+      data.filled = per * header.bucket + (arrays[0]?.length ?? 0);
+      data.latest = header.latest;
+      tell("block");
+    }),
+  ];
+  return {
+    data,
+    listen(act) { listeners.add(act); return () => listeners.delete(act); },
+    /** [x, column of each name] as far as it goes. */
+    whole(names) {
+      return [data.x.subarray(0, data.filled), ...names.map((name) => {
+        const i = data.header?.columns.findIndex((one) => one.name === name) ?? -1;
+        return i < 0 ? [] : data.columns[i].subarray(0, data.filled);
+      })];
+    },
+    latest(name) {
+      const i = data.header?.columns.findIndex((one) => one.name === name) ?? -1;
+      return i < 0 ? undefined : data.latest[i];
+    },
+    extent() {
+      const { header } = data;
+      return header && [header.begin, header.begin + header.samples * header.interval];
+    },
+    /** Full resolution, or as much as there are points: [x, column of each name] in a window. */
+    async window(names, [begin, end], points) {
+      const { header } = data;
+      const { header: got, arrays } = unpack(await app.request("/bench/window", { trace: header.trace, begin, end, points }));
+      const x = Float64Array.from(arrays[0], (t) => got.from + t);
+      return [x, ...names.map((name) => arrays[1 + header.columns.findIndex((one) => one.name === name)] ?? [])];
+    },
+    destroy() { offs.forEach((off) => off()); },
+  };
+}
+
+/** A recording of the folder, or a window of it. */
+export async function showRecording(app, name, view, points) {
+  const [begin, end] = view ?? [null, null];
+  const { header, arrays } = unpack(await app.request("/recordings/show", { name, begin, end, points }));
+  return { header, x: Float64Array.from(arrays[0], (t) => header.from + t), columns: arrays.slice(1) };
+}

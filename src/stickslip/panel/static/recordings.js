@@ -1,0 +1,64 @@
+// The recordings of the folder: open, compare, rename, export.
+
+import { h, openDialog } from "./dom.js";
+import { shortName } from "./instruments.js";
+
+const KINDS = [["nc", "NetCDF"], ["mat", "MAT"], ["controldesk", "MAT, as ControlDesk"], ["csv", "CSV"]];
+
+export function makeRecordings(bench) {
+  const list = h("ul", { class: "recordings" });
+  const back = h("button", { type: "button", class: "small", hidden: true, onclick: () => bench.show({ live: true, recordings: [] }) }, "Show the live run");
+  const element = h("div", {}, back, list);
+  let found = [];
+
+  async function build() {
+    try {
+      found = await bench.app.request("/recordings");
+      update();
+    } catch (error) {
+      bench.app.notify(error.message, "error");
+    }
+  }
+  function update() {
+    const { live, recordings } = bench.shown;
+    back.hidden = live && !recordings.length;
+    const open = document.activeElement?.dataset?.recording;
+    list.replaceChildren(...found.map(({ name, bytes }) => {
+      const shown = recordings.includes(name);
+      const compare = h("input", { type: "checkbox", checked: shown, "aria-label": `Compare ${shortName(name)}`, onchange: () =>
+        bench.show({ recordings: shown ? recordings.filter((one) => one !== name) : [...recordings, name].slice(-5), live: live || (shown && recordings.length === 1) }) });
+      return h("li", { class: shown ? "shown" : "" },
+        h("label", { class: "compare", title: "Compare: show it with the others" }, compare),
+        h("button", { type: "button", class: "small quiet name", title: `${name}, ${(bytes / 1000).toFixed(0)} kB`, "data-recording": name, onclick: () => bench.show({ live: false, recordings: [name] }) }, shortName(name)),
+        h("button", { type: "button", class: "small quiet", "aria-label": `Rename ${shortName(name)}`, title: "Rename", onclick: () => renameDialog(name) }, "✎"),
+        h("button", { type: "button", class: "small quiet", "aria-label": `Export ${shortName(name)}`, title: "Export", onclick: () => exportDialog(name) }, "⤓"));
+    }));
+    if (!found.length) list.append(h("li", { class: "soft" }, "None yet: press Start."));
+    if (open) list.querySelector(`[data-recording="${CSS.escape(open)}"]`)?.focus();
+  }
+  function renameDialog(name) {
+    openDialog("Rename the recording", (close) => {
+      const parts = name.split("/");
+      const field = h("input", { id: "rename", value: parts.at(-1).replace(/\.nc$/, ""), spellcheck: false });
+      const rename = async (event) => {
+        event.preventDefault();
+        const to = [...parts.slice(0, -1), `${field.value.replace(/\.nc$/, "")}.nc`].join("/");
+        if (to === name) return close();
+        if (await bench.act("/recordings/rename", { name, to })) {
+          close();
+          bench.show({ recordings: bench.shown.recordings.map((one) => (one === name ? to : one)) });
+          build();
+        }
+      };
+      return h("form", { onsubmit: rename }, h("div", { class: "field" }, h("label", { htmlFor: "rename" }, `Name in ${parts.slice(0, -1).join("/") || "the folder"}`), field),
+        h("div", { class: "row end" }, h("button", { type: "button", onclick: close }, "Cancel"), h("button", { class: "primary" }, "Rename")));
+    });
+  }
+  function exportDialog(name) {
+    openDialog(`Export ${shortName(name)}`, (close) => h("div", {},
+      h("div", { class: "choices" }, ...KINDS.map(([kind, text]) =>
+        h("a", { class: "button", href: `/recordings/export?${new URLSearchParams({ name, kind })}`, download: "", onclick: () => setTimeout(close) }, text))),
+      h("div", { class: "row end" }, h("button", { type: "button", onclick: close }, "Cancel"))));
+  }
+  return { element, build, update };
+}

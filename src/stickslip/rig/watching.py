@@ -1,0 +1,92 @@
+"""A rig that somebody watches: samples as they come, processed as in the recording, and a way to stop it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from scipy.signal import sosfilt, sosfilt_zi
+
+from ..electronics.filters import sections
+from .measurement import Channel
+from .protocols import Array, Capabilities, Rig
+
+
+class WatchedRig:
+    """A rig around a rig; see `protocols.Rig`.
+
+    Args:
+        rig: what records.
+        channels: as for `measure`; calibrated, filtered and zeroed block by block. Zero is the mean of what
+            the first block holds from before the drive.
+        armed: called with how many samples a run will have, and how many of them are before the drive.
+        sees: called with the next values of each channel [n]. What it raises ends the run, and the output
+            ramps to 0 V.
+        stopping: called just before the output is told to ramp to 0 V.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        channels: Mapping[str, Channel],
+        armed: Callable[[int, int], None],
+        sees: Callable[[dict[str, Array]], None],
+        stopping: Callable[[], None],
+    ) -> None:
+        self._rig, self._channels = rig, channels
+        self._armed, self._sees, self._stopping = armed, sees, stopping
+        self._inputs: tuple[str, ...] = ()
+        self._before = 0
+        self._states: dict[str, Array] = {}
+        self._zeros: dict[str, float] = {}
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """Those of the rig."""
+        return self._rig.capabilities
+
+    def load(self, volts: Array) -> None:
+        """Take the drive."""
+        can = self.capabilities
+        moving = np.flatnonzero(volts)
+        first = int(moving[0]) if moving.size else volts.size
+        self._before = int(first * can.sample_rate / can.update_rate)
+        self._rig.load(volts)
+
+    def arm(self, inputs: tuple[str, ...], samples: int) -> None:
+        """Record these inputs."""
+        self._inputs, self._states, self._zeros = inputs, {}, {}
+        self._rig.arm(inputs, samples)
+        self._armed(samples, self._before)
+
+    def start(self) -> None:
+        """Run, unless the watcher raises first."""
+        self._sees({name: np.zeros(0) for name in self._channels})
+        self._rig.start()
+
+    def fetch(self) -> Array:
+        """The next samples; the watcher sees them first."""
+        block = self._rig.fetch()
+        if block.shape[1]:
+            self._sees({name: self._shown(name, block) for name in self._channels})
+        return block
+
+    def stop(self, slew: float) -> None:
+        """Ramp to 0 V."""
+        self._stopping()
+        self._rig.stop(slew)
+
+    def _shown(self, name: str, block: Array) -> Array:
+        channel = self._channels[name]
+        values = block[self._inputs.index(channel.input)]
+        for calibration in channel.calibration:
+            values = calibration(values)
+        if channel.filter is not None:
+            made = sections(channel.filter, self.capabilities.sample_rate)
+            state = self._states.get(name, sosfilt_zi(made) * values[0])
+            values, self._states[name] = sosfilt(made, values, zi=state)
+        if channel.zero:
+            if name not in self._zeros:
+                self._zeros[name] = float(values[: max(self._before, 1)].mean())
+            values = values - self._zeros[name]
+        return values
