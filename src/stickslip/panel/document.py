@@ -129,7 +129,7 @@ class Document:
                 yield _variable(name, value, quantity.unit, quantity.meaning, place, "actuator")
         for name, quantity in quantities(type(actuator.friction)).items():
             value = getattr(actuator.friction, name)
-            if isinstance(value, float):
+            if isinstance(value, float) and math.isfinite(value):
                 place = ["actuator", "friction", name]
                 yield _variable(f"friction.{name}", value, quantity.unit, quantity.meaning, place, "friction")
 
