@@ -9,6 +9,8 @@ from http.cookies import CookieError, SimpleCookie
 from typing import Any
 from urllib.parse import parse_qs
 
+from starlette.exceptions import HTTPException
+
 Scope = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
 Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
@@ -26,10 +28,6 @@ _HEADERS = {
     "cross-origin-opener-policy": "same-origin",
     "cache-control": "no-cache",
 }
-
-
-class _TooLarge(Exception):
-    """A body that said less about its length than it sent."""
 
 
 class Guard:
@@ -80,7 +78,7 @@ class Guard:
             message = await receive()
             taken += len(message.get("body", b""))
             if taken > self._largest:
-                raise _TooLarge
+                raise HTTPException(413, self._too_large())
             return message
 
         async def headed(message: MutableMapping[str, Any]) -> None:
@@ -90,10 +88,7 @@ class Guard:
                 message = {**message, "headers": [*message["headers"], *more]}
             await send(message)
 
-        try:
-            await self._app(scope, counted, headed)
-        except _TooLarge:
-            await _answer(scope, receive, send, 413, self._too_large())
+        await self._app(scope, counted, headed)
 
     def _too_large(self) -> str:
         return f"a request may have up to {self._largest / 2**20:.3g} MiB"

@@ -67,6 +67,11 @@ class Live:
             }
             self._hub.send(json.dumps(self._header))
 
+    @property
+    def begun(self) -> bool:
+        """Whether the run has samples."""
+        return self._filled > 0
+
     def add(self, block: Mapping[str, NDArray[np.float64]]) -> None:
         """The next samples of each channel."""
         rows = list(block.values())

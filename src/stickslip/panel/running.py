@@ -57,6 +57,7 @@ class Runner:
         self._thread: threading.Thread | None = None
         self._stop: tuple[str, float] | None = None
         self._told = 0.0
+        self._busy = False
         self.position = 0.0
         self._start = 0.0  # position at which the present recording began
         self.state: dict[str, Any] = {
@@ -70,14 +71,14 @@ class Runner:
     @property
     def busy(self) -> bool:
         """Whether a job is running."""
-        return self._thread is not None and self._thread.is_alive()
+        return self._busy
 
     def start(self, job: Job) -> None:
         """Start a job; raises RigError while another runs."""
         with self._lock:
             if self.busy:
                 raise RigError("a run is going on: stop it first")
-            self._stop = None
+            self._stop, self._busy = None, True
             self._thread = threading.Thread(target=self._run, args=(job,), name="rig", daemon=False)
             self._state(phase="preparing", title=job.title, doing="checking", done=0.0, remaining=None)
             self._thread.start()
@@ -103,32 +104,33 @@ class Runner:
 
     def _run(self, job: Job) -> None:
         self._journal(f"{job.title}: started")
-        begun = time.monotonic()
+        phase = "failed"
         try:
             recorded = record_experiment(
                 job.file,
                 job.folder,
                 job.out,
-                partial(self._progress, begun),
+                partial(self._progress, time.monotonic()),
                 label=job.title,
                 watch=partial(self._watched, job),
             )
             self._journal(f"{job.title}: finished, {_counted(len(recorded))} in {job.out.name}")
-            self._state(phase="done", doing="", done=1.0, remaining=0.0)
+            phase = "done"
         except Arrived as arrived:
             self._journal(f"{job.title}: {arrived}")
-            self._state(phase="done", doing="", done=1.0, remaining=0.0)
+            phase = "done"
         except StopRequested as stopped:
             self._journal(f"{job.title}: {stopped}; what was finished is kept", "warning")
-            self._state(phase="stopped", doing="", remaining=None)
+            phase = "stopped"
         except Exception as error:
             known = isinstance(error, ValueError | OSError | RigError | MemoryError)
             said = str(error) if known else f"unexpected {type(error).__name__}"
             self._journal(f"{job.title}: {said}", "error")
-            self._state(phase="failed", doing="", remaining=None)
         finally:
             if job.finished is not None:
                 job.finished()
+            self._busy = False  # before it is told: who hears of the end may start again
+            self._state(phase=phase, doing="", done=float(phase == "done"), remaining=None)
 
     def _watched(self, job: Job, cell: Cell, rig: Rig) -> Rig:
         rate = rig.capabilities.sample_rate
@@ -136,20 +138,21 @@ class Runner:
         def armed(samples: int, before: int) -> None:
             self._start = self.position
             self._live.begin(f"{job.title}: {cell.name}", job.columns, rate, samples, before)
-            self._state(phase="running", doing=cell.name)
+            self._state(phase="preparing", doing=cell.name)  # a virtual rig computes before it puts out
 
         def sees(block: dict[str, NDArray[np.float64]]) -> None:
             if self._stop is not None:
                 raise StopRequested(self._stop[0])
-            position = block.get(POSITION)
-            if position is None or not position.size:
-                if position is None and any(one.size for one in block.values()):
-                    self._live.add(block)
+            if not any(one.size for one in block.values()):
                 return
-            if cell.channels[POSITION].zero:
-                block = {**block, POSITION: position + self._start}
-            if not cell.actuator.clamped:
-                self.position = float(block[POSITION][-1])
+            if self.state["phase"] == "preparing":
+                self._state(phase="running")
+            position = block.get(POSITION)
+            if position is not None:
+                if cell.channels[POSITION].zero:
+                    block = {**block, POSITION: position + self._start}
+                if not cell.actuator.clamped:
+                    self.position = float(block[POSITION][-1])
             self._live.add(block)
             if job.goal is not None:
                 job.goal(self.position, block)
@@ -157,8 +160,9 @@ class Runner:
         def stopping() -> None:
             if self._stop is not None:
                 why, asked = self._stop
-                waited = 1e3 * (time.perf_counter() - asked)
-                self._journal(f"{why}: ramp to 0 V began {waited:.1f} ms after the request", "warning")
+                waited = f"{1e3 * (time.perf_counter() - asked):.1f} ms after the request"
+                ramp = "ramp to 0 V began" if self._live.begun else "before anything was put out,"
+                self._journal(f"{why}: {ramp} {waited}", "warning")
 
         return WatchedRig(rig, cell.channels, armed, sees, stopping)
 

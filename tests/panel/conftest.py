@@ -1,0 +1,96 @@
+"""The panel as people meet it: the real command in a process of its own, and a real browser."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.request import urlopen
+
+import pytest
+from playwright.sync_api import Browser, Page, sync_playwright
+
+PATIENCE = 120.0  # s for a server on a busy machine, the first one of which may compile
+
+
+class Panel:
+    """``stickslip panel`` on a folder; `url` once it is there."""
+
+    def __init__(self, folder: Path, *options: str) -> None:
+        self.folder, self.options, self.port = folder, options, "0"
+        self.start()
+
+    def start(self) -> None:
+        """Start it, again on the same port if it ran before."""
+        command = [sys.executable, "-m", "stickslip", "panel", "--no-browser", "--port", self.port]
+        self.process = subprocess.Popen(
+            [*command, *self.options, str(self.folder)],
+            stdout=subprocess.PIPE,
+            text=True,
+            env={**os.environ, "PYTHONUNBUFFERED": "1"},
+        )
+        assert self.process.stdout is not None
+        line = self.process.stdout.readline()
+        assert line.startswith("Panel: http"), line
+        self.url = line.removeprefix("Panel: ").strip()
+        self.port = self.url.rsplit(":", 1)[1].split("/")[0]
+        end = time.monotonic() + PATIENCE
+        while True:
+            try:
+                urlopen(self.url, timeout=5).read()
+                return
+            except OSError:
+                assert time.monotonic() < end, "the panel does not answer"
+                time.sleep(0.1)
+
+    def kill(self) -> None:
+        """As a crash would."""
+        self.process.kill()
+        self.process.wait()
+
+    def end(self) -> int:
+        """As Ctrl-C does; gives the exit code."""
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+        try:
+            return self.process.wait(30)
+        finally:
+            self.process.kill()
+
+
+@pytest.fixture(scope="module")
+def panel(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Panel]:
+    """A panel on an empty folder."""
+    served = Panel(tmp_path_factory.mktemp("panel"))
+    yield served
+    served.end()
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    """Debian's chromium."""
+    path = shutil.which("chromium")
+    assert path is not None, "the browser tests need chromium: apt-get install chromium"
+    with sync_playwright() as driver:
+        started = driver.chromium.launch(executable_path=path, args=["--no-sandbox"])
+        yield started
+        started.close()
+
+
+@pytest.fixture
+def page(browser: Browser) -> Iterator[Page]:
+    """An empty page; an error in a script of the panel fails the test."""
+    context = browser.new_context(viewport={"width": 1280, "height": 720}, accept_downloads=True)
+    context.set_default_timeout(30_000)
+    made = context.new_page()
+    errors: list[str] = []
+    made.on("pageerror", lambda error: errors.append(str(error)))
+    made.on("console", lambda said: errors.append(said.text) if "Content Security" in said.text else None)
+    yield made
+    context.close()
+    assert not errors

@@ -1,0 +1,213 @@
+"""The Bench page's routes without a browser: what runs, what is kept, what is refused."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import numpy as np
+import pytest
+import yaml
+from scipy.io import loadmat
+
+from stickslip import open_recording, read_recording
+from stickslip.panel import create_app
+
+from .serving import client_of, heard, streaming
+
+ME = {"X-Client": "test"}
+FAST = {"path": ["rig", "real_time"], "value": False}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("bench")
+
+
+@pytest.fixture(scope="module")
+def client(folder: Path) -> Iterator[httpx.Client]:
+    with client_of(create_app(folder), **ME) as made:
+        made.post("/bench/set", json=FAST).raise_for_status()
+        yield made
+
+
+def ran(client: httpx.Client, path: str, body: dict, last: str = "done") -> dict:
+    """Start something and wait until it has ended."""
+    with streaming(client) as stream:
+        heard(stream, "run")
+        client.post(path, json=body).raise_for_status()
+        while True:
+            state = heard(stream, "run", 120.0)
+            if state["phase"] in ("done", "stopped", "failed"):
+                assert state["phase"] == last, state
+                return state
+
+
+def change(client: httpx.Client, path: list, value: object) -> httpx.Response:
+    return client.post("/bench/set", json={"path": path, "value": value})
+
+
+def test_a_run_is_seen_kept_and_exported(client: httpx.Client, folder: Path, tmp_path: Path) -> None:
+    change(client, ["variables", "forward_voltage"], "0.07 kV").raise_for_status()
+    ran(client, "/bench/start", {"runs": ["forward"]})
+    name = client.get("/recordings").json()[0]["name"]
+    recording = open_recording(folder / name)
+    assert recording["drive_voltage"].max() == pytest.approx(70.0, abs=0.5)
+    # The steps go forward, as far as the thesis's actuator walks at 70 V: some micrometres each.
+    walked = float(recording["end_effector_position"][-100:].mean())
+    assert 8 * 1e-6 < walked < 8 * 7.4e-6
+    written = yaml.safe_load((folder / name).with_name("experiment.yaml").read_text())
+    assert [run["name"] for run in written["runs"]] == ["forward"]
+    assert written["variables"]["forward_voltage"] == "0.07 kV"
+
+    for kind, suffix in [("nc", ".nc"), ("mat", ".mat"), ("csv", ".csv")]:
+        answer = client.get("/recordings/export", params={"name": name, "kind": kind})
+        assert f'forward{suffix}"' in answer.headers["content-disposition"]
+        (tmp_path / f"x{suffix}").write_bytes(answer.content)
+    expected = recording["end_effector_position"].values
+    np.testing.assert_array_equal(open_recording(tmp_path / "x.nc")["end_effector_position"], expected)
+    np.testing.assert_allclose(loadmat(tmp_path / "x.mat")["trace_y"][2], expected)
+    np.testing.assert_allclose(
+        read_recording(tmp_path / "x.csv")["end_effector_position"], expected, atol=1e-12
+    )
+
+
+def test_position_and_the_way_home(client: httpx.Client) -> None:
+    client.post("/bench/home_here").raise_for_status()
+    away = ran(client, "/bench/start", {"runs": ["forward"]})["position"]
+    assert away > 5e-6
+    home = ran(client, "/bench/home", {})["position"]
+    assert abs(home) < away / 3
+    assert client.post("/bench/home_here").json() == {"position": 0.0}
+    assert not [one for one in client.get("/recordings").json() if "home" in one["name"]], (
+        "no recording of that"
+    )
+
+
+def test_capture_settings_reach_the_recording(client: httpx.Client, folder: Path) -> None:
+    at = ["runs", 2, "capture"]
+    change(client, [*at, "length"], "0.3 s").raise_for_status()
+    change(client, [*at, "interval"], "0.1 ms").raise_for_status()
+    change(client, [*at, "pre_trigger"], 0.05).raise_for_status()
+    change(client, ["runs", 2, "repeats"], 2).raise_for_status()
+    ran(client, "/bench/start", {"runs": ["step"]})
+    names = [one["name"] for one in client.get("/recordings").json()[:2]]
+    assert sorted(name.rsplit("/")[-1] for name in names) == ["step_1.nc", "step_2.nc"]
+    recording = open_recording(folder / names[0])
+    assert recording.sizes["time"] == 3000
+    drive = recording["drive_voltage"].values
+    assert int(np.argmax(drive > 5.0)) == 500, "the trigger is 50 ms after the begin"
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "said"),
+    [
+        (["variables", "forward_voltage"], "65 A", "'A'"),
+        (["variables", "forward_voltage"], "165 V", "above the greatest voltage of 100 V"),
+        (["runs", 0, "capture", "length"], "1 m", "no s"),
+        (["runs", 0, "capture", "interval"], "33 us", "whole multiple"),
+        (["runs", 0, "capture", "trigger", "signal"], "drive", "trigger"),
+        (["runs", 7, "name"], "x", "no place"),
+        (["runs", "a", "name"], "x", "no place"),
+        (["panel"], [{"kind": "gauge", "variables": ["a"]}], "kind"),
+        (["panel", 0, "width"], 40, "12"),
+        (["nonsense"], 1, "nonsense"),
+        ([], 1, "place"),
+        (["limits", "max_voltage"], "1e400 V", "max_voltage"),
+    ],
+)
+def test_what_cannot_be_recorded_is_refused_and_nothing_changes(
+    client: httpx.Client, path: list, value: object, said: str
+) -> None:
+    with streaming(client) as stream:
+        before = heard(stream, "experiment")
+    answer = change(client, path, value)
+    assert answer.status_code == 400
+    assert said in answer.json()["error"]
+    with streaming(client) as stream:
+        assert heard(stream, "experiment") == before
+
+
+def test_experiments_are_saved_and_loaded_with_their_instruments(client: httpx.Client, folder: Path) -> None:
+    panel = [{"kind": "display", "variables": ["drive_voltage"], "title": "U", "width": 4, "height": 1}]
+    with streaming(client) as stream:
+        before = heard(stream, "experiment")["content"]["panel"]
+    change(client, ["panel"], panel).raise_for_status()
+    client.post("/bench/save", json={"name": "sub/mine.yaml"}).raise_for_status()
+    change(client, ["panel"], before).raise_for_status()
+    assert "sub/mine.yaml" in client.get("/bench/experiments").json()
+    client.post("/bench/load", json={"name": "sub/mine.yaml"}).raise_for_status()
+    with streaming(client) as stream:
+        found = heard(stream, "experiment")
+    assert (found["panel"], found["name"]) == (panel, "sub/mine.yaml")
+    assert yaml.safe_load((folder / "sub" / "mine.yaml").read_text())["panel"] == panel
+    change(client, ["panel"], before).raise_for_status()
+
+
+def test_only_who_has_control_acts_but_anybody_stops(client: httpx.Client) -> None:
+    with streaming(client) as stream:
+        heard(stream, "control")
+        client.post("/bench/home_here").raise_for_status()
+        other = {"X-Client": "other"}
+        for path, body in [
+            ("/bench/start", {"runs": ["walk"]}),
+            ("/bench/home", {}),
+            ("/bench/set", {"path": ["title"], "value": "x"}),
+            ("/bench/save", {"name": "x.yaml"}),
+            ("/recordings/rename", {"name": "a.nc", "to": "b.nc"}),
+        ]:
+            answer = client.post(path, json=body, headers=other)
+            assert answer.status_code == 400
+            assert "another page controls" in answer.json()["error"]
+        assert client.post("/bench/stop", headers=other).json() == {"stopped": False}
+
+
+def test_rename_never_replaces(client: httpx.Client, folder: Path) -> None:
+    names = [one["name"] for one in client.get("/recordings").json()]
+    answer = client.post("/recordings/rename", json={"name": names[0], "to": names[1]})
+    assert answer.status_code == 400
+    assert "already" in answer.json()["error"]
+    client.post("/recordings/rename", json={"name": names[0], "to": "kept/mine.nc"}).raise_for_status()
+    assert (folder / "kept" / "mine.nc").is_file()
+    assert not (folder / names[0]).exists()
+
+
+def test_emergency_stop_ramps_at_once_and_says_when(client: httpx.Client) -> None:
+    change(client, ["rig", "real_time"], True).raise_for_status()
+    with streaming(client) as stream:
+        heard(stream, "run")
+        client.post("/bench/start", json={"runs": ["walk"]}).raise_for_status()
+        while heard(stream, "run")["phase"] != "running":
+            pass
+        time.sleep(0.5)
+        stream.send(json.dumps({"kind": "emergency_stop"}))
+        while (state := heard(stream, "run"))["phase"] not in ("stopped", "done", "failed"):
+            pass
+        assert state["phase"] == "stopped"
+    with streaming(client) as stream:
+        lines = [line["text"] for line in heard(stream, "log")["entries"]]
+    said = next(line for line in reversed(lines) if "ramp to 0 V" in line)
+    assert "emergency stop" in said
+    assert float(said.split("began ")[1].split(" ms")[0]) < 100.0
+    change(client, *FAST.values()).raise_for_status()
+
+
+def test_a_page_that_comes_back_gets_the_lines_that_it_missed(client: httpx.Client) -> None:
+    with streaming(client) as stream:
+        entries = heard(stream, "log")["entries"]
+    assert len(entries) > 3
+    with streaming(client, log=entries[-3]["id"]) as stream:
+        assert heard(stream, "log")["entries"] == entries[-2:]
+    with streaming(client, log=10**6) as stream:  # numbers of a server that is gone
+        assert heard(stream, "log")["entries"] == entries
+
+
+def test_a_drive_that_fails_while_it_runs_says_why(client: httpx.Client) -> None:
+    change(client, ["limits", "max_position"], "3 um").raise_for_status()
+    ran(client, "/bench/start", {"runs": ["walk"]}, "failed")
+    with streaming(client) as stream:
+        assert "end stop at 3 µm" in heard(stream, "log")["entries"][-1]["text"]
+    change(client, ["limits", "max_position"], None).raise_for_status()

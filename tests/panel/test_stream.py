@@ -1,0 +1,140 @@
+"""Decimation, the live run in memory, control: the parts behind the stream."""
+
+from __future__ import annotations
+
+import json
+import struct
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from stickslip.panel.control import Control, ControlError
+from stickslip.panel.decimation import extremes, window
+from stickslip.panel.live import Live
+from stickslip.panel.stream import MOST_WAITING, Client, Hub, packed
+
+
+def unpacked(message: bytes) -> tuple[dict[str, Any], list[np.ndarray]]:
+    (length,) = struct.unpack_from("<I", message)
+    header = json.loads(message[4 : 4 + length])
+    numbers = np.frombuffer(message, "<f4", offset=4 + length)
+    return header, np.split(numbers, np.cumsum(header["lengths"])[:-1])
+
+
+def test_a_message_holds_header_and_numbers() -> None:
+    header, arrays = unpacked(packed({"kind": "x", "µ": 1}, [1.5, 2.0], [], np.array([3.25])))
+    assert header == {"kind": "x", "µ": 1, "lengths": [2, 0, 1]}
+    assert [one.tolist() for one in arrays] == [[1.5, 2.0], [], [3.25]]
+
+
+def test_extremes_keep_every_peak() -> None:
+    values = np.zeros((2, 1000), np.float32)
+    values[0, 777], values[1, 13] = 5.0, -3.0
+    shown = extremes(values, 10)
+    assert shown.shape == (2, 200)
+    assert shown[0, 2 * 77 + 1] == 5.0
+    assert shown[1, 2 * 1] == -3.0
+    assert np.count_nonzero(shown) == 2
+
+
+@given(count=st.integers(1, 3000), points=st.integers(2, 500))
+def test_a_window_has_few_points_and_the_same_range(count: int, points: int) -> None:
+    random = np.random.default_rng(count)
+    time = np.cumsum(random.uniform(0.1, 1.0, count))
+    values = random.standard_normal((2, count)).astype(np.float32)
+    times, shown = window(time, values, points)
+    assert shown.shape == (2, times.size)
+    assert times.size <= max(count if count <= points else 0, 2 * points)
+    assert np.all(np.diff(times) > 0)
+    np.testing.assert_array_equal(shown.min(axis=1), values.min(axis=1))
+    np.testing.assert_array_equal(shown.max(axis=1), values.max(axis=1))
+
+
+class Listening(Hub):
+    """A hub that keeps what it was told."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.told: list[Any] = []
+
+    def send(self, message: str | bytes) -> None:
+        self.told.append(message)
+
+
+COLUMNS = [{"name": "a", "unit": "V", "label": "a"}, {"name": "b", "unit": "m", "label": "b"}]
+
+
+def test_the_live_run_is_told_in_blocks_and_again_to_who_comes_late() -> None:
+    hub = Listening()
+    live = Live(hub)
+    random = np.random.default_rng(1)
+    samples = random.standard_normal((2, 10_000))
+    live.begin("run", COLUMNS, 1000.0, 10_000, 250)
+    for block in np.split(samples, 20, axis=1):
+        live.add({"a": block[0], "b": block[1]})
+    header = json.loads(hub.told[0])
+    assert (header["begin"], header["bucket"], header["samples"]) == (-0.25, 5, 10_000)
+    came = np.zeros((2, 4000), np.float32)
+    for message in hub.told[1:]:
+        said, arrays = unpacked(message)
+        came[:, 2 * said["bucket"] : 2 * said["bucket"] + arrays[0].size] = arrays
+    expected = samples.reshape(2, 2000, 5)
+    np.testing.assert_array_equal(came[:, ::2], expected.min(axis=2).astype(np.float32))
+    np.testing.assert_array_equal(came[:, 1::2], expected.max(axis=2).astype(np.float32))
+
+    late = [message for greet in hub.greetings for message in greet(Client("x", ""), {})]
+    said, arrays = unpacked(late[1])  # type: ignore[arg-type]
+    np.testing.assert_array_equal(np.array(arrays), came)
+    np.testing.assert_allclose(said["latest"], samples[:, -1], rtol=1e-6)
+
+    said, arrays = unpacked(live.window(header["trace"], 1.0, 1.1, 1000))  # full resolution where zoomed in
+    low = 1249  # time 1 s is sample 1250; one more on each side
+    np.testing.assert_array_equal(arrays[1], samples[0, low : low + arrays[1].size].astype(np.float32))
+    np.testing.assert_allclose(arrays[0] + 1.0, (low + np.arange(arrays[0].size)) / 1000 - 0.25, atol=1e-6)
+    with pytest.raises(ValueError, match="no longer"):
+        live.window(header["trace"] + 1, 0, 1, 10)
+
+
+def test_memory_is_bounded() -> None:
+    with pytest.raises(MemoryError, match="too many"):
+        Live(Listening()).begin("run", COLUMNS, 1000.0, 40_000_000, 0)
+
+
+def test_a_page_that_is_too_slow_is_let_go() -> None:
+    client = Client("x", "")
+    for _ in range(MOST_WAITING + 10):
+        client.put("message")
+    assert client.waiting.qsize() == 1
+    assert client.waiting.get_nowait() is None
+
+
+def test_control_is_held_by_one_page_and_handed_over() -> None:
+    now = 0.0
+    hub = Listening()
+    control = Control(hub, clock=lambda: now)
+    first, second = Client("first", ""), Client("second", "")
+    hub.clients |= {first, second}
+    control.need("first")
+    with pytest.raises(ControlError, match="another page"):
+        control.need("second")
+    control.ask("second")
+    assert (control.holder, control.asking) == ("first", "second")
+    control.hand_over(second)  # only the holder can
+    assert control.holder == "first"
+    control.hand_over(first)
+    assert (control.holder, control.asking) == ("second", "")
+    hub.clients.discard(second)
+    now = 5.0
+    control.watch()
+    with pytest.raises(ControlError):  # it may be loading anew
+        control.need("first")
+    now = 20.0
+    control.watch()
+    assert control.holder == ""
+    control.need("first")
+    assert json.loads(hub.told[-1])["holder"] == "first"
+    with pytest.raises(ControlError, match="X-Client"):
+        control.need("")
