@@ -28,8 +28,8 @@ def window(time: NDArray[np.float64], values: Float32, points: int) -> tuple[NDA
     bucket = max(1, -(-2 * time.size // max(points, 2)))
     if bucket < 3:
         return time, values
-    count = time.size // bucket
-    quarter = np.arange(count) * bucket
-    times = np.stack([time[quarter + bucket // 4], time[quarter + (3 * bucket) // 4]], axis=1).ravel()
-    left = count * bucket  # the samples after the last whole bucket are shown as they are
-    return np.append(times, time[left:]), np.append(extremes(values, bucket), values[:, left:], axis=1)
+    starts = np.arange(0, time.size - 1, bucket)  # a last sample on its own joins the bucket before
+    ends = np.append(starts[1:], time.size)
+    quarters = np.stack([starts + (ends - starts) // 4, starts + (3 * (ends - starts)) // 4], axis=1)
+    low, high = np.minimum.reduceat(values, starts, axis=1), np.maximum.reduceat(values, starts, axis=1)
+    return time[quarters.ravel()], np.stack([low, high], axis=2).reshape(values.shape[0], -1)
