@@ -1,85 +1,70 @@
-"""The demonstration: the thesis's actuator simulated, then models identified from published measurements.
+"""The demonstration: the thesis's campaign on the virtual rig, then models of published measurements.
 
-Each part is an identification file of `stickslip.examples`, run as ``stickslip identify`` would run it. A
-part whose data can neither be found nor fetched is said to be missing, and why.
+The campaign is the one of `stickslip.examples`, and so are the identification files, each run as
+``stickslip identify`` would run it. A part whose data can neither be found nor fetched is said to be missing,
+and why.
 """
 
 from __future__ import annotations
 
 import importlib.resources
+import os
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
-from .actuator import load_actuator
+from .campaign import run_campaign
 from .recording import RecordingError
-from .report import Document, Number, Section
-from .report.trajectory import trajectory_document
-from .simulation import simulate, steady_step
+from .report import Document, Section
 from .study import run_file
 from .study.running import Progress
-from .waveform.periodic import ReverseSawtooth, Sawtooth
 
+CAMPAIGN = "kang2007_campaign.yaml"
 EXAMPLES = ("friction_loops.yaml", "piezo_mirror.yaml", "pulled_slider.yaml")
+# Of the time that all takes.
+_CAMPAIGN_SHARE = 0.5
 
 
-def run(progress: Progress | None = None) -> Document:
-    """Simulate and identify everything; see the module."""
+def run(out: str | os.PathLike[str], progress: Progress | None = None) -> Document:
+    """Run everything; the campaign's recordings go into `out`, and are kept there for the next time."""
     tell = progress or (lambda doing, done: None)
-    tell("simulating the actuator of the thesis", 0.0)
-    parts = [_thesis()]
-    missing = []
     folder = Path(str(importlib.resources.files("stickslip") / "examples"))
+    share = (1.0 - _CAMPAIGN_SHARE) / max(len(EXAMPLES), 1)
+    tasks: list[tuple[str, float, float, Callable[[Progress], Document]]] = [
+        (CAMPAIGN, 0.0, _CAMPAIGN_SHARE, partial(run_campaign, folder / CAMPAIGN, out))
+    ]
     for i, name in enumerate(EXAMPLES):
-        begin, share = (1 + i) / (1 + len(EXAMPLES)), 1 / (1 + len(EXAMPLES))
+        tasks.append((name, _CAMPAIGN_SHARE + i * share, share, partial(run_file, folder / name)))
+    parts, missing = [], []
+    for name, begin, length, task in tasks:
         try:
-            parts.append(
-                run_file(folder / name, lambda doing, done, b=begin, s=share: tell(doing, b + s * done))
-            )
+            parts.append(task(partial(_within, tell, begin, length)))
         except RecordingError as error:
             missing.append(f"{name} could not be run: {error}")
-    sections = [_as_section(part) for part in parts]
+    sections = [Section(part.title, paragraphs=(part.summary,), sections=part.sections) for part in parts]
     if missing:
         sections.append(Section("Parts that are missing", points=missing))
     return Document(
         title="stickslip: demonstration",
         summary=" ".join(
             (
-                "The actuator of Kang's thesis, simulated from its parameter set; then models identified "
-                "from measurements that others have published, and verified on parts that no fit has seen.",
+                "The campaign of Kang's thesis on a virtual rig, from eleven recordings to a verified model; "
+                "then models identified from measurements that others have published, and verified on parts "
+                "that no fit has seen.",
                 *missing,
             )
         ),
         sections=sections,
-        highlights=[highlight for part in parts for highlight in part.highlights[:2]],
+        highlights=[highlight for part in parts for highlight in part.highlights[:3]],
         numbers={_key(part.title): part.numbers for part in parts},
         assumptions=list(dict.fromkeys(a for part in parts for a in part.assumptions)),
         citations="\n\n".join(dict.fromkeys(part.citations for part in parts if part.citations)),
+        failures=[failure for part in parts for failure in part.failures],
     )
 
 
-def _within(tell: Progress, begin: float, share: float) -> Progress:
-    return lambda doing, done: tell(doing, begin + share * done)
-
-
-def _thesis() -> Document:
-    """The thesis's model: the reaction of the friction on the stage is left out, as in its eq. 3.24."""
-    model = load_actuator("kang2007").replace(stage_reaction=False)
-    drive = Sawtooth(amplitude=65.0, frequency=5.0, periods=8)
-    trajectory = simulate(model, drive)
-    backward = steady_step(model, ReverseSawtooth(amplitude=65.0, frequency=5.0))
-    document = trajectory_document(model, drive, trajectory, Number(steady_step(model, drive), "m"))
-    return Document(
-        title="The actuator of the thesis",
-        summary=f"{document.summary} The reverse saw-tooth moves it {1e6 * backward:.3g} µm per period.",
-        sections=document.sections,
-        highlights=[h for h in document.highlights if "step" in h[0]] or document.highlights,
-        numbers={**document.numbers, "steady_step_backward": Number(backward, "m")},
-        assumptions=document.assumptions,
-        citations=document.citations,
-    )
-
-
-def _as_section(part: Document) -> Section:
-    return Section(part.title, paragraphs=(part.summary,), sections=part.sections)
+def _within(tell: Progress, begin: float, share: float, doing: str, done: float) -> None:
+    tell(doing, begin + share * done)
 
 
 def _key(title: str) -> str:

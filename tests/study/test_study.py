@@ -273,10 +273,23 @@ def test_editors_get_a_schema_of_all_kinds() -> None:
 
 
 @pytest.mark.compiled
+def short_experiment(content) -> None:
+    """A step and a walk."""
+    step, _, walk = content["runs"]
+    step["matrix"], walk["matrix"] = {"voltage": ["70 V"]}, {"voltage": ["75 V"]}
+    content["runs"] = [step, walk]
+
+
+def short_campaign(content) -> None:
+    """Of these."""
+    content.update(title="A short campaign", published={}, require=[])
+    content["recordings"] = [{"cells": "step_*", "use": "step"}, {"cells": "*", "use": "fit"}]
+
+
 def test_the_demonstration_says_which_data_are_missing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The thesis's part needs no data; a part without its data is named, the rest stays."""
+    """The campaign needs no data; a part without its data is named, the rest stays."""
     example = tmp_path / "examples"
     example.mkdir()
 
@@ -285,14 +298,14 @@ def test_the_demonstration_says_which_data_are_missing(
             recording.update(dataset=None, file="not_here.mat")
 
     edited("pulled_slider.yaml", example, elsewhere)
+    edited("kang2007_experiment.yaml", example, short_experiment)
+    edited("kang2007_campaign.yaml", example, short_campaign)
     monkeypatch.setattr(demo, "EXAMPLES", ("pulled_slider.yaml",))
     monkeypatch.setattr(demo.importlib.resources, "files", lambda package: tmp_path)
     said = []
-    document = demo.run(lambda doing, done: said.append(done))
+    document = demo.run(tmp_path / "out", lambda doing, done: said.append(done))
     assert "not_here.mat" in document.summary
-    assert document.numbers["the_actuator_of_the_thesis"]["steady_step"].value == pytest.approx(
-        2.672e-6, rel=1e-3
-    )
+    assert document.numbers["a_short_campaign"]["verification"]["sawtooth_20Hz_75V"]["r_squared"].value > 0.99
     assert said == sorted(said)
 
 

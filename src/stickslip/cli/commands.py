@@ -219,14 +219,14 @@ def verify(
 
 @app.command()
 def demo(out: Out = Path("out/demo"), show_traceback: Traceback = False) -> None:
-    """Identify and verify models on published recordings, and simulate the actuator of the thesis."""
+    """The thesis's campaign on the virtual rig, and models of published recordings."""
     begun = time.perf_counter()
     with errors_in_one_line(show_traceback):
         check_output(out)
         from ..demo import run
 
         with progress_bar() as progress:
-            document = run(progress)
+            document = run(out, progress)
         write(document, out, begun)
 
 
