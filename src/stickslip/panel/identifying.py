@@ -14,14 +14,12 @@ from typing import Any
 from fastapi import APIRouter, HTTPException, Response
 from fastapi.responses import FileResponse
 
-from ..identify.friction import CHANNEL, OBSERVED
+from ..identify.friction import OBSERVED
 from ..readers import read_recording
 from ..recording import RecordingError
-from ..simulation.varied import free_names
-from .exploration import Model
 from .fitting import FitRequest, work
 from .folder import Folder
-from .stream import Hub, Message, packed
+from .stream import Hub, packed
 
 SUFFIXES = (".nc", ".csv", ".mat", ".npz")
 REPORTS = "fits"
@@ -69,10 +67,10 @@ class Fitting:
             self._process.terminate()
         self._tell()
 
-    def greeting(self, *_: Any) -> list[Message]:
-        """How it stands, for a page that has just come."""
+    def frame(self, kind: str) -> bytes:
+        """The curves of a kind: "recordings", "step" or "verified"; LookupError where there are none."""
         with self._lock:
-            return [self._said(), *self.frames.values()]
+            return self.frames[kind]
 
     def _said(self) -> str:
         return json.dumps({"kind": "fit", **self.state})
@@ -109,7 +107,7 @@ class Fitting:
         if kind == "step":
             state |= {"doing": "fitting", "step": {**state.get("step", {}), **fields}}
         elif kind == "recordings":
-            state |= fields
+            state |= {**fields, "doing": "preparing (the first fit of a law on a machine compiles it)"}
         elif kind == "failed":
             state |= {"phase": "failed", "error": self._folder.told(fields["error"])}
         elif kind == "done":
@@ -125,7 +123,6 @@ def identify_routes(folder: Folder, hub: Hub) -> APIRouter:
     "fit_traces")."""
     routes = APIRouter(prefix="/api/identify")
     fitting = Fitting(folder, hub)
-    hub.greetings.append(fitting.greeting)
 
     @routes.get("/recordings")
     def recordings() -> list[dict[str, Any]]:
@@ -135,9 +132,16 @@ def identify_routes(folder: Folder, hub: Hub) -> APIRouter:
             found.append({"name": name, **_described(path, path.stat().st_mtime_ns)})
         return found
 
-    @routes.post("/free")
-    def free(model: Model) -> dict[str, Any]:
-        return {"names": [*free_names(model.actuator()), *CHANNEL]}
+    @routes.get("/state")
+    def state() -> dict[str, Any]:
+        return {**fitting.state, "frames": list(fitting.frames)}
+
+    @routes.get("/traces/{kind}")
+    def traces(kind: str) -> Response:
+        try:
+            return Response(fitting.frame(kind), media_type="application/octet-stream")
+        except LookupError:
+            raise HTTPException(404, "there are no such curves") from None
 
     @routes.post("/start")
     def start(request: FitRequest) -> dict[str, str]:

@@ -1,8 +1,169 @@
-// The page is still to come.
+// The Identify page: choose recordings and what is free, watch the fit, read what it found and how sure that is.
 
-export function mount(element, app) {
-  const title = document.createElement("h1");
-  title.textContent = "Identify";
-  element.append(title);
-  return () => {};
+import { button, make, styled } from "./elements.js";
+import { begin, toLink, withLaw } from "./explore_state.js";
+import { fitForm } from "./identify_form.js";
+import { makePlot } from "./plot.js";
+import { formatQuantity } from "./quantity.js";
+import { unpack } from "./stream.js";
+
+const KINDS = ["recordings", "step", "verified"];
+
+export async function mount(element, app) {
+  await Promise.all([styled("./explore.css"), styled("./identify.css")]);
+  const [choices, found] = await Promise.all([app.request("/api/explore/choices"), app.request("/api/identify/state")]);
+  let state = found;
+  let traces = {}; // kind -> arrays
+  let shown = 0; // which recording is drawn
+
+  const form = await fitForm(app, choices, state.request, start, cancel);
+  const status = make("p", { className: "identify-status" });
+  status.setAttribute("role", "status");
+  const bar = make("progress", { max: 1 });
+  bar.setAttribute("aria-label", "The fit is running");
+  const fault = make("p", { className: "fault" });
+  fault.setAttribute("role", "alert");
+  const which = make("select", {});
+  which.setAttribute("aria-label", "Recording that is shown");
+  which.addEventListener("change", () => {
+    shown = which.selectedIndex;
+    draw();
+  });
+  const canvas = make("div", { className: "identify-canvas" });
+  const live = make("dl", { className: "explore-numbers identify-live" });
+  const results = make("div", { className: "identify-results" });
+  const head = make("div", { className: "identify-head" }, make("h2", { textContent: "Fit" }), which, make("span", { className: "grow" }), status, bar);
+  const right = make("div", { className: "identify-right" },
+    make("section", { className: "card identify-picture" }, head, fault, live, canvas), results);
+  element.append(make("h1", { className: "visually-hidden", textContent: "Identify" }), make("div", { className: "identify" }, form.element, right));
+  const plot = makePlot(canvas, {
+    label: "Measured position, the model, and the residuals",
+    series: [
+      { label: "measured", unit: "m", color: "--series-6", width: 3 },
+      { label: "model", unit: "m", color: "--series-1" },
+      { label: "residual (model − measured)", unit: "m", strip: "residual", color: "--series-2", width: 1.2 },
+    ],
+  });
+
+  async function start(request) {
+    fault.textContent = "";
+    await app.request("/api/identify/start", request);
+    traces = {};
+    shown = 0;
+    plot.autoscale();
+  }
+  async function cancel() {
+    await app.request("/api/identify/cancel", {});
+  }
+
+  // --- what there is to draw: the fitted recordings, then the predicted ones
+  const names = () => [...(state.names ?? []), ...Object.keys(state.verification?.recordings ?? {})];
+  function curves(index) {
+    const fitted = state.names?.length ?? 0;
+    const [t, measured, model] = index < fitted
+      ? [...(traces.recordings ?? []).slice(2 * index, 2 * index + 2), (traces.step ?? [])[index]]
+      : (traces.verified ?? []).slice(3 * (index - fitted), 3 * (index - fitted) + 3);
+    if (!t) return [[], [], [], []];
+    const drawn = model?.length === t.length ? model : new Float32Array(t.length).fill(NaN);
+    return [t, measured, drawn, drawn.map((value, i) => value - measured[i])];
+  }
+  function draw() {
+    plot.setData(curves(shown));
+    canvas.dataset.drawn = String(Number(canvas.dataset.drawn ?? 0) + 1);
+  }
+
+  // --- what is said
+  function tell() {
+    const running = state.phase === "running";
+    form.running(running);
+    bar.hidden = !running;
+    fault.textContent = state.error ?? "";
+    const seconds = state.elapsed === undefined ? "" : ` after ${state.elapsed.toFixed(1)} s`;
+    const step = state.step;
+    status.textContent = {
+      none: "No fit yet: choose recordings and start.",
+      running: `${state.doing}${step?.evaluations ? `, ${step.evaluations} evaluations${step.starts > 1 ? `, start ${step.start} of ${step.starts}` : ""}` : ""} …`,
+      cancelled: `Cancelled${seconds}; the last picture stays.`,
+      failed: "The fit failed.",
+      done: `Done${seconds}.`,
+    }[state.phase];
+    element.querySelector(".identify").dataset.phase = state.phase;
+    live.replaceChildren(...(running || state.phase === "cancelled" ? liveNumbers(step) : []));
+    const options = names();
+    if (options.join("\n") !== [...which.options].map((one) => one.value).join("\n")) {
+      which.replaceChildren(...options.map((name, i) => new Option(i < (state.names?.length ?? 0) ? name : `${name} (predicted)`, name)));
+      which.selectedIndex = Math.min(shown, options.length - 1);
+    }
+    which.hidden = options.length < 2;
+    results.replaceChildren(...(state.fit ? resultCards() : []));
+  }
+  function liveNumbers(step) {
+    if (!step) return [];
+    const pairs = step.rmse === undefined ? [] : [["rms residual", formatQuantity(step.rmse, "m")]];
+    for (const [name, value] of Object.entries(step.values ?? {})) pairs.push([form.nameOf(name), formatQuantity(value, form.unitOf(name))]);
+    return pairs.map(([name, value]) => make("div", {}, make("dt", { textContent: name }), make("dd", { textContent: value })));
+  }
+  function table(caption, heads, rows) {
+    const cells = (tag, row) => row.map((text, i) => make(i ? tag : "th", { textContent: text, className: i ? "number" : "" }));
+    return make("table", {}, make("caption", { textContent: caption }), make("thead", {}, make("tr", {}, ...cells("th", heads))),
+      make("tbody", {}, ...rows.map((row) => make("tr", {}, ...cells("td", row)))));
+  }
+  function resultCards() {
+    const { fit } = state;
+    const rows = Object.entries(fit.parameters).map(([name, p]) => [form.nameOf(name), formatQuantity(p.value, p.unit, 5),
+      `${formatQuantity(p.interval[0], p.unit)} … ${formatQuantity(p.interval[1], p.unit)}`, p.standard_error === null ? "at its bound" : formatQuantity(p.standard_error, p.unit, 3)]);
+    const sentences = fit.undetermined.length ? fit.undetermined : ["The recordings determine every parameter that was free."];
+    const said = sentences.map((text) => make("li", { textContent: text, className: fit.undetermined.length ? "weak" : "" }));
+    if (!fit.converged) said.push(make("li", { className: "weak", textContent: `The fit did not converge: ${fit.message}.` }));
+    const notes = (state.notes ?? []).map((text) => make("li", { textContent: text }));
+    const remarks = notes.length ? [make("details", { className: "soft" }, make("summary", { textContent: "Notes on the recordings" }), make("ul", { className: "identify-said" }, ...notes))] : [];
+    const found = make("section", { className: "card" }, make("h2", { textContent: "Parameters" }),
+      table("Estimates with 95 % confidence intervals", ["parameter", "estimate", "95 % interval", "standard error"], rows),
+      make("ul", { className: "identify-said" }, ...said), ...remarks);
+    const goodness = (recordings, role) => Object.entries(recordings).map(([name, g]) => [name, role, g.r_squared === null ? "–" : g.r_squared.toFixed(5), formatQuantity(g.rmse, "m"), String(g.n_data)]);
+    const seen = [...goodness(fit.recordings, "fitted"), ...goodness(state.verification?.recordings ?? {}, "predicted")];
+    const links = make("p", { className: "identify-links" });
+    if (state.report) {
+      const report = make("a", { textContent: "Report", href: `/api/identify/report/${state.report.split("/")[1]}`, target: "_blank", rel: "noopener" });
+      links.append(report, make("span", { className: "soft", textContent: state.report }));
+    }
+    links.append(make("a", { textContent: "Explore this model", href: exploreLink() }));
+    const good = make("section", { className: "card" }, make("h2", { textContent: "Goodness of fit and verification" }),
+      table("r² about each recording's own mean", ["recording", "", "r²", "rms residual", "samples"], seen), links);
+    return [found, good];
+  }
+  function exploreLink() {
+    const { request, model } = state;
+    let next = withLaw(choices, begin(choices, request.set), model.law);
+    const infinite = (values) => Object.fromEntries(Object.entries(values).map(([name, value]) => [name, value === "inf" ? Infinity : value]));
+    next = { ...next, model: { ...next.model, ...infinite(request.model), ...infinite(model.model) }, friction: infinite(model.friction) };
+    return `#explore?${toLink(next, [])}`;
+  }
+
+  // --- news
+  async function fetchAll() {
+    state = await app.request("/api/identify/state");
+    const kinds = KINDS.filter((kind) => state.frames.includes(kind));
+    const frames = await Promise.all(kinds.map((kind) => app.request(`/api/identify/traces/${kind}`)));
+    traces = Object.fromEntries(kinds.map((kind, i) => [kind, unpack(frames[i]).arrays]));
+    tell();
+    draw();
+  }
+  const again = () => fetchAll().catch((error) => app.notify(error.message, "error"));
+  const ending = [
+    app.stream.on("fit", (message) => {
+      state = message;
+      tell();
+    }),
+    app.stream.on("fit_traces", (header, arrays) => {
+      traces[header.what] = arrays;
+      draw();
+    }),
+    app.stream.on("connection", ({ state: now }) => now === "connected" && again()),
+  ];
+  await again();
+  return () => {
+    ending.forEach((end) => end());
+    plot.destroy();
+  };
 }

@@ -1,5 +1,7 @@
 // One request at a time, and always for the newest wish: no backlog, however fast wishes come.
 
+const LONGEST_REST = 600; // ms
+
 /**
  * `ask(wish)` fetches, `take(answer, wish)` shows, `refuse(error, wish)` says what is wrong. Requests take no more
  * than this `share` of the time, so that what is more urgent has the rest.
@@ -21,8 +23,8 @@ export function latestWins({ ask, take, refuse, share = 1 }) {
       } catch (error) {
         if (!ended) refuse(error, mine);
       }
-      const took = performance.now() - began;
-      next = began + took / share;
+      const now = performance.now();
+      next = now + Math.min((now - began) * (1 / share - 1), LONGEST_REST);
     }
     busy = false;
   }

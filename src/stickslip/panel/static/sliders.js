@@ -34,7 +34,7 @@ const rounded = (value, step) => Number(value.toFixed(Math.min(Math.max(2 - Math
 const capital = (text) => text[0].toUpperCase() + text.slice(1);
 
 /** A symbol such as "ω_n", set as it is in print. */
-function symbol(text) {
+export function symbolOf(text) {
   const [base, below] = text.split("_");
   const made = document.createElement("var");
   made.append(base);
@@ -51,7 +51,7 @@ export function makeSlider(field, value, { app, drag, settle, type }) {
   const label = field.symbol ? `${name} ${field.symbol}` : name;
   const box = makeQuantity({ label, unit: field.unit, value, app, change: type, hint: `${name}: type a number, with a unit if you like` });
   box.element.classList.add("slider");
-  if (field.symbol) box.element.querySelector("label").replaceChildren(`${name} `, symbol(field.symbol));
+  if (field.symbol) box.element.querySelector("label").replaceChildren(`${name} `, symbolOf(field.symbol));
   const scale = scaleOf(field);
   const range = document.createElement("input");
   Object.assign(range, { type: "range", min: 0, max: STEPS, step: 1 });

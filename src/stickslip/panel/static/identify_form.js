@@ -1,0 +1,155 @@
+// The form of the Identify page: recordings, model, what is free, how hard to look.
+
+import { button, make } from "./elements.js";
+import { begin, changed, withLaw } from "./explore_state.js";
+import { makeQuantity } from "./quantity.js";
+import { makeChoice, makeSwitch, symbolOf } from "./sliders.js";
+
+const CHANNEL = [
+  { name: "delay", unit: "s", symbol: "t_d", meaning: "delay of the sensor" },
+  { name: "offset", unit: "m", symbol: "x_0", meaning: "offset of the sensor" },
+];
+const USUAL = ["sigma_0", "sigma_1", "coulomb_force", "stiffness_1", "stiffness_2", "stiffness_3", "strength_1", "strength_2", "strength_3", "delay", "offset"];
+const EFFORT = { quick: ["Quick: from the start values", 1, 0], hops: ["Careful: look for lower valleys", 1, 2], starts: ["Thorough: four starts", 4, 2] };
+const capital = (text) => text[0].toUpperCase() + text.slice(1);
+
+export async function fitForm(app, choices, last, start, cancel) {
+  let state = last ? restored(choices, last) : begin(choices);
+  let free = new Set(last?.free ?? USUAL);
+  let role = new Map(); // recording -> "fit" or "verify"
+  for (const name of last?.recordings ?? []) role.set(name, "fit");
+  for (const name of last?.others ?? []) role.set(name, "verify");
+
+  const element = make("form", { className: "card identify-form", noValidate: true });
+  element.setAttribute("aria-label", "What to fit");
+  const fault = make("p", { className: "fault" });
+  fault.setAttribute("role", "alert");
+  const list = make("div", { className: "identify-list" });
+  const window_ = { begin: last?.begin ?? null, end: last?.end ?? null };
+  const limits = ["begin", "end"].map((name) => makeQuantity({
+    label: name === "begin" ? "From" : "To", unit: "s", value: window_[name], app, hint: "Leave empty for all of it",
+    change: (value) => (window_[name] = value),
+  }));
+  for (const [i, name] of ["begin", "end"].entries()) limits[i].input.addEventListener("input", () => {
+    if (limits[i].input.value.trim() === "") window_[name] = null;
+  });
+  const model = make("div", {});
+  const effort = makeChoice("Effort", Object.entries(EFFORT).map(([name, [text]]) => [name, text]), "quick", () => {});
+  const go = make("button", { type: "submit", className: "primary", textContent: "Start fit" });
+  const stop = button("Cancel", "End the fit; what was found until then stays", () => cancel().catch(say), "");
+  const refresh = button("Refresh", "Look for new recordings", () => recordings().catch(say));
+  element.append(
+    make("div", { className: "identify-title" }, make("h2", { textContent: "Recordings" }), refresh), list,
+    make("div", { className: "identify-window" }, ...limits.map((one) => one.element)),
+    make("h2", { textContent: "Model" }), model, effort.element, fault, make("div", { className: "identify-buttons" }, go, stop),
+  );
+  const say = (error) => (fault.textContent = error.message);
+
+  async function recordings() {
+    const found = await app.request("/api/identify/recordings");
+    if (!role.size) for (const one of found.filter((each) => !each.problem).slice(0, 1)) role.set(one.name, "fit");
+    const rows = found.map((one) => {
+      const box = (use, text) => {
+        const input = make("input", { type: "checkbox", checked: role.get(one.name) === use, disabled: Boolean(one.problem) });
+        input.setAttribute("aria-label", `${text} ${one.name}`);
+        input.addEventListener("change", () => {
+          if (input.checked) role.set(one.name, use);
+          else role.delete(one.name);
+          for (const other of input.closest("tr").querySelectorAll("input")) if (other !== input) other.checked = false;
+        });
+        return make("td", {}, input);
+      };
+      const about = one.problem || `${Number(one.seconds.toPrecision(3))} s, ${one.samples} samples`;
+      return make("tr", { className: one.problem ? "unusable" : "" }, box("fit", "Fit"), box("verify", "Predict"),
+        make("td", {}, make("div", { textContent: one.name }), make("div", { className: "soft small-text", textContent: about })));
+    });
+    list.replaceChildren(rows.length
+      ? make("table", {}, make("thead", {}, make("tr", {}, ...["Fit", "Predict", "Recording"].map((text) => make("th", { textContent: text })))), make("tbody", {}, ...rows))
+      : make("p", { className: "soft", textContent: "There are no recordings in the panel's folder yet: record some on the Bench page." }));
+  }
+
+  let known = new Map(); // name -> field
+  function build() {
+    const values = [...Object.keys(state.friction)];
+    const field = (name) => {
+      const described = choices.laws[state.law].find((one) => one.name === name || one.name === name.replace(/_\d+$/, ""));
+      return { ...described, name, meaning: described.meaning.replace("each element", `element ${name.match(/\d+$/)?.[0]}`) };
+    };
+    const law = values.map(field);
+    const own = choices.model.filter((one) => !one.switch && !["external_force", "incline"].includes(one.name));
+    known = new Map([...law, ...own, ...CHANNEL].map((one) => [one.name, one]));
+    const plain = Object.keys(choices.laws).map((name) => [name, name.replace(/(?<=[a-z])(?=[A-Z][a-z]{3})/g, " ")]);
+    const sets = Object.entries(choices.sets).map(([name, set]) => [name, `${set.title} (${name})`]);
+    const reaction = makeSwitch(choices.model.find((one) => one.name === "stage_reaction"), state.model.stage_reaction, {
+      drag: (on) => (state = changed(choices, state, "model", "stage_reaction", on)), settle() {},
+    });
+    const more = make("details", { open: own.some((one) => free.has(one.name)) }, make("summary", { textContent: "Of the actuator" }), ...own.map((one) => row("model", one)));
+    model.replaceChildren(
+      makeChoice("Parameter set", sets, state.set, (set) => { state = begin(choices, set); build(); }).element,
+      makeChoice("Friction law", plain, state.law, (name) => { state = withLaw(choices, state, name); build(); }).element,
+      make("p", { className: "soft small-text", textContent: "Tick what is to be fitted; the numbers are where it starts, the others stay as they are." }),
+      ...law.map((one) => row("friction", one)), ...CHANNEL.map((one) => row("", one)), more, reaction.element,
+    );
+  }
+  function row(section, one) {
+    const tick = make("input", { type: "checkbox", checked: free.has(one.name) });
+    tick.setAttribute("aria-label", `Fit ${one.meaning}`);
+    tick.addEventListener("change", () => (tick.checked ? free.add(one.name) : free.delete(one.name)));
+    if (!section) return make("div", { className: "identify-free" }, tick, make("span", {}, `${capital(one.meaning)} `, symbolOf(one.symbol)));
+    const box = makeQuantity({
+      label: "", unit: one.unit, value: state[section][one.name], app,
+      change(value) {
+        state = changed(choices, state, section, one.name, value);
+        for (const other of boxes) other();
+      },
+    });
+    boxes.push(() => box.set(state[section][one.name]));
+    box.element.querySelector("label").append(`${capital(one.meaning)} `, symbolOf(one.symbol));
+    box.element.prepend(tick);
+    box.element.classList.add("identify-free");
+    return box.element;
+  }
+  const boxes = [];
+
+  function request() {
+    const named = (use) => [...role].filter(([, one]) => one === use).map(([name]) => name);
+    if (!named("fit").length) throw new Error("Choose at least one recording to fit.");
+    const chosen = [...known.keys()].filter((name) => free.has(name));
+    if (!chosen.length) throw new Error("Tick at least one parameter to fit.");
+    const inf = (values) => Object.fromEntries(Object.entries(values).map(([name, value]) => [name, value === Infinity ? "inf" : value]));
+    // What starts at zero has no scale of its own: it may go as far as its slider does.
+    const bounds = Object.fromEntries(chosen
+      .filter((name) => (state.friction[name] ?? state.model[name]) === 0)
+      .map((name) => [name, [0, known.get(name).high]]));
+    const [, starts, hops] = EFFORT[effort.select.value];
+    return {
+      set: state.set, model: inf(state.model), law: state.law, friction: inf(state.friction), free: chosen, bounds, starts, hops,
+      recordings: named("fit"), others: named("verify"), ...window_,
+    };
+  }
+  // Enter in a field takes its number over; only the button starts the fit.
+  element.addEventListener("keydown", (event) => event.key === "Enter" && event.target.matches("input[type=text]") && event.preventDefault());
+  element.addEventListener("submit", (event) => {
+    event.preventDefault();
+    fault.textContent = "";
+    Promise.resolve().then(() => start(request())).catch(say);
+  });
+
+  build();
+  await recordings();
+  return {
+    element,
+    running(on) {
+      go.disabled = on;
+      stop.disabled = !on;
+    },
+    nameOf: (name) => (known.has(name) ? `${capital(known.get(name).meaning)} ${known.get(name).symbol}` : name),
+    unitOf: (name) => known.get(name)?.unit ?? "",
+  };
+}
+
+function restored(choices, last) {
+  const read = (values) => Object.fromEntries(Object.entries(values).map(([name, value]) => [name, value === "inf" ? Infinity : value]));
+  const base = begin(choices, last.set);
+  return { ...base, law: last.law, model: { ...base.model, ...read(last.model) }, friction: read(last.friction) };
+}
