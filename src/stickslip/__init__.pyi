@@ -36,6 +36,7 @@ from .identify.sawtooth import sawtooth_features as sawtooth_features
 from .identify.step_fit import identify_step as identify_step
 from .identify.step_fit import step_formula_errors as step_formula_errors
 from .identify.step_formulas import step_features as step_features
+from .panel.notebook import plot_widget as plot_widget
 from .parameters import ParameterSetError as ParameterSetError
 from .parameters import available_sets as available_sets
 from .parameters import cite as cite

@@ -6,7 +6,6 @@ It runs in a process of its own, so that it can be ended at any time and the pag
 from __future__ import annotations
 
 import math
-import os
 import time
 import traceback
 import warnings
@@ -183,8 +182,6 @@ def _correlation(fit: Fit) -> dict[str, float]:
 
 def work(connection: Connection, request: FitRequest, root: str, out: str) -> None:
     """What the process does: `fit_recordings`, told through the connection; at last "done" or "failed"."""
-    if hasattr(os, "nice"):
-        os.nice(5)  # the page comes first
 
     def say(kind: str, fields: dict[str, Any], arrays: Sequence[Array] = ()) -> None:
         connection.send((kind, fields, [np.asarray(one, dtype="<f4") for one in arrays]))

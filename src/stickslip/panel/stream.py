@@ -8,26 +8,17 @@ from __future__ import annotations
 
 import asyncio
 import json
-import struct
 from collections.abc import Callable, Iterable
 from typing import Any
 
-import numpy as np
 from fastapi import WebSocket, WebSocketDisconnect
-from numpy.typing import ArrayLike
+
+from .packing import packed as packed
 
 Message = str | bytes
 MOST_WAITING = 400  # messages; a client that is further behind is let go: it comes back and catches up
 MOST_CLIENTS = 200
 LONGEST_MESSAGE = 65536  # characters of what a page may say
-
-
-def packed(header: dict[str, Any], *arrays: ArrayLike) -> bytes:
-    """A binary message: the header gets the lengths of the arrays as "lengths"."""
-    numbers = [np.asarray(array, dtype="<f4").ravel() for array in arrays]
-    text = json.dumps({**header, "lengths": [one.size for one in numbers]}).encode()
-    text += b" " * (-len(text) % 4)
-    return b"".join([struct.pack("<I", len(text)), text, *(one.tobytes() for one in numbers)])
 
 
 class Client:

@@ -1,0 +1,99 @@
+"""The panel's plots in a notebook: the same JavaScript, through anywidget (extra ``stickslip[jupyter]``)."""
+
+from __future__ import annotations
+
+import base64
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import anywidget
+import traitlets
+import xarray as xr
+
+from ..recording import RecordingError, validate_recording
+from ..records import did_you_mean
+from .packing import packed
+
+_STATIC = Path(__file__).parent / "static"
+_IMPORT = re.compile(r'^import\s+(?P<what>.+?)\s+from\s+"(?P<file>[^"]+)";\s*$', re.MULTILINE)
+
+
+def _bundled(name: str, addresses: dict[str, str]) -> str:
+    """A module that needs no other: those that it imports are inside it, as data addresses."""
+    folder = (_STATIC / name).parent
+
+    def inside(found: re.Match[str]) -> str:
+        path = (folder / found["file"]).resolve().relative_to(_STATIC.resolve()).as_posix()
+        if path not in addresses:
+            text = _bundled(path, addresses).encode()
+            addresses[path] = f"data:text/javascript;base64,{base64.b64encode(text).decode()}"
+        return f'import {found["what"]} from "{addresses[path]}";'
+
+    return _IMPORT.sub(inside, (_STATIC / name).read_text(encoding="utf-8"))
+
+
+def _style() -> str:
+    """What plots need of the panel's style, for the element of a widget only."""
+    text = (_STATIC / "style.css").read_text(encoding="utf-8")
+    light, dark = (
+        re.search(rf"^{re.escape(where)} \{{(.*?)\}}", text, re.MULTILINE | re.DOTALL)
+        for where in (":root", ':root[data-theme="dark"]')
+    )
+    assert light is not None
+    assert dark is not None
+    plots = "\n".join(line for line in text.splitlines() if line.startswith((".plot", "button")))
+    uplot = (_STATIC / "vendor" / "uplot.css").read_text(encoding="utf-8")
+    return (
+        f'{uplot}\n.stickslip-plot {{ {light[1]} }}\n.stickslip-plot[data-theme="dark"] {{ {dark[1]} }}\n'
+        f".stickslip-plot {{ background: var(--panel); color: var(--text); padding: 8px; border-radius: 8px; "
+        "box-sizing: border-box;\n& * { box-sizing: border-box; }\n[hidden] { display: none; }\n"
+        f"{plots}\n}}\n"
+    )
+
+
+class PlotWidget(anywidget.AnyWidget):
+    """A plot with zoom, pan, cursors and their differences; see `plot_widget`."""
+
+    _esm = _bundled("widget.js", {})
+    _css = _style()
+    frame = traitlets.Bytes().tag(sync=True)
+    series = traitlets.List().tag(sync=True)
+    height = traitlets.Int(420).tag(sync=True)
+
+
+def plot_widget(
+    recording: xr.Dataset, channels: Sequence[str] | None = None, *, height: int = 420
+) -> PlotWidget:
+    """The plot of the control panel for a recording or a simulation, in a notebook.
+
+    Args:
+        recording: over "time"; what `simulate`, `read_recording` and rigs give.
+        channels: what to draw, those of one unit on one axis; left out: all positions, elongations and
+            voltages, or everything where there are none.
+        height: of the plot, in pixels.
+
+    Raises:
+        RecordingError: it is no recording, or has no such channel.
+    """
+    validate_recording(recording)
+    known = [str(name) for name in recording.data_vars]
+    if channels is None:
+        usual = [n for n in known if n.endswith(("_position", "_elongation", "_voltage"))]
+        channels = usual or known
+    for name in channels:
+        if name not in known:
+            raise RecordingError(
+                f"there is no channel {name!r}{did_you_mean(name, known)}: {', '.join(known)}"
+            )
+    series = [
+        {
+            "label": str(recording[name].attrs["long_name"]),
+            "unit": str(recording[name].attrs["units"]),
+        }
+        for name in channels
+    ]
+    # Times from the first sample on, where float32 is finest.
+    time = recording["time"].values
+    frame = packed({"start": float(time[0])}, time - time[0], *(recording[n].values for n in channels))
+    return PlotWidget(frame=frame, series=series, height=height)
