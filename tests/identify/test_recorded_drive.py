@@ -121,3 +121,16 @@ def test_a_recording_without_a_drive_is_refused() -> None:
         recorded_drive(make_recording([0.0, 1.0], {"voltage": [0.0, 1.0]}), "the walk")
     with warnings.catch_warnings(), pytest.raises(RecordingError, match="has 2 samples"):
         recorded_drive(make_recording([0.0, 1.0], {"drive_voltage": [0.0, 1.0]}), "the walk")
+
+
+def test_a_converters_steps_are_one_line_and_jumps_take_their_time() -> None:
+    """A sawtooth in steps of 78 mV: a handful of pieces, within a step of the line; falls at 3e5 V/s."""
+    t = np.arange(900) * 1e-3
+    u = np.floor(Sawtooth(65.0, 5.0).value(t) / 0.078 + 0.5) * 0.078
+    with pytest.warns(RecordingWarning, match="as jumps"):
+        found = recorded_drive(make_recording(t, {"drive_voltage": u}), "the walk", slew_rate=3e5)
+    assert found.start.size < 30
+    inside = t[(t % 0.2 > 1e-3) & (t % 0.2 < 0.199)]
+    np.testing.assert_allclose(found.value(inside), Sawtooth(65.0, 5.0).value(inside), atol=0.08)
+    fall = 0.2 + 65.0 / 3e5 * np.array([0.1, 0.5, 0.9])
+    np.testing.assert_allclose(found.value(fall), 65.0 * np.array([0.9, 0.5, 0.1]), atol=0.5)

@@ -11,8 +11,10 @@ from scipy import signal
 from identify.step_system import START, TRUTH, step_recording
 from stickslip.actuator import load_actuator
 from stickslip.electronics import Filter
-from stickslip.identify.coloured import Coloured, autoregression, coloured, scores
+from stickslip.identify.coloured import Coloured, autoregression, coloured, scores, with_inherited
+from stickslip.identify.fit import Residuals, fit_least_squares
 from stickslip.identify.linear_step import filter_zeros_poles, second_order_poles, step_response
+from stickslip.identify.result import Parameter
 from stickslip.identify.step_fit import identify_step, step_formula_errors
 from stickslip.identify.step_formulas import step_features
 from stickslip.recording import RecordingError, make_recording
@@ -117,6 +119,18 @@ def test_scores_against_the_full_matrix() -> None:
         sigma = np.where(apart < 3, lags[np.minimum(apart, 2)], 0.0) + 0.1 * np.minimum(i[:, None], i)
         expected += j.T @ sigma @ j
     np.testing.assert_allclose(scores(pieces, Coloured(np.pad(lags, (0, 60)), 0.1)), expected)
+
+
+def test_uncertainty_of_what_was_taken_as_known_is_passed_on() -> None:
+    """y = a t + b, b known to 0.3 only: a moves by -b sum(t) / sum(t^2)."""
+    t = np.linspace(0.0, 2.0, 50)
+    y = 3.0 * t + 1.0 + 0.01 * np.random.default_rng(0).standard_normal(50)
+    slope = Parameter("a", 1.0, -10.0, 10.0, log=False)
+    fit = fit_least_squares([Residuals(lambda v: v["a"] * t + 1.0 - y, y)], [slope])
+    wider = with_inherited(fit, np.ones((50, 1)), np.array([[0.3**2]]))
+    added = 0.3 * t.sum() / (t @ t)
+    expected = math.hypot(fit.standard_errors["a"], added)
+    assert wider.standard_errors["a"] == pytest.approx(expected, rel=1e-6)
 
 
 def _clipped():

@@ -135,14 +135,8 @@ def with_coloured_noise(fit: Fit, noise: Coloured) -> Fit:
     """
     assert fit.jacobian is not None
     ends = np.cumsum([g.n_data for g in fit.recordings])[:-1]
-    norms = np.linalg.norm(fit.jacobian, axis=0)
-    norms[norms == 0.0] = 1.0
-    j = fit.jacobian / norms
-    _, s, vt = np.linalg.svd(j, full_matrices=False)
-    known = s > s[0] * max(j.shape) * np.finfo(float).eps
-    inverse = (vt[known].T / s[known] ** 2) @ vt[known]
-    lost = np.any(np.abs(vt[~known]) > 1e-6, axis=0)
-    spread = inverse @ scores(np.split(j, ends), noise) @ inverse / np.outer(norms, norms)
+    inverse, lost = _inverse(fit.jacobian)
+    spread = inverse @ scores(np.split(fit.jacobian, ends), noise) @ inverse
     spread[lost, :] = spread[:, lost] = 0.0
     spread[lost, lost] = np.inf
     bounded = fit.uncertainty.bounded != 0
@@ -153,3 +147,31 @@ def with_coloured_noise(fit: Fit, noise: Coloured) -> Fit:
         uncertainty=fit.uncertainty._replace(covariance=spread, released=released),
         correlated=True,
     )
+
+
+def with_inherited(fit: Fit, jacobian: Array, covariance: Array) -> Fit:
+    """The fit with the uncertainty of quantities that it took as known.
+
+    Args:
+        fit: by least squares.
+        jacobian: derivatives of its residuals by those quantities, shape (n, m).
+        covariance: of those quantities, shape (m, m).
+    """
+    assert fit.jacobian is not None
+    inverse, _ = _inverse(fit.jacobian)
+    moves = inverse @ (fit.jacobian.T @ jacobian)
+    added = moves @ covariance @ moves.T
+    known = fit.uncertainty
+    released = np.where(known.bounded != 0, known.released + np.diag(added), known.released)
+    return replace(fit, uncertainty=known._replace(covariance=known.covariance + added, released=released))
+
+
+def _inverse(jacobian: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Pseudo-inverse of J'J, and the coordinates of which the data say nothing."""
+    norms = np.linalg.norm(jacobian, axis=0)
+    norms[norms == 0.0] = 1.0
+    j = jacobian / norms
+    _, s, vt = np.linalg.svd(j, full_matrices=False)
+    known = s > s[0] * max(j.shape) * np.finfo(float).eps
+    inverse = (vt[known].T / s[known] ** 2) @ vt[known]
+    return inverse / np.outer(norms, norms), np.any(np.abs(vt[~known]) > 1e-6, axis=0)

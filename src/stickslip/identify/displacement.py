@@ -31,11 +31,17 @@ class Displacement:
     """One recording's motion, from rest. A model that cannot be followed raises ArithmeticError."""
 
     def __init__(
-        self, recording: xr.Dataset, drive: Waveform | None, name: str, model: Actuator, tolerance: float
+        self,
+        recording: xr.Dataset,
+        drive: Waveform | None,
+        name: str,
+        model: Actuator,
+        tolerance: float,
+        slew_rate: float | None = None,
     ) -> None:
         self.time = recording["time"].values
         if drive is None:
-            drive = recorded_drive(recording, name)
+            drive = recorded_drive(recording, name, slew_rate)
             self.time = self.time - self.time[0]
         self.tolerance = tolerance
         self.drive = checked_drive(model, drive, float(self.time[-1]), periodic=False)

@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 from ..actuator import Actuator
 from ..simulation.varied import free_names, with_values
 from ..waveform.signal import Waveform
-from .channels import channel, names_of, recordings_of, same_number
+from .channels import channel, names_of, recordings_of, refuse_clipped, same_number
+from .coloured import coloured, with_coloured_noise, with_inherited
 from .displacement import Displacement, has_slopes
 from .fit import Progress, Residuals, fit_least_squares
 from .free import Bounds, check_names, parameter
 from .result import Fit, Parameter, Values
+from .step_fit import STAGE
 
 OBSERVED = "end_effector_position"
 # Relative, of a law without derivatives. With its tolerance, both parts of its error are under 1 % of a
@@ -36,13 +38,17 @@ def identify_friction(
     free: Sequence[str],
     *,
     drive: Waveform | Sequence[Waveform | None] | None = None,
+    slew_rate: float | None = None,
+    stage: Fit | None = None,
     bounds: Bounds | None = None,
     noise: float | None = None,
     starts: int = 1,
     hops: int = 6,
     seed: int = 0,
     tolerance: float | None = None,
-    correlated: bool = False,
+    correlated: bool | None = None,
+    loss: str = "linear",
+    loss_scale: float = 1.0,
     max_evaluations: int = 200,
     progress: Callable[[Progress], None] | None = None,
 ) -> Fit:
@@ -61,6 +67,10 @@ def identify_friction(
         drive: waveform of each recording (one: of all), in the time of the recording. Left out, or None: the
             channel drive_voltage from the recording's first sample on, with its jumps as far as the samples
             show them (see `recorded_drive`).
+        slew_rate: V/s at which the amplifier follows the jumps of drive_voltage: the current limit into the
+            piezo. Left out, at once; a fit then takes the slower jump for more friction.
+        stage: the fit of `identify_step` that the model's stage is from: its uncertainty is passed on to what
+            is fitted here.
         bounds: of free parameters, in SI or as strings; else a factor 30 either side of the start. The scale
             is logarithmic, but linear where bounds reach down to zero.
         noise: standard deviation of the position, m; left out, it is estimated from the residuals.
@@ -71,7 +81,11 @@ def identify_friction(
             are those of `sensitivities`. For the others they are differences over half a percent of a
             parameter, so it must be far below what that changes (a weakly determined one: some pm in steps of
             micrometres): 1e-12.
-        correlated: allow for residuals correlated in time in the uncertainty.
+        correlated: True: allow for residuals correlated in time in the uncertainty, whatever they are. Left
+            out, for noise that is correlated over some samples and for a random walk (a sensor's drift), as
+            far as the residuals show them (see `coloured`), where the noise is not given.
+        loss, loss_scale: see `fit_least_squares`: "soft_l1" or "huber" for recordings with outliers; the
+            scale is in m unless the noise is given.
         max_evaluations: of all recordings, for each start.
         progress: called after each evaluation.
 
@@ -95,18 +109,22 @@ def identify_friction(
     bounds = bounds or {}
     check_names(free, [*free_names(model), *CHANNEL], bounds)
     measured = [channel(r, OBSERVED, name, varies=True) for r, name in zip(found, names, strict=True)]
+    for values, name in zip(measured, names, strict=True):
+        refuse_clipped(values, OBSERVED, name)
     shifts = {
         "delay": LONGEST_DELAY * min(float(np.ptp(r["time"].values)) for r in found),
         "offset": max(float(np.ptp(m) + abs(m[0])) for m in measured),
     }
+    begin = {"delay": stage.values["delay"]} if stage is not None else {}
     parameters = [
-        _of_channel(name, shifts[name], bounds) if name in CHANNEL else parameter(model, name, bounds)
+        _of_channel(name, shifts[name], bounds, begin) if name in CHANNEL else parameter(model, name, bounds)
         for name in free
     ]
     exact = has_slopes(model)
     tolerance = tolerance or (1e-11 if exact else 1e-12)
     motions = [
-        Displacement(r, w, name, model, tolerance) for r, w, name in zip(found, drives, names, strict=True)
+        Displacement(r, w, name, model, tolerance, slew_rate)
+        for r, w, name in zip(found, drives, names, strict=True)
     ]
 
     def residuals(motion: Displacement, position: NDArray[np.float64]) -> Any:
@@ -123,7 +141,9 @@ def identify_friction(
         parameters,
         jacobian=_slopes(motions, model, free) if exact else None,
         noise_known=noise is not None,
-        correlated=correlated,
+        correlated=bool(correlated),
+        loss=loss,
+        loss_scale=loss_scale,
         starts=starts,
         hops=hops,
         seed=seed,
@@ -131,18 +151,35 @@ def identify_friction(
         max_evaluations=max_evaluations,
         progress=progress,
     )
+    if correlated is None and noise is None and loss == "linear":
+        fit = with_coloured_noise(fit, coloured(fit.residuals, walks=True))
+
+    if stage is not None:
+        fit = _with_stage(fit, motions, model, stage)
 
     def predict(recording: xr.Dataset, drive: Waveform | None = None) -> NDArray[np.float64]:
         name = names_of([recording])[0]
-        return observed(Displacement(recording, drive, name, model, tolerance), model, fit.values)
+        return observed(Displacement(recording, drive, name, model, tolerance, slew_rate), model, fit.values)
 
     return replace(fit, model=with_values(model, _own(fit.values)), observed=OBSERVED, predict=predict)
 
 
-def _of_channel(name: str, reach: float, bounds: Bounds) -> Parameter:
+def _with_stage(fit: Fit, motions: Sequence[Displacement], model: Actuator, stage: Fit) -> Fit:
+    """The fit with the uncertainty of the stage passed on, of those of its values that are not free here."""
+    kept = [i for i, p in enumerate(stage.parameters) if p.name in STAGE and p.name not in fit.values]
+    if not kept:
+        return fit
+    names = [stage.parameters[i].name for i in kept]
+    here = with_values(model, _own(fit.values))
+    by = np.vstack([m.slopes(here, fit.values.get("delay", 0.0), names)[:, :-1] for m in motions])
+    slopes = np.array([stage.parameters[i].slope(stage.values[n]) for i, n in zip(kept, names, strict=True)])
+    return with_inherited(fit, by * slopes, stage.uncertainty.covariance[np.ix_(kept, kept)])
+
+
+def _of_channel(name: str, reach: float, bounds: Bounds, begin: Values) -> Parameter:
     unit = "s" if name == "delay" else "m"
     low, high = (float(limit) for limit in bounds.get(name, (-reach, reach)))
-    return Parameter(name, min(max(0.0, low), high), low, high, unit, log=False)
+    return Parameter(name, min(max(begin.get(name, 0.0), low), high), low, high, unit, log=False)
 
 
 def _own(values: Values) -> Values:

@@ -34,6 +34,8 @@ ALONE = 3.0
 BESIDE = 5
 # In intervals: how far noise may move a point out of its interval, and what is no distance at all.
 MARGIN, TOUCHING = 0.05, 1e-6
+# Of the range: what a line may miss, a converter's steps; and how many samples it must join to be one.
+STRAIGHT, FEWEST_STRAIGHT = 3e-3, 20
 
 TIMED = "as jumps at the instants to which the slopes beside them point"
 HELD = "as jumps at the sample after them"
@@ -95,18 +97,20 @@ class Line(NamedTuple):
         return self.level + self.slope * (t - self.time)
 
 
-def recorded_drive(recording: xr.Dataset, where: str) -> RecordedDrive:
+def recorded_drive(recording: xr.Dataset, where: str, slew_rate: float | None = None) -> RecordedDrive:
     """The drive_voltage [V] of a recording as a waveform, timed from its first sample.
 
     A cubic spline through the samples, broken at jumps and kinks. What changes within one interval is a jump:
     at the instant at which the line on one side of it is at the level at rest (that of the first sample), or
     at that on the other side of the other jumps, as with a sawtooth; else at the sample after it, as a
     converter holds its value. A kink between samples is where the lines beside it meet. What is too fast for
-    either stays lines between the samples.
+    either stays lines between the samples. Between them, what is straight but for a converter's steps is one
+    line.
 
     Args:
         recording: with drive_voltage.
         where: what to call it in messages.
+        slew_rate: V/s at which the amplifier follows a jump; left out, at once.
 
     Raises:
         RecordingError: the channel is missing, too short or not finite.
@@ -116,7 +120,7 @@ def recorded_drive(recording: xr.Dataset, where: str) -> RecordedDrive:
     """
     u = channel(recording, "drive_voltage", where)
     t = recording["time"].values - float(recording["time"][0])
-    jumps = _jumps(u)
+    jumps, rounding = _jumps(u), _rounding(u)
     assumed: Counter[str] = Counter()
     knots = []
     ends = [-1, *jumps, u.size - 1]
@@ -130,7 +134,7 @@ def recorded_drive(recording: xr.Dataset, where: str) -> RecordedDrive:
         assumed[HELD if instant is None else TIMED] += 1
     hidden = jumps[:1]
     for a, b in pairwise(ends):
-        for group in _bends(u, a + 1, b):
+        for group in _bends(u, a + 1, b, rounding):
             kinks = _kinks(t, u, group)
             if not kinks:
                 kinks = [Knot(t[j], u[j], u[j]) for j in group]
@@ -146,7 +150,7 @@ def recorded_drive(recording: xr.Dataset, where: str) -> RecordedDrive:
             RecordingWarning,
             stacklevel=4,
         )
-    return _splines(t, u, sorted(knots))
+    return _splines(t, u, sorted(knots), slew_rate)
 
 
 def _usual(changes: Array) -> Array:
@@ -164,12 +168,24 @@ def _jumps(u: Array) -> list[int]:
     return np.flatnonzero((change > np.maximum(ABOVE * usual, LEAST_JUMP * range_)) & alone).tolist()
 
 
-def _bends(u: Array, first: int, last: int) -> list[list[int]]:
+def _rounding(u: Array) -> float:
+    """The step of a converter, V, if all samples are whole steps apart; else 0."""
+    change = np.abs(np.diff(u, 2))
+    some = change[change > 1e-9 * np.ptp(u)]
+    step = float(some.min()) if some.size else 0.0
+    if step < 1e-5 * np.ptp(u) or some.size < 0.05 * change.size:  # kinks of a drawn waveform are few
+        return 0.0
+    steps = some / step
+    return step if np.all(np.abs(steps - np.round(steps)) < 0.02) else 0.0
+
+
+def _bends(u: Array, first: int, last: int, rounding: float) -> list[list[int]]:
     """Groups of neighbouring samples within first..last at which the slope changes more than usual."""
     if last - first < 2:
         return []
     change = np.abs(np.diff(u[first : last + 1], 2))
-    bent = change > np.maximum(ABOVE * _usual(change), LEAST_KINK * float(np.ptp(u)))
+    least = max(LEAST_KINK * float(np.ptp(u)), 2.5 * rounding)
+    bent = change > np.maximum(ABOVE * _usual(change), least)
     samples = np.flatnonzero(bent) + first + 1
     groups = np.split(samples, np.flatnonzero(np.diff(samples) > 1) + 1)
     return [group.tolist() for group in groups if group.size]
@@ -202,6 +218,18 @@ def _line(t: Array, u: Array, first: int, last: int) -> Line:
     return Line(time, level, slope, float(np.sqrt(np.mean((values - level - slope * apart) ** 2))))
 
 
+def _straight(t: Array, u: Array, most: float) -> Line | None:
+    """The line through many samples that follow it but for rounding; None if they do not.
+
+    What is rounded differs from a line by no more than from sample to sample; what is curved, by far more.
+    """
+    if t.size < FEWEST_STRAIGHT:
+        return None
+    line = _line(t, u, 0, t.size - 1)
+    left = float(np.max(np.abs(u - line.level - line.slope * (t - line.time))))
+    return line if left < most and left <= 2.0 * float(np.max(np.abs(np.diff(u, 2)))) else None
+
+
 def _instants(t: Array, jumps: list[int], lines: list[tuple[Line, Line]], rest: float) -> list[float | None]:
     """When the jumps are, by the level they come from or go to: first that at rest, then the one on the other
     side of those so found. None where a line meets neither."""
@@ -230,16 +258,30 @@ def _met(t: Array, i: int, line: Line, level: float) -> float | None:
     return float(np.clip(at, t[i], t[i + 1])) if near else None
 
 
-def _splines(t: Array, u: Array, knots: list[Knot]) -> RecordedDrive:
+def _splines(t: Array, u: Array, knots: list[Knot], slew_rate: float | None) -> RecordedDrive:
     """From knot to knot a cubic spline through the samples between them."""
     ends = [Knot(t[0], u[0], u[0]), *knots, Knot(t[-1], u[-1], u[-1])]
     touching = TOUCHING * float(np.median(np.diff(t)))
+    straight = STRAIGHT * float(np.ptp(u))
     start, polynomial = [], []
     for a, b in pairwise(ends):
         if b.time - a.time <= touching:
             continue
         inside = (t > a.time + touching) & (t < b.time - touching)
-        spline = CubicSpline([a.time, *t[inside], b.time], [a.after, *u[inside], b.before])
+        begin = a.time
+        if slew_rate is not None and a.after != a.before:
+            begin = min(a.time + abs(a.after - a.before) / slew_rate, 0.5 * (a.time + b.time))
+            start.append([a.time])
+            polynomial.append([[a.before, (a.after - a.before) / (begin - a.time), 0.0, 0.0]])
+        inside &= t > begin + touching
+        times, values = [a.time, *t[inside], b.time], [a.after, *u[inside], b.before]
+        line = _straight(np.array(times), np.array(values), straight)
+        if line is not None:
+            start.append([begin])
+            polynomial.append([[line.at(begin), line.slope, 0.0, 0.0]])
+            continue
+        times[0] = begin
+        spline = CubicSpline(times, values)
         start.append(spline.x[:-1])
         polynomial.append(spline.c[::-1].T)
     start.append(t[-1:])
