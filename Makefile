@@ -6,6 +6,7 @@
 #   make check      lint, format, types, layers
 #   make mutation   flips signs in the physics and asks the tests to notice
 #   make bench      everything measured beside other tools: docs/benchmarks/; PART=fit for one part
+#   make docs       the documentation, out/docs/index.html; every warning is an error
 #   make lock       resolve the dependencies anew (LOCK_FLAGS=--upgrade for newer versions)
 
 PYTHON ?= python3
@@ -26,7 +27,7 @@ PART ?=
 PEERS := .venv-peers
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test browser coverage check format mutation bench peers lock clean
+.PHONY: help setup demo test browser coverage check format mutation bench docs peers lock clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -84,6 +85,9 @@ bench: $(READY) peers
 
 bench-%: $(READY) peers
 	$(BIN)/python -m benchmarks $*
+
+docs: $(READY)
+	$(BIN)/python -m sphinx -W --keep-going -q -b html docs out/docs
 
 # A tool that cannot be installed is a row that says so: numbalsoda needs a Fortran compiler, Octave is not of Python.
 peers: $(PEERS)/.ready
