@@ -13,7 +13,14 @@ from matplotlib.mathtext import MathTextParser
 
 _PARSER = MathTextParser("path")
 # What LaTeX has and matplotlib does not, and does not need.
-_WITHOUT = ((r"\begin{aligned}", ""), (r"\end{aligned}", ""), (r"\tfrac", r"\frac"), (r"\dfrac", r"\frac"))
+_WITHOUT = (
+    (r"\begin{aligned}", ""),
+    (r"\end{aligned}", ""),
+    (r"\tfrac", r"\frac"),
+    (r"\dfrac", r"\frac"),
+    (r"\text", r"\mathrm"),
+)
+_CASES = re.compile(r"(.*?)\\begin\{cases\}(.*)\\end\{cases\}(.*)", re.DOTALL)
 
 
 def _drawn(latex: str, size: float) -> str:
@@ -34,6 +41,11 @@ def _drawn(latex: str, size: float) -> str:
 def _lines(latex: str) -> list[str]:
     for old, new in _WITHOUT:
         latex = latex.replace(old, new)
+    cases = _CASES.fullmatch(latex)
+    if cases:  # one line for each
+        before, rows, after = cases.groups()
+        wide = (row.replace("&", r"\qquad") for row in re.split(r"\\\\", rows))
+        latex = r"\\".join(f"{before} {row} {after}" for row in wide)
     lines = (line.replace("&", "").strip() for line in re.split(r"\\\\", latex))
     return [" ".join(line.split()) for line in lines if line]
 
