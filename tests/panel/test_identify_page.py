@@ -1,0 +1,211 @@
+"""The Identify page in a browser: a fit from the choice of recordings to its report; the truth is known."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+import stickslip as ss
+
+from .conftest import PATIENCE, Panel
+
+pytestmark = pytest.mark.browser
+LONG = 2e3 * PATIENCE  # ms: the first fit on a machine compiles
+TRUTH = {"sigma_0": 1.1e6, "coulomb_force": 0.62}
+NOISE = 5e-9  # m
+
+
+def save_walk(path: Path, volts: float, seed: int) -> None:
+    """A simulated walk with noise on the position."""
+    actuator = ss.load_actuator("kang2007")
+    law = actuator.friction._replace(**TRUTH, stiction_force=TRUTH["coulomb_force"])
+    drive = ss.Sequence(ss.Rest(0.1), ss.Sawtooth(volts, 10.0, periods=4), ss.Rest(0.1))
+    walk = ss.simulate(actuator.replace(friction=law), drive, sample_rate=2e3)
+    noise = np.random.default_rng(seed).normal(0.0, NOISE, walk.sizes["time"])
+    walk["end_effector_position"] = walk["end_effector_position"].copy(
+        data=walk["end_effector_position"].values + noise
+    )
+    ss.save_recording(walk[["drive_voltage", "end_effector_position"]], path)
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Panel]:
+    """A panel on a folder with three walks, one of them without a drive."""
+    folder = tmp_path_factory.mktemp("identify")
+    for i, volts in enumerate((65.0, 75.0)):
+        save_walk(folder / f"walk_{volts:.0f}V.nc", volts, i)
+    lacking = ss.open_recording(folder / "walk_65V.nc")[["end_effector_position"]]
+    ss.save_recording(lacking, folder / "without_drive.nc")
+    served = Panel(folder)
+    yield served
+    served.end()
+
+
+@pytest.fixture
+def identify(recorded: Panel, page: Page) -> Page:
+    """The page, no fit running."""
+    httpx.post(f"{recorded.url}api/identify/cancel", json={}, timeout=60)
+    page.goto(f"{recorded.url}#identify")
+    page.locator(".identify[data-phase]").wait_for(timeout=LONG)
+    untick(page, ".identify-list")
+    return page
+
+
+def untick(page: Page, where: str) -> None:
+    """All boxes there."""
+    ticked = page.locator(f"{where} input:checked")
+    while ticked.count():
+        ticked.first.uncheck()
+
+
+def phase(page: Page, name: str) -> None:
+    expect(page.locator(".identify")).to_have_attribute("data-phase", name, timeout=LONG)
+
+
+def drawn(page: Page) -> int:
+    return int(page.locator(".identify-canvas").get_attribute("data-drawn") or 0)
+
+
+def start(page: Page, effort: str = "quick") -> None:
+    page.get_by_label("Fit walk_65V.nc").check()
+    page.get_by_label("Predict walk_75V.nc").check()
+    page.get_by_label("Effort").select_option(effort)
+    page.get_by_role("button", name="Start fit").click()
+
+
+def test_a_fit_from_start_to_report(
+    identify: Page, recorded: Panel, browser: Browser, tmp_path: Path
+) -> None:
+    start(identify)
+    phase(identify, "running")
+    before = drawn(identify)
+    values = set()
+    end = time.monotonic() + LONG / 1e3
+    while identify.locator(".identify[data-phase=running]").count() and time.monotonic() < end:
+        values.add(identify.locator(".identify-live").inner_text())
+        identify.wait_for_timeout(20)
+    phase(identify, "done")
+    assert len(values) > 2, "the values move while it runs"
+    assert drawn(identify) > before + 2, "and so does the picture"
+    # What it found is what the walks were made with.
+    found = httpx.get(f"{recorded.url}api/identify/state").json()["fit"]["parameters"]
+    for name, truth in TRUTH.items():
+        low, high = found[name]["interval"]
+        assert low < truth < high
+        assert high < 1.5 * low
+    table = identify.locator(".identify-results table").first
+    row = table.locator("tr", has_text="Coulomb friction")
+    expect(row.locator("td").first).to_have_text(re.compile(r"6\d\d\.\d+ mN"))
+    expect(identify.locator(".identify-said").first).not_to_be_empty()
+    verified = identify.locator(".identify-results tr", has_text="walk_75V.nc")
+    expect(verified).to_contain_text("predicted")
+    assert float(verified.locator("td").nth(1).inner_text()) > 0.999
+    # The predicted recording can be looked at, and the residuals are those of the noise.
+    identify.get_by_label("Recording that is shown").select_option("walk_75V.nc")
+    identify.wait_for_timeout(300)
+    identify.screenshot(path=str(tmp_path / "identify-light.png"), full_page=True)
+    # The report opens, styled, with nothing that runs.
+    address = identify.get_by_role("link", name="Report").get_attribute("href")
+    assert address is not None
+    report = browser.new_page()
+    answer = report.goto(recorded.url + address.lstrip("/"))
+    assert answer is not None
+    assert "sandbox" in answer.headers["content-security-policy"]
+    expect(report.get_by_role("heading", name="Identification")).to_be_visible()
+    expect(report.locator("body")).to_contain_text("sigma_0")
+    report.close()
+    # After a reload, and for another browser, it is all still there.
+    identify.reload()
+    phase(identify, "done")
+    expect(identify.locator(".identify-results table").first).to_contain_text("Coulomb friction")
+    expect(identify.get_by_label("Fit walk_65V.nc")).to_be_checked()
+    identify.get_by_role("link", name="Explore this model").click()
+    identify.locator(".explore[data-curves]").wait_for(timeout=LONG)
+    stiffness = identify.locator(".slider", has=identify.get_by_role("slider", name="Bristle stiffness"))
+    expect(stiffness.locator("input[type=text]")).to_have_value(re.compile(r"1\.[01]\d+ MN/m"))
+
+
+def test_a_fit_goes_on_when_the_page_closes(recorded: Panel, browser: Browser) -> None:
+    page = browser.new_page()
+    page.goto(f"{recorded.url}#identify")
+    page.locator(".identify[data-phase]").wait_for()
+    start(page)
+    phase(page, "running")
+    page.close()
+    back = browser.new_page()
+    back.goto(f"{recorded.url}#identify")
+    phase(back, "done")
+    expect(back.locator(".identify-results table").first).to_contain_text("Bristle stiffness")
+    back.close()
+
+
+def test_a_fit_can_be_cancelled_and_another_started(identify: Page) -> None:
+    start(identify, "starts")
+    phase(identify, "running")
+    expect(identify.get_by_role("button", name="Start fit")).to_be_disabled()
+    identify.get_by_role("button", name="Cancel").click()
+    phase(identify, "cancelled")
+    expect(identify.locator(".identify-status")).to_contain_text("Cancelled")
+    start(identify)
+    phase(identify, "running")
+    identify.get_by_role("button", name="Cancel").click()
+    phase(identify, "cancelled")
+
+
+def test_what_is_missing_is_said(identify: Page) -> None:
+    unusable = identify.locator(".identify-list tr", has_text="without_drive.nc")
+    expect(unusable).to_contain_text("no channel drive_voltage")
+    expect(unusable.locator("input").first).to_be_disabled()
+    identify.get_by_role("button", name="Start fit").click()
+    fault = identify.locator(".identify-form > .fault")
+    expect(fault).to_have_text("Choose at least one recording to fit.")
+    identify.get_by_label("Fit walk_65V.nc").check()
+    untick(identify, ".identify-free")
+    identify.get_by_role("button", name="Start fit").click()
+    expect(fault).to_have_text("Tick at least one parameter to fit.")
+
+
+def test_a_wrong_window_fails_in_one_sentence(identify: Page) -> None:
+    identify.get_by_label("From", exact=True).fill("5 s")
+    identify.get_by_label("From", exact=True).press("Enter")
+    start(identify)
+    phase(identify, "failed")
+    expect(identify.locator(".identify-picture > .fault")).to_contain_text("leave nothing of walk_65V.nc")
+
+
+def test_requests_cannot_leave_the_folder(recorded: Panel) -> None:
+    with httpx.Client(base_url=recorded.url, timeout=60) as client:
+        law = client.get("api/explore/choices").json()["sets"]["kang2007"]
+        asked: dict[str, Any] = {"set": "kang2007", "law": "LuGre", "friction": law["friction"]["LuGre"]}
+        asked |= {"free": ["sigma_0"]}
+        for name in ("../secret.nc", "/etc/passwd", "a/../../b.nc"):
+            answer = client.post("api/identify/start", json=asked | {"recordings": [name]})
+            assert answer.status_code == 400
+            assert "folder" in answer.json()["error"]
+        for name in ("..", "%2e%2e", "no-such-fit"):
+            assert client.get(f"api/identify/report/{name}").status_code in (400, 404)
+        wrong = client.post(
+            "api/identify/start", json=asked | {"recordings": ["walk_65V.nc"], "law": "Magic"}
+        )
+        assert wrong.status_code == 400
+        assert "LuGre" in wrong.json()["error"]
+
+
+@pytest.mark.parametrize(("name", "width", "scheme"), [("dark", 1600, "dark"), ("narrow", 420, "light")])
+def test_looks(recorded: Panel, browser: Browser, tmp_path: Path, name: str, width: int, scheme: Any) -> None:
+    context = browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme)
+    page = context.new_page()
+    page.goto(f"{recorded.url}#identify")
+    page.locator(".identify[data-phase]").wait_for(timeout=LONG)
+    page.wait_for_timeout(500)
+    page.screenshot(path=str(tmp_path / f"identify-{name}.png"), full_page=True)
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), "nothing sticks out"
+    context.close()
