@@ -1,0 +1,109 @@
+/* What the FMI 2.0 and 3.0 shells share: an instance, its phases, its steps. No pointer is inside fmi_data, so that a
+ * copy of it is the state of the FMU, and its bytes are the serialised state.
+ */
+#ifndef FMI_INSTANCE_H
+#define FMI_INSTANCE_H
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "stickslip.h"
+
+enum { PLANT, OBSERVER, FEEDFORWARD };                 /* modes */
+enum { INSTANTIATED, INITIALIZING, STEPPING, STOPPED }; /* phases */
+
+typedef struct {
+    stickslip_parameters parameters;
+    stickslip_plant plant;
+    stickslip_state state;
+    stickslip_outputs outputs;
+    real_t input[3]; /* voltage and measured position, or wanted position, velocity, acceleration */
+    real_t slope;    /* of the first input, 1/s */
+    real_t voltage;  /* of the feedforward */
+    bool would_slide;
+    real_t step; /* s, longest internal step */
+    double time;
+    int phase;
+} fmi_data;
+
+#include "fmi_variables.h" /* MODE, TOKEN, fmi_real, fmi_boolean, is_parameter: generated */
+
+static const double MOST_STEPS = 1e7; /* in one communication step */
+
+static void fmi_start(fmi_data *data)
+{
+    memset(data, 0, sizeof *data);
+    data->parameters = stickslip_default_parameters();
+    data->step = R(DEFAULT_STEP);
+    data->phase = INSTANTIATED;
+    data->input[0] = R(REST_INPUT);
+}
+
+static void fmi_refresh(fmi_data *data)
+{
+    data->outputs = stickslip_read(&data->plant, &data->state);
+    if (MODE == FEEDFORWARD) {
+        const int bits =
+            stickslip_feedforward(&data->plant, data->input[0], data->input[1], data->input[2], &data->voltage);
+        data->would_slide = (bits & STICKSLIP_WOULD_SLIDE) != 0;
+    }
+}
+
+/* End of the initialisation. NULL, or what is wrong with the parameters. */
+static const char *fmi_begin(fmi_data *data)
+{
+    const char *wrong = stickslip_init(&data->plant, &data->parameters, (double)data->step);
+    if (wrong != NULL) {
+        return wrong;
+    }
+    stickslip_rest(&data->plant, &data->state, (MODE == FEEDFORWARD) ? R(REST_INPUT) : data->input[0]);
+    if (MODE == OBSERVER) { /* where it was measured */
+        const real_t there = data->input[1] - data->state.end_effector_position;
+        data->state.end_effector_position += (data->input[1] - data->input[1] == R(0.0)) ? there : R(0.0);
+    }
+    fmi_refresh(data);
+    data->phase = STEPPING;
+    return NULL;
+}
+
+/* A communication step: as many internal steps of one length as it takes. */
+static const char *fmi_advance(fmi_data *data, double length)
+{
+    const double count = ceil(length / (double)data->step - 1e-6);
+    if (!(length > 0.0) || !(count <= MOST_STEPS)) {
+        return "the communication step is out of range: it must be > 0 s and at most 1e7 internal steps";
+    }
+    const long steps = (count < 1.0) ? 1L : (long)count;
+    const double h = length / (double)steps;
+    if (fabs(h - (double)data->plant.h) > 1e-9 * h) {
+        const char *wrong = stickslip_init(&data->plant, &data->parameters, h);
+        if (wrong != NULL) {
+            return wrong;
+        }
+    }
+    if (MODE == OBSERVER) {
+        stickslip_correct(&data->plant, &data->state, data->input[1]);
+    }
+    if (MODE != FEEDFORWARD) {
+        for (long k = 0; k < steps; ++k) {
+            const real_t begin = data->input[0] + data->slope * (real_t)((double)k * h);
+            const real_t end = data->input[0] + data->slope * (real_t)((double)(k + 1) * h);
+            (void)stickslip_step_ramp(&data->plant, &data->state, begin, end);
+        }
+    }
+    data->time += length;
+    fmi_refresh(data);
+    return NULL;
+}
+
+/* A setter's question. NULL, or why this variable must not be set now. */
+static const char *fmi_forbidden(const fmi_data *data, unsigned int reference)
+{
+    if (is_parameter(reference)) {
+        return (data->phase <= INITIALIZING) ? NULL : "a parameter can be set before the end of the initialisation only";
+    }
+    return is_input(reference) ? NULL : "an output cannot be set";
+}
+
+#endif

@@ -1,0 +1,469 @@
+/* The step method; see stickslip.h. The equations are those of stickslip_equations.h.
+ *
+ * Stage and end-effector are linear between two steps: their motion under a ramp of the input and a constant
+ * friction force is known exactly, and computed once (matrix exponential). What is left is one equation for the
+ * sliding velocity of the step,
+ *
+ *     V + mobility * F(V) = V_free,
+ *
+ * where F is the friction law at V with the bristle in the middle of the step, which moves by the exponential of its
+ * own equation (linear in z for LuGre). It is solved with a fixed number of bracketed secant steps. A static law is
+ * decided exactly: rest, if the force that rest needs is below breakaway.
+ *
+ * The order is 2. Where the contact is stiff against the step, law and bristle are evaluated towards the end of the
+ * step (`implicit`), which damps what the step cannot resolve; the method stays stable for any stiffness.
+ */
+#include <stddef.h>
+
+#include "stickslip.h"
+
+enum { Y, W, X, S, INPUT, CHANGE, ONE, FORCE, SIZE };  /* of the vector that the exponential is taken for */
+enum { EVALUATIONS = 6, SUBSTEPS_AT_REST = 60 };
+
+static const double LIMIT = 1e6; /* of an input without limits of its own */
+
+/* ---- Preparation ------------------------------------------------------------------------------------------ */
+
+/* m becomes exp(m) - 1, by scaling and squaring of its Taylor series. */
+static void exponential(double m[SIZE][SIZE])
+{
+    double norm = 0.0, sum[SIZE][SIZE], product[SIZE][SIZE];
+    int squarings = 0;
+    for (int i = 0; i < SIZE; ++i) {
+        double row = 0.0;
+        for (int j = 0; j < SIZE; ++j) {
+            row += fabs(m[i][j]);
+        }
+        norm = fmax(norm, row);
+    }
+    for (; norm > 0.5 && squarings < 200; ++squarings) {
+        norm *= 0.5;
+    }
+    const double scale = ldexp(1.0, -squarings);
+    for (int i = 0; i < SIZE; ++i) {
+        for (int j = 0; j < SIZE; ++j) {
+            m[i][j] *= scale;
+            sum[i][j] = m[i][j];
+        }
+    }
+    for (int term = 16; term > 1; --term) { /* Horner: sum = m (1 + sum / term) */
+        for (int i = 0; i < SIZE; ++i) {
+            for (int j = 0; j < SIZE; ++j) {
+                product[i][j] = m[i][j];
+                for (int k = 0; k < SIZE; ++k) {
+                    product[i][j] += m[i][k] * ((term == 16) ? 0.0 : sum[k][j]) / (double)term;
+                }
+            }
+        }
+        for (int i = 0; i < SIZE; ++i) {
+            for (int j = 0; j < SIZE; ++j) {
+                sum[i][j] = product[i][j];
+            }
+        }
+    }
+    for (; squarings > 0; --squarings) { /* exp(2m) - 1 = 2 (exp(m) - 1) + (exp(m) - 1)^2 */
+        for (int i = 0; i < SIZE; ++i) {
+            for (int j = 0; j < SIZE; ++j) {
+                product[i][j] = 2.0 * sum[i][j];
+                for (int k = 0; k < SIZE; ++k) {
+                    product[i][j] += sum[i][k] * sum[k][j];
+                }
+            }
+        }
+        for (int i = 0; i < SIZE; ++i) {
+            for (int j = 0; j < SIZE; ++j) {
+                sum[i][j] = product[i][j];
+            }
+        }
+    }
+    for (int i = 0; i < SIZE; ++i) {
+        for (int j = 0; j < SIZE; ++j) {
+            m[i][j] = sum[i][j];
+        }
+    }
+}
+
+/* The linear motion over a step, from the equations of motion alone. */
+static void linear_step(stickslip_plant *plant, double h)
+{
+    const ss_Mechanism *mech = &plant->mechanism;
+    const real_t one = R(1.0), zero = R(0.0);
+    const double stage = (double)ss_stage_acceleration(mech, zero, zero, zero, zero);
+    const double slider = (double)ss_slider_acceleration(mech, zero, zero, zero, zero);
+    double m[SIZE][SIZE] = {{0.0}};
+    m[Y][W] = h;
+    m[W][INPUT] = h * ((double)ss_stage_acceleration(mech, one, zero, zero, zero) - stage);
+    m[W][Y] = h * ((double)ss_stage_acceleration(mech, zero, one, zero, zero) - stage);
+    m[W][W] = h * ((double)ss_stage_acceleration(mech, zero, zero, one, zero) - stage);
+    m[W][FORCE] = h * ((double)ss_stage_acceleration(mech, zero, zero, zero, one) - stage);
+    m[W][ONE] = h * stage;
+    m[X][S] = h;
+    m[S][INPUT] = h * ((double)ss_slider_acceleration(mech, one, zero, zero, zero) - slider);
+    m[S][X] = h * ((double)ss_slider_acceleration(mech, zero, one, zero, zero) - slider);
+    m[S][S] = h * ((double)ss_slider_acceleration(mech, zero, zero, one, zero) - slider);
+    m[S][FORCE] = h * ((double)ss_slider_acceleration(mech, zero, zero, zero, one) - slider);
+    m[S][ONE] = h * slider;
+    m[INPUT][CHANGE] = 1.0; /* the input rises by its change within the step */
+    exponential(m);
+    if (mech->kinematic) { /* the stage follows the input: y = C u at the end, at constant speed until then */
+        const double gain = (double)mech->gain;
+        const double last[7] = {-1.0, 0.0, 0.0, 0.0, gain, gain, 0.0};
+        for (int j = 0; j < 7; ++j) {
+            m[Y][j] = last[j];
+            m[W][j] = last[j] / h - ((j == W) ? 1.0 : 0.0);
+        }
+        m[Y][FORCE] = 0.0;
+        m[W][FORCE] = 0.0;
+    }
+    for (int i = 0; i < 4; ++i) {
+        for (int j = 0; j < 7; ++j) {
+            plant->free[i][j] = (real_t)m[i][j];
+        }
+        plant->push[i] = (real_t)m[i][FORCE];
+    }
+    plant->h = (real_t)h;
+    plant->per_h = (real_t)(1.0 / h);
+    plant->mean_mobility = (real_t)((m[X][FORCE] - m[Y][FORCE]) / h);
+    plant->end_mobility = (real_t)(m[S][FORCE] - m[W][FORCE]);
+}
+
+/* ---- The contact over a step ------------------------------------------------------------------------------ */
+
+/* Mean friction force of a step at the sliding velocity v; the internal states at its end. */
+static real_t contact_force(
+    const stickslip_plant *plant, const stickslip_state *state, real_t v, real_t end[STICKSLIP_STATES])
+{
+    real_t force = R(0.0);
+    for (int i = 0; i < STICKSLIP_STATES; ++i) {
+        const stickslip_element *element = &plant->element[i];
+        const real_t z = state->internal[i];
+#if STICKSLIP_STATIC_LAW
+        end[i] = z;
+        force += stickslip_law_rate(element, v, z).force;
+#else
+        /* dz/dt is taken as linear in z, along the secant from here to where the bristle would go by v alone. */
+        const real_t start = stickslip_law_rate(element, v, z).dz;
+        const real_t there = stickslip_law_rate(element, v, z + plant->h * v).dz;
+        real_t x = (v == R(0.0)) ? R(0.0) : (there - start) / v; /* step times the slope */
+        x = r_min(r_max(x, R(-1e9)), R(1.0));
+        /* (e^x - 1)/x and (e^x - 1 - x)/x^2 with e^x = 1/(1 - x + x^2/2): second order, positive for every x < 1 */
+        const real_t scale = plant->h * start / (R(1.0) - x + R(0.5) * x * x);
+        const real_t whole = (R(1.0) - R(0.5) * x) * scale;
+        const real_t mean = (R(0.5) - R(0.5) * x) * scale;
+        end[i] = stickslip_law_project(element, z + whole);
+        const real_t at = stickslip_law_project(element, z + mean + plant->implicit * (whole - mean));
+        force += stickslip_law_rate(element, v, at).force;
+#endif
+    }
+    return force;
+}
+
+/* The sliding velocity v with v + mobility * force(v) = v_free; the force there, and the states at the end. */
+static real_t solve(
+    const stickslip_plant *plant, const stickslip_state *state, real_t mobility, real_t v_free, real_t *velocity,
+    real_t end[STICKSLIP_STATES])
+{
+    real_t a = *velocity;
+    real_t force = contact_force(plant, state, a, end);
+    real_t error_a = a + mobility * force - v_free;
+    /* The left side rises at least as v does, so the root is not farther than the error. */
+    real_t low = a - r_max(error_a, R(0.0)), high = a - r_min(error_a, R(0.0));
+    real_t b = a - error_a * plant->newton;
+    for (int k = 1; k < EVALUATIONS; ++k) {
+        force = contact_force(plant, state, b, end);
+        const real_t error_b = b + mobility * force - v_free;
+        if (k == EVALUATIONS - 1) {
+            break;
+        }
+        if (error_b > R(0.0)) {
+            high = b;
+        } else {
+            low = b;
+        }
+        real_t next = b;
+        if (error_b != error_a) {
+            next = b - error_b * (b - a) / (error_b - error_a);
+        }
+        if (!((next >= low) && (next <= high))) {
+            next = R(0.5) * (low + high);
+        }
+        a = b;
+        error_a = error_b;
+        b = next;
+    }
+    *velocity = b;
+    return force;
+}
+
+#if STICKSLIP_STATIC_LAW
+/* Rest or sliding over this step; sets the direction of sliding (0: rest). Returns the force. */
+static real_t static_contact(
+    const stickslip_plant *plant, stickslip_state *state, real_t mean_free, real_t end_free, real_t *velocity)
+{
+    real_t end[STICKSLIP_STATES];
+    if (state->internal[0] != R(0.0)) { /* it slides: does it go on? */
+        const real_t force = solve(plant, state, plant->mean_mobility, mean_free, velocity, end);
+        if ((end_free - plant->end_mobility * force) * state->internal[0] > R(0.0)) {
+            return force;
+        }
+    }
+    const real_t needed = end_free / plant->end_mobility;
+    *velocity = R(0.0);
+    if (r_abs(needed) <= plant->breakaway) {
+        state->internal[0] = R(0.0);
+        return needed;
+    }
+    state->internal[0] = r_copysign(R(1.0), needed);
+    return solve(plant, state, plant->mean_mobility, mean_free, velocity, end);
+}
+#endif
+
+/* ---- Public ----------------------------------------------------------------------------------------------- */
+
+const char *stickslip_init(stickslip_plant *plant, const stickslip_parameters *parameters, double h)
+{
+    const char *wrong = stickslip_check(&parameters->model, &parameters->chain);
+    stickslip_plant made;
+    if (wrong != NULL) {
+        return wrong;
+    }
+    if (!((h >= 1e-9) && (h <= 1.0))) {
+        return "the step h [s] is out of range: it must be >= 1e-9 and <= 1";
+    }
+    made.mechanism = ss_mechanism(&parameters->model);
+    made.chain = parameters->chain;
+    for (int i = 0; i < 5; ++i) {
+        made.observer_gain[i] = parameters->observer_gain[i];
+    }
+    made.low = r_max(stickslip_input_low(&parameters->model), R(-LIMIT));
+    made.high = r_min(stickslip_input_high(&parameters->model), R(LIMIT));
+    made.breakaway = stickslip_law_breakaway(&parameters->model.friction);
+    made.stiffness = R(0.0);
+    real_t damping = R(0.0);
+    for (int i = 0; i < STICKSLIP_STATES; ++i) {
+        made.element[i] = stickslip_law_element(&parameters->model.friction, i);
+        const stickslip_element *element = &made.element[i];
+        const real_t rest = stickslip_law_rate(element, R(0.0), R(0.0)).force;
+#if !STICKSLIP_STATIC_LAW
+        made.stiffness += (stickslip_law_rate(element, R(0.0), R(1e-9)).force - rest) / R(1e-9);
+#endif
+        damping += (stickslip_law_rate(element, R(1e-6), R(0.0)).force - rest) / R(1e-6);
+    }
+    linear_step(&made, h);
+    const real_t mobility = made.mechanism.reaction + made.mechanism.mobility;
+    const real_t ratio = mobility * made.stiffness * made.h * made.h;
+    made.implicit = ratio / (R(12.0) + ratio); /* of second order in h, and 1 where the contact is stiff */
+    made.newton = R(1.0)
+        / (R(1.0)
+           + (made.mean_mobility + made.implicit * (made.end_mobility - made.mean_mobility))
+               * (R(0.5) * made.stiffness * made.h * (R(1.0) + made.implicit) + r_max(damping, R(0.0))));
+    made.holding = made.breakaway;
+#if !STICKSLIP_STATIC_LAW
+    stickslip_state slow = {0}; /* drawn slowly and for long, it carries what it can */
+    real_t end[STICKSLIP_STATES];
+    stickslip_plant creep = made;
+    creep.h = R(10.0);
+    for (int k = 0; k < SUBSTEPS_AT_REST; ++k) {
+        made.holding = contact_force(&creep, &slow, R(1e-7), end);
+        for (int i = 0; i < STICKSLIP_STATES; ++i) {
+            slow.internal[i] = end[i];
+        }
+    }
+#endif
+    if (!(r_isfinite(made.newton) && r_isfinite(made.free[0][0]) && r_isfinite(made.free[1][0])
+          && r_isfinite(made.free[1][4]) && r_isfinite(made.push[3]))) {
+        return "the step is too long, or the parameters are too extreme, for the numbers of this machine";
+    }
+    *plant = made;
+    return NULL;
+}
+
+void stickslip_rest(const stickslip_plant *plant, stickslip_state *state, real_t input)
+{
+    const ss_Mechanism *mech = &plant->mechanism;
+    const real_t held = -mech->slider_acceleration / mech->mobility;
+    const stickslip_state empty = {0};
+    *state = empty;
+    state->input = input;
+    state->friction_force = mech->clamped ? R(0.0) : held;
+    if (mech->kinematic) {
+        state->stage_position = mech->gain * input;
+    } else {
+        state->stage_position =
+            (mech->stage_drive * input + mech->stage_acceleration - mech->reaction * held) / mech->stage_stiffness;
+    }
+    state->end_effector_position = (mech->slider_stiffness > R(0.0))
+        ? mech->slider_drive * input / mech->slider_stiffness
+        : state->stage_position;
+#if !STICKSLIP_STATIC_LAW
+    if ((held != R(0.0)) && !mech->clamped) { /* equal deflections that carry it, by bisection */
+        real_t low = R(0.0), high = r_copysign(R(1e-3), held);
+        for (int k = 0; k < SUBSTEPS_AT_REST; ++k) {
+            const real_t middle = R(0.5) * (low + high);
+            real_t carried = R(0.0);
+            for (int i = 0; i < STICKSLIP_STATES; ++i) {
+                state->internal[i] = stickslip_law_project(&plant->element[i], middle);
+                carried += stickslip_law_rate(&plant->element[i], R(0.0), state->internal[i]).force;
+            }
+            if (r_abs(carried) < r_abs(held)) {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+    }
+#endif
+    state->sensor = state->end_effector_position;
+}
+
+int stickslip_step(const stickslip_plant *plant, stickslip_state *state, real_t input)
+{
+    return stickslip_step_ramp(plant, state, input, input);
+}
+
+/* Cut an input to its limits, or keep the last one. */
+static int admitted(const stickslip_plant *plant, real_t last, real_t low, real_t high, real_t *input)
+{
+    (void)plant;
+    if (!r_isfinite(*input)) {
+        *input = last;
+        return STICKSLIP_INPUT_NOT_FINITE;
+    }
+    if ((*input < low) || (*input > high)) {
+        *input = r_min(r_max(*input, low), high);
+        return STICKSLIP_INPUT_CLIPPED;
+    }
+    return STICKSLIP_OK;
+}
+
+/* Add to a position and remember what rounding took away. */
+static void add(real_t *position, real_t *lost, real_t change)
+{
+    const real_t wanted = change - *lost;
+    const real_t sum = *position + wanted;
+    *lost = (sum - *position) - wanted;
+    *position = sum;
+}
+
+int stickslip_step_ramp(const stickslip_plant *plant, stickslip_state *state, real_t begin, real_t end)
+{
+    int bits = STICKSLIP_OK;
+#if STICKSLIP_HAS_AMPLIFIER
+    /* The amplifier follows the middle of its own input, which it has until the end of the step. */
+    real_t wanted = R(0.5) * (begin + end);
+    bits |= admitted(plant, R(0.0), R(-LIMIT), R(LIMIT), &wanted);
+    begin = state->input;
+    end = stickslip_amplifier_after(&plant->chain, wanted, begin, plant->h);
+#endif
+    bits |= admitted(plant, state->input, plant->low, plant->high, &begin);
+    bits |= admitted(plant, begin, plant->low, plant->high, &end);
+
+    const real_t now[7] = {
+        state->stage_position, state->stage_velocity, state->end_effector_position, state->end_effector_velocity,
+        begin, end - begin, R(1.0)};
+    real_t change[4];
+    for (int i = 0; i < 4; ++i) { /* without friction */
+        change[i] = R(0.0);
+        for (int j = 0; j < 7; ++j) {
+            change[i] += plant->free[i][j] * now[j];
+        }
+    }
+    if (plant->mechanism.clamped) { /* the end-effector is part of the stage */
+        change[X] = change[Y];
+        change[S] = state->stage_velocity + change[W] - state->end_effector_velocity;
+        state->friction_force = ss_holding_force(&plant->mechanism, end, R(0.0), now);
+    } else {
+        const real_t mean_free = (change[Y] - change[X]) * plant->per_h;
+        const real_t end_free = (now[W] + change[W]) - (now[S] + change[S]);
+#if STICKSLIP_STATIC_LAW
+        const real_t force = static_contact(plant, state, mean_free, end_free, &state->sliding_velocity);
+#else
+        const real_t mobility =
+            plant->mean_mobility + plant->implicit * (plant->end_mobility - plant->mean_mobility);
+        const real_t v_free = mean_free + plant->implicit * (end_free - mean_free);
+        real_t internal[STICKSLIP_STATES];
+        const real_t force = solve(plant, state, mobility, v_free, &state->sliding_velocity, internal);
+        for (int i = 0; i < STICKSLIP_STATES; ++i) {
+            state->internal[i] = internal[i];
+        }
+#endif
+        for (int i = 0; i < 4; ++i) {
+            change[i] += plant->push[i] * force;
+        }
+        state->friction_force = force;
+#if STICKSLIP_STATIC_LAW
+        if (state->internal[0] == R(0.0)) { /* at rest, exactly */
+            change[X] = change[Y];
+            change[S] = (now[W] + change[W]) - now[S];
+        }
+#endif
+    }
+    add(&state->stage_position, &state->lost[0], change[Y]);
+    add(&state->end_effector_position, &state->lost[1], change[X]);
+    state->stage_velocity += change[W];
+    state->end_effector_velocity += change[S];
+    state->input = end;
+#if STICKSLIP_HAS_SENSOR
+    state->sensor = stickslip_sensor_after(&plant->chain, state->end_effector_position, state->sensor, plant->h);
+#else
+    state->sensor = state->end_effector_position;
+#endif
+    return bits;
+}
+
+stickslip_outputs stickslip_read(const stickslip_plant *plant, const stickslip_state *state)
+{
+    stickslip_outputs out;
+    out.end_effector_position = state->end_effector_position;
+    out.stage_position = state->stage_position;
+    out.sliding_displacement = state->stage_position - state->end_effector_position;
+    out.friction_force = state->friction_force;
+    out.drive_voltage = state->input;
+    out.stage_velocity = state->stage_velocity;
+    out.end_effector_velocity = state->end_effector_velocity;
+#if STICKSLIP_HAS_SENSOR
+    out.sensor_output = stickslip_sensor_output(&plant->chain, state->sensor);
+#else
+    (void)plant;
+    out.sensor_output = state->sensor;
+#endif
+    return out;
+}
+
+void stickslip_correct(const stickslip_plant *plant, stickslip_state *state, real_t measured)
+{
+    const real_t error = measured - state->end_effector_position;
+    if (!r_isfinite(error)) {
+        return;
+    }
+    state->stage_position += plant->observer_gain[0] * error;
+    state->stage_velocity += plant->observer_gain[1] * error;
+    state->end_effector_position += plant->observer_gain[2] * error;
+    state->end_effector_velocity += plant->observer_gain[3] * error;
+#if !STICKSLIP_STATIC_LAW
+    for (int i = 0; i < STICKSLIP_STATES; ++i) {
+        state->internal[i] =
+            stickslip_law_project(&plant->element[i], state->internal[i] + plant->observer_gain[4] * error);
+    }
+#endif
+}
+
+int stickslip_feedforward(
+    const stickslip_plant *plant, real_t position, real_t velocity, real_t acceleration, real_t *input)
+{
+    const ss_Mechanism *mech = &plant->mechanism;
+    const ss_Mechanism one = ss_joined(mech, R(0.0)); /* stage and end-effector move as one body */
+    /* The contact carries the end-effector and yields by its deflection. */
+    const real_t force =
+        (acceleration - ss_slider_acceleration(mech, R(0.0), position, velocity, R(0.0))) / mech->mobility;
+    const real_t deflection = (plant->stiffness > R(0.0)) ? force / plant->stiffness : R(0.0);
+    const real_t stage = position + deflection;
+    real_t made = stage / mech->gain;
+    int bits = (r_abs(force) > plant->holding) ? STICKSLIP_WOULD_SLIDE : STICKSLIP_OK;
+    if (!mech->kinematic) {
+        made = (acceleration - ss_stage_acceleration(&one, R(0.0), stage, velocity, R(0.0))) / one.stage_drive;
+    }
+    bits |= admitted(plant, R(0.0), plant->low, plant->high, &made);
+    *input = made;
+    return bits;
+}

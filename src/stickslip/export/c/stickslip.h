@@ -1,0 +1,100 @@
+/* A stick-slip actuator in fixed steps: constant work per step, no heap, no globals, nothing but math.h.
+ *
+ *     stickslip_parameters parameters = stickslip_default_parameters();
+ *     stickslip_plant plant;
+ *     stickslip_state state;
+ *     if (stickslip_init(&plant, &parameters, 20e-6) != NULL) { ...the text says what is wrong... }
+ *     stickslip_rest(&plant, &state, 0.0);
+ *     for (;;) { stickslip_step(&plant, &state, u); ... stickslip_read(&plant, &state).end_effector_position; }
+ *
+ * All quantities in SI. A plant is constant after its init and can serve many states. A state is plain data: copy
+ * it to save it.
+ */
+#ifndef STICKSLIP_H
+#define STICKSLIP_H
+
+#include "stickslip_equations.h"
+
+/* Bits that a step returns. */
+enum {
+    STICKSLIP_OK = 0,
+    STICKSLIP_INPUT_CLIPPED = 1,   /* the input was outside its limits and was cut to them */
+    STICKSLIP_INPUT_NOT_FINITE = 2, /* the input was NaN or infinite: the last one was kept */
+    STICKSLIP_WOULD_SLIDE = 4      /* feedforward: the wanted motion needs more than friction holds */
+};
+
+typedef struct {
+    stickslip_model model;           /* the actuator, with its friction law */
+    stickslip_signal_chain chain;    /* amplifier and sensor; see stickslip_parameters.h whether they are used */
+    real_t observer_gain[5];         /* for stage position and velocity, end-effector position and velocity, bristle */
+} stickslip_parameters;
+
+typedef struct {
+    ss_Mechanism mechanism;
+    stickslip_element element[STICKSLIP_STATES];
+    stickslip_signal_chain chain;
+    real_t observer_gain[5];
+    real_t breakaway;      /* N, of a static law */
+    real_t low, high;      /* limits of the input */
+    real_t h;              /* s, the step */
+    real_t per_h;          /* 1/s */
+    real_t free[4][7];     /* change over a step of (y, w, x, s) by (y, w, x, s, u, change of u, 1) */
+    real_t push[4];        /* the same by the friction force */
+    real_t implicit;       /* 0: mean over the step, 1: its end; what the friction is evaluated at */
+    real_t mean_mobility;  /* m/s per N: how the force slows the mean sliding velocity */
+    real_t end_mobility;   /* and that at the end of the step */
+    real_t newton;         /* slope of the equation for the sliding velocity while the contact sticks, inverted */
+    real_t stiffness;      /* N/m, of the sticking contact; 0 for a static law */
+    real_t holding;        /* N, about the most that friction holds */
+} stickslip_plant;
+
+typedef struct {
+    real_t stage_position;         /* m */
+    real_t stage_velocity;         /* m/s */
+    real_t end_effector_position;  /* m */
+    real_t end_effector_velocity;  /* m/s */
+    real_t internal[STICKSLIP_STATES]; /* m, bristle deflections; of a static law the direction of sliding */
+    real_t sliding_velocity;       /* m/s, mean of the last step */
+    real_t friction_force;         /* N, mean of the last step */
+    real_t input;                  /* the last input of the actuator, V */
+    real_t lost[2];                /* m, what rounding took from the two positions */
+    real_t sensor;                 /* m, the end-effector as the sensor sees it */
+} stickslip_state;
+
+typedef struct {
+    real_t end_effector_position;  /* m */
+    real_t stage_position;         /* m */
+    real_t sliding_displacement;   /* m */
+    real_t friction_force;         /* N, of the stage on the end-effector */
+    real_t drive_voltage;          /* V, at the actuator (behind the amplifier, if there is one) */
+    real_t stage_velocity;         /* m/s */
+    real_t end_effector_velocity;  /* m/s */
+    real_t sensor_output;          /* in the unit of the sensor; m without one */
+} stickslip_outputs;
+
+/* The values of the export, with units and sources. */
+stickslip_parameters stickslip_default_parameters(void);
+
+/* Prepare steps of h seconds. Returns NULL, or what is wrong with the parameters; the plant is then unchanged. */
+const char *stickslip_init(stickslip_plant *plant, const stickslip_parameters *parameters, double h);
+
+/* The state at rest under a constant input; bristles carry the external force if they can. */
+void stickslip_rest(const stickslip_plant *plant, stickslip_state *state, real_t input);
+
+/* One step with the input held, as a converter holds it. Returns bits. */
+int stickslip_step(const stickslip_plant *plant, stickslip_state *state, real_t input);
+
+/* One step with an input that goes from one value to another in a straight line: exact for a ramp. */
+int stickslip_step_ramp(const stickslip_plant *plant, stickslip_state *state, real_t begin, real_t end);
+
+/* What can be seen of a state. */
+stickslip_outputs stickslip_read(const stickslip_plant *plant, const stickslip_state *state);
+
+/* Observer: move the state towards a measured end-effector position (m), after the step to that instant. */
+void stickslip_correct(const stickslip_plant *plant, stickslip_state *state, real_t measured);
+
+/* Feedforward: the input for a wanted position, velocity and acceleration of a sticking end-effector. */
+int stickslip_feedforward(
+    const stickslip_plant *plant, real_t position, real_t velocity, real_t acceleration, real_t *input);
+
+#endif

@@ -1,0 +1,74 @@
+"""The observer's gain: that of the stationary Kalman filter of the sticking model in steps."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm, solve_discrete_are
+
+from ..friction import breakaway, element, elements, rate
+from ..mechanism import slider_acceleration, stage_acceleration
+from ..simulation.models import mechanism
+
+_DEFLECTION, _VELOCITY = 1e-9, 1e-6  # m and m/s, small against presliding
+
+
+def observer_gain(model: Any, h: float, noise: float) -> NDArray[np.float64]:
+    """How stage position and velocity, end-effector position and velocity, and bristles follow a measured position
+    of the end-effector, shape (5,).
+
+    What the model does not know is taken as white forces of a tenth of the friction on both bodies. A contact
+    without presliding, and a stage that follows the input, are not corrected.
+
+    Args:
+        model: actuator or pulled slider.
+        h: s, the step.
+        noise: m, standard deviation of a measured position.
+    """
+    mech, law = mechanism(model), model.friction
+    slopes = _slopes(law)
+    friction = breakaway(law) or slopes[2]
+    a, pushes = np.zeros((5, 5)), np.zeros((5, 2))
+    a[0, 1] = a[2, 3] = 1.0
+    zero = np.zeros(3)
+    for row, accelerate, first in ((1, stage_acceleration, 0), (3, slider_acceleration, 2)):
+        rest = accelerate(mech, *zero, 0.0)
+        a[row, first] = accelerate(mech, 0.0, 1.0, 0.0, 0.0) - rest
+        a[row, first + 1] = accelerate(mech, 0.0, 0.0, 1.0, 0.0) - rest
+        by_force = accelerate(mech, *zero, 1.0) - rest
+        a[row] += by_force * slopes[1] * np.array([0.0, 1.0, 0.0, -1.0, 0.0])
+        a[row, 4] += by_force * slopes[0]
+        pushes[row, 0 if row == 1 else 1] = abs(by_force) or mech.mobility
+    a[4, 1], a[4, 3] = 1.0, -1.0
+    keep = [2, 3] if elements(law) == 0 or mech.kinematic else [0, 1] if mech.clamped else [0, 1, 2, 3, 4]
+    if elements(law) == 0 or mech.kinematic:
+        a[3] = 0.0  # the friction of a sliding contact is a constant
+    scale = (noise * np.array([1.0, 1.0 / h, 1.0, 1.0 / h, 1.0]))[keep]  # else positions and velocities are far apart
+    part = expm(a[np.ix_(keep, keep)] * h) * scale / scale[:, None]
+    q = (pushes * 0.1 * friction * h) @ (pushes * 0.1 * friction * h).T
+    q = q[np.ix_(keep, keep)] / np.outer(scale, scale) + 1e-8 * np.eye(len(keep))
+    c = np.zeros((1, len(keep)))
+    c[0, keep.index(0 if mech.clamped else 2)] = 1.0
+    p = solve_discrete_are(part.T, c.T, q, np.eye(1))
+    gain = np.zeros(5)
+    gain[keep] = (p @ c.T / (c @ p @ c.T + 1.0))[:, 0] * scale / noise
+    if mech.clamped:
+        gain[2:4] = gain[:2]
+    return gain
+
+
+def _slopes(law: Any) -> tuple[float, float, float]:
+    """∂F/∂z [N/m] and ∂F/∂v [N s/m] of the contact at rest, and about the force it slides at [N]."""
+    stiffness = damping = force = 0.0
+    for i in range(elements(law)):
+        one = element(law, i)
+        rest = rate(one, 0.0, 0.0)[0]
+        stiffness += (rate(one, 0.0, _DEFLECTION)[0] - rest) / _DEFLECTION
+        damping += (rate(one, _VELOCITY, 0.0)[0] - rest) / _VELOCITY
+        z = 0.0
+        for _ in range(200):  # drawn slowly, in steps of a nanometre
+            z += _DEFLECTION / _VELOCITY * max(rate(one, _VELOCITY, z)[1], 0.0)
+        force += rate(one, _VELOCITY, z)[0]
+    return stiffness, damping, max(force, 1e-6)

@@ -1,0 +1,122 @@
+"""Export of a model as a functional mock-up unit (FMU) for co-simulation."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import shutil
+import subprocess
+import zipfile
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, get_args
+
+from ..actuator import Actuator
+from ..electronics import Amplifier, StrainGauge
+from ..units import QuantityError, to_si
+from .description import build_description, model_description, sources
+from .portable import C, checked_step, core_files, default_waveform, heading, signal_chain, write_files
+from .source import ExportError, exported
+from .variables import Mode, variables, variables_h
+from .writing import whole
+
+_HEADERS = {
+    2: ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
+    3: ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h", "fmi3_missing.h"),
+}
+_BINARIES = {2: "linux64", 3: "x86_64-linux"}
+
+
+def export_fmu(
+    source: Any,
+    out: str | os.PathLike[str],
+    *,
+    fmi: int = 2,
+    mode: Mode = "plant",
+    step: float | str = 20e-6,
+    amplifier: Amplifier | None = None,
+    piezo_capacitance: float | str | None = None,
+    sensor: StrainGauge | None = None,
+    measurement_noise: float | str = 10e-9,
+    compiler: str = "gcc",
+) -> Path:
+    """Write a model as an FMU for co-simulation, with sources and a binary for 64-bit Linux.
+
+    Args:
+        source, amplifier, piezo_capacitance, sensor, measurement_noise: as for `export_c`.
+        out: the folder to make; the FMU in it is called after the model.
+        fmi: 2 or 3.
+        mode: "plant" (voltage in, displacement out), "observer" (voltage and measured displacement in, states out)
+            or "feedforward" (wanted motion in, voltage out).
+        step: s, the longest internal step; a parameter of the FMU.
+        compiler: command for the binary; "" leaves it out, and the importer compiles the sources.
+
+    Returns:
+        The FMU.
+
+    Raises:
+        ExportError: nothing that can be exported, `out` exists, a wrong mode or version, no compiler.
+        TranslationError, ParameterSetError, QuantityError: as `export_c`.
+    """
+    if fmi not in _BINARIES:
+        raise ExportError(f"fmi = {fmi!r}: known are versions 2 and 3")
+    if mode not in get_args(Mode):
+        raise ExportError(f"mode = {mode!r}: known are {', '.join(get_args(Mode))}")
+    found = exported(source)
+    if mode != "plant" and not isinstance(found.model, Actuator):
+        raise ExportError(f"mode = {mode!r} is for an Actuator, not for a {type(found.model).__name__}")
+    if compiler and shutil.which(compiler) is None:
+        raise ExportError(f"the compiler {compiler!r} is not installed; compiler = '' leaves the binary out")
+    h = checked_step(step)
+    noise = to_si(measurement_noise, "m", "measurement_noise")
+    if not noise > 0.0:
+        raise QuantityError(f"measurement_noise = {noise:g} m must be > 0 m")
+    chain = signal_chain(amplifier, piezo_capacitance, sensor)
+    files = core_files(found, chain, h, noise)
+    name = re.sub(r"\W", "_", Path(found.model.name).stem) or type(found.model).__name__.lower()
+    identifier = f"{name}_{mode}" if name[0].isalpha() else f"model_{name}_{mode}"
+    rest = float(default_waveform(found.model).drive(h).before)
+    everything = "".join(files[key] for key in sorted(files)) + identifier + str(fmi)
+    token = "{" + hashlib.sha256(everything.encode()).hexdigest()[:32] + "}"
+    all_of = variables(found, chain, mode, h, rest)
+    files["fmi_variables.h"] = heading(found) + variables_h(all_of, mode, token, h, rest)
+    for file in (f"fmi{fmi}.c", "fmi_instance.h", *_HEADERS[fmi]):
+        files[file] = (C / "fmi" / file).read_text(encoding="utf-8")
+    law = type(found.model.friction).__name__
+    title = f"Stick-slip actuator {found.model.name} with {law} friction, {mode}".replace("  ", " ")
+    made = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    with whole(out) as folder:
+        root = folder / "unzipped"
+        (root / "sources").mkdir(parents=True)
+        write_files(root / "sources", files)
+        description = model_description(fmi, identifier, token, title, made, all_of, h)
+        (root / "modelDescription.xml").write_text(description, encoding="utf-8")
+        if fmi == 3:
+            text = build_description(identifier)
+            (root / "sources" / "buildDescription.xml").write_text(text, encoding="utf-8")
+        licences = root / "documentation" / "licenses"
+        licences.mkdir(parents=True)
+        shutil.copy(C / "LICENSE.txt", licences / "license.txt")
+        if compiler:
+            _compile(compiler, root, fmi, identifier)
+        with zipfile.ZipFile(folder / f"{identifier}.fmu", "w", zipfile.ZIP_DEFLATED) as packed:
+            for file in sorted(root.rglob("*")):
+                if file.is_file():
+                    packed.write(file, file.relative_to(root))
+        shutil.rmtree(root)
+    return Path(out) / f"{identifier}.fmu"
+
+
+def _compile(compiler: str, root: Path, fmi: int, identifier: str) -> None:
+    """The shared library for 64-bit Linux."""
+    target = root / "binaries" / _BINARIES[fmi]
+    target.mkdir(parents=True)
+    command = [
+        compiler, "-std=c99", "-O2", "-fPIC", "-shared", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror",
+        "-I", str(root / "sources"), *(str(root / "sources" / file) for file in sources(fmi)),
+        "-o", str(target / f"{identifier}.so"), "-lm",
+    ]  # fmt: skip
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise ExportError(f"{compiler} could not compile the FMU: {done.stderr.strip()[:2000]}")

@@ -1,0 +1,166 @@
+"""Export of a model as portable C."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+from typing import Any
+
+from .._version import __version__
+from ..actuator import Actuator
+from ..electronics import Amplifier, StrainGauge
+from ..units import QuantityError, to_si
+from ..waveform.periodic import Sawtooth, Sine
+from ..waveform.signal import Waveform
+from .equations import SignalChain, equations
+from .gain import observer_gain
+from .source import ExportError, Exported, exported
+from .table import played, table_h
+from .values import parameters_c, plain
+from .writing import whole
+
+C = Path(__file__).parent / "c"
+CORE = ("stickslip.c", "stickslip.h", "stickslip_real.h", "stickslip_player.h")
+LICENCE = Path(__file__).parent / "c" / "LICENSE.txt"
+
+
+def export_c(
+    source: Any,
+    out: str | os.PathLike[str],
+    *,
+    step: float | str = 20e-6,
+    waveform: Waveform | None = None,
+    duration: float | str | None = None,
+    motion: Waveform | None = None,
+    amplifier: Amplifier | None = None,
+    piezo_capacitance: float | str | None = None,
+    sensor: StrainGauge | None = None,
+    measurement_noise: float | str = 10e-9,
+) -> Path:
+    """Write a model as C99 that needs nothing but a compiler: plant, observer and feedforward, for a host and a
+    microcontroller.
+
+    Args:
+        source: an `Actuator` or `PulledSlider`, a `Fit` of one, the name or file of a parameter set, or the
+            results.json of ``stickslip identify`` on a walk.
+        out: the folder to make.
+        step: s, of the example programs and of the observer's gain; the code takes any.
+        waveform: that the example plays; left out, a sawtooth of 65 V (or what the actuator takes) and 5 Hz.
+        duration: s, of it; left out, its own, or eight periods.
+        motion: that the feedforward example follows, a waveform in m; left out, a sine of a tenth of the stroke.
+        amplifier: between the input and the piezo; needs the `piezo_capacitance` [F].
+        sensor: a linear sensor on the end-effector, with its bandwidth.
+        measurement_noise: m, standard deviation of a measured position, for the observer's gain.
+
+    Returns:
+        The folder.
+
+    Raises:
+        ExportError: nothing that can be exported, or `out` exists.
+        TranslationError: the law is not written in the subset of Python that can be translated to C.
+        ParameterSetError, QuantityError: a file or a value is wrong.
+    """
+    found = exported(source)
+    h = checked_step(step)
+    chain = signal_chain(amplifier, piezo_capacitance, sensor)
+    noise = to_si(measurement_noise, "m", "measurement_noise")
+    if not noise > 0.0:
+        raise QuantityError(f"measurement_noise = {noise:g} m must be > 0 m")
+    drive = waveform or default_waveform(found.model)
+    unit = "V" if isinstance(found.model, Actuator) else "m"
+    if drive.unit != unit:
+        raise QuantityError(f"the drive of an {type(found.model).__name__} is in {unit}, not in {drive.unit}")
+    seconds = to_si(duration, "s", "duration") if duration is not None else None
+    files = core_files(found, chain, h, noise)
+    table = table_h("stickslip_waveform", repr_of(drive), played(drive, h, seconds), h)
+    rest = f"#define STICKSLIP_REST_INPUT R({float(drive.drive(h).before)!r})"
+    noise_line = f"#define STICKSLIP_MEASUREMENT_NOISE R({noise!r})"
+    files["stickslip_waveform.h"] = table.replace("\n#endif\n", f"\n{rest}\n{noise_line}\n\n#endif\n")
+    examples = ["walk.c"]
+    if isinstance(found.model, Actuator):
+        wanted = motion or _default_motion(found.model)
+        if wanted.unit != "m":
+            raise QuantityError(f"the wanted motion is in m, not in {wanted.unit}")
+        files["stickslip_motion.h"] = table_h("stickslip_motion", repr_of(wanted), played(wanted, h, None, 1e-7), h)
+        examples += ["observe.c", "scan.c"]
+    with whole(out) as folder:
+        write_files(folder, files)
+        for name in ("Makefile", "README.txt", "LICENSE.txt"):
+            shutil.copy(C / name, folder / name)
+        for part, names in (("host", examples), ("bare", ["main.c", "count.c", "start.c", "board.ld"])):
+            (folder / part).mkdir()
+            for name in names:
+                shutil.copy(C / part / name, folder / part / name)
+    return Path(out)
+
+
+def core_files(found: Exported, chain: SignalChain, h: float, noise: float) -> dict[str, str]:
+    """Name and text of the C files that every export has."""
+    head = heading(found)
+    files = {name: (C / name).read_text(encoding="utf-8") for name in CORE}
+    files["stickslip_equations.h"] = head + equations(found.model, chain)
+    gain = observer_gain(found.model, h, noise)
+    files["stickslip_parameters.c"] = head + parameters_c(found, chain, gain)
+    return files
+
+
+def heading(found: Exported) -> str:
+    """The first comment of a generated file."""
+    keys = ", ".join(found.model.citation_keys) or "none"
+    law = type(found.model.friction).__name__
+    return (
+        f"/* {type(found.model).__name__} {plain(found.model.name) or '(no parameter set)'} with {law} friction.\n"
+        f" * Generated by stickslip {__version__}; do not edit: export again instead. Sources: {plain(keys)}.\n"
+        " * The functions are translations of the Python functions that they name. All quantities in SI.\n"
+        " * BSD-3-Clause, see LICENSE.txt. No warranty: test it on your plant before it moves anything.\n */\n"
+    )
+
+
+def checked_step(step: float | str) -> float:
+    """The step in s; raises QuantityError if it is out of range."""
+    h = to_si(step, "s", "step")
+    if not 1e-9 <= h <= 1.0:
+        raise QuantityError(f"step = {h:g} s is out of range: it must be >= 1e-09 s and <= 1 s")
+    return h
+
+
+def signal_chain(
+    amplifier: Amplifier | None, piezo_capacitance: float | str | None, sensor: StrainGauge | None
+) -> SignalChain:
+    """Amplifier and sensor, checked; raises QuantityError."""
+    if amplifier is None:
+        return SignalChain(sensor=sensor)
+    if piezo_capacitance is None:
+        raise QuantityError("an amplifier needs the piezo_capacitance [F] that it charges")
+    farad = to_si(piezo_capacitance, "F", "piezo_capacitance")
+    if not farad > 0.0:
+        raise QuantityError(f"piezo_capacitance = {farad:g} F must be > 0 F")
+    return SignalChain(amplifier, farad, sensor)
+
+
+def default_waveform(model: Any) -> Waveform:
+    """A sawtooth that the model can take."""
+    if not isinstance(model, Actuator):
+        return Sawtooth(1e-4, 1.0, periods=4, unit="m")
+    return Sawtooth(min(65.0, model.max_voltage), 5.0, periods=8, offset=max(0.0, model.min_voltage))
+
+
+def _default_motion(model: Actuator) -> Waveform:
+    """A sine of a tenth of what the default waveform moves, from rest about its middle."""
+    reach = 0.1 * abs(model.gain) * min(65.0, model.max_voltage)
+    middle = 5.0 * reach + model.gain * max(0.0, model.min_voltage)
+    return Sine(reach, 10.0, offset=middle, periods=4, unit="m")
+
+
+def repr_of(waveform: Waveform) -> str:
+    return plain(repr(waveform))
+
+
+def write_files(folder: Path, files: dict[str, str]) -> None:
+    """Write them all."""
+    for name, text in files.items():
+        (folder / name).write_text(text, encoding="ascii")
+
+
+__all__ = ["ExportError", "export_c"]

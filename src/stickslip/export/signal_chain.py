@@ -1,0 +1,34 @@
+"""Amplifier and sensor over one step, in the subset that is translated to C.
+
+`stickslip.electronics` has them as functions on whole signals; over one step with the input held both have the
+closed forms below.
+"""
+
+from __future__ import annotations
+
+import math
+
+
+def amplifier_after(amplifier, capacitance, wanted, now, h):
+    """Output after h seconds: a ramp at the slew rate, then an exponential towards the target."""
+    target = min(max(amplifier.gain * wanted + amplifier.offset, amplifier.low), amplifier.high)
+    tau = 0.5 / (math.pi * amplifier.bandwidth)
+    slew = min(amplifier.slew_rate, amplifier.max_current / capacitance)
+    gap = target - now
+    ramp = 0.0
+    if abs(gap) > slew * tau:
+        ramp = min((abs(gap) - slew * tau) / slew, h)
+        gap -= math.copysign(slew * ramp, gap)
+    return target - gap * math.exp((ramp - h) / tau)
+
+
+def sensor_after(sensor, position, now, h):
+    """The position as a sensor of one pole sees it after h seconds."""
+    if math.isinf(sensor.bandwidth):
+        return position
+    return position + (now - position) * math.exp(-2.0 * math.pi * sensor.bandwidth * h)
+
+
+def sensor_output(sensor, seen):
+    """What the conditioner gives out, V."""
+    return seen / sensor.sensitivity - sensor.offset

@@ -1,0 +1,155 @@
+"""What is exported, from where: a model, and for each of its values the unit, meaning and source."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ..actuator import Actuator, PulledSlider, load_actuator, load_pulled_slider
+from ..friction import LAWS, is_law
+from ..identify.result import Fit
+from ..parameters import ParameterSetError, load_set
+from ..records import quantities
+from ..units import QuantityError
+
+
+class ExportError(ValueError):
+    """A model that cannot be exported, or a place it cannot be written to; says why."""
+
+
+class Exported(NamedTuple):
+    """A model and the source of its values by field, "friction.sigma_0" for those of the law."""
+
+    model: Any
+    sources: dict[str, str]
+
+
+def exported(source: Any) -> Exported:
+    """The model of a parameter set (its name or file), results.json, `Fit`, or of itself.
+
+    Raises:
+        ExportError: it has no actuator, or is nothing of these.
+        ParameterSetError, QuantityError: a file is missing or wrong.
+    """
+    if isinstance(source, Actuator | PulledSlider):
+        return Exported(source, _sources(source, {}))
+    if isinstance(source, Fit):
+        if not isinstance(source.model, Actuator | PulledSlider):
+            raise ExportError(
+                f"this fit describes no actuator but {type(source.model).__name__}: export a fit of "
+                "identify_friction, or put its values into an Actuator"
+            )
+        errors = source.standard_errors
+        fitted = {
+            name: f"fitted, r^2 {source.r_squared:.4f}, standard error {errors[name]:.3g}" for name in source.values
+        }
+        return Exported(source.model, _sources(source.model, fitted))
+    if not isinstance(source, str | os.PathLike):
+        raise ExportError(
+            f"a {type(source).__name__} cannot be exported: give an Actuator, a PulledSlider, a Fit, the name or "
+            "file of a parameter set, or a results.json"
+        )
+    text = os.fspath(source)
+    if text.endswith(".json"):
+        return _of_results(Path(text))
+    kind = load_set(text).kind
+    if kind == "friction":
+        raise ExportError(f"{text} is a friction law alone; export an actuator that has it")
+    return exported(load_pulled_slider(text) if kind == "pulled_slider" else load_actuator(text))
+
+
+def _of_results(file: Path) -> Exported:
+    """The actuator of a results.json written by ``stickslip identify``."""
+    try:
+        numbers = json.loads(file.read_text(encoding="utf-8"))["numbers"]
+        found = numbers["actuator"]
+    except OSError as error:
+        raise ExportError(f"{file} cannot be read: {error.strerror}") from error
+    except (ValueError, KeyError, TypeError):
+        raise ExportError(
+            f"{file} holds no actuator: only the fit of a walk (kind: walk) gives one that can be exported"
+        ) from None
+    try:
+        values = {name: _number(value) for name, value in found.items() if name not in ("friction", "name")}
+        law_values = dict(found["friction"])
+        law = {law.__name__: law for law in LAWS}[law_values.pop("law")]
+        friction = law(**{name: _number(value) for name, value in law_values.items()})
+        model = Actuator(**values, friction=friction, name=found.get("name", ""))
+    except QuantityError as error:
+        raise ExportError(f"{file}: {error}") from error
+    except (KeyError, TypeError, AttributeError) as error:
+        raise ExportError(f"{file}: numbers.actuator is not as stickslip identify writes it: {error}") from None
+    fitted = {
+        name: f"fitted, r^2 {numbers['r_squared']['value']:.4f}, standard error {entry['standard_error']:.3g}"
+        for name, entry in numbers.get("parameters", {}).items()
+        if entry.get("standard_error") is not None and numbers.get("r_squared", {}).get("value") is not None
+    }
+    return Exported(model, _sources(model, fitted))
+
+
+def _number(entry: Any) -> Any:
+    """A value of results.json; what JSON does not know is null there, with a reason."""
+    if not isinstance(entry, dict):
+        return entry
+    if entry["value"] is None:
+        return {"infinite": math.inf, "minus infinite": -math.inf}.get(entry.get("reason"))
+    return entry["value"]
+
+
+def _sources(model: Any, fitted: dict[str, str]) -> dict[str, str]:
+    """Where each value comes from, in words."""
+    try:
+        parameters = load_set(model.name) if model.name else None
+        original = exported_values(
+            load_actuator(model.name) if isinstance(model, Actuator) else load_pulled_slider(model.name)
+        ) if parameters else {}
+    except ParameterSetError:
+        parameters, original = None, {}
+    found = {}
+    for name, value in exported_values(model).items():
+        entry = parameters.entries().get(name) if parameters else None
+        if name.rpartition(".")[2] in fitted:
+            found[name] = fitted[name.rpartition(".")[2]]
+        elif parameters is None:
+            found[name] = "given by hand"
+        elif name not in original or not _same(value, original[name]):
+            found[name] = f"changed since {model.name} was loaded"
+        elif entry is None:
+            found[name] = "default"
+        elif entry.assumed:
+            found[name] = f"ASSUMED: {entry.reason}"
+        else:
+            found[name] = f"{', '.join(parameters.citations)}, {entry.source}" if entry.source else "no source given"
+    return found
+
+
+def _same(a: Any, b: Any) -> bool:
+    if isinstance(a, tuple) and isinstance(b, tuple):
+        return len(a) == len(b) and all(map(_same, a, b))
+    if isinstance(a, float) and isinstance(b, float):
+        return math.isclose(a, b, rel_tol=1e-12)
+    return a == b
+
+
+def exported_values(model: Any) -> dict[str, Any]:
+    """The numbers of a model by field; of its law as "friction.sigma_0"."""
+    found = {}
+    for name, value in model._asdict().items():
+        if is_law(value):
+            found |= {f"{name}.{inner}": v for inner, v in exported_values(value).items()}
+        elif isinstance(value, bool | int | float | tuple):
+            found[name] = value
+    return found
+
+
+def meaning(model: Any, name: str) -> tuple[str, str, str]:
+    """Unit, symbol and meaning of a value that `exported_values` names."""
+    owner = model.friction if name.startswith("friction.") else model
+    field = name.rpartition(".")[2]
+    spec = quantities(type(owner)).get(field)
+    if spec is None:
+        return "", "", field.replace("_", " ")
+    return spec.unit, spec.symbol, spec.meaning

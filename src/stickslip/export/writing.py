@@ -1,0 +1,36 @@
+"""A folder that appears whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from .source import ExportError
+
+
+@contextmanager
+def whole(out: str | os.PathLike[str]) -> Iterator[Path]:
+    """A new folder to write into, which becomes `out` at the end, or nothing if something goes wrong.
+
+    Raises:
+        ExportError: `out` exists already, or cannot be made.
+    """
+    target = Path(out)
+    if target.exists() or target.is_symlink():
+        raise ExportError(f"{target} exists already; nothing was written")
+    try:
+        target.absolute().parent.mkdir(parents=True, exist_ok=True)
+        made = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.absolute().parent))
+    except OSError as error:
+        raise ExportError(f"{target} cannot be written: {error.strerror}") from error
+    try:
+        yield made
+        made.chmod(0o755)
+        made.rename(target)
+    except BaseException:
+        shutil.rmtree(made, ignore_errors=True)
+        raise
