@@ -11,6 +11,10 @@ from .calibration import load_calibration as load_calibration
 from .calibration import save_calibration as save_calibration
 from .campaign import run_campaign as run_campaign
 from .experiment import run_experiment as run_experiment
+from .export import ExportError as ExportError
+from .export import TranslationError as TranslationError
+from .export import export_c as export_c
+from .export import export_fmu as export_fmu
 from .friction import LAWS as LAWS
 from .friction import Coulomb as Coulomb
 from .friction import CoulombViscous as CoulombViscous

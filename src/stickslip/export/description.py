@@ -41,7 +41,11 @@ def model_description(
     })  # fmt: skip
     can = {"modelIdentifier": identifier, "canHandleVariableCommunicationStepSize": "true"}
     if version == 2:
-        can |= {"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true", "canInterpolateInputs": "true"}
+        can |= {
+            "canGetAndSetFMUstate": "true",
+            "canSerializeFMUstate": "true",
+            "canInterpolateInputs": "true",
+        }
         source = xml.SubElement(xml.SubElement(root, "CoSimulation", can), "SourceFiles")
         for file in sources(version):
             xml.SubElement(source, "File", {"name": file})

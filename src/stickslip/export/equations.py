@@ -1,16 +1,19 @@
-"""stickslip_equations.h: the equations of a model in C, translated from the functions that the solvers compile."""
+"""stickslip_equations.h: the equations of a model in C, translated from what the solvers compile."""
 
 from __future__ import annotations
 
 import inspect
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from ..electronics import Amplifier, StrainGauge
-from ..friction import element, elements
+from ..friction import element, elements, rate
 from ..friction.law import _implementation
 from ..mechanism import holding_force, joined, slider_acceleration, stage_acceleration
 from ..records import Quantity, quantities
 from ..simulation.models import mechanism
+from ..units import QuantityError
 from .signal_chain import amplifier_after, sensor_after, sensor_output
 from .subset import BOOL, INT, REAL, Array, Record, TranslationError, real, record_type
 from .translation import Translation
@@ -43,7 +46,18 @@ def equations(model: Any, chain: SignalChain) -> str:
     for name, inner in record_type(chain).fields:
         if isinstance(inner, Record):
             checks += _checks(made, f"chain->{name}", inner)
-    return "\n".join([_HEAD, made.text(), f"typedef {kind.c_name} stickslip_model;", *parts, _limits(kind), *_check(checks), "#endif", ""])
+    return "\n".join(
+        [
+            _HEAD,
+            made.text(),
+            f"typedef {kind.c_name} stickslip_model;",
+            *parts,
+            _limits(kind),
+            *_check(checks),
+            "#endif",
+            "",
+        ]
+    )
 
 
 _HEAD = """#ifndef STICKSLIP_EQUATIONS_H
@@ -65,10 +79,13 @@ def _law(made: Translation, law: Any) -> list[str]:
         raise TranslationError(f"{type(law).__name__} cannot be exported to C: its elements have no rate")
     rate, result = made.function(single.rate, (inner, REAL, REAL), ("force", "dz"))
     if len(getattr(result, "members", ())) != 2:
-        raise TranslationError(f"{type(law).__name__} cannot be exported to C: its rate must give (force, dz)")
+        raise TranslationError(
+            f"{type(law).__name__} cannot be exported to C: its rate must give (force, dz)"
+        )
     lines = [
-        f"#define STICKSLIP_STATES {max(count, 1)} /* internal states of the law, or its direction of sliding */",
+        f"#define STICKSLIP_STATES {max(count, 1)} /* of the law, or its direction of sliding */",
         f"#define STICKSLIP_STATIC_LAW {int(count == 0)} /* 1: true rest, a set-valued force */",
+        f"#define STICKSLIP_LINEAR_LAW {int(_linear(law))} /* 1: the rate of the state is linear in it */",
         f"typedef {inner.c_name} stickslip_element;",
         f"typedef {result.c_name} stickslip_contact;",
         "",
@@ -79,7 +96,9 @@ def _law(made: Translation, law: Any) -> list[str]:
     if whole.element:
         name, got = made.function(whole.element, (kind, INT))
         if got != inner:
-            raise TranslationError(f"{type(law).__name__} cannot be exported to C: its elements differ in type")
+            raise TranslationError(
+                f"{type(law).__name__} cannot be exported to C: its elements differ in type"
+            )
         lines.append(f"static inline {head}\n{{\n    return {name}(law, i);\n}}\n")
     else:
         lines.append(f"static inline {head}\n{{\n    (void)i;\n    return *law;\n}}\n")
@@ -96,6 +115,24 @@ def _law(made: Translation, law: Any) -> list[str]:
         body = "(void)law;\n    return z;"
     lines.append(_calls("real_t stickslip_law_project", "const stickslip_element *law, real_t z", body))
     return lines
+
+
+def _linear(law: Any) -> bool:
+    """Whether the rate of the internal state is linear in it, also where a parameter is changed later."""
+    variants = [law]
+    for name, value in law._asdict().items():
+        if isinstance(value, float):
+            try:
+                variants.append(law._replace(**{name: 1.3 * value}))
+            except QuantityError:
+                continue
+    for one in (element(variant, i) for variant in variants for i in range(elements(variant))):
+        for v in (-1e-2, -1e-4, 1e-5, 1e-3, 1e-1):
+            for z in np.geomspace(1e-9, 1e-4, 11):
+                low, middle, high = (rate(one, v, at)[1] for at in (-z, 0.5 * z, 2.0 * z))
+                if abs(0.5 * (low + high) - middle) > 1e-9 * max(abs(low), abs(high), abs(middle)):
+                    return False
+    return elements(law) > 0
 
 
 def _calls(head: str, arguments: str, body: str) -> str:
@@ -195,7 +232,8 @@ def _check(lines: list[str]) -> list[str]:
         "/* NULL, or what is wrong with the parameters. */",
         "static inline const char *stickslip_check("
         "const stickslip_model *model, const stickslip_signal_chain *chain)",
-        f"{{\n    const char *wrong = NULL;\n    (void)chain;\n    (void)wrong;\n{body}\n    return NULL;\n}}\n",
+        "{\n    const char *wrong = NULL;\n    (void)chain;\n    (void)wrong;",
+        f"{body}\n    return NULL;\n}}\n",
     ]
 
 

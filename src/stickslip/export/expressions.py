@@ -78,7 +78,9 @@ def expression(context: Context, node: ast.expr) -> Value:
     """
     translate = _NODES.get(type(node))
     if translate is None:
-        raise context.source.error(node, f"{ast.unparse(node)!r} ({type(node).__name__}) is outside the subset")
+        raise context.source.error(
+            node, f"{ast.unparse(node)!r} ({type(node).__name__}) is outside the subset"
+        )
     return translate(context, node)
 
 

@@ -16,8 +16,8 @@ _DEFLECTION, _VELOCITY = 1e-9, 1e-6  # m and m/s, small against presliding
 
 
 def observer_gain(model: Any, h: float, noise: float) -> NDArray[np.float64]:
-    """How stage position and velocity, end-effector position and velocity, and bristles follow a measured position
-    of the end-effector, shape (5,).
+    """How stage position and velocity, end-effector position and velocity, and bristles follow a measured
+    position of the end-effector, shape (5,).
 
     What the model does not know is taken as white forces of a tenth of the friction on both bodies. A contact
     without presliding, and a stage that follows the input, are not corrected.
@@ -45,7 +45,8 @@ def observer_gain(model: Any, h: float, noise: float) -> NDArray[np.float64]:
     keep = [2, 3] if elements(law) == 0 or mech.kinematic else [0, 1] if mech.clamped else [0, 1, 2, 3, 4]
     if elements(law) == 0 or mech.kinematic:
         a[3] = 0.0  # the friction of a sliding contact is a constant
-    scale = (noise * np.array([1.0, 1.0 / h, 1.0, 1.0 / h, 1.0]))[keep]  # else positions and velocities are far apart
+    # Scaled, for positions and velocities are far apart.
+    scale = (noise * np.array([1.0, 1.0 / h, 1.0, 1.0 / h, 1.0]))[keep]
     part = expm(a[np.ix_(keep, keep)] * h) * scale / scale[:, None]
     q = (pushes * 0.1 * friction * h) @ (pushes * 0.1 * friction * h).T
     q = q[np.ix_(keep, keep)] / np.outer(scale, scale) + 1e-8 * np.eye(len(keep))

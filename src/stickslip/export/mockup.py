@@ -47,8 +47,8 @@ def export_fmu(
         source, amplifier, piezo_capacitance, sensor, measurement_noise: as for `export_c`.
         out: the folder to make; the FMU in it is called after the model.
         fmi: 2 or 3.
-        mode: "plant" (voltage in, displacement out), "observer" (voltage and measured displacement in, states out)
-            or "feedforward" (wanted motion in, voltage out).
+        mode: "plant" (voltage in, displacement out), "observer" (voltage and measured displacement in, states
+            out) or "feedforward" (wanted motion in, voltage out).
         step: s, the longest internal step; a parameter of the FMU.
         compiler: command for the binary; "" leaves it out, and the importer compiles the sources.
 
@@ -113,10 +113,11 @@ def _compile(compiler: str, root: Path, fmi: int, identifier: str) -> None:
     target = root / "binaries" / _BINARIES[fmi]
     target.mkdir(parents=True)
     command = [
-        compiler, "-std=c99", "-O2", "-fPIC", "-shared", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror",
-        "-I", str(root / "sources"), *(str(root / "sources" / file) for file in sources(fmi)),
-        "-o", str(target / f"{identifier}.so"), "-lm",
-    ]  # fmt: skip
+        *(compiler, "-std=c99", "-O2", "-fPIC", "-shared"),
+        *("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror"),
+        *("-I", str(root / "sources"), *(str(root / "sources" / file) for file in sources(fmi))),
+        *("-o", str(target / f"{identifier}.so"), "-lm"),
+    ]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         raise ExportError(f"{compiler} could not compile the FMU: {done.stderr.strip()[:2000]}")

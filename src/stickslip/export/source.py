@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -44,13 +45,14 @@ def exported(source: Any) -> Exported:
             )
         errors = source.standard_errors
         fitted = {
-            name: f"fitted, r^2 {source.r_squared:.4f}, standard error {errors[name]:.3g}" for name in source.values
+            name: f"fitted, r^2 {source.r_squared:.4f}, standard error {errors[name]:.3g}"
+            for name in source.values
         }
         return Exported(source.model, _sources(source.model, fitted))
     if not isinstance(source, str | os.PathLike):
         raise ExportError(
-            f"a {type(source).__name__} cannot be exported: give an Actuator, a PulledSlider, a Fit, the name or "
-            "file of a parameter set, or a results.json"
+            f"a {type(source).__name__} cannot be exported: give an Actuator, a PulledSlider, a Fit, the "
+            "name or file of a parameter set, or a results.json"
         )
     text = os.fspath(source)
     if text.endswith(".json"):
@@ -62,52 +64,41 @@ def exported(source: Any) -> Exported:
 
 
 def _of_results(file: Path) -> Exported:
-    """The actuator of a results.json written by ``stickslip identify``."""
+    """The actuator that ``stickslip identify`` wrote into a results.json."""
     try:
         numbers = json.loads(file.read_text(encoding="utf-8"))["numbers"]
-        found = numbers["actuator"]
+        found = numbers["model"]
+        law = {law.__name__: law for law in LAWS}[found["law"]]
+        model = Actuator(**_fields(found["actuator"]), friction=law(**_fields(found["friction"])))
     except OSError as error:
         raise ExportError(f"{file} cannot be read: {error.strerror}") from error
-    except (ValueError, KeyError, TypeError):
+    except QuantityError as error:
+        raise ExportError(f"{file}: {error}") from error
+    except (ValueError, KeyError, TypeError, AttributeError):
         raise ExportError(
             f"{file} holds no actuator: only the fit of a walk (kind: walk) gives one that can be exported"
         ) from None
-    try:
-        values = {name: _number(value) for name, value in found.items() if name not in ("friction", "name")}
-        law_values = dict(found["friction"])
-        law = {law.__name__: law for law in LAWS}[law_values.pop("law")]
-        friction = law(**{name: _number(value) for name, value in law_values.items()})
-        model = Actuator(**values, friction=friction, name=found.get("name", ""))
-    except QuantityError as error:
-        raise ExportError(f"{file}: {error}") from error
-    except (KeyError, TypeError, AttributeError) as error:
-        raise ExportError(f"{file}: numbers.actuator is not as stickslip identify writes it: {error}") from None
     fitted = {
-        name: f"fitted, r^2 {numbers['r_squared']['value']:.4f}, standard error {entry['standard_error']:.3g}"
+        name: f"fitted, standard error {entry['standard_error']:.3g}"
         for name, entry in numbers.get("parameters", {}).items()
-        if entry.get("standard_error") is not None and numbers.get("r_squared", {}).get("value") is not None
+        if entry.get("standard_error") is not None
     }
     return Exported(model, _sources(model, fitted))
 
 
-def _number(entry: Any) -> Any:
-    """A value of results.json; what JSON does not know is null there, with a reason."""
-    if not isinstance(entry, dict):
-        return entry
-    if entry["value"] is None:
-        return {"infinite": math.inf, "minus infinite": -math.inf}.get(entry.get("reason"))
-    return entry["value"]
+def _fields(found: dict[str, Any]) -> dict[str, Any]:
+    """Values by field; a quantity stands there as a value with its unit."""
+    return {name: value["value"] if isinstance(value, dict) else value for name, value in found.items()}
 
 
 def _sources(model: Any, fitted: dict[str, str]) -> dict[str, str]:
     """Where each value comes from, in words."""
-    try:
-        parameters = load_set(model.name) if model.name else None
-        original = exported_values(
-            load_actuator(model.name) if isinstance(model, Actuator) else load_pulled_slider(model.name)
-        ) if parameters else {}
-    except ParameterSetError:
-        parameters, original = None, {}
+    load = load_actuator if isinstance(model, Actuator) else load_pulled_slider
+    parameters, original = None, {}
+    if model.name:
+        with suppress(ParameterSetError):  # a file that has gone since
+            parameters = load_set(model.name)
+            original = exported_values(load(model.name))
     found = {}
     for name, value in exported_values(model).items():
         entry = parameters.entries().get(name) if parameters else None
@@ -121,8 +112,10 @@ def _sources(model: Any, fitted: dict[str, str]) -> dict[str, str]:
             found[name] = "default"
         elif entry.assumed:
             found[name] = f"ASSUMED: {entry.reason}"
+        elif entry.source:
+            found[name] = f"{', '.join(parameters.citations)}, {entry.source}"
         else:
-            found[name] = f"{', '.join(parameters.citations)}, {entry.source}" if entry.source else "no source given"
+            found[name] = "no source given"
     return found
 
 

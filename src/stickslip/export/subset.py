@@ -1,8 +1,8 @@
 """What the translator to C knows: types, values with their C text, and how it refuses.
 
-The subset: arithmetic, comparisons, conditionals, functions of ``math``, fields of records (``NamedTuple``), their
-properties and ``_replace``, tuples as results, loops over ``range`` with a bound known beforehand, calls of other
-such functions. See docs/decisions/export.md.
+The subset: arithmetic, comparisons, conditionals, functions of ``math``, fields of records (named tuples),
+their properties and ``_replace``, tuples as results, loops over ``range`` with a bound known beforehand,
+calls of other such functions. See docs/decisions/export.md.
 """
 
 from __future__ import annotations
@@ -17,11 +17,12 @@ REAL, INT, BOOL = "real_t", "int", "bool"
 # Precedence of C operators, as far as they are used; a lower number binds stronger.
 ATOM, UNARY, PRODUCT, SUM, COMPARISON, AND, OR, CHOICE = range(8)
 
-KEYWORDS = frozenset(
-    "auto break case char const continue default do double else enum extern float for goto if inline int long "
-    "register restrict return short signed sizeof static struct switch typedef union unsigned void volatile "
-    "while bool true false real_t".split()
-)
+_KEYWORDS = """
+auto break case char const continue default do double else enum extern float for goto if inline int long
+register restrict return short signed sizeof static struct switch typedef union unsigned void volatile
+while bool true false real_t
+"""
+KEYWORDS = frozenset(_KEYWORDS.split())
 
 
 class TranslationError(ValueError):
@@ -54,7 +55,7 @@ class Pair(NamedTuple):
 
 
 class Value(NamedTuple):
-    """An expression: its C text, type and precedence; its constant, if known now; whether it is a pointer; and
+    """An expression: its C text, type and precedence; its constant, if known now; whether it is a pointer;
     the parts of a tuple."""
 
     text: str

@@ -44,26 +44,29 @@ def played(waveform: Waveform, h: float, duration: float | None, tolerance: floa
     Raises:
         QuantityError: no duration, or too many steps or lines for a table.
     """
-    period = getattr(waveform, "period", None)
-    if duration is None:
-        duration = waveform.duration if math.isfinite(waveform.duration) else 8.0 * period if period else math.inf
-    if not (math.isfinite(duration) and duration >= h):
-        raise QuantityError(f"duration = {duration:g} s must be finite and at least one step of {h:g} s")
-    repeats, length = 1, duration
-    if period and abs(period / h - round(period / h)) < 1e-6 and duration >= 2.0 * period * (1.0 - 1e-9):
-        repeats, length = round(duration / period), period
+    period: float | None = getattr(waveform, "period", None)
+    seconds = duration if duration is not None else waveform.duration
+    if duration is None and period and not math.isfinite(seconds):
+        seconds = 8.0 * period
+    if not (math.isfinite(seconds) and seconds >= h):
+        raise QuantityError(f"duration = {seconds:g} s must be finite and at least one step of {h:g} s")
+    repeats, length = 1, seconds
+    if period and abs(period / h - round(period / h)) < 1e-6 and seconds >= 2.0 * period * (1.0 - 1e-9):
+        repeats, length = round(seconds / period), period
     steps = round(length / h)
     if steps > _MOST_STEPS:
         raise QuantityError(f"{length:g} s are {steps} steps of {h:g} s, more than {_MOST_STEPS}")
     table = waveform.drive(length)
-    times = np.arange(steps + 1) * h
+    times: NDArray[np.float64] = np.arange(steps + 1, dtype=np.float64) * h
     nearly = h * 1e-7  # a jump on the grid of the steps belongs to the later step
     begin = evaluate(table, times[:-1] + nearly)[0]
     end = evaluate(table, times[1:] - nearly)[0]
     low, high = waveform.range()
     lines = _lines(begin, end, tolerance * max(high - low, 1e-300))
     if len(lines) > _MOST_LINES:
-        raise QuantityError(f"the waveform needs {len(lines)} lines, more than {_MOST_LINES}: give a shorter duration")
+        raise QuantityError(
+            f"the waveform needs {len(lines)} lines, more than {_MOST_LINES}: give a shorter duration"
+        )
     return Played(lines, repeats, waveform.unit)
 
 
@@ -90,7 +93,9 @@ def _straight(begin: NDArray[Any], end: NDArray[Any], first: int, length: int, t
     share = np.arange(length + 1) / length
     line = begin[first] + share * (end[last] - begin[first])
     starts, ends = begin[first : last + 1], end[first : last + 1]
-    return bool(np.all(np.abs(line[:-1] - starts) <= tolerance) and np.all(np.abs(line[1:] - ends) <= tolerance))
+    return bool(
+        np.all(np.abs(line[:-1] - starts) <= tolerance) and np.all(np.abs(line[1:] - ends) <= tolerance)
+    )
 
 
 def table_h(name: str, what: str, table: Played, h: float) -> str:

@@ -1,7 +1,7 @@
 """Functions of the subset, from Python's syntax tree to C: statements, calls, types of results.
 
-A function becomes one C function for each combination of types it is called with. What is known beforehand (the
-length of a tuple, the class of a record) is decided while translating, so that no dead branch reaches C.
+A function becomes one C function for each combination of types it is called with. What is known beforehand
+(the length of a tuple, the class of a record) is decided while translating, so no dead branch reaches C.
 """
 
 from __future__ import annotations
@@ -118,7 +118,12 @@ class _Function:
     def translated(self, name: str) -> tuple[Any, str]:
         tree, self._name = self.source.tree, name
         arguments = tree.args
-        if arguments.vararg or arguments.kwarg or arguments.kwonlyargs or len(arguments.args) != len(self.kinds):
+        if (
+            arguments.vararg
+            or arguments.kwarg
+            or arguments.kwonlyargs
+            or len(arguments.args) != len(self.kinds)
+        ):
             raise self.source.error(tree, "it must have plain arguments only, and be called with all of them")
         parameters = []
         for argument, kind in zip(arguments.args, self.kinds, strict=True):
@@ -194,10 +199,7 @@ class _Function:
     # Statements. Each says whether it returns on every path.
 
     def _block(self, statements: list[ast.stmt]) -> bool:
-        for statement in statements:
-            if self._statement(statement):
-                return True
-        return False
+        return any(self._statement(statement) for statement in statements)  # what follows a return is dead
 
     def _statement(self, node: ast.stmt) -> bool:
         match node:

@@ -33,7 +33,11 @@ _OUTPUTS = (
     ("end_effector_position", "m", "Position of the end-effector"),
     ("stage_position", "m", "Position of the stage"),
     ("sliding_displacement", "m", "Stage position minus end-effector position"),
-    ("friction_force", "N", "Friction force of the stage on the end-effector, mean of the last internal step"),
+    (
+        "friction_force",
+        "N",
+        "Friction force of the stage on the end-effector, mean of the last internal step",
+    ),
     ("drive_voltage", "V", "Input of the actuator, behind the amplifier if there is one"),
     ("stage_velocity", "m/s", "Velocity of the stage"),
     ("end_effector_velocity", "m/s", "Velocity of the end-effector"),
@@ -91,14 +95,18 @@ def _parameters(found: Exported, step: float) -> list[Variable]:
     ]  # fmt: skip
     for name, value in exported_values(found.model).items():
         unit, symbol, words = meaning(found.model, name)
-        said = plain(f"{words[:1].upper()}{words[1:]}{f', {symbol}' if symbol else ''}; {found.sources[name]}")
+        said = plain(
+            f"{words[:1].upper()}{words[1:]}{f', {symbol}' if symbol else ''}; {found.sources[name]}"
+        )
         place = ".".join(f"{part}_" if part in KEYWORDS else part for part in name.split("."))
         several = isinstance(value, tuple)
         for i, one in enumerate(value if several else (value,)):
             index = f"[{i + 1}]" if several else ""
             c = f"parameters.model.{place}{f'[{i}]' if several else ''}"
             number = one if isinstance(one, bool) else float(one)
-            made.append(Variable(name + index, _FIRST_PARAMETER + len(made), c, "parameter", unit, said, number))
+            made.append(
+                Variable(name + index, _FIRST_PARAMETER + len(made), c, "parameter", unit, said, number)
+            )
     return made
 
 
@@ -107,7 +115,11 @@ def variables_h(found: list[Variable], mode: Mode, token: str, step: float, rest
     accessors = []
     for kind, boolean in (("real", False), ("boolean", True)):
         c_type = "bool" if boolean else "real_t"
-        cases = [f"    case {v.reference}U: return &data->{v.c}; /* {v.name} */" for v in found if v.boolean is boolean]
+        cases = [
+            f"    case {v.reference}U: return &data->{v.c}; /* {v.name} */"
+            for v in found
+            if v.boolean is boolean
+        ]
         accessors.append(
             f"static {c_type} *fmi_{kind}(fmi_data *data, unsigned int reference)\n{{\n"
             "    switch (reference) {\n" + "\n".join(cases) + ("\n" if cases else "")

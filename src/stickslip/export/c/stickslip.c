@@ -18,7 +18,7 @@
 #include "stickslip.h"
 
 enum { Y, W, X, S, INPUT, CHANGE, ONE, FORCE, SIZE };  /* of the vector that the exponential is taken for */
-enum { EVALUATIONS = 6, SUBSTEPS_AT_REST = 60 };
+enum { EVALUATIONS = 6, HALVINGS = 10, SUBSTEPS_AT_REST = 60 };
 
 static const double LIMIT = 1e6; /* of an input without limits of its own */
 
@@ -129,6 +129,53 @@ static void linear_step(stickslip_plant *plant, double h)
 
 /* ---- The contact over a step ------------------------------------------------------------------------------ */
 
+#if !STICKSLIP_STATIC_LAW
+/* How far the bristle of an element goes within a step at the sliding velocity v, and the mean of that over the step.
+ * dz/dt is taken as linear in z, along the secant from here to where the bristle would go by v alone. */
+static real_t bristle(const stickslip_plant *plant, const stickslip_element *element, real_t v, real_t z, real_t *mean)
+{
+    const real_t start = stickslip_law_rate(element, v, z).dz;
+    real_t span = plant->h * v; /* of the secant */
+    real_t there = stickslip_law_rate(element, v, z + span).dz;
+    if ((v == R(0.0)) || (start == R(0.0))) {
+        *mean = R(0.0);
+        return R(0.0);
+    }
+#if !STICKSLIP_LINEAR_LAW
+    bool ends = false; /* whether the motion ends within the span: at an equilibrium, or where dz/dt jumps to it */
+    if (there * start <= R(0.0)) {
+        real_t low = R(0.0), high = R(1.0);
+        ends = true;
+        for (int k = 0; k < HALVINGS; ++k) {
+            const real_t middle = R(0.5) * (low + high);
+            const real_t at = stickslip_law_rate(element, v, z + middle * span).dz;
+            if (at * start > R(0.0)) {
+                low = middle;
+                there = at;
+            } else {
+                high = middle;
+            }
+        }
+        there = (low > R(0.0)) ? there : start;
+        span *= (low > R(0.0)) ? low : high;
+    }
+#endif
+    real_t x = plant->h * ((there - start) / span); /* step times the slope */
+    x = r_min(r_max(x, R(-1e9)), R(1.0));
+    /* (e^x - 1)/x and (e^x - 1 - x)/x^2 with e^x = 1/(1 - x + x^2/2): second order, positive for every x < 1 */
+    const real_t scale = plant->h * start / (R(1.0) - x + R(0.5) * x * x);
+    const real_t whole = (R(1.0) - R(0.5) * x) * scale;
+    *mean = (R(0.5) - R(0.5) * x) * scale;
+#if !STICKSLIP_LINEAR_LAW
+    if (ends && (whole * whole > span * span) && (whole * span > R(0.0))) { /* there before the step ends, then at rest */
+        *mean = span * (R(1.0) - R(0.5) * span / whole);
+        return span;
+    }
+#endif
+    return whole;
+}
+#endif
+
 /* Mean friction force of a step at the sliding velocity v; the internal states at its end. */
 static real_t contact_force(
     const stickslip_plant *plant, const stickslip_state *state, real_t v, real_t end[STICKSLIP_STATES])
@@ -141,17 +188,10 @@ static real_t contact_force(
         end[i] = z;
         force += stickslip_law_rate(element, v, z).force;
 #else
-        /* dz/dt is taken as linear in z, along the secant from here to where the bristle would go by v alone. */
-        const real_t start = stickslip_law_rate(element, v, z).dz;
-        const real_t there = stickslip_law_rate(element, v, z + plant->h * v).dz;
-        real_t x = (v == R(0.0)) ? R(0.0) : (there - start) / v; /* step times the slope */
-        x = r_min(r_max(x, R(-1e9)), R(1.0));
-        /* (e^x - 1)/x and (e^x - 1 - x)/x^2 with e^x = 1/(1 - x + x^2/2): second order, positive for every x < 1 */
-        const real_t scale = plant->h * start / (R(1.0) - x + R(0.5) * x * x);
-        const real_t whole = (R(1.0) - R(0.5) * x) * scale;
-        const real_t mean = (R(0.5) - R(0.5) * x) * scale;
-        end[i] = stickslip_law_project(element, z + whole);
+        real_t mean;
+        const real_t whole = bristle(plant, element, v, z, &mean);
         const real_t at = stickslip_law_project(element, z + mean + plant->implicit * (whole - mean));
+        end[i] = stickslip_law_project(element, z + whole);
         force += stickslip_law_rate(element, v, at).force;
 #endif
     }

@@ -130,7 +130,7 @@ fmi2Status fmi2SetReal(fmi2Component i, const fmi2ValueReference vr[], size_t n,
         if (wrong != NULL) {
             return failed(c, wrong);
         }
-        *found = (real_t)value[k];
+        *found = fmi_number(value[k]);
     }
     return fmi2OK;
 }

@@ -143,7 +143,7 @@ fmi3Status fmi3SetFloat64(
         if (wrong != NULL) {
             return failed(c, wrong);
         }
-        *found = (real_t)value[k];
+        *found = fmi_number(value[k]);
     }
     return fmi3OK;
 }

@@ -4,6 +4,7 @@
 #ifndef FMI_INSTANCE_H
 #define FMI_INSTANCE_H
 
+#include <float.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -95,6 +96,12 @@ static const char *fmi_advance(fmi_data *data, double length)
     data->time += length;
     fmi_refresh(data);
     return NULL;
+}
+
+/* A number that was set. XML knows no infinity: the largest double stands for it. */
+static real_t fmi_number(double value)
+{
+    return (fabs(value) >= DBL_MAX) ? (real_t)copysign(INFINITY, value) : (real_t)value;
 }
 
 /* A setter's question. NULL, or why this variable must not be set now. */

@@ -1,0 +1,96 @@
+"""Commands that export a model as code: export c, export fmu."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from .frame import Traceback, app, errors_in_one_line
+
+if TYPE_CHECKING:
+    from ..waveform.signal import Waveform
+
+export = typer.Typer(help="Export a model as C or as an FMU.", no_args_is_help=True)
+app.add_typer(export, name="export")
+
+Source = Annotated[
+    str,
+    typer.Argument(
+        metavar="SET|FILE.toml|results.json",
+        help="Parameter set, by name or file, or what stickslip identify found on a walk.",
+    ),
+]
+Folder = Annotated[Path, typer.Option(help="Folder to make; it must not exist.")]
+StepSize = Annotated[str, typer.Option(help="Step of the examples and longest internal step of an FMU.")]
+BenchName = Annotated[
+    str, typer.Option(help="Put the amplifier of this bench (its name or file) before the actuator.")
+]
+
+
+class Mode(StrEnum):
+    """What an FMU is."""
+
+    PLANT = "plant"
+    OBSERVER = "observer"
+    FEEDFORWARD = "feedforward"
+
+
+@export.command("c")
+def export_as_c(
+    source: Source,
+    out: Folder = Path("out/c"),
+    step: StepSize = "20 us",
+    amplitude: Annotated[str, typer.Option(help='Of the sawtooth to play, such as "65 V".')] = "",
+    frequency: Annotated[str, typer.Option(help="Of the sawtooth.")] = "5 Hz",
+    periods: Annotated[int, typer.Option(help="Of the sawtooth.", min=1)] = 8,
+    bench: BenchName = "",
+    show_traceback: Traceback = False,
+) -> None:
+    """Write C99 for a host and a microcontroller; make in the folder builds and runs it."""
+    with errors_in_one_line(show_traceback):
+        from ..export import export_c
+
+        made = export_c(
+            source, out, step=step, waveform=_waveform(amplitude, frequency, periods), **_amplifier(bench)
+        )
+        typer.echo(f"Exported to {made}; build and run it with: make -C {made}")
+
+
+@export.command("fmu")
+def export_as_fmu(
+    source: Source,
+    out: Folder = Path("out/fmu"),
+    fmi: Annotated[int, typer.Option(help="Version of the standard, 2 or 3.")] = 2,
+    mode: Annotated[Mode, typer.Option(help="What goes in and out.")] = Mode.PLANT,
+    step: StepSize = "20 us",
+    compiler: Annotated[str, typer.Option(help='Makes the binary; "" leaves it out.')] = "gcc",
+    bench: BenchName = "",
+    show_traceback: Traceback = False,
+) -> None:
+    """Write a functional mock-up unit for co-simulation, with sources and a binary for 64-bit Linux."""
+    with errors_in_one_line(show_traceback):
+        from ..export import export_fmu
+
+        made = export_fmu(
+            source, out, fmi=fmi, mode=mode.value, step=step, compiler=compiler, **_amplifier(bench)
+        )
+        typer.echo(f"Exported: {made}")
+
+
+def _waveform(amplitude: str, frequency: str, periods: int) -> Waveform | None:
+    from ..waveform.periodic import Sawtooth
+
+    fields: dict[str, Any] = {"frequency": frequency, "periods": periods}
+    return Sawtooth(amplitude, **fields) if amplitude else None  # type: ignore[arg-type]
+
+
+def _amplifier(bench: str) -> dict[str, Any]:
+    if not bench:
+        return {}
+    from ..rig import load_bench
+
+    found = load_bench(bench)
+    return {"amplifier": found.amplifier, "piezo_capacitance": found.piezo_capacitance}
