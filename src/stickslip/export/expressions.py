@@ -289,8 +289,8 @@ def _call(context: Context, node: ast.Call) -> Value:
         return as_real(context, node.args[0], arguments[0])
     if function in _FUNCTIONS:
         return _known(context, node, _FUNCTIONS[function], arguments)
-    if not callable(function):
-        raise context.source.error(node, f"{ast.unparse(node.func)} is no function")
+    if not hasattr(getattr(function, "py_func", function), "__code__"):
+        raise context.source.error(node, f"{ast.unparse(node.func)} is outside the subset")
     return context.call(node, function, arguments)
 
 

@@ -236,25 +236,35 @@ static real_t solve(
 }
 
 #if STICKSLIP_STATIC_LAW
-/* Rest or sliding over this step; sets the direction of sliding (0: rest). Returns the force. */
+/* Rest or sliding over this step; sets the direction of sliding (0: rest). Returns the mean force, and the mean
+ * sliding velocity of a step that ends at rest. Where sliding ends within the step, the force is that of sliding until
+ * then and that of rest, or of sliding back, for the rest of the step. */
 static real_t static_contact(
-    const stickslip_plant *plant, stickslip_state *state, real_t mean_free, real_t end_free, real_t *velocity)
+    const stickslip_plant *plant, stickslip_state *state, real_t mean_free, real_t end_free, real_t *until_rest)
 {
-    real_t end[STICKSLIP_STATES];
+    const real_t before = state->stage_velocity - state->end_effector_velocity;
+    real_t end[STICKSLIP_STATES], part = R(0.0), force = R(0.0), after = end_free;
+    *until_rest = R(0.0);
     if (state->internal[0] != R(0.0)) { /* it slides: does it go on? */
-        const real_t force = solve(plant, state, plant->mean_mobility, mean_free, velocity, end);
-        if ((end_free - plant->end_mobility * force) * state->internal[0] > R(0.0)) {
+        force = solve(plant, state, plant->mean_mobility, mean_free, &state->sliding_velocity, end);
+        after = end_free - plant->end_mobility * force;
+        if (after * state->internal[0] > R(0.0)) {
             return force;
         }
+        if (before * state->internal[0] > R(0.0)) {
+            part = before / (before - after);
+            *until_rest = R(0.5) * part * before;
+        }
     }
-    const real_t needed = end_free / plant->end_mobility;
-    *velocity = R(0.0);
+    const real_t needed = force + (after - ((part > R(0.0)) ? before : R(0.0))) / plant->end_mobility;
+    state->sliding_velocity = R(0.0);
     if (r_abs(needed) <= plant->breakaway) {
         state->internal[0] = R(0.0);
-        return needed;
+        return needed + part * (force - needed);
     }
     state->internal[0] = r_copysign(R(1.0), needed);
-    return solve(plant, state, plant->mean_mobility, mean_free, velocity, end);
+    const real_t back = solve(plant, state, plant->mean_mobility, mean_free, &state->sliding_velocity, end);
+    return back + part * (force - back);
 }
 #endif
 
@@ -416,7 +426,8 @@ int stickslip_step_ramp(const stickslip_plant *plant, stickslip_state *state, re
         const real_t mean_free = (change[Y] - change[X]) * plant->per_h;
         const real_t end_free = (now[W] + change[W]) - (now[S] + change[S]);
 #if STICKSLIP_STATIC_LAW
-        const real_t force = static_contact(plant, state, mean_free, end_free, &state->sliding_velocity);
+        real_t until_rest;
+        const real_t force = static_contact(plant, state, mean_free, end_free, &until_rest);
 #else
         const real_t mobility =
             plant->mean_mobility + plant->implicit * (plant->end_mobility - plant->mean_mobility);
@@ -433,7 +444,7 @@ int stickslip_step_ramp(const stickslip_plant *plant, stickslip_state *state, re
         state->friction_force = force;
 #if STICKSLIP_STATIC_LAW
         if (state->internal[0] == R(0.0)) { /* at rest, exactly */
-            change[X] = change[Y];
+            change[X] = change[Y] - plant->h * until_rest;
             change[S] = (now[W] + change[W]) - now[S];
         }
 #endif
