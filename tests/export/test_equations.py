@@ -9,12 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from export.building import C, compiled, output
+from friction.samples import ALL, name
 from stickslip import load_actuator
 from stickslip.export import TranslationError, export_c
 from stickslip.friction import LAWS, breakaway, element, elements, project, rate
-
-from friction.samples import ALL, name
-from export.building import C, compiled, output
 
 
 def points() -> list[tuple[float, float]]:

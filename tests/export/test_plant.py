@@ -1,19 +1,20 @@
-"""The exported plant against the solver, over the thesis's campaign, for every law; its order, its float, its rest."""
+"""The exported plant against the solver, over the thesis's campaign and for every law."""
 
 from __future__ import annotations
 
 import math
+import subprocess
 
 import numpy as np
 import pytest
 
-from export.building import ARM_COMPILERS, C, COMPILERS, compiled, output, walk
+from export.building import ARM_COMPILERS, COMPILERS, C, compiled, output, walk
 from friction.samples import ALL, name
 from stickslip import PulledSlider, load_actuator, load_bench, simulate
 from stickslip.electronics import StrainGauge, amplifier_output
 from stickslip.export import export_c
 from stickslip.export.signal_chain import amplifier_after, sensor_after, sensor_output
-from stickslip.friction import Coulomb, LuGre, elements
+from stickslip.friction import Coulomb, LuGre
 from stickslip.waveform.periodic import ReverseSawtooth, Sawtooth, Sine
 from stickslip.waveform.shapes import Ramp, Step
 
@@ -30,9 +31,15 @@ def difference(model, waveform, duration, columns, tolerance=1e-10) -> float:
 
 
 @pytest.mark.compiled
-@pytest.mark.parametrize("reaction", [True, False])
-@pytest.mark.parametrize("shape", [Sawtooth, ReverseSawtooth])
-@pytest.mark.parametrize(("volts", "hertz"), [(35, 5), (55, 5), (65, 5), (75, 5), (65, 20), (75, 20)])
+@pytest.mark.parametrize(
+    ("volts", "hertz", "shape", "reaction"),
+    [
+        *((volts, 5, Sawtooth, True) for volts in (35, 55, 65, 75)),
+        *((volts, 20, Sawtooth, True) for volts in (35, 55, 65, 75)),
+        *((65, hertz, ReverseSawtooth, True) for hertz in (5, 20)),
+        *((65, hertz, Sawtooth, False) for hertz in (5, 20)),
+    ],
+)
 def test_campaign(volts, hertz, shape, reaction, tmp_path) -> None:
     model, drive = KANG.replace(stage_reaction=reaction), shape(volts, hertz, periods=4)
     found = walk(model, tmp_path / "c", waveform=drive)
@@ -45,10 +52,12 @@ def test_order_and_float(tmp_path) -> None:
     drive = Sawtooth(65, 20, periods=8)
     errors = [
         difference(KANG, drive, 0.4, walk(KANG, tmp_path / f"{k}", waveform=drive, step=h), 1e-12)
-        for k, h in enumerate((80e-6 / 3, 40e-6 / 3, 20e-6 / 3, 10e-6 / 3, 5e-6 / 3))
+        for k, h in enumerate((20e-6, 10e-6, 5e-6, 2.5e-6, 1.25e-6))
     ]
     assert errors[0] < 1e-7
-    order = math.log2(errors[0] / errors[-1]) / 4  # single halvings vary: steps meet the reversals differently
+    order = (
+        math.log2(errors[0] / errors[-1]) / 4
+    )  # single halvings vary: steps meet the reversals differently
     assert order > 1.6
     double = walk(KANG, tmp_path / "double", waveform=drive)
     single = walk(KANG, tmp_path / "single", "-O2", "-DSTICKSLIP_FLOAT", waveform=drive)
@@ -61,6 +70,8 @@ def test_every_law(law, tmp_path) -> None:
     model, drive = KANG.replace(friction=law), Sawtooth(65, 20, periods=4)
     found = walk(model, tmp_path / "c", waveform=drive, step=5e-6)
     assert difference(model, drive, 0.2, found, 1e-9) < 0.004 * 4 * KANG.gain * 65
+    output(compiled(tmp_path / "c", C / "endure.c"), "100000")
+    output(compiled(tmp_path / "c", C / "endure.c", "-O2", "-DSTICKSLIP_FLOAT"), "100000")
 
 
 MODELS = {
@@ -85,7 +96,7 @@ def test_models(case, tmp_path) -> None:
 @pytest.mark.compiled
 @pytest.mark.parametrize("law", [Coulomb(0.2), LuGre(1e5, 50.0, 0.1, 0.2, 0.2)], ids=["Coulomb", "LuGre"])
 def test_pulled_slider(law, tmp_path) -> None:
-    slider, pull = PulledSlider(0.1, 200.0, 0.5, law), Ramp(2e-3, 0.5, unit="m")
+    slider, pull = PulledSlider(0.1, 200.0, 0.5, law), Ramp(1e-2, unit="m")
     found = walk(slider, tmp_path / "c", waveform=pull, duration=0.5, step=1e-5)
     truth = simulate(slider, pull, 0.5, tolerance=1e-10)["end_effector_position"].values
     assert np.max(np.abs(found["end_effector_position"] - truth)) < 2e-6
@@ -102,14 +113,22 @@ def test_rest_is_exact(tmp_path) -> None:
 
 @pytest.mark.parametrize("compiler", COMPILERS)
 @pytest.mark.parametrize("real", ["double", "float"])
-def test_sanitizers(compiler, real, tmp_path) -> None:
+def test_no_warnings(compiler, real, tmp_path) -> None:
+    export_c(load_actuator("kang2007").replace(friction=ALL[-1]), tmp_path / "c", duration=0.2)
+    flags = ["-DSTICKSLIP_FLOAT"] if real == "float" else ["-O1"]
+    for program in ("walk", "observe", "scan"):
+        compiled(tmp_path / "c", tmp_path / "c" / "host" / f"{program}.c", *flags, compiler=compiler)
+
+
+@pytest.mark.parametrize("real", ["double", "float"])
+def test_sanitizers(real, tmp_path) -> None:
     export_c(KANG, tmp_path / "c", waveform=Sawtooth(65, 20, periods=2))
     flags = ["-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
     flags += ["-DSTICKSLIP_FLOAT"] if real == "float" else []
     for program in ("walk", "observe", "scan"):
-        made = compiled(tmp_path / "c", tmp_path / "c" / "host" / f"{program}.c", *flags, compiler=compiler)
+        made = compiled(tmp_path / "c", tmp_path / "c" / "host" / f"{program}.c", *flags)
         assert len(output(made).splitlines()) > 50
-    made = compiled(tmp_path / "c", C / "endure.c", *flags, compiler=compiler)
+    made = compiled(tmp_path / "c", C / "endure.c", *flags)
     output(made, "20000")
 
 
@@ -130,24 +149,13 @@ def test_random_input_stays_bounded(case, real, tmp_path) -> None:
     flags = ["-O2", "-DSTICKSLIP_FLOAT"] if real == "float" else ["-O2"]
     made = compiled(tmp_path / "c", C / "endure.c", *flags)
     force, velocity, stage = map(float, output(made, "1000000", repr(h)).split())
-    assert 0.1 < force < 60.0
+    assert 0.01 < force < 60.0
     assert velocity < 2.0
     assert stage < 3 * KANG.gain * 150
 
 
-@pytest.mark.compiled
-@pytest.mark.parametrize("law", ALL, ids=name)
-def test_random_input_every_law(law, tmp_path) -> None:
-    export_c(KANG.replace(friction=law), tmp_path / "c", duration=0.2)
-    output(compiled(tmp_path / "c", C / "endure.c"), "200000")
-    output(compiled(tmp_path / "c", C / "endure.c", "-O2", "-DSTICKSLIP_FLOAT"), "200000")
-    assert elements(law) >= 0
-
-
 @pytest.mark.parametrize("compiler", ARM_COMPILERS)
 def test_microcontroller(compiler, tmp_path) -> None:
-    import subprocess
-
     export_c(KANG, tmp_path / "c")
     done = subprocess.run(["make", "bare"], cwd=tmp_path / "c", capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

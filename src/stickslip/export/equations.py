@@ -195,7 +195,7 @@ def _checks(made: Translation, owner: str, kind: Record) -> list[str]:
         elif inner != BOOL and name in specs:
             label = f"{kind.record_class.__name__}.{name}"
             text = f"{label} is out of range: {specs[name].meaning} must be {specs[name].range_text()}"
-            said = text.encode("ascii", "replace").decode()
+            said = text.encode("ascii", "replace").decode().replace("%", "percent")
             if isinstance(inner, Array):
                 for i in range(inner.length):
                     lines.append(f'if (!({_allowed(specs[name], f"{field}[{i}]")})) {{ return "{said}"; }}')

@@ -10,6 +10,7 @@ from typing import Any
 from .._version import __version__
 from ..actuator import Actuator
 from ..electronics import Amplifier, StrainGauge
+from ..simulation.models import checked_drive
 from ..units import QuantityError, to_si
 from ..waveform.periodic import Sawtooth, Sine
 from ..waveform.signal import Waveform
@@ -68,10 +69,11 @@ def export_c(
     noise = to_si(measurement_noise, "m", "measurement_noise")
     if not noise > 0.0:
         raise QuantityError(f"measurement_noise = {noise:g} m must be > 0 m")
-    drive = waveform or default_waveform(found.model)
-    unit = "V" if isinstance(found.model, Actuator) else "m"
-    if drive.unit != unit:
-        raise QuantityError(f"the drive of an {type(found.model).__name__} is in {unit}, not in {drive.unit}")
+    drive = waveform or default_waveform(found.model, amplifier)
+    if amplifier is None:  # behind one, what is out of range is cut
+        checked_drive(found.model, drive, h, periodic=False)
+    elif drive.unit != "V":
+        raise QuantityError(f"the input of an amplifier is in V, not in {drive.unit}")
     seconds = to_si(duration, "s", "duration") if duration is not None else None
     files = core_files(found, chain, h, noise)
     table = table_h("stickslip_waveform", repr_of(drive), played(drive, h, seconds), h)
@@ -143,10 +145,12 @@ def signal_chain(
     return SignalChain(amplifier, farad, sensor)
 
 
-def default_waveform(model: Any) -> Waveform:
-    """A sawtooth that the model can take."""
+def default_waveform(model: Any, amplifier: Amplifier | None = None) -> Waveform:
+    """A sawtooth that the model can take, before the amplifier if there is one."""
     if not isinstance(model, Actuator):
         return Sawtooth(1e-4, 1.0, periods=4, unit="m")
+    if amplifier is not None:
+        return Sawtooth((min(65.0, model.max_voltage) - amplifier.offset) / amplifier.gain, 5.0, periods=8)
     return Sawtooth(min(65.0, model.max_voltage), 5.0, periods=8, offset=max(0.0, model.min_voltage))
 
 

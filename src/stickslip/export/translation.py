@@ -248,7 +248,7 @@ class _Function:
                 words.append(str(part.value))
             else:
                 words.append(owner if "__name__" in ast.unparse(part) else "...")
-        text = "".join(words).encode("ascii", "replace").decode()
+        text = "".join(words).encode("ascii", "replace").decode().replace("%", "percent")
         return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
     def _set(self, node: ast.AST, name: str, value: Value) -> None:

@@ -13,7 +13,7 @@ typedef struct {
 static fmi2Status failed(const component *c, const char *text)
 {
     if (c->log != NULL) {
-        c->log(c->environment, c->name, fmi2Error, "logStatusError", "%s", text);
+        c->log(c->environment, c->name, fmi2Error, "logStatusError", text); /* no text has a % */
     }
     return fmi2Error;
 }
