@@ -24,6 +24,8 @@ def parameters_c(found: Exported, chain: SignalChain, gain: NDArray[Any]) -> str
         for field, spec in quantities(type(record)).items() if record is not None else ():
             said = f"{spec.unit + ', ' if spec.unit else ''}{spec.symbol}: {spec.meaning}"
             lines += _set(f"chain.{part}.{field}", getattr(record, field), said)
+    if chain == SignalChain():
+        lines.append("p.chain.unused = 0;")
     if chain.capacitance is not None:
         lines += _set("chain.capacitance", chain.capacitance, "F, C_p: capacitance of the piezo")
     units = ("1, for the stage's position", "1/s, for its velocity", "1, for the end-effector's position",
