@@ -27,10 +27,15 @@ from .friction import StictionCoulombViscous as StictionCoulombViscous
 from .friction import Stribeck as Stribeck
 from .friction import register_law as register_law
 from .identify.compare import compare_laws as compare_laws
+from .identify.experiments import Walk as Walk
+from .identify.experiments import expected_errors as expected_errors
 from .identify.fit import FitError as FitError
 from .identify.frequency import frequency_response as frequency_response
 from .identify.frequency import welch_frequency_response as welch_frequency_response
 from .identify.friction import identify_friction as identify_friction
+from .identify.intervals import bootstrap as bootstrap
+from .identify.intervals import prediction_band as prediction_band
+from .identify.intervals import profile_interval as profile_interval
 from .identify.loops import identify_loops as identify_loops
 from .identify.modal import identify_frequency as identify_frequency
 from .identify.modal_time import identify_in_time as identify_in_time

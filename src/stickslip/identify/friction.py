@@ -41,6 +41,7 @@ def identify_friction(
     slew_rate: float | None = None,
     stage: Fit | None = None,
     bounds: Bounds | None = None,
+    begin: Values | None = None,
     noise: float | None = None,
     starts: int = 1,
     hops: int = 6,
@@ -73,6 +74,7 @@ def identify_friction(
             is fitted here.
         bounds: of free parameters, in SI or as strings; else a factor 30 either side of the start. The scale
             is logarithmic, but linear where bounds reach down to zero.
+        begin: where "delay" and "offset" start; left out, at the delay of the stage, or 0.
         noise: standard deviation of the position, m; left out, it is estimated from the residuals.
         starts: how many; those after the first fill the bounds.
         hops: see `fit_least_squares`; 0 is several times quicker, and for a start that is near.
@@ -115,9 +117,9 @@ def identify_friction(
         "delay": LONGEST_DELAY * min(float(np.ptp(r["time"].values)) for r in found),
         "offset": max(float(np.ptp(m) + abs(m[0])) for m in measured),
     }
-    begin = {"delay": stage.values["delay"]} if stage is not None else {}
+    first = ({"delay": stage.values["delay"]} if stage is not None else {}) | (begin or {})
     parameters = [
-        _of_channel(name, shifts[name], bounds, begin) if name in CHANNEL else parameter(model, name, bounds)
+        _of_channel(name, shifts[name], bounds, first) if name in CHANNEL else parameter(model, name, bounds)
         for name in free
     ]
     exact = has_slopes(model)
