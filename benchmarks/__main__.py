@@ -16,7 +16,7 @@ from typing import Any
 
 from stickslip.figures.style import svg
 
-from . import accuracy, pictures, results, startup, tables
+from . import accuracy, campaign, pictures, results, startup, tables
 from .ours.ensemble import MEMBERS
 from .session import PEERS, ROOT, Row, Tool, measure, peer
 from .truth import TRUTH
@@ -57,11 +57,18 @@ def _fit() -> tuple[list[Row], dict[str, str]]:
     return measure("fit", [Tool("benchmarks.ours.fit"), peer("fitting")], rounds=3, most=1.0)
 
 
+def _campaign() -> tuple[list[Row], dict[str, str]]:
+    campaign.prepare()
+    tools = [Tool("benchmarks.ours.campaign"), peer("campaign")]
+    return measure("campaign", tools, rounds=3, most=2.0, patience=480.0)
+
+
 PARTS: dict[str, Part] = {
     "trajectory": _trajectory,
     "steady": _steady,
     "ensemble": _ensemble,
     "fit": _fit,
+    "campaign": _campaign,
     "accuracy": accuracy.measure_accuracy,
     "startup": startup.measure_startup,
 }

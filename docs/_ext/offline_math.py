@@ -12,13 +12,14 @@ from matplotlib.figure import Figure
 from matplotlib.mathtext import MathTextParser
 
 _PARSER = MathTextParser("path")
-# What LaTeX has and matplotlib does not, and does not need.
-_WITHOUT = (
-    (r"\begin{aligned}", ""),
-    (r"\end{aligned}", ""),
-    (r"\tfrac", r"\frac"),
-    (r"\dfrac", r"\frac"),
-    (r"\text", r"\mathrm"),
+# What LaTeX knows and matplotlib has under another name, or does not need.
+_OTHERWISE = (
+    (r"\\begin\{aligned\}|\\end\{aligned\}|\\!", ""),
+    (r"\\[Bb]igg?[lr]?(?![a-z])", ""),
+    (r"\\[td]?frac(\d)(\w)", r"\\frac{\1}{\2}"),
+    (r"\\[td]frac", r"\\frac"),
+    (r"\\text(?![a-z])", r"\\mathrm"),
+    (r"\\(le|ge|ne)(?![a-z])", r"\\\1q"),
 )
 _CASES = re.compile(r"(.*?)\\begin\{cases\}(.*)\\end\{cases\}(.*)", re.DOTALL)
 
@@ -39,8 +40,8 @@ def _drawn(latex: str, size: float) -> str:
 
 
 def _lines(latex: str) -> list[str]:
-    for old, new in _WITHOUT:
-        latex = latex.replace(old, new)
+    for old, new in _OTHERWISE:
+        latex = re.sub(old, new, latex)
     cases = _CASES.fullmatch(latex)
     if cases:  # one line for each
         before, rows, after = cases.groups()

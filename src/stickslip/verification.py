@@ -29,12 +29,14 @@ TOLERANCE = 1e-10
 class Predictor(NamedTuple):
     """An actuator with given values in the place of a fit: what its position channel should show.
 
-    `delay` [s] and `offset` [m] are those of the channel.
+    `delay` [s] and `offset` [m] are those of the channel; `slew_rate` [V/s] is that of the amplifier, for the
+    jumps of a recorded drive.
     """
 
     model: Actuator
     delay: float = 0.0
     offset: float = 0.0
+    slew_rate: float | None = None
 
     observed = "end_effector_position"
 
@@ -46,7 +48,7 @@ class Predictor(NamedTuple):
         """
         name = names_of([recording])[0]
         try:
-            motion = Displacement(recording, drive, name, self.model, TOLERANCE)
+            motion = Displacement(recording, drive, name, self.model, TOLERANCE, self.slew_rate)
             return motion.position(self.model, self.delay) + self.offset
         except ArithmeticError as error:
             raise RecordingError(

@@ -212,8 +212,34 @@ def _stage(file: CampaignFile, found: Found, figures: bool) -> Section:
             f"All samples of {len(steps)} steps at once, the end-effector fixed to the stage: r² "
             f"{stage.r_squared:.4f}.{beside}",
         ),
-        tables=(parameter_table("Second-order stage, delay and lag of the sensor.", stage),),
+        tables=(
+            parameter_table("Second-order stage, delay and lag of the sensor.", stage),
+            _formulas(found, stage),
+        ),
         figures=pictures,
+    )
+
+
+def _formulas(found: Found, stage: Fit) -> Table:
+    """The thesis's formulas (peak time, overshoot) beside the fit."""
+    known = found.formulas
+    assert known is not None
+    rows = []
+    for i, name in enumerate(known["parameter"].values):
+        unit = _unit(stage, str(name))
+        columns = ("fitted", "by_sensor", "by_noise", "scatter")
+        rows.append((str(name), *(Number(float(known[c][i]), unit) for c in columns)))
+    return Table(
+        "What the formulas of peak time and overshoot (app. 5 of the thesis) make of the same steps.",
+        (
+            Column("parameter"),
+            Column("fitted"),
+            Column("formula off by the sensor"),
+            Column("by the noise"),
+            Column("scatter of the formula"),
+        ),
+        rows,
+        notes="The sensor's lag and filter move the peak; the greatest of many noisy samples is too great.",
     )
 
 

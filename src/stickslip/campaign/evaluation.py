@@ -2,32 +2,41 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
+
+import xarray as xr
 
 from ..actuator import Actuator, load_actuator
 from ..electronics import Filter
 from ..identify.friction import identify_friction
 from ..identify.result import Fit
-from ..identify.step_fit import identify_step
+from ..identify.step_fit import identify_step, step_formula_errors
 from ..verification import Predictor, Requirement, Verification, verify
 from .budget import Budget, budget
 from .file import CampaignFile
 from .gathering import Gathered, Progress, Scale, scale_of, scaled
 
 
+# Of the steps' formulas with other noise.
+_REPETITIONS = 50
+
+
 class Found(NamedTuple):
     """What a campaign found.
 
-    `gathered` are the recordings in the scale of the reference; `scale` and `stage` are None where there were
-    no reference or no steps; `start` is the actuator that the fit of the friction began with; `walks` are
-    the recordings of `verification`, in its order.
+    `gathered` are the recordings in the scale of the reference; `scale` is None without a reference, `stage`
+    and `formulas` (how far the thesis's formulas are off, see `step_formula_errors`) without steps; `start`
+    is the actuator that the fit of the friction began with; `walks` are the recordings of `verification`, in
+    its order.
     """
 
     gathered: list[Gathered]
     scale: Scale | None
     stage: Fit | None
+    formulas: xr.Dataset | None
     start: Actuator
     friction: Fit
     budget: Budget
@@ -45,19 +54,19 @@ def evaluate(file: CampaignFile, folder: Path, gathered: Sequence[Gathered], pro
     """
     requirements = [Requirement.parse(text) for text in file.require]
     recordings = list(gathered)
-    scale = None
+    scale, rate = None, file.slew_rate if math.isfinite(file.slew_rate) else None
     if file.reference is not None:
         steps = [one for one in recordings if one.use == "step"]
         scale = scale_of(steps, file.reference, file.settling)
         recordings = [scaled(one, scale.value) for one in recordings]
     model = _model(file, folder)
-    stage = None
+    stage = formulas = None
     steps = [one for one in recordings if one.use == "step"]
     if steps:
         progress("identifying the stage", 0.1)
         low_pass = None if file.filter is None else Filter(**file.filter.model_dump())
-        rate = file.slew_rate if file.slew_rate < float("inf") else None
         stage = identify_step([one.recording for one in steps], model, filter=low_pass, slew_rate=rate)
+        formulas = step_formula_errors(stage, [one.recording for one in steps], n=_REPETITIONS)
         model = stage.model
     progress("identifying the friction", 0.2)
     fitted = [one for one in recordings if one.use == "fit"]
@@ -67,11 +76,11 @@ def evaluate(file: CampaignFile, folder: Path, gathered: Sequence[Gathered], pro
         [*file.free, "delay", "offset"],
         drive=[one.drive for one in fitted],
         hops=file.hops,
-        correlated=True,
+        slew_rate=rate,
     )
     progress("predicting", 0.7)
     walks = [one for one in recordings if one.use != "step"]
-    predictor = Predictor(friction.model, friction.values["delay"])
+    predictor = Predictor(friction.model, friction.values["delay"], slew_rate=rate)
     verification = verify(
         predictor,
         [one.recording for one in walks],
@@ -82,6 +91,7 @@ def evaluate(file: CampaignFile, folder: Path, gathered: Sequence[Gathered], pro
         recordings,
         scale,
         stage,
+        formulas,
         model,
         friction,
         budget(friction, fitted, stage, scale),

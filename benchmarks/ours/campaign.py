@@ -1,0 +1,43 @@
+"""The campaign's friction fit by `ss.identify_friction`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+import stickslip as ss
+
+from .. import campaign
+from ..worker import Case, serve
+from .models import actuator
+
+FREE = ("sigma_0", "sigma_1", "coulomb_force", "delay", "offset")
+
+
+def _fit() -> Callable[[], np.ndarray]:
+    walk = campaign.load()
+    sigma_0, sigma_1, coulomb = campaign.start()[:3]
+    model = actuator("P1", sigma_0=sigma_0, sigma_1=sigma_1, coulomb_force=coulomb, stiction_force=coulomb)
+    gain, frequency, damping = map(float, walk.stage)
+    model = model.replace(gain=gain, natural_frequency=frequency, damping_ratio=damping)
+    ends = np.append(walk.start[1:], walk.time[-1] + 1e-3)
+    # As lines between points: the value at the end of a piece is that at the start of the next.
+    last = walk.level[-1] + walk.slope[-1] * (ends[-1] - walk.start[-1])
+    volts = np.round(np.append(walk.level, last), 9)  # not below zero by a rounding error
+    drive = ss.Sampled(np.append(walk.start, ends[-1]), volts)
+    recording = ss.make_recording(walk.time, {"end_effector_position": walk.position}, title="walk")
+
+    def run() -> np.ndarray:
+        found = ss.identify_friction([recording], model, FREE, drive=drive)
+        return np.array([found.values[name] for name in FREE])
+
+    return run
+
+
+def cases() -> Iterator[Case]:
+    yield Case("stickslip", "ss.identify_friction", "the thesis's start", "campaign", _fit, campaign.judge)
+
+
+if __name__ == "__main__":
+    serve({"campaign": cases}, ["stickslip", "numba", "scipy"])
