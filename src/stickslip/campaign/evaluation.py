@@ -19,7 +19,6 @@ from .budget import Budget, budget
 from .file import CampaignFile
 from .gathering import Gathered, Progress, Scale, scale_of, scaled
 
-
 # Of the steps' formulas with other noise.
 _REPETITIONS = 50
 
