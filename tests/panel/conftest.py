@@ -52,6 +52,11 @@ class Panel:
         """As a crash would."""
         self.process.kill()
         self.process.wait()
+        self._close()
+
+    def _close(self) -> None:
+        assert self.process.stdout is not None
+        self.process.stdout.close()
 
     def end(self) -> int:
         """As Ctrl-C does; gives the exit code."""
@@ -61,6 +66,7 @@ class Panel:
             return self.process.wait(30)
         finally:
             self.process.kill()
+            self._close()
 
 
 @pytest.fixture(scope="module")
@@ -87,6 +93,8 @@ def page(browser: Browser) -> Iterator[Page]:
     """An empty page; an error in a script of the panel fails the test."""
     context = browser.new_context(viewport={"width": 1280, "height": 720}, accept_downloads=True)
     context.set_default_timeout(30_000)
+    # The same page for the server in every test: control is with it from one test to the next.
+    context.add_init_script("sessionStorage.getItem('client') || sessionStorage.setItem('client', 'tester')")
     made = context.new_page()
     errors: list[str] = []
     made.on("pageerror", lambda error: errors.append(str(error)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import httpx
@@ -129,6 +130,21 @@ def test_what_cannot_be_recorded_is_refused_and_nothing_changes(
     assert said in answer.json()["error"]
     with streaming(client) as stream:
         assert heard(stream, "experiment") == before
+
+
+def test_changes_that_come_at_once_are_all_made(client: httpx.Client) -> None:
+    values = {"forward_voltage": 51.0, "reverse_voltage": 52.0, "step_voltage": 53.0, "frequency": 54.0}
+    units = {"frequency": "Hz"}
+    with ThreadPoolExecutor(4) as pool:
+        answers = pool.map(
+            lambda one: change(client, ["variables", one[0]], f"{one[1]} {units.get(one[0], 'V')}"),
+            values.items(),
+        )
+        assert all(answer.status_code == 200 for answer in answers)
+    with streaming(client) as stream:
+        found = {one["name"]: one["value"] for one in heard(stream, "experiment")["variables"]}
+    assert {name: found[name] for name in values} == values
+    change(client, ["variables", "frequency"], "5 Hz").raise_for_status()
 
 
 def test_experiments_are_saved_and_loaded_with_their_instruments(client: httpx.Client, folder: Path) -> None:

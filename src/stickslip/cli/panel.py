@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import secrets
 import socket
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -64,7 +65,8 @@ def panel(
             timeout_graceful_shutdown=2,
             server_header=False,
         )
-        uvicorn.Server(config).run(sockets=[listening])
+        with suppress(KeyboardInterrupt):  # the way in which a panel ends
+            uvicorn.Server(config).run(sockets=[listening])
 
 
 def _open(address: str) -> None:

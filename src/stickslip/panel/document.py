@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import itertools
 import math
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -40,6 +41,7 @@ class Document:
     def __init__(self, folder: Folder) -> None:
         self._folder = folder
         self.name = ""
+        self._lock = threading.Lock()  # a change is made to what the change before it left
         self.checked = self._check(load_yaml(DEFAULT))
 
     def _check(self, content: dict[str, Any]) -> Checked:
@@ -58,6 +60,10 @@ class Document:
 
     def change(self, path: list[str | int], value: Any) -> None:
         """Set one place of the content, null takes it away; raises as `replace`, and nothing is changed."""
+        with self._lock:
+            self.checked = self._check(self._changed(path, value))
+
+    def _changed(self, path: list[str | int], value: Any) -> dict[str, Any]:
         content = copy.deepcopy(self.checked.content)
         if not 0 < len(path) <= _KEY_LIMIT:
             raise QuantityError("a change names a place in the experiment")
@@ -76,11 +82,12 @@ class Document:
         else:
             _item(place, last)
             place[last] = value
-        self.checked = self._check(content)
+        return content
 
     def replace(self, content: dict[str, Any], name: str) -> None:
         """Put another experiment on the bench; raises ValueError or RigError where it cannot be recorded."""
-        self.checked, self.name = self._check(content), name
+        with self._lock:
+            self.checked, self.name = self._check(content), name
 
     def load(self, name: str) -> None:
         """Load an experiment file of the folder."""

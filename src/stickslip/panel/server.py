@@ -83,7 +83,7 @@ def create_app(
             await asyncio.to_thread(runner.join)
 
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None, lifespan=life)
-    app.state.hub, app.state.control, app.state.folder = hub, control, files
+    app.state.hub, app.state.live = hub, live
 
     app.include_router(bench_routes(files, hub, control, journal, runner, live))
     app.include_router(recording_routes(files, hub, control))

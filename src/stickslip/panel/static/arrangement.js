@@ -74,7 +74,8 @@ export function makeArrangement(bench) {
         }
         return card;
       }));
-      row.style.flex = height === 1 ? "0 0 auto" : `${height} 1 ${height * 3}rem`;
+      row.classList.toggle("tall", height > 1);
+      row.style.setProperty("--height", height);
       return row;
     }));
     if (!made.length) element.append(h("p", { class: "soft" }, "No instruments yet: add one."));

@@ -39,7 +39,7 @@ function input(bench, spec) {
   const fields = spec.variables.map((name) => {
     const to = bound(bench, name);
     if (to.kind !== "variable") return { to, field: { element: h("div", { class: "soft" }, `${to.label}: cannot be set`), set() {} } };
-    return { to, field: variableField(bench, to) };
+    return { to, field: variableField(bench, { ...to, value: to.value() }) };
   });
   const update = () => fields.forEach(({ to, field }) => field.set(to.value()));
   return { element: h("div", { class: "inputs" }, ...fields.map(({ field }) => field.element)), update, destroy() {} };

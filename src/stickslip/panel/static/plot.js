@@ -37,6 +37,7 @@ export function makePlot(element, { series, time = { label: "time", unit: "s" },
   let data = drawn.map(() => []);
   let x = [];
   let held = null; // what came while frozen
+  let heldExtent;
   let frozen = false;
   let view = null; // [from, to], or null: everything
   let extent = null; // what "everything" is at least
@@ -204,7 +205,11 @@ export function makePlot(element, { series, time = { label: "time", unit: "s" },
   function freeze(on) {
     frozen = on;
     buttons.freeze?.setAttribute("aria-pressed", String(on));
-    if (!on && held) { take(held); held = null; }
+    if (on) return;
+    if (heldExtent !== undefined) extent = heldExtent;
+    if (held) take(held);
+    held = null;
+    heldExtent = undefined;
   }
   function take(arrays) {
     if (xy) data = drawn.map((_, i) => [arrays[2 * i] ?? [], arrays[2 * i + 1] ?? []]);
@@ -281,7 +286,10 @@ export function makePlot(element, { series, time = { label: "time", unit: "s" },
       else take(arrays);
     },
     /** The range of the horizontal axis that is shown at least, or null: that of the data. */
-    setExtent(range) { extent = range; later(); },
+    setExtent(range) {
+      if (frozen) heldExtent = range;
+      else { extent = range; later(); }
+    },
     setView, zoom, pan, autoscale, freeze,
     get view() { return view; },
     get range() { return shownRange(); },

@@ -1,0 +1,441 @@
+"""The Bench page in a browser, from Start to an exported file, and what happens when things go wrong."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+
+from stickslip import open_recording
+
+from .conftest import PATIENCE, Panel
+
+pytestmark = pytest.mark.browser
+SHOTS = Path(__file__).resolve().parents[2] / "out" / "panel-screenshots"
+SLOW = PATIENCE * 1e3  # ms
+
+
+def opened(page: Page, panel: Panel) -> Page:
+    """The Bench page, in control and ready."""
+    page.goto(panel.url)
+    expect(page.locator("#connection")).to_have_text("connected")
+    expect(page.locator("#phase")).to_have_text(re.compile("Ready|Done|Stopped|Failed"), timeout=SLOW)
+    if page.locator("#control").inner_text() == "Take control":
+        page.click("#control")
+    expect(page.locator("#control")).to_have_text("In control", timeout=20_000)
+    return page
+
+
+def shot(page: Page, name: str) -> None:
+    SHOTS.mkdir(parents=True, exist_ok=True)
+    page.screenshot(path=SHOTS / f"{name}.png")
+
+
+def run(page: Page, name: str) -> None:
+    page.select_option("#run-choice", name)
+    page.click("#start")
+    expect(page.locator("#phase")).to_have_text("Done", timeout=SLOW)
+
+
+def reading(page: Page, name: str) -> float:
+    """What a display shows, in SI."""
+    text = page.get_by_label(name, exact=True).locator("output").inner_text()
+    number, unit = text.split()
+    return float(number) * {"n": 1e-9, "µ": 1e-6, "m": 1e-3, "k": 1e3}.get(unit[:-1], 1.0)
+
+
+def drawn(page: Page) -> int:
+    """How many pixels of the last strip of the plotter are of the colour of its line, roughly."""
+    return page.evaluate(
+        """() => {
+          const c = [...document.querySelectorAll('.plotter canvas')].at(-1);
+          const d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;
+          let n = 0;
+          for (let i = 0; i < d.length; i += 4) {
+            const rgb = [d[i], d[i + 1], d[i + 2]];
+            if (d[i + 3] > 120 && Math.max(...rgb) - Math.min(...rgb) > 60) n++;
+          }
+          return n;
+        }"""
+    )
+
+
+def test_a_newcomer_presses_start_and_sees_a_walk(page: Page, panel: Panel) -> None:
+    page.goto(panel.url)
+    page.click("#start")  # nothing else: control comes with it
+    expect(page.locator("#phase")).to_have_text("Running", timeout=SLOW)
+    page.wait_for_timeout(700)
+    assert drawn(page) > 200, "a line grows while it runs"
+    shot(page, "bench-running")
+    expect(page.locator("#phase")).to_have_text("Done", timeout=SLOW)
+    assert page.locator("#tab-recordings li").count() == 1
+    assert reading(page, "Drive") == pytest.approx(0.0, abs=0.3)
+    shot(page, "bench-light")
+    paint = page.evaluate("performance.getEntriesByName('first-contentful-paint')[0].startTime")
+    assert paint < 5000, "under a second at a desk; five where other tests run beside it"
+
+
+def test_the_page_is_small(panel: Panel, page: Page) -> None:
+    sizes: dict[str, int] = {}
+    page.on("response", lambda answer: sizes.__setitem__(answer.url, len(answer.body())))
+    page.goto(panel.url, wait_until="networkidle")
+    page.click("text=Identify")
+    page.click("text=Explore")
+    page.wait_for_timeout(500)
+    static = {url: size for url, size in sizes.items() if "/static/" in url or url == panel.url}
+    assert len(static) > 10
+    assert sum(static.values()) < 300_000, static
+    assert all(url.startswith(panel.url) for url in sizes), "nothing comes from anywhere else"
+
+
+@pytest.mark.parametrize(("typed", "shown"), [("70 V", "70 V"), ("55", "55 V"), ("0.065 kV", "65 V")])
+def test_inputs_take_units(page: Page, panel: Panel, typed: str, shown: str) -> None:
+    field = opened(page, panel).get_by_label("forward voltage", exact=True).first
+    field.fill(typed)
+    field.press("Enter")
+    expect(field).to_have_value(shown)
+    expect(field).to_have_attribute("aria-invalid", "false")
+
+
+@pytest.mark.parametrize(
+    ("typed", "said"), [("65 A", "A"), ("165 V", "greatest voltage"), ("many", "number")]
+)
+def test_a_wrong_input_is_refused_at_the_field(page: Page, panel: Panel, typed: str, said: str) -> None:
+    field = opened(page, panel).get_by_label("reverse voltage", exact=True).first
+    field.fill(typed)
+    field.press("Enter")
+    expect(field).to_have_attribute("aria-invalid", "true")
+    expect(page.locator("#inputs .fault:not(:empty)")).to_contain_text(said)
+    field.fill("65 V")
+    field.press("Enter")
+    expect(field).to_have_attribute("aria-invalid", "false")
+
+
+def test_every_input_changes_what_is_driven(page: Page, panel: Panel) -> None:
+    opened(page, panel)
+    for label, value in [("forward voltage", "50 V"), ("frequency", "20 Hz"), ("step voltage", "40 V")]:
+        field = page.get_by_label(label, exact=True).first
+        field.fill(value)
+        field.press("Enter")
+        expect(field).to_have_attribute("aria-invalid", "false")
+    run(page, "forward")
+    newest = max(
+        (panel.folder / "recordings").glob("*_forward/forward.nc"), key=lambda path: path.stat().st_mtime
+    )
+    drive = open_recording(newest)["drive_voltage"]
+    assert float(drive.max()) == pytest.approx(50.0, abs=0.5)
+    falls = int((drive.diff("time") < -25.0).sum())
+    assert falls == 8
+    assert float(drive["time"][(drive > 1.0).values][-1]) == pytest.approx(0.1 + 8 / 20, abs=0.01)
+
+
+def test_emergency_stop_by_key_within_100_ms(page: Page, panel: Panel) -> None:
+    opened(page, panel)
+    page.select_option("#run-choice", "walk")
+    page.click("#start")
+    expect(page.locator("#phase")).to_have_text("Running", timeout=SLOW)
+    page.get_by_label("forward voltage", exact=True).first.focus()  # wherever the focus is
+    page.wait_for_timeout(300)
+    page.keyboard.press("Escape")
+    expect(page.locator("#phase")).to_have_text("Stopped", timeout=SLOW)
+    page.get_by_role("tab", name="Log").click()
+    line = page.locator("#tab-log li", has_text="ramp to 0 V began").first.inner_text()
+    assert "emergency stop" in line
+    assert float(line.split("began ")[1].split(" ms")[0]) < 100.0
+    shot(page, "bench-stopped")
+
+
+def test_stop_and_emergency_button_and_home(page: Page, panel: Panel) -> None:
+    opened(page, panel)
+    page.click("text=Set home here")
+    for button in ("#halt", "#stop"):
+        page.select_option("#run-choice", "forward")
+        page.click("#start")
+        expect(page.locator("#phase")).to_have_text("Running", timeout=SLOW)
+        page.click(button)
+        expect(page.locator("#phase")).to_have_text("Stopped", timeout=SLOW)
+    run(page, "forward")
+    away = reading(page, "Position")
+    assert away > 5e-6
+    page.click("#home")
+    expect(page.locator("#phase")).to_have_text("Done", timeout=SLOW)
+    assert abs(reading(page, "Position")) < away / 2
+
+
+def test_zoom_pan_cursors_freeze_autoscale(page: Page, panel: Panel) -> None:
+    opened(page, panel)
+    run(page, "walk")
+    plot = page.locator(".plotter .plot")
+    over = page.locator(".plotter .u-over").first
+    box = over.bounding_box()
+    assert box is not None
+    with page.expect_response("**/bench/window") as answer:
+        page.mouse.move(box["x"] + 200, box["y"] + 20)
+        page.mouse.down()
+        page.mouse.move(box["x"] + 260, box["y"] + 22, steps=4)
+        page.mouse.up()
+    window = json.loads(answer.value.request.post_data or "")
+    assert window["end"] - window["begin"] < 1.0
+    plot.focus()
+    with page.expect_response("**/bench/window") as panned:
+        page.keyboard.press("ArrowRight")
+    assert json.loads(panned.value.request.post_data or "")["begin"] > window["begin"]
+    shot(page, "bench-zoomed")
+    page.keyboard.press("0")
+
+    page.get_by_role("button", name="Cursors").click()
+    table = page.locator(".plot-cursors")
+    expect(table).to_contain_text("B − A")
+    first = table.inner_text()
+    marker = page.get_by_role("slider", name="Cursor A")
+    marker.focus()
+    page.keyboard.press("ArrowLeft")
+    expect(table).not_to_have_text(first)
+    shot(page, "bench-cursors")
+    page.get_by_role("button", name="Cursors").click()
+    expect(table).to_be_hidden()
+
+    page.get_by_role("button", name="Freeze").click()
+    expect(page.get_by_role("button", name="Freeze")).to_have_attribute("aria-pressed", "true")
+    before = page.locator(".plotter").screenshot()
+    run(page, "forward")
+    assert page.locator(".plotter").screenshot() == before, "a frozen picture does not move"
+    page.get_by_role("button", name="Freeze").click()
+    page.get_by_role("button", name="Autoscale").click()
+    page.wait_for_timeout(300)
+    assert page.locator(".plotter").screenshot() != before
+
+
+def test_capture_settings(page: Page, panel: Panel) -> None:
+    opened(page, panel).select_option("#run-choice", "step")
+    page.get_by_role("tab", name="Capture").click()
+    tab = page.locator("#tab-capture")
+    for label, value in [
+        ("Length", "0.3 s"),
+        ("Sampling", "0.1 ms"),
+        ("Pre-trigger", "50 ms"),
+        ("Repeats", "2"),
+    ]:
+        field = tab.get_by_label(label)
+        field.fill(value)
+        field.press("Enter")
+        expect(field).to_have_attribute("aria-invalid", "false")
+    tab.get_by_label("Sampling").fill("33 us")
+    tab.get_by_label("Sampling").press("Enter")
+    expect(tab.locator(".fault:not(:empty)")).to_contain_text("whole multiple")
+    tab.get_by_label("Sampling").fill("100 us")
+    tab.get_by_label("Sampling").press("Enter")
+    expect(tab.get_by_label("Sampling")).to_have_attribute("aria-invalid", "false")
+    tab.get_by_label("Trigger", exact=True).select_option("")
+    expect(tab.get_by_label("Trigger level")).to_have_count(0)
+    tab.get_by_label("Trigger", exact=True).select_option("drive_voltage")
+    expect(tab.get_by_label("Trigger level")).to_have_value("1 V")
+    shot(page, "bench-capture")
+    run(page, "step")
+    made = sorted((panel.folder / "recordings").glob("*_step/step_?.nc"))
+    assert [path.name for path in made] == ["step_1.nc", "step_2.nc"]
+    assert open_recording(made[0]).sizes["time"] == 3000
+
+
+def test_recordings_open_compare_rename_export(page: Page, panel: Panel) -> None:
+    opened(page, panel)
+    run(page, "forward")
+    run(page, "step")
+    items = page.locator("#tab-recordings li")
+    items.nth(0).locator(".name").click()
+    expect(page.get_by_role("button", name="Show the live run")).to_be_visible()
+    items.nth(2).get_by_role("checkbox").check()
+    expect(page.locator(".plot-key")).to_have_count(6)
+    page.wait_for_timeout(400)
+    shot(page, "bench-compare")
+    page.get_by_role("button", name="Show the live run").click()
+    expect(page.locator(".plot-key")).to_have_count(3)
+
+    name = items.nth(0).locator(".name").get_attribute("data-recording")
+    items.nth(0).get_by_title("Rename").click()
+    page.get_by_label(re.compile("Name in")).fill("brass on aluminium")
+    page.get_by_role("button", name="Rename", exact=True).last.click()
+    expect(items.nth(0)).to_contain_text("brass on aluminium")
+    assert not (panel.folder / str(name)).exists()
+
+    for title, ending in [("NetCDF", ".nc"), ("MAT", ".mat"), ("CSV", ".csv")]:
+        items.nth(0).get_by_title("Export").click()
+        with page.expect_download() as download:
+            page.get_by_role("link", name=title, exact=True).click()
+        assert download.value.suggested_filename == f"brass on aluminium{ending}"
+        assert Path(download.value.path()).stat().st_size > 1000
+
+
+def test_variables_and_log(page: Page, panel: Panel) -> None:
+    opened(page, panel)
+    page.get_by_role("tab", name="Variables").click()
+    tab = page.locator("#tab-variables")
+    tab.get_by_label("Find a variable").fill("sigma_0")
+    assert tab.locator("tbody tr").count() == 1
+    expect(tab.locator("tbody tr")).to_contain_text("N/m")
+    field = tab.locator("tbody input")
+    field.fill("1.5 N/um")
+    field.press("Enter")
+    expect(field).to_have_value("1.5 MN/m")
+    tab.get_by_label("Find a variable").fill("")
+    shot(page, "bench-variables")
+    page.get_by_role("tab", name="Variables").press("ArrowRight")
+    expect(page.get_by_role("tab", name="Log")).to_be_focused()
+
+
+def test_instruments_are_added_bound_arranged_and_kept(page: Page, panel: Panel) -> None:
+    opened(page, panel)
+    count = page.locator(".instrument").count()
+    page.click("text=Add instrument…")
+    page.get_by_label("Kind").select_option("input")
+    page.get_by_label("Title").fill("Friction")
+    page.get_by_label("Find a variable").last.fill("coulomb_force")
+    page.locator("dialog .choice input").first.check()
+    page.get_by_role("button", name="Add", exact=True).click()
+    card = page.get_by_role("article", name="Friction")
+    expect(card).to_be_visible()
+    card.locator("input").fill("0.5 N")
+    card.locator("input").press("Enter")
+    expect(card.locator("input")).to_have_value("500 mN")
+    page.click("text=Arrange")
+    page.get_by_role("button", name="Earlier: Friction").click()
+    expect(page.locator(".instrument").nth(count - 1)).to_have_attribute("aria-label", "Friction")
+    page.get_by_role("button", name="Wider: Friction").click()
+    shot(page, "bench-arrange")
+    page.click("text=Save…")
+    page.get_by_label(re.compile("^Name, with")).fill("mine")
+    page.get_by_role("button", name="Save", exact=True).click()
+    expect(page.locator("#experiment")).to_contain_text("mine.yaml")
+    assert "Friction" in (panel.folder / "mine.yaml").read_text()
+    page.get_by_role("button", name="Take away: Friction").click()
+    expect(page.get_by_role("article", name="Friction")).to_have_count(0)
+    page.click("text=Arrange")
+    page.click("text=Load…")
+    page.locator("dialog").get_by_role("button", name="mine.yaml").click()
+    expect(page.get_by_role("article", name="Friction")).to_be_visible()
+
+
+def test_a_second_page_sees_the_same_and_takes_control_over(
+    page: Page, panel: Panel, browser: Browser
+) -> None:
+    opened(page, panel)
+    context = browser.new_context()
+    other = context.new_page()
+    other.goto(panel.url)
+    expect(other.locator("#control")).to_have_text("Ask for control")
+    expect(other.locator("#start")).to_be_disabled()
+    expect(other.locator("#stop")).to_be_enabled()
+    field = page.get_by_label("step voltage", exact=True).first
+    field.fill("33 V")
+    field.press("Enter")
+    expect(other.get_by_label("step voltage", exact=True).first).to_have_value("33 V")
+    page.select_option("#run-choice", "forward")
+    page.click("#start")
+    expect(other.locator("#phase")).to_have_text("Running", timeout=SLOW)
+    expect(other.locator("#phase")).to_have_text("Done", timeout=SLOW)
+    other.wait_for_timeout(300)
+    assert drawn(other) > 200
+    other.click("#control")
+    expect(page.locator("#control")).to_have_text("Hand over control")
+    page.click("#control")
+    expect(other.locator("#control")).to_have_text("In control")
+    expect(page.locator("#start")).to_be_disabled()
+    expect(other.locator("#start")).to_be_enabled()
+    other.click("#control")  # back to nobody
+    expect(page.locator("#control")).to_have_text("Take control")
+    context.close()
+
+
+def test_a_run_goes_on_when_the_page_closes(page: Page, panel: Panel, browser: Browser) -> None:
+    context = browser.new_context()
+    first = opened(context.new_page(), panel)
+    before = len(list((panel.folder / "recordings").rglob("*.nc")))
+    first.select_option("#run-choice", "walk")
+    first.click("#start")
+    expect(first.locator("#phase")).to_have_text("Running", timeout=SLOW)
+    context.close()
+    page.goto(panel.url)
+    expect(page.locator("#phase")).to_have_text("Done", timeout=SLOW)
+    page.wait_for_timeout(300)
+    assert drawn(page) > 200, "what went before is shown too"
+    assert len(list((panel.folder / "recordings").rglob("*.nc"))) == before + 1
+
+
+def test_hostile_origin_is_refused(panel: Panel) -> None:
+    address = panel.url.replace("http", "ws") + "stream"
+    with pytest.raises(InvalidStatus), connect(address, origin="http://evil.example", proxy=None):  # type: ignore[arg-type]
+        pass
+
+
+@pytest.mark.parametrize(
+    ("name", "width", "height", "scheme"),
+    [
+        ("dark", 1280, 720, "dark"),
+        ("narrow", 480, 900, "light"),
+        ("tablet", 1024, 768, "dark"),
+        ("4k", 3840, 2160, "light"),
+    ],
+)
+def test_it_looks_right(
+    browser: Browser, panel: Panel, name: str, width: int, height: int, scheme: str
+) -> None:
+    context = browser.new_context(viewport={"width": width, "height": height}, color_scheme=scheme)  # type: ignore[arg-type]
+    page = context.new_page()
+    page.goto(panel.url)
+    expect(page.locator("#connection")).to_have_text("connected")
+    page.wait_for_timeout(800)
+    shot(page, f"bench-{name}")
+    assert page.evaluate("document.documentElement.scrollWidth") <= width, "nothing stands out sideways"
+    stop = page.locator("#stop").bounding_box()
+    assert stop is not None
+    assert stop["x"] >= 0
+    assert stop["x"] + stop["width"] <= width
+    assert stop["y"] + stop["height"] <= height
+    unnamed = page.evaluate(
+        """() => [...document.querySelectorAll('button, input, select, a')].filter((e) =>
+          e.checkVisibility() && !(e.getAttribute('aria-label') || e.textContent.trim() || e.labels?.length)
+        ).length"""
+    )
+    assert unnamed == 0, "everything has a name for a screen reader"
+    context.close()
+
+
+def test_keyboard_alone(page: Page, panel: Panel) -> None:
+    opened(page, panel)
+    reached: set[str] = set()
+    page.locator("body").focus()
+    for _ in range(80):
+        page.keyboard.press("Tab")
+        reached.add(
+            page.evaluate("document.activeElement.id || document.activeElement.textContent.slice(0, 20)")
+        )
+    assert {"start", "home", "stop", "control", "run-choice", "theme"} <= reached
+
+
+def test_theme_is_remembered(page: Page, panel: Panel) -> None:
+    page.goto(panel.url)
+    before = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    page.click("#theme")
+    after = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    assert before != after
+    page.reload()
+    assert page.evaluate("getComputedStyle(document.body).backgroundColor") == after
+
+
+def test_the_page_comes_back_after_the_server_was_killed(page: Page, panel: Panel) -> None:
+    """Last: the server that comes back is a new one."""
+    opened(page, panel)
+    panel.kill()
+    expect(page.locator("#connection")).to_have_text("connection lost", timeout=15_000)
+    shot(page, "bench-lost")
+    panel.start()
+    expect(page.locator("#connection")).to_have_text("connected", timeout=SLOW)
+    expect(page.locator("#notices")).to_contain_text("Connected again")
+    expect(page.locator("#start")).to_be_enabled()
+    run(page, "forward")
+    assert panel.end() == 0
