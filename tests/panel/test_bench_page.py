@@ -36,10 +36,18 @@ def shot(page: Page, name: str) -> None:
     page.screenshot(path=SHOTS / f"{name}.png")
 
 
+def press(page: Page, button: str, phase: str) -> None:
+    """Press what starts a run, and wait for a phase of that very run."""
+    shown = page.locator("#phase")
+    number = int(shown.get_attribute("data-number") or "0")
+    page.click(button)
+    expect(shown).to_have_attribute("data-number", str(number + 1), timeout=SLOW)
+    expect(shown).to_have_text(phase, timeout=SLOW)
+
+
 def run(page: Page, name: str) -> None:
     page.select_option("#run-choice", name)
-    page.click("#start")
-    expect(page.locator("#phase")).to_have_text("Done", timeout=SLOW)
+    press(page, "#start", "Done")
 
 
 def reading(page: Page, name: str) -> float:
@@ -137,8 +145,7 @@ def test_every_input_changes_what_is_driven(page: Page, panel: Panel) -> None:
 def test_emergency_stop_by_key_within_100_ms(page: Page, panel: Panel) -> None:
     opened(page, panel)
     page.select_option("#run-choice", "walk")
-    page.click("#start")
-    expect(page.locator("#phase")).to_have_text("Running", timeout=SLOW)
+    press(page, "#start", "Running")
     page.get_by_label("forward voltage", exact=True).first.focus()  # wherever the focus is
     page.wait_for_timeout(300)
     page.keyboard.press("Escape")
@@ -155,15 +162,13 @@ def test_stop_and_emergency_button_and_home(page: Page, panel: Panel) -> None:
     page.click("text=Set home here")
     for button in ("#halt", "#stop"):
         page.select_option("#run-choice", "forward")
-        page.click("#start")
-        expect(page.locator("#phase")).to_have_text("Running", timeout=SLOW)
+        press(page, "#start", "Running")
         page.click(button)
         expect(page.locator("#phase")).to_have_text("Stopped", timeout=SLOW)
     run(page, "forward")
     away = reading(page, "Position")
     assert away > 5e-6
-    page.click("#home")
-    expect(page.locator("#phase")).to_have_text("Done", timeout=SLOW)
+    press(page, "#home", "Done")
     assert abs(reading(page, "Position")) < away / 2
 
 
@@ -202,13 +207,13 @@ def test_zoom_pan_cursors_freeze_autoscale(page: Page, panel: Panel) -> None:
 
     page.get_by_role("button", name="Freeze").click()
     expect(page.get_by_role("button", name="Freeze")).to_have_attribute("aria-pressed", "true")
-    before = page.locator(".plotter").screenshot()
+    before = page.locator(".plot-strips").screenshot()
     run(page, "forward")
-    assert page.locator(".plotter").screenshot() == before, "a frozen picture does not move"
+    assert page.locator(".plot-strips").screenshot() == before, "a frozen picture does not move"
     page.get_by_role("button", name="Freeze").click()
     page.get_by_role("button", name="Autoscale").click()
     page.wait_for_timeout(300)
-    assert page.locator(".plotter").screenshot() != before
+    assert page.locator(".plot-strips").screenshot() != before
 
 
 def test_capture_settings(page: Page, panel: Panel) -> None:

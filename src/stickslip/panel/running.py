@@ -61,6 +61,7 @@ class Runner:
         self.position = 0.0
         self._start = 0.0  # position at which the present recording began
         self.state: dict[str, Any] = {
+            "number": 0,
             "phase": "idle",
             "title": "",
             "doing": "",
@@ -80,7 +81,10 @@ class Runner:
                 raise RigError("a run is going on: stop it first")
             self._stop, self._busy = None, True
             self._thread = threading.Thread(target=self._run, args=(job,), name="rig", daemon=False)
-            self._state(phase="preparing", title=job.title, doing="checking", done=0.0, remaining=None)
+            number = self.state["number"] + 1
+            self._state(
+                number=number, phase="preparing", title=job.title, doing="checking", done=0.0, remaining=None
+            )
             self._thread.start()
 
     def stop(self, why: str) -> bool:

@@ -24,7 +24,7 @@ from .limits import Gate, LimitError, Limits, check_drive
 from .protocols import Array, Capabilities, Rig
 
 DRIVE, POSITION = "drive", "end_effector_position"
-_MARGIN = 0.01  # s before the pre-trigger, for filters to settle
+SETTLING = 0.01  # s before the pre-trigger, for filters to settle
 
 
 class Channel(NamedTuple):
@@ -123,7 +123,7 @@ def plan_run(
     if drive.unit != "V":
         raise QuantityError(f"the drive of a rig is in V, this one is in {drive.unit}")
     step = stride(capture, can.sample_rate)
-    begin = capture.before * step + math.ceil(_MARGIN * can.sample_rate)
+    begin = capture.before * step + math.ceil(SETTLING * can.sample_rate)
     after = (capture.samples - capture.before) * step
     span = drive.duration if math.isfinite(drive.duration) else capture.length
     _check_length(can, begin / can.sample_rate + max(span, after / can.sample_rate))

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 
 import numpy as np
 from scipy.signal import sosfilt, sosfilt_zi
 
 from ..electronics.filters import sections
-from .measurement import Channel
+from .measurement import SETTLING, Channel
 from .protocols import Array, Capabilities, Rig
 
 
@@ -19,9 +20,9 @@ class WatchedRig:
         rig: what records.
         channels: as for `measure`; calibrated, filtered and zeroed block by block. Zero is the mean of what
             the first block holds from before the drive.
-        armed: called with how many samples a run will have, and how many of them are before the drive.
-        sees: called with the next values of each channel [n]. What it raises ends the run, and the output
-            ramps to 0 V.
+        armed: called with how many samples of a run will be seen, and how many of them are before the drive.
+        sees: called with the next values of each channel [n], after those in which filters settle. What it
+            raises ends the run, and the output ramps to 0 V.
         stopping: called just before the output is told to ramp to 0 V.
     """
 
@@ -36,7 +37,7 @@ class WatchedRig:
         self._rig, self._channels = rig, channels
         self._armed, self._sees, self._stopping = armed, sees, stopping
         self._inputs: tuple[str, ...] = ()
-        self._before = 0
+        self._before = self._skip = 0
         self._states: dict[str, Array] = {}
         self._zeros: dict[str, float] = {}
 
@@ -56,8 +57,9 @@ class WatchedRig:
     def arm(self, inputs: tuple[str, ...], samples: int) -> None:
         """Record these inputs."""
         self._inputs, self._states, self._zeros = inputs, {}, {}
+        self._skip = min(math.ceil(SETTLING * self.capabilities.sample_rate), self._before)
         self._rig.arm(inputs, samples)
-        self._armed(samples, self._before)
+        self._armed(samples - self._skip, self._before - self._skip)
 
     def start(self) -> None:
         """Run, unless the watcher raises first."""
@@ -68,7 +70,9 @@ class WatchedRig:
         """The next samples; the watcher sees them first."""
         block = self._rig.fetch()
         if block.shape[1]:
-            self._sees({name: self._shown(name, block) for name in self._channels})
+            shown = {name: self._shown(name, block)[self._skip :] for name in self._channels}
+            self._skip = max(self._skip - block.shape[1], 0)
+            self._sees(shown)
         return block
 
     def stop(self, slew: float) -> None:

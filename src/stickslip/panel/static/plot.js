@@ -100,11 +100,12 @@ export function makePlot(element, { series, time = { label: "time", unit: "s" },
     });
     const strip = { members, box, canvas, outputs, yView: null, plot: null };
     const { fontSize, fontFamily } = getComputedStyle(root);
-    const font = `${Math.round(parseFloat(fontSize) * 0.85)}px ${fontFamily}`;
+    const em = parseFloat(fontSize);
+    const font = `${Math.round(em * 0.85)}px ${fontFamily}`;
     const unit = members[0].unit;
     const axis = (scale, of, text) => ({
       scale, stroke: () => css("--axis"), grid: { stroke: () => css("--grid"), width: 1 }, ticks: { stroke: () => css("--grid"), width: 1, size: 5 },
-      font, labelFont: font, values: axisValues(of, scale), label: axisLabel(of, scale, text), labelSize: 20, labelGap: 0,
+      font, labelFont: font, values: axisValues(of, scale), label: axisLabel(of, scale, text), labelSize: 1.35 * em, labelGap: 0,
     });
     const options = {
       mode: xy ? 2 : 1,
@@ -121,11 +122,11 @@ export function makePlot(element, { series, time = { label: "time", unit: "s" },
         y: { range: (u, min, max) => strip.yView ?? padded(min, max) },
       },
       axes: [
-        { ...axis("x", time.unit, last ? time.label : ""), size: last ? 30 : 6, ...(last ? {} : { values: () => [], label: undefined, labelSize: 0 }) },
-        { ...axis("y", unit, ""), size: 62 },
+        { ...axis("x", time.unit, last ? time.label : ""), size: last ? 1.9 * em : 6, ...(last ? {} : { values: () => [], label: undefined, labelSize: 0 }) },
+        { ...axis("y", unit, ""), size: 4 * em },
       ],
       series: [xy ? null : {}, ...members.map((one) => ({
-        stroke: () => css(one.color), width: one.width ?? 2, dash: one.dash, spanGaps: true, points: { show: false },
+        stroke: () => css(one.color), width: one.width ?? em / 7.5, dash: one.dash, spanGaps: true, points: { show: false },
         ...(xy ? { facets: [{ scale: "x", auto: false }, { scale: "y", auto: true }], paths: curve } : {}),
       }))],
       hooks: { setSelect: [(u) => selected(u, strip)], setCursor: [() => showValues(strip)] },

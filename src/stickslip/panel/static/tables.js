@@ -29,11 +29,13 @@ export function makeVariables(bench) {
   }
   function show() {
     const wanted = filter.value.toLowerCase();
+    values();
     body.replaceChildren(...rows.filter(({ text }) => text.toLowerCase().includes(wanted)).map(({ row }) => row));
   }
-  bench.live.listen(() => {
-    if (!element.hidden) for (const { one, value } of rows) if (value) value.textContent = formatQuantity(bench.live.latest(one.name), one.unit);
-  });
+  function values() {
+    for (const { one, value } of rows) if (value) value.textContent = formatQuantity(bench.live.latest(one.name), one.unit);
+  }
+  bench.live.listen(values);
   return { element, build };
 }
 
