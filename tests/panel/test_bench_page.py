@@ -15,7 +15,7 @@ from stickslip import open_recording
 
 from .conftest import PATIENCE, Panel
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.compiled]
 SHOTS = Path(__file__).resolve().parents[2] / "out" / "panel-screenshots"
 SLOW = PATIENCE * 1e3  # ms
 

@@ -19,6 +19,7 @@ from stickslip.panel import create_app
 
 from .serving import client_of, heard, streaming
 
+pytestmark = pytest.mark.compiled
 ME = {"X-Client": "test"}
 FAST = {"path": ["rig", "real_time"], "value": False}
 

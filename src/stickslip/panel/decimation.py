@@ -11,13 +11,14 @@ Float32 = NDArray[np.float32]
 def extremes(values: Float32, bucket: int) -> Float32:
     """Least and greatest of each whole bucket of so many samples [rows, n] -> [rows, 2 n // bucket].
 
-    They alternate, the least first. A bucket of 1 is the samples as they are.
+    They alternate, the greatest first where the bucket falls: a slope then looks like one. A bucket of 1 is
+    the samples as they are.
     """
     rows, count = values.shape[0], values.shape[1] // bucket
     if bucket == 1:
         return values
     shaped = values[:, : count * bucket].reshape(rows, count, bucket)
-    return np.stack([shaped.min(axis=2), shaped.max(axis=2)], axis=2).reshape(rows, 2 * count)
+    return _paired(shaped.min(axis=2), shaped.max(axis=2), shaped[:, :, 0] > shaped[:, :, -1])
 
 
 def window(time: NDArray[np.float64], values: Float32, points: int) -> tuple[NDArray[np.float64], Float32]:
@@ -32,4 +33,10 @@ def window(time: NDArray[np.float64], values: Float32, points: int) -> tuple[NDA
     ends = np.append(starts[1:], time.size)
     quarters = np.stack([starts + (ends - starts) // 4, starts + (3 * (ends - starts)) // 4], axis=1)
     low, high = np.minimum.reduceat(values, starts, axis=1), np.maximum.reduceat(values, starts, axis=1)
-    return time[quarters.ravel()], np.stack([low, high], axis=2).reshape(values.shape[0], -1)
+    return time[quarters.ravel()], _paired(low, high, values[:, starts] > values[:, ends - 1])
+
+
+def _paired(low: Float32, high: Float32, falling: NDArray[np.bool_]) -> Float32:
+    """Pairs of each bucket [rows, n] in the order in which they are drawn [rows, 2 n]."""
+    first, second = np.where(falling, high, low), np.where(falling, low, high)
+    return np.stack([first, second], axis=2).reshape(low.shape[0], -1)
