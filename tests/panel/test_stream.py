@@ -76,13 +76,13 @@ def test_the_live_run_is_told_in_blocks_and_again_to_who_comes_late() -> None:
     for block in np.split(samples, 20, axis=1):
         live.add({"a": block[0], "b": block[1]})
     header = json.loads(hub.told[0])
-    assert (header["begin"], header["bucket"], header["samples"]) == (-0.25, 5, 10_000)
-    came = np.zeros((2, 4000), np.float32)
+    assert (header["begin"], header["bucket"], header["samples"]) == (-0.25, 8, 10_000)
+    came = np.zeros((2, 2500), np.float32)
     for message in hub.told[1:]:
         said, arrays = unpacked(message)
         came[:, 2 * said["bucket"] : 2 * said["bucket"] + arrays[0].size] = arrays
-    expected = samples.reshape(2, 2000, 5).astype(np.float32)
-    pairs = came.reshape(2, 2000, 2)
+    expected = samples.reshape(2, 1250, 8).astype(np.float32)
+    pairs = came.reshape(2, 1250, 2)
     np.testing.assert_array_equal(pairs.min(axis=2), expected.min(axis=2))
     np.testing.assert_array_equal(pairs.max(axis=2), expected.max(axis=2))
     np.testing.assert_array_equal(pairs[..., 0] > pairs[..., 1], expected[..., 0] > expected[..., -1])

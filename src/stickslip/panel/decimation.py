@@ -24,16 +24,16 @@ def extremes(values: Float32, bucket: int) -> Float32:
 def window(time: NDArray[np.float64], values: Float32, points: int) -> tuple[NDArray[np.float64], Float32]:
     """Times [m] and values [rows, m] with at most some `points` points; all samples where there are fewer.
 
-    `time` [n] need not be regular; the pairs of a bucket stand at a quarter and three quarters of it.
+    `time` [n] need not be regular; the pairs of a bucket stand at its first and last sample.
     """
     bucket = max(1, -(-2 * time.size // max(points, 2)))
     if bucket < 3:
         return time, values
     starts = np.arange(0, time.size - 1, bucket)  # a last sample on its own joins the bucket before
     ends = np.append(starts[1:], time.size)
-    quarters = np.stack([starts + (ends - starts) // 4, starts + (3 * (ends - starts)) // 4], axis=1)
+    edges = np.stack([starts, ends - 1], axis=1)
     low, high = np.minimum.reduceat(values, starts, axis=1), np.maximum.reduceat(values, starts, axis=1)
-    return time[quarters.ravel()], _paired(low, high, values[:, starts] > values[:, ends - 1])
+    return time[edges.ravel()], _paired(low, high, values[:, starts] > values[:, ends - 1])
 
 
 def _paired(low: Float32, high: Float32, falling: NDArray[np.bool_]) -> Float32:

@@ -13,7 +13,7 @@ export function makeLiveData(app) {
       const step = header.interval * header.bucket;
       data.header = header;
       data.x = Float64Array.from({ length: per * count }, (_, i) =>
-        header.begin + (per === 1 ? i * step : (Math.floor(i / 2) + (i % 2 ? 0.75 : 0.25)) * step));
+        header.begin + (per === 1 ? i * step : Math.floor(i / 2) * step + (i % 2 ? step - header.interval : 0)));
       data.columns = header.columns.map(() => new Float32Array(per * count));
       data.filled = 0;
       data.latest = [];
