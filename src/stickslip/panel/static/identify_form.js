@@ -30,6 +30,7 @@ export async function fitForm(app, choices, last, start, cancel) {
     label: name === "begin" ? "From" : "To", unit: "s", value: window_[name], app, hint: "Leave empty for all of it",
     change: (value) => (window_[name] = value),
   }));
+  for (const one of limits) one.input.placeholder = "all";
   for (const [i, name] of ["begin", "end"].entries()) limits[i].input.addEventListener("input", () => {
     if (limits[i].input.value.trim() === "") window_[name] = null;
   });

@@ -106,7 +106,7 @@ export function makeSwitch(field, value, { drag, settle }) {
 /** A labelled choice. */
 export function makeChoice(label, names, value, choose) {
   const element = document.createElement("label");
-  element.className = "field choice";
+  element.className = "field picker";
   const text = document.createElement("span");
   text.textContent = label;
   const select = document.createElement("select");
