@@ -67,13 +67,16 @@ export function makeSlider(field, value, { app, drag, settle, type }) {
     drag(now);
   });
   range.addEventListener("change", settle);
+  let current = value;
   show(value);
   const fault = box.element.querySelector(".fault");
   return {
     element: box.element,
     range,
     set(now) {
-      show(now);
+      // Most values stay while one slider moves. A range may have been moved to where its value was refused.
+      if (now !== current || Math.abs(Number(range.value) - scale.place(now)) > 1) show(now);
+      current = now;
       box.set(now);
     },
     /** What is wrong with the value; "" when nothing is. */
