@@ -27,6 +27,8 @@ from .friction import StictionCoulombViscous as StictionCoulombViscous
 from .friction import Stribeck as Stribeck
 from .friction import register_law as register_law
 from .identify.compare import compare_laws as compare_laws
+from .identify.compare_walk import compare_walks as compare_walks
+from .identify.compare_walk import walk_candidates as walk_candidates
 from .identify.experiments import Walk as Walk
 from .identify.experiments import expected_errors as expected_errors
 from .identify.fit import FitError as FitError

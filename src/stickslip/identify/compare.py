@@ -112,7 +112,7 @@ def candidates(recordings: xr.Dataset | Sequence[xr.Dataset], max_elements: int 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Laws fitted to the same loops; `fits` and `verifications` by label, in the order of the candidates."""
+    """Laws fitted to the same recordings; `fits` and `verifications` by label, in their order."""
 
     fits: Mapping[str, Fit]
     verifications: Mapping[str, Goodness]
@@ -129,8 +129,8 @@ class Comparison:
         columns = {
             "r_squared": ([f.r_squared for f in fits], ""),
             "verification_r_squared": ([g.r_squared for g in seen], ""),
-            "rmse": ([f.rmse for f in fits], "N"),
-            "verification_rmse": ([g.rmse for g in seen], "N"),
+            "rmse": ([f.rmse for f in fits], seen[0].unit),
+            "verification_rmse": ([g.rmse for g in seen], seen[0].unit),
             "aic": ([f.aic for f in fits], ""),
             "bic": ([f.bic for f in fits], ""),
             "n_parameters": ([len(f.parameters) for f in fits], ""),
@@ -154,7 +154,7 @@ class Comparison:
             g = self.verifications[label]
             state = "" if fit.converged else "  NOT CONVERGED"
             lines.append(
-                f"{label:{width}}  {fit.r_squared:9.6f}  {g.r_squared:10.6f}  {g.rmse:9.4g} N  "
+                f"{label:{width}}  {fit.r_squared:9.6f}  {g.r_squared:10.6f}  {g.rmse:9.4g} {g.unit}  "
                 f"{fit.aic - lowest_aic:9.1f}  {fit.bic - lowest_bic:9.1f}  {len(fit.parameters)}{state}"
             )
         return "\n".join(lines)
