@@ -172,10 +172,25 @@ def _with_stage(fit: Fit, motions: Sequence[Displacement], model: Actuator, stag
     if not kept:
         return fit
     names = [stage.parameters[i].name for i in kept]
-    here = with_values(model, _own(fit.values))
-    by = np.vstack([m.slopes(here, fit.values.get("delay", 0.0), names)[:, :-1] for m in motions])
+    here, delay = with_values(model, _own(fit.values)), fit.values.get("delay", 0.0)
+    if has_slopes(here):
+        by = np.vstack([m.slopes(here, delay, names)[:, :-1] for m in motions])
+    else:
+        by = np.column_stack([_difference(motions, here, delay, name) for name in names])
     slopes = np.array([stage.parameters[i].slope(stage.values[n]) for i, n in zip(kept, names, strict=True)])
     return with_inherited(fit, by * slopes, stage.uncertainty.covariance[np.ix_(kept, kept)])
+
+
+def _difference(
+    motions: Sequence[Displacement], model: Actuator, delay: float, name: str
+) -> NDArray[np.float64]:
+    """Derivative of all positions by a value of the model, where no exact one is to be had."""
+    value = getattr(model, name)
+    sides = [
+        np.concatenate([m.position(with_values(model, {name: value * (1.0 + h)}), delay) for m in motions])
+        for h in (-DIFFERENCE_STEP, DIFFERENCE_STEP)
+    ]
+    return (sides[1] - sides[0]) / (2.0 * DIFFERENCE_STEP * value)
 
 
 def _of_channel(name: str, reach: float, bounds: Bounds, begin: Values) -> Parameter:
