@@ -43,7 +43,6 @@ _STYLE: dict[str, Any] = {
     "axes.labelsize": 9,
     "axes.titlesize": 9,
     "axes.formatter.limits": (-3, 4),
-    "axes.formatter.use_mathtext": True,
     "axes.formatter.useoffset": False,
     "axes.xmargin": 0.01,
     "grid.color": "#E6E6E6",
