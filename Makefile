@@ -27,7 +27,7 @@ PART ?=
 PEERS := .venv-peers
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test browser coverage check format mutation bench docs peers lock clean
+.PHONY: help setup demo test tools coverage check format mutation bench docs peers lock clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -54,15 +54,15 @@ $(READY): requirements.lock pyproject.toml
 demo: $(READY)
 	$(BIN)/stickslip demo --out out/demo
 
-test: $(READY) browser
+test: $(READY) tools
 	$(PYTEST)
 	$(MAKE) coverage
 
-# The tests of the panel drive a real browser.
-browser:
-	@command -v chromium >/dev/null || { echo "installing chromium for the browser tests ..." >&2; \
-	  apt-get update -qq && apt-get install -y -qq --no-install-recommends chromium; } >/dev/null 2>&1 || \
-	  echo "chromium is not there and cannot be installed: the browser tests will fail" >&2
+# The tests drive the panel in a real browser, and compile exported models.
+tools:
+	@for tool in chromium gcc cmake; do command -v $$tool >/dev/null || { echo "installing $$tool for the tests ..." >&2; \
+	  { apt-get update -qq && apt-get install -y -qq --no-install-recommends $$tool libc6-dev; } >/dev/null 2>&1; } || \
+	  echo "$$tool is not there and cannot be installed: tests that need it will fail" >&2; done
 
 coverage: $(READY)
 	NUMBA_DISABLE_JIT=1 NUMBA_ENABLE_CUDASIM=1 $(PYTEST) --cov --cov-fail-under=$(COVERAGE) $(NOJIT_TESTS)
