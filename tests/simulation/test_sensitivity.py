@@ -59,7 +59,8 @@ def test_derivatives_are_central_differences_of_simulations(law: str) -> None:
 def test_the_position_is_that_of_the_simulation_and_units_are_told() -> None:
     found = sensitivities(MODEL, DRIVE, times=TIMES, parameters=["sigma_0", "initial_stage_velocity"])
     alone = simulate(MODEL, DRIVE, times=TIMES)["end_effector_position"]
-    np.testing.assert_array_equal(found["end_effector_position"], alone)
+    # Two kernels, compiled by themselves: products and sums are not rounded alike in both.
+    np.testing.assert_allclose(found["end_effector_position"], alone, rtol=0, atol=1e-13)
     assert found["unit"].values.tolist() == ["N/m", "m/s"]
 
 
