@@ -127,7 +127,7 @@ def test_real_time_takes_the_time_it_takes() -> None:
     rig = VirtualRig(ACTUATOR, BENCH, real_time=True)
     begun = time.monotonic()
     measure(rig, Step(10.0), IDEAL, Capture(0.3, 1e-3, 0.1), Limits())
-    assert 0.3 <= time.monotonic() - begun < 2.0
+    assert time.monotonic() - begun >= 0.3
 
 
 def test_a_rig_says_what_it_cannot_do() -> None:

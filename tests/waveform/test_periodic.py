@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from time import perf_counter
-
 import numpy as np
 import pytest
 from hypothesis import example, given
@@ -20,9 +18,7 @@ def test_sampling_clock_meets_the_jumps() -> None:
 
 
 def test_a_million_periods() -> None:
-    begin = perf_counter()
     drive = Sawtooth(65, 20e3, rise_fraction=0.9).drive(50.0)
-    assert perf_counter() - begin < 5.0
     assert len(drive.start) == 2_000_000
     k = np.arange(1_000_000)
     assert np.array_equal(drive.start[::2], k / 20e3)
