@@ -272,7 +272,6 @@ def test_editors_get_a_schema_of_all_kinds() -> None:
         assert kind in schema
 
 
-@pytest.mark.compiled
 def short_experiment(content) -> None:
     """A step and a walk."""
     step, _, walk = content["runs"]
@@ -286,6 +285,7 @@ def short_campaign(content) -> None:
     content["recordings"] = [{"cells": "step_*", "use": "step"}, {"cells": "*", "use": "fit"}]
 
 
+@pytest.mark.compiled
 def test_the_demonstration_says_which_data_are_missing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
