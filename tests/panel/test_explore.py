@@ -93,6 +93,7 @@ def test_motion_is_that_of_simulate() -> None:
     assert end == pytest.approx(float(expected["end_effector_position"][-1]), abs=2e-9)
 
 
+@pytest.mark.compiled
 def test_steps_over_voltage_and_frequency() -> None:
     # Pohl's model: the stage follows the voltage, so at a jump the end-effector keeps all of the stroke
     # but what it slides back meanwhile, which a static stage gives no time for [kang2007, eq. 1.1].

@@ -10,7 +10,6 @@ from stickslip.calibration import load_calibration
 from stickslip.electronics import Filter
 from stickslip.rig import WatchedRig
 
-pytestmark = pytest.mark.compiled
 CHANNELS = {
     "drive_voltage": Channel("drive"),
     "end_effector_position": Channel(
