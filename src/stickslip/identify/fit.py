@@ -280,17 +280,23 @@ def fit_least_squares(
 
     begins = enumerate([problem.start, *_scattered(problem, starts - 1, seed)], start=1)
     ends = [search(i, q) for i, q in begins if np.all(np.isfinite(problem.residuals(q)))]
-    for _ in range(hops):
+
+    def deeper(begins: Sequence[np.ndarray]) -> bool:
+        """Look around from these points; where the best look leads lower, search on from there."""
+        lowest = min(end.cost for end in ends)
+        looks = [search(starts, q, LOOK) for q in begins]
+        look = min(looks, key=lambda end: end.cost, default=None)
+        if look is None or not look.cost < lowest * (1 - SAME_MINIMUM / degrees_of_freedom):
+            return False
+        ends.append(search(starts, look.q))
+        return True
+
+    for hop in range(hops):
         best = min(ends, key=lambda end: end.cost)
         if best.converged and white(problem.residuals(best.q), problem.sizes):
             break
-        for beside in (_screened, _hops):
-            looks = [search(starts, q, LOOK) for q in beside(problem, best.q)]
-            look = min(looks, key=lambda end: end.cost, default=best)
-            if look.cost < best.cost * (1 - SAME_MINIMUM / degrees_of_freedom):
-                ends.append(search(starts, look.q))
-                break
-        else:
+        # The points that fill the bounds are the same each time: once is enough.
+        if not (hop == 0 and deeper(_screened(problem))) and not deeper(_beside(problem, best.q)):
             break
     best = min(ends, key=lambda end: end.cost)
     same = best.cost * (1 + SAME_MINIMUM / degrees_of_freedom) + 1e-12 * problem.scale**2
@@ -349,9 +355,8 @@ def _scattered(problem: _Problem, n: int, seed: int) -> np.ndarray:
     return problem.lower + cube * (problem.upper - problem.lower)
 
 
-def _screened(problem: _Problem, q: np.ndarray) -> list[np.ndarray]:
+def _screened(problem: _Problem) -> list[np.ndarray]:
     """The best of many points that fill the bounds: some of them stand in the deepest valley."""
-    del q
     if not np.all(np.isfinite(problem.upper - problem.lower)):
         return []
     found = []
@@ -362,7 +367,7 @@ def _screened(problem: _Problem, q: np.ndarray) -> list[np.ndarray]:
     return [point for _, point in sorted(found, key=lambda pair: pair[0])[:LOOKED_AT]]
 
 
-def _hops(problem: _Problem, q: np.ndarray) -> list[np.ndarray]:
+def _beside(problem: _Problem, q: np.ndarray) -> list[np.ndarray]:
     """Where hops from q begin: inside the bounds, and where the model works."""
     found = []
     for i, p in enumerate(problem.parameters):
