@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from .actuator import Actuator
 from .identify.channels import channel, names_of, recordings_of, same_number
 from .identify.displacement import Displacement
+from .identify.drives import periodic_part
 from .identify.result import Fit, Goodness, goodness
 from .recording import RecordingError, make_recording
 from .records import did_you_mean
 from .units import QuantityError, to_si, with_prefix
-from .waveform.sequence import Sequence as Parts
 
 # Of a simulation that stands beside a recording: far below any noise.
 TOLERANCE = 1e-10
@@ -230,7 +230,7 @@ def net_step(time: NDArray[np.float64], position: NDArray[np.float64], drive: An
     sample counts, where peaks [kang2007, appendix 9] would take the noise for displacement. Of a sequence, of
     its first part that has a period.
     """
-    begin, periodic = _periodic_part(drive)
+    begin, periodic = periodic_part(drive)
     if periodic is None:
         return math.nan
     period = float(periodic.period)
@@ -243,18 +243,6 @@ def net_step(time: NDArray[np.float64], position: NDArray[np.float64], drive: An
         return float(np.mean(position[inside])) if np.any(inside) else math.nan
 
     return (mean(begin + (count - 1) * period) - mean(begin)) / (count - 1)
-
-
-def _periodic_part(drive: Any, begin: float = 0.0) -> tuple[float, Any]:
-    """When the first part with a period begins, and that part; None where there is none."""
-    if not isinstance(drive, Parts):
-        return begin, drive if getattr(drive, "period", None) is not None else None
-    for part, length in drive.parts:
-        found = _periodic_part(part, begin)
-        if found[1] is not None:
-            return found
-        begin += length
-    return begin, None
 
 
 def verify(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.resources
 import json
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,12 @@ from stickslip.campaign.file import read_campaign
 from stickslip.campaign.gathering import Gathered, scale_of, scaled
 from stickslip.cli import app
 from stickslip.input_file import InputFileError
-from stickslip.recording import RecordingError, make_recording
+from stickslip.recording import (
+    RecordingError,
+    make_recording,
+    open_recording,
+    save_recording,
+)
 from stickslip.units import QuantityError
 
 EXAMPLES = Path(str(importlib.resources.files("stickslip") / "examples"))
@@ -87,6 +93,45 @@ def test_the_truth_is_near_and_the_other_walk_is_predicted(folder: Path) -> None
     assert again.exit_code == 1
     assert "sawtooth_20Hz_65V: rmse is" in again.stderr
     assert "<svg" not in (out / "report.html").read_text("utf-8")
+
+
+@pytest.mark.compiled
+def test_verify_predicts_as_the_campaign_did(folder: Path) -> None:
+    """From results.json: bias, scale, delay, slew rate; the waveform from the recording's attributes."""
+    out = folder / "out"
+    results = out / "results.json"
+    done = run(written(folder), "--no-figures", "--out", str(out))
+    assert done.exit_code == 0, done.stderr
+    walks = ["sawtooth_20Hz_65V", "sawtooth_20Hz_75V"]
+    files = [str(out / "recordings" / f"{name}.nc") for name in walks]
+
+    def verified(files: list[str], name: str) -> dict:
+        command = ["verify", str(results), *files, "--out", str(folder / name)]
+        with warnings.catch_warnings():
+            warnings.simplefilter("default")
+            seen = CliRunner().invoke(app, command, prog_name="stickslip")
+        assert ("If the waveform is known" in seen.stderr) == (name != "again")
+        assert seen.exit_code == 0, seen.stderr
+        return json.loads((folder / name / "results.json").read_bytes())["numbers"]["verification"]
+
+    expected = json.loads(results.read_bytes())["numbers"]["verification"]
+    found = verified(files, "again")
+    for walk in walks:
+        for key, number in expected[walk].items():
+            assert found[walk][key]["value"] == pytest.approx(number["value"], rel=1e-9, abs=1e-15), key
+    # Without the name of its waveform the channel is the drive: near, and not the same.
+    unnamed = open_recording(files[1])
+    del unnamed.attrs["drive"]
+    save_recording(unnamed, folder / "unnamed.nc")
+    near = verified([str(folder / "unnamed.nc")], "near")["unnamed"]
+    assert near["rmse"]["value"] < 3 * expected[walks[1]]["rmse"]["value"]
+    assert near["rmse"]["value"] != pytest.approx(expected[walks[1]]["rmse"]["value"], rel=1e-6)
+    # A model and a delay alone predict far worse.
+    numbers = json.loads(results.read_bytes())
+    del numbers["numbers"]["signal_chain"]
+    results.write_text(json.dumps(numbers), "utf-8")
+    bare = verified(files, "bare")
+    assert bare[walks[1]]["rmse"]["value"] > 3 * expected[walks[1]]["rmse"]["value"]
 
 
 @pytest.mark.compiled

@@ -43,6 +43,7 @@ def campaign_document(
         "verification": verification_numbers(seen),
         "model": model_numbers(friction.model),
         "parameters": {"delay": Number(friction.values["delay"], "s")},
+        "signal_chain": found.chain.numbers(),
         "recordings": {
             one.name: {"begin": Number(one.begin, "s"), "noise": Number(one.noise, "m")}
             for one in found.gathered

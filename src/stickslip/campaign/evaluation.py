@@ -14,6 +14,7 @@ from ..electronics import Filter
 from ..identify.friction import identify_friction
 from ..identify.result import Fit
 from ..identify.step_fit import identify_step, step_formula_errors
+from ..study.signal_chain import SignalChain
 from ..verification import Predictor, Requirement, Verification, verify
 from .budget import Budget, budget
 from .file import CampaignFile
@@ -29,7 +30,7 @@ class Found(NamedTuple):
     `gathered` are the recordings in the scale of the reference; `scale` is None without a reference, `stage`
     and `formulas` (how far the thesis's formulas are off, see `step_formula_errors`) without steps; `start`
     is the actuator that the fit of the friction began with; `walks` are the recordings of `verification`, in
-    its order.
+    its order; `chain` is what its prediction takes between the model and the channel.
     """
 
     gathered: list[Gathered]
@@ -40,6 +41,7 @@ class Found(NamedTuple):
     friction: Fit
     budget: Budget
     walks: list[Gathered]
+    chain: SignalChain
     verification: Verification
     failures: list[str]
 
@@ -79,7 +81,10 @@ def evaluate(file: CampaignFile, folder: Path, gathered: Sequence[Gathered], pro
     )
     progress("predicting", 0.7)
     walks = [one for one in recordings if one.use != "step"]
-    predictor = Predictor(friction.model, friction.values["delay"], slew_rate=rate)
+    chain = SignalChain(
+        friction.values["delay"], 0.0, scale.value if scale else 1.0, file.slew_rate, zeroed=True
+    )
+    predictor = Predictor(friction.model, chain.delay, chain.offset, rate)
     verification = verify(
         predictor,
         [one.recording for one in walks],
@@ -95,6 +100,7 @@ def evaluate(file: CampaignFile, folder: Path, gathered: Sequence[Gathered], pro
         friction,
         budget(friction, fitted, stage, scale),
         walks,
+        chain,
         verification,
         verification.unmet(requirements),
     )

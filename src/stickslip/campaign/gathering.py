@@ -16,16 +16,11 @@ from ..experiment.cells import drive_of
 from ..identify.channels import channel
 from ..input_file import InputFileError
 from ..recording import RecordingError
+from ..study.alignment import POSITION, aligned
 from ..units import QuantityError
-from ..waveform.sequence import Sequence as Parts
-from ..waveform.shapes import Rest
 from ..waveform.signal import Waveform
-from .drives import Slewed, begin_of
 from .file import CampaignFile, OwnSpec, Use
 
-POSITION = "end_effector_position"
-# Of the drive's duration: what is kept behind it, for the residual vibration.
-AFTER = 0.05
 # s, beside a step: the mean over so much of rest is a level.
 LEVEL = 0.05
 
@@ -33,13 +28,7 @@ Progress = Callable[[str, float], None]
 
 
 class Gathered(NamedTuple):
-    """A recording and its drive.
-
-    `recording` holds the position less its mean before `begin` [s]; `noise` [m] is its scatter there, NaN
-    where nothing is before. `wanted` is the drive as asked for, `drive` as it is at the piezo, both in the
-    time of the recording; None where the channel drive_voltage is all that is known. The first part of the
-    drive ends at `forward` [s], None where it is the whole.
-    """
+    """A recording and its drive: `name`, what it is for, and the fields of `Aligned`."""
 
     name: str
     use: Use
@@ -82,52 +71,19 @@ def gather(
         if isinstance(spec, OwnSpec):
             whole = spec.cut(spec.read(folder))
             drive = drive_of(spec.waveform, {}, folder) if spec.waveform else None
-            found.append(_gathered(spec.label, spec.use, whole, drive, file.slew_rate))
+            found.append(Gathered(spec.label, spec.use, *aligned(whole, drive, spec.label, file.slew_rate)))
             continue
         names = [name for name in left if fnmatchcase(name, spec.cells)]
         if not names:
             raise InputFileError(f"recordings: no cell of {file.experiment} that is left fits {spec.cells!r}")
         for name in names:
             drive, whole = left.pop(name)
-            found.append(_gathered(name, spec.use, whole, drive, file.slew_rate))
+            found.append(Gathered(name, spec.use, *aligned(whole, drive, name, file.slew_rate)))
     names = [one.name for one in found]
     for name in names:
         if names.count(name) > 1:
             raise InputFileError(f"recordings: two are called {name!r}; give each a 'name'")
     return found, recorded
-
-
-def _gathered(name: str, use: Use, whole: xr.Dataset, drive: Waveform | None, slew_rate: float) -> Gathered:
-    position = channel(whole, POSITION, name, varies=True)
-    time = whole["time"].values
-    begin = float(time[0])
-    if drive is not None:
-        begin = begin_of(whole, drive, name)
-        end = begin + (1.0 + AFTER) * drive.duration if math.isfinite(drive.duration) else math.inf
-        keep = time <= end
-        whole, time, position = whole.isel(time=keep), time[keep], position[keep]
-    before = position[time < begin - 2.0 * float(np.median(np.diff(time)))]
-    bias = float(before.mean()) if before.size else float(position[0])
-    noise = float(before.std(ddof=1)) if before.size > 2 else math.nan
-    data = ("time", position - bias, whole[POSITION].attrs)
-    recording = whole.assign({POSITION: data}).assign_attrs(title=name)
-    if drive is None:
-        return Gathered(name, use, recording, begin, noise, None, None)
-    # Of time that begins with the recording's: a waveform begins at zero.
-    moved = recording.assign_coords(time=("time", time - time[0], recording["time"].attrs))
-    begin -= float(time[0])
-    at_piezo = drive if math.isinf(slew_rate) else Slewed(drive, slew_rate)
-    length = float(time[-1] - time[0])
-    wanted, given = _from(drive, begin, length), _from(at_piezo, begin, length)
-    forward = begin + drive.parts[0][1] if isinstance(drive, Parts) else None
-    return Gathered(name, use, moved, begin, noise, wanted, given, forward)
-
-
-def _from(drive: Waveform, begin: float, length: float) -> Waveform:
-    if begin <= 0.0:
-        return drive
-    lasting = min(drive.duration, length)
-    return Parts(Rest(begin, float(drive.drive(lasting).before)), (drive, lasting))
 
 
 def scale_of(steps: Sequence[Gathered], reference: str, settling: float) -> Scale:

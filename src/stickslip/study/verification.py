@@ -5,20 +5,25 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
+import xarray as xr
 from pydantic import Field, ValidationError
 
 from ..actuator import Actuator, load_actuator
 from ..figures.identification import fit_with_residuals
 from ..figures.style import svg
 from ..input_file import Seconds, explain, load_yaml
+from ..recording.drive import named_drive
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import model_numbers, model_of
 from ..verification import Predictor, Requirement, Verification, verify
+from ..waveform.signal import Waveform
+from .alignment import aligned
 from .file import Study, StudyError, read_parts
+from .signal_chain import SignalChain
 from .walk import WalkRecording
 
 MOST_PICTURES = 8
@@ -40,12 +45,15 @@ class VerificationStudy(Study):
     def run(self, folder: Path, progress: Callable[[str, float], None]) -> Document:
         """Predict everything."""
         requirements = [Requirement.parse(text) for text in self.require]
-        predictor = self._predictor(folder)
+        predictor, chain = self._predictor(folder)
         progress("reading", 0.0)
         parts = read_parts(self.recordings, folder)
         drives = [r.drive.waveform() if r.drive else None for r in self.recordings]
         progress("predicting", 0.2)
-        found = verify(predictor, list(parts.values()), drive=drives)
+        if chain.zeroed:
+            found = _verified(predictor, chain, parts, drives)
+        else:
+            found = verify(predictor, list(parts.values()), drive=drives)
         failures = found.unmet(requirements)
         least = min(found.table["r_squared"].values)
         said = (
@@ -82,27 +90,50 @@ class VerificationStudy(Study):
             failures=failures,
         )
 
-    def _predictor(self, folder: Path) -> Predictor:
+    def _predictor(self, folder: Path) -> tuple[Predictor, SignalChain]:
         if (self.fit is None) == (self.model is None):
             raise StudyError("a verification has either 'fit', a results.json, or 'model', a parameter set")
-        delay = self.delay
+        chain = SignalChain()
         if self.fit is not None:
-            base, parameters = _results(folder / self.fit)
-            delay = delay or float(parameters.get("delay", {}).get("value", 0.0))
+            base, chain = _results(folder / self.fit)
         else:
             own = folder / str(self.model)
             base = load_actuator(own if own.suffix == ".toml" and own.is_file() else str(self.model))
         changes: dict[str, Any] = {**self.change, "friction": base.friction._replace(**self.friction)}
-        return Predictor(base.replace(**changes), delay)
+        slew_rate = chain.slew_rate if math.isfinite(chain.slew_rate) else None
+        return Predictor(base.replace(**changes), self.delay or chain.delay, chain.offset, slew_rate), chain
 
 
-def _results(path: Path) -> tuple[Actuator, dict[str, Any]]:
-    """The actuator of a results.json, and the parameters that were fitted."""
+def _results(path: Path) -> tuple[Actuator, SignalChain]:
+    """The actuator of a results.json, and what a position channel shows of it."""
     try:
         numbers = json.loads(path.read_text(encoding="utf-8"))["numbers"]
-        return model_of(numbers["model"]), numbers.get("parameters", {})
+        return model_of(numbers["model"]), SignalChain.of(numbers)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise StudyError(f"{path}: no results of an identification with a model: {error}") from error
+
+
+def _verified(
+    predictor: Predictor,
+    chain: SignalChain,
+    parts: Mapping[str, xr.Dataset],
+    drives: Sequence[Waveform | None],
+) -> Verification:
+    """As the campaign that found the chain predicts: the same cut, bias, scale and drive at the piezo.
+
+    A drive that is not given is the one that the recording's attributes name, else its channel.
+    """
+    found = []
+    for (name, part), given in zip(parts.items(), drives, strict=True):
+        drive = named_drive(part) if given is None else given
+        known = None if drive is None or "drive_voltage" in part else float(part["time"][0])
+        found.append(aligned(part, drive, name, chain.slew_rate, chain.scale, known))
+    return verify(
+        predictor,
+        [one.recording for one in found],
+        drive=[one.drive for one in found],
+        steps_of=[one.wanted for one in found],
+    )
 
 
 def verification_study(

@@ -1,4 +1,4 @@
-"""The drive as it is at the piezo: when it begins in a recording, and how fast its jumps really are."""
+"""The drive as it is at the piezo: when it begins in a recording, how fast its jumps are, what repeats."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ import xarray as xr
 from scipy.optimize import minimize_scalar
 from scipy.signal import correlate
 
-from ..identify.channels import channel
 from ..recording import RecordingError
 from ..units import QuantityError
 from ..waveform.drive import Drive, evaluate
+from ..waveform.sequence import Sequence
 from ..waveform.signal import Waveform, breaks_within, slope_at, value_at
+from .channels import channel
 
 # Of the range of the drive; the channel differs from the waveform by no more, on average, if it is of it.
 ALIKE = 0.1
@@ -147,3 +148,17 @@ def begin_of(recording: xr.Dataset, drive: Waveform, where: str) -> float:
             f"{difference(begin):.3g} V on average, wherever it begins"
         )
     return float(t[0]) + begin
+
+
+def periodic_part(drive: Any, begin: float = 0.0) -> tuple[float, Any]:
+    """When [s] the first part with a period begins, and that part; None where there is none."""
+    if isinstance(drive, Slewed):
+        return periodic_part(drive.source, begin)
+    if not isinstance(drive, Sequence):
+        return begin, drive if getattr(drive, "period", None) is not None else None
+    for part, length in drive.parts:
+        found = periodic_part(part, begin)
+        if found[1] is not None:
+            return found
+        begin += length
+    return begin, None

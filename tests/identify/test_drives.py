@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stickslip.campaign.drives import Slewed, begin_of
+from stickslip.identify.drives import Slewed, begin_of
 from stickslip.recording import RecordingError, make_recording
 from stickslip.units import QuantityError
 from stickslip.waveform.multisine import Multisine

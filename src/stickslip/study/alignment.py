@@ -1,0 +1,99 @@
+"""A recording beside the drive that made it: where it begins, without bias, in the scale of the reference."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from ..identify.channels import channel, refuse_clipped
+from ..identify.drives import Slewed, begin_of
+from ..waveform.sequence import Sequence
+from ..waveform.shapes import Rest
+from ..waveform.signal import Waveform
+
+POSITION = "end_effector_position"
+# Of the drive's duration: what is kept behind it, for the residual vibration.
+AFTER = 0.05
+# Of its range: a drive_voltage further from its first sample has begun.
+BEGUN = 0.02
+
+
+class Aligned(NamedTuple):
+    """A recording and its drive.
+
+    `recording` holds the position less its mean before `begin` [s]; `noise` [m] is its scatter there, NaN
+    where nothing is before. `wanted` is the drive as asked for, `drive` as it is at the piezo, both in the
+    time of the recording; None where the channel drive_voltage is all that is known. The first part of the
+    drive ends at `forward` [s], None where it is the whole.
+    """
+
+    recording: xr.Dataset
+    begin: float
+    noise: float
+    wanted: Waveform | None
+    drive: Waveform | None
+    forward: float | None = None
+
+
+def aligned(
+    whole: xr.Dataset,
+    drive: Waveform | None,
+    name: str,
+    slew_rate: float = math.inf,
+    scale: float = 1.0,
+    begin: float | None = None,
+) -> Aligned:
+    """Cut what lies more than `AFTER` behind the drive, take off the bias, put the drive where it begins.
+
+    Args:
+        whole: with end_effector_position [m], and drive_voltage [V] unless drive and begin are given.
+        drive: the waveform, from its own begin on; None: the channel drive_voltage is the drive.
+        name: what to call the recording.
+        slew_rate: V/s, of the amplifier.
+        scale: the position is divided by it.
+        begin: of the drive, s; left out, where the channel matches it best.
+
+    Raises:
+        RecordingError: a channel is missing, empty, constant, clipped, too short, or of another drive.
+    """
+    position = channel(whole, POSITION, name, varies=True) / scale
+    refuse_clipped(position, POSITION, name)
+    time = whole["time"].values
+    if drive is None:
+        begin = _first_change(whole, name) if begin is None else begin
+    else:
+        begin = begin_of(whole, drive, name) if begin is None else begin
+        end = begin + (1.0 + AFTER) * drive.duration if math.isfinite(drive.duration) else math.inf
+        keep = time <= end
+        whole, time, position = whole.isel(time=keep), time[keep], position[keep]
+    before = position[time < begin - 2.0 * float(np.median(np.diff(time)))]
+    bias = float(before.mean()) if before.size else float(position[0])
+    noise = float(before.std(ddof=1)) if before.size > 2 else math.nan
+    data = ("time", position - bias, whole[POSITION].attrs)
+    recording = whole.assign({POSITION: data}).assign_attrs(title=name)
+    if drive is None:
+        return Aligned(recording, begin, noise, None, None)
+    # Of time that begins with the recording's: a waveform begins at zero.
+    moved = recording.assign_coords(time=("time", time - time[0], recording["time"].attrs))
+    begin -= float(time[0])
+    at_piezo = drive if math.isinf(slew_rate) else Slewed(drive, slew_rate)
+    length = float(time[-1] - time[0])
+    wanted, given = _from(drive, begin, length), _from(at_piezo, begin, length)
+    forward = begin + drive.parts[0][1] if isinstance(drive, Sequence) else None
+    return Aligned(moved, begin, noise, wanted, given, forward)
+
+
+def _first_change(whole: xr.Dataset, name: str) -> float:
+    """When drive_voltage leaves its first level [s]."""
+    u = channel(whole, "drive_voltage", name, varies=True)
+    return float(whole["time"].values[int(np.argmax(np.abs(u - u[0]) > BEGUN * np.ptp(u)))])
+
+
+def _from(drive: Waveform, begin: float, length: float) -> Waveform:
+    if begin <= 0.0:
+        return drive
+    lasting = min(drive.duration, length)
+    return Sequence(Rest(begin, float(drive.drive(lasting).before)), (drive, lasting))
