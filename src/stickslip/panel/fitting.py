@@ -1,17 +1,14 @@
 """A fit for the Identify page: read, fit, verify, report; what becomes of it is told as it goes on.
 
-It runs in a process of its own, so that it can be ended at any time and the page's stream never waits for it.
+Steps of the clamped end-effector, if there are any, give the stage first, as `stickslip campaign` does it.
 """
 
 from __future__ import annotations
 
 import math
 import time
-import traceback
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from multiprocessing.connection import Connection
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,14 +16,15 @@ import xarray as xr
 from numpy.typing import NDArray
 from pydantic import Field
 
+from ..actuator import Actuator
 from ..identify.displacement import Displacement
 from ..identify.fit import Progress
 from ..identify.friction import CHANNEL, OBSERVED, identify_friction, observed
 from ..identify.result import Fit
+from ..identify.step_fit import STAGE, identify_step
 from ..readers import read_recording
 from ..recording import RecordingError
 from ..report import write_report
-from ..simulation import SimulationError
 from ..study.walk import Walk, walk_document
 from ..units import QuantityError, to_si
 from ..verification import verify
@@ -35,6 +33,7 @@ from .folder import Folder
 
 PAUSE = 0.12  # s between two pictures of a fit in motion
 SHOWN = 2000  # samples of a recording in a picture
+STEP_SHOWN = 0.02  # s of a step response in a picture
 _DRAFT = 1e-10  # m, tolerance of what is only looked at
 
 Array = NDArray[np.float64]
@@ -44,12 +43,18 @@ Say = Callable[[str, dict[str, Any], Sequence[Array]], None]
 
 class FitRequest(Model):
     """What to fit: the recordings (names in the panel's folder), from `begin` to `end` [s] of each, the model
-    at which the fit starts, what is free in it, and bounds of that; `others` are only predicted."""
+    at which the fit starts, what is free in it, and bounds of that; `others` are only predicted.
+
+    `steps` are step responses of the clamped end-effector, from which the stage is taken; `slew_rate` [V/s]
+    is that of the amplifier, where it is known.
+    """
 
     recordings: list[str] = Field(min_length=1, max_length=20)
     others: list[str] = Field(default_factory=list, max_length=40)
+    steps: list[str] = Field(default_factory=list, max_length=20)
     begin: Value | None = None
     end: Value | None = None
+    slew_rate: Value | None = None
     free: list[str] = Field(max_length=30)
     bounds: dict[str, tuple[Value, Value]] = Field(default_factory=dict, max_length=30)
     starts: int = Field(default=1, ge=1, le=20)
@@ -57,7 +62,8 @@ class FitRequest(Model):
 
 
 def fit_recordings(request: FitRequest, folder: Folder, out: str, say: Say) -> None:
-    """Fit as requested, and say what happens: "recordings", "step" (often), "fitted", "verified", "report".
+    """Fit as requested, and say what happens: "stage", "recordings", "step" (often), "fitted", "verified",
+    "report".
 
     Args:
         request: what is wanted.
@@ -68,51 +74,97 @@ def fit_recordings(request: FitRequest, folder: Folder, out: str, say: Say) -> N
     Raises:
         RecordingError, QuantityError, FitError: see `identify_friction`.
     """
-    actuator = request.actuator()
+    start = request.actuator()
+    rate = None if request.slew_rate is None else to_si(request.slew_rate, "V/s", "slew_rate")
+    taken = sorted({*STAGE} & {*request.free}) if request.steps else []
+    if taken:
+        raise QuantityError(f"{', '.join(taken)}: given by the steps, and so not free in the walk")
     seen = [_read(folder, name, request) for name in request.recordings]
     unseen = [_read(folder, name, request) for name in request.others if name not in request.recordings]
-    drafts = _Drafts(seen, request, say)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
+        stage = _stage(folder, request, start, rate, say)
+        actuator = start if stage is None else stage.model
+        drafts = _Drafts(seen, request, say, rate)
         drafts.begin(actuator)
         fit = identify_friction(
             seen,
             actuator,
             request.free,
+            slew_rate=rate,
+            stage=stage,
             bounds={name: (limits[0], limits[1]) for name, limits in request.bounds.items()},  # type: ignore[arg-type]
             starts=request.starts,
             hops=request.hops,
             progress=drafts,
         )
         drafts.draw(fit.values)
-        say("fitted", {"fit": fit.to_dict(), "model": _told(fit), "correlation": _correlation(fit)}, [])
+        say(
+            "fitted", {"fit": fit.to_dict(), "model": _told(fit, stage), "correlation": _correlation(fit)}, []
+        )
         if unseen:
             found = verify(fit, unseen)
             traces = [p[k].values for p in found.predictions for k in ("time", "measured", "predicted")]
             say("verified", {"verification": found.to_dict()}, [_thin(one) for one in traces])
         walks = {str(r.title): Walk("fit", r) for r in seen}
         walks |= {str(r.title): Walk("verify", r) for r in unseen}
-        document = walk_document("Identification", fit, actuator, walks)
+        notes = "" if stage is None else _said_of(stage, request.steps)
+        document = walk_document("Identification", fit, actuator, walks, notes)
         write_report(document, folder.path(out), command="stickslip panel")
     said = dict.fromkeys(" ".join(str(w.message).split()) for w in caught)
     say("report", {"report": f"{out}/report.html", "notes": list(said)}, [])
 
 
+def _stage(folder: Folder, request: FitRequest, start: Actuator, rate: float | None, say: Say) -> Fit | None:
+    """The stage from the clamped steps, said with their curves; None where there are none."""
+    if not request.steps:
+        return None
+    steps = [read_recording(folder.path(name)).assign_attrs(title=name) for name in request.steps]
+    fit = identify_step(steps, start, slew_rate=rate)
+    curves = [
+        _thin(part)
+        for i, one in enumerate(steps, start=1)
+        for part in _near(one, one[OBSERVED].values - fit.values[f"offset_{i}"], fit.predict(one))  # type: ignore[misc]
+    ]
+    say("stage", {"stage": fit.to_dict(), "step_names": request.steps}, curves)
+    return fit
+
+
+def _near(step: xr.Dataset, measured: Array, model: Array) -> tuple[Array, Array, Array]:
+    """Time, measured and model around a step, as far as its vibration goes."""
+    time_, drive = step["time"].values, step["drive_voltage"].values
+    at = time_[int(np.argmax(np.abs(drive - drive[0]) > 0.5 * np.ptp(drive)))]
+    kept = (time_ > at - STEP_SHOWN / 4) & (time_ < at + STEP_SHOWN)
+    return time_[kept], measured[kept], model[kept]
+
+
+def _said_of(stage: Fit, names: Sequence[str]) -> str:
+    found = [
+        f"{p.name.replace('_', ' ')} {stage.values[p.name]:.4g} {p.unit}".strip() + f" ± {error:.2g}"
+        for p in stage.parameters
+        for error in [stage.standard_errors[p.name]]
+        if p.name in STAGE
+    ]
+    return f"The stage is that of the clamped steps {', '.join(names)}: {'; '.join(found)} (standard errors)."
+
+
 class _Drafts:
     """The fit in motion: pictures of what the best values so far give. Called as `identify_friction` goes."""
 
-    def __init__(self, recordings: Sequence[xr.Dataset], request: FitRequest, say: Say) -> None:
-        self._recordings, self._say = recordings, say
+    def __init__(
+        self, recordings: Sequence[xr.Dataset], request: FitRequest, say: Say, slew_rate: float | None
+    ) -> None:
+        self._recordings, self._say, self._slew_rate = recordings, say, slew_rate
         self._channel = [name for name in request.free if name in CHANNEL]
         self._shown, self._next = math.inf, 0.0
         self._count = sum(r.sizes["time"] for r in recordings)
 
-    def begin(self, actuator: Any) -> None:
+    def begin(self, actuator: Actuator) -> None:
         """Read the drives, and show the recordings."""
         names = [str(r.title) for r in self._recordings]
         self._actuator = actuator
         self._motions = [
-            Displacement(r, None, name, actuator, _DRAFT)
+            Displacement(r, None, name, actuator, _DRAFT, self._slew_rate)
             for r, name in zip(self._recordings, names, strict=True)
         ]
         traces = [r[k].values for r in self._recordings for k in ("time", OBSERVED)]
@@ -163,14 +215,13 @@ def _thin(values: Array) -> Array:
     return values[:: math.ceil(values.size / SHOWN)]
 
 
-def _told(fit: Fit) -> dict[str, Any]:
+def _told(fit: Fit, stage: Fit | None) -> dict[str, Any]:
     """The model that was found, in the words of a request."""
     from .sliders import plain, values_of
 
+    found = {*fit.values, *(stage.values if stage is not None else ())}
     return {
-        "model": {
-            field: plain(getattr(fit.model, field)) for field in fit.values if field in fit.model._fields
-        },
+        "model": {field: plain(getattr(fit.model, field)) for field in fit.model._fields if field in found},
         "law": type(fit.model.friction).__name__,
         "friction": values_of(fit.model.friction),
     }
@@ -178,21 +229,3 @@ def _told(fit: Fit) -> dict[str, Any]:
 
 def _correlation(fit: Fit) -> dict[str, float]:
     return {g.name: g.lag_one_correlation for g in fit.recordings}
-
-
-def work(connection: Connection, request: FitRequest, root: str, out: str) -> None:
-    """What the process does: `fit_recordings`, told through the connection; at last "done" or "failed"."""
-
-    def say(kind: str, fields: dict[str, Any], arrays: Sequence[Array] = ()) -> None:
-        connection.send((kind, fields, [np.asarray(one, dtype="<f4") for one in arrays]))
-
-    try:
-        fit_recordings(request, Folder(Path(root)), out, say)
-        say("done", {})
-    except (ValueError, OSError, SimulationError) as error:
-        say("failed", {"error": str(error)})
-    except Exception as error:
-        traceback.print_exc()
-        say("failed", {"error": f"unexpected {type(error).__name__}: {error}"})
-    finally:
-        connection.close()

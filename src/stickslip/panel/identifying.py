@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import json
-import multiprocessing
-import threading
-import time
-from datetime import datetime
+import re
+from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -15,114 +12,32 @@ from fastapi import APIRouter, HTTPException, Response
 from fastapi.responses import FileResponse
 
 from ..identify.friction import OBSERVED
+from ..input_file import Strict
+from ..parameters import ParameterSetError, available_sets
 from ..readers import read_recording
 from ..recording import RecordingError
-from .fitting import FitRequest, work
+from ..rig import load_bench
+from ..units import QuantityError
+from .fits import REPORTS, RUNNING, Fitting
+from .fitting import FitRequest
 from .folder import Folder
-from .stream import Hub, packed
+from .sliders import LAW_TYPES
 
 SUFFIXES = (".nc", ".csv", ".mat", ".npz")
-REPORTS = "fits"
 # A report is a page of its own: it may style itself, and do nothing else.
 _REPORT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox"
-RUNNING = "running"
 
 
-class Fitting:
-    """The fit that runs, or ran last. It belongs to no page: they come and go, and are told how it stands."""
+class Law(Strict):
+    """A friction law by name."""
 
-    def __init__(self, folder: Folder, hub: Hub) -> None:
-        self._folder, self._hub = folder, hub
-        self._lock = threading.Lock()
-        self._process: Any = None
-        self._began = 0.0
-        self.state: dict[str, Any] = {"phase": "none"}
-        self.frames: dict[str, bytes] = {}
-
-    def start(self, request: FitRequest) -> None:
-        """Begin a fit; ValueError where one is running."""
-        with self._lock:
-            if self.state["phase"] == RUNNING:
-                raise ValueError("a fit is running: wait for it, or cancel it")
-            context = multiprocessing.get_context("spawn")
-            here, there = context.Pipe(duplex=False)
-            self._began = time.monotonic()
-            out = f"{REPORTS}/{datetime.now():%Y-%m-%d_%H-%M-%S}"
-            self.state = {"phase": RUNNING, "doing": "reading", "request": request.model_dump()}
-            self.frames = {}
-            self._process = context.Process(
-                target=work, args=(there, request, str(self._folder.root), out), daemon=True
-            )
-            self._process.start()
-            there.close()
-            threading.Thread(target=self._listen, args=(here, self._process), daemon=True).start()
-        self._tell()
-
-    def cancel(self) -> None:
-        """End the fit; what was found until then stays."""
-        with self._lock:
-            if self.state["phase"] != RUNNING:
-                return
-            self.state = {**self.state, "phase": "cancelled", "elapsed": time.monotonic() - self._began}
-            self._process.terminate()
-        self._tell()
-
-    def frame(self, kind: str) -> bytes:
-        """The curves of a kind: "recordings", "step" or "verified"; LookupError where there are none."""
-        with self._lock:
-            return self.frames[kind]
-
-    def _said(self) -> str:
-        return json.dumps({"kind": "fit", **self.state})
-
-    def _tell(self) -> None:
-        self._hub.send(self._said())
-
-    def _listen(self, connection: Any, process: Any) -> None:
-        """Take in what the process says, until it has ended."""
-        while True:
-            try:
-                kind, fields, arrays = connection.recv()
-            except (EOFError, OSError):
-                break
-            with self._lock:
-                if process is not self._process or self.state["phase"] != RUNNING:
-                    continue
-                self._take(kind, fields)
-                if arrays:
-                    frame = packed({"kind": "fit_traces", "what": kind}, *arrays)
-                    self.frames[kind] = frame
-                    self._hub.send(frame)
-            self._tell()
-        process.join()
-        with self._lock:
-            died = process is self._process and self.state["phase"] == RUNNING
-            if died:
-                self._take("failed", {"error": f"the fit's process ended by itself ({process.exitcode})"})
-        if died:
-            self._tell()
-
-    def _take(self, kind: str, fields: dict[str, Any]) -> None:
-        state = {**self.state, "elapsed": time.monotonic() - self._began}
-        if kind == "step":
-            state |= {"doing": "fitting", "step": {**state.get("step", {}), **fields}}
-        elif kind == "recordings":
-            state |= {**fields, "doing": "preparing (the first fit of a law on a machine compiles it)"}
-        elif kind == "failed":
-            state |= {"phase": "failed", "error": self._folder.told(fields["error"])}
-        elif kind == "done":
-            state |= {"phase": "done"}
-        else:  # fitted, verified, report
-            doing = {"fitted": "verifying", "verified": "writing the report"}.get(kind, state["doing"])
-            state |= {**fields, "doing": doing}
-        self.state = state
+    law: str
 
 
-def identify_routes(folder: Folder, hub: Hub) -> APIRouter:
+def identify_routes(folder: Folder, fitting: Fitting) -> APIRouter:
     """The routes, to be included by the application; pages hear of the fit by the stream ("fit",
     "fit_traces")."""
     routes = APIRouter(prefix="/api/identify")
-    fitting = Fitting(folder, hub)
 
     @routes.get("/recordings")
     def recordings() -> list[dict[str, Any]]:
@@ -143,10 +58,17 @@ def identify_routes(folder: Folder, hub: Hub) -> APIRouter:
         except LookupError:
             raise HTTPException(404, "there are no such curves") from None
 
+    @routes.post("/prepare")
+    def prepare(asked: Law) -> dict[str, str]:
+        if asked.law not in LAW_TYPES:
+            raise QuantityError(f"law = {asked.law[:60]!r} is unknown; there are {', '.join(LAW_TYPES)}")
+        fitting.prepare(asked.law)
+        return {"law": asked.law}
+
     @routes.post("/start")
     def start(request: FitRequest) -> dict[str, str]:
         request.actuator()
-        for name in (*request.recordings, *request.others):
+        for name in (*request.recordings, *request.others, *request.steps):
             folder.path(name)
         fitting.start(request)
         return {"phase": RUNNING}
@@ -181,4 +103,28 @@ def _described(path: Path, changed: int) -> dict[str, Any]:
         "samples": int(time_.size),
         "title": str(recording.attrs.get("title", "")),
         "problem": f"no channel {' and '.join(missing)}" if missing else "",
+        **_told_of_the_rig(recording.attrs),
     }
+
+
+def _told_of_the_rig(attrs: Mapping[str, Any]) -> dict[str, Any]:
+    """What a recording of the bench says of the set-up: "set", "clamped", "stage_reaction" of the actuator,
+    "slew_rate" [V/s] of the bench's amplifier into its piezo. Of somebody's own file, nothing."""
+    actuator = str(attrs.get("actuator", ""))
+    found: dict[str, Any] = {
+        name: value == "True"
+        for name, value in re.findall(r"\b(clamped|stage_reaction)=(True|False)", actuator)
+    }
+    named = re.search(r"\bname='([\w.-]+)'", actuator)
+    if named and named[1] in available_sets():
+        found["set"] = named[1]
+    named = re.fullmatch(r"virtual rig ([\w-]+)", str(attrs.get("source", "")))
+    if named:
+        try:
+            bench = load_bench(named[1])
+        except ParameterSetError:  # of another version
+            return found
+        found["slew_rate"] = min(
+            bench.amplifier.slew_rate, bench.amplifier.max_current / bench.piezo_capacitance
+        )
+    return found

@@ -22,11 +22,13 @@ from ..units import to_si
 from .bench import bench_routes
 from .control import Control
 from .explore import explore_routes
+from .fits import Fitting
 from .folder import Folder
 from .guard import LARGEST_BODY, LOOPBACK, Guard
 from .identifying import identify_routes
 from .journal import Journal
 from .live import Live
+from .readiness import Readiness
 from .recordings import recording_routes
 from .running import Runner
 from .stream import Hub
@@ -65,6 +67,9 @@ def create_app(
     journal = Journal(hub, files)
     live = Live(hub)
     runner = Runner(hub, live, journal)
+    readiness = Readiness(hub)
+    fitting = Fitting(files, hub, readiness)
+    hub.greetings.append(fitting.greet)
 
     async def beat() -> None:
         """Every second a sign of life: silence tells a page that the connection is lost."""
@@ -76,9 +81,10 @@ def create_app(
     @asynccontextmanager
     async def life(app: FastAPI) -> AsyncIterator[None]:
         beating = asyncio.create_task(beat())
-        threading.Thread(target=_warm_up, daemon=True).start()
+        threading.Thread(target=_warm_up, args=(readiness,), daemon=True).start()
         yield
         beating.cancel()
+        fitting.close()
         if runner.stop("the panel closes"):
             await asyncio.to_thread(runner.join)
 
@@ -93,7 +99,7 @@ def create_app(
         await hub.serve(socket)
 
     app.include_router(explore_routes())
-    app.include_router(identify_routes(files, hub))
+    app.include_router(identify_routes(files, fitting))
 
     @app.post("/quantity")
     def quantity(asked: Text) -> dict[str, float]:
@@ -109,15 +115,17 @@ def create_app(
     return app
 
 
-def _warm_up() -> None:
-    """Compile the solver, or read it from its cache, before somebody presses Start."""
+def _warm_up(readiness: Readiness) -> None:
+    """Compile the solver, or read it from its cache, before somebody presses Start; then that of Explore."""
     from ..actuator import load_actuator
-    from ..simulation import simulate
+    from ..simulation import simulate, steady_step
     from ..waveform.periodic import Sawtooth
 
-    model = load_actuator("kang2007")
-    for reaction in (True, False):
-        simulate(model.replace(stage_reaction=reaction), Sawtooth(65.0, 5.0), 0.01)
+    model, drive = load_actuator("kang2007"), Sawtooth(65.0, 5.0)
+    with readiness.preparing("the simulation"):
+        simulate(model, drive, 0.01)
+    with readiness.preparing("step curves"):
+        steady_step(model, drive)
 
 
 def _explain_errors(app: FastAPI, folder: Folder) -> None:

@@ -120,6 +120,11 @@ function boot() {
     document.body.classList.toggle("offline", state !== "connected");
     if (missed) notify(`Connected again after ${missed.toFixed(missed < 10 ? 1 : 0)} s; what was missed is shown.`);
   });
+  app.stream.on("readiness", ({ preparing }) => {
+    const line = byId("readiness");
+    line.hidden = !preparing.length;
+    line.textContent = preparing.length ? `Getting ready: ${preparing.join(", ")} …` : "";
+  });
   app.stream.on("notice", ({ text, level }) => notify(text, level));
   const control = byId("control");
   app.stream.on("control", (state) => {

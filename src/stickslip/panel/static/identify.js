@@ -7,7 +7,7 @@ import { makePlot } from "./plot.js";
 import { formatQuantity } from "./quantity.js";
 import { unpack } from "./stream.js";
 
-const KINDS = ["recordings", "step", "verified"];
+const KINDS = ["stage", "recordings", "step", "verified"];
 
 export async function mount(element, app) {
   await Promise.all([styled("./explore.css"), styled("./identify.css")]);
@@ -56,13 +56,18 @@ export async function mount(element, app) {
     await app.request("/api/identify/cancel", {});
   }
 
-  // --- what there is to draw: the fitted recordings, then the predicted ones
-  const names = () => [...(state.names ?? []), ...Object.keys(state.verification?.recordings ?? {})];
+  // --- what there is to draw: the fitted recordings, then the predicted ones, then the steps
+  const names = () => [...(state.names ?? []), ...Object.keys(state.verification?.recordings ?? {}), ...(state.names ? state.step_names ?? [] : [])];
+  const roleOf = (index) => {
+    const fitted = state.names?.length ?? 0, predicted = Object.keys(state.verification?.recordings ?? {}).length;
+    return index < fitted ? "" : index < fitted + predicted ? " (predicted)" : " (step)";
+  };
   function curves(index) {
     const fitted = state.names?.length ?? 0;
+    const others = [...(traces.verified ?? []), ...(traces.stage ?? [])];
     const [t, measured, model] = index < fitted
       ? [...(traces.recordings ?? []).slice(2 * index, 2 * index + 2), (traces.step ?? [])[index]]
-      : (traces.verified ?? []).slice(3 * (index - fitted), 3 * (index - fitted) + 3);
+      : others.slice(3 * (index - fitted), 3 * (index - fitted) + 3);
     if (!t) return [[], [], [], []];
     const drawn = model?.length === t.length ? model : new Float32Array(t.length).fill(NaN);
     return [t, measured, drawn, drawn.map((value, i) => value - measured[i])];
@@ -91,7 +96,7 @@ export async function mount(element, app) {
     live.replaceChildren(...(running || state.phase === "cancelled" ? liveNumbers(step) : []));
     const options = names();
     if (options.join("\n") !== [...which.options].map((one) => one.value).join("\n")) {
-      which.replaceChildren(...options.map((name, i) => new Option(i < (state.names?.length ?? 0) ? name : `${name} (predicted)`, name)));
+      which.replaceChildren(...options.map((name, i) => new Option(name + roleOf(i), name)));
       which.selectedIndex = Math.min(shown, options.length - 1);
     }
     which.hidden = options.length < 2;
@@ -110,18 +115,20 @@ export async function mount(element, app) {
   }
   function resultCards() {
     const { fit } = state;
-    const rows = Object.entries(fit.parameters).map(([name, p]) => [form.nameOf(name), formatQuantity(p.value, p.unit, 5),
+    const estimates = (found) => Object.entries(found.parameters).filter(([name]) => !/^(lag|offset_\d+)$/.test(name)).map(([name, p]) => [form.nameOf(name), formatQuantity(p.value, p.unit, 5),
       `${formatQuantity(p.interval[0], p.unit)} … ${formatQuantity(p.interval[1], p.unit)}`, p.standard_error === null ? "at its bound" : formatQuantity(p.standard_error, p.unit, 3)]);
+    const heads = ["parameter", "estimate", "95 % interval", "standard error"];
     const sentences = fit.undetermined.length ? fit.undetermined : ["The recordings determine every parameter that was free."];
     const said = sentences.map((text) => make("li", { textContent: text, className: fit.undetermined.length ? "weak" : "" }));
     if (!fit.converged) said.push(make("li", { className: "weak", textContent: `The fit did not converge: ${fit.message}.` }));
     const notes = (state.notes ?? []).map((text) => make("li", { textContent: text }));
     const remarks = notes.length ? [make("details", { className: "soft" }, make("summary", { textContent: "Notes on the recordings" }), make("ul", { className: "identify-said" }, ...notes))] : [];
     const found = make("section", { className: "card" }, make("h2", { textContent: "Parameters" }),
-      table("Estimates with 95 % confidence intervals", ["parameter", "estimate", "95 % interval", "standard error"], rows),
-      make("ul", { className: "identify-said" }, ...said), ...remarks);
+      table("Estimates with 95 % confidence intervals", heads, estimates(fit)),
+      make("ul", { className: "identify-said" }, ...said), ...remarks,
+      ...(state.stage ? [table("The stage, from the clamped steps", heads, estimates(state.stage))] : []));
     const goodness = (recordings, role) => Object.entries(recordings).map(([name, g]) => [name, role, g.r_squared === null ? "–" : g.r_squared.toFixed(5), formatQuantity(g.rmse, "m"), String(g.n_data)]);
-    const seen = [...goodness(fit.recordings, "fitted"), ...goodness(state.verification?.recordings ?? {}, "predicted")];
+    const seen = [...goodness(state.stage?.recordings ?? {}, "step"), ...goodness(fit.recordings, "fitted"), ...goodness(state.verification?.recordings ?? {}, "predicted")];
     const links = make("p", { className: "identify-links" });
     if (state.report) {
       const report = make("a", { textContent: "Report", href: `/api/identify/report/${state.report.split("/")[1]}`, target: "_blank", rel: "noopener" });
@@ -159,6 +166,7 @@ export async function mount(element, app) {
       traces[header.what] = arrays;
       draw();
     }),
+    app.stream.on("recordings", form.refresh),
     app.stream.on("connection", ({ state: now }) => now === "connected" && again()),
   ];
   await again();

@@ -10,15 +10,20 @@ const CHANNEL = [
   { name: "offset", unit: "m", symbol: "x_0", meaning: "offset of the sensor" },
 ];
 const USUAL = ["sigma_0", "sigma_1", "coulomb_force", "stiffness_1", "stiffness_2", "stiffness_3", "strength_1", "strength_2", "strength_3", "delay", "offset"];
+const STAGE = ["gain", "natural_frequency", "damping_ratio"]; // what clamped steps give
 const EFFORT = { quick: ["Quick: from the start values", 1, 0], hops: ["Careful: look for lower valleys", 1, 2], starts: ["Thorough: four starts", 4, 2] };
+const HEADS = { Step: "The end-effector fixed to the stage: gives the stage's frequency, damping and gain", Fit: "A walk, to which the friction is fitted", Predict: "A walk that the fit has not seen", Recording: "" };
 const capital = (text) => text[0].toUpperCase() + text.slice(1);
 
 export async function fitForm(app, choices, last, start, cancel) {
   let state = last ? restored(choices, last) : begin(choices);
   let free = new Set(last?.free ?? USUAL);
-  let role = new Map(); // recording -> "fit" or "verify"
+  let role = new Map(); // recording -> "step", "fit" or "verify"
+  for (const name of last?.steps ?? []) role.set(name, "step");
   for (const name of last?.recordings ?? []) role.set(name, "fit");
   for (const name of last?.others ?? []) role.set(name, "verify");
+  const steps = () => [...role.values()].includes("step");
+  let own = Boolean(last); // somebody chose the model: a recording no longer does
 
   const element = make("form", { className: "card identify-form", noValidate: true });
   element.setAttribute("aria-label", "What to fit");
@@ -26,6 +31,13 @@ export async function fitForm(app, choices, last, start, cancel) {
   fault.setAttribute("role", "alert");
   const list = make("div", { className: "identify-list" });
   const window_ = { begin: last?.begin ?? null, end: last?.end ?? null };
+  let slewRate = last?.slew_rate ?? null;
+  const slew = makeQuantity({
+    label: "Slew rate of the amplifier", unit: "V/s", value: slewRate, app, hint: "At which it follows a jump, limited by its current into the piezo; leave empty: at once",
+    change: (value) => (slewRate = value),
+  });
+  slew.input.placeholder = "at once";
+  slew.input.addEventListener("input", () => { if (slew.input.value.trim() === "") slewRate = null; });
   const limits = ["begin", "end"].map((name) => makeQuantity({
     label: name === "begin" ? "From" : "To", unit: "s", value: window_[name], app, hint: "Leave empty for all of it",
     change: (value) => (window_[name] = value),
@@ -41,53 +53,79 @@ export async function fitForm(app, choices, last, start, cancel) {
   const refresh = button("Refresh", "Look for new recordings", () => recordings().catch(say));
   element.append(
     make("div", { className: "identify-title" }, make("h2", { textContent: "Recordings" }), refresh), list,
-    make("div", { className: "identify-window" }, ...limits.map((one) => one.element)),
+    make("div", { className: "identify-window" }, ...limits.map((one) => one.element), slew.element),
     make("h2", { textContent: "Model" }), model, effort.element, fault, make("div", { className: "identify-buttons" }, go, stop),
   );
   const say = (error) => (fault.textContent = error.message);
 
   async function recordings() {
     const found = await app.request("/api/identify/recordings");
-    if (!role.size) for (const one of found.filter((each) => !each.problem).slice(0, 1)) role.set(one.name, "fit");
+    if (!role.size) usual(found.filter((each) => !each.problem));
     const rows = found.map((one) => {
       const box = (use, text) => {
-        const input = make("input", { type: "checkbox", checked: role.get(one.name) === use, disabled: Boolean(one.problem) });
+        const unfit = Boolean(one.problem) || (one.clamped !== undefined && one.clamped !== (use === "step"));
+        const input = make("input", { type: "checkbox", checked: role.get(one.name) === use, disabled: unfit });
         input.setAttribute("aria-label", `${text} ${one.name}`);
         input.addEventListener("change", () => {
           if (input.checked) role.set(one.name, use);
           else role.delete(one.name);
           for (const other of input.closest("tr").querySelectorAll("input")) if (other !== input) other.checked = false;
+          if (input.checked && use === "fit") follow(one);
+          build();
         });
-        return make("td", {}, input);
+        return make("td", {}, make("label", {}, input));
       };
       const about = one.problem || `${Number(one.seconds.toPrecision(3))} s, ${one.samples} samples`;
-      return make("tr", { className: one.problem ? "unusable" : "" }, box("fit", "Fit"), box("verify", "Predict"),
+      return make("tr", { className: one.problem ? "unusable" : "" }, box("step", "Step"), box("fit", "Fit"), box("verify", "Predict"),
         make("td", {}, make("div", { textContent: one.name }), make("div", { className: "soft small-text", textContent: about })));
     });
     list.replaceChildren(rows.length
-      ? make("table", {}, make("thead", {}, make("tr", {}, ...["Fit", "Predict", "Recording"].map((text) => make("th", { textContent: text })))), make("tbody", {}, ...rows))
+      ? make("table", {}, make("thead", {}, make("tr", {}, ...Object.entries(HEADS).map(([text, title]) => make("th", { textContent: text, title })))), make("tbody", {}, ...rows))
       : make("p", { className: "soft", textContent: "There are no recordings in the panel's folder yet: record some on the Bench page." }));
   }
 
+  /** As a campaign does it: the newest walk, with the newest clamped step of that rig if there is one. */
+  function usual(found) {
+    const walk = found.find((one) => !one.clamped);
+    if (!walk) return;
+    const step = found.find((one) => one.clamped && one.set === walk.set);
+    role.set(walk.name, "fit");
+    if (step) role.set(step.name, "step");
+    follow(walk);
+    build();
+  }
+  /** What a recording says of its rig holds for the model, until somebody chooses otherwise. */
+  function follow(one) {
+    if (own) return;
+    if (one.set && one.set !== state.set && choices.sets[one.set]) state = begin(choices, one.set);
+    if (one.stage_reaction !== undefined) state = changed(choices, state, "model", "stage_reaction", one.stage_reaction);
+    slewRate = one.slew_rate ?? null;
+    slew.set(slewRate);
+  }
+
   let known = new Map(); // name -> field
+  const boxes = [];
   function build() {
+    boxes.length = 0;
     const values = [...Object.keys(state.friction)];
     const field = (name) => {
       const described = choices.laws[state.law].find((one) => one.name === name || one.name === name.replace(/_\d+$/, ""));
       return { ...described, name, meaning: described.meaning.replace("each element", `element ${name.match(/\d+$/)?.[0]}`) };
     };
     const law = values.map(field);
-    const own = choices.model.filter((one) => !one.switch && !["external_force", "incline"].includes(one.name));
-    known = new Map([...law, ...own, ...CHANNEL].map((one) => [one.name, one]));
+    const stage = choices.model.filter((one) => !one.switch && !["external_force", "incline"].includes(one.name));
+    known = new Map([...law, ...stage, ...CHANNEL].map((one) => [one.name, one]));
     const plain = Object.keys(choices.laws).map((name) => [name, name.replace(/(?<=[a-z])(?=[A-Z][a-z]{3})/g, " ")]);
     const sets = Object.entries(choices.sets).map(([name, set]) => [name, `${set.title} (${name})`]);
     const reaction = makeSwitch(choices.model.find((one) => one.name === "stage_reaction"), state.model.stage_reaction, {
-      drag: (on) => (state = changed(choices, state, "model", "stage_reaction", on)), settle() {},
+      drag(on) { own = true; state = changed(choices, state, "model", "stage_reaction", on); }, settle() {},
     });
-    const more = make("details", { open: own.some((one) => free.has(one.name)) }, make("summary", { textContent: "Of the actuator" }), ...own.map((one) => row("model", one)));
+    const open = model.querySelector("details")?.open ?? stage.some((one) => free.has(one.name));
+    const given = steps() ? [make("p", { className: "soft small-text", textContent: "Gain, natural frequency and damping come from the steps." })] : [];
+    const more = make("details", { open }, make("summary", { textContent: "Of the actuator" }), ...given, ...stage.map((one) => row("model", one)));
     model.replaceChildren(
-      makeChoice("Parameter set", sets, state.set, (set) => { state = begin(choices, set); build(); }).element,
-      makeChoice("Friction law", plain, state.law, (name) => { state = withLaw(choices, state, name); build(); }).element,
+      makeChoice("Parameter set", sets, state.set, (set) => { own = true; state = begin(choices, set); build(); }).element,
+      makeChoice("Friction law", plain, state.law, (name) => { state = withLaw(choices, state, name); build(); prepare(); }).element,
       make("p", { className: "soft small-text", textContent: "Tick what is to be fitted; the numbers are where it starts, the others stay as they are." }),
       ...law.map((one) => row("friction", one)), ...CHANNEL.map((one) => row("", one)), more, reaction.element,
     );
@@ -95,6 +133,7 @@ export async function fitForm(app, choices, last, start, cancel) {
   function row(section, one) {
     const tick = make("input", { type: "checkbox", checked: free.has(one.name) });
     tick.setAttribute("aria-label", `Fit ${one.meaning}`);
+    if (section === "model" && STAGE.includes(one.name) && steps()) Object.assign(tick, { checked: false, disabled: true });
     tick.addEventListener("change", () => (tick.checked ? free.add(one.name) : free.delete(one.name)));
     if (!section) return make("div", { className: "identify-free" }, tick, make("span", {}, `${capital(one.meaning)} `, symbolOf(one.symbol)));
     const box = makeQuantity({
@@ -110,22 +149,25 @@ export async function fitForm(app, choices, last, start, cancel) {
     box.element.classList.add("identify-free");
     return box.element;
   }
-  const boxes = [];
+  // Compiled while the rest of the form is filled in.
+  const prepare = () => app.request("/api/identify/prepare", { law: state.law }).catch(say);
 
   function request() {
     const named = (use) => [...role].filter(([, one]) => one === use).map(([name]) => name);
     if (!named("fit").length) throw new Error("Choose at least one recording to fit.");
-    const chosen = [...known.keys()].filter((name) => free.has(name));
+    const chosen = [...known.keys()].filter((name) => free.has(name) && !(steps() && STAGE.includes(name)));
     if (!chosen.length) throw new Error("Tick at least one parameter to fit.");
     const inf = (values) => Object.fromEntries(Object.entries(values).map(([name, value]) => [name, value === Infinity ? "inf" : value]));
-    // What starts at zero has no scale of its own: it may go as far as its slider does.
-    const bounds = Object.fromEntries(chosen
-      .filter((name) => (state.friction[name] ?? state.model[name]) === 0)
-      .map((name) => [name, [0, known.get(name).high]]));
+    // What may be zero is looked for down to there, on a linear scale: on a logarithmic one, a damping that the
+    // recordings do not show creeps towards zero without end. What starts at zero has no scale of its own.
+    const bounds = Object.fromEntries(chosen.filter((name) => known.get(name).zero).map((name) => {
+      const start = state.friction[name] ?? state.model[name];
+      return [name, [0, start > 0 && start < Infinity ? 30 * start : known.get(name).high]];
+    }));
     const [, starts, hops] = EFFORT[effort.select.value];
     return {
       set: state.set, model: inf(state.model), law: state.law, friction: inf(state.friction), free: chosen, bounds, starts, hops,
-      recordings: named("fit"), others: named("verify"), ...window_,
+      recordings: named("fit"), others: named("verify"), steps: named("step"), slew_rate: slewRate, ...window_,
     };
   }
   // Enter in a field takes its number over; only the button starts the fit.
@@ -138,8 +180,10 @@ export async function fitForm(app, choices, last, start, cancel) {
 
   build();
   await recordings();
+  prepare();
   return {
     element,
+    refresh: () => recordings().catch(say),
     running(on) {
       go.disabled = on;
       stop.disabled = !on;

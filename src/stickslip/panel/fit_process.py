@@ -1,0 +1,105 @@
+"""The process in which fits run: it can be ended at any time, and the page's stream never waits for it.
+
+It is there before the first fit, and compiles what that needs while the page is looked at.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import traceback
+import warnings
+from collections.abc import Sequence
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..simulation import SimulationError
+from .fitting import Array, FitRequest, fit_recordings
+from .folder import Folder
+from .sliders import LAW_TYPES
+
+_NICE = 5  # below the server, whose stream and runs come first
+
+
+class Prepare(NamedTuple):
+    """A request to compile what fits of a law need, or to load it."""
+
+    law: str
+
+
+class Begin(NamedTuple):
+    """A request for a fit; its report goes into the folder `out`."""
+
+    request: FitRequest
+    out: str
+
+
+def work(connection: Connection, root: str) -> None:
+    """What the process does until the panel is gone: requests come and messages go through the connection.
+
+    Of a fit come those of `fit_recordings`, at last "done" or "failed"; of a preparation "prepared".
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the server, which closes the connection
+    if hasattr(os, "nice"):
+        os.nice(_NICE)
+    while True:
+        try:
+            asked = connection.recv()
+            if isinstance(asked, Prepare):
+                _prepare(connection, asked.law)
+            else:
+                _fit(connection, asked, root)
+        except (EOFError, OSError):
+            return
+
+
+def _prepare(connection: Connection, law: str) -> None:
+    try:
+        prepare(law)
+    except Exception:  # a fit of that law will say what is wrong
+        traceback.print_exc()
+    connection.send(("prepared", {"law": law}, []))
+
+
+def _fit(connection: Connection, asked: Begin, root: str) -> None:
+    def say(kind: str, fields: dict[str, Any], arrays: Sequence[Array] = ()) -> None:
+        connection.send((kind, fields, [np.asarray(one, dtype="<f4") for one in arrays]))
+
+    try:
+        fit_recordings(asked.request, Folder(Path(root)), asked.out, say)
+        say("done", {})
+    except (ValueError, OSError, SimulationError) as error:
+        if isinstance(error, BrokenPipeError):
+            raise
+        say("failed", {"error": str(error)})
+    except Exception as error:
+        traceback.print_exc()
+        say("failed", {"error": f"unexpected {type(error).__name__}: {error}"})
+
+
+def prepare(law: str) -> None:
+    """Go through a fit once, of a short walk of the thesis's actuator with such a law: the same kernels and
+    modules as any other."""
+    from ..comparison.laws import example_laws
+    from ..identify.friction import identify_friction
+    from ..simulation import simulate
+    from ..study.walk import Walk, walk_document
+    from ..verification import verify
+    from ..waveform.periodic import Sawtooth
+    from .exploration import published
+
+    model = published("kang2007")
+    contact = next(one for one in example_laws(model.friction).values() if type(one) is LAW_TYPES[law])
+    model = model.replace(friction=contact)
+    walk = simulate(model, Sawtooth(65.0, 100.0), 0.04, sample_rate=1e4)
+    noise = np.random.default_rng(0).normal(0.0, 1e-8, walk.sizes["time"])
+    moved = walk["end_effector_position"]
+    walk = walk.assign(end_effector_position=("time", moved.values + noise, moved.attrs), title="")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # nobody looks at this fit
+        fit = identify_friction(walk, model, ["end_effector_mass", "offset"], hops=0, max_evaluations=3)
+        verify(fit, [walk])
+        walk_document("", fit, model, {"walk": Walk("fit", walk)})

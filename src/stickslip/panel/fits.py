@@ -1,0 +1,190 @@
+"""The fit that runs, or ran last, and the process that is kept ready for the next one."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import threading
+import time
+from datetime import datetime
+from typing import Any
+
+from .fit_process import Begin, Prepare, work
+from .fitting import FitRequest
+from .folder import Folder
+from .readiness import Readiness
+from .stream import Client, Hub, Message, packed
+
+REPORTS = "fits"
+RUNNING = "running"
+# What is prepared before anybody asks: the law of the thesis.
+USUAL_LAW = "LuGre"
+_SHOWN = "shown.json"  # beside a report: what the page showed of that fit
+
+
+class Fitting:
+    """It belongs to no page: they come and go, and are told how it stands. `frames` are curves, packed."""
+
+    def __init__(self, folder: Folder, hub: Hub, readiness: Readiness) -> None:
+        self._folder, self._hub, self._readiness = folder, hub, readiness
+        self._lock = threading.Lock()
+        self._process: Any = None
+        self._connection: Any = None
+        self._asked: set[str] = set()  # laws that this process prepares, or has prepared
+        self._pending: dict[str, Any] = {}  # those that are not ready yet, and the process that prepares them
+        self._began = 0.0
+        self._out = ""
+        self.state, self.frames = _last(folder)
+
+    def prepare(self, law: str) -> None:
+        """Have the process compile, or load, what fits of a law need; returns at once."""
+        with self._lock:
+            self._ready()
+            if law in self._asked or self.state["phase"] == RUNNING:
+                return
+            self._asked.add(law)
+            self._pending[law] = self._process
+            self._connection.send(Prepare(law))
+        self._readiness.begin(_called(law))
+
+    def greet(self, client: Client, said: dict[str, Any]) -> list[Message]:
+        """The first page has been served: now there is time to prepare fits."""
+        if self._process is None:
+            threading.Thread(target=self.prepare, args=(USUAL_LAW,), daemon=True).start()
+        return []
+
+    def start(self, request: FitRequest) -> None:
+        """Begin a fit; ValueError where one is running."""
+        with self._lock:
+            if self.state["phase"] == RUNNING:
+                raise ValueError("a fit is running: wait for it, or cancel it")
+            self._ready()
+            self._began = time.monotonic()
+            self._out = f"{REPORTS}/{datetime.now():%Y-%m-%d_%H-%M-%S}"
+            doing = "getting ready" if self._pending else "reading"
+            self.state = {"phase": RUNNING, "doing": doing, "request": request.model_dump()}
+            self.frames = {}
+            self._connection.send(Begin(request, self._out))
+        self._tell()
+
+    def cancel(self) -> None:
+        """End the fit; what was found until then stays."""
+        with self._lock:
+            if self.state["phase"] != RUNNING:
+                return
+            self.state = {**self.state, "phase": "cancelled", "elapsed": time.monotonic() - self._began}
+            self._end()
+        self._tell()
+        self.prepare(USUAL_LAW)
+
+    def close(self) -> None:
+        """End the process."""
+        with self._lock:
+            self._end()
+
+    def frame(self, kind: str) -> bytes:
+        """The curves of a kind: "stage", "recordings", "step" or "verified"; LookupError where there are
+        none."""
+        with self._lock:
+            return self.frames[kind]
+
+    def _ready(self) -> None:
+        """A process that waits for requests."""
+        if self._process is not None and self._process.is_alive():
+            return
+        context = multiprocessing.get_context("spawn")
+        self._connection, there = context.Pipe()
+        self._asked = set()
+        self._process = context.Process(target=work, args=(there, str(self._folder.root)), daemon=True)
+        self._process.start()
+        there.close()
+        threading.Thread(target=self._listen, args=(self._connection, self._process), daemon=True).start()
+
+    def _end(self) -> None:
+        if self._process is not None:
+            self._process.terminate()
+            self._process = None
+
+    def _tell(self) -> None:
+        self._hub.send(json.dumps({"kind": "fit", **self.state}))
+
+    def _listen(self, connection: Any, process: Any) -> None:
+        """Take in what the process says, until it has ended."""
+        while True:
+            try:
+                kind, fields, arrays = connection.recv()
+            except (EOFError, OSError):
+                break
+            if kind == "prepared":
+                self._prepared(fields["law"], process)
+                continue
+            with self._lock:
+                if process is not self._process or self.state["phase"] != RUNNING:
+                    continue
+                self._take(kind, fields)
+                if arrays:
+                    frame = packed({"kind": "fit_traces", "what": kind}, *arrays)
+                    self.frames[kind] = frame
+                    self._hub.send(frame)
+                if kind == "done":
+                    _keep(self._folder, self._out, self.state, self.frames)
+            self._tell()
+        process.join()
+        for law in [*self._pending]:
+            self._prepared(law, process)
+        with self._lock:
+            died = process is self._process and self.state["phase"] == RUNNING
+            if died:
+                self._take("failed", {"error": f"the fit's process ended by itself ({process.exitcode})"})
+        if died:
+            self._tell()
+
+    def _prepared(self, law: str, process: Any) -> None:
+        if self._pending.get(law) is process:
+            del self._pending[law]
+            self._readiness.end(_called(law))
+
+    def _take(self, kind: str, fields: dict[str, Any]) -> None:
+        state = {**self.state, "elapsed": time.monotonic() - self._began}
+        if kind == "step":
+            state |= {"doing": "fitting", "step": {**state.get("step", {}), **fields}}
+        elif kind == "recordings":
+            state |= {**fields, "doing": "preparing"}
+        elif kind == "failed":
+            state |= {"phase": "failed", "error": self._folder.told(fields["error"])}
+        elif kind == "done":
+            state |= {"phase": "done"}
+        else:  # stage, fitted, verified, report
+            doing = {"fitted": "verifying", "verified": "writing the report"}.get(kind, state["doing"])
+            state |= {**fields, "doing": doing}
+        self.state = state
+
+
+def _called(law: str) -> str:
+    return f"fits with {law}"
+
+
+def _keep(folder: Folder, out: str, state: dict[str, Any], frames: dict[str, bytes]) -> None:
+    """Beside the report, what the page shows of a fit: a panel that is started anew shows it again."""
+    try:
+        for kind, frame in frames.items():
+            folder.path(f"{out}/shown_{kind}.bin").write_bytes(frame)
+        folder.path(f"{out}/{_SHOWN}").write_text(json.dumps(state), encoding="utf-8")
+    except OSError:
+        return  # the report is there; only this is not
+
+
+def _last(folder: Folder) -> tuple[dict[str, Any], dict[str, bytes]]:
+    """What the page showed of the newest fit in the folder."""
+    for path in sorted(folder.root.glob(f"{REPORTS}/*/{_SHOWN}"), reverse=True):
+        try:
+            inside = folder.path(folder.name(path))
+            state = json.loads(inside.read_text(encoding="utf-8"))
+            FitRequest.model_validate(state["request"])
+            frames = {
+                one.stem.removeprefix("shown_"): one.read_bytes() for one in path.parent.glob("shown_*.bin")
+            }
+            return state, frames
+        except (ValueError, KeyError, TypeError, OSError):
+            continue  # of another version, or not ours
+    return {"phase": "none"}, {}

@@ -1,0 +1,84 @@
+"""The first minute of a newcomer: press Start, watch a walk, identify it. The rig is as it comes."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import httpx
+import pytest
+from playwright.sync_api import Page, expect
+
+from .conftest import PATIENCE, Panel
+
+pytestmark = [pytest.mark.browser, pytest.mark.compiled]
+SLOW = 2e3 * PATIENCE  # ms: the first time on a machine compiles
+
+
+def fitted(page: Page, panel: Panel) -> dict[str, Any]:
+    """Press the one button that the Identify page asks for; what was found."""
+    page.click("text=Identify")
+    page.get_by_role("button", name="Start fit").click()
+    expect(page.locator(".identify")).to_have_attribute("data-phase", "running")
+    expect(page.locator(".identify")).to_have_attribute("data-phase", "done", timeout=SLOW)
+    expect(page.locator(".identify-results")).to_contain_text("Coulomb friction")
+    assert "did not converge" not in page.locator(".identify-results").inner_text()
+    return httpx.get(f"{panel.url}api/identify/state").json()
+
+
+def walked(page: Page, run: str) -> None:
+    page.click("text=Bench")
+    page.select_option("#run-choice", run)
+    page.click("#start")
+    expect(page.locator("#phase")).to_have_text(re.compile("Preparing|Running"), timeout=SLOW)
+    expect(page.locator("#phase")).to_have_text("Done", timeout=SLOW)
+
+
+def test_start_walk_identify_and_it_is_there_after_a_restart(page: Page, panel: Panel) -> None:
+    page.goto(panel.url)
+    page.click("#start")
+    expect(page.locator("#phase")).to_have_text("Running", timeout=SLOW)
+    expect(page.locator("#phase")).to_have_text("Done", timeout=SLOW)
+    first = fitted(page, panel)
+    # What the recording says of the rig is what the fit starts with, and it converges.
+    assert first["fit"]["converged"]
+    assert first["request"]["model"]["stage_reaction"] is False
+    assert first["request"]["slew_rate"] == pytest.approx(0.4 / 1.4e-6)
+    assert first["fit"]["r_squared"] > 0.999
+    assert 0.4 < first["fit"]["parameters"]["coulomb_force"]["value"] < 0.7
+    # What is prepared in the background is announced until it is there.
+    expect(page.locator("#readiness")).to_be_hidden(timeout=SLOW)
+
+    # With a clamped step the stage is fitted first, as a campaign does it.
+    walked(page, "step")
+    page.click("text=Identify")
+    expect(page.locator(".identify-list tbody tr")).to_have_count(2)
+    page.locator(".identify-list tr", has_text="step.nc").get_by_role("checkbox").first.check()
+    expect(
+        page.locator(".identify-list tr", has_text="step.nc").get_by_role("checkbox").nth(1)
+    ).to_be_disabled()
+    page.locator(".identify summary", has_text="Of the actuator").click()
+    expect(page.get_by_label("Fit natural frequency of the stage")).to_be_disabled()
+    second = fitted(page, panel)
+    assert second["fit"]["converged"]
+    stage = second["stage"]["parameters"]
+    low, high = stage["damping_ratio"]["interval"]
+    assert low < 0.524 < high
+    low, high = second["fit"]["parameters"]["sigma_0"]["interval"]
+    assert low < 1.399e6 < high
+    expect(page.locator(".identify-results")).to_contain_text("The stage, from the clamped steps")
+    page.get_by_label("Recording that is shown").select_option(second["request"]["steps"][0])
+
+    # A server that is started anew shows the last fit again, with its picture.
+    shown = page.locator(".identify-results").inner_text()
+    panel.kill()
+    expect(page.locator("#connection")).to_have_text("connection lost", timeout=15_000)
+    panel.start()
+    expect(page.locator("#connection")).to_have_text("connected", timeout=SLOW)
+    expect(page.locator(".identify")).to_have_attribute("data-phase", "done")
+    page.reload()
+    expect(page.locator(".identify-results")).to_contain_text(
+        "The stage, from the clamped steps", timeout=SLOW
+    )
+    assert page.locator(".identify-results").inner_text() == shown
+    assert httpx.get(f"{panel.url}api/identify/state").json()["frames"]
