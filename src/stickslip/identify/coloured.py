@@ -175,3 +175,13 @@ def _inverse(jacobian: Array) -> tuple[Array, NDArray[np.bool_]]:
     known = s > s[0] * max(j.shape) * np.finfo(float).eps
     inverse = (vt[known].T / s[known] ** 2) @ vt[known]
     return inverse / np.outer(norms, norms), np.any(np.abs(vt[~known]) > 1e-6, axis=0)
+
+
+def inflation(fit: Fit, place: int) -> float:
+    """By how much coloured noise makes the variance of the value greater than white noise would."""
+    if fit.jacobian is None or not fit.correlated or fit.uncertainty.bounded[place]:
+        return 1.0
+    j = fit.jacobian / np.linalg.norm(fit.jacobian, axis=0)
+    scale = np.linalg.norm(fit.jacobian[:, place])
+    white = np.linalg.pinv(j.T @ j)[place, place] / scale**2 * fit.reduced_chi_squared
+    return max(1.0, float(fit.uncertainty.covariance[place, place]) / float(white))

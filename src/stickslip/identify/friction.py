@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,8 @@ from .coloured import coloured, with_coloured_noise, with_inherited
 from .displacement import Displacement, has_slopes
 from .fit import Progress, Residuals, fit_least_squares
 from .free import Bounds, check_names, parameter
+from .identifiability import loosest
+from .marginal import integrated
 from .result import Fit, Parameter, Values
 from .step_fit import STAGE
 
@@ -26,6 +29,10 @@ OBSERVED = "end_effector_position"
 # Relative, of a law without derivatives. With its tolerance, both parts of its error are under 1 % of a
 # derivative; a step of 1e-4 needs a tolerance of 1e-13 m for that, for which the simulation takes longer.
 DIFFERENCE_STEP = 5e-3
+# Relative, of the sum of squares, where one value is held: far below what noise explains.
+NEAR = 1e-6
+# Evaluations after which a search that creeps along a value that is not determined is left to `integrated`.
+ENOUGH = 30
 # Of the channel, not of the actuator.
 CHANNEL = ("delay", "offset")
 # A delay is looked for within this share of the shortest recording.
@@ -56,6 +63,10 @@ def identify_friction(
     """Fit an actuator to recordings of its end-effector's position, raw samples, all recordings at once.
 
     Every recording is described by a simulation from rest, so its first sample must be at rest.
+
+    If the recordings hardly determine one value of the actuator, and derivatives are known, that value is
+    given at its mean over all that fits, and the intervals of the others hold for all of that
+    (see `marginal`).
 
     Args:
         recordings: with end_effector_position [m].
@@ -129,35 +140,52 @@ def identify_friction(
         for r, w, name in zip(found, drives, names, strict=True)
     ]
 
-    def residuals(motion: Displacement, position: NDArray[np.float64]) -> Any:
-        def of(values: Values) -> NDArray[np.float64]:
-            return observed(motion, model, values) - position
+    def search(start: Actuator, parameters: Sequence[Parameter], **options: Any) -> Fit:
+        def residuals(motion: Displacement, position: NDArray[np.float64]) -> Any:
+            return lambda values: observed(motion, start, values) - position
 
-        return of
+        fit = fit_least_squares(
+            [
+                Residuals(residuals(motion, position), position, noise, name, "m")
+                for motion, position, name in zip(motions, measured, names, strict=True)
+            ],
+            parameters,
+            jacobian=_slopes(motions, start, [p.name for p in parameters]) if exact else None,
+            noise_known=noise is not None,
+            correlated=bool(correlated),
+            loss=loss,
+            loss_scale=loss_scale,
+            seed=seed,
+            difference_step=DIFFERENCE_STEP,
+            progress=progress,
+            **options,
+        )
+        if correlated is None and noise is None and loss == "linear":
+            fit = with_coloured_noise(fit, coloured(fit.residuals, walks=True))
+        return fit
 
-    fit = fit_least_squares(
-        [
-            Residuals(residuals(motion, position), position, noise, name, "m")
-            for motion, position, name in zip(motions, measured, names, strict=True)
-        ],
-        parameters,
-        jacobian=_slopes(motions, model, free) if exact else None,
-        noise_known=noise is not None,
-        correlated=bool(correlated),
-        loss=loss,
-        loss_scale=loss_scale,
-        starts=starts,
-        hops=hops,
-        seed=seed,
-        difference_step=DIFFERENCE_STEP,
-        max_evaluations=max_evaluations,
-        progress=progress,
-    )
-    if correlated is None and noise is None and loss == "linear":
-        fit = with_coloured_noise(fit, coloured(fit.residuals, walks=True))
+    def hold(name: str, value: float, begin: Values) -> tuple[Fit, Fit]:
+        start = with_values(model, {name: value})
+        others = [p._replace(start=begin[p.name]) for p in parameters if p.name != name]
+        alone = search(start, others, max_evaluations=max_evaluations, tolerance=NEAR)
+        return alone, alone if stage is None else _with_stage(alone, motions, start, stage)
 
-    if stage is not None:
-        fit = _with_stage(fit, motions, model, stage)
+    def whole(parameters: Sequence[Parameter], **options: Any) -> Fit:
+        fit = search(model, parameters, **options)
+        return fit if stage is None else _with_stage(fit, motions, model, stage)
+
+    thorough = {"starts": starts, "hops": hops, "max_evaluations": max_evaluations}
+    fit = whole(parameters, **thorough | {"max_evaluations": min(ENOUGH, max_evaluations)})
+    loose = loosest(fit, _own(fit.values)) if exact and loss == "linear" else None
+    if loose is not None:
+        settled = integrated(fit, loose, partial(hold, loose))
+        if isinstance(settled, Fit):
+            slopes = [p.slope(settled.values[p.name]) for p in parameters]
+            fit = replace(settled, jacobian=_slopes(motions, model, free)(settled.values) * slopes)
+        else:
+            fit = whole([p._replace(start=settled[p.name]) for p in parameters], **thorough)
+    elif not fit.converged and max_evaluations > ENOUGH:
+        fit = whole(parameters, **thorough)
 
     def predict(recording: xr.Dataset, drive: Waveform | None = None) -> NDArray[np.float64]:
         name = names_of([recording])[0]

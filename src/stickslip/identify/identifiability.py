@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,7 +14,29 @@ if TYPE_CHECKING:
 # An interval over more than a decade, or over more than half of the allowed range, says almost nothing.
 WIDE_RATIO = 10.0
 WIDE_SHARE = 0.5
+# What is linearised over so much is not to be trusted.
+LOOSE_RATIO, LOOSE_SHARE = 3.0, 0.2
 INDISTINGUISHABLE = 0.99
+
+
+def loosest(fit: Fit, among: Collection[str]) -> str | None:
+    """The one parameter that the data hardly determine; None if there is none, several are lost, or no other
+    depends on it."""
+    loose = [name for name in _wider(fit, LOOSE_RATIO, LOOSE_SHARE) if name in among]
+    lost = [name for name in _wider(fit, WIDE_RATIO, WIDE_SHARE) if name in among]
+    one = lost or loose
+    return one[0] if len(one) == 1 and len(among) > 1 else None
+
+
+def _wider(fit: Fit, ratio: float, share: float) -> list[str]:
+    """The parameters whose 95 % interval is wider: the greatest over the least value, or of the range."""
+    found = []
+    for p, (low, high) in zip(fit.parameters, fit.confidence_intervals().values(), strict=True):
+        wide = high >= ratio * low if p.log else high - low > share * (p.upper - p.lower)
+        from_zero = p.lower == 0 and low == 0
+        if wide or from_zero or not np.isfinite(high - low):
+            found.append(p.name)
+    return found
 
 
 def undetermined(fit: Fit) -> tuple[str, ...]:
@@ -21,22 +44,19 @@ def undetermined(fit: Fit) -> tuple[str, ...]:
 
     From the 95 % intervals and correlations, so linearised; empty if all is well.
     """
-    sentences, named = [], set()
+    sentences, named = [], _wider(fit, WIDE_RATIO, WIDE_SHARE)
     intervals = fit.confidence_intervals()
     for p, side in zip(fit.parameters, fit.uncertainty.bounded, strict=True):
         low, high = intervals[p.name]
         as_well = f"any value from {low:.3g} to {p.shown(high, 3)} fits as well"
-        wide = high >= WIDE_RATIO * low if p.log else high - low > WIDE_SHARE * (p.upper - p.lower)
-        from_zero = p.lower == 0 and low == 0
-        if wide or from_zero or not np.isfinite(high - low):
+        if p.name in named:
             sentences.append(f"{p.name} is not determined by these recordings: {as_well}")
-            named.add(p.name)
         elif side:
             bound = p.shown(p.lower if side < 0 else p.upper, 3)
             sentences.append(f"{p.name} ended at its bound {bound}, and {as_well}")
     strong = np.abs(fit.correlation.to_numpy()) > INDISTINGUISHABLE
     names = np.array(list(fit.values))
-    determined = ~np.isin(names, list(named))
+    determined = ~np.isin(names, named)
     n_groups, group = connected_components(strong & determined & determined[:, None], directed=False)
     for together in (names[group == g] for g in range(n_groups)):
         if together.size > 1:

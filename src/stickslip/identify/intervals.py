@@ -14,6 +14,7 @@ from scipy import stats
 from ..actuator import Actuator
 from ..simulation.varied import with_values
 from .channels import recordings_of
+from .coloured import inflation
 from .fit import FitError
 from .friction import CHANNEL, OBSERVED, identify_friction
 from .result import Fit
@@ -54,7 +55,7 @@ def profile_interval(
     p, estimate = fit.parameters[place], fit.values[name]
     t = float(stats.t.ppf(0.5 + level / 2, fit.degrees_of_freedom))
     sse = sum(g.sse for g in fit.recordings)
-    unit = sse / fit.degrees_of_freedom * _inflation(fit, place)
+    unit = sse / fit.degrees_of_freedom * inflation(fit, place)
     deviation = (
         math.sqrt(fit.uncertainty.covariance[place, place]) if not fit.uncertainty.bounded[place] else 0.0
     )
@@ -95,16 +96,6 @@ def _end(q: float, side: float, reach: float, bound: float, t: float, distance: 
             share = (t - d_inner) / (d_outer - d_inner)
             at = inner + min(max(share, 0.1), 0.9) * (outer - inner)
     return at
-
-
-def _inflation(fit: Fit, place: int) -> float:
-    """By how much coloured noise makes the variance of the value greater than white noise would."""
-    if fit.jacobian is None or not fit.correlated or fit.uncertainty.bounded[place]:
-        return 1.0
-    j = fit.jacobian / np.linalg.norm(fit.jacobian, axis=0)
-    scale = np.linalg.norm(fit.jacobian[:, place])
-    white = np.linalg.pinv(j.T @ j)[place, place] / scale**2 * fit.reduced_chi_squared
-    return max(1.0, float(fit.uncertainty.covariance[place, place]) / float(white))
 
 
 def _held(fit: Fit, recordings: Any, name: str, value: float, options: dict[str, Any]) -> Fit:

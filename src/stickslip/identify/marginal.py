@@ -1,0 +1,194 @@
+r"""When one value is not determined: what the others are, over all that it may be.
+
+Where the data hardly see a value :math:`\psi` (the damping of the contact in slow samples), the valley of the
+sum of squares is long and bent, and narrow in other places than the curvature at its lowest point says: the
+estimate and its linearised intervals follow whatever noise put that point there. So the others are fitted
+with :math:`\psi` held at points all over its bounds, and these fits are averaged with the weights that the
+data give them,
+
+.. math:: w_i \propto e^{-\chi^2_i / 2} \, |C_i|^{1/2} \, \Delta\psi_i,
+
+which is Laplace's approximation of the integral over the others with a flat prior in the fit's coordinates
+[tierney1986]. The covariance is that of the mixture: within the fits, and between them.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .coloured import inflation
+from .covariance import Uncertainty
+from .fit import FitError
+from .result import Fit, Parameter, Values
+
+Array = NDArray[np.float64]
+
+POINTS = 10
+# Where fewer points share the weight, there are too few; where so many refinements do not help, the value is
+# determined.
+ENOUGH_SHARING, REFINEMENTS = 3.0, 3
+# Of the logarithm of the weights: below the greatest by this much, points further out count for nothing.
+NEGLIGIBLE = 7.0
+
+
+class Held(NamedTuple):
+    """A fit with one value held: where (its coordinate), the coordinates of the others [k], their covariance
+    [k, k], and the logarithm of its weight, up to a constant."""
+
+    at: float
+    others: Array
+    covariance: Array
+    log_weight: float
+
+
+class Mixture(NamedTuple):
+    """Mean and covariance of all coordinates, the held one last; and how many points share the weight."""
+
+    mean: Array
+    covariance: Array
+    sharing: float
+
+
+def points(parameter: Parameter) -> Array:
+    """Coordinates at which to hold a value, the greatest first; closer together towards a bound of zero."""
+    low, high = parameter.coordinate(parameter.lower), parameter.coordinate(parameter.upper)
+    share = np.linspace(1.0, 0.0, POINTS)
+    return low + (high - low) * (share if parameter.log else share**2)
+
+
+def mixture(fits: Sequence[Held]) -> Mixture:
+    """The average over fits whose held coordinates go one way."""
+    at = np.array([fit.at for fit in fits])
+    widths = np.abs(np.gradient(at)) if at.size > 1 else np.ones(1)
+    widths[[0, -1]] *= 0.5
+    log_weights = np.array([fit.log_weight for fit in fits]) + np.log(widths)
+    weights = np.exp(log_weights - log_weights.max())
+    weights /= weights.sum()
+    q = np.column_stack([np.array([fit.others for fit in fits]), at])
+    mean = weights @ q
+    covariance = np.einsum("i,ij,ik->jk", weights, q - mean, q - mean)
+    covariance[:-1, :-1] += np.einsum("i,ijk->jk", weights, np.array([fit.covariance for fit in fits]))
+    return Mixture(mean, covariance, float(1.0 / np.sum(weights**2)))
+
+
+Hold = Callable[[float, Values], tuple[Fit, Fit]]
+
+
+def integrated(fit: Fit, name: str, hold: Hold) -> Fit | Values:
+    """The fit with one value at its mean over all that it may be, the others fitted to that.
+
+    Args:
+        fit: of all values, to white or coloured noise.
+        name: of the value that it hardly determines.
+        hold: from what that value is held at, and where the others begin, to their fit: with the uncertainty
+            that the noise gives, and with that of what the fit took as known too.
+
+    Returns:
+        The fit without its Jacobian; or, where the data turn out to determine the value, from where on to
+        search for all of them.
+    """
+    place = list(fit.values).index(name)
+    p, others = fit.parameters[place], [q for q in fit.parameters if q.name != name]
+    path = _Path(fit, place, others, hold)
+    path.outwards()
+    for _ in range(REFINEMENTS):
+        found = mixture(path.fits())
+        if found.sharing >= ENOUGH_SHARING:
+            break
+        path.refine()
+    else:
+        best = max(path.fits(), key=lambda one: one.log_weight)
+        return {name: p.value(best.at), **_values(others, best.others)}
+    value = p.value(float(found.mean[-1]))
+    alone, _ = hold(value, _values(others, found.mean[:-1]))
+    order, none = np.insert(np.arange(len(others)), place, len(others)), np.zeros(len(others) + 1)
+    return replace(
+        alone,
+        parameters=fit.parameters,
+        values={n: alone.values.get(n, value) for n in fit.values},
+        uncertainty=Uncertainty(found.covariance[np.ix_(order, order)], none.astype(int), none, none),
+        degrees_of_freedom=fit.degrees_of_freedom,
+        log_likelihood=path.log_likelihood,  # criteria compare models where each is at its best
+        n_evaluations=fit.n_evaluations + path.evaluations + alone.n_evaluations,
+        message=f"{alone.message}; {name}, which is hardly determined, at its mean over all that fits",
+        starts=fit.starts,
+        starts_agreeing=fit.starts_agreeing,
+        jacobian=None,
+    )
+
+
+class _Path:
+    """Fits with one value held at points from one of its bounds to the other."""
+
+    def __init__(self, fit: Fit, place: int, others: Sequence[Parameter], hold: Hold) -> None:
+        self.parameter, self.others, self.hold = fit.parameters[place], others, hold
+        self.middle = self.parameter.coordinate(list(fit.values.values())[place])
+        self.begin = np.array([q.coordinate(fit.values[q.name]) for q in others])
+        self.variance = (1.0 if fit.noise_known else fit.reduced_chi_squared) * inflation(fit, place)
+        self.evaluations, self.log_likelihood = 0, fit.log_likelihood
+        self.found: dict[float, Held] = {}
+
+    def fits(self) -> list[Held]:
+        return [self.found[at] for at in sorted(self.found)]
+
+    def add(self, at: float, begin: Array) -> Held | None:
+        """None where there is no model."""
+        try:
+            alone, whole = self.hold(self.parameter.value(at), _values(self.others, begin))
+        except FitError:
+            return None
+        self.evaluations += alone.n_evaluations
+        self.log_likelihood = max(self.log_likelihood, alone.log_likelihood)
+        self.found[at] = _held(at, alone, whole, self.variance)
+        return self.found[at]
+
+    def counts(self, one: Held) -> bool:
+        return one.log_weight > max(f.log_weight for f in self.found.values()) - NEGLIGIBLE
+
+    def outwards(self) -> None:
+        """From near the estimate to either side, as far as the fits have weight."""
+        at = points(self.parameter)
+        middle = int(np.argmin(np.abs(at - self.middle)))
+        first = self.add(float(at[middle]), self.begin)
+        for side in (at[middle + 1 :], at[:middle][::-1]):
+            last, slope = first, np.zeros_like(self.begin)
+            for here in map(float, side):
+                begin = self.begin if last is None else last.others + slope * (here - last.at)
+                one = self.add(here, begin)
+                if one is None:
+                    break
+                if last is not None:
+                    slope = (one.others - last.others) / (one.at - last.at)
+                last = one
+                if not self.counts(one):
+                    break
+
+    def refine(self) -> None:
+        """Halfway between neighbours of which one has weight."""
+        fits = self.fits()
+        for one, other in itertools.pairwise(fits):
+            if self.counts(one) or self.counts(other):
+                self.add(0.5 * (one.at + other.at), 0.5 * (one.others + other.others))
+
+
+def _values(parameters: Sequence[Parameter], coordinates: Array) -> Values:
+    return {
+        p.name: min(max(p.value(float(q)), p.lower), p.upper)
+        for p, q in zip(parameters, coordinates, strict=True)
+    }
+
+
+def _held(at: float, alone: Fit, whole: Fit, variance: float) -> Held:
+    # A coordinate at its bound adds nothing to either.
+    free = np.flatnonzero(alone.uncertainty.bounded == 0)
+    volume = np.linalg.slogdet(alone.uncertainty.covariance[np.ix_(free, free)])[1]
+    chi_squared = alone.reduced_chi_squared * alone.degrees_of_freedom / variance
+    others = np.array([p.coordinate(alone.values[p.name]) for p in alone.parameters])
+    covariance = np.nan_to_num(whole.uncertainty.covariance)
+    return Held(at, others, covariance, 0.5 * float(volume - chi_squared))
