@@ -24,7 +24,7 @@ def slow_walk(seed: int, noise: float = 125e-9) -> xr.Dataset:
 def held(at: float, covariance: np.ndarray, mean: np.ndarray) -> Held:
     """What a fit to data of Gaussian noise and a linear model finds, by the conditional distribution."""
     inverse = np.linalg.inv(covariance)
-    inner = np.linalg.inv(inverse[:2, :2])
+    inner = np.asarray(np.linalg.inv(inverse[:2, :2]), dtype=np.float64)
     others = mean[:2] - inner @ inverse[:2, 2] * (at - mean[2])
     chi_squared = (at - mean[2]) ** 2 / covariance[2, 2]
     return Held(at, others, inner, 0.5 * (np.linalg.slogdet(inner)[1] - chi_squared))
@@ -100,7 +100,8 @@ def test_the_truth_is_inside_where_sigma_1_is_hardly_seen() -> None:
     for seed in range(8):
         fit = ss.identify_friction(slow_walk(seed), KANG, FREE, drive=SAW, hops=0)
         assert fit.converged
-        assert np.shape(fit.jacobian) == (fit.n_data, 4)
+        assert fit.jacobian is not None
+        assert fit.jacobian.shape == (fit.n_data, 4)
         inside += [
             low <= getattr(KANG.friction, name) <= high
             for name, (low, high) in fit.confidence_intervals().items()
