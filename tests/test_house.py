@@ -38,6 +38,8 @@ OWNERS = {
     "jinja2": {"report"},
     "pooch": {"datasets"},
     "threadpoolctl": {"identify"},
+    "emcee": {"identify/bayes"},
+    "arviz": {"identify/bayes"},
     "pydantic": {"input_file", "study", "experiment", "campaign", "panel"},
     "yaml": {"input_file"},
     "pyvisa": {"rig/scpi"},
@@ -47,7 +49,7 @@ OWNERS = {
 }
 # What `import stickslip` must leave alone: it is the first line of every script.
 HEAVY = ["numba", "scipy", "xarray", "pandas", "matplotlib", "pint", "h5py", "h5netcdf", "typer", "pydantic"]
-HEAVY += ["jinja2", "dask", "fastapi", "arviz"]
+HEAVY += ["jinja2", "dask", "fastapi", "arviz", "emcee"]
 
 
 def room(file: Path) -> str:

@@ -26,6 +26,8 @@ from .friction import ResetIntegrator as ResetIntegrator
 from .friction import StictionCoulombViscous as StictionCoulombViscous
 from .friction import Stribeck as Stribeck
 from .friction import register_law as register_law
+from .identify.bayes import Posterior as Posterior
+from .identify.bayes import posterior as posterior
 from .identify.compare import compare_laws as compare_laws
 from .identify.compare_walk import compare_walks as compare_walks
 from .identify.compare_walk import walk_candidates as walk_candidates

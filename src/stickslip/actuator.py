@@ -152,7 +152,7 @@ class Actuator(NamedTuple):
     @property
     def static(self) -> bool:
         """Whether the stage has no dynamics and simply follows the voltage, y = C u."""
-        return math.isinf(self.natural_frequency)
+        return bool(np.all(np.isinf(self.natural_frequency)))  # of an ensemble, there are many
 
     @property
     def stage_stiffness(self) -> float:

@@ -44,6 +44,22 @@ def test_a_member_is_what_a_simulation_of_it_gives(name: str) -> None:
         )
 
 
+def test_the_stage_varies_too_on_however_many_threads() -> None:
+    values = {
+        "natural_frequency": np.array([3000.0, 3303.1, 3600.0]),
+        "damping_ratio": np.array([0.4, 0.5, 0.6]),
+        "gain": np.array([1.0e-7, 1.1e-7, 1.2e-7]),
+    }
+    several = simulate_ensemble(MODEL, DRIVE, 0.06, parameters=values, tolerance=1e-10, threads=2)
+    assert several.equals(
+        simulate_ensemble(MODEL, DRIVE, 0.06, parameters=values, tolerance=1e-10, threads=1)
+    )
+    for m in range(3):
+        alone = with_values(MODEL, {key: float(column[m]) for key, column in values.items()})
+        x = simulate(alone, DRIVE, 0.06, tolerance=1e-10)["end_effector_position"]
+        assert float(several["net_displacement"][m]) == pytest.approx(float(x[-1]), abs=1e-12)
+
+
 def test_summaries_alone_are_the_same_numbers() -> None:
     values = {"coulomb_force": np.linspace(0.2, 1.0, 7)}
     summary = simulate_ensemble(MODEL, DRIVE, 0.1, parameters=values)

@@ -179,7 +179,8 @@ def _blocks(
     task: _Task, columns: Mapping[str, NDArray[np.float64]], count: int, threads: int
 ) -> Iterator[tuple[int, Block]]:
     """Blocks in order, a bounded number of them at work."""
-    size, threads = (GPU_BLOCK, 1) if task.gpu else (BLOCK, threads)
+    # Of few members, each thread gets some.
+    size, threads = (GPU_BLOCK, 1) if task.gpu else (max(1, min(BLOCK, -(-count // threads))), threads)
     starts = range(0, count, size)
     cut = ({name: c[s : s + size] for name, c in columns.items()} for s in starts)
     with ThreadPoolExecutor(threads) as pool:
