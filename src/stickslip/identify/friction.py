@@ -24,6 +24,7 @@ from .identifiability import loosest
 from .marginal import integrated
 from .result import Fit, Parameter, Values
 from .step_fit import STAGE
+from .whiteness import white
 
 OBSERVED = "end_effector_position"
 # Relative, of a law without derivatives. With its tolerance, both parts of its error are under 1 % of a
@@ -32,7 +33,7 @@ DIFFERENCE_STEP = 5e-3
 # Relative, of the sum of squares, where one value is held: far below what noise explains.
 NEAR = 1e-6
 # Evaluations after which a search that creeps along a value that is not determined is left to `integrated`.
-ENOUGH = 30
+ENOUGH = 20
 # Of the channel, not of the actuator.
 CHANNEL = ("delay", "offset")
 # A delay is looked for within this share of the shortest recording.
@@ -90,7 +91,7 @@ def identify_friction(
         starts: how many; those after the first fill the bounds.
         hops: see `fit_least_squares`; 0 is several times quicker, and for a start that is near.
         seed: of the further starts.
-        tolerance: m, of the simulation; left out, 1e-11 for a law of one internal state, whose derivatives
+        tolerance: m, of the simulation; left out, 1e-10 for a law of one internal state, whose derivatives
             are those of `sensitivities`. For the others they are differences over half a percent of a
             parameter, so it must be far below what that changes (a weakly determined one: some pm in steps of
             micrometres): 1e-12.
@@ -134,7 +135,7 @@ def identify_friction(
         for name in free
     ]
     exact = has_slopes(model)
-    tolerance = tolerance or (1e-11 if exact else 1e-12)
+    tolerance = tolerance or (1e-10 if exact else 1e-12)
     motions = [
         Displacement(r, w, name, model, tolerance, slew_rate)
         for r, w, name in zip(found, drives, names, strict=True)
@@ -175,7 +176,11 @@ def identify_friction(
         return fit if stage is None else _with_stage(fit, motions, model, stage)
 
     thorough = {"starts": starts, "hops": hops, "max_evaluations": max_evaluations}
-    fit = whole(parameters, **thorough | {"max_evaluations": min(ENOUGH, max_evaluations)})
+    quick = thorough | {"hops": 0, "max_evaluations": min(ENOUGH, max_evaluations)}
+    fit = whole(parameters, **quick)
+    found = [p._replace(start=fit.values[p.name]) for p in parameters]
+    if not white(np.concatenate(fit.residuals), [r.size for r in fit.residuals]):
+        fit = whole(found if starts == 1 else parameters, **thorough)
     loose = loosest(fit, _own(fit.values)) if exact and loss == "linear" else None
     if loose is not None:
         settled = integrated(fit, loose, partial(hold, loose))
@@ -184,8 +189,8 @@ def identify_friction(
             fit = replace(settled, jacobian=_slopes(motions, model, free)(settled.values) * slopes)
         else:
             fit = whole([p._replace(start=settled[p.name]) for p in parameters], **thorough)
-    elif not fit.converged and max_evaluations > ENOUGH:
-        fit = whole(parameters, **thorough)
+    elif not fit.converged:
+        fit = whole(found, **thorough)
 
     def predict(recording: xr.Dataset, drive: Waveform | None = None) -> NDArray[np.float64]:
         name = names_of([recording])[0]

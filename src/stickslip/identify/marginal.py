@@ -32,9 +32,9 @@ Array = NDArray[np.float64]
 POINTS = 10
 # Where fewer points share the weight, there are too few; where so many refinements do not help, the value is
 # determined.
-ENOUGH_SHARING, REFINEMENTS = 3.0, 3
+ENOUGH_SHARING, REFINEMENTS = 2.0, 3
 # Of the logarithm of the weights: below the greatest by this much, points further out count for nothing.
-NEGLIGIBLE = 7.0
+NEGLIGIBLE = 5.0
 
 
 class Held(NamedTuple):
