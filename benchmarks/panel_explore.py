@@ -19,6 +19,8 @@ from pathlib import Path
 
 from playwright.sync_api import Page, sync_playwright
 
+from benchmarks.panel_results import record
+
 # The slider is moved in every frame, as a hand does; the page counts the answers that it has drawn.
 _DRAG = """([slider, milliseconds]) => new Promise((done) => {
   const root = document.querySelector(".explore");
@@ -78,7 +80,7 @@ def processor_time() -> float:
 
 
 def main() -> None:
-    """Serve, drag, print."""
+    """Serve, drag, print and keep the figures."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--chromium", default="/usr/bin/chromium")
     parser.add_argument("--seconds", type=float, default=5.0)
@@ -95,17 +97,22 @@ def main() -> None:
                 page = browser.new_page(viewport={"width": 1280, "height": 720})
                 page.goto(f"{found[0]}#explore")
                 page.locator(".explore[data-curves]").wait_for(timeout=120_000)
-                print(f"{os.cpu_count()} processors, load {os.getloadavg()[0]:.1f} before")
+                page.locator("#readiness").wait_for(state="hidden", timeout=120_000)
+                rows, numbers = [], {}
                 for label in ("Amplitude", "Bristle stiffness", "Mass of the end-effector"):
                     before = processor_time()
                     figures = drag(page, label, asked.seconds)
-                    spent = (processor_time() - before) / (figures["pictures"] * asked.seconds)
-                    print(
-                        f"{label}: {figures['pictures']:.1f} pictures/s, "
-                        f"{figures['curves']:.1f} pairs of step curves/s, {figures['frames']:.1f} frames/s; "
-                        f"95 % of gaps below {figures['slow']:.0f} ms; "
-                        f"{1e3 * spent:.0f} ms of processor time a picture, all processes"
+                    figures["processor_ms"] = (
+                        1e3 * (processor_time() - before) / (figures["pictures"] * asked.seconds)
                     )
+                    numbers[label] = figures
+                    said = (
+                        f"{figures['pictures']:.1f} pictures/s, {figures['frames']:.0f} frames/s",
+                        f"95 % of gaps below {figures['slow']:.0f} ms",
+                        f"{figures['processor_ms']:.0f} ms of processor a picture",
+                    )
+                    rows.append((label, "; ".join(said)))
+                record("explore", rows, numbers)
                 browser.close()
         finally:
             server.terminate()

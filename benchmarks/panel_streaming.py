@@ -24,6 +24,7 @@ import numpy as np
 import uvicorn
 from websockets.asyncio.client import connect
 
+from benchmarks.panel_results import record
 from stickslip.panel import create_app
 from stickslip.panel.live import Live
 
@@ -68,7 +69,7 @@ def clients(url: str, seconds: float, count: int, answer: Queue[list[list[int]]]
 
 
 def main() -> None:
-    """Run it and print the figures."""
+    """Run it, print and keep the figures."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -108,16 +109,22 @@ def main() -> None:
     server.should_exit = True
     half = len(times) // 2
     slope = np.polyfit(times[half:], memory[half:], 1)[0] * 3600 / SPEED
-    print(
-        f"{fed / RATE / 60:.0f} min of signal in {seconds / 60:.3g} min, the feed at most {late:.2f} s late"
-    )
-    print(
-        f"{asked.clients} clients: {counts[:, 0].min()} to {counts[:, 0].max()} blocks each, "
-        f"{counts[:, 1].sum() / seconds / 1e6:.2f} MB/s together, {counts[:, 2].sum()} connections lost"
-    )
-    print(
-        f"memory: {memory[0]:.0f} MB at first, {memory[half]:.0f} MB half way, {memory[-1]:.0f} MB at last; "
-        f"slope of the second half {slope:.2f} MB per hour of signal"
+    shares = counts[:, 0].min(), counts[:, 0].max()
+    megabytes = counts[:, 1].sum() / seconds / 1e6
+    record(
+        "streaming",
+        [
+            ("signal", f"{fed / RATE / 60:.0f} min in {seconds / 60:.3g} min, at most {late:.2f} s late"),
+            (
+                "clients",
+                f"{asked.clients}, {shares[0]} to {shares[1]} blocks each, {megabytes:.2f} MB/s together",
+            ),
+            ("connections lost", f"{counts[:, 2].sum()}"),
+            ("memory", f"{memory[0]:.0f} MB at first, {memory[half]:.0f} half way, {memory[-1]:.0f} at last"),
+            ("slope of the second half", f"{slope:.2f} MB per hour of signal"),
+            ("8 h of streaming", f"{8 * slope:.1f} MB more"),
+        ],
+        {"slope_MB_per_hour_of_signal": slope, "memory_MB": memory[:: max(len(memory) // 60, 1)]},
     )
 
 

@@ -43,7 +43,7 @@ def test_start_walk_identify_and_it_is_there_after_a_restart(page: Page, panel: 
     # What the recording says of the rig is what the fit starts with, and it converges.
     assert first["fit"]["converged"]
     assert first["request"]["model"]["stage_reaction"] is False
-    assert first["request"]["slew_rate"] == pytest.approx(0.4 / 1.4e-6)
+    assert first["request"]["slew_rate"] == pytest.approx(0.4 / 1.4e-6, rel=1e-3)
     assert first["fit"]["r_squared"] > 0.999
     assert 0.4 < first["fit"]["parameters"]["coulomb_force"]["value"] < 0.7
     # What is prepared in the background is announced until it is there.
@@ -53,9 +53,9 @@ def test_start_walk_identify_and_it_is_there_after_a_restart(page: Page, panel: 
     walked(page, "step")
     page.click("text=Identify")
     expect(page.locator(".identify-list tbody tr")).to_have_count(2)
-    page.locator(".identify-list tr", has_text="step.nc").get_by_role("checkbox").first.check()
+    page.locator(".identify-list tr", has_text="step").get_by_role("checkbox").first.check()
     expect(
-        page.locator(".identify-list tr", has_text="step.nc").get_by_role("checkbox").nth(1)
+        page.locator(".identify-list tr", has_text="step").get_by_role("checkbox").nth(1)
     ).to_be_disabled()
     page.locator(".identify summary", has_text="Of the actuator").click()
     expect(page.get_by_label("Fit natural frequency of the stage")).to_be_disabled()

@@ -155,10 +155,10 @@ export async function mount(element, app) {
   }
 
   // --- answers
-  let slow = 0;
   const motions = latestWins({
+    abreast: 2,
     async ask(wish) {
-      slow = setTimeout(() => (problem.textContent = "Computing… the first use of a law on a machine compiles it, some seconds."), 1500);
+      const slow = setTimeout(() => (problem.textContent = "Computing… the first use of a law on a machine compiles it, some seconds."), 1500);
       try {
         return await app.request("/api/explore/motion", wire(wish));
       } finally {

@@ -3,6 +3,7 @@
 import { button, make, styled } from "./elements.js";
 import { begin, toLink, withLaw } from "./explore_state.js";
 import { fitForm } from "./identify_form.js";
+import { calledShortly } from "./livedata.js";
 import { makePlot } from "./plot.js";
 import { formatQuantity } from "./quantity.js";
 import { unpack } from "./stream.js";
@@ -51,6 +52,7 @@ export async function mount(element, app) {
     traces = {};
     shown = 0;
     plot.autoscale();
+    if (right.getBoundingClientRect().top > innerHeight / 2) right.scrollIntoView();
   }
   async function cancel() {
     await app.request("/api/identify/cancel", {});
@@ -96,7 +98,7 @@ export async function mount(element, app) {
     live.replaceChildren(...(running || state.phase === "cancelled" ? liveNumbers(step) : []));
     const options = names();
     if (options.join("\n") !== [...which.options].map((one) => one.value).join("\n")) {
-      which.replaceChildren(...options.map((name, i) => new Option(name + roleOf(i), name)));
+      which.replaceChildren(...options.map((name, i) => new Option(calledShortly(name) + roleOf(i), name)));
       which.selectedIndex = Math.min(shown, options.length - 1);
     }
     which.hidden = options.length < 2;
@@ -119,7 +121,8 @@ export async function mount(element, app) {
       `${formatQuantity(p.interval[0], p.unit)} … ${formatQuantity(p.interval[1], p.unit)}`, p.standard_error === null ? "at its bound" : formatQuantity(p.standard_error, p.unit, 3)]);
     const heads = ["parameter", "estimate", "95 % interval", "standard error"];
     const sentences = fit.undetermined.length ? fit.undetermined : ["The recordings determine every parameter that was free."];
-    const said = sentences.map((text) => make("li", { textContent: text, className: fit.undetermined.length ? "weak" : "" }));
+    const named = (text) => Object.keys(fit.parameters).reduce((said, name) => said.replace(new RegExp(`\\b${name}\\b`), form.nameOf(name)), text);
+    const said = sentences.map(named).map((text) => make("li", { textContent: text, className: fit.undetermined.length ? "weak" : "" }));
     if (!fit.converged) said.push(make("li", { className: "weak", textContent: `The fit did not converge: ${fit.message}.` }));
     const notes = (state.notes ?? []).map((text) => make("li", { textContent: text }));
     const remarks = notes.length ? [make("details", { className: "soft" }, make("summary", { textContent: "Notes on the recordings" }), make("ul", { className: "identify-said" }, ...notes))] : [];
@@ -127,7 +130,7 @@ export async function mount(element, app) {
       table("Estimates with 95 % confidence intervals", heads, estimates(fit)),
       make("ul", { className: "identify-said" }, ...said), ...remarks,
       ...(state.stage ? [table("The stage, from the clamped steps", heads, estimates(state.stage))] : []));
-    const goodness = (recordings, role) => Object.entries(recordings).map(([name, g]) => [name, role, g.r_squared === null ? "–" : g.r_squared.toFixed(5), formatQuantity(g.rmse, "m"), String(g.n_data)]);
+    const goodness = (recordings, role) => Object.entries(recordings).map(([name, g]) => [calledShortly(name), role, g.r_squared === null ? "–" : g.r_squared.toFixed(5), formatQuantity(g.rmse, "m"), String(g.n_data)]);
     const seen = [...goodness(state.stage?.recordings ?? {}, "step"), ...goodness(fit.recordings, "fitted"), ...goodness(state.verification?.recordings ?? {}, "predicted")];
     const links = make("p", { className: "identify-links" });
     if (state.report) {

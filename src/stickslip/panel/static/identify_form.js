@@ -2,6 +2,7 @@
 
 import { button, make } from "./elements.js";
 import { begin, changed, withLaw } from "./explore_state.js";
+import { calledShortly } from "./livedata.js";
 import { makeQuantity } from "./quantity.js";
 import { makeChoice, makeSwitch, symbolOf } from "./sliders.js";
 
@@ -33,7 +34,7 @@ export async function fitForm(app, choices, last, start, cancel) {
   const window_ = { begin: last?.begin ?? null, end: last?.end ?? null };
   let slewRate = last?.slew_rate ?? null;
   const slew = makeQuantity({
-    label: "Slew rate of the amplifier", unit: "V/s", value: slewRate, app, hint: "At which it follows a jump, limited by its current into the piezo; leave empty: at once",
+    label: "Slew rate", unit: "V/s", value: slewRate, app, hint: "At which the amplifier follows a jump, limited by its current into the piezo; leave empty: at once",
     change: (value) => (slewRate = value),
   });
   slew.input.placeholder = "at once";
@@ -77,7 +78,7 @@ export async function fitForm(app, choices, last, start, cancel) {
       };
       const about = one.problem || `${Number(one.seconds.toPrecision(3))} s, ${one.samples} samples`;
       return make("tr", { className: one.problem ? "unusable" : "" }, box("step", "Step"), box("fit", "Fit"), box("verify", "Predict"),
-        make("td", {}, make("div", { textContent: one.name }), make("div", { className: "soft small-text", textContent: about })));
+        make("td", {}, make("div", { textContent: calledShortly(one.name), title: one.name }), make("div", { className: "soft small-text", textContent: about })));
     });
     list.replaceChildren(rows.length
       ? make("table", {}, make("thead", {}, make("tr", {}, ...Object.entries(HEADS).map(([text, title]) => make("th", { textContent: text, title })))), make("tbody", {}, ...rows))

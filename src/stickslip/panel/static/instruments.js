@@ -1,7 +1,7 @@
 // The instruments of the Bench page: plotter, display, input; each is { element, update(), destroy() }.
 
 import { h } from "./dom.js";
-import { showRecording } from "./livedata.js";
+import { shortName, showRecording } from "./livedata.js";
 import { joined, makePlot } from "./plot.js";
 import { formatQuantity, makeQuantity } from "./quantity.js";
 
@@ -129,9 +129,3 @@ function plotter(bench, spec) {
   queueMicrotask(refresh);
   return { element: box, update: refresh, destroy() { off(); offView(); clearTimeout(timer); plot?.destroy(); plot = null; } };
 }
-
-export const shortName = (name) => {
-  const parts = name.replace(/\.nc$/, "").split("/");
-  const stamp = /^\d{4}-(\d\d-\d\d)_(\d\d)(\d\d)(\d\d)/.exec(parts.at(-2) ?? "");
-  return stamp ? `${parts.at(-1)} ${stamp[1]} ${stamp[2]}:${stamp[3]}:${stamp[4]}` : parts.slice(-2).join("/");
-};

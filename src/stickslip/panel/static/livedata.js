@@ -63,3 +63,12 @@ export async function showRecording(app, name, view, points) {
   const { header, arrays } = unpack(await app.request("/recordings/show", { name, begin, end, points }));
   return { header, x: Float64Array.from(arrays[0], (t) => header.from + t), columns: arrays.slice(1) };
 }
+
+/** "walk 11-21 17:39:09" for a recording of the bench; others by their folder and name. */
+export const shortName = (name) => {
+  const parts = name.replace(/\.nc$/, "").split("/");
+  const stamp = /^\d{4}-(\d\d-\d\d)_(\d\d)(\d\d)(\d\d)/.exec(parts.at(-2) ?? "");
+  return stamp ? `${parts.at(-1)} ${stamp[1]} ${stamp[2]}:${stamp[3]}:${stamp[4]}` : parts.slice(-2).join("/");
+};
+/** The same; other files by their whole name. */
+export const calledShortly = (name) => (/\d{4}-\d\d-\d\d_\d{6}/.test(name) ? shortName(name) : name);

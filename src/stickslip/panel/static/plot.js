@@ -122,8 +122,8 @@ export function makePlot(element, { series, time = { label: "time", unit: "s" },
         y: { range: (u, min, max) => strip.yView ?? padded(min, max) },
       },
       axes: [
-        { ...axis("x", time.unit, last ? time.label : ""), size: last ? 1.9 * em : 6, ...(last ? {} : { values: () => [], label: undefined, labelSize: 0 }) },
-        { ...axis("y", unit, ""), size: 4 * em },
+        { ...axis("x", time.unit, last ? time.label : ""), space: 4 * em, size: last ? 1.9 * em : 6, ...(last ? {} : { values: () => [], label: undefined, labelSize: 0 }) },
+        { ...axis("y", unit, ""), space: 2.2 * em, size: 4 * em },
       ],
       series: [xy ? null : {}, ...members.map((one) => ({
         stroke: () => css(one.color), width: one.width ?? em / 7.5, dash: one.dash, spanGaps: true, points: { show: false },
@@ -255,7 +255,7 @@ export function makePlot(element, { series, time = { label: "time", unit: "s" },
     if ("ab".includes(event.key.toLowerCase())) buttons.cursors?.setAttribute("aria-pressed", "true");
     event.preventDefault();
   });
-  const detach = strips.map((strip) => attachGestures(strip.plot.over, root, { zoom, pan }));
+  const detach = strips.map((strip) => attachGestures(strip.plot.over, root, { zoom, pan, autoscale }));
 
   const fit = () => {
     for (const strip of strips) {

@@ -1,7 +1,7 @@
 // The recordings of the folder: open, compare, rename, export.
 
 import { h, openDialog } from "./dom.js";
-import { shortName } from "./instruments.js";
+import { shortName } from "./livedata.js";
 
 const KINDS = [["nc", "NetCDF"], ["mat", "MAT"], ["controldesk", "MAT, as ControlDesk"], ["csv", "CSV"]];
 

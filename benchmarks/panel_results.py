@@ -1,0 +1,68 @@
+"""The figures of the panel's benchmarks, kept in docs/benchmarks/panel.json, and panel.md made of it."""
+
+from __future__ import annotations
+
+import json
+import os
+import textwrap
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+FOLDER = Path(__file__).parents[1] / "docs" / "benchmarks"
+JSON, PAGE = FOLDER / "panel.json", FOLDER / "panel.md"
+
+HEAD = """# The panel: first paint, first minute, stream, sliders
+
+A real server and a real browser (headless Chromium without a graphics card, 1280 x 720) on the same machine.
+No test depends on any of these times; the tests show that what is timed here works.
+"""
+ABOUT = {
+    "minute": (
+        "The first minute",
+        "`python -m benchmarks.panel_minute`: a page is opened, Start pressed as soon as it is there, "
+        "the walk watched to its end (4 s of it are the walk), Identify opened, Start fit pressed. "
+        "The emergency stop is timed from the key press in the browser to the instant at which the "
+        "rig is told to ramp to 0 V, by the clock of the machine that both are on; up to 50 ms of it "
+        "are the rig's block. With `--cold` no kernel has been compiled before.",
+    ),
+    "streaming": (
+        "The stream",
+        "`python -m benchmarks.panel_streaming`: signals of 20 kHz on three channels at 20 times real "
+        "time, watched by clients of another process. The slope of the server's memory is that of a "
+        "straight line through the second half.",
+    ),
+    "explore": (
+        "The sliders of Explore",
+        "`python -m benchmarks.panel_explore`: a slider is moved in every frame; a picture is a frame "
+        "with new curves of an experiment of 1 s. Processor time is that of all processes, server and "
+        "browser.",
+    ),
+}
+
+
+def record(section: str, rows: list[tuple[str, str]], numbers: dict[str, Any]) -> None:
+    """Keep the figures of a benchmark, and write the page anew.
+
+    Args:
+        section: one of `ABOUT`, with a word for the circumstances behind a colon where there are several.
+        rows: what was measured, and the figure with its unit.
+        numbers: the same for machines.
+    """
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    kept = json.loads(JSON.read_text(encoding="utf-8")) if JSON.is_file() else {}
+    machine = f"{date.today()}, {os.cpu_count()} processors, load {os.getloadavg()[1]:.1f}"
+    kept[section] = {"machine": machine, "rows": rows, **numbers}
+    kept = dict(sorted(kept.items(), key=lambda item: list(ABOUT).index(item[0].split(":")[0])))
+    JSON.write_text(json.dumps(kept, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    parts = [HEAD]
+    for name, found in kept.items():
+        key, _, word = name.partition(":")
+        title, about = ABOUT[key]
+        heading = f"## {title}, {word.strip()}" if word else f"## {title}"
+        parts += [f"{heading}\n\n{textwrap.fill(about, 118)}\n", f"Measured: {found['machine']}.\n"]
+        lines = [f"| {what} | {figure} |" for what, figure in found["rows"]]
+        parts.append("\n".join(["| | |", "|---|---|", *lines]) + "\n")
+    PAGE.write_text("\n".join(parts), encoding="utf-8")
+    for what, figure in rows:
+        print(f"{what}: {figure}")

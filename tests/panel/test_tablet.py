@@ -1,0 +1,113 @@
+"""The panel under fingers: a tablet's screen, touch gestures on the plots, targets that a finger meets."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, CDPSession, Page, expect
+
+from .conftest import PATIENCE, Panel
+
+pytestmark = [pytest.mark.browser, pytest.mark.compiled]
+SLOW = PATIENCE * 1e3  # ms
+SMALLEST = 40  # px
+
+
+@pytest.fixture(scope="module")
+def tablet(browser: Browser, panel: Panel) -> Iterator[Page]:
+    """A tablet held upright, on the Bench page after a walk."""
+    context = browser.new_context(
+        viewport={"width": 768, "height": 1024}, has_touch=True, is_mobile=True, device_scale_factor=1
+    )
+    page = context.new_page()
+    page.goto(panel.url)
+    page.locator("#start").tap()
+    expect(page.locator("#phase")).to_have_text("Running", timeout=SLOW)
+    expect(page.locator("#phase")).to_have_text("Done", timeout=SLOW)
+    yield page
+    context.close()
+
+
+def touch(session: CDPSession, kind: str, *points: tuple[float, float]) -> None:
+    fingers = [{"x": x, "y": y, "id": i} for i, (x, y) in enumerate(points)]
+    session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": fingers})
+
+
+def window(page: Page, act: Any) -> list[float]:
+    """Begin and end of what the plotter asks for after a gesture."""
+    with page.expect_response("**/bench/window") as answer:
+        act()
+    page.wait_for_timeout(300)  # the last of several requests
+    asked = json.loads(answer.value.request.post_data or "")
+    return [asked["begin"], asked["end"]]
+
+
+def test_fingers_zoom_pan_and_show_everything(tablet: Page) -> None:
+    session = tablet.context.new_cdp_session(tablet)
+    over = tablet.locator(".plotter .u-over").first
+    over.scroll_into_view_if_needed()
+    box = over.bounding_box()
+    assert box is not None
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+    def pinch() -> None:
+        touch(session, "touchStart", (x - 30, y), (x + 30, y))
+        for i in range(1, 11):
+            touch(session, "touchMove", (x - 30 - 12 * i, y), (x + 30 + 12 * i, y))
+        touch(session, "touchEnd")
+
+    def drag(by: float) -> None:
+        touch(session, "touchStart", (x, y))
+        for i in range(1, 11):
+            touch(session, "touchMove", (x + by * i / 10, y))
+        touch(session, "touchEnd")
+
+    begin, end = 0.0, 0.0
+    window(tablet, pinch)
+    # The last request of a gesture says where it ended: ask once more by a pan there and back.
+    begin, end = window(tablet, lambda: drag(-60))
+    assert 0.2 < end - begin < 2.0, "five times nearer, of 4 s"
+    later, _ = window(tablet, lambda: drag(-120))
+    assert later > begin, "the curve follows the finger"
+
+    requests: list[str] = []
+    tablet.on("request", lambda one: requests.append(one.url))
+    scale = "() => [...document.querySelectorAll('.plotter canvas')].at(-1).toDataURL()"
+    near = tablet.evaluate(scale)
+    for _ in range(2):
+        touch(session, "touchStart", (x, y))
+        touch(session, "touchEnd")
+    tablet.wait_for_function(f"(near) => ({scale})() !== near", arg=near)
+    tablet.wait_for_timeout(300)
+    assert not [url for url in requests if url.endswith("/bench/window")], "everything is there already"
+
+
+@pytest.mark.parametrize("name", ["bench", "identify", "explore"])
+def test_targets_are_as_large_as_a_finger(tablet: Page, panel: Panel, name: str) -> None:
+    tablet.goto(f"{panel.url}#{name}")
+    ready = {"bench": "#start", "identify": ".identify[data-phase]", "explore": ".explore[data-curves]"}
+    tablet.locator(ready[name]).wait_for(timeout=SLOW)
+    assert tablet.evaluate("matchMedia('(pointer: coarse)').matches")
+    for summary in tablet.locator("details:not([open]) > summary").all():
+        summary.tap()
+    small = tablet.evaluate(
+        """(least) => [...document.querySelectorAll('button, input, select, summary, nav a, main a')]
+          .filter((one) => one.checkVisibility())
+          .map((one) => {
+            const label = one.type === 'checkbox' && one.labels?.[0];
+            const box = (label || one).getBoundingClientRect();
+            const margin = one.type === 'checkbox' ? 2 * parseFloat(getComputedStyle(one).marginTop) : 0;
+            const own = one.getBoundingClientRect();
+            const size = (side) => Math.max(box[side], own[side] + margin);
+            return [one.id || one.ariaLabel || one.textContent, size('width'), size('height')];
+          }).filter(([, wide, high]) => wide < least || high < least)""",
+        SMALLEST,
+    )
+    assert small == []
+    assert tablet.evaluate("document.documentElement.scrollWidth") <= 768, "nothing stands out sideways"
+    stop = tablet.locator("#stop").bounding_box()
+    assert stop is not None
+    assert stop["y"] + stop["height"] < 1024
