@@ -84,6 +84,13 @@ def test_the_truth_is_near_and_the_other_walk_is_predicted(folder: Path) -> None
     assert other["r_squared"]["value"] > 0.9995
     assert other["net_step_error"]["value"] < 0.01
     assert results["failures"] == []
+    # Without a model: what the slips of 75 V carry, which the verification finds in the mean positions.
+    walk = numbers["features"]["sawtooth_20Hz_75V"]
+    assert walk["forward"]["net_step"]["value"] == pytest.approx(other["net_step"]["value"], rel=0.03)
+    assert walk["back"]["slips"]["value"] == 8
+    assert walk["vibration_frequency"]["value"] == pytest.approx(
+        595.0, abs=30.0
+    )  # contact on the slider's mass
     page = (out / "report.html").read_text("utf-8")
     assert "fig. 5.1 of the thesis" in page
     assert {p.name for p in (out / "figures").iterdir()} == {
@@ -201,6 +208,16 @@ def test_the_scale_is_the_mean_ratio_of_the_steps() -> None:
         scale_of([clamped(1.0, "c")], "gauge", 0.01)
     with pytest.raises(QuantityError, match="other of c is in V"):
         scale_of([clamped(1.0, "c", "V")], "other", 0.01)
+
+
+def test_a_pdf_without_a_browser_is_refused_before_the_work(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PATH", str(folder))
+    done = run(written(folder, "paper.yaml"), "--pdf", "--out", str(folder / "paper"))
+    assert done.exit_code == 2
+    assert "a PDF needs a Chromium browser" in done.stderr
+    assert not (folder / "paper").exists()
 
 
 @pytest.mark.parametrize(

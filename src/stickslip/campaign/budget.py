@@ -27,10 +27,7 @@ Array = NDArray[np.float64]
 
 
 class Budget(NamedTuple):
-    """Standard errors of each parameter, by source, and their sum; in the unit of the parameter.
-
-    `bands` are the half widths of the 95 % prediction bands of the recordings that were fitted [m].
-    """
+    """Standard errors of each parameter, by source, and their sum; in the unit of the parameter."""
 
     sources: dict[str, dict[str, float]]
     total: dict[str, float]
@@ -43,7 +40,7 @@ def budget(fit: Fit, fitted: list[Gathered], stage: Fit | None, scale: Scale | N
     spread = fit.uncertainty.covariance
     variances = {"noise of the recordings": np.diag(spread).copy()}
     if fit.model is not None and has_slopes(fit.model) and (stage is not None or scale is not None):
-        moved = _moved(fit, fitted)
+        moved = moved_by_stage(fit, fitted)
         if stage is not None:
             names = [p.name for p in stage.parameters]
             at = [names.index(name) for name in STAGE]
@@ -80,7 +77,7 @@ def budget(fit: Fit, fitted: list[Gathered], stage: Fit | None, scale: Scale | N
     )
 
 
-def _moved(fit: Fit, fitted: list[Gathered]) -> dict[str, Array]:
+def moved_by_stage(fit: Fit, fitted: list[Gathered]) -> dict[str, Array]:
     """How the coordinates of the fit move with the stage's values and with the log of the sensor's scale."""
     own = [p.name for p in fit.parameters if p.name not in CHANNEL]
     delay = fit.values.get("delay", 0.0)

@@ -10,21 +10,21 @@ from typing import Any
 import numpy as np
 
 from ..experiment import Recorded
-from ..figures.campaign import Trace, step_responses, walks
+from ..figures.campaign import Trace, walks
 from ..figures.style import svg
-from ..identify.result import Fit
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import fit_numbers, model_numbers, parameter_table
 from ..report.recordings import recorded_assumptions
 from ..study.verification import verification_numbers
 from ..units import with_prefix
+from .bands import walk_bands
 from .evaluation import Found
+from .features import feature_numbers, features_section
 from .file import CampaignFile
 from .gathering import POSITION, Gathered
+from .stage import stage_section, unit_of
 
 _ROLE = {"step": "stage", "fit": "friction, fitted", "verify": "predicted"}
-# s around a step that are shown.
-_BEFORE, _AFTER = 2e-3, 12e-3
 
 
 def campaign_document(
@@ -36,13 +36,14 @@ def campaign_document(
         "friction": {
             **fit_numbers(friction, "m"),
             "parameters_with_all_errors": {
-                name: Number(friction.values[name], _unit(friction, name), *ends, found.budget.total[name])
+                name: Number(friction.values[name], unit_of(friction, name), *ends, found.budget.total[name])
                 for name, ends in found.budget.intervals.items()
             },
         },
         "verification": verification_numbers(seen),
         "model": model_numbers(friction.model),
         "parameters": {"delay": Number(friction.values["delay"], "s")},
+        "features": feature_numbers(found.features),
         "signal_chain": found.chain.numbers(),
         "recordings": {
             one.name: {"begin": Number(one.begin, "s"), "noise": Number(one.noise, "m")}
@@ -55,12 +56,14 @@ def campaign_document(
         numbers["stage"] = fit_numbers(found.stage, "m")
     if found.scale is not None:
         numbers["sensor_scale"] = Number(found.scale.value, "", standard_error=found.scale.standard_error)
+    bands = _bands(file, found) if figures else None
     sections = [
         _set_up(file, found, recorded),
         _calibration(file, found),
-        *([_stage(file, found, figures)] if found.stage is not None else []),
-        _friction(found, figures),
-        _verification(file, found, figures),
+        *([stage_section(file, found, figures)] if found.stage is not None else []),
+        features_section(found.features),
+        _friction(found, bands),
+        _verification(file, found, bands),
     ]
     least = float(np.min(seen.table["r_squared"].values))
     errors = seen.table["net_step_error"].values
@@ -85,10 +88,6 @@ def campaign_document(
         citations=friction.model.citation,
         failures=found.failures,
     )
-
-
-def _unit(fit: Fit, name: str) -> str:
-    return next(p.unit for p in fit.parameters if p.name == name)
 
 
 def _set_up(file: CampaignFile, found: Found, recorded: Sequence[Recorded]) -> Section:
@@ -183,75 +182,26 @@ def _applied(one: Gathered) -> Mapping[str, Any]:
     return {name: chain for name, chain in found.items() if isinstance(chain, list)}
 
 
-def _stage(file: CampaignFile, found: Found, figures: bool) -> Section:
-    stage = found.stage
-    assert stage is not None
-    assert stage.predict is not None
-    steps = [one for one in found.gathered if one.use == "step"]
-    pictures = []
-    if figures:
-        traces = {}
-        for one in steps:
-            since = one.recording["time"].values - one.begin
-            near = (since > -_BEFORE) & (since < _AFTER)
-            traces[one.name] = Trace(
-                since[near], one.recording[POSITION].values[near], stage.predict(one.recording)[near]
-            )
-        pictures.append(
-            Picture(
-                "campaign-steps",
-                "Step responses, measured and by the second-order stage (fig. 5.1 of the thesis).",
-                svg(step_responses(traces)),
-                "Position over the milliseconds after a step, measured and model, and the residuals below",
-            )
-        )
-    published = file.published.get("step")
-    beside = f" Published: r² {published:.4f}." if published is not None else ""
-    return Section(
-        "Stage, from steps",
-        paragraphs=(
-            f"All samples of {len(steps)} steps at once, the end-effector fixed to the stage: r² "
-            f"{stage.r_squared:.4f}.{beside}",
-        ),
-        tables=(
-            parameter_table("Second-order stage, delay and lag of the sensor.", stage),
-            _formulas(found, stage),
-        ),
-        figures=pictures,
-    )
+Bands = Mapping[str, Any]
 
 
-def _formulas(found: Found, stage: Fit) -> Table:
-    """The thesis's formulas (peak time, overshoot) beside the fit."""
-    known = found.formulas
-    assert known is not None
-    rows = []
-    for i, name in enumerate(known["parameter"].values):
-        unit = _unit(stage, str(name))
-        columns = ("fitted", "by_sensor", "by_noise", "scatter")
-        rows.append((str(name), *(Number(float(known[c][i]), unit) for c in columns)))
-    return Table(
-        "What the formulas of peak time and overshoot (app. 5 of the thesis) make of the same steps.",
-        (
-            Column("parameter"),
-            Column("fitted"),
-            Column("formula off by the sensor"),
-            Column("by the noise"),
-            Column("scatter of the formula"),
-        ),
-        rows,
-        notes="The sensor's lag and filter move the peak; the greatest of many noisy samples is too great.",
-    )
+def _bands(file: CampaignFile, found: Found) -> Bands:
+    """The half widths of each walk's bands [m]; empty for a law without derivatives."""
+    fitted = [one for one in found.walks if one.use == "fit"]
+    rate = file.slew_rate if math.isfinite(file.slew_rate) else None
+    bands = walk_bands(found.friction, fitted, found.walks, found.stage, rate)
+    names = [one.name for one in found.walks]
+    return {} if bands is None else dict(zip(names, bands, strict=True))
 
 
-def _friction(found: Found, figures: bool) -> Section:
+def _friction(found: Found, bands: Bands | None) -> Section:
     fit, parts = found.friction, found.budget
     names = list(parts.total)
     rows = [
         (
             name,
-            Number(fit.values[name], _unit(fit, name), *parts.intervals[name]),
-            *(Number(by[name], _unit(fit, name)) for by in parts.sources.values()),
+            Number(fit.values[name], unit_of(fit, name), *parts.intervals[name]),
+            *(Number(by[name], unit_of(fit, name)) for by in parts.sources.values()),
         )
         for name in names
     ]
@@ -266,10 +216,11 @@ def _friction(found: Found, figures: bool) -> Section:
         notes=" ".join(fit.undetermined),
     )
     pictures = []
-    if figures:
+    if bands is not None:
         pictures = [
             _walks_picture(
                 found,
+                bands,
                 [one for one in found.walks if one.use == "fit"],
                 "campaign-fit",
                 "The walk that the friction was fitted to (fig. 5.2 of the thesis)",
@@ -287,7 +238,7 @@ def _friction(found: Found, figures: bool) -> Section:
     )
 
 
-def _verification(file: CampaignFile, found: Found, figures: bool) -> Section:
+def _verification(file: CampaignFile, found: Found, bands: Bands | None) -> Section:
     table = found.verification.table
     rows = []
     for i, one in enumerate(found.walks):
@@ -319,7 +270,7 @@ def _verification(file: CampaignFile, found: Found, figures: bool) -> Section:
         Column("its error", "%", 2),
     )
     pictures = []
-    if figures:
+    if bands is not None:
         groups: dict[str, list[Gathered]] = {}
         for one in found.walks:
             if one.use == "verify":
@@ -327,7 +278,7 @@ def _verification(file: CampaignFile, found: Found, figures: bool) -> Section:
         for i, (name, group) in enumerate(groups.items()):
             words = "fig. 5.4 of the thesis" if i == 0 and file.published else "not fitted"
             said = f"{name.replace('_', ' ')}: predicted, and measured ({words})"
-            pictures.append(_walks_picture(found, group[:4], f"campaign-predicted-{i + 1}", said))
+            pictures.append(_walks_picture(found, bands, group[:4], f"campaign-predicted-{i + 1}", said))
     return Section(
         "Verification",
         paragraphs=("What was fitted predicts the other walks; nothing is fitted again.",),
@@ -346,7 +297,7 @@ def _verification(file: CampaignFile, found: Found, figures: bool) -> Section:
 
 
 def _walks_picture(
-    found: Found, shown: Sequence[Gathered], name: str, said: str, *, whole: bool = False
+    found: Found, bands: Bands, shown: Sequence[Gathered], name: str, said: str, *, whole: bool = False
 ) -> Picture:
     """Of the forward walk only, unless `whole`."""
     traces = {}
@@ -359,11 +310,13 @@ def _walks_picture(
             time[near],
             p["measured"].values[near],
             p["predicted"].values[near],
-            1.96 * found.friction.rmse,
+            np.hypot(1.96 * found.friction.rmse, bands[one.name][near] if bands else 0.0),
+            bands[one.name][near] if bands else 0.0,
         )
     return Picture(
         name,
-        f"{said}; below, the residuals in the band that the fit's noise leaves 95 % of.",
+        f"{said}; below, the residuals, and where 95 % of the model and of new samples should be by the "
+        "errors of all parameters, those of the stage too, and the fit's noise.",
         svg(walks(traces)),
         "Position over time, measured under the model, and the residuals below",
     )

@@ -17,6 +17,7 @@ from ..identify.step_fit import identify_step, step_formula_errors
 from ..study.signal_chain import SignalChain
 from ..verification import Predictor, Requirement, Verification, verify
 from .budget import Budget, budget
+from .features import features_of
 from .file import CampaignFile
 from .gathering import Gathered, Progress, Scale, scale_of, scaled
 
@@ -30,7 +31,8 @@ class Found(NamedTuple):
     `gathered` are the recordings in the scale of the reference; `scale` is None without a reference, `stage`
     and `formulas` (how far the thesis's formulas are off, see `step_formula_errors`) without steps; `start`
     is the actuator that the fit of the friction began with; `walks` are the recordings of `verification`, in
-    its order; `chain` is what its prediction takes between the model and the channel.
+    its order, and `features` what they show without a model; `chain` is what the prediction takes between the
+    model and the channel.
     """
 
     gathered: list[Gathered]
@@ -41,6 +43,7 @@ class Found(NamedTuple):
     friction: Fit
     budget: Budget
     walks: list[Gathered]
+    features: dict[str, xr.Dataset | str]
     chain: SignalChain
     verification: Verification
     failures: list[str]
@@ -100,6 +103,7 @@ def evaluate(file: CampaignFile, folder: Path, gathered: Sequence[Gathered], pro
         friction,
         budget(friction, fitted, stage, scale),
         walks,
+        features_of(walks),
         chain,
         verification,
         verification.unmet(requirements),

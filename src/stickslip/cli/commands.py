@@ -168,6 +168,9 @@ def campaign(
         Path, typer.Argument(exists=True, dir_okay=False, metavar="FILE.yaml", help="The campaign.")
     ],
     figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw figures.")] = True,
+    pdf: Annotated[
+        bool, typer.Option("--pdf", help="report.pdf too, printed by a Chromium browser that is found.")
+    ] = False,
     out: Out = Path("out/campaign"),
     show_traceback: Traceback = False,
 ) -> None:
@@ -176,10 +179,12 @@ def campaign(
     with errors_in_one_line(show_traceback):
         check_output(out)
         from ..campaign import run_campaign
+        from ..report import find_browser
 
+        browser = find_browser() if pdf else ""  # before the work, not after it
         with progress_bar() as progress:
             document = run_campaign(file, out, progress, figures=figures)
-        write(document, out, begun)
+        write(document, out, begun, browser)
 
 
 @app.command()

@@ -123,9 +123,12 @@ class RequirementError(Exception):
     """Something that the user required is not so."""
 
 
-def write(document: Document, out: Path, begun: float) -> None:
-    """Write the report, print what matters most; raises RequirementError if something required is not so."""
-    from ..report import write_report
+def write(document: Document, out: Path, begun: float, browser: str = "") -> None:
+    """Write the report, print what matters most; raises RequirementError if something required is not so.
+
+    With the path of a `browser`, report.pdf too.
+    """
+    from ..report import write_pdf, write_report
 
     command = shlex.join(["stickslip", *sys.argv[1:]])
     report = write_report(document, out, command=command, elapsed=time.perf_counter() - begun)
@@ -133,6 +136,8 @@ def write(document: Document, out: Path, begun: float) -> None:
     for what, number in document.highlights:
         typer.echo(f"  {what}: {_shown(number)}")
     typer.echo(f"Report: {report}")
+    if browser:
+        typer.echo(f"PDF: {write_pdf(report, browser)}")
     if document.failures:
         raise RequirementError(f"not as required: {'; '.join(document.failures)}")
 

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from .scale import scale_for
 from .style import (
@@ -24,17 +25,21 @@ from .style import (
     trace,
 )
 
+_LEFT = "95 % for the model, by the errors of its parameters"
+
 
 class Trace(NamedTuple):
     """A position over time, measured and by the model, arrays of shape (n,) in s and m.
 
-    `band` is the half width within which a new sample is expected, m.
+    `parameters` is the half width [m] of the band that the errors of the parameters leave the model, `band`
+    that within which a new sample is expected.
     """
 
     time: ArrayLike
     measured: ArrayLike
     model: ArrayLike
     band: ArrayLike = 0.0
+    parameters: ArrayLike = 0.0
 
 
 @drawn
@@ -52,17 +57,26 @@ def step_responses(traces: Mapping[str, Trace]) -> Figure:
         measured, model = np.asarray(t.measured, dtype=float), np.asarray(t.model, dtype=float)
         trace(above, clock(times[i]), scale(measured), **data)
         trace(above, clock(times[i]), scale(model), label=name, **how)
+        _between(below, clock(times[i]), small(np.asarray(t.parameters, dtype=float)), "" if i else _LEFT)
         trace(below, clock(times[i]), small(model - measured), lw=0.8, alpha=0.8, **how)
     above.set_ylabel(scale.label("end-effector position"))
     below.set_ylabel(small.label("residual"))
     below.set_xlabel(clock.label("time since the step"))
     legend_above(above, columns=5)
+    legend_above(below)
     return figure
+
+
+def _between(axes: Axes, x: NDArray[np.float64], half: NDArray[np.float64], label: str) -> None:
+    """The band that the parameters leave, if there is one."""
+    if np.any(half > 0.0):
+        width = np.broadcast_to(half, x.shape)
+        axes.fill_between(x, -width, width, color=VERMILLION, alpha=0.4, lw=0, zorder=3, label=label or None)
 
 
 @drawn
 def walks(traces: Mapping[str, Trace]) -> Figure:
-    """Walks side by side, measured under the model, and below the residuals within the prediction band."""
+    """Walks side by side, measured under the model, and below the residuals within the prediction bands."""
     count = len(traces)
     figure = Figure(figsize=(WIDTH, 3.6))
     grid = figure.subplots(2, count, sharex="col", sharey="row", squeeze=False, height_ratios=(2.2, 1.0))
@@ -76,16 +90,18 @@ def walks(traces: Mapping[str, Trace]) -> Figure:
         trace(above, clock(time), scale(model), color=BLUE, lw=0.9, label="model")
         band = np.broadcast_to(small(np.asarray(t.band, dtype=float)), time.shape)
         if np.any(band > 0):
-            below.fill_between(clock(time), -band, band, color=SHADE, lw=0, label="95 % band")
+            below.fill_between(clock(time), -band, band, color=SHADE, lw=0, label="95 % of new samples")
             for side in (-1.0, 1.0):
-                trace(below, clock(time), side * band, color=VERMILLION, lw=0.5)
-        trace(below, clock(time), small(model - measured), color=BLUE, lw=0.6)
+                trace(below, clock(time), side * band, color=MEASURED, lw=0.6)
+        _between(below, clock(time), small(np.asarray(t.parameters, dtype=float)), _LEFT)
+        trace(below, clock(time), small(model - measured), color=BLUE, lw=0.5, alpha=0.7)
         above.set_title(name)
         below.set_xlabel(clock.label("time"))
         below.locator_params(axis="x", nbins=4)
     grid[0, 0].set_ylabel(scale.label("end-effector position"))
     grid[1, 0].set_ylabel(small.label("residual"))
-    handles, labels = grid[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper left", ncols=2)
+    both = [panel.get_legend_handles_labels() for panel in grid[:, 0]]
+    handles, labels = both[0][0] + both[1][0], both[0][1] + both[1][1]
+    figure.legend(handles, labels, loc="outside upper left", ncols=4)
     figure.align_ylabels(grid[:, 0])
     return figure

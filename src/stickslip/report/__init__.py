@@ -8,4 +8,7 @@ from .document import Number as Number
 from .document import Picture as Picture
 from .document import Section as Section
 from .document import Table as Table
+from .pdf import PdfError as PdfError
+from .pdf import find_browser as find_browser
+from .pdf import write_pdf as write_pdf
 from .writing import write_report as write_report

@@ -1,0 +1,74 @@
+"""How far a prediction may be off because the parameters are: the 95 % bands of the figures.
+
+A prediction depends on what was fitted and, through the stage that the fit took as known, on the steps. Both
+are linearised: with G the derivatives of the position by the fitted coordinates, P those by the stage's
+values and M how the fit moves with them, the covariance is G V Gᵀ + (G M + P) S (G M + P)ᵀ.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from ..identify.displacement import Displacement, has_slopes
+from ..identify.friction import CHANNEL
+from ..identify.result import Fit
+from ..identify.step_formulas import step_tests
+from .budget import LEVEL, STAGE, moved_by_stage
+from .gathering import Gathered
+
+_TOLERANCE = 1e-10
+
+Array = NDArray[np.float64]
+
+
+def walk_bands(
+    fit: Fit, fitted: list[Gathered], shown: Sequence[Gathered], stage: Fit | None, slew_rate: float | None
+) -> list[Array] | None:
+    """Half widths [n] of the bands of walks, m; None for a law without derivatives."""
+    if not has_slopes(fit.model):
+        return None
+    own = [p.name for p in fit.parameters if p.name not in CHANNEL]
+    known = np.flatnonzero(np.isfinite(np.diag(fit.uncertainty.covariance)))
+    spread = fit.uncertainty.covariance[np.ix_(known, known)]
+    scale = np.array([p.slope(fit.values[p.name]) for p in fit.parameters])
+    moves, of_stage = np.zeros((len(fit.parameters), len(STAGE))), np.zeros((len(STAGE), len(STAGE)))
+    if stage is not None:
+        names = [p.name for p in stage.parameters]
+        at = [names.index(name) for name in STAGE]
+        of_stage = stage.covariance[np.ix_(at, at)]
+        by = moved_by_stage(fit, fitted)
+        moves = np.column_stack([by[name] for name in STAGE])
+    bands = []
+    for one in shown:
+        motion = Displacement(one.recording, one.drive, one.name, fit.model, _TOLERANCE, slew_rate)
+        slopes = motion.slopes(fit.model, fit.values.get("delay", 0.0), [*own, *STAGE])
+        column = dict(zip([*own, *STAGE, "delay"], slopes.T, strict=True))
+        column["offset"] = np.ones(len(slopes))
+        g = np.column_stack([column[p.name] for p in fit.parameters]) * scale
+        whole = g @ moves + np.column_stack([column[name] for name in STAGE])
+        variance = np.einsum("ij,jk,ik->i", g[:, known], spread, g[:, known])
+        variance += np.einsum("ij,jk,ik->i", whole, of_stage, whole)
+        bands.append(_t(fit) * np.sqrt(variance))
+    return bands
+
+
+def step_bands(stage: Fit, steps: Sequence[Gathered]) -> list[tuple[NDArray[np.intp], Array]]:
+    """Of each step the samples that were fitted, and the half widths of their bands [m]."""
+    assert stage.jacobian is not None
+    free = np.flatnonzero(stage.uncertainty.bounded == 0)
+    spread = stage.uncertainty.covariance[np.ix_(free, free)]
+    ends = np.cumsum([g.n_data for g in stage.recordings])[:-1]
+    found = []
+    for one, rows in zip(steps, np.split(stage.jacobian[:, free], ends), strict=True):
+        (test,) = step_tests(one.recording)
+        samples = np.sort(np.argsort(np.abs(test.time), kind="stable")[: len(rows)])
+        found.append((samples, _t(stage) * np.sqrt(np.einsum("ij,jk,ik->i", rows, spread, rows))))
+    return found
+
+
+def _t(fit: Fit) -> float:
+    return float(stats.t.ppf(0.5 + LEVEL / 2, fit.degrees_of_freedom))

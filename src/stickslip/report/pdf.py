@@ -1,0 +1,73 @@
+"""report.pdf: report.html as a browser prints it, for those who file paper."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+
+_BROWSERS = ("chromium", "chromium-browser", "google-chrome-stable", "google-chrome", "chrome", "msedge")
+_SECONDS = 120.0
+
+
+class PdfError(ValueError):
+    """No PDF can be made; the message says what is missing, or what the browser said."""
+
+
+def find_browser() -> str:
+    """The path of a browser that prints to PDF.
+
+    Raises:
+        PdfError: there is none.
+    """
+    for name in _BROWSERS:
+        path = shutil.which(name)
+        if path:
+            return path
+    raise PdfError(
+        f"a PDF needs a Chromium browser ({', '.join(_BROWSERS)}), and none is found; install one, or print "
+        "report.html to PDF in any browser"
+    )
+
+
+def write_pdf(page: Path, browser: str = "") -> Path:
+    """Print an HTML file to a PDF beside it, of the same name; replaced as a whole or not at all.
+
+    Args:
+        page: the HTML file.
+        browser: path of a Chromium browser; left out, one that is found.
+
+    Raises:
+        PdfError: there is no browser, or it does not print.
+    """
+    browser, target = browser or find_browser(), page.with_suffix(".pdf")
+    # As root, as in a container, Chromium refuses to work in its sandbox. The page is our own.
+    alone = ["--no-sandbox"] if getattr(os, "geteuid", lambda: 1)() == 0 else []
+    with tempfile.TemporaryDirectory() as profile:
+        made = Path(profile) / "made.pdf"
+        command = [
+            browser,
+            "--headless",
+            "--disable-gpu",
+            *alone,
+            f"--user-data-dir={profile}",
+            "--no-pdf-header-footer",
+            f"--print-to-pdf={made}",
+            page.resolve().as_uri(),
+        ]
+        try:
+            done = subprocess.run(command, capture_output=True, text=True, timeout=_SECONDS)
+        except (OSError, subprocess.TimeoutExpired) as error:
+            raise PdfError(f"{browser} does not print {page.name} to PDF: {error}") from error
+        if done.returncode or not made.exists():
+            said = (done.stderr.strip() or f"exit code {done.returncode}").splitlines()[-1]
+            raise PdfError(f"{browser} does not print {page.name} to PDF: {said}")
+        temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
+        try:
+            shutil.copyfile(made, temporary)
+            os.replace(temporary, target)
+        finally:
+            temporary.unlink(missing_ok=True)
+    return target
