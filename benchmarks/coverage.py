@@ -34,7 +34,7 @@ CAMPAIGNS, LEVEL = 500, 0.95
 LOW_PASS = Filter(2, 2e3)
 POSITION = "end_effector_position"
 FREE = ("sigma_0", "sigma_1", "coulomb_force", "delay", "offset")
-BOUNDS = {"delay": (0.0, 5e-3), "sigma_1": (0.0, 300.0)}
+BOUNDS = {"delay": (0.0, 5e-3)}
 OVERSAMPLING = 4
 
 
@@ -123,7 +123,9 @@ def campaign(chain: Chain, seed: int) -> dict[str, tuple[float, float, float]]:
             key = f"walk {name}" if name == "delay" and one is fit else name
             found[key] = (one.values[name], low, high)
     found["converged"] = (float(fit.converged and stage.converged), 0.0, 0.0)
-    found["undetermined sigma_1"] = (float(any("sigma_1 is not" in s for s in fit.undetermined)), 0.0, 0.0)
+    for name in FREE:
+        lost = any(s.startswith((f"{name} is not", f"{name} ended at")) for s in fit.undetermined)
+        found[f"undetermined {name}"] = (float(lost), 0.0, 0.0)
     return found
 
 
@@ -151,13 +153,13 @@ def table(chain: Chain, found: list[dict[str, tuple[float, float, float]]]) -> d
             "mean": float(values.mean()),
             "spread": float(values.std()),
             "half_interval": float(np.median(high - low) / 2),
+            "undetermined": float(np.mean([f.get(f"undetermined {name}", (0.0,))[0] for f in found])),
         }
     return {
         "campaigns": len(found),
         "level": LEVEL,
         "sensor_scale": chain.scale,
         "converged": float(np.mean([f["converged"][0] for f in found])),
-        "sigma_1_called_undetermined": float(np.mean([f["undetermined sigma_1"][0] for f in found])),
         "parameters": parameters,
     }
 

@@ -53,7 +53,8 @@ def moved(model: Actuator, names: Sequence[str], state: NDArray[np.float64], bef
     Raises:
         QuantityError: a name that is not known, or a law with other than one internal state.
     """
-    if not one_bristle(model.friction, mechanism(model)):
+    mech = mechanism(model)
+    if not one_bristle(model.friction, mech):
         raise QuantityError(
             f"derivatives are for an actuator with a law of one internal state and a stage that moves; "
             f"{type(model.friction).__name__} on this one is not: difference `simulate` instead"
@@ -69,15 +70,17 @@ def moved(model: Actuator, names: Sequence[str], state: NDArray[np.float64], bef
             row, _, step = INITIAL[name]
             own[row] += step
         else:
-            step = DIFFERENCE * (abs(_value(model, name)) or 1.0)
+            value = _value(model, name)
+            step = DIFFERENCE * (abs(value) or 1.0)
             # Unchecked, for it may step over a bound of its field by a millionth.
-            fields, changed = changed_fields(model, {name: _value(model, name) + step})
+            fields, changed = changed_fields(model, {name: value + step})
             law = tuple.__new__(type(model.friction), fields.values())
             one = tuple.__new__(Actuator, (model._asdict() | changed | {"friction": law}).values())
-            if before is not None:
-                own = resting_state(one.friction, mechanism(one), before)
+        body = mech if one is model else mechanism(one)
+        if before is not None and name not in INITIAL:
+            own = resting_state(one.friction, body, before)
         laws.append([float(v) for v in one.friction])
-        mechs.append([float(v) for v in mechanism(one)])
+        mechs.append([float(v) for v in body])
         states.append(own)
         steps.append(step)
     return Moved(model, np.array(laws), np.array(mechs), np.array(states), np.array(steps))
