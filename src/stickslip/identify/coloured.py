@@ -16,7 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_solve_banded, cholesky_banded, solve_toeplitz
+from scipy.fft import dst
+from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.optimize import minimize_scalar
 from scipy.signal import fftconvolve, lfilter
 
@@ -50,10 +51,11 @@ def autoregression(pieces: Sequence[Array], most: int = MOST_ORDER) -> tuple[Arr
     best, variance = np.ones(1), float(covariance[0])
     if variance <= 0.0:
         return best, 0.0
-    lowest = size * math.log(variance)
-    for order in range(1, most + 1):
-        a = solve_toeplitz(covariance[:order], covariance[1 : order + 1])
-        left = float(covariance[0] - a @ covariance[1 : order + 1])
+    lowest, left, a = size * math.log(variance), variance, np.zeros(0)
+    for order in range(1, most + 1):  # Levinson's recursion: each order from the one before
+        reflection = (covariance[order] - float(a @ covariance[order - 1 : 0 : -1])) / left
+        a = np.append(a - reflection * a[::-1], reflection)
+        left *= 1.0 - reflection**2
         if left <= 0.0:
             break
         criterion = size * math.log(left) + 2 * order
@@ -83,20 +85,19 @@ def coloured(pieces: Sequence[Array], walks: bool = False) -> Coloured:
 def _walk(pieces: Sequence[Array]) -> float:
     """Variance of a random walk's steps over that of white noise, by maximum likelihood; 0 without one.
 
-    The differences of the sum of both are a moving average, so their covariance is tridiagonal.
+    The differences of the sum of both are a moving average: their covariance is tridiagonal, its eigenvectors
+    are sines.
     """
     changes = [np.diff(r) for r in pieces]
     size = sum(d.size for d in changes)
+    powers = np.concatenate([dst(d, type=1, norm="ortho") ** 2 for d in changes])
+    of_white = np.concatenate(
+        [2.0 - 2.0 * np.cos(np.pi * np.arange(1, d.size + 1) / (d.size + 1)) for d in changes]
+    )
 
     def criterion(log_ratio: float) -> float:
-        ratio, total, log_determinant = math.exp(log_ratio), 0.0, 0.0
-        for d in changes:
-            band = np.full((2, d.size), -1.0)
-            band[0] = 2.0 + ratio
-            factor = cholesky_banded(band, lower=True)
-            total += float(d @ cho_solve_banded((factor, True), d))
-            log_determinant += 2.0 * float(np.sum(np.log(factor[0])))
-        return size * math.log(total) + log_determinant
+        variances = of_white + math.exp(log_ratio)
+        return size * math.log(np.sum(powers / variances)) + float(np.sum(np.log(variances)))
 
     if not all(np.any(d) for d in changes):
         return 0.0
