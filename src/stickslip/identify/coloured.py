@@ -90,7 +90,7 @@ def _walk(pieces: Sequence[Array]) -> float:
     """
     changes = [np.diff(r) for r in pieces]
     size = sum(d.size for d in changes)
-    powers = np.concatenate([dst(d, type=1, norm="ortho") ** 2 for d in changes])
+    powers = np.concatenate([np.asarray(dst(d, type=1, norm="ortho")) ** 2 for d in changes])
     of_white = np.concatenate(
         [2.0 - 2.0 * np.cos(np.pi * np.arange(1, d.size + 1) / (d.size + 1)) for d in changes]
     )
