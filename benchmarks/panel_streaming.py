@@ -119,7 +119,7 @@ def main() -> None:
                 "clients",
                 f"{asked.clients}, {shares[0]} to {shares[1]} blocks each, {megabytes:.2f} MB/s together",
             ),
-            ("connections lost", f"{counts[:, 2].sum()}"),
+            ("fell behind, were let go and came back", f"{counts[:, 2].sum()} times"),
             ("memory", f"{memory[0]:.0f} MB at first, {memory[half]:.0f} half way, {memory[-1]:.0f} at last"),
             ("slope of the second half", f"{slope:.2f} MB per hour of signal"),
             ("8 h of streaming", f"{8 * slope:.1f} MB more"),

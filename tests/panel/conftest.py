@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from urllib.error import HTTPError
 from urllib.request import urlopen
 
 import pytest
@@ -44,6 +45,8 @@ class Panel:
         while True:
             try:
                 urlopen(self.url, timeout=5).read()
+                return
+            except HTTPError:  # it is there, and wants its token as a cookie
                 return
             except OSError:
                 assert time.monotonic() < end, "the panel does not answer"

@@ -7,7 +7,7 @@ import socket
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import httpx
@@ -61,3 +61,45 @@ def heard(stream: ClientConnection, kind: str, timeout: float = 60.0) -> dict[st
         message = stream.recv(timeout=max(end - time.monotonic(), 0.01))
         if isinstance(message, str) and (found := json.loads(message))["kind"] == kind:
             return found
+
+
+class Link:
+    """A network between pages and a server, that can be cut and mended; `port` is its near end."""
+
+    def __init__(self, server: int) -> None:
+        self._server, self.port = server, 0
+        self._open: list[socket.socket] = []
+        self.mend()
+
+    def mend(self) -> None:
+        """Let connections through, from now on."""
+        self._listening = socket.create_server(("127.0.0.1", self.port))
+        self.port = self._listening.getsockname()[1]
+        threading.Thread(target=self._accept, args=(self._listening,), daemon=True).start()
+
+    def cut(self) -> None:
+        """End all connections, and refuse new ones."""
+        for one in (self._listening, *self._open):
+            with suppress(OSError):  # it has ended already
+                one.shutdown(socket.SHUT_RDWR)
+            one.close()
+        self._open = []
+
+    def _accept(self, listening: socket.socket) -> None:
+        while True:
+            try:
+                near, _ = listening.accept()
+            except OSError:
+                return
+            far = socket.create_connection(("127.0.0.1", self._server))
+            self._open += [near, far]
+            for ends in ((near, far), (far, near)):
+                threading.Thread(target=_pump, args=ends, daemon=True).start()
+
+
+def _pump(source: socket.socket, target: socket.socket) -> None:
+    with suppress(OSError):
+        while data := source.recv(65536):
+            target.sendall(data)
+    with suppress(OSError):
+        target.shutdown(socket.SHUT_WR)

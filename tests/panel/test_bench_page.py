@@ -7,9 +7,7 @@ import re
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Page, expect
-from websockets.exceptions import InvalidStatus
-from websockets.sync.client import connect
+from playwright.sync_api import Browser, Page, WebSocket, expect
 
 from stickslip import open_recording
 
@@ -52,7 +50,11 @@ def run(page: Page, name: str) -> None:
 
 def reading(page: Page, name: str) -> float:
     """What a display shows, in SI."""
-    text = page.get_by_label(name, exact=True).locator("output").inner_text()
+    return si(page.get_by_label(name, exact=True).locator("output").inner_text())
+
+
+def si(text: str) -> float:
+    """The number of a quantity in one of the units m, s and V, with a prefix or none."""
     number, unit = text.split()
     return float(number) * {"n": 1e-9, "µ": 1e-6, "m": 1e-3, "k": 1e3}.get(unit[:-1], 1.0)
 
@@ -84,8 +86,6 @@ def test_a_newcomer_presses_start_and_sees_a_walk(page: Page, panel: Panel) -> N
     assert page.locator("#tab-recordings li").count() == 1
     assert reading(page, "Drive") == pytest.approx(0.0, abs=0.3)
     shot(page, "bench-light")
-    paint = page.evaluate("performance.getEntriesByName('first-contentful-paint')[0].startTime")
-    assert paint < 5000, "under a second at a desk; five where other tests run beside it"
 
 
 def test_the_page_is_small(panel: Panel, page: Page) -> None:
@@ -142,18 +142,43 @@ def test_every_input_changes_what_is_driven(page: Page, panel: Panel) -> None:
     assert float(drive["time"][(drive > 1.0).values][-1]) == pytest.approx(0.1 + 8 / 20, abs=0.01)
 
 
-def test_emergency_stop_by_key_within_100_ms(page: Page, panel: Panel) -> None:
+def test_emergency_stop_by_key_ramps_at_the_next_block(page: Page, panel: Panel) -> None:
+    """In what order things happen; how quickly, `benchmarks/panel_minute.py` measures."""
+    events: list[str] = []
+
+    def came(payload: str | bytes) -> None:
+        if isinstance(payload, bytes):
+            events.append("block" if b'"kind": "block"' in payload else "")
+            return
+        said = json.loads(payload)
+        if said["kind"] == "run":
+            events.append(said["phase"])
+        elif said["kind"] == "log":
+            events.extend(line["text"] for line in said["entries"])
+
+    def opening(stream: WebSocket) -> None:
+        stream.on("framereceived", came)
+        stream.on("framesent", lambda payload: events.append(str(payload)))
+
+    page.on("websocket", opening)
     opened(page, panel)
     page.select_option("#run-choice", "walk")
     press(page, "#start", "Running")
     page.get_by_label("forward voltage", exact=True).first.focus()  # wherever the focus is
     page.wait_for_timeout(300)
+    events.clear()
     page.keyboard.press("Escape")
     expect(page.locator("#phase")).to_have_text("Stopped", timeout=SLOW)
     page.get_by_role("tab", name="Log").click()
-    line = page.locator("#tab-log li", has_text="ramp to 0 V began").first.inner_text()
-    assert "emergency stop" in line
-    assert float(line.split("began ")[1].split(" ms")[0]) < 100.0
+    expect(page.locator("#tab-log li", has_text="ramp to 0 V began").first).to_contain_text("emergency stop")
+    told = [event for event in events if event and "beat" not in event]
+    sent = next(i for i, event in enumerate(told) if "emergency_stop" in event)
+    told = told[sent:]
+    stopping = told.index("stopping")
+    ramp = next(i for i, event in enumerate(told) if "ramp to 0 V began" in event)
+    assert stopping < ramp < told.index("stopped")
+    assert told[stopping:].count("block") <= 1, "nothing is driven on: at most what was under way"
+    assert "running" not in told[stopping:]
     shot(page, "bench-stopped")
 
 
@@ -196,6 +221,10 @@ def test_zoom_pan_cursors_freeze_autoscale(page: Page, panel: Panel) -> None:
     page.get_by_role("button", name="Cursors").click()
     table = page.locator(".plot-cursors")
     expect(table).to_contain_text("B − A")
+    # A third and two thirds of what is shown: their difference is that of the numbers beside it.
+    for row in table.locator("tr").all()[1:]:
+        a, b, difference = (si(one.split(" (")[0]) for one in row.locator("td").all_inner_texts())
+        assert difference == pytest.approx(b - a, abs=2e-4 * max(abs(a), abs(b)))
     first = table.inner_text()
     marker = page.get_by_role("slider", name="Cursor A")
     marker.focus()
@@ -267,7 +296,8 @@ def test_recordings_open_compare_rename_export(page: Page, panel: Panel) -> None
     expect(items.nth(0)).to_contain_text("brass on aluminium")
     assert not (panel.folder / str(name)).exists()
 
-    for title, ending in [("NetCDF", ".nc"), ("MAT", ".mat"), ("CSV", ".csv")]:
+    kinds = [("NetCDF", ".nc"), ("MAT", ".mat"), ("CSV", ".csv"), ("MAT, as ControlDesk", "_controldesk.mat")]
+    for title, ending in kinds:
         items.nth(0).get_by_title("Export").click()
         with page.expect_download() as download:
             page.get_by_role("link", name=title, exact=True).click()
@@ -370,12 +400,6 @@ def test_a_run_goes_on_when_the_page_closes(page: Page, panel: Panel, browser: B
     assert len(list((panel.folder / "recordings").rglob("*.nc"))) == before + 1
 
 
-def test_hostile_origin_is_refused(panel: Panel) -> None:
-    address = panel.url.replace("http", "ws") + "stream"
-    with pytest.raises(InvalidStatus), connect(address, origin="http://evil.example", proxy=None):  # type: ignore[arg-type]
-        pass
-
-
 @pytest.mark.parametrize(
     ("name", "width", "height", "scheme"),
     [
@@ -407,18 +431,6 @@ def test_it_looks_right(
     )
     assert unnamed == 0, "everything has a name for a screen reader"
     context.close()
-
-
-def test_keyboard_alone(page: Page, panel: Panel) -> None:
-    opened(page, panel)
-    reached: set[str] = set()
-    page.locator("body").focus()
-    for _ in range(80):
-        page.keyboard.press("Tab")
-        reached.add(
-            page.evaluate("document.activeElement.id || document.activeElement.textContent.slice(0, 20)")
-        )
-    assert {"start", "home", "stop", "control", "run-choice", "theme"} <= reached
 
 
 def test_theme_is_remembered(page: Page, panel: Panel) -> None:

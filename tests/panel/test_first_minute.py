@@ -54,9 +54,7 @@ def test_start_walk_identify_and_it_is_there_after_a_restart(page: Page, panel: 
     page.click("text=Identify")
     expect(page.locator(".identify-list tbody tr")).to_have_count(2)
     page.locator(".identify-list tr", has_text="step").get_by_role("checkbox").first.check()
-    expect(
-        page.locator(".identify-list tr", has_text="step").get_by_role("checkbox").nth(1)
-    ).to_be_disabled()
+    expect(page.locator(".identify-list tr", has_text="step").get_by_role("checkbox").nth(1)).to_be_disabled()
     page.locator(".identify summary", has_text="Of the actuator").click()
     expect(page.get_by_label("Fit natural frequency of the stage")).to_be_disabled()
     second = fitted(page, panel)

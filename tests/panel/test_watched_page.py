@@ -1,0 +1,272 @@
+"""Many pages, a network that fails, hostile pages, no mouse: one panel and one browser for all of that."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import re
+import threading
+from itertools import combinations
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+from playwright.sync_api import Browser, Page, expect
+from websockets.asyncio.client import connect
+
+from .conftest import PATIENCE, Panel
+from .serving import Link
+
+pytestmark = [pytest.mark.browser, pytest.mark.compiled]
+SLOW = PATIENCE * 1e3  # ms
+WATCHERS = 49  # and a page: 50
+# Everything that can have the focus, numbered; those that are reached by Tab say their number.
+FOCUSABLE = """() => [...document.querySelectorAll(
+  'button, input, select, summary, a[href], [tabindex="0"], pre[tabindex]')]
+  .filter((one) => one.checkVisibility() && one.tabIndex >= 0 && !one.matches(':disabled'))
+  .map((one, i) => (one.dataset.reach = String(i), one.id || one.ariaLabel || one.textContent))"""
+
+
+def ready(page: Page, url: str) -> None:
+    """On the Bench page, nothing running, in control."""
+    page.goto(url)
+    expect(page.locator("#connection")).to_have_text("connected")
+    expect(page.locator("#phase")).to_have_text(re.compile("Ready|Done|Stopped|Failed"), timeout=SLOW)
+    if page.locator("#control").inner_text() == "Take control":
+        page.click("#control")
+    expect(page.locator("#control")).to_have_text("In control", timeout=20_000)
+
+
+def test_an_experiment_without_a_mouse(page: Page, panel: Panel) -> None:
+    ready(page, panel.url)
+    page.locator("body").focus()
+    for key, focused in [("f", "run-choice"), ("Enter", "start")]:
+        for _ in range(60):
+            if page.evaluate("document.activeElement.id") == focused:
+                break
+            page.keyboard.press("Tab")
+        assert page.evaluate("document.activeElement.id") == focused
+        page.keyboard.press(key)
+    expect(page.locator("#phase")).to_have_text("Running", timeout=SLOW)
+    expect(page.locator("#run-choice")).to_have_value("forward")
+    expect(page.locator("#phase")).to_have_text("Done", timeout=SLOW)
+    page.get_by_role("button", name="Save…").focus()
+    page.keyboard.press("Enter")
+    dialog = page.get_by_role("dialog", name="Save the experiment")
+    expect(dialog).to_be_visible()
+    assert page.evaluate("document.querySelector('dialog').contains(document.activeElement)")
+    page.keyboard.press("Escape")
+    expect(dialog).to_have_count(0)
+
+
+@pytest.mark.parametrize("name", ["bench", "identify", "explore"])
+def test_tab_reaches_everything_and_everything_has_a_name(page: Page, panel: Panel, name: str) -> None:
+    wait = {
+        "bench": "#start:enabled",
+        "identify": ".identify[data-phase]",
+        "explore": ".explore[data-curves]",
+    }
+    page.goto(f"{panel.url}#{name}")
+    page.locator(wait[name]).wait_for(timeout=SLOW)
+    page.wait_for_timeout(300)
+    names = page.evaluate(FOCUSABLE)
+    assert len(names) > 12
+    page.locator("body").focus()
+    reached = set()
+    for _ in range(len(names) + 5):
+        page.keyboard.press("Tab")
+        reached.add(page.evaluate("document.activeElement.dataset.reach"))
+    assert [one for i, one in enumerate(names) if str(i) not in reached] == []
+    nameless = page.evaluate(
+        """() => [...document.querySelectorAll("button, input, select, a[href], [role=slider], [role=group]")]
+          .filter((one) => one.checkVisibility() && !(one.ariaLabel || one.textContent.trim() || one.title
+            || [...(one.labels ?? [])].some((label) => label.textContent.trim())))
+          .map((one) => one.outerHTML)"""
+    )
+    assert nameless == []
+
+
+def test_fifty_watch_one_run(page: Page, panel: Panel) -> None:
+    ready(page, panel.url)
+    address = panel.url.replace("http", "ws") + "stream"
+    watching = threading.Event()
+    counts: list[int] = []
+
+    async def watch(at: list[int]) -> int:
+        """How many samples of the run came, once each and in order."""
+        async with connect(address, proxy=None, max_size=2**26) as stream:
+            await stream.send(json.dumps({"client": "watcher"}))
+            at[0] += 1
+            if at[0] == WATCHERS:
+                watching.set()
+            filled, seen = 0, False
+            async for message in stream:
+                if isinstance(message, bytes):
+                    size = int.from_bytes(message[:4], "little")
+                    header = json.loads(message[4 : 4 + size])
+                    if header["kind"] == "block" and seen:
+                        assert 2 * header["bucket"] == filled
+                        filled += header["lengths"][0]
+                    continue
+                said: dict[str, Any] = json.loads(message)
+                if said["kind"] == "trace":
+                    filled, seen = 0, True
+                if said["kind"] == "run" and said["phase"] == "done" and filled:
+                    return filled
+        return 0
+
+    async def all_of_them() -> None:
+        at = [0]
+        counts.extend(await asyncio.gather(*(watch(at) for _ in range(WATCHERS))))
+
+    number = page.locator("#phase").get_attribute("data-number")
+    crowd = threading.Thread(target=lambda: asyncio.run(all_of_them()))
+    crowd.start()
+    assert watching.wait(PATIENCE)
+    page.select_option("#run-choice", "walk")
+    page.click("#start")
+    expect(page.locator("#phase")).not_to_have_attribute("data-number", str(number))
+    expect(page.locator("#phase")).to_have_text("Done", timeout=SLOW)
+    crowd.join(PATIENCE)
+    assert len(counts) == WATCHERS
+    assert len(set(counts)) == 1, "all see the same"
+    assert counts[0] >= 2 * 1250, "and all of it"
+
+
+def test_what_happened_while_the_network_was_lost_is_shown(page: Page, panel: Panel) -> None:
+    link = Link(int(panel.port))
+    ready(page, f"http://127.0.0.1:{link.port}/")
+    walks = len(list(panel.folder.rglob("walk.nc")))
+    page.select_option("#run-choice", "walk")
+    page.click("#start")
+    expect(page.locator("#phase")).to_have_text("Running", timeout=SLOW)
+    link.cut()
+    expect(page.locator("#connection")).to_have_text("connection lost", timeout=20_000)
+    with httpx.Client(base_url=panel.url) as direct:  # the run goes on
+        for _ in range(int(PATIENCE)):
+            if len(direct.get("recordings").json()) and len(list(panel.folder.rglob("walk.nc"))) > walks:
+                break
+            page.wait_for_timeout(1000)
+    assert len(list(panel.folder.rglob("walk.nc"))) == walks + 1
+    link.mend()
+    expect(page.locator("#connection")).to_have_text("connected", timeout=20_000)
+    expect(page.locator("#notices")).to_contain_text("Connected again")
+    expect(page.locator("#phase")).to_have_text("Done", timeout=SLOW)
+    page.get_by_role("tab", name="Log").click()
+    expect(page.locator("#tab-log li").first).to_contain_text("walk: finished")
+    shown = page.locator(".plotter canvas").last
+    page.wait_for_timeout(300)
+    with_it = shown.screenshot()
+    page.reload()  # what a page shows that was not away
+    expect(page.locator("#phase")).to_have_text("Done", timeout=SLOW)
+    page.wait_for_timeout(500)
+    assert shown.screenshot() == with_it
+    link.cut()
+
+
+def test_a_page_of_another_origin_reaches_nothing(browser: Browser, panel: Panel) -> None:
+    page = browser.new_page()
+    page.route(
+        "http://evil.example/**", lambda route: route.fulfill(body="<p>evil", content_type="text/html")
+    )
+    page.goto("http://evil.example/")
+    tried = page.evaluate(
+        """async (url) => {
+          const seen = {};
+          const ask = (path, how) => fetch(url + path, how).then(
+            (answer) => answer.text().then((text) => [answer.type, text]), () => "refused");
+          seen.read = await ask("recordings", {});
+          seen.act = await ask("bench/stop", { method: "POST", mode: "no-cors", body: "{}" });
+          seen.stream = await new Promise((done) => {
+            const socket = new WebSocket(url.replace("http", "ws") + "stream");
+            socket.onopen = () => done("open");
+            socket.onerror = () => done("refused");
+          });
+          const frame = document.body.appendChild(document.createElement("iframe"));
+          await new Promise((done) => { frame.onload = done; frame.src = url; });
+          return seen;
+        }""",
+        panel.url,
+    )
+    assert tried["read"] == "refused"
+    assert tried["act"] in ("refused", ["opaque", ""]), "sent, perhaps, but see below: never let in"
+    assert tried["stream"] == "refused"
+    assert len(page.frames) == 2
+    assert not any(frame.url.startswith(panel.url) for frame in page.frames), "not in a frame either"
+    with httpx.Client(base_url=panel.url, headers={"Origin": "http://evil.example"}) as evil:
+        assert evil.post("bench/stop", json={}).status_code == 403
+    page.close()
+
+
+def test_no_code_of_others_and_nothing_outside_the_folder(browser: Browser, panel: Panel) -> None:
+    page = browser.new_page()
+    secret = panel.folder.parent / "secret.nc"
+    secret.write_bytes(b"secret")
+    page.goto(panel.url)
+    found = page.evaluate(
+        """async () => {
+          const broken = [];
+          document.addEventListener("securitypolicyviolation", (one) => broken.push(one.effectiveDirective));
+          const add = (tag, more) => document.body.append(Object.assign(document.createElement(tag), more));
+          add("script", { textContent: "window.injected = 1" });
+          add("img", { src: "http://evil.example/x.png" });
+          await fetch("http://evil.example/").catch(() => {});
+          await new Promise((done) => setTimeout(done, 200));
+          const status = {};
+          for (const path of ["static/..%2fserver.py", "recordings/export?name=../secret.nc&kind=nc",
+              "api/identify/report/..%2f..%2fsecret.nc"]) {
+            const answer = await fetch(path);
+            status[path] = [answer.status, await answer.text()];
+          }
+          const big = await fetch("bench/set", { method: "POST", body: new Uint8Array(33 * 2 ** 20) });
+          return { broken, injected: window.injected ?? 0, status, big: big.status };
+        }"""
+    )
+    page.close()
+    assert found["injected"] == 0
+    assert {"script-src-elem", "img-src", "connect-src"} <= set(found["broken"])
+    for status, text in found["status"].values():
+        assert status in (400, 404)
+        assert str(panel.folder.parent) not in text
+        assert text != "secret"
+    assert found["big"] == 413
+
+
+def test_off_loopback_a_browser_needs_the_token(browser: Browser, tmp_path_factory: Any) -> None:
+    served = Panel(tmp_path_factory.mktemp("token"), "--host", "0.0.0.0")
+    address = re.sub(r"//[^:/]+", "//127.0.0.1", served.url)
+    try:
+        context = browser.new_context()
+        page = context.new_page()
+        answer = page.goto(address.split("?")[0])
+        assert answer is not None
+        assert answer.status == 401
+        page.goto(address)
+        expect(page.locator("#connection")).to_have_text("connected", timeout=SLOW)
+        assert "token" not in page.url
+        assert page.evaluate("document.cookie") == "", "no script sees it"
+        context.close()
+    finally:
+        assert served.end() == 0
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_series_stay_apart_for_colour_blind_eyes(browser: Browser, panel: Panel, scheme: Any) -> None:
+    """In CIELAB as people without red or green cones see them [Viénot, Brettel and Mollon, 1999]."""
+    page = browser.new_page(color_scheme=scheme)
+    page.goto(panel.url)
+    texts = page.evaluate(
+        "[1, 2, 3, 4].map((i) => getComputedStyle(document.body).getPropertyValue(`--series-${i}`).trim())"
+    )
+    page.close()
+    values = np.array([[int(text[i : i + 2], 16) / 255 for i in (1, 3, 5)] for text in texts])
+    linear = np.where(values > 0.04045, ((values + 0.055) / 1.055) ** 2.4, values / 12.92)
+    protan = np.array([[0.11238, 0.88762, 0.0], [0.11238, 0.88762, 0.0], [0.00401, -0.00401, 1.0]])
+    deutan = np.array([[0.29275, 0.70725, 0.0], [0.29275, 0.70725, 0.0], [-0.02234, 0.02234, 1.0]])
+    to_xyz = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
+    for seen in (np.eye(3), protan, deutan):
+        xyz = np.clip(linear @ seen.T, 0.0, 1.0) @ to_xyz.T / to_xyz.sum(axis=1)
+        f = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + 16 / 116)
+        lab = np.column_stack([116 * f[:, 1] - 16, 500 * (f[:, 0] - f[:, 1]), 200 * (f[:, 1] - f[:, 2])])
+        assert min(float(np.linalg.norm(a - b)) for a, b in combinations(lab[:3], 2)) > 12.0
