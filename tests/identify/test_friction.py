@@ -64,6 +64,19 @@ def test_global_optimum_from_a_poor_start() -> None:
 
 
 @pytest.mark.compiled
+def test_any_start_within_a_factor_100_leads_to_the_same_answer() -> None:
+    """Of each parameter at once, either way; the bounds that are not given must not keep the truth out."""
+    random = np.random.default_rng(100)
+    recording = reference()
+    for away in np.exp(random.uniform(-1.0, 1.0, (8, 3)) * np.log(100.0)):
+        start = actuator(*(away * list(TRUTH.values())))
+        fit = identify_friction([recording], start, FREE, drive=DRIVE, noise=NOISE)
+        assert fit.converged
+        for name, true in (("sigma_0", 1.3836e6), ("sigma_1", 37.03), ("coulomb_force", 0.53992)):
+            assert abs(fit.values[name] - true) < 0.1 * fit.standard_errors[name], (away, name)
+
+
+@pytest.mark.compiled
 def test_delay_and_offset_of_the_channel() -> None:
     clean = reference(0.0).isel(time=slice(0, 301))
     delay, offset = 3e-3, 1.5e-7

@@ -79,6 +79,7 @@ def evaluate(file: CampaignFile, folder: Path, gathered: Sequence[Gathered], pro
         model,
         [*file.free, "delay", "offset"],
         drive=[one.drive for one in fitted],
+        begin=None if stage is None else {"delay": stage.values["delay"]},
         hops=file.hops,
         slew_rate=rate,
     )

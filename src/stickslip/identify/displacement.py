@@ -19,6 +19,7 @@ from ..simulation.models import checked_drive, load_drive, mechanism, resting_st
 from ..simulation.sensitivity import follow_moved, moved
 from ..solve.motion import motion, one_bristle
 from ..solve.outcome import DONE
+from ..waveform.drive import evaluate
 from ..waveform.signal import Waveform
 from .recorded_drive import recorded_drive
 
@@ -38,14 +39,19 @@ class Displacement:
         model: Actuator,
         tolerance: float,
         slew_rate: float | None = None,
+        max_steps: int = MAX_STEPS,
     ) -> None:
         self.time = recording["time"].values
         if drive is None:
             drive = recorded_drive(recording, name, slew_rate)
             self.time = self.time - self.time[0]
-        self.tolerance = tolerance
+        self.tolerance, self.max_steps = tolerance, max_steps
         self.drive = checked_drive(model, drive, float(self.time[-1]), periodic=False)
         self._known: tuple[Any, NDArray[np.float64]] = (None, np.zeros(0))
+
+    def stroke(self, model: Actuator) -> float:
+        """How far the stage goes under the drive, m, as far as the samples show it."""
+        return model.gain * float(np.ptp(evaluate(self.drive, self.time)[0]))
 
     def _times(self, delay: float) -> tuple[int, NDArray[np.float64]]:
         """How many samples come before the motion begins, and the times of the others in the model."""
@@ -61,7 +67,7 @@ class Displacement:
             samples = np.full((times.size, state.size + 1), np.nan)
             span = (0.0, float(times[-1]))
             outcome, reached, _, _ = motion(
-                law, mech, self.drive, LOAD, state, span, self.tolerance, MAX_STEPS, times, samples
+                law, mech, self.drive, LOAD, state, span, self.tolerance, self.max_steps, times, samples
             )
             if outcome != DONE:  # to a fit, a trial point without a model
                 raise ArithmeticError(f"the motion cannot be followed beyond t = {reached:.6g} s")
@@ -75,7 +81,7 @@ class Displacement:
         state = resting_state(model.friction, mechanism(model), self.drive.before)
         of = moved(model, names, state, self.drive.before)
         try:
-            samples, by, _ = follow_moved(of, self.drive, LOAD, state, times, self.tolerance, MAX_STEPS)
+            samples, by, _ = follow_moved(of, self.drive, LOAD, state, times, self.tolerance, self.max_steps)
         except SimulationError as error:
             raise ArithmeticError(str(error)) from error
         columns = np.column_stack([by, -samples[:, SLIDER_VELOCITY]])

@@ -18,6 +18,7 @@ from ..waveform.signal import Waveform
 from .channels import channel, names_of, recordings_of, refuse_clipped, same_number
 from .coloured import coloured, with_coloured_noise, with_inherited
 from .displacement import Displacement, has_slopes
+from .first_guess import beginning, beside, first_guess
 from .fit import Progress, Residuals, fit_least_squares
 from .free import Bounds, check_names, parameter
 from .identifiability import loosest
@@ -34,8 +35,12 @@ DIFFERENCE_STEP = 5e-3
 NEAR = 1e-6
 # Evaluations after which a search that creeps along a value that is not determined is left to `integrated`.
 ENOUGH = 20
+# The same from a guess, which may be further away.
+FIRST = 60
 # Of the channel, not of the actuator.
 CHANNEL = ("delay", "offset")
+# m, and steps, of the simulations that only tell where to begin.
+GUESS_TOLERANCE, GUESS_STEPS = 1e-9, 20_000
 # A delay is looked for within this share of the shortest recording.
 LONGEST_DELAY = 0.02
 
@@ -71,7 +76,7 @@ def identify_friction(
 
     Args:
         recordings: with end_effector_position [m].
-        model: the actuator; its values are the start.
+        model: the actuator; its values are one start of many (see `first_guess`).
         free: what to fit: scalar fields of the law ("sigma_0", "coulomb_force", ...; "stiffness_2" of a
             second element) and of the actuator ("end_effector_mass", "gain", ...); "stiction_ratio" (stiction
             over Coulomb friction) and "breakaway_share" (of the Coulomb deflection), which are bounded where
@@ -84,12 +89,13 @@ def identify_friction(
             piezo. Left out, at once; a fit then takes the slower jump for more friction.
         stage: the fit of `identify_step` that the model's stage is from: its uncertainty is passed on to what
             is fitted here.
-        bounds: of free parameters, in SI or as strings; else a factor 30 either side of the start. The scale
-            is logarithmic, but linear where bounds reach down to zero.
+        bounds: of free parameters, in SI or as strings; else a factor 30 either side of the start, and of the
+            one that is found for sigma_0, sigma_1 and coulomb_force. The scale is logarithmic, but linear
+            where bounds reach down to zero.
         begin: where "delay" and "offset" start; left out, at the delay of the stage, or 0.
         noise: standard deviation of the position, m; left out, it is estimated from the residuals.
         starts: how many; those after the first fill the bounds.
-        hops: see `fit_least_squares`; 0 is several times quicker, and for a start that is near.
+        hops: see `fit_least_squares`; 0 looks for no start and no other valley: for a start that is near.
         seed: of the further starts.
         tolerance: m, of the simulation; left out, 1e-10 for a law of one internal state, whose derivatives
             are those of `sensitivities`. For the others they are differences over half a percent of a
@@ -141,6 +147,22 @@ def identify_friction(
         for r, w, name in zip(found, drives, names, strict=True)
     ]
 
+    wide = parameters
+    if hops:
+        stroke = max(motion.stroke(model) for motion in motions)
+        most = int(np.argmax([np.ptp(position) for position in measured]))
+        part = beginning(found[most], drives[most])
+        short = Displacement(part, drives[most], names[most], model, GUESS_TOLERANCE, slew_rate, GUESS_STEPS)
+        position = measured[most][: short.time.size]
+        wide = first_guess(
+            Residuals(lambda v: observed(short, model, v) - position, position, noise, names[most], "m"),
+            _slopes([short], model, free) if exact else None,
+            parameters,
+            model,
+            stroke,
+            bounds,
+        )
+
     def search(start: Actuator, parameters: Sequence[Parameter], **options: Any) -> Fit:
         def residuals(motion: Displacement, position: NDArray[np.float64]) -> Any:
             return lambda values: observed(motion, start, values) - position
@@ -176,11 +198,12 @@ def identify_friction(
         return fit if stage is None else _with_stage(fit, motions, model, stage)
 
     thorough = {"starts": starts, "hops": hops, "max_evaluations": max_evaluations}
-    quick = thorough | {"hops": 0, "max_evaluations": min(ENOUGH, max_evaluations)}
-    fit = whole(parameters, **quick)
-    found = [p._replace(start=fit.values[p.name]) for p in parameters]
+    quick = thorough | {"hops": 0, "max_evaluations": min(FIRST if hops else ENOUGH, max_evaluations)}
+    fit = whole(wide, **quick)
+    parameters = at = beside(parameters, fit.values, bounds)
+    fit = replace(fit, parameters=tuple(parameters))
     if not white(np.concatenate(fit.residuals), [r.size for r in fit.residuals]):
-        fit = whole(found if starts == 1 else parameters, **thorough)
+        fit = whole(at, **thorough)
     loose = loosest(fit, _own(fit.values)) if exact and loss == "linear" else None
     if loose is not None:
         settled = integrated(fit, loose, partial(hold, loose))
@@ -190,7 +213,7 @@ def identify_friction(
         else:
             fit = whole([p._replace(start=settled[p.name]) for p in parameters], **thorough)
     elif not fit.converged:
-        fit = whole(found, **thorough)
+        fit = whole(at, **thorough)
 
     def predict(recording: xr.Dataset, drive: Waveform | None = None) -> NDArray[np.float64]:
         name = names_of([recording])[0]
