@@ -6,6 +6,7 @@ import xarray as xr
 
 import stickslip as ss
 from stickslip.identify.fit import FitError, fit_least_squares
+from stickslip.identify.likelihood import Misfit
 from stickslip.identify.marginal import Held, integrated, mixture, points
 from stickslip.identify.result import Fit, Parameter
 
@@ -116,3 +117,45 @@ def test_a_value_that_is_seen_is_not_averaged() -> None:
     fit = ss.identify_friction(slow_walk(0, noise=2e-9), KANG, FREE, drive=SAW, hops=0)
     assert "mean over all" not in fit.message
     assert fit.values["sigma_1"] == pytest.approx(34.9, rel=0.2)
+
+
+@pytest.mark.compiled
+def test_importance_sampling_finds_the_same_spread(monkeypatch) -> None:
+    """The integral itself, from simulations at random points around the path of the held fits."""
+    paths = []
+
+    def kept(fits):
+        paths.append(fits)
+        return mixture(fits)
+
+    monkeypatch.setattr("stickslip.identify.marginal.mixture", kept)
+    recording = slow_walk(3)
+    fit = ss.identify_friction(recording, KANG, FREE, drive=SAW, hops=0)
+    path = sorted(paths[-1])
+    at, others = np.array([one.at for one in path]), np.array([one.others for one in path])
+    widths = np.gradient(at)
+    weights = np.array([one.log_weight for one in path]) + np.log(widths)
+    weights = np.exp(weights - weights.max())
+    weights = 0.5 * weights / weights.sum() + 0.5 / at.size
+
+    random = np.random.default_rng(0)
+    cell = random.choice(at.size, 4000, p=weights)
+    held_at = at[cell] + (random.random(cell.size) - 0.5) * widths[cell]
+    roots = np.linalg.cholesky(np.array([1.5**2 * one.covariance for one in path]))[cell]
+    z = random.standard_normal((cell.size, 3))
+    q = np.column_stack([np.interp(held_at, at, column) for column in others.T])
+    q += np.einsum("ijk,ik->ij", roots, z)
+    log_proposal = np.log(weights / widths)[cell] - 0.5 * np.sum(z**2, axis=1)
+    log_proposal -= np.log(np.abs(np.linalg.det(roots)))
+    sigma_0, force, delay = np.exp(q[:, 0]), np.exp(q[:, 1]), q[:, 2]
+    values = {"sigma_0": sigma_0, "sigma_1": np.exp(held_at), "coulomb_force": force, "delay": delay}
+    misfit = Misfit(recording, SAW, None, "walk", fit.model, (0.0, 1e-4), 3e-10)
+    log_posterior = -0.5 * misfit(values) / fit.rmse**2 - log_proposal
+    share = np.exp(log_posterior - np.nanmax(log_posterior))
+    share = np.nan_to_num(share / np.nansum(share))
+    assert 1.0 / np.sum(share**2) > 50.0  # as many independent samples
+    for i, found in enumerate((np.log(sigma_0), np.log(force), delay)):
+        deviation = np.sqrt(np.sum(share * (found - np.sum(share * found)) ** 2))
+        name = ("sigma_0", "coulomb_force", "delay")[i]
+        place = list(fit.values).index(name)
+        assert np.sqrt(fit.uncertainty.covariance[place, place]) == pytest.approx(deviation, rel=0.35), name
