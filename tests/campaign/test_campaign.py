@@ -142,6 +142,44 @@ def test_verify_predicts_as_the_campaign_did(folder: Path) -> None:
 
 
 @pytest.mark.compiled
+def test_on_request_it_samples_follows_profiles_and_compares_models(folder: Path) -> None:
+    file = written(
+        folder,
+        "deeper.yaml",
+        posterior=True,
+        posterior_steps=200,
+        profiles=True,
+        model_choice=["Pohl: static", "Dahl", "LuGre"],
+    )
+    out = folder / "out"  # the recordings are there
+    done = run(file, "--out", str(out))
+    assert done.exit_code == 0, done.stderr
+    numbers = json.loads((out / "results.json").read_bytes())["numbers"]
+    for name, true in TRUE.items():
+        of = numbers["posterior"][name]
+        known = numbers["friction"]["parameters_with_all_errors"][name]["standard_error"]
+        assert abs(of["value"] - true) < 3.0 * max(known, of["standard_error"]), name
+        assert of["low"] < of["value"] < of["high"]
+    # F_C follows the gain of the stage, which is sampled too.
+    assert numbers["posterior"]["gain"]["value"] == pytest.approx(0.1057e-6, rel=0.01)
+    for name in TRUE:
+        interval = numbers["profiles"][name]
+        assert interval["low"] < numbers["friction"]["parameters"][name]["value"] < interval["high"]
+    models = numbers["model_choice"]
+    rmse = {law: models[law]["verification_rmse"]["value"] for law in models}
+    assert rmse["LuGre"] < 0.2 * rmse["Pohl: static"]
+    assert models["LuGre"]["bic"]["value"] < models["Pohl: static"]["bic"]["value"] - 1000.0
+    page = (out / "report.html").read_text("utf-8")
+    for words in ("Intervals without linearisation", "Choice of model", "the thesis&#39;s choice", "R-hat"):
+        assert words in page, words
+    assert {p.name for p in (out / "figures").iterdir()} >= {"campaign-posterior.svg", "campaign-models.svg"}
+    wrong = run(written(folder, "wrong.yaml", model_choice=["Lugre"]), "--no-figures", "--out", str(out))
+    assert wrong.exit_code == 2
+    assert "there is no 'Lugre'" in wrong.stderr
+    assert "did you mean" in wrong.stderr
+
+
+@pytest.mark.compiled
 def test_own_recordings_and_what_is_wrong_with_them(folder: Path) -> None:
     """The walk as a CSV of one's own; then cut short, constant, empty: each is refused by its name."""
     time = np.arange(4000) * 0.25e-3

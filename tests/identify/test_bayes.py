@@ -109,7 +109,8 @@ def test_the_seed_makes_it_the_same_again_and_a_short_chain_says_so(rigid) -> No
 def test_the_prior_ends_at_the_bounds_and_the_stage_makes_it_wider(rigid) -> None:
     fit, recording = rigid
     at = fit.values["coulomb_force"]
-    bounded = replace(fit, parameters=(fit.parameters[0]._replace(upper=at), *fit.parameters[1:]))
+    first = fit.parameters[0]._replace(start=0.9 * at, upper=at)
+    bounded = replace(fit, parameters=(first, *fit.parameters[1:]))
     half = posterior(bounded, recording, drive=DRIVE, max_steps=600).samples["coulomb_force"].values
     assert half.max() <= at
     assert at - half.mean() == pytest.approx(

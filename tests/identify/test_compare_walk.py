@@ -7,7 +7,7 @@ import pytest
 
 from stickslip.actuator import load_actuator
 from stickslip.friction import CoulombViscous
-from stickslip.identify.compare_walk import compare_walks, walk_candidates
+from stickslip.identify.compare_walk import CHANG_LI, POHL, compare_walks, walk_candidates
 from stickslip.simulation import simulate
 from stickslip.waveform.periodic import Sawtooth
 
@@ -25,7 +25,7 @@ def test_the_law_that_made_the_walk_wins() -> None:
         walks[0],
         walks[1],
         model,
-        walk_candidates(0.4, 1e6, 30.0)[:2],
+        walk_candidates(0.4, 1e6, 30.0)[:3],
         channel_free=("offset",),
         drive=Sawtooth(65.0, 100.0, periods=2),
         unseen_drive=Sawtooth(75.0, 100.0, periods=2),
@@ -33,7 +33,7 @@ def test_the_law_that_made_the_walk_wins() -> None:
     )
     assert found.best == "CoulombViscous"
     assert found.fits["CoulombViscous"].values["sigma_2"] == pytest.approx(8.0, rel=0.1)
-    assert found.fits["CoulombViscous"].aic < found.fits["Coulomb"].aic
+    assert found.fits["CoulombViscous"].aic < found.fits[CHANG_LI].aic < found.fits[POHL].aic
     assert found.table["verification_rmse"].attrs["units"] == "m"
     assert float(found.table["verification_rmse"].sel(law="CoulombViscous")) < 30e-9
     assert " m " in found.report()

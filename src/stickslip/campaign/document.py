@@ -18,6 +18,7 @@ from ..report.recordings import recorded_assumptions
 from ..study.verification import verification_numbers
 from ..units import with_prefix
 from .bands import walk_bands
+from .deeper_sections import deeper_numbers, deeper_sections
 from .evaluation import Found
 from .features import feature_numbers, features_section
 from .file import CampaignFile
@@ -51,6 +52,7 @@ def campaign_document(
         },
         "published_r_squared": {name: Number(value, "") for name, value in file.published.items()},
         "required": list(file.require),
+        **deeper_numbers(found),
     }
     if found.stage is not None:
         numbers["stage"] = fit_numbers(found.stage, "m")
@@ -64,6 +66,7 @@ def campaign_document(
         features_section(found.features),
         _friction(found, bands),
         _verification(file, found, bands),
+        *deeper_sections(found, figures=figures),
     ]
     least = float(np.min(seen.table["r_squared"].values))
     errors = seen.table["net_step_error"].values

@@ -17,6 +17,7 @@ from ..identify.step_fit import identify_step, step_formula_errors
 from ..study.signal_chain import SignalChain
 from ..verification import Predictor, Requirement, Verification, verify
 from .budget import Budget, budget
+from .deeper import Deeper, deeper
 from .features import features_of
 from .file import CampaignFile
 from .gathering import Gathered, Progress, Scale, scale_of, scaled
@@ -32,7 +33,7 @@ class Found(NamedTuple):
     and `formulas` (how far the thesis's formulas are off, see `step_formula_errors`) without steps; `start`
     is the actuator that the fit of the friction began with; `walks` are the recordings of `verification`, in
     its order, and `features` what they show without a model; `chain` is what the prediction takes between the
-    model and the channel.
+    model and the channel; `deeper` is what was done on request.
     """
 
     gathered: list[Gathered]
@@ -47,6 +48,7 @@ class Found(NamedTuple):
     chain: SignalChain
     verification: Verification
     failures: list[str]
+    deeper: Deeper
 
 
 def evaluate(file: CampaignFile, folder: Path, gathered: Sequence[Gathered], progress: Progress) -> Found:
@@ -108,6 +110,7 @@ def evaluate(file: CampaignFile, folder: Path, gathered: Sequence[Gathered], pro
         chain,
         verification,
         verification.unmet(requirements),
+        deeper(file, friction, walks, stage, progress),
     )
 
 

@@ -41,7 +41,9 @@ class CampaignFile(Strict):
     `identify_friction`. `reference` is a channel that shows the clamped position too, and better: on the
     steps the position is scaled to it, the time `settling` after them left out. `filter` and `slew_rate` are
     those of the position channel and of the amplifier, where they are known. `published` are r² that others
-    found, by recording (and of all steps, "step").
+    found, by recording (and of all steps, "step"). What takes longer is done on request: `posterior` (at most
+    `posterior_steps` of each walker), `profiles` of the likelihood, `model_choice` among all models of a
+    walk, or those that it names.
     """
 
     title: str
@@ -59,6 +61,10 @@ class CampaignFile(Strict):
     slew_rate_source: str = ""
     settling: Seconds = 0.01
     published: dict[str, float] = Field(default_factory=dict)
+    posterior: bool = False
+    posterior_steps: Annotated[int, Field(ge=100)] = 5000
+    profiles: bool = False
+    model_choice: bool | list[str] = False
     require: list[str] = Field(default_factory=list)
 
 

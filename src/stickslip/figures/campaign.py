@@ -71,7 +71,17 @@ def _between(axes: Axes, x: NDArray[np.float64], half: NDArray[np.float64], labe
     """The band that the parameters leave, if there is one."""
     if np.any(half > 0.0):
         width = np.broadcast_to(half, x.shape)
-        axes.fill_between(x, -width, width, color=VERMILLION, alpha=0.4, lw=0, zorder=3, label=label or None)
+        axes.fill_between(
+            x,
+            -width,
+            width,
+            color=VERMILLION,
+            alpha=0.4,
+            lw=0,
+            zorder=3,
+            label=label or None,
+            rasterized=x.size > 1000,
+        )
 
 
 @drawn
@@ -90,11 +100,14 @@ def walks(traces: Mapping[str, Trace]) -> Figure:
         trace(above, clock(time), scale(model), color=BLUE, lw=0.9, label="model")
         band = np.broadcast_to(small(np.asarray(t.band, dtype=float)), time.shape)
         if np.any(band > 0):
-            below.fill_between(clock(time), -band, band, color=SHADE, lw=0, label="95 % of new samples")
+            below.fill_between(
+                clock(time), -band, band, color=SHADE, lw=0, label="95 % of new samples", rasterized=True
+            )
             for side in (-1.0, 1.0):
-                trace(below, clock(time), side * band, color=MEASURED, lw=0.6)
+                trace(below, clock(time), side * band, color=MEASURED, lw=0.6).set_rasterized(True)
         _between(below, clock(time), small(np.asarray(t.parameters, dtype=float)), _LEFT)
-        trace(below, clock(time), small(model - measured), color=BLUE, lw=0.5, alpha=0.7)
+        noise = trace(below, clock(time), small(model - measured), color=BLUE, lw=0.5, alpha=0.7)
+        noise.set_rasterized(True)  # so do the bands: as vectors they would be most of a report
         above.set_title(name)
         below.set_xlabel(clock.label("time"))
         below.locator_params(axis="x", nbins=4)

@@ -269,9 +269,12 @@ def _start(
     walkers: int,
     random: np.random.Generator,
 ) -> Array:
-    """Points around the centre at which the density is not zero, ever nearer to it until there are enough."""
+    """Points around the centre at which the density is not zero, ever nearer to it until there are enough.
+
+    Close together: where parameters go along with each other, walkers far from the ridge stay behind.
+    """
     start = np.empty((0, centre.size))
-    for nearer in 0.5 ** np.arange(12):
+    for nearer in 0.2 * 0.5 ** np.arange(10):
         points = centre + nearer * spread * random.standard_normal((walkers, centre.size))
         start = np.append(start, points[np.isfinite(log_density(points))], axis=0)
         if len(start) >= walkers:

@@ -1,40 +1,89 @@
-"""Which friction law describes a walk best: each fitted alike, and judged on walks it has not seen."""
+"""Which model describes a walk best: each fitted alike, and judged on walks it has not seen.
+
+The candidates are all friction laws on the dynamic stage [kang2007, 3.2], that of Chang and Li among them
+(Coulomb friction [changli1999]), and Pohl's static model [pohl1987].
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from ..actuator import Actuator
-from ..friction import Coulomb, CoulombViscous, Dahl, Elastoplastic, LuGre, ResetIntegrator
-from .channels import channel, names_of, recordings_of
+from ..friction import (
+    Coulomb,
+    CoulombViscous,
+    Dahl,
+    Elastoplastic,
+    LuGre,
+    MaxwellSlip,
+    ResetIntegrator,
+    StictionCoulombViscous,
+    Stribeck,
+)
+from .channels import channel, names_of, recordings_of, same_number
 from .compare import Candidate, Comparison
+from .free import Bounds
 from .friction import CHANNEL, OBSERVED, identify_friction
 from .result import goodness
+from .static_walk import identify_static_walk
+
+POHL, CHANG_LI = "Pohl: static", "Coulomb (Chang & Li)"
 
 
 def walk_candidates(coulomb_force: float, sigma_0: float, sigma_1: float) -> list[Candidate]:
-    """Rigid and presliding laws, from the same Coulomb force [N], stiffness [N/m] and damping [N s/m]."""
-    f, k, damping = coulomb_force, sigma_0, {"sigma_1": (0.0, 20.0 * sigma_1)}
+    """All models of a walk, from the same Coulomb force [N], stiffness [N/m] and damping [N s/m].
+
+    Without a friction law of its own (`model` None): Pohl's static model.
+    """
+    f, k, viscous = coulomb_force, sigma_0, 0.1 * sigma_1
+    sigma_2: Bounds = {"sigma_2": (0.0, 20.0 * sigma_1)}
+    damping: Bounds = {"sigma_1": (0.0, 20.0 * sigma_1)}
+    two = MaxwellSlip((0.7 * k, 0.3 * k), (0.5 * f, 0.5 * f), viscous)
     return [
-        Candidate("Coulomb", Coulomb(f), ("coulomb_force",), {}),
+        Candidate(POHL, None, ("gain",), {}),
+        Candidate(CHANG_LI, Coulomb(f), ("coulomb_force",), {}),
+        Candidate("CoulombViscous", CoulombViscous(f, viscous), ("coulomb_force", "sigma_2"), sigma_2),
         Candidate(
-            "CoulombViscous",
-            CoulombViscous(f, 0.1 * sigma_1),
-            ("coulomb_force", "sigma_2"),
-            {"sigma_2": (0.0, 20.0 * sigma_1)},
+            "StictionCoulombViscous",
+            StictionCoulombViscous(f, 1.1 * f, viscous),
+            ("coulomb_force", "sigma_2", "stiction_ratio"),
+            sigma_2,
+        ),
+        Candidate(
+            "Stribeck",
+            Stribeck(f, 1.1 * f, 1e-3, viscous),
+            ("coulomb_force", "sigma_2", "stiction_ratio", "stribeck_velocity"),
+            sigma_2,
         ),
         Candidate("Dahl", Dahl(k, f), ("sigma_0", "coulomb_force"), {}),
-        Candidate("ResetIntegrator", ResetIntegrator(k, f / k), ("sigma_0", "breakaway_deflection"), {}),
+        Candidate(
+            "ResetIntegrator",
+            ResetIntegrator(k, f / k, 0.0, sigma_1),
+            ("sigma_0", "breakaway_deflection", "sigma_2"),  # which damps the bristle only
+            sigma_2,
+        ),
         Candidate("LuGre", LuGre(k, sigma_1, 0.0, f, f), ("sigma_0", "sigma_1", "coulomb_force"), damping),
+        Candidate(
+            "LuGre with Stribeck curve",
+            LuGre(k, sigma_1, 0.0, f, 1.05 * f, 1e-3),
+            ("sigma_0", "sigma_1", "coulomb_force", "stiction_ratio", "stribeck_velocity"),
+            damping,
+        ),
         Candidate(
             "Elastoplastic",
             Elastoplastic(k, sigma_1, 0.0, f, f, 0.5 * f / k),
             ("sigma_0", "sigma_1", "coulomb_force", "breakaway_share"),
             damping,
+        ),
+        Candidate(
+            "MaxwellSlip, 2 elements",
+            two,
+            ("stiffness_1", "stiffness_2", "strength_1", "strength_2", "sigma_2"),
+            sigma_2,
         ),
     ]
 
@@ -48,9 +97,10 @@ def compare_walks(
     channel_free: Sequence[str] = ("delay", "offset"),
     bounds: Any = None,
     unseen_drive: Any = None,
+    progress: Callable[[str, int, int], None] | None = None,
     **options: Any,
 ) -> Comparison:
-    """Fit each law to walks of an actuator and judge it on walks that it has not seen.
+    """Fit each model to walks of an actuator and judge it on walks that it has not seen.
 
     Args:
         recordings: to fit, as for `identify_friction`.
@@ -59,7 +109,9 @@ def compare_walks(
         laws: the candidates: `walk_candidates`, or one's own.
         channel_free: what is free of the position channel, for all laws alike.
         bounds: of what is free in all laws.
-        unseen_drive: waveform of the recordings for verification, if drive= gives that of the others.
+        unseen_drive: waveform of each recording for verification (one: of all), if drive= gives those of
+            the others.
+        progress: called before each with its label, number and how many there are.
         options: of `identify_friction`.
 
     Raises:
@@ -67,18 +119,26 @@ def compare_walks(
     """
     unseen = recordings_of(verification)
     measured = [channel(r, OBSERVED, n) for r, n in zip(unseen, names_of(unseen), strict=True)]
+    drives: Any = [unseen_drive] * len(unseen) if hasattr(unseen_drive, "drive") else unseen_drive
+    drives = same_number(drives, unseen, "drives")
     fits, seen = {}, {}
-    for law in laws:
+    for i, law in enumerate(laws, start=1):
+        if progress is not None:
+            progress(law.label, i, len(laws))
         known = {k: v for k, v in (bounds or {}).items() if k in (*law.free, *channel_free, *CHANNEL)}
-        fit = identify_friction(
-            recordings,
-            model.replace(friction=law.model),
-            (*law.free, *channel_free),
-            bounds={**law.bounds, **known},
-            **options,
-        )
-        assert fit.predict is not None  # identify_friction always gives it
-        residuals = [fit.predict(r, unseen_drive) - m for r, m in zip(unseen, measured, strict=True)]
+        if law.model is None:
+            own = {k: v for k, v in options.items() if k in ("drive", "slew_rate")}
+            fit = identify_static_walk(recordings, model, bounds=known, **own)
+        else:
+            fit = identify_friction(
+                recordings,
+                model.replace(friction=law.model),
+                (*law.free, *channel_free),
+                bounds={**law.bounds, **known},
+                **options,
+            )
+        assert fit.predict is not None  # both always give it
+        residuals = [fit.predict(r, w) - m for r, w, m in zip(unseen, drives, measured, strict=True)]
         parts = [goodness(r, m) for r, m in zip(residuals, measured, strict=True)]
         whole = goodness(np.concatenate(residuals), np.concatenate(measured), "verification", "m")
         fits[law.label] = fit

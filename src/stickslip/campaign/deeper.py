@@ -1,0 +1,95 @@
+"""What a campaign does on request: sample the posterior, follow profiles, compare models."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from ..identify.bayes import Posterior, posterior
+from ..identify.compare import Candidate, Comparison
+from ..identify.compare_walk import compare_walks, walk_candidates
+from ..identify.friction import CHANNEL
+from ..identify.intervals import profile_interval
+from ..identify.result import Fit
+from ..records import did_you_mean
+from ..units import QuantityError
+from .file import CampaignFile
+from .gathering import Gathered, Progress
+
+_EVALUATIONS = 150  # of each candidate
+
+
+class Deeper(NamedTuple):
+    """Each None where the file does not ask for it; `profiles` by parameter, 95 % intervals in its unit."""
+
+    posterior: Posterior | None = None
+    profiles: dict[str, tuple[float, float]] | None = None
+    choice: Comparison | None = None
+
+
+def deeper(
+    file: CampaignFile, friction: Fit, walks: Sequence[Gathered], stage: Fit | None, progress: Progress
+) -> Deeper:
+    """What the file asks for, of a fit of friction.
+
+    Raises:
+        FitError: a fit or the sampler cannot begin, or what the sampler needs is not installed.
+        QuantityError: the file names a model that there is not.
+    """
+    fitted = [one for one in walks if one.use == "fit"]
+    rate = file.slew_rate if math.isfinite(file.slew_rate) else None
+    recordings = [one.recording for one in fitted]
+    known: dict[str, Any] = {"drive": [one.drive for one in fitted], "slew_rate": rate}
+    found = Deeper()
+    if file.profiles:
+        ends = {}
+        for name in (name for name in friction.values if name not in CHANNEL):
+            progress(f"following the profile of {name}", 0.72)
+            ends[name] = profile_interval(friction, recordings, name, **known)
+        found = found._replace(profiles=ends)
+    if file.model_choice:
+        unseen = [one for one in walks if one.use == "verify"]
+        law = friction.model.friction
+        start = (
+            float(getattr(law, "coulomb_force", 1.0)),
+            float(getattr(law, "sigma_0", 1e6)),
+            float(getattr(law, "sigma_1", 0.0)) or 30.0,
+        )
+        choice = compare_walks(
+            recordings,
+            [one.recording for one in unseen],
+            friction.model,
+            _named(walk_candidates(*start), file.model_choice),
+            unseen_drive=[one.drive for one in unseen],
+            begin={"delay": friction.values.get("delay", 0.0)},
+            hops=0,
+            max_evaluations=_EVALUATIONS,
+            progress=lambda label, i, n: progress(f"fitting {label}", 0.75 + 0.1 * i / n),
+            **known,
+        )
+        found = found._replace(choice=choice)
+    if file.posterior:
+        steps = f"sampling the posterior, at most {file.posterior_steps} steps"
+        progress(steps, 0.85)
+        samples = posterior(
+            friction,
+            recordings,
+            stage=stage,
+            max_steps=file.posterior_steps,
+            progress=lambda done, most: progress(steps, 0.85 + 0.15 * done / most),
+            **known,
+        )
+        found = found._replace(posterior=samples)
+    return found
+
+
+def _named(candidates: list[Candidate], names: bool | list[str]) -> list[Candidate]:
+    if not isinstance(names, list):
+        return candidates
+    by_label = {candidate.label: candidate for candidate in candidates}
+    for name in names:
+        if name not in by_label:
+            hint = did_you_mean(name, by_label)
+            raise QuantityError(f"model_choice: there is no {name!r}{hint}: there are {', '.join(by_label)}")
+    return [by_label[name] for name in names]

@@ -1,0 +1,114 @@
+r"""Walks by Pohl's static model [pohl1987; kang2007, eq. 1.1]: the piezo moves by D times the voltage.
+
+The end-effector is carried by all of it that is slow and left behind by all that is fast, whatever the
+friction: :math:`x = D\,w(t)`, w being the voltage without its jumps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ..actuator import Actuator
+from ..waveform.drive import Drive, evaluate, segment_at
+from ..waveform.drive import value_slope_curvature as value_at
+from .channels import channel, names_of, recordings_of, same_number
+from .fit import Residuals, fit_least_squares
+from .free import Bounds
+from .friction import LONGEST_DELAY, OBSERVED
+from .recorded_drive import recorded_drive
+from .result import Fit, Parameter, Values
+
+# A segment is left behind where the voltage changes so many times faster than it usually does.
+FAST = 10.0
+
+Array = NDArray[np.float64]
+
+
+def slow_part(drive: Drive, end: float) -> Callable[[Array], Array]:
+    """The voltage less its jumps and fast flanks, from 0 at t = 0, as a function of time up to `end` [s]."""
+    ends = np.append(drive.start[1:], max(end, float(drive.start[-1])))
+    first = np.array([value_at(drive, i, t)[0] for i, t in enumerate(drive.start)])
+    last = np.array([value_at(drive, i, t)[0] for i, t in enumerate(ends)])
+    length = np.maximum(ends - drive.start, 1e-12)
+    speed = np.abs(last - first) / length
+    moving = speed > 0.0
+    order = np.argsort(speed[moving])
+    share = np.cumsum(length[moving][order])
+    usual = float(speed[moving][order][np.searchsorted(share, 0.5 * share[-1])]) if share.size else 0.0
+    fast = speed > FAST * usual
+    jumps = first - np.append(drive.before, last[:-1])
+    # What has been left behind when a segment begins: all jumps so far, and the fast segments before it.
+    behind = np.cumsum(jumps) + np.append(0.0, np.cumsum(np.where(fast, last - first, 0.0))[:-1])
+
+    def of(times: Array) -> Array:
+        at = segment_at(drive, times)
+        u = np.where(fast[at], first[at], evaluate(drive, times)[0])
+        return np.where(times < 0.0, 0.0, u - behind[at] - drive.before)
+
+    return of
+
+
+def identify_static_walk(
+    recordings: xr.Dataset | Sequence[xr.Dataset],
+    model: Actuator,
+    *,
+    drive: Any = None,
+    slew_rate: float | None = None,
+    bounds: Bounds | None = None,
+) -> Fit:
+    """Fit Pohl's static model to walks: D as `gain` [m/V], and delay [s] and offset [m] of the channel.
+
+    Args:
+        recordings: with end_effector_position [m].
+        model: whose gain the search starts at.
+        drive, slew_rate: as for `identify_friction`.
+        bounds: of gain, delay and offset, in SI.
+
+    Raises:
+        RecordingError: a channel is missing, too short or constant.
+    """
+    found = recordings_of(recordings)
+    names = names_of(found)
+    given: Any = [drive] * len(found) if hasattr(drive, "drive") else drive
+    known = dict(bounds or {})
+
+    def walk(recording: xr.Dataset, waveform: Any, name: str) -> Callable[[Values], Array]:
+        time = recording["time"].values
+        if waveform is None:
+            waveform, time = recorded_drive(recording, name, slew_rate), time - time[0]
+        slow = slow_part(waveform.drive(float(time[-1])), float(time[-1]))
+        return lambda values: values["gain"] * slow(time - values["delay"]) + values["offset"]
+
+    parts = []
+    for recording, waveform, name in zip(found, same_number(given, found, "drives"), names, strict=True):
+        x = channel(recording, OBSERVED, name, varies=True)
+        of = walk(recording, waveform, name)
+        parts.append(Residuals(lambda values, of=of, x=x: of(values) - x, x, None, name, "m"))
+    reach = LONGEST_DELAY * min(float(np.ptp(r["time"].values)) for r in found)
+    size = max(float(np.ptp(r[OBSERVED].values)) for r in found)
+
+    def free(name: str, start: float, low: float, high: float, unit: str) -> Parameter:
+        low, high = (float(limit) for limit in known.get(name, (low, high)))
+        return Parameter(name, min(max(start, low), high), low, high, unit, log=False)
+
+    fit = fit_least_squares(
+        parts,
+        [
+            free("gain", model.gain, -10.0 * abs(model.gain), 10.0 * abs(model.gain), "m/V"),
+            free("delay", 0.0, -reach, reach, "s"),
+            free("offset", 0.0, -size, size, "m"),
+        ],
+        central=True,
+        hops=2,
+    )
+
+    def predict(recording: xr.Dataset, drive: Any = None) -> Array:
+        return walk(recording, drive, names_of([recording])[0])(fit.values)
+
+    return replace(fit, observed=OBSERVED, predict=predict)
