@@ -84,12 +84,25 @@ def start() -> Array:
     return np.array([*START, START_DELAY, 0.0])
 
 
-def judge(values: Array) -> dict[str, Any]:
+class Fitted(NamedTuple):
+    """What a tool found: values, evaluations of the model (without those for derivatives, where it has them
+    from elsewhere), whether it ended by itself, and the rms of what is left [m]."""
+
+    values: Array
+    evaluations: int
+    ended: bool
+    rms: float
+
+
+def judge(found: Fitted) -> dict[str, Any]:
     """What a row says of a fit: how far it ended from ours, in standard errors."""
     known = load()
-    away = float(np.max(np.abs(values - known.values) / known.errors))
+    away = float(np.max(np.abs(found.values - known.values) / known.errors))
     return {
-        "values": [float(f"{v:.6g}") for v in values],
+        "values": [float(f"{v:.6g}") for v in found.values],
         "away_in_standard_errors": away,
         "global": away < SAME,
+        "evaluations": found.evaluations,
+        "ended": found.ended,
+        "rms_m": found.rms,
     }

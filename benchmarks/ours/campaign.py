@@ -15,7 +15,7 @@ from .models import actuator
 FREE = ("sigma_0", "sigma_1", "coulomb_force", "delay", "offset")
 
 
-def _fit() -> Callable[[], np.ndarray]:
+def _fit() -> Callable[[], campaign.Fitted]:
     walk = campaign.load()
     sigma_0, sigma_1, coulomb = campaign.start()[:3]
     model = actuator("P1", sigma_0=sigma_0, sigma_1=sigma_1, coulomb_force=coulomb, stiction_force=coulomb)
@@ -28,9 +28,10 @@ def _fit() -> Callable[[], np.ndarray]:
     drive = ss.Sampled(np.append(walk.start, ends[-1]), volts)
     recording = ss.make_recording(walk.time, {"end_effector_position": walk.position}, title="walk")
 
-    def run() -> np.ndarray:
+    def run() -> campaign.Fitted:
         found = ss.identify_friction([recording], model, FREE, drive=drive)
-        return np.array([found.values[name] for name in FREE])
+        values = np.array([found.values[name] for name in FREE])
+        return campaign.Fitted(values, found.n_evaluations, found.converged, found.rmse)
 
     return run
 

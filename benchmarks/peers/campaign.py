@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
@@ -19,6 +20,7 @@ from ..worker import Case, serve
 TOLERANCE = 1e-8  # of the simulations: differences of 1e-4 need it
 REACH = np.log(30.0)
 NOISE = 0.13e-6
+SECONDS = 200.0  # of CPU time: who has not ended by then is stopped, and has taken at least so long
 C0, C1, C2, C3, C4 = problems.PROBLEMS["P1"].scale
 
 Simulate = Callable[[np.ndarray, float], np.ndarray]
@@ -97,9 +99,22 @@ def with_scipy(walk: campaign.Walk) -> Simulate:
     return simulate
 
 
-def _residuals(walk: campaign.Walk, simulate: Simulate, x: np.ndarray) -> np.ndarray:
-    """x: three logarithms, the delay in ms and the offset in um."""
-    return (simulate(np.exp(x[:3]), 1e-3 * x[3]) + 1e-6 * x[4] - walk.position) / NOISE
+class Objective:
+    """Residuals of three logarithms, the delay in ms and the offset in um; TimeoutError when time is over."""
+
+    def __init__(self, walk: campaign.Walk, simulate: Simulate) -> None:
+        self.walk, self.simulate = walk, simulate
+        self.end = time.process_time() + SECONDS
+        self.evaluations, self.lowest, self.best = 0, np.inf, _coordinates(campaign.start())
+
+    def __call__(self, x: np.ndarray) -> np.ndarray:
+        if time.process_time() > self.end:
+            raise TimeoutError
+        self.evaluations += 1
+        r = (self.simulate(np.exp(x[:3]), 1e-3 * x[3]) + 1e-6 * x[4] - self.walk.position) / NOISE
+        if float(r @ r) < self.lowest:
+            self.lowest, self.best = float(r @ r), np.array(x)
+        return r
 
 
 def _coordinates(values: np.ndarray) -> np.ndarray:
@@ -116,10 +131,10 @@ def _bounds(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return low, high
 
 
-def with_trf(walk: campaign.Walk, simulate: Simulate) -> np.ndarray:
+def with_trf(objective: Objective) -> None:
     x = _coordinates(campaign.start())
-    found = least_squares(
-        lambda q: _residuals(walk, simulate, q),
+    least_squares(
+        objective,
         x,
         bounds=_bounds(x),
         diff_step=1e-4,
@@ -128,29 +143,37 @@ def with_trf(walk: campaign.Walk, simulate: Simulate) -> np.ndarray:
         gtol=1e-9,
         max_nfev=200,
     )
-    return _values(found.x)
 
 
-def with_lmfit(walk: campaign.Walk, simulate: Simulate) -> np.ndarray:
+def with_lmfit(objective: Objective) -> None:
     x = _coordinates(campaign.start())
     parameters = lmfit.Parameters()
     for name, value, low, high in zip("abcde", x, *_bounds(x), strict=True):
         parameters.add(name, value=value, min=low, max=high)
 
     def residuals(found: Any) -> np.ndarray:
-        return _residuals(walk, simulate, np.array([found[name].value for name in "abcde"]))
+        return objective(np.array([found[name].value for name in "abcde"]))
 
-    result = lmfit.minimize(residuals, parameters, method="leastsq", epsfcn=1e-8, ftol=1e-9, xtol=1e-9)
-    return _values(np.array([result.params[name].value for name in "abcde"]))
+    lmfit.minimize(residuals, parameters, method="leastsq", epsfcn=1e-8, ftol=1e-9, xtol=1e-9)
 
 
 def _one(
-    fit: Callable[..., np.ndarray], simulator: Callable[[campaign.Walk], Simulate]
-) -> Callable[[], np.ndarray]:
+    fit: Callable[[Objective], None], simulator: Callable[[campaign.Walk], Simulate]
+) -> Callable[[], campaign.Fitted]:
     walk = campaign.load()
     simulate = simulator(walk)
     simulate(np.array(problems.TRUE), 1e-3)
-    return partial(fit, walk, simulate)
+
+    def run() -> campaign.Fitted:
+        objective, ended = Objective(walk, simulate), True
+        try:
+            fit(objective)
+        except TimeoutError:
+            ended = False
+        rms = NOISE * float(np.sqrt(objective.lowest / walk.position.size))
+        return campaign.Fitted(_values(objective.best), objective.evaluations, ended, rms)
+
+    return run
 
 
 def cases() -> Iterator[Case]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -95,14 +96,10 @@ class Slewed:
 
 def _at(table: Drive, i: int, tau: float) -> float:
     """The value of segment i, also at its very end."""
-    one = Drive(
-        table.before,
-        np.zeros(1),
-        table.polynomial[i : i + 1],
-        np.array([0, table.first[i + 1] - table.first[i]]),
-        table.harmonic[table.first[i] : table.first[i + 1]],
-    )
-    return float(evaluate(one, np.array([tau]))[0][0])
+    c0, c1, c2, c3 = table.polynomial[i].tolist()
+    waves = table.harmonic[table.first[i] : table.first[i + 1]].tolist()
+    swing = sum(a * math.sin(phase + tau * (omega + chirp * tau)) for a, omega, phase, chirp in waves)
+    return c0 + tau * (c1 + tau * (c2 + tau * c3)) + swing
 
 
 def _shifted(polynomial: np.ndarray, by: float) -> list[float]:

@@ -32,11 +32,9 @@ OBSERVED = "end_effector_position"
 # derivative; a step of 1e-4 needs a tolerance of 1e-13 m for that, for which the simulation takes longer.
 DIFFERENCE_STEP = 5e-3
 # Relative, of the sum of squares, where one value is held: far below what noise explains.
-NEAR = 1e-6
+NEAR = 1e-5
 # Evaluations after which a search that creeps along a value that is not determined is left to `integrated`.
-ENOUGH = 20
-# The same from a guess, which may be further away.
-FIRST = 60
+ENOUGH = 30
 # Of the channel, not of the actuator.
 CHANNEL = ("delay", "offset")
 # m, and steps, of the simulations that only tell where to begin.
@@ -198,8 +196,11 @@ def identify_friction(
         return fit if stage is None else _with_stage(fit, motions, model, stage)
 
     thorough = {"starts": starts, "hops": hops, "max_evaluations": max_evaluations}
-    quick = thorough | {"hops": 0, "max_evaluations": min(FIRST if hops else ENOUGH, max_evaluations)}
+    quick = thorough | {"hops": 0, "max_evaluations": min(ENOUGH, max_evaluations)}
     fit = whole(wide, **quick)
+    if hops and not fit.converged and loosest(fit, _own(fit.values)) is None:  # still far from where it leads
+        on = [p._replace(start=fit.values[p.name]) for p in wide]
+        fit = whole(on, **thorough | {"hops": 0})
     parameters = at = beside(parameters, fit.values, bounds)
     fit = replace(fit, parameters=tuple(parameters))
     if not white(np.concatenate(fit.residuals), [r.size for r in fit.residuals]):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+import h5py
 import numpy as np
 import xarray as xr
 
@@ -50,19 +51,57 @@ def open_recording(path: str | os.PathLike[str]) -> xr.Dataset:
     if not path.is_file():
         raise RecordingError(f"{path}: there is no such file")
     try:
-        with xr.open_dataset(path, engine="h5netcdf", decode_cf=False) as stored:
-            recording = stored.load()
+        recording = _stored(path)
     except Exception as error:  # HDF5 reports a damaged file in half a dozen ways
         raise RecordingError(
             f"{path}: not a readable NetCDF 4 file (cut off or damaged?): {error}"
         ) from error
-    recording.encoding = {}
     if "schema_version" not in recording.attrs:
         raise RecordingError(f"{path}: NetCDF, but no stickslip recording (it lacks 'schema_version')")
     try:
         return validate_recording(recording)
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from None
+
+
+# Of NetCDF over HDF5: what says which axes belong together, not what a variable is.
+_INTERNAL = {"CLASS", "NAME", "REFERENCE_LIST", "DIMENSION_LIST", "_NCProperties", "_nc3_strict"}
+_ONLY_A_DIMENSION = "This is a netCDF dimension but not a netCDF variable"
+
+
+def _stored(path: Path) -> xr.Dataset:
+    """The variables of the file's first group, as they are; a tenth of the time that xarray's reader takes,
+    which matters to a campaign of many recordings."""
+    with h5py.File(path, "r") as file:
+        variables = {}
+        for name, stored in file.items():
+            attrs = _attributes(stored)
+            if isinstance(stored, h5py.Dataset) and _ONLY_A_DIMENSION not in str(
+                stored.attrs.get("NAME", "")
+            ):
+                values = stored.asstr()[...] if h5py.check_string_dtype(stored.dtype) else stored[...]
+                variables[name] = (_dimensions(name, stored, file), values, attrs)
+        coordinates = {name for name, (dimensions, _, _) in variables.items() if dimensions == (name,)}
+        data = {name: one for name, one in variables.items() if name not in coordinates}
+        return xr.Dataset(data, {name: variables[name] for name in coordinates}, _attributes(file))
+
+
+def _dimensions(name: str, stored: h5py.Dataset, file: h5py.File) -> tuple[str, ...]:
+    if stored.attrs.get("CLASS", b"") == b"DIMENSION_SCALE":
+        return (name,)
+    if not stored.shape:
+        return ()
+    return tuple(str(file[axes[0]].name).lstrip("/") for axes in stored.attrs["DIMENSION_LIST"])
+
+
+def _attributes(stored: h5py.HLObject) -> dict[str, object]:
+    found = {}
+    for name in stored.attrs:
+        if name not in _INTERNAL and not name.startswith("_Netcdf4"):
+            value = stored.attrs[name]
+            value = "" if isinstance(value, h5py.Empty) else value
+            found[name] = value[0] if isinstance(value, np.ndarray) and value.shape == (1,) else value
+    return found
 
 
 def _storable(name: str, value: object) -> object:
