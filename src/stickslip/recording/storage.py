@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -98,7 +99,7 @@ def _attributes(stored: h5py.HLObject) -> dict[str, object]:
     found = {}
     for name in stored.attrs:
         if name not in _INTERNAL and not name.startswith("_Netcdf4"):
-            value = stored.attrs[name]
+            value: Any = stored.attrs[name]
             value = "" if isinstance(value, h5py.Empty) else value
             found[name] = value[0] if isinstance(value, np.ndarray) and value.shape == (1,) else value
     return found
