@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import math
-import re
-from pathlib import Path
-
 import matplotlib as mpl
 import numpy as np
 import pytest
@@ -19,7 +15,6 @@ from stickslip.friction import Coulomb, CoulombViscous, Elastoplastic, StictionC
 from stickslip.simulation import simulate
 from stickslip.waveform.periodic import ReverseSawtooth, Sawtooth
 
-ROOT = Path(__file__).parents[2]
 STATIC = {
     "a": Coulomb(0.54),
     "b": CoulombViscous(0.54, 20.0),
@@ -182,28 +177,3 @@ def test_figures_leave_settings_alone_and_are_reproducible() -> None:
     waveforms = {"there": Sawtooth(65.0, 5.0)}
     assert svg(thesis.drive_signals(waveforms, 0.6)) == svg(thesis.drive_signals(waveforms, 0.6))
     assert dict(mpl.rcParams) == before
-
-
-# ---- The gallery of the documentation
-
-
-def test_gallery_links_only_figures_that_are_there_and_small() -> None:
-    text = (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8")
-    links = re.findall(r"!\[[^\]]+\]\(([^)]+)\)", text)
-    assert len(links) >= 6
-    for link in links:
-        file = ROOT / "docs" / link
-        assert 1000 < file.stat().st_size < 150_000, link
-
-
-def test_every_figure_of_the_docs_is_shown_somewhere() -> None:
-    pages = "".join(page.read_text("utf-8") for page in [*(ROOT / "docs").glob("*.md"), ROOT / "README.md"])
-    assert all(f"figures/{file.name})" in pages for file in (ROOT / "docs" / "figures").glob("*.svg"))
-
-
-def test_gallery_names_the_assumptions_and_the_figures() -> None:
-    text = (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8")
-    for figure in ("fig. 2.1", "fig. 2.4", "fig. 3.1-3.4", "fig. 3.7", "sec. 3.2"):
-        assert figure in text
-    assert text.count("*Assumed:") >= 4
-    assert math.isclose(float(re.search(r"x = (\d+) µm/s²", text)[1]) * 2e-6, thesis.PARABOLA)  # type: ignore[index]
