@@ -92,7 +92,8 @@ def _dimensions(name: str, stored: h5py.Dataset, file: h5py.File) -> tuple[str, 
         return (name,)
     if not stored.shape:
         return ()
-    return tuple(str(file[axes[0]].name).lstrip("/") for axes in stored.attrs["DIMENSION_LIST"])
+    scales: Any = stored.attrs["DIMENSION_LIST"]
+    return tuple(str(file[of_axis[0]].name).lstrip("/") for of_axis in scales)
 
 
 def _attributes(stored: h5py.HLObject) -> dict[str, object]:
