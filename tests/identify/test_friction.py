@@ -19,7 +19,7 @@ from stickslip.units import QuantityError
 from stickslip.verification import verify
 from stickslip.waveform.periodic import Sawtooth
 from stickslip.waveform.sequence import Sequence
-from stickslip.waveform.shapes import Rest
+from stickslip.waveform.shapes import Ramp, Rest
 
 REFERENCE = (Path(__file__).parents[2] / ".." / "shared" / "reference").resolve()
 DRIVE = Sawtooth(amplitude=65.0, frequency=5.0)
@@ -123,7 +123,7 @@ def test_drive_from_the_recording() -> None:
     told = part.assign(drive_voltage=("time", volts, {"units": "V", "long_name": "drive voltage"}))
     settings = {"model": actuator(1.2e6, 34.9, 0.5401), "free": ["sigma_0"], "tolerance": 1e-12}
     one = identify_friction(told, **settings)
-    other = identify_friction(part, drive=DRIVE, **settings)
+    other = identify_friction(part, drive=Ramp(325.0, rise_time=0.2), **settings)
     assert one.values["sigma_0"] == pytest.approx(other.values["sigma_0"], rel=1e-6)
     assert one.predict is not None
     np.testing.assert_allclose(one.predict(told), part["end_effector_position"], atol=1e-10)

@@ -71,7 +71,11 @@ def gather(
         if isinstance(spec, OwnSpec):
             whole = spec.cut(spec.read(folder))
             drive = drive_of(spec.waveform, {}, folder) if spec.waveform else None
-            found.append(Gathered(spec.label, spec.use, *aligned(whole, drive, spec.label, file.slew_rate)))
+            try:
+                one = aligned(whole, drive, spec.label, file.slew_rate)
+            except RecordingError as error:
+                raise RecordingError(f"{spec.file}: {error}") from None
+            found.append(Gathered(spec.label, spec.use, *one))
             continue
         names = [name for name in left if fnmatchcase(name, spec.cells)]
         if not names:

@@ -49,7 +49,7 @@ def channel(recording: xr.Dataset, name: str, where: str, varies: bool = False) 
         varies: refuse a channel that is constant.
 
     Raises:
-        RecordingError: it is missing, too short, not finite, or constant.
+        RecordingError: it is missing, empty, too short, not finite, or constant.
     """
     meaning = STANDARD_NAMES.get(name)
     unit = f" [{meaning.unit}]" if meaning else ""
@@ -59,6 +59,10 @@ def channel(recording: xr.Dataset, name: str, where: str, varies: bool = False) 
     values = np.ascontiguousarray(recording[name].values, dtype=float)
     if "time" not in recording.coords or values.shape != recording["time"].shape:
         raise RecordingError(f"{name}{unit} of {where} is not a channel over time [s]")
+    if not values.size:
+        raise RecordingError(
+            f"{name}{unit} of {where} is empty; at least {FEWEST_SAMPLES} samples are needed"
+        )
     if values.size < FEWEST_SAMPLES:
         raise RecordingError(
             f"{name}{unit} of {where} has {values.size} samples; at least {FEWEST_SAMPLES} are needed"
@@ -86,6 +90,8 @@ def refuse_clipped(values: NDArray[np.float64], name: str, where: str) -> None:
 
     That is: it comes to it in full motion and stays there exactly, for `FEWEST_CLIPPED` samples.
     """
+    meaning = STANDARD_NAMES.get(name)
+    unit = f" [{meaning.unit}]" if meaning else ""
     change = np.abs(np.diff(values))
     moving = change[change > 0.0]
     if not moving.size:
@@ -93,8 +99,9 @@ def refuse_clipped(values: NDArray[np.float64], name: str, where: str) -> None:
     for end, what in ((values.max(), "greatest"), (values.min(), "least")):
         at = np.flatnonzero(np.diff(np.concatenate([[0], (values == end).astype(int), [0]])))
         for first, last in zip(at[::2], at[1::2], strict=True):
-            if last - first >= FEWEST_CLIPPED and first > 0 and change[first - 1] >= np.median(moving):
+            if last - first >= FEWEST_CLIPPED and first > 0 and change[first - 1] >= 0.5 * np.median(moving):
                 raise RecordingError(
-                    f"{name} of {where} is clipped: it stays at its {what} value, {end:g}, for "
-                    f"{last - first} samples from sample {first} on"
+                    f"{name}{unit} of {where} is clipped: it stays at its {what} value, {end:g}, for "
+                    f"{last - first} samples from sample {first} on; it must be recorded within the sensor's "
+                    "and the converter's range"
                 )

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 from scipy.signal import correlate
 
@@ -22,6 +23,9 @@ from .channels import channel
 ALIKE = 0.1
 # Samples that it is compared at, one in so many of them all.
 MOST_SAMPLES = 2000
+# Of a period. A walk is told by the slope of its slow part and the levels before and behind its slip: lines
+# through a third and means over a tenth of a period (see `sawtooth`), three samples and one by then.
+FEWEST_PER_PERIOD = 10
 
 
 @dataclass(frozen=True)
@@ -159,3 +163,29 @@ def periodic_part(drive: Any, begin: float = 0.0) -> tuple[float, Any]:
             return found
         begin += length
     return begin, None
+
+
+def refuse_sampling(time: NDArray[np.float64], drive: Waveform | None, where: str) -> None:
+    """Raise `RecordingError` if a recording is too short or too coarsely sampled for a drive that repeats.
+
+    Args:
+        time: of the recording, s.
+        drive: in that time; None, or one without a period: nothing is known of what is needed.
+        where: what to call the recording.
+    """
+    begin, periodic = (0.0, None) if drive is None else periodic_part(drive)
+    if periodic is None:
+        return
+    period, interval = float(periodic.period), float(np.median(np.diff(time)))
+    if period < FEWEST_PER_PERIOD * interval * (1.0 - 1e-6):
+        raise RecordingError(
+            f"end_effector_position [m] of {where} is too coarsely sampled: {period / interval:.3g} samples "
+            f"per period of the drive; at least {FEWEST_PER_PERIOD} are needed, one every "
+            f"{period / FEWEST_PER_PERIOD:.3g} s"
+        )
+    lasts = float(time[-1]) - begin
+    if lasts < period * (1.0 - 1e-6) - interval:
+        raise RecordingError(
+            f"end_effector_position [m] of {where} is too short: it ends {lasts:.3g} s after the drive "
+            f"begins; at least one period of the drive, {period:.3g} s, is needed"
+        )

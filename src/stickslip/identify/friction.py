@@ -18,6 +18,7 @@ from ..waveform.signal import Waveform
 from .channels import channel, names_of, recordings_of, refuse_clipped, same_number
 from .coloured import coloured, with_coloured_noise, with_inherited
 from .displacement import Displacement, has_slopes
+from .drives import refuse_sampling
 from .first_guess import beginning, beside, first_guess
 from .fit import Progress, Residuals, fit_least_squares
 from .free import Bounds, check_names, parameter
@@ -112,7 +113,8 @@ def identify_friction(
         drive=None)`` simulates a recording.
 
     Raises:
-        RecordingError: a channel is missing, too short or constant, or numbers do not match.
+        RecordingError: a channel is missing, empty, constant, clipped, too short or too coarsely sampled, or
+            numbers do not match.
         QuantityError: a name that cannot be free, bounds that do not fit, a drive out of range.
         FitError: see `fit_least_squares`.
 
@@ -126,9 +128,7 @@ def identify_friction(
     drives = same_number(given, found, "drives")
     bounds = bounds or {}
     check_names(free, [*free_names(model), *CHANNEL], bounds)
-    measured = [channel(r, OBSERVED, name, varies=True) for r, name in zip(found, names, strict=True)]
-    for values, name in zip(measured, names, strict=True):
-        refuse_clipped(values, OBSERVED, name)
+    measured = [walked(r, w, name) for r, w, name in zip(found, drives, names, strict=True)]
     shifts = {
         "delay": LONGEST_DELAY * min(float(np.ptp(r["time"].values)) for r in found),
         "offset": max(float(np.ptp(m) + abs(m[0])) for m in measured),
@@ -221,6 +221,18 @@ def identify_friction(
         return observed(Displacement(recording, drive, name, model, tolerance, slew_rate), model, fit.values)
 
     return replace(fit, model=with_values(model, _own(fit.values)), observed=OBSERVED, predict=predict)
+
+
+def walked(recording: xr.Dataset, drive: Waveform | None, where: str) -> NDArray[np.float64]:
+    """The positions of a walk, m.
+
+    Raises:
+        RecordingError: they are missing, empty, constant, clipped, too few or too coarsely sampled.
+    """
+    position = channel(recording, OBSERVED, where, varies=True)
+    refuse_clipped(position, OBSERVED, where)
+    refuse_sampling(recording["time"].values, drive, where)
+    return position
 
 
 def _with_stage(fit: Fit, motions: Sequence[Displacement], model: Actuator, stage: Fit) -> Fit:

@@ -10,6 +10,7 @@ from scipy.ndimage import median_filter, uniform_filter1d
 from scipy.signal import find_peaks
 
 from ..recording import RecordingError
+from .drives import FEWEST_PER_PERIOD
 
 # A jump of the drive is at least this share of its range.
 JUMP = 0.3
@@ -19,7 +20,6 @@ APART = 4.5
 ABOVE_NOISE = 5.0
 # Of a period, how irregular slips may come.
 IRREGULAR = 0.25
-FEWEST_PER_PERIOD = 10
 
 Array = NDArray[np.float64]
 
@@ -45,7 +45,10 @@ def slips_of(t: Array, x: Array, u: Array | None, where: str) -> Slips:
     at = np.flatnonzero(np.abs(change) > JUMP * np.ptp(u))
     at = at[np.diff(at, prepend=-2) > 1] + 1
     if at.size < 2:
-        raise RecordingError(f"drive_voltage [V] of {where} jumps {at.size} times: it is no sawtooth")
+        raise RecordingError(
+            f"drive_voltage [V] of {where} jumps {at.size} times: it is no sawtooth, or too short; at least 2 "
+            "jumps are needed"
+        )
     jump = np.sign(change[at - 1]).astype(int)
     walk = _walks(t[at], jump, float(np.median(np.diff(t[at]))))
     period = float(np.median(np.concatenate([np.diff(t[at][walk == w]) for w in np.unique(walk)])))
@@ -65,8 +68,8 @@ def _check_sampling(t: Array, period: float, where: str) -> None:
     per_period = period / float(np.median(np.diff(t)))
     if per_period < FEWEST_PER_PERIOD:
         raise RecordingError(
-            f"{where} is too coarsely sampled: {per_period:.3g} samples per period, and at least "
-            f"{FEWEST_PER_PERIOD} are needed"
+            f"end_effector_position [m] of {where} is too coarsely sampled: {per_period:.3g} samples per "
+            f"period; at least {FEWEST_PER_PERIOD} are needed, one every {period / FEWEST_PER_PERIOD:.3g} s"
         )
 
 

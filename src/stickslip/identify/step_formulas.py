@@ -16,6 +16,8 @@ from .channels import channel, names_of, recordings_of, refuse_clipped, same_num
 POSITION = "end_effector_position"
 # Samples from the rise to the peak below which neither can be told.
 FEWEST_TO_PEAK = 6
+# Samples until it has settled, below which there is no rise to look at: two or three natural periods.
+FEWEST_IN_RISE = 8
 
 Array = NDArray[np.float64]
 
@@ -88,8 +90,15 @@ def classical(test: StepTest, timing: Timing, delay: float | None = None) -> dic
     t, x, sign = test.time, test.position, math.copysign(1.0, test.voltage)
     if t[-1] < timing.steady_after + timing.steady_over:
         raise RecordingError(
-            f"{test.name} ends {t[-1]:g} s after its step; {timing.steady_after + timing.steady_over:g} s "
-            "are needed for the steady value"
+            f"end_effector_position [m] of {test.name} is too short: it ends {t[-1]:g} s after "
+            f"its step; {timing.steady_after + timing.steady_over:g} s are needed for the steady value"
+        )
+    interval = float(np.median(np.diff(t)))
+    if timing.steady_after < FEWEST_IN_RISE * interval:
+        raise RecordingError(
+            f"end_effector_position [m] of {test.name} is too coarsely sampled: one sample every "
+            f"{interval:.3g} s; at least {FEWEST_IN_RISE} are needed until it has settled, "
+            f"{timing.steady_after:g} s after its step"
         )
     delay = _onset(t, x, test.name, timing) if delay is None else delay
     begin = int(np.searchsorted(t, delay - 1e-9))
@@ -104,7 +113,8 @@ def classical(test: StepTest, timing: Timing, delay: float | None = None) -> dic
     peak_time = float(since[peak])
     if np.count_nonzero((since > 0.0) & (since <= peak_time)) < FEWEST_TO_PEAK:
         raise RecordingError(
-            f"{test.name} is too coarsely sampled: fewer than {FEWEST_TO_PEAK} samples from rise to peak"
+            f"end_effector_position [m] of {test.name} is too coarsely sampled: one sample every "
+            f"{interval:.3g} s; at least {FEWEST_TO_PEAK} are needed from rise to peak, {peak_time:.3g} s"
         )
     overshoot = (float(x[peak]) - bias - steady) / steady
     zeta, omega = second_order(overshoot, peak_time)

@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from ..identify.channels import channel, refuse_clipped
-from ..identify.drives import Slewed, begin_of
+from ..identify.drives import Slewed, begin_of, refuse_sampling
 from ..waveform.sequence import Sequence
 from ..waveform.shapes import Rest
 from ..waveform.signal import Waveform
@@ -57,7 +57,8 @@ def aligned(
         begin: of the drive, s; left out, where the channel matches it best.
 
     Raises:
-        RecordingError: a channel is missing, empty, constant, clipped, too short, or of another drive.
+        RecordingError: a channel is missing, empty, constant, clipped, too short, too coarsely sampled, or of
+            another drive.
     """
     position = channel(whole, POSITION, name, varies=True) / scale
     refuse_clipped(position, POSITION, name)
@@ -82,6 +83,7 @@ def aligned(
     at_piezo = drive if math.isinf(slew_rate) else Slewed(drive, slew_rate)
     length = float(time[-1] - time[0])
     wanted, given = _from(drive, begin, length), _from(at_piezo, begin, length)
+    refuse_sampling(moved["time"].values, wanted, name)
     forward = begin + drive.parts[0][1] if isinstance(drive, Sequence) else None
     return Aligned(moved, begin, noise, wanted, given, forward)
 

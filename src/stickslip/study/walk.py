@@ -12,7 +12,7 @@ from pydantic import Field
 from ..actuator import Actuator, load_actuator
 from ..figures.identification import fit_with_residuals
 from ..figures.style import svg
-from ..identify.friction import identify_friction
+from ..identify.friction import identify_friction, walked
 from ..identify.result import Fit, goodness
 from ..input_file import Strict, quantity
 from ..report import Column, Document, Number, Picture, Section, Table
@@ -78,6 +78,8 @@ class WalkStudy(Study):
         data = {
             r.label: (r, parts[r.label], r.drive.waveform() if r.drive else None) for r in self.recordings
         }
+        for label, (_, recording, waveform) in data.items():
+            walked(recording, waveform, label)
         fitted = [(d, w) for r, d, w in data.values() if r.use == "fit"]
         if not fitted:
             raise StudyError("no recording has 'use: fit'")
