@@ -46,8 +46,8 @@ def slips_of(t: Array, x: Array, u: Array | None, where: str) -> Slips:
     at = at[np.diff(at, prepend=-2) > 1] + 1
     if at.size < 2:
         raise RecordingError(
-            f"drive_voltage [V] of {where} jumps {at.size} times: it is no sawtooth, or too short; at least 2 "
-            "jumps are needed"
+            f"drive_voltage [V] of {where} jumps {at.size} times: it is no sawtooth, or too short; at "
+            "least 2 jumps are needed"
         )
     jump = np.sign(change[at - 1]).astype(int)
     walk = _walks(t[at], jump, float(np.median(np.diff(t[at]))))
