@@ -13,7 +13,7 @@ from .fit_process import Begin, Prepare, work
 from .fitting import FitRequest
 from .folder import Folder
 from .readiness import Readiness
-from .stream import Client, Hub, Message, packed
+from .stream import Hub, packed
 
 REPORTS = "fits"
 RUNNING = "running"
@@ -46,12 +46,6 @@ class Fitting:
             self._pending[law] = self._process
             self._connection.send(Prepare(law))
         self._readiness.begin(_called(law))
-
-    def greet(self, client: Client, said: dict[str, Any]) -> list[Message]:
-        """The first page has been served: now there is time to prepare fits."""
-        if self._process is None:
-            threading.Thread(target=self.prepare, args=(USUAL_LAW,), daemon=True).start()
-        return []
 
     def start(self, request: FitRequest) -> None:
         """Begin a fit; ValueError where one is running."""

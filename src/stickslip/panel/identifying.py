@@ -124,7 +124,7 @@ def _told_of_the_rig(attrs: Mapping[str, Any]) -> dict[str, Any]:
             bench = load_bench(named[1])
         except ParameterSetError:  # of another version
             return found
-        found["slew_rate"] = min(
-            bench.amplifier.slew_rate, bench.amplifier.max_current / bench.piezo_capacitance
-        )
+        amplifier = bench.amplifier
+        slew_rate = min(amplifier.slew_rate, amplifier.max_current / bench.piezo_capacitance)
+        found["slew_rate"] = float(f"{slew_rate:.4g}")
     return found

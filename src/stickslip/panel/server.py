@@ -6,7 +6,6 @@ import asyncio
 import json
 import secrets
 import sys
-import threading
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -33,6 +32,7 @@ from .readiness import Readiness
 from .recordings import recording_routes
 from .running import Runner
 from .stream import Hub
+from .warming import warm_up
 
 STATIC = Path(__file__).parent / "static"
 
@@ -70,7 +70,6 @@ def create_app(
     runner = Runner(hub, live, journal)
     readiness = Readiness(hub)
     fitting = Fitting(files, hub, readiness)
-    hub.greetings.append(fitting.greet)
 
     async def beat() -> None:
         """Every second a sign of life: silence tells a page that the connection is lost."""
@@ -84,9 +83,10 @@ def create_app(
         beating = asyncio.create_task(beat())
         # A thread that computes keeps the others waiting for so long; Python's 5 ms are a third of a picture.
         sys.setswitchinterval(1e-3)
-        threading.Thread(target=_warm_up, args=(readiness,), daemon=True).start()
+        end_warming = warm_up(hub, readiness, fitting)
         yield
         beating.cancel()
+        end_warming()
         fitting.close()
         if runner.stop("the panel closes"):
             await asyncio.to_thread(runner.join)
@@ -116,19 +116,6 @@ def create_app(
     _explain_errors(app, files)
     app.add_middleware(Guard, hosts=hosts, any_address=any_address, token=token, largest_body=largest_body)
     return app
-
-
-def _warm_up(readiness: Readiness) -> None:
-    """Compile the solver, or read it from its cache, before somebody presses Start; then that of Explore."""
-    from ..actuator import load_actuator
-    from ..simulation import simulate, steady_step
-    from ..waveform.periodic import Sawtooth
-
-    model, drive = load_actuator("kang2007"), Sawtooth(65.0, 5.0)
-    with readiness.preparing("the simulation"):
-        simulate(model, drive, 0.01)
-    with readiness.preparing("step curves"):
-        steady_step(model, drive)
 
 
 def _explain_errors(app: FastAPI, folder: Folder) -> None:
