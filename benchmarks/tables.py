@@ -238,9 +238,10 @@ def _campaign(rows: list[Row]) -> list[str]:
         "The friction fit of the thesis's campaign on the virtual rig: 4082 samples of the walk at 65 V and "
         "5 Hz, forward and back, with the bench's noise; sigma_0, sigma_1, F_C, delay and offset from the "
         "thesis's start (1e6, 30, 1.5). The same recording, drive, start and bounds for every tool; peers "
-        "difference their derivatives. *One search alone* is what peers do, and what ratios are to; before it, "
-        "`ss.identify_friction` looks for a start of its own, and after it averages over what the recording "
-        "hardly determines (sigma_1). A time after > is that at which a fit that had not ended was stopped.",
+        "difference their derivatives. *One search alone* is what peers do, and what ratios are to; before "
+        "it, `ss.identify_friction` looks for a start of its own, and after it averages over what the "
+        "recording hardly determines (sigma_1). A time after > is that at which a fit that had not ended "
+        "was stopped.",
         _table(head, body),
     ]
 

@@ -16,7 +16,7 @@ PAGE = (ROOT / "docs" / "laboratory.md").read_text(encoding="utf-8")
 
 @pytest.mark.compiled
 def test_the_program_on_the_page() -> None:
-    (program,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    program, _ = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
     names: dict = {}
     exec(program, names)
     recording = names["recording"]
@@ -24,6 +24,15 @@ def test_the_program_on_the_page() -> None:
     drive = recording["drive_voltage"].values
     assert abs(drive[:4000]).max() < 0.1
     assert abs(drive[4000:] - 60.0).max() < 0.1
+
+
+@pytest.mark.compiled
+def test_the_frequency_response_on_the_page() -> None:
+    _, program = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    names: dict = {}
+    exec(program, names)
+    assert names["fit"].values["natural_frequency_1"] == pytest.approx(3303.1, rel=3e-3)
+    assert names["fit"].values["gain_1"] == pytest.approx(0.1057e-6, rel=3e-3)
 
 
 def test_files_on_the_page_exist_and_its_rig_is_one() -> None:
