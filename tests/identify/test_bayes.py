@@ -159,7 +159,23 @@ def test_the_prior_ends_at_the_bounds_and_the_stage_makes_it_wider(rigid) -> Non
     assert expected[0] > 1.5 * fit.standard_errors["coulomb_force"]
 
 
-@pytest.mark.compiled
+def test_a_short_walk_is_sampled_within_its_bounds() -> None:
+    """A few steps, also as plain Python."""
+    model = load_actuator("kang2007").replace(stage_reaction=False, friction=Coulomb(0.5))
+    drive = Sawtooth(65.0, 200.0, periods=1)
+    recording = simulate(model, drive, 0.008, sample_rate=5e3, tolerance=1e-9)
+    recording["end_effector_position"] += NOISE * np.random.default_rng(0).standard_normal(41)
+    free = ["coulomb_force", "offset"]
+    fit = identify_friction(recording, model, free, drive=drive, hops=0, tolerance=1e-9, max_evaluations=12)
+    found = posterior(fit, recording, drive=drive, walkers=4, max_steps=8, tolerance=1e-9)
+    assert found.samples.sizes["chain"] == 4
+    for p in fit.parameters:
+        draws = found.samples[p.name].values
+        assert np.all((draws >= p.lower) & (draws <= p.upper))
+        assert draws.std() > 0.0
+    assert not found.converged
+
+
 def test_all_members_at_once_are_as_far_off_as_each_alone() -> None:
     model, recording = walk(load_actuator("kang2007").friction)
     misfit = Misfit(recording, DRIVE, None, "walk", model, (1e-4, 1e-5), 1e-11)
