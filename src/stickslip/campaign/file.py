@@ -62,7 +62,7 @@ class CampaignFile(Strict):
     settling: Seconds = 0.01
     published: dict[str, float] = Field(default_factory=dict)
     posterior: bool = False
-    posterior_steps: Annotated[int, Field(ge=100)] = 5000
+    posterior_steps: Annotated[int, Field(ge=100)] = 8000
     profiles: bool = False
     model_choice: bool | list[str] = False
     require: list[str] = Field(default_factory=list)

@@ -83,7 +83,7 @@ def posterior(
     slew_rate: float | None = None,
     stage: Fit | None = None,
     walkers: int | None = None,
-    max_steps: int = 5000,
+    max_steps: int = 8000,
     seed: int = 0,
     tolerance: float = 3e-10,
     progress: Callable[[int, int], None] | None = None,
