@@ -282,7 +282,9 @@ def _call(context: Context, node: ast.Call) -> Value:
     arguments = [expression(context, one) for one in node.args]
     if function is len and isinstance(arguments[0].type, Array):
         return constant(context, node, arguments[0].type.length)
-    if function is math.isinf:
+    if function in (bool, np.all) and arguments[0].type == BOOL:  # in C there is one member, not many
+        return arguments[0]
+    if function in (math.isinf, np.isinf):
         text = f"r_isinf({as_real(context, node.args[0], arguments[0]).text})"
         return Value(text, BOOL)
     if function is float:
