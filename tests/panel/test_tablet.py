@@ -25,8 +25,8 @@ def tablet(browser: Browser, panel: Panel) -> Iterator[Page]:
     page = context.new_page()
     page.goto(panel.url)
     page.locator("#start").tap()
-    expect(page.locator("#phase")).to_have_text("Running", timeout=SLOW)
-    expect(page.locator("#phase")).to_have_text("Done", timeout=SLOW)
+    expect(page.locator("#phase")).to_have_attribute("data-number", "1", timeout=SLOW)
+    expect(page.locator("#phase")).to_have_text("Done", timeout=2 * SLOW)
     yield page
     context.close()
 
