@@ -17,6 +17,8 @@ from stickslip.waveform.periodic import Sawtooth
 LUGRE = LuGre(1.399e6, 34.9, 0.0, 0.5401, 0.65)
 MODEL = Actuator(0.1057e-6, 3303.1, 0.524, 0.2, 0.1, LUGRE)
 DRIVE = Sawtooth(65.0, 50.0)
+# m: a hundredth of the finest tolerance here. The two kernels round differently, and so do processors.
+ROUNDING = 1e-12
 LAWS = {
     "LuGre": (LUGRE, "sigma_0"),
     "Dahl": (Dahl(1.399e6, 0.5401), "sigma_0"),
@@ -38,9 +40,9 @@ def test_a_member_is_what_a_simulation_of_it_gives(name: str) -> None:
     for m in range(3):
         alone = with_values(model, {key: float(column[m]) for key, column in values.items()})
         expected = simulate(alone, DRIVE, 0.06, sample_rate=1e3, tolerance=1e-10)["end_effector_position"]
-        np.testing.assert_allclose(found["end_effector_position"][m], expected, rtol=0, atol=1e-13)
+        np.testing.assert_allclose(found["end_effector_position"][m], expected, rtol=0, atol=ROUNDING)
         assert float(found["net_displacement"][m]) == pytest.approx(
-            float(expected[-1] - expected[0]), abs=1e-13
+            float(expected[-1] - expected[0]), abs=ROUNDING
         )
 
 
@@ -107,8 +109,8 @@ def test_a_member_that_cannot_be_finished_keeps_what_it_has() -> None:
             model = with_values(MODEL, {"sigma_0": values["sigma_0"][m]})
             alone = simulate(model, DRIVE, 0.1, max_steps=150)
         kept = alone.sizes["time"]
-        np.testing.assert_array_equal(
-            found["end_effector_position"][m, :kept], alone["end_effector_position"]
+        np.testing.assert_allclose(
+            found["end_effector_position"][m, :kept], alone["end_effector_position"], rtol=0, atol=ROUNDING
         )
         assert np.isnan(found["end_effector_position"][m, kept:]).all()
 
