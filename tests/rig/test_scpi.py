@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import socket
 import threading
@@ -43,15 +44,18 @@ class Served:
         self.server.server_close()
 
     def says(self, *messages: bytes) -> bytes:
-        """All that comes back for raw bytes, until the instrument has nothing more to say."""
-        with socket.create_connection(("127.0.0.1", self.port), timeout=5.0) as link:
-            for message in messages:
-                link.sendall(message)
-            link.shutdown(socket.SHUT_WR)
-            answer = b""
-            while part := link.recv(1 << 16):
-                answer += part
-            return answer
+        """All that comes back for raw bytes, until the instrument has nothing more to say, or hangs up: which
+        it may, after nonsense, while there is more to come."""
+        answer = b""
+        with socket.create_connection(("127.0.0.1", self.port), timeout=60.0) as link:
+            with contextlib.suppress(OSError):
+                for message in messages:
+                    link.sendall(message)
+                link.shutdown(socket.SHUT_WR)
+            with contextlib.suppress(ConnectionResetError):
+                while part := link.recv(1 << 16):
+                    answer += part
+        return answer
 
 
 @pytest.fixture(scope="module")
