@@ -134,7 +134,8 @@ def test_the_prior_ends_at_the_bounds_and_the_stage_makes_it_wider(rigid) -> Non
         ],
         noise_known=True,
     )
-    found = posterior(fit, recording, drive=DRIVE, stage=stage, max_steps=600)
+    white = replace(fit, correlated=False)  # as what is compared with takes it
+    found = posterior(white, recording, drive=DRIVE, stage=stage, max_steps=600)
     assert [str(n) for n in found.summary["parameter"].values] == ["coulomb_force", "offset", *names]
 
     # Linearised, by differences: the data, and the prior of the stage.
@@ -155,7 +156,11 @@ def test_the_prior_ends_at_the_bounds_and_the_stage_makes_it_wider(rigid) -> Non
     precision[1:4, 1:4] += np.diag([2.0, 1.0, 1.0]) / 0.005**2
     expected = np.sqrt(np.diag(np.linalg.inv(precision)))[:4] * values
     for name, sd in zip(all_names, expected, strict=True):
-        assert float(found.summary["sd"].sel(parameter=name)) == pytest.approx(sd, rel=0.25)
+        row = found.summary.sel(parameter=name)
+        # A deviation of n samples is known to 1 of sqrt(2 n); three of these, and 5 % for what is not linear.
+        samples = float(row["ess"])
+        assert samples > 50.0
+        assert float(row["sd"]) == pytest.approx(sd, rel=0.05 + 3.0 / np.sqrt(2.0 * samples))
     assert expected[0] > 1.5 * fit.standard_errors["coulomb_force"]
 
 

@@ -39,13 +39,13 @@ class Displacement:
         model: Actuator,
         tolerance: float,
         slew_rate: float | None = None,
-        max_steps: int = MAX_STEPS,
+        max_steps: int | None = None,
     ) -> None:
         self.time = recording["time"].values
         if drive is None:
             drive = recorded_drive(recording, name, slew_rate)
             self.time = self.time - self.time[0]
-        self.tolerance, self.max_steps = tolerance, max_steps
+        self.tolerance, self.max_steps = tolerance, max_steps or MAX_STEPS
         self.drive = checked_drive(model, drive, float(self.time[-1]), periodic=False)
         self._known: tuple[Any, NDArray[np.float64]] = (None, np.zeros(0))
 
