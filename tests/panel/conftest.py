@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -106,3 +107,10 @@ def page(browser: Browser) -> Iterator[Page]:
     yield made
     context.close()
     assert not errors
+
+
+def run_number(page: Page) -> int:
+    """Of the last run, once the server has told the page."""
+    phase = page.locator("#phase")
+    expect(phase).to_have_attribute("data-number", re.compile(r"^\d+$"), timeout=1e3 * PATIENCE)
+    return int(str(phase.get_attribute("data-number")))

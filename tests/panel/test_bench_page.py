@@ -11,7 +11,7 @@ from playwright.sync_api import Browser, Page, WebSocket, expect
 
 from stickslip import open_recording
 
-from .conftest import PATIENCE, Panel
+from .conftest import PATIENCE, Panel, run_number
 
 pytestmark = [pytest.mark.browser, pytest.mark.compiled]
 SHOTS = Path(__file__).resolve().parents[2] / "out" / "panel-screenshots"
@@ -37,7 +37,7 @@ def shot(page: Page, name: str) -> None:
 def press(page: Page, button: str, phase: str) -> None:
     """Press what starts a run, and wait for a phase of that very run."""
     shown = page.locator("#phase")
-    number = int(shown.get_attribute("data-number") or "0")
+    number = run_number(page)
     page.click(button)
     expect(shown).to_have_attribute("data-number", str(number + 1), timeout=SLOW)
     expect(shown).to_have_text(phase, timeout=SLOW)
@@ -277,12 +277,13 @@ def test_capture_settings(page: Page, panel: Panel) -> None:
 
 def test_recordings_open_compare_rename_export(page: Page, panel: Panel) -> None:
     opened(page, panel)
-    run(page, "forward")
-    run(page, "step")
     items = page.locator("#tab-recordings li")
+    for name in ("forward", "step"):
+        run(page, name)
+        expect(items.nth(0)).to_contain_text(name)  # the list is newer than the run
     items.nth(0).locator(".name").click()
     expect(page.get_by_role("button", name="Show the live run")).to_be_visible()
-    items.nth(2).get_by_role("checkbox").check()
+    items.nth(1).get_by_role("checkbox").check()
     expect(page.locator(".plot-key")).to_have_count(6)
     page.wait_for_timeout(400)
     shot(page, "bench-compare")

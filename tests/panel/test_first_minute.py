@@ -8,7 +8,7 @@ import httpx
 import pytest
 from playwright.sync_api import Page, expect
 
-from .conftest import PATIENCE, Panel
+from .conftest import PATIENCE, Panel, run_number
 
 pytestmark = [pytest.mark.browser, pytest.mark.compiled]
 SLOW = 2e3 * PATIENCE  # ms: the first time on a machine compiles
@@ -28,7 +28,7 @@ def fitted(page: Page, panel: Panel) -> dict[str, Any]:
 def walked(page: Page, run: str) -> None:
     page.click("text=Bench")
     page.select_option("#run-choice", run)
-    number = int(page.locator("#phase").get_attribute("data-number") or "0")
+    number = run_number(page)
     page.click("#start")
     expect(page.locator("#phase")).to_have_attribute("data-number", str(number + 1), timeout=SLOW)
     expect(page.locator("#phase")).to_have_text("Done", timeout=SLOW)

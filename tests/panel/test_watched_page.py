@@ -15,7 +15,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 from websockets.asyncio.client import connect
 
-from .conftest import PATIENCE, Panel
+from .conftest import PATIENCE, Panel, run_number
 from .serving import Link
 
 pytestmark = [pytest.mark.browser, pytest.mark.compiled]
@@ -120,7 +120,7 @@ def test_fifty_watch_one_run(page: Page, panel: Panel) -> None:
         at = [0]
         counts.extend(await asyncio.gather(*(watch(at) for _ in range(WATCHERS))))
 
-    number = page.locator("#phase").get_attribute("data-number")
+    number = run_number(page)
     crowd = threading.Thread(target=lambda: asyncio.run(all_of_them()))
     crowd.start()
     assert watching.wait(PATIENCE)

@@ -119,7 +119,7 @@ export async function mount(element, app) {
     const busy = ["preparing", "running", "stopping"].includes(now.phase);
     phase.textContent = PHASES[now.phase] ?? now.phase;
     phase.dataset.phase = now.phase;
-    phase.dataset.number = now.number;
+    if (now.number !== undefined) phase.dataset.number = now.number; // until the server has said it, there is none
     bar.value = busy ? now.done : now.phase === "done" ? 1 : 0;
     const left = now.remaining !== null && busy ? ` · ${formatQuantity(now.remaining, "s", 2)} left` : "";
     doing.textContent = busy ? `${Math.round(100 * now.done)} %${left} · ${now.doing || now.title}` : now.title;
