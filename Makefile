@@ -15,8 +15,9 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-# Two processes suit two cores; the first run compiles the kernels, later ones find them in the user's cache.
-PYTEST ?= $(BIN)/python -m pytest -q -n 2 --dist worksteal
+# Two processes suit two cores, a file to each: what its tests share (a server, a browser) is made once.
+# The first run compiles the kernels, later ones find them in the user's cache.
+PYTEST ?= $(BIN)/python -m pytest -q -n 2 --dist loadfile
 # What runs as plain Python: all but the tests marked as too long for it, and the browser's.
 NOJIT_TESTS ?= tests -m "not compiled and not browser"
 COVERAGE ?= 90
