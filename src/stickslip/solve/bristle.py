@@ -24,6 +24,8 @@ KINK = 0.02
 # sliding velocity has fallen to half: the bristle stiffens no more there, and the error estimates would not
 # see what happens when it lets go.
 STIFF, SLOWED = 5.0, 0.5
+# A root whose last correction was smaller than this part of the step is exact to rounding.
+ENOUGH = 1e-8
 # Columns of the log: a step's start, its length, where it ends, its side of v = 0, the fraction of it that
 # counts, then the states at both ends and the continuous extension.
 START, LENGTH, END, LOG_SIDE, FRACTION, STATES = 0, 1, 2, 3, 4, 5
@@ -71,30 +73,27 @@ def segment_of(drive, t):
 
 
 @fused
-def _sliding(theta, v, v_new, r0, r1, r2):
-    """Sliding velocity at a fraction of the step."""
-    rest = 1.0 - theta
-    return rest * v + theta * (v_new + rest * (r0 + theta * (r1 + theta * r2)))
-
-
-@fused
 def _reached(speed, low, high, side, v, v_new, rows):
     """Fraction of the step, between `low` and `high`, at which the sliding speed has fallen to `speed`."""
     r0, r1, r2 = rows[0][1] - rows[0][3], rows[1][1] - rows[1][3], rows[2][1] - rows[2][3]
-    f_low = _sliding(low, v, v_new, r0, r1, r2) * side - speed
-    f_high = _sliding(high, v, v_new, r0, r1, r2) * side - speed
-    for _ in range(60):  # false position with halved weights (Illinois): converges in about six
-        theta = (low * f_high - high * f_low) / (f_high - f_low)
-        f = _sliding(theta, v, v_new, r0, r1, r2) * side - speed
-        if abs(f) <= 1e-13 * (abs(v) + abs(v_new)) or high - low < 1e-14:
-            return theta
+    # The sliding speed less `speed` is a polynomial of degree 4: Newton's method, kept between the bounds.
+    a0, a1, a2 = v * side - speed, (v_new - v + r0) * side, (r1 - r0) * side
+    a3, a4 = (r2 - r1) * side, -r2 * side
+    theta = 0.5 * (low + high)
+    for _ in range(60):
+        f = a0 + theta * (a1 + theta * (a2 + theta * (a3 + theta * a4)))
+        slope = a1 + theta * (2.0 * a2 + theta * (3.0 * a3 + theta * 4.0 * a4))
         if f > 0.0:
-            low, f_low = theta, f
-            f_high *= 0.5
+            low = theta
         else:
-            high, f_high = theta, f
-            f_low *= 0.5
-    return high
+            high = theta
+        before = theta
+        theta -= f / slope
+        if not low <= theta <= high:
+            theta = 0.5 * (low + high)
+        if abs(theta - before) < ENOUGH:
+            break
+    return theta
 
 
 @fused
