@@ -22,10 +22,14 @@ PATIENCE = 120.0  # s for a server on a busy machine, the first one of which may
 
 
 class Panel:
-    """``stickslip panel`` on a folder; `url` once it is there."""
+    """``stickslip panel`` on a folder; `url` once it is there. `kernels`: a folder for them other than the
+    user's; `said`, what the terminal showed besides the address."""
 
-    def __init__(self, folder: Path, *options: str) -> None:
+    def __init__(self, folder: Path, *options: str, kernels: Path | None = None) -> None:
         self.folder, self.options, self.port = folder, options, "0"
+        self.environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
+        if kernels is not None:
+            self.environment["STICKSLIP_CACHE_DIR"] = str(kernels)
         self.start()
 
     def start(self) -> None:
@@ -34,12 +38,18 @@ class Panel:
         self.process = subprocess.Popen(
             [*command, *self.options, str(self.folder)],
             stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
             text=True,
-            env={**os.environ, "PYTHONUNBUFFERED": "1"},
+            env=self.environment,
         )
         assert self.process.stdout is not None
-        line = self.process.stdout.readline()
-        assert line.startswith("Panel: http"), line
+        self.said: list[str] = []
+        for line in self.process.stdout:
+            if line.startswith("Panel: http"):
+                break
+            self.said.append(line)
+        else:
+            raise AssertionError(f"the panel ended: {self.said}")
         self.url = line.removeprefix("Panel: ").strip()
         self.port = self.url.rsplit(":", 1)[1].split("/")[0]
         end = time.monotonic() + PATIENCE

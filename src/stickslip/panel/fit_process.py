@@ -10,6 +10,8 @@ import signal
 import traceback
 import warnings
 from collections.abc import Sequence
+from contextlib import redirect_stderr, suppress
+from io import StringIO
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,6 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..simulation import SimulationError
+from ..units import QuantityError
 from .fitting import Array, FitRequest, fit_recordings
 from .folder import Folder
 from .sliders import LAW_TYPES
@@ -58,7 +61,8 @@ def work(connection: Connection, root: str) -> None:
 
 def _prepare(connection: Connection, law: str) -> None:
     try:
-        prepare(law)
+        with redirect_stderr(StringIO()):  # that it compiles is said by the page
+            prepare(law)
     except Exception:  # a fit of that law will say what is wrong
         traceback.print_exc()
     connection.send(("prepared", {"law": law}, []))
@@ -82,10 +86,13 @@ def _fit(connection: Connection, asked: Begin, root: str) -> None:
 
 def prepare(law: str) -> None:
     """Go through a fit once, of a short walk of the thesis's actuator with such a law: the same kernels and
-    modules as any other."""
+    modules as any other.
+
+    What only fits need comes first: on a first start the server compiles at the same time what runs need.
+    """
     from ..comparison.laws import example_laws
     from ..identify.friction import identify_friction
-    from ..simulation import simulate
+    from ..simulation import sensitivities, simulate
     from ..study.walk import Walk, walk_document
     from ..verification import verify
     from ..waveform.periodic import Sawtooth
@@ -94,7 +101,10 @@ def prepare(law: str) -> None:
     model = published("kang2007")
     contact = next(one for one in example_laws(model.friction).values() if type(one) is LAW_TYPES[law])
     model = model.replace(friction=contact)
-    walk = simulate(model, Sawtooth(65.0, 100.0), 0.04, sample_rate=1e4)
+    drive = Sawtooth(65.0, 100.0)
+    with suppress(QuantityError):  # a law of several states has no derivatives
+        sensitivities(model, drive, 0.01, parameters=["end_effector_mass"])
+    walk = simulate(model, drive, 0.04, sample_rate=1e4)
     noise = np.random.default_rng(0).normal(0.0, 1e-8, walk.sizes["time"])
     moved = walk["end_effector_position"]
     walk = walk.assign(end_effector_position=("time", moved.values + noise, moved.attrs), title="")

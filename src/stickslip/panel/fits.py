@@ -32,6 +32,8 @@ class Fitting:
         self._connection: Any = None
         self._asked: set[str] = set()  # laws that this process prepares, or has prepared
         self._pending: dict[str, Any] = {}  # those that are not ready yet, and the process that prepares them
+        self._settled = threading.Event()  # none is
+        self._settled.set()
         self._began = 0.0
         self._out = ""
         self.state, self.frames = _last(folder)
@@ -44,8 +46,13 @@ class Fitting:
                 return
             self._asked.add(law)
             self._pending[law] = self._process
+            self._settled.clear()
             self._connection.send(Prepare(law))
         self._readiness.begin(_called(law))
+
+    def wait(self, most: float) -> None:
+        """Until all that is being prepared is there, or was given up; `most` seconds."""
+        self._settled.wait(most)
 
     def start(self, request: FitRequest) -> None:
         """Begin a fit; ValueError where one is running."""
@@ -134,9 +141,13 @@ class Fitting:
             self._tell()
 
     def _prepared(self, law: str, process: Any) -> None:
-        if self._pending.get(law) is process:
+        with self._lock:
+            if self._pending.get(law) is not process:
+                return
             del self._pending[law]
-            self._readiness.end(_called(law))
+            if not self._pending:
+                self._settled.set()
+        self._readiness.end(_called(law))
 
     def _take(self, kind: str, fields: dict[str, Any]) -> None:
         state = {**self.state, "elapsed": time.monotonic() - self._began}

@@ -25,7 +25,6 @@ from ..identify.step_fit import STAGE, identify_step
 from ..readers import read_recording
 from ..recording import RecordingError
 from ..report import write_report
-from ..study.walk import Walk, walk_document
 from ..units import QuantityError, to_si
 from ..verification import verify
 from .exploration import Model, Value
@@ -74,6 +73,8 @@ def fit_recordings(request: FitRequest, folder: Folder, out: str, say: Say) -> N
     Raises:
         RecordingError, QuantityError, FitError: see `identify_friction`.
     """
+    from ..study.walk import Walk, walk_document  # it draws: matplotlib is not for the server, only for fits
+
     start = request.actuator()
     rate = None if request.slew_rate is None else to_si(request.slew_rate, "V/s", "slew_rate")
     taken = sorted({*STAGE} & {*request.free}) if request.steps else []

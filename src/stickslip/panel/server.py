@@ -92,7 +92,7 @@ def create_app(
             await asyncio.to_thread(runner.join)
 
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None, lifespan=life)
-    app.state.hub, app.state.live = hub, live
+    app.state.hub, app.state.live, app.state.fitting = hub, live, fitting
 
     app.include_router(bench_routes(files, hub, control, journal, runner, live))
     app.include_router(recording_routes(files, hub, control))

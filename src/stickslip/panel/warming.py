@@ -1,4 +1,5 @@
-"""What is made ready before somebody needs it: after the first page the solver, then fits and Explore."""
+"""What is made ready before somebody needs it: on the first start the solver, before the page is opened; else
+after the first page the solver, then fits and Explore."""
 
 from __future__ import annotations
 
@@ -6,12 +7,34 @@ import threading
 from collections.abc import Callable, Iterable
 from typing import Any
 
+from .._jit import _package_cache
+from ..actuator import load_actuator
+from ..simulation import simulate, steady_step
+from ..waveform.periodic import Sawtooth
 from .fits import USUAL_LAW, Fitting
 from .readiness import Readiness
 from .stream import Client, Hub, Message
 
 _WITHOUT_PAGE = 2.0  # s after which the solver is loaded though no page has come
 _ABREAST = 4.0  # s after which the solver is being compiled, and fits are prepared beside it
+_MOST_WAIT = 60.0  # s that step curves wait for fits, which need the same kernel
+
+
+def solver_kept() -> bool:
+    """Whether this machine keeps what the first run of a newcomer needs: the index that Numba has of its
+    kernels names the law. Where that is of no use (Numba was renewed), the run compiles, as the page says."""
+    indices = _package_cache().glob("*.integrate_bristle-*.nbi")
+    return any(USUAL_LAW.encode() in index.read_bytes() for index in indices)
+
+
+def compile_solver(fitting: Fitting) -> None:
+    """Compile it here, and in the process of the fits what those need besides."""
+    fitting.prepare(USUAL_LAW)
+    _simulate()
+
+
+def _simulate() -> None:
+    simulate(load_actuator("kang2007"), Sawtooth(65.0, 5.0), 0.01)
 
 
 def warm_up(hub: Hub, readiness: Readiness, fitting: Fitting) -> Callable[[], None]:
@@ -23,17 +46,14 @@ def warm_up(hub: Hub, readiness: Readiness, fitting: Fitting) -> Callable[[], No
         return []
 
     def simulation() -> None:
-        from ..actuator import load_actuator
-        from ..simulation import simulate, steady_step
-        from ..waveform.periodic import Sawtooth
-
         page.wait(_WITHOUT_PAGE)
-        model, drive = load_actuator("kang2007"), Sawtooth(65.0, 5.0)
         with readiness.preparing("the simulation"):
-            simulate(model, drive, 0.01)
+            _simulate()
         solver.set()
         with readiness.preparing("step curves"):
-            steady_step(model, drive)
+            fitting.wait(_MOST_WAIT)  # on a first start their process is compiling what step curves need
+            if not ended.is_set():
+                steady_step(load_actuator("kang2007"), Sawtooth(65.0, 5.0))
 
     def fits() -> None:
         page.wait()

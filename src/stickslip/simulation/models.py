@@ -137,7 +137,8 @@ def checked_drive(model: Actuator | PulledSlider, waveform: Waveform, end: float
                 "give the waveform a finite fall (rise_fraction < 1), or the stage a "
                 "natural_frequency"
             )
-    return table
+    # For an array of another layout all kernels would be compiled anew.
+    return table._replace(polynomial=np.ascontiguousarray(table.polynomial))
 
 
 def load_drive(load: Waveform | float, end: float) -> Drive:
