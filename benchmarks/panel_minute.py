@@ -81,15 +81,16 @@ def stops(browser: Browser, url: str, count: int) -> list[float]:
     return found
 
 
-def serve(folder: str, cache: str | None) -> tuple[subprocess.Popen[str], str]:
-    """The panel on a folder, and its address."""
+def serve(folder: str, cache: str | None) -> tuple[subprocess.Popen[str], str, float]:
+    """The panel on a folder, its address, and the seconds from the command to it: then a browser opens."""
     command = [sys.executable, "-m", "stickslip", "panel", folder, "--port", "0", "--no-browser"]
     environment = {**os.environ, **({"STICKSLIP_CACHE_DIR": cache} if cache else {})}
+    begun = time.monotonic()
     server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
     assert server.stdout is not None
     found = re.search(r"http://\S+", server.stdout.readline())
     assert found is not None, "the panel did not start"
-    return server, found[0]
+    return server, found[0], time.monotonic() - begun
 
 
 def main() -> None:
@@ -107,9 +108,9 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=asked.chromium, args=["--no-sandbox"])
         for i in range(1 if asked.cold else asked.repeats):  # a server of its own each: a newcomer's is new
-            server, url = serve(f"{folder}/{i}", f"{folder}/kernels" if asked.cold else None)
+            server, url, opened = serve(f"{folder}/{i}", f"{folder}/kernels" if asked.cold else None)
             try:
-                times.append(first_minute(browser, url))
+                times.append({"opened": opened, **first_minute(browser, url)})
                 if not asked.cold and i + 1 == asked.repeats:
                     pressed = stops(browser, url, asked.stops)
             finally:
@@ -122,8 +123,9 @@ def main() -> None:
 def keep(times: list[dict[str, float]], pressed: list[float], cold: bool) -> None:
     """Print and keep the figures."""
     names = {
+        "opened": "from the command to the page's opening",
         "paint": "first paint after the page was opened",
-        "moving": "a walk moves",
+        "moving": "a walk moves, after the page was opened",
         "walked": "the walk has been watched to its end",
         "identified": "it is identified, verified and reported",
     }

@@ -23,7 +23,7 @@ _MOST_WAIT = 60.0  # s that step curves wait for fits, which need the same kerne
 def solver_kept() -> bool:
     """Whether this machine keeps what the first run of a newcomer needs: the index that Numba has of its
     kernels names the law. Where that is of no use (Numba was renewed), the run compiles, as the page says."""
-    indices = _package_cache().glob("*.integrate_bristle-*.nbi")
+    indices = _package_cache().rglob("*.integrate_bristle-*.nbi")
     return any(USUAL_LAW.encode() in index.read_bytes() for index in indices)
 
 
