@@ -19,7 +19,7 @@ from .outcome import DONE, LOG_FULL, STEP_TOO_SMALL, TOO_MANY_STEPS
 # Local error allowed in each step, as a fraction of the tolerance (docs/decisions/integrator.md).
 LOCAL = 0.05
 # A kink is stepped over only if what it changes is below this part of the local error.
-KINK = 0.02
+KINK = 0.005
 # A step that is this many times longer than the bristle takes to relax (it slides fast) is cut where the
 # sliding velocity has fallen to half: the bristle stiffens no more there, and the error estimates would not
 # see what happens when it lets go.
@@ -97,7 +97,7 @@ def _reached(speed, low, high, side, v, v_new, rows):
 
 
 @fused
-def _first_step(law, mech, local, u, normal, q):
+def _first_step(law, mech, local, u, du, normal, q):
     """A step that the start of a transient of this size needs, and the side to which the contact begins to
     slide, or slides."""
     v = q[1] - q[3]
@@ -105,7 +105,8 @@ def _first_step(law, mech, local, u, normal, q):
     stage = stage_acceleration(mech, u, q[0], q[1], contact)
     slider = slider_acceleration(mech, u, q[2], q[3], contact)
     a = max(abs(stage), abs(slider))
-    reach = a / mech.rate**2 + abs(v) / mech.rate
+    ramp = max(abs(mech.stage_drive), abs(mech.slider_drive)) * abs(du)
+    reach = (a + ramp / mech.rate) / mech.rate**2 + abs(v) / mech.rate
     h = 0.3 / mech.rate * min((local / reach) ** 0.2, 1.0) if reach > 0.0 else math.inf
     direction = v if abs(v) > 1e-12 else stage - slider
     return h, (-1.0 if direction < 0.0 else 1.0)
@@ -131,11 +132,12 @@ def run(law, mech, drive, load, q, clock, t_end, local, max_steps, log):
     i, j = segment_of(drive, t), segment_of(load, t)
     accepted, rejected, logged = 0, 0, 0
     outcome = DONE
-    turned = False
+    turned, refused = False, False
     while t < t_end:
         if side == 0.0:
-            u0 = value_slope_curvature(drive, i, t)[0]
-            first, side = _first_step(law, mech, local, u0, value_slope_curvature(load, j, t)[0], state)
+            u0, du0, _ = value_slope_curvature(drive, i, t)
+            normal0 = value_slope_curvature(load, j, t)[0]
+            first, side = _first_step(law, mech, local, u0, du0, normal0, state)
             h = min(h, first)
             turned = False
         t_break = t_end
@@ -153,6 +155,7 @@ def run(law, mech, drive, load, q, clock, t_end, local, max_steps, log):
         error /= local
         if not error <= 1.0:
             rejected += 1
+            refused = True
             h = h_now * (max(0.2, 0.9 * error**-0.2) if error < 1e300 else 0.1)
             if h <= 1e-15 * max(abs(t), 1e-3):
                 outcome = STEP_TOO_SMALL
@@ -218,7 +221,8 @@ def run(law, mech, drive, load, q, clock, t_end, local, max_steps, log):
 
         state = end
         t = t_new
-        grown = h_now * min(6.0, 0.9 * error**-0.2) if error > 0.0 else 6.0 * h_now
+        grown = h_now * min(1.0 if refused else 6.0, 0.9 * error**-0.2 if error > 0.0 else 6.0)
+        refused = False
         h = max(h, grown) if last else grown  # a step cut short by a break says little about the next
         if last:
             while i + 1 < drive.start.size and drive.start[i + 1] <= t:
