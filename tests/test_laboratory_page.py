@@ -31,8 +31,9 @@ def test_the_frequency_response_on_the_page() -> None:
     _, program = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
     names: dict = {}
     exec(program, names)
-    assert names["fit"].values["natural_frequency_1"] == pytest.approx(3303.1, rel=3e-3)
-    assert names["fit"].values["gain_1"] == pytest.approx(0.1057e-6, rel=3e-3)
+    assert names["fit"].values["natural_frequency_1"] == pytest.approx(3303.1, rel=1e-4)
+    assert names["fit"].values["damping_ratio_1"] == pytest.approx(0.524, rel=1e-4)
+    assert names["fit"].values["gain_1"] == pytest.approx(0.1057e-6, rel=1e-4)
 
 
 def test_files_on_the_page_exist_and_its_rig_is_one() -> None:

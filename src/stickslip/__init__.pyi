@@ -37,6 +37,8 @@ from .identify.fit import FitError as FitError
 from .identify.frequency import frequency_response as frequency_response
 from .identify.frequency import welch_frequency_response as welch_frequency_response
 from .identify.friction import identify_friction as identify_friction
+from .identify.instruments import applied_voltage as applied_voltage
+from .identify.instruments import without_filter as without_filter
 from .identify.intervals import bootstrap as bootstrap
 from .identify.intervals import prediction_band as prediction_band
 from .identify.intervals import profile_interval as profile_interval

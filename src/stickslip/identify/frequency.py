@@ -3,7 +3,8 @@ r"""Frequency responses of linear systems from recordings of what drives them an
 The measured answer is the best linear approximation plus what it does not explain. For periodic drives the
 noise shows as differences between periods, and noise together with nonlinear distortion as differences
 between realisations [pintelon2012, ch. 4]: with a piezo the second is often twenty times the first, and is
-then the true uncertainty of the response.
+then the true uncertainty of the response. What instruments do to drive and response is in it too: see
+`instruments`.
 """
 
 from __future__ import annotations
@@ -39,7 +40,8 @@ def frequency_response(
     Least squares over all realisations at each excited line, so the realisations need not be orthogonal.
 
     Args:
-        drive: shape (samples of a period, inputs, realisations, periods); axes at the end may be left out.
+        drive: as the mechanism gets it (see `applied_voltage` where it is a command), shape (samples of a
+            period, inputs, realisations, periods); axes at the end may be left out.
         response: the same with outputs for inputs.
         sample_rate: Hz.
         band: frequencies to keep, Hz.
@@ -106,8 +108,10 @@ def welch_frequency_response(
 ) -> xr.Dataset:
     """The response to any other persistent drive (noise, sweeps), by Welch's method with Hann's window.
 
-    Leakage biases it where a resonance is narrower than sample_rate/segment; see `frequency_response` for the
-    result. Noise and distortion cannot be told apart, so `noise_deviation` is NaN.
+    Leakage biases it by about 20 (T/L)^2, with a mode's decay time T and the length L of a segment, however
+    long the record. Neighbouring lines share their window, so their errors go together: identify with
+    `correlated=True`. A drive that repeats (a chirp too) has neither fault in `frequency_response`, where the
+    result is explained. Noise and distortion cannot be told apart, so `noise_deviation` is NaN.
 
     Args:
         drive: shape (samples,) or (samples, inputs).

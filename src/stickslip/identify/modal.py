@@ -94,7 +94,8 @@ def identify_frequency(
         complex_modes: fit rate gains (B) as well.
         remainder: fit the remainder (D).
         noise_known: take the deviations in `response` as they are; by default the misfit sets their level.
-        correlated: allow for errors correlated from line to line: those of a model with too few modes.
+        correlated: allow for errors correlated from line to line: those of a model with too few modes, and of
+            lines by `welch_frequency_response`.
         progress: called after each evaluation.
 
     Returns:
