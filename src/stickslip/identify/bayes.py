@@ -28,7 +28,8 @@ from .likelihood import Misfit
 from .result import Fit, Parameter
 from .step_fit import STAGE
 
-# A chain of so many autocorrelation times is long enough; the first few of them are forgotten.
+# A chain of so many autocorrelation times is long enough, without the first few that are forgotten: walkers
+# begin close together, and while they still spread, they seem to remember for much longer than they do.
 ENOUGH, FORGOTTEN = 50.0, 5.0
 # Steps between looks at the autocorrelation time.
 LOOK = 100
@@ -45,7 +46,8 @@ class Posterior:
         samples: over "chain" (a walker) and "draw", a variable for each parameter, SI; `log_posterior` too.
         summary: over "parameter": mean, sd, low and high (of the 95 % interval of highest density), r_hat,
             ess (effective number of samples), autocorrelation_time (steps).
-        converged: whether the chain is 50 autocorrelation times long; `message` says how long it is.
+        converged: whether the chain, without its beginning, is 50 autocorrelation times long; `message` says
+            how long it is.
         acceptance: mean share of accepted moves.
     """
 
@@ -232,17 +234,17 @@ def sample(
     sampler = emcee.EnsembleSampler(walkers, centre.size, log_density, moves=moves, vectorize=True)
     sampler.random_state = np.random.MT19937(seed).state
     state: Any = emcee.State(start, copy=True)
-    times, steps = np.full(centre.size, np.inf), 0
-    while steps < max_steps and steps < ENOUGH * np.max(times):
+    times, longest, steps, forgotten = np.full(centre.size, np.inf), math.inf, 0, 0
+    while steps < max_steps and steps - forgotten < ENOUGH * longest:
         count = min(LOOK, max_steps - steps)
         state = sampler.run_mcmc(state, count)
         steps += count
-        times = sampler.get_autocorr_time(tol=0)
-        times = np.where(np.isfinite(times), times, np.inf)
+        forgotten = int(min(FORGOTTEN * longest, steps / 2))
+        times = sampler.get_autocorr_time(discard=forgotten, tol=0)
+        times = np.where(times > 0.0, times, np.inf)  # of a few steps it may be anything
+        longest = float(np.max(times))
         if progress is not None:
             progress(steps, max_steps)
-    longest = float(np.max(times))
-    forgotten = min(int(FORGOTTEN * longest), steps // 2) if math.isfinite(longest) else steps // 2
     chain = sampler.get_chain(discard=forgotten)
     columns = {
         p.name: (("chain", "draw"), _values(p, chain[:, :, i].T), {"units": p.unit})
@@ -250,8 +252,10 @@ def sample(
     }
     columns["log_posterior"] = (("chain", "draw"), sampler.get_log_prob(discard=forgotten).T, {"units": ""})
     samples = xr.Dataset(columns, attrs={"seed": seed, "forgotten": forgotten, "walkers": walkers})
-    converged = bool(steps >= ENOUGH * longest)
-    length = f"{steps} steps are {steps / longest:.3g} autocorrelation times ({longest:.3g} steps)"
+    kept = steps - forgotten
+    converged = kept >= ENOUGH * longest
+    length = f"{steps} steps, the first {forgotten} forgotten, are {kept / longest:.3g} autocorrelation times"
+    length += f" ({longest:.3g} steps)"
     wanted = "" if converged else f"; {ENOUGH:g} are wanted: give more steps, or fit fewer parameters"
     return Posterior(
         samples,
