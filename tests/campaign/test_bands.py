@@ -9,13 +9,14 @@ from scipy import stats
 
 from stickslip.actuator import load_actuator
 from stickslip.campaign.bands import walk_bands
-from stickslip.campaign.gathering import Gathered
+from stickslip.campaign.budget import inherited
 from stickslip.friction import Coulomb
 from stickslip.identify.fit import Residuals, fit_least_squares
 from stickslip.identify.friction import identify_friction
 from stickslip.identify.result import Parameter
 from stickslip.simulation import simulate
 from stickslip.simulation.varied import with_values
+from stickslip.study.alignment import Aligned
 from stickslip.waveform.periodic import Sawtooth
 
 DRIVE = Sawtooth(65.0, 200.0, periods=1)
@@ -43,8 +44,8 @@ def test_the_band_has_the_errors_of_the_fit_and_of_the_stage_that_it_took() -> N
     fit = identify_friction(
         recording, MODEL, ["coulomb_force", "offset"], drive=DRIVE, hops=0, max_evaluations=15
     )
-    walk = Gathered("walk", "fit", recording, 0.0, 1e-8, DRIVE, DRIVE)
-    (alone,) = walk_bands(fit, [walk], [walk], None, None) or ()
+    walk = Aligned("walk", recording, 0.0, 1e-8, DRIVE, DRIVE, use="fit")
+    (alone,) = walk_bands(fit, None, [walk], None) or ()
     value = fit.values["coulomb_force"]
     g = np.column_stack([slope("coulomb_force", value) * value, np.ones(TIMES.size)])
     t = stats.t.ppf(0.975, fit.degrees_of_freedom)
@@ -60,12 +61,12 @@ def test_the_band_has_the_errors_of_the_fit_and_of_the_stage_that_it_took() -> N
         [Parameter(n, v, v / 3, 3 * v) for n, v in STAGE.items()],
         noise_known=True,
     )
-    (both,) = walk_bands(fit, [walk], [walk], stage, None) or ()
+    (both,) = walk_bands(fit, inherited(fit, [walk], stage, None), [walk], None) or ()
     taken = np.column_stack([slope(n, v) for n, v in STAGE.items()])
     moves = -np.linalg.pinv(g) @ taken  # the fit follows what it took, and undoes part of it
     whole = (g @ moves + taken) * (SURE * np.array(list(STAGE.values())))
-    inherited = t**2 * np.sum(whole**2, axis=1)
-    np.testing.assert_allclose(both**2, expected**2 + inherited, rtol=0.1, atol=0.05 * both.max() ** 2)
+    passed_on = t**2 * np.sum(whole**2, axis=1)
+    np.testing.assert_allclose(both**2, expected**2 + passed_on, rtol=0.1, atol=0.05 * both.max() ** 2)
     assert both.max() > 1.2 * alone.max()
 
 
@@ -73,4 +74,4 @@ def test_a_law_without_derivatives_has_no_band() -> None:
     fit = fit_least_squares(
         [Residuals(lambda v: v["a"] - np.arange(5.0))], [Parameter("a", 1.0, 0.0, 9.0, log=False)]
     )
-    assert walk_bands(replace(fit, model=MODEL.replace(friction=Coulomb(0.5))), [], [], None, None) is None
+    assert walk_bands(replace(fit, model=MODEL.replace(friction=Coulomb(0.5))), None, [], None) is None

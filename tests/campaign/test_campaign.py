@@ -13,7 +13,7 @@ import yaml
 from typer.testing import CliRunner
 
 from stickslip.campaign.file import read_campaign
-from stickslip.campaign.gathering import Gathered, scale_of, scaled
+from stickslip.campaign.gathering import scale_of, scaled
 from stickslip.cli import app
 from stickslip.input_file import InputFileError
 from stickslip.recording import (
@@ -22,6 +22,7 @@ from stickslip.recording import (
     open_recording,
     save_recording,
 )
+from stickslip.study.alignment import Aligned
 from stickslip.units import QuantityError
 
 EXAMPLES = Path(str(importlib.resources.files("stickslip") / "examples"))
@@ -225,11 +226,11 @@ def test_own_recordings_and_what_is_wrong_with_them(folder: Path) -> None:
         assert words in refused.stderr
 
 
-def clamped(ratio: float, name: str, unit: str = "m") -> Gathered:
+def clamped(ratio: float, name: str, unit: str = "m") -> Aligned:
     t = np.arange(0.0, 0.3, 1e-3)
     x = np.where(t > 0.1, 6e-6, 0.0)
     data = {"end_effector_position": ratio * x, "other": (x, unit)}
-    return Gathered(name, "step", make_recording(t, data), 0.1, 1e-9, None, None)
+    return Aligned(name, make_recording(t, data), 0.1, 1e-9, None, None, use="step")
 
 
 def test_the_scale_is_the_mean_ratio_of_the_steps() -> None:

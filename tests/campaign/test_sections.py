@@ -11,7 +11,6 @@ import xarray as xr
 from stickslip.campaign.deeper import Deeper, _named
 from stickslip.campaign.deeper_sections import conclusion, deeper_numbers, deeper_sections
 from stickslip.campaign.features import feature_numbers, features_of, features_section
-from stickslip.campaign.gathering import Gathered
 from stickslip.figures.posterior import posterior_corner
 from stickslip.identify.bayes import sample
 from stickslip.identify.compare import Comparison
@@ -20,6 +19,7 @@ from stickslip.identify.fit import Residuals, fit_least_squares
 from stickslip.identify.result import Goodness, Parameter
 from stickslip.recording import make_recording
 from stickslip.report import Number
+from stickslip.study.alignment import Aligned
 from stickslip.units import QuantityError
 
 T = np.linspace(0.0, 1.0, 200)
@@ -132,8 +132,8 @@ def test_features_are_numbers_and_tables_and_say_where_there_are_none() -> None:
     flat = walk().copy(deep=True)
     flat["end_effector_position"][:] = 0.0
     walks = [
-        Gathered("walk", "fit", walk(), 0.2, 1e-8, None, None),
-        Gathered("flat", "verify", flat.assign_attrs(title="flat"), 0.2, 1e-8, None, None),
+        Aligned("walk", walk(), 0.2, 1e-8, None, None, use="fit"),
+        Aligned("flat", flat.assign_attrs(title="flat"), 0.2, 1e-8, None, None, use="verify"),
     ]
     features = features_of(walks)
     numbers = feature_numbers(features)

@@ -17,8 +17,8 @@ from ..identify.displacement import Displacement, has_slopes
 from ..identify.friction import CHANNEL
 from ..identify.result import Fit
 from ..identify.step_formulas import step_tests
-from .budget import LEVEL, STAGE, moved_by_stage
-from .gathering import Gathered
+from ..study.alignment import Aligned
+from .budget import LEVEL, STAGE, Inherited
 
 _TOLERANCE = 1e-10
 
@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 
 def walk_bands(
-    fit: Fit, fitted: list[Gathered], shown: Sequence[Gathered], stage: Fit | None, slew_rate: float | None
+    fit: Fit, taken: Inherited | None, shown: Sequence[Aligned], slew_rate: float | None
 ) -> list[Array] | None:
     """Half widths [n] of the bands of walks, m; None for a law without derivatives."""
     if not has_slopes(fit.model):
@@ -36,12 +36,8 @@ def walk_bands(
     spread = fit.uncertainty.covariance[np.ix_(known, known)]
     scale = np.array([p.slope(fit.values[p.name]) for p in fit.parameters])
     moves, of_stage = np.zeros((len(fit.parameters), len(STAGE))), np.zeros((len(STAGE), len(STAGE)))
-    if stage is not None:
-        names = [p.name for p in stage.parameters]
-        at = [names.index(name) for name in STAGE]
-        of_stage = stage.covariance[np.ix_(at, at)]
-        by = moved_by_stage(fit, fitted)
-        moves = np.column_stack([by[name] for name in STAGE])
+    if taken is not None and taken.stage is not None:
+        moves, of_stage = taken.by_stage(), taken.stage
     bands = []
     for one in shown:
         motion = Displacement(one.recording, one.drive, one.name, fit.model, _TOLERANCE, slew_rate)
@@ -56,7 +52,7 @@ def walk_bands(
     return bands
 
 
-def step_bands(stage: Fit, steps: Sequence[Gathered]) -> list[tuple[NDArray[np.intp], Array]]:
+def step_bands(stage: Fit, steps: Sequence[Aligned]) -> list[tuple[NDArray[np.intp], Array]]:
     """Of each step the samples that were fitted, and the half widths of their bands [m]."""
     assert stage.jacobian is not None
     free = np.flatnonzero(stage.uncertainty.bounded == 0)

@@ -17,7 +17,8 @@ from scipy import stats
 from ..identify.displacement import Displacement, has_slopes
 from ..identify.friction import CHANNEL
 from ..identify.result import Fit
-from .gathering import POSITION, Gathered, Scale
+from ..study.alignment import POSITION, Aligned
+from .gathering import Scale
 
 STAGE = ("gain", "natural_frequency", "damping_ratio")
 LEVEL = 0.95
@@ -34,23 +35,32 @@ class Budget(NamedTuple):
     intervals: dict[str, tuple[float, float]]
 
 
-def budget(fit: Fit, fitted: list[Gathered], stage: Fit | None, scale: Scale | None) -> Budget:
-    """The error budget of a friction fit to `fitted`, with the stage of `stage` and the scale of a sensor."""
+class Inherited(NamedTuple):
+    """What a fit took as known: how its coordinates move with each of the stage's values and with the log of
+    the sensor's scale, and the covariance of the stage's values [`STAGE`], None where they are exact."""
+
+    moved: dict[str, Array]
+    stage: Array | None
+
+    def by_stage(self) -> Array:
+        """How the coordinates move with the stage's values, [coordinates, `STAGE`]."""
+        return np.column_stack([self.moved[name] for name in STAGE])
+
+
+def budget(fit: Fit, taken: Inherited | None, scale: Scale | None) -> Budget:
+    """The error budget of a friction fit, with what it took as known and the scale of a sensor."""
     own = [p for p in fit.parameters if p.name not in CHANNEL]
     spread = fit.uncertainty.covariance
     variances = {"noise of the recordings": np.diag(spread).copy()}
-    if fit.model is not None and has_slopes(fit.model) and (stage is not None or scale is not None):
-        moved = moved_by_stage(fit, fitted)
-        if stage is not None:
-            names = [p.name for p in stage.parameters]
-            at = [names.index(name) for name in STAGE]
-            known = stage.covariance[np.ix_(at, at)]
-            by = np.column_stack([moved[name] for name in STAGE])
-            variances["stage from the steps"] = np.einsum("ij,jk,ik->i", by, known, by)
+    if taken is not None:
+        moved = taken.moved
+        if taken.stage is not None:
+            by = taken.by_stage()
+            variances["stage from the steps"] = np.einsum("ij,jk,ik->i", by, taken.stage, by)
         if scale is not None and scale.standard_error > 0:
             # A position read too large by a share makes the gain too large by the same.
             relative = scale.standard_error / scale.value
-            by_scale = moved["scale"] - (moved["gain"] * fit.model.gain if stage is not None else 0.0)
+            by_scale = moved["scale"] - (moved["gain"] * fit.model.gain if taken.stage is not None else 0.0)
             variances["scale of the sensor"] = (relative * by_scale) ** 2
     total = np.sum(list(variances.values()), axis=0)
     t = float(
@@ -77,13 +87,17 @@ def budget(fit: Fit, fitted: list[Gathered], stage: Fit | None, scale: Scale | N
     )
 
 
-def moved_by_stage(fit: Fit, fitted: list[Gathered]) -> dict[str, Array]:
-    """How the coordinates of the fit move with the stage's values and with the log of the sensor's scale."""
+def inherited(
+    fit: Fit, fitted: list[Aligned], stage: Fit | None, slew_rate: float | None
+) -> Inherited | None:
+    """Of a friction fit to `fitted` with the stage of `stage`; None for a law without derivatives."""
+    if fit.model is None or not has_slopes(fit.model):
+        return None
     own = [p.name for p in fit.parameters if p.name not in CHANNEL]
     delay = fit.values.get("delay", 0.0)
     columns = []
     for one in fitted:
-        motion = Displacement(one.recording, one.drive, one.name, fit.model, _TOLERANCE)
+        motion = Displacement(one.recording, one.drive, one.name, fit.model, _TOLERANCE, slew_rate)
         slopes = motion.slopes(fit.model, delay, [*own, *STAGE])
         known = dict(zip([*own, *STAGE, "delay"], slopes.T, strict=True))
         known["offset"] = np.ones(len(slopes))
@@ -94,7 +108,12 @@ def moved_by_stage(fit: Fit, fitted: list[Gathered]) -> dict[str, Array]:
         [stacked[p.name] * (fit.values[p.name] if p.log else 1.0) for p in fit.parameters]
     )
     size = np.linalg.norm(jacobian, axis=0)
-    return {
+    moved = {
         name: -np.linalg.lstsq(jacobian / size, stacked[name], rcond=None)[0] / size
         for name in (*STAGE, "scale")
     }
+    if stage is None:
+        return Inherited(moved, None)
+    names = [p.name for p in stage.parameters]
+    at = [names.index(name) for name in STAGE]
+    return Inherited(moved, stage.covariance[np.ix_(at, at)])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -13,9 +12,10 @@ from ..identify.friction import CHANNEL
 from ..identify.intervals import profile_interval
 from ..identify.result import Fit
 from ..records import did_you_mean
+from ..study.alignment import Aligned
 from ..units import QuantityError
 from .file import CampaignFile
-from .gathering import Gathered, Progress
+from .gathering import Progress
 
 _EVALUATIONS = 150  # of each candidate
 
@@ -29,7 +29,7 @@ class Deeper(NamedTuple):
 
 
 def deeper(
-    file: CampaignFile, friction: Fit, walks: Sequence[Gathered], stage: Fit | None, progress: Progress
+    file: CampaignFile, friction: Fit, walks: Sequence[Aligned], stage: Fit | None, progress: Progress
 ) -> Deeper:
     """What the file asks for, of a fit of friction.
 
@@ -38,9 +38,8 @@ def deeper(
         QuantityError: the file names a model that there is not.
     """
     fitted = [one for one in walks if one.use == "fit"]
-    rate = file.slew_rate if math.isfinite(file.slew_rate) else None
     recordings = [one.recording for one in fitted]
-    known: dict[str, Any] = {"drive": [one.drive for one in fitted], "slew_rate": rate}
+    known: dict[str, Any] = {"drive": [one.drive for one in fitted], "slew_rate": file.known_slew_rate}
     found = Deeper()
     if file.profiles:
         ends = {}

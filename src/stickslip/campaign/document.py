@@ -15,6 +15,7 @@ from ..figures.style import svg
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import fit_numbers, model_numbers, parameter_table
 from ..report.recordings import recorded_assumptions
+from ..study.alignment import POSITION, Aligned
 from ..study.verification import verification_numbers
 from ..units import with_prefix
 from .bands import walk_bands
@@ -22,7 +23,6 @@ from .deeper_sections import deeper_numbers, deeper_sections
 from .evaluation import Found
 from .features import feature_numbers, features_section
 from .file import CampaignFile
-from .gathering import POSITION, Gathered
 from .stage import stage_section, unit_of
 
 _ROLE = {"step": "stage", "fit": "friction, fitted", "verify": "predicted"}
@@ -177,7 +177,7 @@ def _calibration(file: CampaignFile, found: Found) -> Section:
     return Section("Calibration", paragraphs=said, tables=tables)
 
 
-def _applied(one: Gathered) -> Mapping[str, Any]:
+def _applied(one: Aligned) -> Mapping[str, Any]:
     try:
         found = json.loads(str(one.recording.attrs.get("calibration", "")) or "{}")
     except ValueError:
@@ -190,9 +190,7 @@ Bands = Mapping[str, Any]
 
 def _bands(file: CampaignFile, found: Found) -> Bands:
     """The half widths of each walk's bands [m]; empty for a law without derivatives."""
-    fitted = [one for one in found.walks if one.use == "fit"]
-    rate = file.slew_rate if math.isfinite(file.slew_rate) else None
-    bands = walk_bands(found.friction, fitted, found.walks, found.stage, rate)
+    bands = walk_bands(found.friction, found.inherited, found.walks, file.known_slew_rate)
     names = [one.name for one in found.walks]
     return {} if bands is None else dict(zip(names, bands, strict=True))
 
@@ -274,7 +272,7 @@ def _verification(file: CampaignFile, found: Found, bands: Bands | None) -> Sect
     )
     pictures = []
     if bands is not None:
-        groups: dict[str, list[Gathered]] = {}
+        groups: dict[str, list[Aligned]] = {}
         for one in found.walks:
             if one.use == "verify":
                 groups.setdefault(one.name.rpartition("_")[0] or "walks", []).append(one)
@@ -300,7 +298,7 @@ def _verification(file: CampaignFile, found: Found, bands: Bands | None) -> Sect
 
 
 def _walks_picture(
-    found: Found, bands: Bands, shown: Sequence[Gathered], name: str, said: str, *, whole: bool = False
+    found: Found, bands: Bands, shown: Sequence[Aligned], name: str, said: str, *, whole: bool = False
 ) -> Picture:
     """Of the forward walk only, unless `whole`."""
     traces = {}
@@ -330,7 +328,7 @@ def _assumptions(file: CampaignFile, found: Found, recorded: Sequence[Recorded])
     fitted = {*(p.name for p in (found.stage.parameters if found.stage else ()))}
     fitted |= {f"friction.{name}" for name in file.free}
     said = [f"{field} = {words}" for field, words in model.assumptions.items() if field not in fitted]
-    if math.isfinite(file.slew_rate):
+    if file.known_slew_rate is not None:
         words = file.slew_rate_source or "as the campaign file says"
         said.append(f"slew_rate = {with_prefix(file.slew_rate, 'V/s')}: {words}")
     if file.filter is not None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,13 +13,14 @@ from ..electronics import Filter
 from ..identify.friction import identify_friction
 from ..identify.result import Fit
 from ..identify.step_fit import identify_step, step_formula_errors
+from ..study.alignment import Aligned
 from ..study.signal_chain import SignalChain
 from ..verification import Predictor, Requirement, Verification, verify
-from .budget import Budget, budget
+from .budget import Budget, Inherited, budget, inherited
 from .deeper import Deeper, deeper
 from .features import features_of
 from .file import CampaignFile
-from .gathering import Gathered, Progress, Scale, scale_of, scaled
+from .gathering import Progress, Scale, scale_of, scaled
 
 # Of the steps' formulas with other noise.
 _REPETITIONS = 50
@@ -31,19 +31,21 @@ class Found(NamedTuple):
 
     `gathered` are the recordings in the scale of the reference; `scale` is None without a reference, `stage`
     and `formulas` (how far the thesis's formulas are off, see `step_formula_errors`) without steps; `start`
-    is the actuator that the fit of the friction began with; `walks` are the recordings of `verification`, in
-    its order, and `features` what they show without a model; `chain` is what the prediction takes between the
-    model and the channel; `deeper` is what was done on request.
+    is the actuator that the fit of the friction began with; `inherited` is what that fit takes over from
+    stage and scale, None without both or for a law without derivatives; `walks` are the recordings of
+    `verification`, in its order, and `features` what they show without a model; `chain` is what the
+    prediction takes between the model and the channel; `deeper` is what was done on request.
     """
 
-    gathered: list[Gathered]
+    gathered: list[Aligned]
     scale: Scale | None
     stage: Fit | None
     formulas: xr.Dataset | None
     start: Actuator
     friction: Fit
+    inherited: Inherited | None
     budget: Budget
-    walks: list[Gathered]
+    walks: list[Aligned]
     features: dict[str, xr.Dataset | str]
     chain: SignalChain
     verification: Verification
@@ -51,7 +53,7 @@ class Found(NamedTuple):
     deeper: Deeper
 
 
-def evaluate(file: CampaignFile, folder: Path, gathered: Sequence[Gathered], progress: Progress) -> Found:
+def evaluate(file: CampaignFile, folder: Path, gathered: Sequence[Aligned], progress: Progress) -> Found:
     """Fit and verify.
 
     Raises:
@@ -60,7 +62,7 @@ def evaluate(file: CampaignFile, folder: Path, gathered: Sequence[Gathered], pro
     """
     requirements = [Requirement.parse(text) for text in file.require]
     recordings = list(gathered)
-    scale, rate = None, file.slew_rate if math.isfinite(file.slew_rate) else None
+    scale, rate = None, file.known_slew_rate
     if file.reference is not None:
         steps = [one for one in recordings if one.use == "step"]
         scale = scale_of(steps, file.reference, file.settling)
@@ -97,6 +99,7 @@ def evaluate(file: CampaignFile, folder: Path, gathered: Sequence[Gathered], pro
         drive=[one.drive for one in walks],
         steps_of=[one.wanted for one in walks],
     )
+    taken = inherited(friction, fitted, stage, rate) if stage or scale else None
     return Found(
         recordings,
         scale,
@@ -104,7 +107,8 @@ def evaluate(file: CampaignFile, folder: Path, gathered: Sequence[Gathered], pro
         formulas,
         model,
         friction,
-        budget(friction, fitted, stage, scale),
+        taken,
+        budget(friction, taken, scale),
         walks,
         features_of(walks),
         chain,

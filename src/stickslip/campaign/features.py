@@ -11,7 +11,7 @@ import xarray as xr
 from ..identify.sawtooth import sawtooth_features
 from ..recording import RecordingError
 from ..report import Column, Number, Section, Table
-from .gathering import Gathered
+from ..study.alignment import Aligned
 
 _DIRECTION = {1.0: "forward", -1.0: "back"}
 _STEPS = ("up", "down", "net_step", "scatter", "drift")
@@ -19,7 +19,7 @@ _WHOLE = ("delay", "asymmetry", "vibration_amplitude", "vibration_frequency", "v
 _UNITS = dict(zip(_WHOLE, ("s", "", "m", "Hz", "1/s"), strict=True))
 
 
-def features_of(walks: Sequence[Gathered]) -> dict[str, xr.Dataset | str]:
+def features_of(walks: Sequence[Aligned]) -> dict[str, xr.Dataset | str]:
     """The features of each walk; where there are none to be found, why."""
     found: dict[str, xr.Dataset | str] = {}
     for one in walks:

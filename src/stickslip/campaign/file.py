@@ -67,6 +67,11 @@ class CampaignFile(Strict):
     model_choice: bool | list[str] = False
     require: list[str] = Field(default_factory=list)
 
+    @property
+    def known_slew_rate(self) -> float | None:
+        """V/s, of the amplifier; None where it is not known."""
+        return self.slew_rate if math.isfinite(self.slew_rate) else None
+
 
 def read_campaign(path: Path) -> CampaignFile:
     """The content of a campaign file.

@@ -16,28 +16,15 @@ from ..experiment.cells import drive_of
 from ..identify.channels import channel
 from ..input_file import InputFileError
 from ..recording import RecordingError
-from ..study.alignment import POSITION, aligned
+from ..study.alignment import POSITION, Aligned, aligned
 from ..units import QuantityError
 from ..waveform.signal import Waveform
-from .file import CampaignFile, OwnSpec, Use
+from .file import CampaignFile, OwnSpec
 
 # s, beside a step: the mean over so much of rest is a level.
 LEVEL = 0.05
 
 Progress = Callable[[str, float], None]
-
-
-class Gathered(NamedTuple):
-    """A recording and its drive: `name`, what it is for, and the fields of `Aligned`."""
-
-    name: str
-    use: Use
-    recording: xr.Dataset
-    begin: float
-    noise: float
-    wanted: Waveform | None
-    drive: Waveform | None
-    forward: float | None = None
 
 
 class Scale(NamedTuple):
@@ -50,7 +37,7 @@ class Scale(NamedTuple):
 
 def gather(
     file: CampaignFile, folder: Path, out: Path, progress: Progress
-) -> tuple[list[Gathered], list[Recorded]]:
+) -> tuple[list[Aligned], list[Recorded]]:
     """All recordings, those of the experiment recorded first into ``out/recordings`` unless they are there.
 
     Raises:
@@ -66,7 +53,7 @@ def gather(
             progress,
             lambda cell, recording: left.update({cell.name: (cell.drive, recording)}),
         )
-    found: list[Gathered] = []
+    found: list[Aligned] = []
     for spec in file.recordings:
         if isinstance(spec, OwnSpec):
             whole = spec.cut(spec.read(folder))
@@ -75,14 +62,14 @@ def gather(
                 one = aligned(whole, drive, spec.label, file.slew_rate)
             except RecordingError as error:
                 raise RecordingError(f"{spec.file}: {error}") from None
-            found.append(Gathered(spec.label, spec.use, *one))
+            found.append(one._replace(use=spec.use))
             continue
         names = [name for name in left if fnmatchcase(name, spec.cells)]
         if not names:
             raise InputFileError(f"recordings: no cell of {file.experiment} that is left fits {spec.cells!r}")
         for name in names:
             drive, whole = left.pop(name)
-            found.append(Gathered(name, spec.use, *aligned(whole, drive, name, file.slew_rate)))
+            found.append(aligned(whole, drive, name, file.slew_rate)._replace(use=spec.use))
     names = [one.name for one in found]
     for name in names:
         if names.count(name) > 1:
@@ -90,7 +77,7 @@ def gather(
     return found, recorded
 
 
-def scale_of(steps: Sequence[Gathered], reference: str, settling: float) -> Scale:
+def scale_of(steps: Sequence[Aligned], reference: str, settling: float) -> Scale:
     """How the position channel stands to a reference: their changes over each clamped step.
 
     Args:
@@ -121,7 +108,7 @@ def scale_of(steps: Sequence[Gathered], reference: str, settling: float) -> Scal
     return Scale(float(np.mean(ratios)), error, tuple(ratios))
 
 
-def scaled(one: Gathered, scale: float) -> Gathered:
+def scaled(one: Aligned, scale: float) -> Aligned:
     """The recording with its position divided by the scale."""
     position = one.recording[POSITION]
     data = ("time", position.values / scale, position.attrs)

@@ -176,16 +176,22 @@ def refuse_sampling(time: NDArray[np.float64], drive: Waveform | None, where: st
     begin, periodic = (0.0, None) if drive is None else periodic_part(drive)
     if periodic is None:
         return
-    period, interval = float(periodic.period), float(np.median(np.diff(time)))
-    if period < FEWEST_PER_PERIOD * interval * (1.0 - 1e-6):
-        raise RecordingError(
-            f"end_effector_position [m] of {where} is too coarsely sampled: {period / interval:.3g} samples "
-            f"per period of the drive; at least {FEWEST_PER_PERIOD} are needed, one every "
-            f"{period / FEWEST_PER_PERIOD:.3g} s"
-        )
+    period, interval = float(periodic.period), refuse_coarse(time, float(periodic.period), where)
     lasts = float(time[-1]) - begin
     if lasts < period * (1.0 - 1e-6) - interval:
         raise RecordingError(
             f"end_effector_position [m] of {where} is too short: it ends {lasts:.3g} s after the drive "
             f"begins; at least one period of the drive, {period:.3g} s, is needed"
         )
+
+
+def refuse_coarse(time: NDArray[np.float64], period: float, where: str) -> float:
+    """The sampling interval [s]; raises `RecordingError` if a period [s] of the drive has too few samples."""
+    interval = float(np.median(np.diff(time)))
+    if period < FEWEST_PER_PERIOD * interval * (1.0 - 1e-6):
+        raise RecordingError(
+            f"end_effector_position [m] of {where} is too coarsely sampled: {period / interval:.3g} samples "
+            f"per period of the drive; at least {FEWEST_PER_PERIOD} are needed, one every "
+            f"{period / FEWEST_PER_PERIOD:.3g} s"
+        )
+    return interval

@@ -10,7 +10,7 @@ from scipy.ndimage import median_filter, uniform_filter1d
 from scipy.signal import find_peaks
 
 from ..recording import RecordingError
-from .drives import FEWEST_PER_PERIOD
+from .drives import refuse_coarse
 
 # A jump of the drive is at least this share of its range.
 JUMP = 0.3
@@ -52,7 +52,7 @@ def slips_of(t: Array, x: Array, u: Array | None, where: str) -> Slips:
     jump = np.sign(change[at - 1]).astype(int)
     walk = _walks(t[at], jump, float(np.median(np.diff(t[at]))))
     period = float(np.median(np.concatenate([np.diff(t[at][walk == w]) for w in np.unique(walk)])))
-    _check_sampling(t, period, where)
+    refuse_coarse(t, period, where)
     delay, side = _delay(t, x, t[at], jump, period)
     kept = t[at] + delay < t[-1]
     return Slips(t[at][kept] + delay, side * jump[kept], walk[kept], period, delay, side < 0)
@@ -62,15 +62,6 @@ def _walks(time: Array, sign: NDArray[np.int64], period: float) -> NDArray[np.in
     """The number of the walk of each slip: a new one after a long pause, or where the direction changes."""
     new = (np.diff(time) > APART * period) | (np.diff(sign) != 0)
     return np.concatenate([[0], np.cumsum(new)])
-
-
-def _check_sampling(t: Array, period: float, where: str) -> None:
-    per_period = period / float(np.median(np.diff(t)))
-    if per_period < FEWEST_PER_PERIOD:
-        raise RecordingError(
-            f"end_effector_position [m] of {where} is too coarsely sampled: {per_period:.3g} samples per "
-            f"period; at least {FEWEST_PER_PERIOD} are needed, one every {period / FEWEST_PER_PERIOD:.3g} s"
-        )
 
 
 def _edges(x: Array, half: int) -> Array:
@@ -116,7 +107,7 @@ def _in_position(t: Array, x: Array, where: str) -> tuple[Array, NDArray[np.int6
     if clearness < ABOVE_NOISE * peaks.size or not peaks.size:
         raise RecordingError(f"no slips stand out of the noise in the position of {where}")
     period = float(np.median(np.diff(t[peaks])))
-    _check_sampling(t, period, where)
+    refuse_coarse(t, period, where)
     return t[peaks], sign, period
 
 

@@ -22,7 +22,7 @@ BEGUN = 0.02
 
 
 class Aligned(NamedTuple):
-    """A recording and its drive.
+    """A recording and its drive, what to call it, and what it is for, in the words of the file that says so.
 
     `recording` holds the position less its mean before `begin` [s]; `noise` [m] is its scatter there, NaN
     where nothing is before. `wanted` is the drive as asked for, `drive` as it is at the piezo, both in the
@@ -30,12 +30,14 @@ class Aligned(NamedTuple):
     drive ends at `forward` [s], None where it is the whole.
     """
 
+    name: str
     recording: xr.Dataset
     begin: float
     noise: float
     wanted: Waveform | None
     drive: Waveform | None
     forward: float | None = None
+    use: str = ""
 
 
 def aligned(
@@ -76,7 +78,7 @@ def aligned(
     data = ("time", position - bias, whole[POSITION].attrs)
     recording = whole.assign({POSITION: data}).assign_attrs(title=name)
     if drive is None:
-        return Aligned(recording, begin, noise, None, None)
+        return Aligned(name, recording, begin, noise, None, None)
     # Of time that begins with the recording's: a waveform begins at zero.
     moved = recording.assign_coords(time=("time", time - time[0], recording["time"].attrs))
     begin -= float(time[0])
@@ -85,7 +87,7 @@ def aligned(
     wanted, given = _from(drive, begin, length), _from(at_piezo, begin, length)
     refuse_sampling(moved["time"].values, wanted, name)
     forward = begin + drive.parts[0][1] if isinstance(drive, Sequence) else None
-    return Aligned(moved, begin, noise, wanted, given, forward)
+    return Aligned(name, moved, begin, noise, wanted, given, forward)
 
 
 def _first_change(whole: xr.Dataset, name: str) -> float:
