@@ -49,27 +49,27 @@ def mark(near):
 @compiled
 def replay(law, mech, drive, load, log, rows, local, near):
     """Take the logged steps with every neighbour."""
-    for p in range(near.states.shape[0]):
-        own, body = with_fields(law, near.laws[p]), with_coefficients(mech, near.mechs[p])
-        start = near.states[p]
-        q = (start[0], start[1], start[2], start[3], start[4])
-        i, j = segment_of(drive, log[0, START]), segment_of(load, log[0, START])
-        for row in range(rows):
-            t, h, side = log[row, START], log[row, LENGTH], log[row, LOG_SIDE]
-            while i + 1 < drive.start.size and drive.start[i + 1] <= t:
-                i += 1
-            while j + 1 < load.start.size and load.start[j + 1] <= t:
-                j += 1
-            u, du = at_nodes(drive, i, t, h)
-            normal, dnormal = at_nodes(load, j, t, h)
+    i, j = segment_of(drive, log[0, START]), segment_of(load, log[0, START])
+    states, traces = near.states, near.traces
+    for row in range(rows):
+        t, h, side, fraction = log[row, START], log[row, LENGTH], log[row, LOG_SIDE], log[row, FRACTION]
+        while i + 1 < drive.start.size and drive.start[i + 1] <= t:
+            i += 1
+        while j + 1 < load.start.size and load.start[j + 1] <= t:
+            j += 1
+        u, du = at_nodes(drive, i, t, h)
+        normal, dnormal = at_nodes(load, j, t, h)
+        for p in range(states.shape[0]):
+            own, body = with_fields(law, near.laws[p]), with_coefficients(mech, near.mechs[p])
+            q = (states[p, 0], states[p, 1], states[p, 2], states[p, 3], states[p, 4])
             new, dense, _, _ = contact_step(own, body, side, h, q, u, du, normal, dnormal)
-            trace = near.traces[p, row]
-            trace[0], trace[1] = q[SLIDER], new[SLIDER]
-            trace[2], trace[3], trace[4] = dense[0][SLIDER], dense[1][SLIDER], dense[2][SLIDER]
-            q = new if log[row, FRACTION] == 1.0 else at(log[row, FRACTION], q, new, dense)
-            q = (q[0], q[1], q[2], q[3], bounded(own, q[4], math.copysign(local, q[1] - q[3])))
-        for c in range(5):
-            start[c] = q[c]
+            traces[p, row, 0], traces[p, row, 1] = q[SLIDER], new[SLIDER]
+            traces[p, row, 2], traces[p, row, 3] = dense[0][SLIDER], dense[1][SLIDER]
+            traces[p, row, 4] = dense[2][SLIDER]
+            end = new if fraction == 1.0 else at(fraction, q, new, dense)
+            z = bounded(own, end[4], math.copysign(local, end[1] - end[3]))
+            states[p, 0], states[p, 1], states[p, 2] = end[0], end[1], end[2]
+            states[p, 3], states[p, 4] = end[3], z
 
 
 @compiled
@@ -83,16 +83,16 @@ def carry(near, periods):
 def read_traces(log, rows, shift, periods, times, k, t_end, near):
     """Fill the neighbours' positions up to `t_end` from their traces, read `shift` [s] later, when each
     slider has moved on by its own net step so many `periods` long."""
-    for p in range(near.states.shape[0]):
-        move = periods * (near.states[p, SLIDER] - near.begun[p])
-        row, n = 0, k
-        while n < times.size and times[n] <= t_end:
-            t = times[n] - shift
-            while row + 1 < rows and t > log[row, END]:
-                row += 1
-            theta = (t - log[row, START]) / log[row, LENGTH]
-            rest = 1.0 - theta
-            trace = near.traces[p, row]
-            inner = trace[2] + theta * (trace[3] + theta * trace[4])
-            near.positions[p, n] = rest * trace[0] + theta * (trace[1] + rest * inner) + move
-            n += 1
+    row, n = 0, k
+    while n < times.size and times[n] <= t_end:
+        t = times[n] - shift
+        while row + 1 < rows and t > log[row, END]:
+            row += 1
+        theta = (t - log[row, START]) / log[row, LENGTH]
+        rest = 1.0 - theta
+        for p in range(near.states.shape[0]):
+            move = periods * (near.states[p, SLIDER] - near.begun[p])
+            inner = near.traces[p, row, 2] + theta * (near.traces[p, row, 3] + theta * near.traces[p, row, 4])
+            value = rest * near.traces[p, row, 0] + theta * (near.traces[p, row, 1] + rest * inner)
+            near.positions[p, n] = value + move
+        n += 1
