@@ -39,8 +39,8 @@ SAME = 0.02
 LONGEST_CYCLE = 16
 # Not the literal 0, for which Numba would compile what is called with it once more.
 ZERO = np.int64(0)
-# Few enough to stay in the cache.
-LOG_ROWS = 512
+# More than a period needs at any tolerance in use: a period that does not fit is never copied.
+LOG_ROWS = 1024
 
 
 @compiled
