@@ -91,7 +91,7 @@ def _trajectory(rows: list[Row]) -> list[str]:
             cost = costs[name]
             ratio = "best peer" if cost == best else _number(cost / best) if cost and best else "-"
             body.append(
-                (name[0], name[1], _number(cost), f"{ratio}" if ratio == "best peer" else f"{ratio} x")
+                (name[0], name[1], _number(cost), ratio if ratio in ("best peer", "-") else f"{ratio} x")
             )
         text.append(
             _table(("tool", "method", f"{problem}: CPU ms at {target * 1e9:g} nm", "of the best peer"), body)

@@ -14,13 +14,14 @@ author = "The stickslip developers"
 version = release = stickslip.__version__
 
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "offline_math", "reference_pages"]
-exclude_patterns = ["_ext"]
+exclude_patterns = ["_ext", "_static"]
 source_suffix = {".rst": "restructuredtext", ".md": "myst-nb"}
 suppress_warnings = ["myst.header"]  # a page may begin with a table's heading
 
 html_theme = "furo"
 html_title = "stickslip"
-html_static_path: list[str] = []
+html_static_path = ["_static"]
+html_css_files = ["wide.css"]
 html_show_copyright = False
 html_math_renderer = "svg"  # MathJax would come from the network
 templates_path: list[str] = []

@@ -119,7 +119,7 @@ def test_a_recording_says_how_it_was_made(tmp_path) -> None:
     chain = json.loads(read.attrs["calibration"])["end_effector_position"]
     assert [from_text(json.dumps(part)) for part in chain] == list(INDUCTIVE)
     assert json.loads(read.attrs["capture"])["trigger"]["signal"] == "drive_voltage"
-    assert "butterworth filter of order 2, 2 kHz" in read.attrs["processing"]
+    assert "filter (Butterworth, order 2, 2 kHz)" in read.attrs["processing"]
     assert (read.attrs["title"], read.attrs["notes"]) == ("t", "n")
     assert read["piezo_elongation"].attrs["units"] == "m"
 

@@ -38,7 +38,7 @@ def expected_errors(model: Actuator, free: Sequence[str], experiments: Mapping[s
         experiments: candidates by name.
 
     Returns:
-        Over "experiment" and "parameter": `standard_error` as a share of the value; infinite where an
+        Over "experiment" and "parameter" `standard_error` as a share of the value; infinite where an
         experiment says nothing.
     """
     values = np.array([parameter(model, name, {}).start for name in free])

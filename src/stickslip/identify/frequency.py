@@ -49,7 +49,7 @@ def frequency_response(
         units: of drive and response.
 
     Returns:
-        Over "frequency" [Hz], "output" and "input": `response`, complex; `deviation`, its standard deviation
+        Over "frequency" [Hz], "output" and "input" `response`, complex; `deviation`, its standard deviation
         by noise and nonlinear distortion, from realisations beyond the number of inputs (if there are none:
         by noise alone); `noise_deviation`, that by noise, from the periods. Each is sqrt(E|error|^2), and NaN
         without the repetitions. Over "frequency" and "output": `coherence`, the share of the power explained.

@@ -47,7 +47,7 @@ def applied_voltage(
     own = amplifier._replace(gain=1.0, offset=0.0)
     times, output = amplifier_output(own, volts, sample_rate, capacitance, tolerance=_TOLERANCE)
     fine = np.arange(-_SPAN * _FINER, (volts.size + _SPAN) * _FINER) / (_FINER * sample_rate)
-    taps = signal.firwin(2 * _SPAN * _FINER + 1, _EDGE / _FINER, window=("kaiser", 10.0))
+    taps = signal.firwin(2 * _SPAN * _FINER + 1, _EDGE / _FINER, window="blackman")
     seen = signal.fftconvolve(np.interp(fine, times, output), taps, "valid")
     return seen[: volts.size * _FINER : _FINER]
 

@@ -39,7 +39,7 @@ def sawtooth_features(recording: xr.Dataset, *, smoothing: int = 1, observed: st
         observed: name of the position channel.
 
     Returns:
-        Over "slip": `slip_time` [s], `walk_number`, `peak` and `valley` [m], `up_step` (from the valley
+        Over "slip" `slip_time` [s], `walk_number`, `peak` and `valley` [m], `up_step` (from the valley
         before to the peak) and `down_step` (peak to valley), both [m], positive along the walk, NaN where
         there is none before. Over "walk": `direction`, `n_slips`, `missing` (periods without a slip), `start`
         [s], `bias` [m]; `up` and `down` [m], the thesis's a and b (a - b is the mean difference of peaks,

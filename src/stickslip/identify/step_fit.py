@@ -170,7 +170,7 @@ def step_formula_errors(
         seed: of them.
 
     Returns:
-        Over "parameter": `fitted`, `by_sensor` and `by_noise` (both formula minus truth, in the parameter's
+        Over "parameter" `fitted`, `by_sensor` and `by_noise` (both formula minus truth, in the parameter's
         unit), and `scatter`, the standard deviation of the formula's result.
     """
     tests = step_tests(recordings, voltages, start, fit.observed)

@@ -65,8 +65,8 @@ def open_recording(path: str | os.PathLike[str]) -> xr.Dataset:
 
 
 def _stored(path: Path) -> xr.Dataset:
-    """The variables of the file, as they are; through h5netcdf itself, for xarray's reader around it takes half
-    as long again, which matters to a campaign of many recordings."""
+    """The variables of the file, as they are; through h5netcdf itself, for xarray's reader around it takes
+    half as long again, which matters to a campaign of many recordings."""
     with h5netcdf.File(path, "r") as file:
         variables = {
             name: (one.dimensions, one[...], dict(one.attrs)) for name, one in file.variables.items()

@@ -35,7 +35,8 @@ def report_html(document: Document, made: Circumstances) -> str:
         "body": table_body,
         "heads": table_heads,
     }
-    return environment.get_template("template.html.j2").render(document=document, made=asdict(made))
+    page = environment.get_template("template.html.j2").render(document=document, made=asdict(made))
+    return re.sub(r"(?<=\d) %", "&nbsp;%", page)  # a per cent sign does not begin a line
 
 
 def significant(value: float, digits: int = 4) -> str:

@@ -144,7 +144,8 @@ class _Reading:
         entries = read_entries(self.file, prefix, tables)
         for field, entry in entries.items():
             if entry.assumed:
-                self.assumptions[f"{prefix}{field}"] = f"{entry.value} {entry.unit}: {entry.reason}"
+                value = f"{entry.value:g}" if isinstance(entry.value, float) else str(entry.value)
+                self.assumptions[f"{prefix}{field}"] = f"{value} {entry.unit}".rstrip() + f": {entry.reason}"
         return entries
 
     def _part(self, kind: type[T], where: str, tables: Any) -> T:

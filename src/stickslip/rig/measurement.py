@@ -286,7 +286,8 @@ def _steps(channels: Mapping[str, Channel], capture: Capture, can: Capabilities)
         if channel.filter is not None:
             low = channel.filter
             corner = with_prefix(low.corner, "Hz")
-            steps.append(f"{name} behind a {low.family} filter of order {low.order:g}, {corner}")
+            family = low.family if low.family == "elliptic" else low.family.capitalize()
+            steps.append(f"{name} behind a filter ({family}, order {low.order:g}, {corner})")
         if channel.zero:
             steps.append(f"{name} less its mean before the trigger")
     if stride(capture, can.sample_rate) > 1:

@@ -138,7 +138,7 @@ def sensitivities(
         waveform, duration, sample_rate, times, tolerance, load: as for `simulate`.
 
     Returns:
-        Dataset over "time" (s) and "parameter": end_effector_position (m) and derivative, in m per unit of
+        Dataset over "time" (s) and "parameter" of end_effector_position (m) and derivative, in m per unit of
         the parameter, whose unit is the coordinate "unit".
 
     Raises:
