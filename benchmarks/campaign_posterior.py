@@ -1,0 +1,84 @@
+"""The posterior of the thesis's campaign on the virtual rig, to convergence, beside the fit's own intervals.
+
+    python -m benchmarks.campaign_posterior [MOST_STEPS]
+
+Eight parameters, friction and stage together; some ten minutes on two processors. Writes
+docs/benchmarks/posterior.md.
+"""
+
+from __future__ import annotations
+
+import importlib.resources
+import math
+import os
+import sys
+import tempfile
+import time
+from datetime import date
+from pathlib import Path
+
+from stickslip.actuator import load_actuator
+from stickslip.campaign.deeper import deeper
+from stickslip.campaign.evaluation import evaluate
+from stickslip.campaign.file import read_campaign
+from stickslip.campaign.gathering import gather
+from stickslip.units import with_prefix
+
+PAGE = Path(__file__).parents[1] / "docs" / "benchmarks" / "posterior.md"
+HEAD = """# The posterior of a whole campaign
+
+`python -m benchmarks.campaign_posterior`: the campaign of the thesis on the virtual rig (`stickslip campaign`
+with `posterior: true`). The fit's interval of a friction parameter takes the stage as known; with all errors,
+those of the stage are passed on, linearised; the posterior has both free at once. Of the stage, the fit is
+that of the steps alone. The posterior's are 95 % intervals of highest density; ess, its effective number of
+samples.
+"""
+
+
+def shown(ends: tuple[float, float], unit: str) -> str:
+    """An interval, in one unit."""
+    low, high = (with_prefix(one, unit) for one in ends)
+    return f"{low} to {high}"
+
+
+def main(most: int) -> None:
+    """Record, fit, sample, write."""
+    path = Path(str(importlib.resources.files("stickslip") / "examples" / "kang2007_campaign.yaml"))
+    file = read_campaign(path).model_copy(update={"posterior": True, "posterior_steps": most})
+    with tempfile.TemporaryDirectory() as folder:
+        gathered, _ = gather(file, path.parent, Path(folder), lambda doing, done: None)
+        found = evaluate(file, path.parent, gathered, lambda doing, done: None)
+    cpu, wall = time.process_time(), time.perf_counter()
+    samples = deeper(file, found.friction, found.walks, found.stage, lambda doing, done: None).posterior
+    cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
+    assert samples is not None
+    assert found.stage is not None
+    truth = load_actuator("kang2007")
+    fits = {**found.stage.confidence_intervals(), **found.friction.confidence_intervals()}
+    lines = ["| | truth | fit | fit, with all errors | posterior | ess |", "|---|---|---|---|---|---|"]
+    for name in samples.summary["parameter"].values:
+        row = {key: float(one) for key, one in samples.summary.sel(parameter=name).data_vars.items()}
+        unit = str(samples.samples[name].attrs["units"])
+        known = getattr(truth, name, getattr(truth.friction, name, math.nan))
+        total = found.budget.intervals.get(name)
+        cells = [
+            name,
+            with_prefix(known, unit) if math.isfinite(known) else "",
+            shown(fits[name], unit),
+            shown(total, unit) if total and name in found.friction.values else "",
+            shown((row["low"], row["high"]), unit),
+            f"{row['ess']:.0f}",
+        ]
+        lines.append(f"| {' | '.join(cells)} |")
+    load = os.getloadavg()[1]
+    chain = f"{samples.samples.sizes['chain']} walkers; {samples.message}"
+    took = f"{cpu:.0f} s of processor, {wall:.0f} s by the clock"
+    measured = (
+        f"Measured: {date.today()}, {os.cpu_count()} processors, load {load:.1f}; {took}.\n\n{chain}.\n"
+    )
+    PAGE.write_text("\n".join([HEAD, measured, *lines]) + "\n", encoding="utf-8")
+    print(PAGE.read_text(encoding="utf-8"))
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 8000)
