@@ -36,8 +36,11 @@ def test_the_page_opens_when_a_walk_can_start_and_nothing_is_compiled_twice(
         assert kept(kernels).items() >= walking.items()
         before = kept(kernels)
         page.click("text=Identify")
+        expect(page.locator(".identify")).to_have_attribute("data-phase", "none")
+        expect(page.locator(".identify-canvas")).to_be_hidden()  # no axes of nothing
         page.get_by_role("button", name="Start fit").click()
         expect(page.locator(".identify")).to_have_attribute("data-phase", "done", timeout=SLOW)
+        expect(page.locator(".identify-canvas")).to_be_visible()
         assert kept(kernels) == before
     finally:
         assert first.end() == 0

@@ -30,7 +30,7 @@ export async function mount(element, app) {
     shown = which.selectedIndex;
     draw();
   });
-  const canvas = make("div", { className: "identify-canvas" });
+  const canvas = make("div", { className: "identify-canvas empty" });
   const live = make("dl", { className: "explore-numbers identify-live" });
   const results = make("div", { className: "identify-results" });
   const head = make("div", { className: "identify-head" }, make("h2", { textContent: "Fit" }), which, make("span", { className: "grow" }), status, bar);
@@ -75,7 +75,9 @@ export async function mount(element, app) {
     return [t, measured, drawn, drawn.map((value, i) => value - measured[i])];
   }
   function draw() {
-    plot.setData(curves(shown));
+    const drawn = curves(shown);
+    plot.setData(drawn);
+    canvas.classList.toggle("empty", !drawn[0].length);
     canvas.dataset.drawn = String(Number(canvas.dataset.drawn ?? 0) + 1);
   }
 
