@@ -7,9 +7,10 @@ import threading
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from .._jit import _package_cache
 from ..actuator import load_actuator
+from ..friction import LuGre
 from ..simulation import simulate, steady_step
+from ..solve.periods import integrate_bristle
 from ..waveform.periodic import Sawtooth
 from .fits import USUAL_LAW, Fitting
 from .readiness import Readiness
@@ -21,10 +22,12 @@ _MOST_WAIT = 60.0  # s that step curves wait for fits, which need the same kerne
 
 
 def solver_kept() -> bool:
-    """Whether this machine keeps what the first run of a newcomer needs: the index that Numba has of its
-    kernels names the law. Where that is of no use (Numba was renewed), the run compiles, as the page says."""
-    indices = _package_cache().rglob("*.integrate_bristle-*.nbi")
-    return any(USUAL_LAW.encode() in index.read_bytes() for index in indices)
+    """Whether this machine keeps what the first run of a newcomer needs: Numba's index of that kernel, which
+    is void after an installation or for another Numba, names the law."""
+    kernel: Any = integrate_bristle._dispatcher(LuGre)
+    if not hasattr(kernel, "_cache"):  # nothing is compiled at all
+        return True
+    return any(USUAL_LAW in str(signature) for signature, *_ in kernel._cache._cache_file._load_index())
 
 
 def compile_solver(fitting: Fitting) -> None:
