@@ -23,7 +23,8 @@ ALONE = {"hops": 0, "loss": "soft_l1", "loss_scale": 1e-5}
 
 def _fit(**options: Any) -> Callable[[], campaign.Fitted]:
     walk = campaign.load()
-    sigma_0, sigma_1, coulomb = campaign.start()[:3]
+    sigma_0, sigma_1, coulomb, delay, offset = campaign.start()
+    begin = {"delay": delay, "offset": offset}
     model = actuator("P1", sigma_0=sigma_0, sigma_1=sigma_1, coulomb_force=coulomb, stiction_force=coulomb)
     gain, frequency, damping = map(float, walk.stage)
     model = model.replace(gain=gain, natural_frequency=frequency, damping_ratio=damping)
@@ -35,7 +36,7 @@ def _fit(**options: Any) -> Callable[[], campaign.Fitted]:
     recording = ss.make_recording(walk.time, {"end_effector_position": walk.position}, title="walk")
 
     def run() -> campaign.Fitted:
-        found = ss.identify_friction([recording], model, FREE, drive=drive, **options)
+        found = ss.identify_friction([recording], model, FREE, drive=drive, begin=begin, **options)
         values = np.array([found.values[name] for name in FREE])
         return campaign.Fitted(values, found.n_evaluations, found.converged, found.rmse)
 

@@ -33,7 +33,6 @@ from .identify.compare_walk import compare_walks as compare_walks
 from .identify.compare_walk import walk_candidates as walk_candidates
 from .identify.experiments import Walk as Walk
 from .identify.experiments import expected_errors as expected_errors
-from .identify.fit import FitError as FitError
 from .identify.frequency import frequency_response as frequency_response
 from .identify.frequency import welch_frequency_response as welch_frequency_response
 from .identify.friction import identify_friction as identify_friction
@@ -45,6 +44,7 @@ from .identify.intervals import profile_interval as profile_interval
 from .identify.loops import identify_loops as identify_loops
 from .identify.modal import identify_frequency as identify_frequency
 from .identify.modal_time import identify_in_time as identify_in_time
+from .identify.problem import FitError as FitError
 from .identify.pulled import identify_pulled_slider as identify_pulled_slider
 from .identify.result import Fit as Fit
 from .identify.sawtooth import sawtooth_features as sawtooth_features

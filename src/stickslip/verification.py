@@ -14,7 +14,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from .actuator import Actuator
-from .identify.channels import channel, names_of, recordings_of, same_number
+from .identify.channels import channel, drives_of, names_of, recordings_of, same_number
 from .identify.displacement import Displacement
 from .identify.drives import periodic_part
 from .identify.result import Fit, Goodness, goodness
@@ -268,7 +268,7 @@ def verify(
         raise ValueError("this fit has no model that predicts recordings")
     found = recordings_of(recordings)
     names = names_of(found)
-    drives = [drive] * len(found) if hasattr(drive, "drive") else same_number(drive, found, "drives")
+    drives = drives_of(drive, found)
     repeating = drives if steps_of is None else same_number(steps_of, found, "waveforms")
     goods, predictions, steps = [], [], []
     for recording, waveform, repeated, name in zip(found, drives, repeating, names, strict=True):

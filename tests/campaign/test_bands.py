@@ -11,8 +11,9 @@ from stickslip.actuator import load_actuator
 from stickslip.campaign.bands import walk_bands
 from stickslip.campaign.budget import inherited
 from stickslip.friction import Coulomb
-from stickslip.identify.fit import Residuals, fit_least_squares
+from stickslip.identify.fit import fit_least_squares
 from stickslip.identify.friction import identify_friction
+from stickslip.identify.problem import Residuals
 from stickslip.identify.result import Parameter
 from stickslip.simulation import simulate
 from stickslip.simulation.varied import with_values

@@ -15,7 +15,8 @@ from stickslip.figures.posterior import posterior_corner
 from stickslip.identify.bayes import sample
 from stickslip.identify.compare import Comparison
 from stickslip.identify.compare_walk import walk_candidates
-from stickslip.identify.fit import Residuals, fit_least_squares
+from stickslip.identify.fit import fit_least_squares
+from stickslip.identify.problem import Residuals
 from stickslip.identify.result import Goodness, Parameter
 from stickslip.recording import make_recording
 from stickslip.report import Number

@@ -12,10 +12,12 @@ from stickslip.actuator import load_actuator
 from stickslip.friction import Coulomb
 from stickslip.identify.bayes import Posterior, curvature_adjustment, posterior, sample
 from stickslip.identify.coloured import coloured, with_coloured_noise
-from stickslip.identify.fit import FitError, Residuals, fit_least_squares
-from stickslip.identify.friction import identify_friction, observed
+from stickslip.identify.fit import fit_least_squares
+from stickslip.identify.friction import identify_friction
 from stickslip.identify.likelihood import Misfit
+from stickslip.identify.problem import FitError, Residuals
 from stickslip.identify.result import Fit, Parameter
+from stickslip.identify.walks import Varied, observed
 from stickslip.simulation import simulate
 from stickslip.simulation.varied import with_values
 from stickslip.waveform.periodic import Sawtooth
@@ -195,13 +197,16 @@ def test_all_members_at_once_are_as_far_off_as_each_alone() -> None:
     assert np.isnan(found[-1])
     for m in range(5):
         one = {name: float(column[m]) for name, column in values.items()}
-        r = observed(misfit.one, model, one) - recording["end_effector_position"].values
+        r = observed(misfit.one, Varied(model), one) - recording["end_effector_position"].values
         assert found[m] == pytest.approx(r @ r, rel=1e-3)
     alone = {name: column[:1] for name, column in values.items() if name in ("delay", "offset")}
     assert misfit(alone)[0] == pytest.approx(
         float(
             np.sum(
-                (observed(misfit.one, model, {k: float(v[0]) for k, v in alone.items()}) - misfit.measured)
+                (
+                    observed(misfit.one, Varied(model), {k: float(v[0]) for k, v in alone.items()})
+                    - misfit.measured
+                )
                 ** 2
             )
         ),

@@ -5,9 +5,10 @@ import pytest
 import xarray as xr
 
 import stickslip as ss
-from stickslip.identify.fit import FitError, fit_least_squares
+from stickslip.identify.fit import fit_least_squares
 from stickslip.identify.likelihood import Misfit
 from stickslip.identify.marginal import Held, integrated, mixture, points
+from stickslip.identify.problem import FitError
 from stickslip.identify.result import Fit, Parameter
 
 KANG = ss.load_actuator("kang2007").replace(stage_reaction=False)
@@ -90,6 +91,31 @@ def test_where_there_is_no_model_is_left_out() -> None:
     fit = integrated(fit_least_squares(bent, free), "b", fails_far_out)
     assert isinstance(fit, Fit)
     assert 0.7 < fit.values["b"] < 1.2
+
+
+def test_a_second_valley_is_left_from_where_it_ends() -> None:
+    """Where b is below 2, `a` has a valley at -1 that is no answer; the search begins in it."""
+
+    def two_valleys(values: dict[str, float]) -> np.ndarray:
+        a, b = values["a"], values["b"]
+        wall = 10.0 * max(0.0, 1.0 - b / 2.0) * (a**2 - 1.0)
+        return np.concatenate([[wall], np.full(50, a - 1.0) + 0.1 * np.tile([1.0, -1.0], 25)])
+
+    def at(b: float, begin: dict[str, float]):
+        a = [Parameter("a", begin["a"], -50.0, 50.0, log=False)]
+        fit = fit_least_squares(lambda values: two_valleys({**values, "b": b}), a)
+        return fit, fit
+
+    free = [Parameter("a", -1.0, -50.0, 50.0, log=False), Parameter("b", 0.2, 0.0, 3.0, log=False)]
+    begun = fit_least_squares(two_valleys, free, max_evaluations=2)
+    assert begun.values["a"] < -0.5
+    fit = integrated(begun, "b", at)
+    assert isinstance(fit, Fit)
+    assert fit.values["a"] == pytest.approx(1.0, abs=0.02)
+    # What the wall adds to the information on `a` takes weight from where it stands.
+    b = np.linspace(0.0, 3.0, 100_001)
+    weight = (50.0 + (20.0 * np.maximum(0.0, 1.0 - b / 2.0)) ** 2) ** -0.5
+    assert fit.values["b"] == pytest.approx(weight @ b / weight.sum(), abs=0.05)
 
 
 FREE = ["sigma_0", "sigma_1", "coulomb_force", "delay"]

@@ -7,7 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from stickslip.identify.fit import Parameter, Residuals, fit_least_squares
+from stickslip.identify.fit import fit_least_squares
+from stickslip.identify.problem import Residuals
+from stickslip.identify.result import Parameter
 from stickslip.identify.separable import Design, Linear, fit_separable
 
 T = np.linspace(0, 3, 80)

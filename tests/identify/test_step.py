@@ -12,8 +12,9 @@ from identify.step_system import START, TRUTH, step_recording
 from stickslip.actuator import load_actuator
 from stickslip.electronics import Filter
 from stickslip.identify.coloured import Coloured, autoregression, coloured, scores, with_inherited
-from stickslip.identify.fit import Residuals, fit_least_squares
+from stickslip.identify.fit import fit_least_squares
 from stickslip.identify.linear_step import filter_zeros_poles, second_order_poles, step_response
+from stickslip.identify.problem import Residuals
 from stickslip.identify.result import Parameter
 from stickslip.identify.step_fit import identify_step, step_formula_errors
 from stickslip.identify.step_formulas import step_features

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from ..identify.displacement import Displacement, has_slopes
-from ..identify.friction import CHANNEL
+from ..identify.position_channel import CHANNEL
 from ..identify.result import Fit
 from ..identify.step_formulas import step_tests
 from ..study.alignment import Aligned

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from ..identify.displacement import Displacement, has_slopes
-from ..identify.friction import CHANNEL
+from ..identify.position_channel import CHANNEL
 from ..identify.result import Fit
 from ..study.alignment import POSITION, Aligned
 from .gathering import Scale

@@ -12,7 +12,7 @@ from ..figures.posterior import posterior_corner
 from ..figures.style import svg
 from ..identify.bayes import Posterior
 from ..identify.compare import Comparison
-from ..identify.friction import CHANNEL
+from ..identify.position_channel import CHANNEL
 from ..report import Column, Number, Picture, Section, Table
 from .evaluation import Found
 from .stage import unit_of

@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 
 from ..actuator import Actuator
 from ..waveform.signal import Waveform
-from .channels import names_of, recordings_of, same_number
+from .channels import drives_of, names_of, recordings_of
 from .coloured import coloured, scores
-from .fit import FitError
 from .likelihood import Misfit
+from .problem import FitError
 from .result import Fit, Parameter
 from .step_fit import STAGE
 
@@ -114,12 +114,11 @@ def posterior(
     if not isinstance(fit.model, Actuator) or fit.jacobian is None or not math.isfinite(fit.log_likelihood):
         raise FitError("a posterior needs a fit of an actuator by identify_friction, without a robust loss")
     found = recordings_of(recordings)
-    given: Any = [drive] * len(found) if hasattr(drive, "drive") else drive
     place = list(fit.values).index("delay") if "delay" in fit.values else None
     error = 0.0 if place is None else _spread(fit)[place]
     misfits = [
         Misfit(r, w, slew_rate, name, fit.model, (fit.values.get("delay", 0.0), error), tolerance)
-        for r, w, name in zip(found, same_number(given, found, "drives"), names_of(found), strict=True)
+        for r, w, name in zip(found, drives_of(drive, found), names_of(found), strict=True)
     ]
     parameters = list(fit.parameters)
     centre, prior = _coordinates(fit), None

@@ -10,6 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ..recording import STANDARD_NAMES, RecordingError
+from ..waveform.signal import Waveform
 
 FEWEST_SAMPLES = 10
 # As many samples in a row that are exactly the greatest or the least are no chance.
@@ -83,6 +84,15 @@ def same_number(items: Sequence[Any] | None, recordings: Sequence[xr.Dataset], w
     if len(items) != len(recordings):
         raise RecordingError(f"there are {len(items)} {what} for {len(recordings)} recordings")
     return list(items)
+
+
+def drives_of(
+    drive: Waveform | Sequence[Waveform | None] | None, recordings: Sequence[xr.Dataset], what: str = "drives"
+) -> list[Waveform | None]:
+    """The waveform of each recording; one stands for all."""
+    # A waveform is a tuple too, so it is known by its method.
+    given: Any = [drive] * len(recordings) if hasattr(drive, "drive") else drive
+    return same_number(given, recordings, what)
 
 
 def refuse_clipped(values: NDArray[np.float64], name: str, where: str) -> None:

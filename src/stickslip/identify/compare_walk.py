@@ -24,10 +24,11 @@ from ..friction import (
     StictionCoulombViscous,
     Stribeck,
 )
-from .channels import channel, names_of, recordings_of, same_number
+from .channels import channel, drives_of, names_of, recordings_of
 from .compare import Candidate, Comparison
 from .free import Bounds
-from .friction import CHANNEL, OBSERVED, identify_friction
+from .friction import identify_friction
+from .position_channel import CHANNEL, OBSERVED
 from .result import goodness
 from .static_walk import identify_static_walk
 
@@ -119,8 +120,7 @@ def compare_walks(
     """
     unseen = recordings_of(verification)
     measured = [channel(r, OBSERVED, n) for r, n in zip(unseen, names_of(unseen), strict=True)]
-    drives: Any = [unseen_drive] * len(unseen) if hasattr(unseen_drive, "drive") else unseen_drive
-    drives = same_number(drives, unseen, "drives")
+    drives = drives_of(unseen_drive, unseen)
     fits, seen = {}, {}
     for i, law in enumerate(laws, start=1):
         if progress is not None:

@@ -5,7 +5,6 @@ The drive is tabulated once, and nothing is labelled: a call costs little more t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,7 @@ from ..solve.motion import motion, one_bristle
 from ..solve.outcome import DONE
 from ..waveform.drive import evaluate
 from ..waveform.signal import Waveform
-from .recorded_drive import recorded_drive
+from .recorded_drive import drive_over
 
 # A model that needs more for one recording is none: a trial point with a contact far too stiff.
 MAX_STEPS = 200_000
@@ -41,13 +40,11 @@ class Displacement:
         slew_rate: float | None = None,
         max_steps: int | None = None,
     ) -> None:
-        self.time = recording["time"].values
-        if drive is None:
-            drive = recorded_drive(recording, name, slew_rate)
-            self.time = self.time - self.time[0]
+        drive, self.time = drive_over(recording, drive, name, slew_rate)
         self.tolerance, self.max_steps = tolerance, max_steps or MAX_STEPS
         self.drive = checked_drive(model, drive, float(self.time[-1]), periodic=False)
         self._known: tuple[Any, NDArray[np.float64]] = (None, np.zeros(0))
+        self._slopes: tuple[Any, NDArray[np.float64]] = (None, np.zeros(0))
 
     def stroke(self, model: Actuator) -> float:
         """How far the stage goes under the drive, m, as far as the samples show it."""
@@ -71,12 +68,16 @@ class Displacement:
             )
             if outcome != DONE:  # to a fit, a trial point without a model
                 raise ArithmeticError(f"the motion cannot be followed beyond t = {reached:.6g} s")
-            x = samples[:, SLIDER]
-            self._known = ((model, delay), np.append(np.full(early, x[0]), x[1:]))
+            self._known = ((model, delay), _held(samples[:, SLIDER], early))
         return self._known[1]
 
-    def slopes(self, model: Actuator, delay: float, names: Sequence[str]) -> NDArray[np.float64]:
-        """Derivatives of `position` by values of the model, then by the delay: [samples, names + 1]."""
+    def slopes(self, model: Actuator, delay: float, names: list[str]) -> NDArray[np.float64]:
+        """Derivatives of `position` by values of the model, then by the delay: [samples, names + 1].
+
+        The last are kept, and the position with them: asked for first, they make the position free.
+        """
+        if self._slopes[0] == (model, delay, names):
+            return self._slopes[1]
         early, times = self._times(delay)
         state = resting_state(model.friction, mechanism(model), self.drive.before)
         of = moved(model, names, state, self.drive.before)
@@ -85,7 +86,14 @@ class Displacement:
         except SimulationError as error:
             raise ArithmeticError(str(error)) from error
         columns = np.column_stack([by, -samples[:, SLIDER_VELOCITY]])
-        return np.vstack([np.repeat(columns[:1], early, axis=0), columns[1:]])
+        self._known = ((model, delay), _held(samples[:, SLIDER], early))
+        self._slopes = ((model, delay, names), _held(columns, early))
+        return self._slopes[1]
+
+
+def _held(samples: NDArray[np.float64], early: int) -> NDArray[np.float64]:
+    """The samples after the first, which stands for those before the motion begins."""
+    return np.concatenate([np.repeat(samples[:1], early, axis=0), samples[1:]])
 
 
 def has_slopes(model: Actuator) -> bool:

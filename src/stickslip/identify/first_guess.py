@@ -10,8 +10,8 @@ contact, a spring and a damper between the masses, is neither undamped nor rigid
     F_C < m A \omega_n^2, \qquad F_C / \sigma_0 < A, \qquad
     \zeta_c = \frac{\sigma_1}{2 \sqrt{\sigma_0 m}} \sim 10^{-2} \ldots 10^{0}
 
-So three decades of each hold the truth, wherever the user starts. They are filled with points; the first
-periods of a recording choose among them.
+So three decades of force and of deflection hold the truth, wherever the user starts. They are filled with
+points, with a damping in the middle, which shows least; the first periods of a recording choose among them.
 """
 
 from __future__ import annotations
@@ -27,13 +27,15 @@ from scipy.stats import qmc
 from ..actuator import Actuator
 from ..waveform.signal import Waveform
 from .drives import periodic_part
-from .fit import FitError, Residuals, fit_least_squares
+from .fit import fit_least_squares
 from .free import REACH
+from .position_channel import CHANNEL
+from .problem import FitError, Residuals
 from .result import Parameter, Values
 
 NAMES = ("coulomb_force", "sigma_0", "sigma_1")
 # Of the greatest force, of the stroke, and of the contact's damping ratio.
-FORCE, DEFLECTION, DAMPING = (1e-3, 1.0), (1e-3, 1.0), (1e-2, 1.0)
+FORCE, DEFLECTION, DAMPING = (1e-3, 1.0), (1e-3, 1.0), 0.1
 PERIODS = 3
 # Of a value to a bound, as a factor: nearer, the bound is none that was meant.
 NEAR = 3.0
@@ -44,24 +46,24 @@ Array = NDArray[np.float64]
 
 
 def plausible(model: Actuator, stroke: float) -> Callable[[Array], dict[str, Array]]:
-    """Values of the law for points of the unit cube [n, 3], each [n], in SI; `stroke` is A in m.
+    """Values of the law for points of the unit square [n, 2], each [n], in SI; `stroke` is A in m.
 
     What the law does not have is left out; a stiffness is that of the deflection and the force.
     """
     law, mass = model.friction, model.end_effector_mass
     greatest = mass * stroke * model.natural_frequency**2
 
-    def of(cube: Array) -> dict[str, Array]:
-        force, deflection, damping = (
+    def of(square: Array) -> dict[str, Array]:
+        force, deflection = (
             low * (high / low) ** part
-            for (low, high), part in zip((FORCE, DEFLECTION, DAMPING), cube.T, strict=True)
+            for (low, high), part in zip((FORCE, DEFLECTION), square.T, strict=True)
         )
         force = force * greatest
         stiffness = force / (deflection * stroke)
         found = {
             "coulomb_force": force,
             "sigma_0": stiffness,
-            "sigma_1": 2.0 * damping * np.sqrt(stiffness * mass),
+            "sigma_1": 2.0 * DAMPING * np.sqrt(stiffness * mass),
         }
         return {name: values for name, values in found.items() if name in law._fields}
 
@@ -78,6 +80,7 @@ def beginning(recording: xr.Dataset, drive: Waveform | None) -> xr.Dataset:
 
 def first_guess(
     residuals: Residuals,
+    time: Array,
     jacobian: Callable[[Values], NDArray] | None,
     parameters: Sequence[Parameter],
     model: Actuator,
@@ -88,7 +91,8 @@ def first_guess(
     """The parameters, starting where a short part of a recording is described best.
 
     Args:
-        residuals: of that part.
+        residuals: of that part, with the positions that were measured.
+        time: of its samples, s.
         jacobian: its derivatives, as `fit_least_squares` takes them.
         parameters: with the user's start, which is one of the points tried.
         model: the actuator.
@@ -99,8 +103,8 @@ def first_guess(
     names = [p.name for p in parameters if p.name in NAMES]
     if not names or not 0.0 < stroke * model.natural_frequency < math.inf:
         return list(parameters)
-    cube = qmc.LatinHypercube(3, rng=np.random.default_rng(seed)).random(TRIED)
-    found = plausible(model, stroke)(cube)
+    square = qmc.LatinHypercube(2, rng=np.random.default_rng(seed)).random(TRIED)
+    found = plausible(model, stroke)(square)
     wide = [
         p._replace(
             lower=min(p.lower, 0.1 * found[p.name].min()), upper=max(p.upper, 10 * found[p.name].max())
@@ -109,18 +113,27 @@ def first_guess(
         else p
         for p in parameters
     ]
+    measured = np.asarray(residuals.measured)
     limits = {p.name: (p.lower, p.upper) for p in wide}
     start = {p.name: p.start for p in parameters}
     tried = [{name: float(np.clip(found[name][i], *limits[name])) for name in names} for i in range(TRIED)]
-    offset = "offset" in start
+    at = [p for p in parameters if p.name in CHANNEL]
 
-    def cost(point: Values) -> float:
+    def cost(point: Values) -> tuple[float, Values]:
+        """Mean square of what is left at the best delay and offset, and the point with them."""
         try:
             r = np.asarray(residuals.function(point), dtype=float)
         except (ValueError, ArithmeticError):
-            return math.inf
-        size = float(np.var(r) if offset else np.mean(r * r))
-        return size if math.isfinite(size) else math.inf
+            return math.inf, point
+        if not np.all(np.isfinite(r)):
+            return math.inf, point
+        moved = {"delay": -np.gradient(r + measured, time), "offset": np.ones(r.size)}
+        columns = np.column_stack([moved[p.name] for p in at]) if at else np.zeros((r.size, 1))
+        step = np.linalg.lstsq(columns, -r, rcond=None)[0]
+        found = {
+            p.name: min(max(point[p.name] + s, p.lower), p.upper) for p, s in zip(at, step, strict=False)
+        }
+        return float(np.mean((r + columns @ step) ** 2)), point | found
 
     def look(point: Values) -> tuple[float, Values]:
         begun = [p._replace(start=point[p.name]) for p in wide]
@@ -130,8 +143,8 @@ def first_guess(
             return math.inf, start
         return fit.reduced_chi_squared, fit.values
 
-    best = sorted([start, *(start | values for values in tried)], key=cost)[:LOOKED_AT]
-    values = min(map(look, best), key=lambda pair: pair[0])[1]
+    costs = sorted(map(cost, [start, *(start | values for values in tried)]), key=lambda pair: pair[0])
+    values = min((look(point) for _, point in costs[:LOOKED_AT]), key=lambda pair: pair[0])[1]
     return [p._replace(start=values[p.name]) for p in wide]
 
 

@@ -18,7 +18,9 @@ from scipy.optimize import least_squares
 from scipy.stats import qmc
 
 from .blas import single_threaded
+from .convergence import relative_offset
 from .covariance import LOSSES, Noise, uncertainty
+from .problem import FitError, Problem, Residuals
 from .result import Fit, Parameter, Values, goodness
 from .whiteness import white
 
@@ -28,30 +30,6 @@ from .whiteness import white
 LOOK, SCREENED, LOOKED_AT, HOPS = 12, 64, 4, (0.25, 0.5, 2.0, 4.0)
 # Starts whose cost is within this many noise variances of the best are statistically the same answer.
 SAME_MINIMUM = 0.01
-
-
-class FitError(ValueError):
-    """A fit that cannot begin, or that has too few data. The message names the values of the parameters."""
-
-
-class Residuals(NamedTuple):
-    """One recording to be described.
-
-    Attributes:
-        function: from the values of all parameters to model minus measured, shape (n,), in the unit of the
-            data. It may raise ValueError or ArithmeticError, or return NaN, where there is no model.
-        measured: the measured values, shape (n,); only r^2 needs them.
-        noise: standard deviation of the noise, in the unit of the data: one number or shape (n,). None for
-            all recordings: equal in all of them.
-        name: what to call it in reports.
-        unit: unit of the data.
-    """
-
-    function: Callable[[Values], ArrayLike]
-    measured: ArrayLike | None = None
-    noise: ArrayLike | None = None
-    name: str = "recording"
-    unit: str = ""
 
 
 class Progress(NamedTuple):
@@ -68,6 +46,10 @@ class _OutOfBudget(Exception):
     pass
 
 
+class _Settled(Exception):
+    """At the coordinates that it carries."""
+
+
 class _End(NamedTuple):
     """Where one start ended."""
 
@@ -75,97 +57,6 @@ class _End(NamedTuple):
     q: np.ndarray
     converged: bool
     message: str
-
-
-class _Problem:
-    """The weighted residuals as a function of the coordinates q; counts evaluations and keeps the best."""
-
-    def __init__(self, recordings: Sequence[Residuals], parameters: tuple[Parameter, ...], step: float):
-        self.recordings, self.parameters, self.step = recordings, parameters, step
-        self.start = np.array([p.coordinate(p.start) for p in parameters])
-        self.lower = np.array([p.coordinate(p.lower) for p in parameters])
-        self.upper = np.array([p.coordinate(p.upper) for p in parameters])
-        span = np.where(np.isfinite(self.upper - self.lower), self.upper - self.lower, 1.0)
-        self.typical = np.where(self.start != 0, np.abs(self.start), span)
-        self.evaluations = 0
-        self.after: Callable[[], None] = lambda: None  # called after each evaluation
-        self.last: tuple[bytes, np.ndarray] = (b"", np.empty(0))
-        self.best_cost, self.best = math.inf, self.start
-        try:
-            parts = self.raw(self.start)
-        except (ValueError, ArithmeticError) as error:
-            raise FitError(
-                f"the residuals cannot be computed at {self.shown(self.start)}: {error}"
-            ) from error
-        for r, part in zip(recordings, parts, strict=True):
-            if not np.all(np.isfinite(part)):
-                raise FitError(f"the residuals of {r.name} are not finite at {self.shown(self.start)}")
-        self.sizes = [part.size for part in parts]
-        noises = [1.0 if r.noise is None else np.asarray(r.noise, dtype=float) for r in recordings]
-        self.noise = np.concatenate(
-            [np.broadcast_to(noise, part.shape) for noise, part in zip(noises, parts, strict=True)]
-        )
-        if not np.all(self.noise > 0):
-            raise FitError("the noise of a recording must be > 0 everywhere")
-        # Brings residuals of any unit to order 1, where the optimiser's tolerances make sense.
-        self.scale = float(np.linalg.norm(np.concatenate(parts) / self.noise)) or 1.0
-
-    def values(self, q: np.ndarray) -> Values:
-        # Rounding of the logarithm must not lead out of the bounds.
-        return {
-            p.name: min(max(p.value(x), p.lower), p.upper) for p, x in zip(self.parameters, q, strict=True)
-        }
-
-    def shown(self, q: np.ndarray) -> str:
-        return ", ".join(f"{p.name} = {p.shown(p.value(x))}" for p, x in zip(self.parameters, q, strict=True))
-
-    def raw(self, q: np.ndarray) -> list[np.ndarray]:
-        """The residuals of each recording, in the unit of its data."""
-        values = self.values(q)
-        parts = [np.asarray(r.function(dict(values)), dtype=float) for r in self.recordings]
-        for r, part in zip(self.recordings, parts, strict=True):
-            if part.ndim != 1:
-                raise TypeError(f"the residuals of {r.name} have the shape {part.shape}, not one dimension")
-        return parts
-
-    def residuals(self, q: np.ndarray) -> np.ndarray:
-        """Weighted and scaled; NaN where the model fails (the optimiser then shortens its step)."""
-        key = q.tobytes()
-        if key == self.last[0]:
-            return self.last[1]
-        self.evaluations += 1
-        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # trial points may be absurd
-            try:
-                r = np.concatenate(self.raw(q)) / (self.noise * self.scale)
-            except (ValueError, ArithmeticError):
-                r = np.full(self.noise.size, np.nan)
-            r[~(np.abs(r) < 1e100)] = np.nan  # their squares would overflow
-            cost = float(r @ r)
-        if cost < self.best_cost:
-            self.best_cost, self.best = cost, q.copy()
-        self.last = (key, r)
-        self.after()
-        return r
-
-    def differences(self, q: np.ndarray, central: bool) -> np.ndarray:
-        """d r / d q, shape (n, k); one-sided next to a bound and where the model fails on one side."""
-        r = self.residuals(q)
-        columns = []
-        for i, p in enumerate(self.parameters):
-            h = self.step * (1.0 if p.log else max(abs(q[i]), self.typical[i] * (1.0 if p.square else 1e-3)))
-            h = min(h, 0.25 * (self.upper[i] - self.lower[i]))
-            sides = []
-            for x in (q[i] + h, q[i] - h):
-                if self.lower[i] <= x <= self.upper[i] and (central or not sides):
-                    moved = self.residuals(np.concatenate([q[:i], [x], q[i + 1 :]]))
-                    if np.all(np.isfinite(moved)):
-                        sides.append((x, moved))
-            if not sides:
-                raise FitError(f"the residuals cannot be computed next to {self.shown(q)}")
-            (a, ra), (b, rb) = (*sides, (q[i], r))[:2]
-            columns.append((ra - rb) / (a - b))
-        self.last = (q.tobytes(), r)
-        return np.stack(columns, axis=1)
 
 
 @single_threaded
@@ -184,6 +75,7 @@ def fit_least_squares(
     difference_step: float = 1e-4,
     central: bool = False,
     tolerance: float = 1e-10,
+    settled: float = 1e-6,
     max_evaluations: int = 10_000,
     n_eliminated: int = 0,
     progress: Callable[[Progress], None] | None = None,
@@ -211,6 +103,8 @@ def fit_least_squares(
             an adaptive simulator; 1e-4 suits tolerances of 1e-8 and below.
         central: two-sided differences during all of the search; without, only towards its end.
         tolerance: relative change of the sum of squares, and of the parameters, at which the search ends.
+        settled: of the radius of the confidence region: where the next step is below it, the search ends too
+            (see `relative_offset`); [bates1981] propose 1e-3.
         max_evaluations: of the model, for each start.
         n_eliminated: number of further parameters that the residual functions fit inside (see `separable`).
         progress: called after each evaluation.
@@ -227,7 +121,7 @@ def fit_least_squares(
         raise FitError("give the noise of every recording, or of none")
     if loss not in LOSSES:
         raise FitError(f"there is no loss {loss!r}; there are {', '.join(LOSSES)}")
-    problem = _Problem(recordings, parameters, difference_step)
+    problem = Problem(recordings, parameters, difference_step)
     n_parameters = len(parameters) + n_eliminated
     degrees_of_freedom = problem.noise.size - n_parameters
     if degrees_of_freedom < 1:
@@ -239,9 +133,20 @@ def fit_least_squares(
         slopes = [p.slope(p.value(x)) for p, x in zip(parameters, q, strict=True)]
         return jacobian(problem.values(q)) * slopes / (problem.noise * problem.scale)[:, None]
 
+    def closing(at: np.ndarray, two_sided: bool) -> np.ndarray:
+        """The slope along the search, unless it is at its end."""
+        q = problem.from_search(at)
+        found, r = slope(q, two_sided), problem.residuals(q)
+        root = np.sqrt(LOSSES[loss]((r * problem.scale / loss_scale) ** 2)[1])
+        variance = problem.scale**-2 if noise_known else None
+        if relative_offset(found * root[:, None], r * root, variance) < settled:
+            raise _Settled(q)
+        return found * [p.search_slope(x) for p, x in zip(parameters, at, strict=True)]
+
     def search(number: int, q: np.ndarray, most: int = max_evaluations) -> _End:
         settle = most == max_evaluations
         problem.best_cost, problem.best = math.inf, q
+        ends = problem.to_search(problem.lower), problem.to_search(problem.upper)
         begun = problem.evaluations
 
         def after() -> None:
@@ -257,10 +162,10 @@ def fit_least_squares(
             # One-sided differences find the place at half the price, two-sided ones settle it.
             for two_sided in (True,) if central or jacobian is not None else (False, True)[: 1 + settle]:
                 found = least_squares(
-                    problem.residuals,
-                    q,
-                    jac=partial(slope, two_sided=two_sided),  # type: ignore[arg-type]
-                    bounds=(problem.lower, problem.upper),
+                    lambda at: problem.residuals(problem.from_search(at)),
+                    problem.to_search(q),
+                    jac=partial(closing, two_sided=two_sided),  # type: ignore[arg-type]
+                    bounds=(np.minimum(*ends), np.maximum(*ends)),
                     x_scale="jac",
                     loss="linear" if loss == "linear" else LOSSES[loss],  # type: ignore[arg-type]
                     f_scale=loss_scale / problem.scale,
@@ -269,8 +174,10 @@ def fit_least_squares(
                     gtol=1e-15,
                     max_nfev=most,
                 )
-                q, converged = found.x, found.status > 0
+                q, converged = problem.from_search(found.x), found.status > 0
                 message = found.message.strip(" .").replace("`", "")
+        except _Settled as end:
+            q, converged, message = end.args[0], True, "the next step is far below the standard errors"
         except _OutOfBudget:
             q, converged, message = problem.best, False, f"stopped after {max_evaluations} evaluations"
         finally:
@@ -345,7 +252,7 @@ def _log_likelihood(chi_squared: float, noise: np.ndarray, noise_known: bool) ->
     return -0.5 * n * (math.log(2 * math.pi * chi_squared / n) + 1) - constant
 
 
-def _scattered(problem: _Problem, n: int, seed: int) -> np.ndarray:
+def _scattered(problem: Problem, n: int, seed: int) -> np.ndarray:
     """Further starts, shape (n, k)."""
     if n < 1:
         return np.empty((0, problem.start.size))
@@ -355,7 +262,7 @@ def _scattered(problem: _Problem, n: int, seed: int) -> np.ndarray:
     return problem.lower + cube * (problem.upper - problem.lower)
 
 
-def _screened(problem: _Problem) -> list[np.ndarray]:
+def _screened(problem: Problem) -> list[np.ndarray]:
     """The best of many points that fill the bounds: some of them stand in the deepest valley."""
     if not np.all(np.isfinite(problem.upper - problem.lower)):
         return []
@@ -367,7 +274,7 @@ def _screened(problem: _Problem) -> list[np.ndarray]:
     return [point for _, point in sorted(found, key=lambda pair: pair[0])[:LOOKED_AT]]
 
 
-def _beside(problem: _Problem, q: np.ndarray) -> list[np.ndarray]:
+def _beside(problem: Problem, q: np.ndarray) -> list[np.ndarray]:
     """Where hops from q begin: inside the bounds, and where the model works."""
     found = []
     for i, p in enumerate(problem.parameters):

@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -15,33 +14,25 @@ from numpy.typing import NDArray
 from ..actuator import Actuator
 from ..simulation.varied import free_names, with_values
 from ..waveform.signal import Waveform
-from .channels import channel, names_of, recordings_of, refuse_clipped, same_number
-from .coloured import coloured, with_coloured_noise, with_inherited
+from .channels import drives_of, names_of, recordings_of
 from .displacement import Displacement, has_slopes
-from .drives import refuse_sampling
 from .first_guess import beginning, beside, first_guess
-from .fit import Progress, Residuals, fit_least_squares
+from .fit import Progress
 from .free import Bounds, check_names, parameter
 from .identifiability import loosest
 from .marginal import integrated
+from .position_channel import CHANNEL, OBSERVED, of_channel, walked
+from .problem import Residuals
 from .result import Fit, Parameter, Values
-from .step_fit import STAGE
+from .walks import Search, Varied, Walks, observed, own_values, slopes_of
 from .whiteness import white
 
-OBSERVED = "end_effector_position"
-# Relative, of a law without derivatives. With its tolerance, both parts of its error are under 1 % of a
-# derivative; a step of 1e-4 needs a tolerance of 1e-13 m for that, for which the simulation takes longer.
-DIFFERENCE_STEP = 5e-3
-# Relative, of the sum of squares, where one value is held: far below what noise explains.
-NEAR = 1e-5
-# Evaluations after which a search that creeps along a value that is not determined is left to `integrated`.
-ENOUGH = 30
-# Of the channel, not of the actuator.
-CHANNEL = ("delay", "offset")
-# m, and steps, of the simulations that only tell where to begin.
-GUESS_TOLERANCE, GUESS_STEPS = 1e-9, 20_000
-# A delay is looked for within this share of the shortest recording.
-LONGEST_DELAY = 0.02
+# Evaluations after which a search along logarithms, which comes from afar, has come into the valley.
+ENOUGH = 12
+# Of the stroke, and steps, of the simulations that only tell where to begin.
+GUESS_TOLERANCE, GUESS_STEPS = 1e-3, 5_000
+# How a search goes along the valley: walks are nearer to linear in forces and compliances than in logarithms.
+POWERS = {"N": 1, "N s/m": 1, "N/m": -1}
 
 
 def identify_friction(
@@ -122,20 +113,13 @@ def identify_friction(
         RecordingWarning: a drive_voltage whose samples do not show its jumps stood in for the waveform.
     """
     found = recordings_of(recordings)
-    names = names_of(found)
-    # A waveform is a tuple too, so it is known by its method.
-    given: Any = [drive] * len(found) if hasattr(drive, "drive") else drive
-    drives = same_number(given, found, "drives")
+    names, drives = names_of(found), drives_of(drive, found)
     bounds = bounds or {}
     check_names(free, [*free_names(model), *CHANNEL], bounds)
     measured = [walked(r, w, name) for r, w, name in zip(found, drives, names, strict=True)]
-    shifts = {
-        "delay": LONGEST_DELAY * min(float(np.ptp(r["time"].values)) for r in found),
-        "offset": max(float(np.ptp(m) + abs(m[0])) for m in measured),
-    }
     first = ({"delay": stage.values["delay"]} if stage is not None else {}) | (begin or {})
     parameters = [
-        _of_channel(name, shifts[name], bounds, first) if name in CHANNEL else parameter(model, name, bounds)
+        of_channel(name, found, bounds, first) if name in CHANNEL else parameter(model, name, bounds)
         for name in free
     ]
     exact = has_slopes(model)
@@ -144,152 +128,68 @@ def identify_friction(
         Displacement(r, w, name, model, tolerance, slew_rate)
         for r, w, name in zip(found, drives, names, strict=True)
     ]
+    walks = Walks(
+        motions, measured, names, model, stage, Search(noise, correlated, loss, loss_scale, seed, progress)
+    )
 
-    wide = parameters
+    near = parameters
     if hops:
         stroke = max(motion.stroke(model) for motion in motions)
         most = int(np.argmax([np.ptp(position) for position in measured]))
         part = beginning(found[most], drives[most])
-        short = Displacement(part, drives[most], names[most], model, GUESS_TOLERANCE, slew_rate, GUESS_STEPS)
-        position = measured[most][: short.time.size]
-        wide = first_guess(
-            Residuals(lambda v: observed(short, model, v) - position, position, noise, names[most], "m"),
-            _slopes([short], model, free) if exact else None,
-            parameters,
-            model,
-            stroke,
-            bounds,
+        short = Displacement(
+            part, drives[most], names[most], model, GUESS_TOLERANCE * stroke, slew_rate, GUESS_STEPS
         )
+        guessed = _guessed(short, measured[most], names[most], model, parameters, stroke, bounds, noise)
+        near = _straight(guessed, {p.name: p.start for p in guessed})
 
-    def search(start: Actuator, parameters: Sequence[Parameter], **options: Any) -> Fit:
-        def residuals(motion: Displacement, position: NDArray[np.float64]) -> Any:
-            return lambda values: observed(motion, start, values) - position
+    def loose(fit: Fit) -> str | None:
+        return loosest(fit, own_values(fit.values)) if exact and loss == "linear" else None
 
-        fit = fit_least_squares(
-            [
-                Residuals(residuals(motion, position), position, noise, name, "m")
-                for motion, position, name in zip(motions, measured, names, strict=True)
-            ],
-            parameters,
-            jacobian=_slopes(motions, start, [p.name for p in parameters]) if exact else None,
-            noise_known=noise is not None,
-            correlated=bool(correlated),
-            loss=loss,
-            loss_scale=loss_scale,
-            seed=seed,
-            difference_step=DIFFERENCE_STEP,
-            progress=progress,
-            **options,
-        )
-        if correlated is None and noise is None and loss == "linear":
-            fit = with_coloured_noise(fit, coloured(fit.residuals, walks=True))
-        return fit
-
-    def hold(name: str, value: float, begin: Values) -> tuple[Fit, Fit]:
-        start = with_values(model, {name: value})
-        others = [p._replace(start=begin[p.name]) for p in parameters if p.name != name]
-        alone = search(start, others, max_evaluations=max_evaluations, tolerance=NEAR)
-        return alone, alone if stage is None else _with_stage(alone, motions, start, stage)
-
-    def whole(parameters: Sequence[Parameter], **options: Any) -> Fit:
-        fit = search(model, parameters, **options)
-        return fit if stage is None else _with_stage(fit, motions, model, stage)
-
-    thorough = {"starts": starts, "hops": hops, "max_evaluations": max_evaluations}
-    quick = thorough | {"hops": 0, "max_evaluations": min(ENOUGH, max_evaluations)}
-    fit = whole(wide, **quick)
-    if hops and not fit.converged and loosest(fit, _own(fit.values)) is None:  # still far from where it leads
-        on = [p._replace(start=fit.values[p.name]) for p in wide]
-        fit = whole(on, **thorough | {"hops": 0})
-    parameters = at = beside(parameters, fit.values, bounds)
+    alone = partial(walks.fit, max_evaluations=max_evaluations)
+    fit = walks.fit(near, max_evaluations=min(ENOUGH, max_evaluations))
+    if not fit.converged and loose(fit) is None:
+        before, fit = fit.n_evaluations, alone(_straight(near, fit.values))
+        fit = replace(fit, n_evaluations=before + fit.n_evaluations)
+    parameters = _straight(beside(parameters, fit.values, bounds), fit.values)
     fit = replace(fit, parameters=tuple(parameters))
-    if not white(np.concatenate(fit.residuals), [r.size for r in fit.residuals]):
-        fit = whole(at, **thorough)
-    loose = loosest(fit, _own(fit.values)) if exact and loss == "linear" else None
-    if loose is not None:
-        settled = integrated(fit, loose, partial(hold, loose))
+    if starts > 1 or (hops and not white(np.concatenate(fit.residuals), [r.size for r in fit.residuals])):
+        fit = alone(parameters, starts=starts, hops=hops)
+    name = loose(fit)
+    if name is not None:
+        settled = integrated(fit, name, partial(walks.hold, name, parameters, max_evaluations))
         if isinstance(settled, Fit):
-            slopes = [p.slope(settled.values[p.name]) for p in parameters]
-            fit = replace(settled, jacobian=_slopes(motions, model, free)(settled.values) * slopes)
+            scales = [p.slope(settled.values[p.name]) for p in parameters]
+            jacobian = slopes_of(motions, walks.varied, free)(settled.values) * scales
+            fit = replace(settled, jacobian=jacobian)
         else:
-            fit = whole([p._replace(start=settled[p.name]) for p in parameters], **thorough)
-    elif not fit.converged:
-        fit = whole(at, **thorough)
+            fit = alone(_straight(parameters, settled))
 
     def predict(recording: xr.Dataset, drive: Waveform | None = None) -> NDArray[np.float64]:
         name = names_of([recording])[0]
-        return observed(Displacement(recording, drive, name, model, tolerance, slew_rate), model, fit.values)
+        motion = Displacement(recording, drive, name, model, tolerance, slew_rate)
+        return observed(motion, walks.varied, fit.values)
 
-    return replace(fit, model=with_values(model, _own(fit.values)), observed=OBSERVED, predict=predict)
-
-
-def walked(recording: xr.Dataset, drive: Waveform | None, where: str) -> NDArray[np.float64]:
-    """The positions of a walk, m.
-
-    Raises:
-        RecordingError: they are missing, empty, constant, clipped, too few or too coarsely sampled.
-    """
-    position = channel(recording, OBSERVED, where, varies=True)
-    refuse_clipped(position, OBSERVED, where)
-    refuse_sampling(recording["time"].values, drive, where)
-    return position
+    return replace(fit, model=with_values(model, own_values(fit.values)), observed=OBSERVED, predict=predict)
 
 
-def _with_stage(fit: Fit, motions: Sequence[Displacement], model: Actuator, stage: Fit) -> Fit:
-    """The fit with the uncertainty of the stage passed on, of those of its values that are not free here."""
-    kept = [i for i, p in enumerate(stage.parameters) if p.name in STAGE and p.name not in fit.values]
-    if not kept:
-        return fit
-    names = [stage.parameters[i].name for i in kept]
-    here, delay = with_values(model, _own(fit.values)), fit.values.get("delay", 0.0)
-    if has_slopes(here):
-        by = np.vstack([m.slopes(here, delay, names)[:, :-1] for m in motions])
-    else:
-        by = np.column_stack([_difference(motions, here, delay, name) for name in names])
-    slopes = np.array([stage.parameters[i].slope(stage.values[n]) for i, n in zip(kept, names, strict=True)])
-    return with_inherited(fit, by * slopes, stage.uncertainty.covariance[np.ix_(kept, kept)])
+def _guessed(
+    short: Displacement,
+    measured: NDArray[np.float64],
+    name: str,
+    model: Actuator,
+    parameters: Sequence[Parameter],
+    stroke: float,
+    bounds: Bounds,
+    noise: float | None,
+) -> list[Parameter]:
+    """The parameters where `first_guess` begins, by the beginning of one recording."""
+    varied, position = Varied(model), measured[: short.time.size]
+    residuals = Residuals(lambda v: observed(short, varied, v) - position, position, noise, name, "m")
+    jacobian = slopes_of([short], varied, [p.name for p in parameters]) if has_slopes(model) else None
+    return first_guess(residuals, short.time, jacobian, parameters, model, stroke, bounds)
 
 
-def _difference(
-    motions: Sequence[Displacement], model: Actuator, delay: float, name: str
-) -> NDArray[np.float64]:
-    """Derivative of all positions by a value of the model, where no exact one is to be had."""
-    value = getattr(model, name)
-    sides = [
-        np.concatenate([m.position(with_values(model, {name: value * (1.0 + h)}), delay) for m in motions])
-        for h in (-DIFFERENCE_STEP, DIFFERENCE_STEP)
-    ]
-    return (sides[1] - sides[0]) / (2.0 * DIFFERENCE_STEP * value)
-
-
-def _of_channel(name: str, reach: float, bounds: Bounds, begin: Values) -> Parameter:
-    unit = "s" if name == "delay" else "m"
-    low, high = (float(limit) for limit in bounds.get(name, (-reach, reach)))
-    return Parameter(name, min(max(begin.get(name, 0.0), low), high), low, high, unit, log=False)
-
-
-def _own(values: Values) -> Values:
-    """The values that are of the actuator."""
-    return {name: value for name, value in values.items() if name not in CHANNEL}
-
-
-def observed(motion: Displacement, model: Actuator, values: Values) -> NDArray[np.float64]:
-    """What the position channel shows for values of the actuator and of the channel [m]."""
-    position = motion.position(with_values(model, _own(values)), values.get("delay", 0.0))
-    return position + values.get("offset", 0.0)
-
-
-def _slopes(
-    motions: Sequence[Displacement], model: Actuator, free: Sequence[str]
-) -> Callable[[Values], NDArray[np.float64]]:
-    """Derivatives of all recordings' residuals by the free values, [samples, free]."""
-    own = [name for name in free if name not in CHANNEL]
-
-    def of(values: Values) -> NDArray[np.float64]:
-        here, delay = with_values(model, _own(values)), values.get("delay", 0.0)
-        found = np.vstack([motion.slopes(here, delay, own) for motion in motions])
-        known = {name: found[:, i] for i, name in enumerate([*own, "delay"])}
-        known["offset"] = np.ones(len(found))
-        return np.column_stack([known[name] for name in free])
-
-    return of
+def _straight(parameters: Sequence[Parameter], values: Values) -> list[Parameter]:
+    """The parameters, starting at the values, for a search along straight valleys."""
+    return [p._replace(start=values[p.name], power=POWERS.get(p.unit, 0) if p.log else 0) for p in parameters]

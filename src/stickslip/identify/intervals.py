@@ -15,8 +15,9 @@ from ..actuator import Actuator
 from ..simulation.varied import with_values
 from .channels import recordings_of
 from .coloured import inflation
-from .fit import FitError
-from .friction import CHANNEL, OBSERVED, identify_friction
+from .friction import identify_friction
+from .position_channel import CHANNEL, OBSERVED
+from .problem import FitError
 from .result import Fit
 
 # Refits at most on either side of the estimate.

@@ -17,8 +17,8 @@ from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
 from .channels import channel
 from .displacement import MAX_STEPS, Displacement
-from .friction import CHANNEL, OBSERVED
-from .recorded_drive import recorded_drive
+from .position_channel import CHANNEL, OBSERVED
+from .recorded_drive import drive_over
 
 # The position is sampled at so many delays, up to so many standard errors either side of the estimate.
 NODES, REACH = 7, 4.0
@@ -69,10 +69,8 @@ class Misfit:
     ) -> None:
         self.measured = channel(recording, OBSERVED, name)
         self.model, self.tolerance = model, tolerance
-        time = recording["time"].values
-        if drive is None:
-            drive, time = recorded_drive(recording, name, slew_rate), time - time[0]
-            recording = recording.assign_coords(time=time)
+        drive, time = drive_over(recording, drive, name, slew_rate)
+        recording = recording.assign_coords(time=time)
         self.drive: Any = Tabulated(drive, float(time[-1]))
         self.one = Displacement(recording, drive, name, model, tolerance)
         self.delay, error = delay

@@ -23,8 +23,9 @@ from numpy.typing import NDArray
 from ..simulation import SimulationError, friction_response
 from ..simulation.varied import free_names, with_values
 from .channels import channel, names_of, recordings_of
-from .fit import Progress, Residuals, fit_least_squares
+from .fit import Progress, fit_least_squares
 from .free import Bounds, check_names, parameter
+from .problem import Residuals
 from .result import Fit, Parameter, Values
 
 OBSERVED = "friction_force"

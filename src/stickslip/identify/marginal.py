@@ -15,6 +15,7 @@ which is Laplace's approximation of the integral over the others with a flat pri
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -24,7 +25,7 @@ from numpy.typing import NDArray
 
 from .coloured import inflation
 from .covariance import Uncertainty
-from .fit import FitError
+from .problem import FitError
 from .result import Fit, Parameter, Values
 
 Array = NDArray[np.float64]
@@ -97,6 +98,7 @@ def integrated(fit: Fit, name: str, hold: Hold) -> Fit | Values:
     p, others = fit.parameters[place], [q for q in fit.parameters if q.name != name]
     path = _Path(fit, place, others, hold)
     path.outwards()
+    path.mend()
     for _ in range(REFINEMENTS):
         found = mixture(path.fits())
         if found.sharing >= ENOUGH_SHARING:
@@ -133,19 +135,24 @@ class _Path:
         self.variance = (1.0 if fit.noise_known else fit.reduced_chi_squared) * inflation(fit, place)
         self.evaluations, self.log_likelihood = 0, fit.log_likelihood
         self.found: dict[float, Held] = {}
+        self.tried: set[tuple[float, float]] = set()
+        self.tangent = self._tangent(fit, place)
 
     def fits(self) -> list[Held]:
         return [self.found[at] for at in sorted(self.found)]
 
-    def add(self, at: float, begin: Array) -> Held | None:
-        """None where there is no model."""
+    def add(self, at: float, begin: Array, beside: float) -> Held | None:
+        """Fit from where a fit beside leads to; the best is kept. None where there is no model."""
+        self.tried.add((at, beside))
         try:
             alone, whole = self.hold(self.parameter.value(at), _values(self.others, begin))
         except FitError:
             return None
         self.evaluations += alone.n_evaluations
         self.log_likelihood = max(self.log_likelihood, alone.log_likelihood)
-        self.found[at] = _held(at, alone, whole, self.variance)
+        one = _held(at, alone, whole, self.variance)
+        if at not in self.found or one.log_weight > self.found[at].log_weight:
+            self.found[at] = one
         return self.found[at]
 
     def counts(self, one: Held) -> bool:
@@ -155,26 +162,64 @@ class _Path:
         """From near the estimate to either side, as far as the fits have weight."""
         at = points(self.parameter)
         middle = int(np.argmin(np.abs(at - self.middle)))
-        first = self.add(float(at[middle]), self.begin)
+        first = self.add(
+            float(at[middle]), self.ahead((self.middle, self.begin), self.tangent, at[middle]), math.nan
+        )
+        if first is None:
+            return
         for side in (at[middle + 1 :], at[:middle][::-1]):
-            last, slope = first, np.zeros_like(self.begin)
+            last, slope = first, self.tangent
             for here in map(float, side):
-                begin = self.begin if last is None else last.others + slope * (here - last.at)
-                one = self.add(here, begin)
+                if not self.counts(last):
+                    break
+                one = self.add(here, self.ahead(last[:2], slope, here), last.at)
                 if one is None:
                     break
-                if last is not None:
-                    slope = (one.others - last.others) / (one.at - last.at)
-                last = one
-                if not self.counts(one):
-                    break
+                last, slope = one, self.secant(last, one)
+
+    def mend(self) -> None:
+        """Again from a neighbour with weight, where a fit without stood in another valley."""
+        pairs = [(a, b) for one in itertools.pairwise(self.fits()) for a, b in (one, one[::-1])]
+        for one, other in pairs:
+            if self.counts(one) and not self.counts(other) and (other.at, one.at) not in self.tried:
+                self.add(other.at, one.others, one.at)
+                return self.mend()
 
     def refine(self) -> None:
         """Halfway between neighbours of which one has weight."""
         fits = self.fits()
         for one, other in itertools.pairwise(fits):
             if self.counts(one) or self.counts(other):
-                self.add(0.5 * (one.at + other.at), 0.5 * (one.others + other.others))
+                here = 0.5 * (one.at + other.at)
+                self.add(here, self.ahead(one[:2], self.secant(one, other), here), one.at)
+
+    def ahead(self, begin: tuple[float, Array], slope: Array, here: float) -> Array:
+        """Where the others begin at another value of the held one: along a line in what searches go along."""
+        at, others = begin
+        step = self.parameter.to_search(here) - self.parameter.to_search(at)
+        found = self._to_search(others) + slope * step
+        return np.array(
+            [
+                q.from_search(u) if u > 0.0 or not q.power else x
+                for q, u, x in zip(self.others, found, others, strict=True)
+            ]
+        )
+
+    def secant(self, one: Held, other: Held) -> Array:
+        step = self.parameter.to_search(other.at) - self.parameter.to_search(one.at)
+        return (self._to_search(other.others) - self._to_search(one.others)) / step
+
+    def _to_search(self, others: Array) -> Array:
+        return np.array([q.to_search(x) for q, x in zip(self.others, others, strict=True)])
+
+    def _tangent(self, fit: Fit, place: int) -> Array:
+        """How the others follow the held one, at the estimate."""
+        assert fit.jacobian is not None
+        at = [p.to_search(p.coordinate(v)) for p, v in zip(fit.parameters, fit.values.values(), strict=True)]
+        slopes = [p.search_slope(x) for p, x in zip(fit.parameters, at, strict=True)]
+        j = np.delete(fit.jacobian * slopes, place, axis=1)
+        size = np.linalg.norm(j, axis=0)
+        return -np.linalg.lstsq(j / size, fit.jacobian[:, place] * slopes[place], rcond=None)[0] / size
 
 
 def _values(parameters: Sequence[Parameter], coordinates: Array) -> Values:

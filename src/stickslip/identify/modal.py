@@ -20,7 +20,8 @@ import numpy as np
 import xarray as xr
 
 from .blas import single_threaded
-from .fit import FitError, Progress
+from .fit import Progress
+from .problem import FitError
 from .result import Fit, Parameter, Values
 from .separable import Design, Linear, fit_separable
 

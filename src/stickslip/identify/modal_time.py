@@ -18,8 +18,9 @@ from scipy.linalg import expm
 from scipy.signal import lfilter
 
 from .blas import single_threaded
-from .fit import FitError, Progress
+from .fit import Progress
 from .modal import ModalModel, pole_parameters
+from .problem import FitError
 from .result import Fit, Values
 from .separable import Design, Linear, fit_separable
 

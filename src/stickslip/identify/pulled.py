@@ -24,7 +24,8 @@ from ..actuator import STANDARD_GRAVITY, PulledSlider
 from ..friction import StictionCoulombViscous
 from ..simulation import simulate
 from ..waveform.shapes import Ramp
-from .fit import FitError, Residuals, fit_least_squares
+from .fit import fit_least_squares
+from .problem import FitError, Residuals
 from .result import Fit, Parameter
 
 # A drop counts as an event if it is larger than this part of the mean force: the noise of the force channels

@@ -21,7 +21,7 @@ from scipy.ndimage import median_filter
 from ..recording import RecordingWarning
 from ..waveform.drive import Drive
 from ..waveform.pieces import cut
-from ..waveform.signal import breaks_within, slope_at, value_at
+from ..waveform.signal import Waveform, breaks_within, slope_at, value_at
 from .channels import channel
 
 # A change from one sample to the next is a jump, and a change of slope a kink, where it is so many times what
@@ -151,6 +151,16 @@ def recorded_drive(recording: xr.Dataset, where: str, slew_rate: float | None = 
             stacklevel=4,
         )
     return _splines(t, u, sorted(knots), slew_rate)
+
+
+def drive_over(
+    recording: xr.Dataset, drive: Waveform | None, where: str, slew_rate: float | None = None
+) -> tuple[Waveform, Array]:
+    """The drive of a recording, from its own channel if none is given, and the times of its samples in it."""
+    time = recording["time"].values
+    if drive is not None:
+        return drive, time
+    return recorded_drive(recording, where, slew_rate), time - time[0]
 
 
 def _usual(changes: Array) -> Array:

@@ -18,7 +18,8 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from .covariance import Noise, Uncertainty, covariance
-from .fit import Residuals, fit_least_squares
+from .fit import fit_least_squares
+from .problem import Residuals
 from .result import Fit, Parameter, Values
 
 

@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 from ..actuator import Actuator
 from ..waveform.drive import Drive, evaluate, segment_at
 from ..waveform.drive import value_slope_curvature as value_at
-from .channels import channel, names_of, recordings_of, same_number
-from .fit import Residuals, fit_least_squares
+from .channels import channel, drives_of, names_of, recordings_of
+from .fit import fit_least_squares
 from .free import Bounds
-from .friction import LONGEST_DELAY, OBSERVED
-from .recorded_drive import recorded_drive
-from .result import Fit, Parameter, Values
+from .position_channel import CHANNEL, OBSERVED, linear, of_channel
+from .problem import Residuals
+from .recorded_drive import drive_over
+from .result import Fit, Values
 
 # A segment is left behind where the voltage changes so many times faster than it usually does.
 FAST = 10.0
@@ -75,34 +76,23 @@ def identify_static_walk(
     """
     found = recordings_of(recordings)
     names = names_of(found)
-    given: Any = [drive] * len(found) if hasattr(drive, "drive") else drive
     known = dict(bounds or {})
 
     def walk(recording: xr.Dataset, waveform: Any, name: str) -> Callable[[Values], Array]:
-        time = recording["time"].values
-        if waveform is None:
-            waveform, time = recorded_drive(recording, name, slew_rate), time - time[0]
+        waveform, time = drive_over(recording, waveform, name, slew_rate)
         slow = slow_part(waveform.drive(float(time[-1])), float(time[-1]))
         return lambda values: values["gain"] * slow(time - values["delay"]) + values["offset"]
 
     parts = []
-    for recording, waveform, name in zip(found, same_number(given, found, "drives"), names, strict=True):
+    for recording, waveform, name in zip(found, drives_of(drive, found), names, strict=True):
         x = channel(recording, OBSERVED, name, varies=True)
         of = walk(recording, waveform, name)
         parts.append(Residuals(lambda values, of=of, x=x: of(values) - x, x, None, name, "m"))
-    reach = LONGEST_DELAY * min(float(np.ptp(r["time"].values)) for r in found)
-    size = max(float(np.ptp(r[OBSERVED].values)) for r in found)
-
-    def free(name: str, start: float, low: float, high: float, unit: str) -> Parameter:
-        low, high = (float(limit) for limit in known.get(name, (low, high)))
-        return Parameter(name, min(max(start, low), high), low, high, unit, log=False)
-
     fit = fit_least_squares(
         parts,
         [
-            free("gain", model.gain, -10.0 * abs(model.gain), 10.0 * abs(model.gain), "m/V"),
-            free("delay", 0.0, -reach, reach, "s"),
-            free("offset", 0.0, -size, size, "m"),
+            linear("gain", "m/V", model.gain, 10.0 * abs(model.gain), known),
+            *(of_channel(name, found, known, {}) for name in CHANNEL),
         ],
         central=True,
         hops=2,

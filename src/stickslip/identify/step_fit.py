@@ -14,8 +14,9 @@ from ..actuator import Actuator
 from ..electronics import Filter
 from .channels import recordings_of
 from .coloured import coloured, with_coloured_noise
-from .fit import Residuals, fit_least_squares
+from .fit import fit_least_squares
 from .linear_step import filter_zeros_poles, second_order_poles, step_response
+from .problem import Residuals
 from .result import Fit, Parameter, Values
 from .step_formulas import POSITION, THESIS, StepTest, Timing, classical, second_order, step_tests
 

@@ -19,9 +19,11 @@ from pydantic import Field
 from ..actuator import Actuator
 from ..identify.displacement import Displacement
 from ..identify.fit import Progress
-from ..identify.friction import CHANNEL, OBSERVED, identify_friction, observed
+from ..identify.friction import identify_friction
+from ..identify.position_channel import CHANNEL, OBSERVED
 from ..identify.result import Fit
 from ..identify.step_fit import STAGE, identify_step
+from ..identify.walks import Varied, observed
 from ..readers import read_recording
 from ..recording import RecordingError
 from ..report import write_report
@@ -163,7 +165,7 @@ class _Drafts:
     def begin(self, actuator: Actuator) -> None:
         """Read the drives, and show the recordings."""
         names = [str(r.title) for r in self._recordings]
-        self._actuator = actuator
+        self._varied = Varied(actuator)
         self._motions = [
             Displacement(r, None, name, actuator, _DRAFT, self._slew_rate)
             for r, name in zip(self._recordings, names, strict=True)
@@ -193,7 +195,7 @@ class _Drafts:
     def draw(self, values: Mapping[str, float], fields: dict[str, Any] | None = None) -> None:
         """Say what the model gives for these values."""
         try:
-            curves = [observed(motion, self._actuator, dict(values)) for motion in self._motions]
+            curves = [observed(motion, self._varied, dict(values)) for motion in self._motions]
         except ArithmeticError:  # a trial that cannot be followed
             curves = []
         self._say("step", fields or {"values": dict(values)}, [_thin(curve) for curve in curves])

@@ -11,7 +11,7 @@ from typing import Any
 from fastapi import APIRouter, HTTPException, Response
 from fastapi.responses import FileResponse
 
-from ..identify.friction import OBSERVED
+from ..identify.position_channel import OBSERVED
 from ..input_file import Strict
 from ..parameters import ParameterSetError, available_sets
 from ..readers import read_recording

@@ -1,0 +1,34 @@
+"""When a search is as close to its end as the noise lets anyone see."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def relative_offset(
+    jacobian: NDArray[np.float64], residuals: NDArray[np.float64], variance: float | None = None
+) -> float:
+    r"""The next Gauss-Newton step over the radius of the confidence region [bates1981].
+
+    .. math:: \sqrt{\frac{|P r|^2 / k}{|r - P r|^2 / (n - k)}}, \qquad P = J (J^T J)^+ J^T
+
+    Unlike a relative change of the sum of squares or of the values, it does not ask more of a value that the
+    data hardly determine than of the others.
+
+    Args:
+        jacobian: d residuals / d coordinates, shape (n, k), n > k.
+        residuals: over their noise, shape (n,).
+        variance: of the noise, in the unit of the residuals squared; left out, that of what no step explains.
+    """
+    gram = jacobian.T @ jacobian
+    norms = np.sqrt(np.diag(gram))
+    norms[norms == 0.0] = 1.0
+    along = jacobian.T @ residuals / norms
+    inverse = np.linalg.pinv(gram / np.outer(norms, norms), hermitian=True)
+    explained = max(float(along @ inverse @ along), 0.0)
+    n, k = jacobian.shape
+    left = (float(residuals @ residuals) - explained) / (n - k) if variance is None else variance
+    return math.sqrt(explained / k / left) if left > 0.0 else math.inf

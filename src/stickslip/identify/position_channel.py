@@ -1,0 +1,51 @@
+"""The end-effector's position in a recording: checked, and what is free of its channel in a fit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ..waveform.signal import Waveform
+from .channels import channel, refuse_clipped
+from .drives import refuse_sampling
+from .free import Bounds
+from .result import Parameter
+
+OBSERVED = "end_effector_position"
+# Of the channel, not of the actuator.
+CHANNEL = ("delay", "offset")
+# A delay is looked for within this share of the shortest recording.
+LONGEST_DELAY = 0.02
+
+
+def walked(recording: xr.Dataset, drive: Waveform | None, where: str) -> NDArray[np.float64]:
+    """The positions of a walk, m.
+
+    Raises:
+        RecordingError: they are missing, empty, constant, clipped, too few or too coarsely sampled.
+    """
+    position = channel(recording, OBSERVED, where, varies=True)
+    refuse_clipped(position, OBSERVED, where)
+    refuse_sampling(recording["time"].values, drive, where)
+    return position
+
+
+def of_channel(
+    name: str, recordings: Sequence[xr.Dataset], bounds: Bounds, begin: Mapping[str, float]
+) -> Parameter:
+    """One of `CHANNEL` as a parameter of a fit to all recordings; it starts at 0 if `begin` does not say."""
+    if name == "delay":
+        reach = LONGEST_DELAY * min(float(np.ptp(r["time"].values)) for r in recordings)
+        return linear(name, "s", begin.get(name, 0.0), reach, bounds)
+    positions = [r[OBSERVED].values for r in recordings]
+    reach = max(float(np.ptp(x) + abs(x[0])) for x in positions)
+    return linear(name, "m", begin.get(name, 0.0), reach, bounds)
+
+
+def linear(name: str, unit: str, start: float, reach: float, bounds: Bounds) -> Parameter:
+    """A parameter of either sign, as far from 0 as it reaches, or within its bounds."""
+    low, high = (float(limit) for limit in bounds.get(name, (-reach, reach)))
+    return Parameter(name, min(max(start, low), high), low, high, unit, log=False)
