@@ -55,8 +55,8 @@ class Search(NamedTuple):
 
 @dataclass(frozen=True)
 class Walks:
-    """Recordings of one actuator: their simulations, the positions [m] that were measured, their names; the fit
-    that the stage is from, if any; and how to search."""
+    """Recordings of one actuator: their simulations, the positions [m] that were measured, and their names;
+    the fit that the stage is from, if any; and how to search."""
 
     motions: Sequence[Displacement]
     measured: Sequence[Array]
@@ -82,7 +82,9 @@ class Walks:
         alone = self._search(Varied(held), others, max_evaluations=most, settled=NEAR)
         return alone, self._with_stage(alone, held)
 
-    def _search(self, varied: Varied, parameters: Sequence[Parameter], **options: Any) -> Fit:
+    def _search(
+        self, varied: Varied, parameters: Sequence[Parameter], *, settled: float = SETTLED, **options: Any
+    ) -> Fit:
         noise, correlated, loss, loss_scale, seed, progress = self.options
         free = [p.name for p in parameters]
         own, exact = [name for name in free if name not in CHANNEL], has_slopes(self.model)
@@ -111,14 +113,15 @@ class Walks:
             seed=seed,
             difference_step=DIFFERENCE_STEP,
             progress=progress,
-            **{"settled": SETTLED} | options,
+            settled=settled,
+            **options,
         )
         if correlated is None and noise is None and loss == "linear":
             fit = with_coloured_noise(fit, coloured(fit.residuals, walks=True))
         return fit
 
     def _with_stage(self, fit: Fit, model: Actuator) -> Fit:
-        """The fit with the uncertainty of the stage passed on, of those of its values that are not free here."""
+        """The fit with the uncertainty of the stage passed on, of those of its values that are not free."""
         stage = self.stage
         if stage is None:
             return fit
