@@ -21,7 +21,7 @@ from collections.abc import Callable, Container, Sequence
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.stats import qmc
 
 from ..actuator import Actuator
@@ -40,7 +40,7 @@ PERIODS = 3
 # Of a value to a bound, as a factor: nearer, the bound is none that was meant.
 NEAR = 3.0
 # Points tried, how many of them are looked at closer, and for how many evaluations.
-TRIED, LOOKED_AT, LOOK = 64, 4, 8
+TRIED, LOOKED_AT, LOOK = 64, 10, 6
 
 Array = NDArray[np.float64]
 
@@ -135,10 +135,16 @@ def first_guess(
         }
         return float(np.mean((r + columns @ step) ** 2)), point | found
 
+    def with_slopes(values: Values) -> ArrayLike:
+        if jacobian is not None:
+            jacobian(values)  # simulated together
+        return residuals.function(values)
+
     def look(point: Values) -> tuple[float, Values]:
         begun = [p._replace(start=point[p.name]) for p in wide]
+        searched = residuals._replace(function=with_slopes)
         try:
-            fit = fit_least_squares([residuals], begun, jacobian=jacobian, max_evaluations=LOOK)
+            fit = fit_least_squares([searched], begun, jacobian=jacobian, max_evaluations=LOOK)
         except (FitError, np.linalg.LinAlgError):
             return math.inf, start
         return fit.reduced_chi_squared, fit.values
