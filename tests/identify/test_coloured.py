@@ -7,7 +7,8 @@ import pytest
 from scipy import linalg, signal
 
 from stickslip.identify.coloured import coloured, inflation, with_coloured_noise
-from stickslip.identify.fit import Residuals, fit_least_squares
+from stickslip.identify.fit import fit_least_squares
+from stickslip.identify.problem import Residuals
 from stickslip.identify.result import Fit, Parameter
 
 NAMES = ("ring", "turn", "drift")
