@@ -232,8 +232,17 @@ def _values(parameters: Sequence[Parameter], coordinates: Array) -> Values:
 def _held(at: float, alone: Fit, whole: Fit, variance: float) -> Held:
     # A coordinate at its bound adds nothing to either.
     free = np.flatnonzero(alone.uncertainty.bounded == 0)
-    volume = np.linalg.slogdet(alone.uncertainty.covariance[np.ix_(free, free)])[1]
+    inside = np.ix_(free, free)
+    ranges = np.array([p.coordinate(p.upper) - p.coordinate(p.lower) for p in alone.parameters])[free]
+    volume = np.linalg.slogdet(_bounded(alone.uncertainty.covariance[inside], ranges))[1]
     chi_squared = alone.reduced_chi_squared * alone.degrees_of_freedom / variance
     others = np.array([p.coordinate(alone.values[p.name]) for p in alone.parameters])
-    covariance = np.nan_to_num(whole.uncertainty.covariance)
+    covariance = np.zeros((others.size, others.size))
+    covariance[inside] = _bounded(whole.uncertainty.covariance[inside], ranges)
     return Held(at, others, covariance, 0.5 * float(volume - chi_squared))
+
+
+def _bounded(covariance: Array, ranges: Array) -> Array:
+    """A covariance that is no wider than the bounds: beside each coordinate, one that is flat within them."""
+    flat = np.diag(12.0 / ranges**2)  # the variance of a flat distribution is a twelfth of its range squared
+    return np.asarray(np.linalg.inv(np.linalg.inv(covariance) + flat), dtype=np.float64)

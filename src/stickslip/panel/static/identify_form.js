@@ -10,7 +10,8 @@ const CHANNEL = [
   { name: "delay", unit: "s", symbol: "t_d", meaning: "delay of the sensor" },
   { name: "offset", unit: "m", symbol: "x_0", meaning: "offset of the sensor" },
 ];
-const USUAL = ["sigma_0", "sigma_1", "coulomb_force", "stiffness_1", "stiffness_2", "stiffness_3", "strength_1", "strength_2", "strength_3", "delay", "offset"];
+// The gain too: a stage that nobody measured is wrong by some percent, and friction would make up for it.
+const USUAL = ["gain", "sigma_0", "sigma_1", "coulomb_force", "stiffness_1", "stiffness_2", "stiffness_3", "strength_1", "strength_2", "strength_3", "delay", "offset"];
 const STAGE = ["gain", "natural_frequency", "damping_ratio"]; // what clamped steps give
 const EFFORT = { quick: ["Quick: from the start values", 1, 0], hops: ["Careful: look for lower valleys", 1, 2], starts: ["Thorough: four starts", 4, 2] };
 const HEADS = { Step: "The end-effector fixed to the stage: gives the stage's frequency, damping and gain", Fit: "A walk, to which the friction is fitted", Predict: "A walk that the fit has not seen", Recording: "" };
