@@ -137,9 +137,12 @@ def fit_least_squares(
         """The slope along the search, unless it is at its end."""
         q = problem.from_search(at)
         found, r = slope(q, two_sided), problem.residuals(q)
-        root = np.sqrt(LOSSES[loss]((r * problem.scale / loss_scale) ** 2)[1])
         variance = problem.scale**-2 if noise_known else None
-        if relative_offset(found * root[:, None], r * root, variance) < settled:
+        weighted = found, r
+        if loss != "linear":
+            root = np.sqrt(LOSSES[loss]((r * problem.scale / loss_scale) ** 2)[1])
+            weighted = found * root[:, None], r * root
+        if relative_offset(*weighted, variance) < settled:
             raise _Settled(q)
         return found * [p.search_slope(x) for p, x in zip(parameters, at, strict=True)]
 
