@@ -85,5 +85,6 @@ def scaling(rows: list[Row]) -> Figure:
     left.legend()
     right.plot(members, [row["peak_memory_bytes"] / 2**20 for row in growth], color=VERMILLION, marker="o")
     right.set(xscale="log", xlabel="members", ylabel="peak memory (MiB)")
-    right.set_ylim(bottom=0.0)
+    left.margins(0.05)
+    right.set_ylim(0.0, 1.1 * max(row["peak_memory_bytes"] / 2**20 for row in growth))
     return figure
