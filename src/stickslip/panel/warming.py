@@ -25,9 +25,11 @@ def solver_kept() -> bool:
     """Whether this machine keeps what the first run of a newcomer needs: Numba's index of that kernel, which
     is void after an installation or for another Numba, names the law."""
     kernel: Any = integrate_bristle._dispatcher(LuGre)
-    if not hasattr(kernel, "_cache"):  # nothing is compiled at all
+    try:
+        index = kernel._cache._cache_file._load_index()
+    except AttributeError:  # nothing is compiled at all, or another Numba keeps it in a way of its own
         return True
-    return any(USUAL_LAW in str(signature) for signature, *_ in kernel._cache._cache_file._load_index())
+    return any(USUAL_LAW in str(signature) for signature, *_ in index)
 
 
 def compile_solver(fitting: Fitting) -> None:
