@@ -54,6 +54,15 @@ def test_a_search_ends_within_the_noise_and_not_before() -> None:
             assert abs(fit.values[name] - strict.values[name]) < 2.0 * settled * error
 
 
+def test_the_end_is_by_two_sided_differences() -> None:
+    """Coarse one-sided ones are content eight hundredths of the confidence region's radius off."""
+    free = [Parameter("height", 1.0, 0.01, 100.0), Parameter("rate", 1.0, 0.01, 100.0)]
+    fit = fit_least_squares(decay, free, settled=1e-2, difference_step=0.3)
+    height, rate = fit.values["height"], fit.values["rate"]
+    exact = np.exp(-rate * T)[:, None] * np.column_stack([np.ones(T.size), -height * T])
+    assert relative_offset(exact, decay(fit.values)) < 1e-2
+
+
 def test_a_value_that_says_nothing_does_not_keep_it_going() -> None:
     def blind(values: dict[str, float]) -> np.ndarray:
         return decay(values) + 1e-5 * values["lost"] * T

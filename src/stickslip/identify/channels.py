@@ -87,12 +87,12 @@ def same_number(items: Sequence[Any] | None, recordings: Sequence[xr.Dataset], w
 
 
 def drives_of(
-    drive: Waveform | Sequence[Waveform | None] | None, recordings: Sequence[xr.Dataset], what: str = "drives"
+    drive: Waveform | Sequence[Waveform | None] | None, recordings: Sequence[xr.Dataset]
 ) -> list[Waveform | None]:
     """The waveform of each recording; one stands for all."""
     # A waveform is a tuple too, so it is known by its method.
     given: Any = [drive] * len(recordings) if hasattr(drive, "drive") else drive
-    return same_number(given, recordings, what)
+    return same_number(given, recordings, "drives")
 
 
 def refuse_clipped(values: NDArray[np.float64], name: str, where: str) -> None:

@@ -164,23 +164,26 @@ def fit_least_squares(
         try:
             # One-sided differences find the place at half the price, two-sided ones settle it.
             for two_sided in (True,) if central or jacobian is not None else (False, True)[: 1 + settle]:
-                found = least_squares(
-                    lambda at: problem.residuals(problem.from_search(at)),
-                    problem.to_search(q),
-                    jac=partial(closing, two_sided=two_sided),  # type: ignore[arg-type]
-                    bounds=(np.minimum(*ends), np.maximum(*ends)),
-                    x_scale="jac",
-                    loss="linear" if loss == "linear" else LOSSES[loss],  # type: ignore[arg-type]
-                    f_scale=loss_scale / problem.scale,
-                    ftol=tolerance,
-                    xtol=tolerance,
-                    gtol=1e-15,
-                    max_nfev=most,
-                )
-                q, converged = problem.from_search(found.x), found.status > 0
-                message = found.message.strip(" .").replace("`", "")
-        except _Settled as end:
-            q, converged, message = end.args[0], True, "the next step is far below the standard errors"
+                try:
+                    found = least_squares(
+                        lambda at: problem.residuals(problem.from_search(at)),
+                        problem.to_search(q),
+                        jac=partial(closing, two_sided=two_sided),  # type: ignore[arg-type]
+                        bounds=(np.minimum(*ends), np.maximum(*ends)),
+                        x_scale="jac",
+                        loss="linear" if loss == "linear" else LOSSES[loss],  # type: ignore[arg-type]
+                        f_scale=loss_scale / problem.scale,
+                        ftol=tolerance,
+                        xtol=tolerance,
+                        gtol=1e-15,
+                        max_nfev=most,
+                    )
+                except _Settled as end:
+                    q, converged = end.args[0], True
+                    message = "the next step is far below the standard errors"
+                else:
+                    q, converged = problem.from_search(found.x), found.status > 0
+                    message = found.message.strip(" .").replace("`", "")
         except _OutOfBudget:
             q, converged, message = problem.best, False, f"stopped after {max_evaluations} evaluations"
         finally:

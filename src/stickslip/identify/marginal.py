@@ -219,6 +219,7 @@ class _Path:
         slopes = [p.search_slope(x) for p, x in zip(fit.parameters, at, strict=True)]
         j = np.delete(fit.jacobian * slopes, place, axis=1)
         size = np.linalg.norm(j, axis=0)
+        size[size == 0.0] = 1.0
         return -np.linalg.lstsq(j / size, fit.jacobian[:, place] * slopes[place], rcond=None)[0] / size
 
 
