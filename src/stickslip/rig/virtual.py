@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import math
 import time
-import warnings
 import zlib
 
 import numpy as np
 
 from ..actuator import Actuator
 from ..electronics import adc_output, amplifier_output, dac_output, filtered
-from ..simulation import SimulationWarning, simulate
+from ..mechanism import SLIDER, STAGE
+from ..simulation.trajectory import COMPLETE, follow
 from ..waveform.sampled import Sampled
 from .bench import Bench, Mounted
 from .protocols import Array, Capabilities, RigError
 
 BLOCK = 0.05  # s of samples per `fetch`
 OVERSAMPLING = 4  # analogue signals are computed at so many times the sampling rate
+_COLUMN = {"stage": STAGE, "end_effector": SLIDER}  # of a trajectory
 _SETTLE = 1e-3  # s at 0 V after a stop, for the amplifier to get there
 MAX_POINTS = 5_000_000
 MAX_STEPS = 5_000_000  # of the solver; a recording of 10 s takes some 200 000
@@ -155,17 +156,15 @@ class VirtualRig:
         times, volts = amplifier_output(
             bench.amplifier, codes, bench.dac.update_rate, bench.piezo_capacitance
         )
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", SimulationWarning)  # an error, below
-            moved = simulate(
-                self.actuator,
-                Sampled(times, volts),
-                times=np.arange(OVERSAMPLING * self._samples) / rate,
-                tolerance=self._tolerance,
-                max_steps=MAX_STEPS,
-            )
-        if moved.attrs["outcome"] != "complete":
-            raise RigError(f"the simulation of the actuator {moved.attrs['outcome']}")
+        moved = follow(
+            self.actuator,
+            Sampled(times, volts),
+            np.arange(OVERSAMPLING * self._samples) / rate,
+            tolerance=self._tolerance,
+            max_steps=MAX_STEPS,
+        )
+        if moved.outcome != COMPLETE:
+            raise RigError(f"the simulation of the actuator {moved.outcome}")
         rows = []
         for name in self._inputs:
             if name == "drive":
@@ -173,7 +172,7 @@ class VirtualRig:
                 rows.append(monitor[np.floor(update + 1e-9).astype(int)])
             else:
                 mounted = bench.sensors[name]
-                rows.append(self._sensed(name, mounted, moved[f"{mounted.on}_position"].values, rate))
+                rows.append(self._sensed(name, mounted, moved.samples[:, _COLUMN[mounted.on]], rate))
         return np.array(rows).reshape(len(rows), self._samples)
 
     def _sensed(self, name: str, mounted: Mounted, position: Array, rate: float) -> Array:
