@@ -27,8 +27,8 @@ def relative_offset(
     norms = np.sqrt(np.diag(gram))
     norms[norms == 0.0] = 1.0
     along = jacobian.T @ residuals / norms
-    inverse = np.linalg.pinv(gram / np.outer(norms, norms), hermitian=True)
-    explained = max(float(along @ inverse @ along), 0.0)
+    step = np.linalg.lstsq(gram / np.outer(norms, norms), along)[0]
+    explained = max(float(along @ step), 0.0)
     n, k = jacobian.shape
     left = (float(residuals @ residuals) - explained) / (n - k) if variance is None else variance
     return math.sqrt(explained / k / left) if left > 0.0 else math.inf

@@ -65,7 +65,7 @@ def moved(model: Actuator, names: Sequence[str], state: NDArray[np.float64], bef
         if name not in known:
             hint = did_you_mean(name, known)
             raise QuantityError(f"no derivative by {name!r}{hint}: there are {', '.join(known)}")
-        one, own = model, state.copy()
+        law, body, own = model.friction, mech, state.copy()
         if name in INITIAL:
             row, _, step = INITIAL[name]
             own[row] += step
@@ -74,12 +74,12 @@ def moved(model: Actuator, names: Sequence[str], state: NDArray[np.float64], bef
             step = DIFFERENCE * (abs(value) or 1.0)
             # Unchecked, for it may step over a bound of its field by a millionth.
             fields, changed = changed_fields(model, {name: value + step})
-            law = tuple.__new__(type(model.friction), fields.values())
-            one = tuple.__new__(Actuator, (model._asdict() | changed | {"friction": law}).values())
-        body = mech if one is model else mechanism(one)
+            law = tuple.__new__(type(law), fields.values())
+            if changed:
+                body = mechanism(tuple.__new__(Actuator, (model._asdict() | changed).values()))
         if before is not None and name not in INITIAL:
-            own = resting_state(one.friction, body, before)
-        laws.append([float(v) for v in one.friction])
+            own = resting_state(law, body, before)
+        laws.append([float(v) for v in law])
         mechs.append([float(v) for v in body])
         states.append(own)
         steps.append(step)

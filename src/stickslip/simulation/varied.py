@@ -75,13 +75,12 @@ def changed_fields(model: Any, values: Mapping[str, Any]) -> tuple[dict[str, Any
     tied = {r.field: getattr(law, r.field) / r.scale(fields) for r in ratios.values()}
     changed = dict(fields)
     for name, value in values.items():
-        element = element_of(law, name)
         if name in fields:
             changed[name] = value
             tied.pop(name, None)
         elif name in ratios:
             tied[ratios[name].field] = value
-        elif element:
+        elif element := element_of(law, name):
             items = list(changed[element[0]])
             items[element[1]] = value
             changed[element[0]] = tuple(items)
