@@ -94,6 +94,12 @@ def test_text_without_header(tmp_path: Path) -> None:
         ({"rows": (-1, 5)}, r"rows = \(-1, 5\) must be"),
         ({"rows": (100, None)}, "there are no samples"),
         ({"rows": (29, None)}, "at least two samples"),
+        ({"rows": "10"}, "rows = '10' must be two whole numbers"),
+        ({"rows": (0, 10.0)}, r"rows = \(0, 10.0\) must be two whole numbers"),
+        ({"columns": ["t", "x"]}, r"columns = \['t', 'x'\] must be a mapping"),
+        ({"units": "um"}, "units = 'um' must be a mapping"),
+        ({"missing": "interpolate"}, "missing = 'interpolate' must be 'error' or 'drop'"),
+        ({"skip": -1}, "skip = -1 must be a number of lines"),
     ],
 )
 def test_request(tmp_path: Path, request_: dict, message: str) -> None:
@@ -174,6 +180,8 @@ def test_saved_recordings(tmp_path: Path) -> None:
     for option in ({"columns": {"y": "x"}}, {"rows": (0, 2)}, {"sample_rate": 3}, {"start_time": 0}):
         with pytest.raises(RecordingError, match="a saved recording is read as it is"):
             read_recording(tmp_path / "a.nc", **option)
+    with pytest.raises(RecordingError, match=r"what another program has written.* make_recording"):
+        read_recording(tmp_path / "a.nc", {"y": "x"})
     (tmp_path / "a.nc").write_bytes((tmp_path / "a.nc").read_bytes()[:3000])
     with pytest.raises(RecordingError, match=r"a\.nc: not a readable NetCDF 4 file"):
         read_recording(tmp_path / "a.nc")

@@ -50,6 +50,11 @@ LAYOUTS = {
     ),
     "delimiter at the end": ("Time [s];Position [um];Drive [V];\n0;1;-1.5;\n0.01;2;0;\n0.02;3.5;2;\n"),
     "delimiter at the end of data": ("Time [s];Position [um];Drive [V]\n0;1;-1.5;\n0.01;2;0;\n0.02;3.5;2;\n"),
+    "LabVIEW": (
+        "LabVIEW Measurement\t\nSeparator\tTab\nMulti_Headings\tNo\n***End_of_Header***\t\n\t\n"
+        "Samples\t3\t3\t\nDate\t2024/05/06\t2024/05/06\t\nX_Dimension\tTime\tTime\t\n***End_of_Header***\t\t\t\n"
+        "Time [s]\tPosition [um]\tDrive [V]\tComment\n0.00\t1.0\t-1.5\t\n0.01\t2.0\t0.0\t\n0.02\t3.5\t2.0\t\n"
+    ),
     "blanks after commas": ("Time [s], Position [um], Drive [V]\n0, 1, -1.5\n0.01, 2, 0\n0.02, 3.5, 2\n"),
     "a column of text": ("Time [s],State,Position [um],Drive [V]\n0,on,1,-1.5\n0.01,off,2,0\n0.02,,3.5,2\n"),
     "old Macintosh": "Time [s],Position [um],Drive [V]\r0,1,-1.5\r0.01,2,0\r0.02,3.5,2\r",

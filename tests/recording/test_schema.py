@@ -5,6 +5,7 @@ from __future__ import annotations
 from datetime import datetime
 
 import numpy as np
+import pint
 import pytest
 import xarray as xr
 
@@ -81,11 +82,35 @@ def test_sampling() -> None:
         ([0.0, 0.1, np.nan, 0.2], {"x": TIME}, r"time \[s\] is not finite at sample 2"),
         ([0.0], {"x": [1.0]}, "at least two samples, this one has 1"),
         ([], {"x": []}, "at least two samples, this one has 0"),
+        ([[0.0, 0.1]], {"x": [[1.0, 2.0]]}, r"time has the shape \(1, 2\)"),
+        (["a", "b"], {"x": [1.0, 2.0]}, "time is not an array of numbers"),
+        (np.array([0, 1], "datetime64[s]"), {"x": [1.0, 2.0]}, "time holds dates or durations"),
+        (np.array([0, 1], "timedelta64[ms]"), {"x": [1.0, 2.0]}, "time holds dates or durations"),
+        (([0.0, 1.0], "V"), {"x": [1.0, 2.0]}, "time is given in V, not in s"),
+        ([0.0, 0.1], {"time": [1.0, 2.0]}, "'time' is the name of the time axis"),
+        ([0.0, 0.1], {"x": np.ma.array([1.0, 2.0], mask=[False, True])}, "x .*not finite at sample 1"),
     ],
 )
 def test_what_is_refused(time: object, variables: dict, message: str) -> None:
     with pytest.raises(RecordingError, match=message):
         make_recording(time, variables)  # pyright: ignore[reportArgumentType]
+
+
+def test_units_that_come_with_an_array() -> None:
+    unit = pint.UnitRegistry()
+    micrometres = xr.DataArray([1.0, 2.0], dims="time", attrs={"units": "um"})
+    recording = make_recording(
+        [0, 5] * unit.ms, {"position": micrometres, "displacement": [3.0, 4.0] * unit.um, "x": (5.0, 6.0)}
+    )
+    np.testing.assert_allclose(recording["time"], [0.0, 5e-3], rtol=1e-15)
+    np.testing.assert_allclose(recording["position"], [1e-6, 2e-6], rtol=1e-15)
+    np.testing.assert_allclose(recording["displacement"], [3e-6, 4e-6], rtol=1e-15)
+    assert recording["x"].attrs["units"] == ""
+
+
+def test_a_table_is_no_recording() -> None:
+    with pytest.raises(RecordingError, match="a dict is no recording"):
+        validate_recording({"time": TIME})  # type: ignore[arg-type]
 
 
 def _broken(change: str) -> xr.Dataset:

@@ -150,8 +150,9 @@ def _judge(lines: Sequence[str], ways: Sequence[tuple[str, str]]) -> tuple[str, 
     for delimiter, decimal in ways:
         if delimiter == decimal and not quoted:
             continue
-        rows = (_kinds(_split(line, delimiter), decimal).replace("e", "n") for line in lines)
-        counted = Counter(kinds for kinds in rows if "n" in kinds)
+        rows = (_kinds(_split(line, delimiter), decimal) for line in lines)
+        # Blanks count as numbers only beside one: else lines of words that end with a delimiter were rows.
+        counted = Counter(kinds.replace("e", "n") for kinds in rows if "n" in kinds)
         for kinds, count in counted.most_common(1):
             score = (count, -kinds.count("s"), len(kinds))
             if score > best_score:

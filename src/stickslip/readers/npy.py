@@ -37,9 +37,13 @@ def read_npz(path: Path) -> Source:
     """
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
+            members = {name: archive[name] for name in archive.files}
     except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
         raise RecordingError(f"not a readable NPZ file (cut off or damaged?): {error}") from error
+    # NumPy hands over the bytes of what it did not write; a workbook (.xlsx) is such an archive too.
+    arrays = {name: array for name, array in members.items() if isinstance(array, np.ndarray)}
+    if not arrays:
+        raise RecordingError("a ZIP archive without NumPy arrays (a table of a workbook is read as CSV)")
     leaves = {
         name: Leaf(array.shape, lambda array=array: array) for name, array in arrays.items() if array.ndim
     }

@@ -10,8 +10,9 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from datetime import UTC, datetime
+from operator import index
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
@@ -78,12 +79,16 @@ def read_recording(
     path = Path(path)
     text_options = delimiter is not None or decimal is not None or skip != 0
     with _named(path):
+        _check_arguments(columns=columns, units=units, clocks=clocks, missing=missing, skip=skip)
         kind = find_format(path)
         if kind != "text" and text_options:
             raise RecordingError(f"delimiter, decimal and skip are for text; this file is {kind}")
         changes = columns or units or clocks or (sample_rate, start_time, *rows) != (None, None, 0, None)
         if kind == "nc" and changes:
-            raise RecordingError("a saved recording is read as it is, without columns, units, clocks or rows")
+            raise RecordingError(
+                "a saved recording is read as it is, without columns, units, clocks or rows (what another "
+                "program has written in NetCDF or HDF5 becomes one through make_recording)"
+            )
     if kind == "nc":
         return open_recording(path)
     with _named(path):
@@ -106,6 +111,19 @@ def read_recording(
             epoch=epoch,
             long_names={v.name: v.column.name for v in chosen.variables if _is_own_name(v)},
         )
+
+
+def _check_arguments(**given: Any) -> None:
+    """Raise RecordingError for what is of another kind, so that nothing is read otherwise than was meant."""
+    for name in ("columns", "units", "clocks"):
+        if given[name] is not None and not isinstance(given[name], Mapping):
+            raise RecordingError(
+                f"{name} = {given[name]!r} must be a mapping from our names: {{'time': ...}}"
+            )
+    if given["missing"] not in ("error", "drop"):
+        raise RecordingError(f"missing = {given['missing']!r} must be 'error' or 'drop'")
+    if not isinstance(given["skip"], int) or given["skip"] < 0:
+        raise RecordingError(f"skip = {given['skip']!r} must be a number of lines, 0 or more")
 
 
 def _is_own_name(variable: Variable) -> bool:
@@ -133,10 +151,14 @@ def _rate(sample_rate: float | str | None) -> float:
 
 
 def _window(rows: tuple[int, int | None]) -> Rows:
-    start, stop = rows
-    if start < 0 or (stop is not None and stop <= start):
+    try:
+        start, stop = rows
+        window = Rows(index(start), None if stop is None else index(stop))
+    except (TypeError, ValueError):
+        raise RecordingError(f"rows = {rows!r} must be two whole numbers, or one and None") from None
+    if window.start < 0 or (window.stop is not None and window.stop <= window.start):
         raise RecordingError(f"rows = {rows!r} must be (start, stop) with 0 <= start < stop")
-    return Rows(start, stop)
+    return window
 
 
 def _load(source: Source, chosen: Selection, window: Rows, rate: float) -> list[Clocked]:

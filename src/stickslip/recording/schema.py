@@ -97,7 +97,8 @@ def make_recording(
     Args:
         time: seconds, strictly ascending, at least two samples.
         variables: name -> array, taken to be in SI, or (array, unit) such as ``(counts, "um")``. One number
-            per time. Arrays already in SI are not copied.
+            per time. Arrays already in SI are not copied. The unit that a quantity of pint has, or that the
+            attribute ``units`` of a DataArray says, is taken, that of the time too.
         title, notes: free text.
         source, reader: the file that the data come from, and what read it.
         calibration: how the sensors were calibrated, as text or JSON.
@@ -108,11 +109,12 @@ def make_recording(
     Raises:
         RecordingError: see `validate_recording`; or a unit is unknown or does not fit a standard name.
     """
-    time = np.asarray(time, dtype=np.float64)
+    time = _seconds(time)
     data, long_names = {}, long_names or {}
     for name, value in variables.items():
-        array, unit = value if isinstance(value, tuple) else (value, None)
-        array, unit = _in_si(str(name), array, unit)
+        if name == "time":
+            raise RecordingError("'time' is the name of the time axis, not of a variable")
+        array, unit = _in_si(str(name), *_with_unit(value))
         standard = STANDARD_NAMES.get(name)
         long_name = long_names.get(name) or (standard.long_name if standard else str(name).replace("_", " "))
         if array.shape != time.shape:
@@ -137,10 +139,37 @@ def make_recording(
     return made
 
 
-def _in_si(name: str, array: ArrayLike, unit: str | None) -> tuple[np.ndarray, str]:
+def _with_unit(value: Any) -> tuple[Any, str | None]:
+    """An array, and the unit that it brings with it; None where it brings none."""
+    if isinstance(value, tuple) and len(value) == 2 and isinstance(value[1], str | None):
+        return value
+    if isinstance(value, xr.DataArray):
+        return value.values, value.attrs.get("units")
+    if hasattr(value, "magnitude"):  # of pint, which NumPy would strip of its unit
+        return value.magnitude, str(value.units)
+    return value, None
+
+
+def _seconds(time: Any) -> np.ndarray:
+    array, unit = _with_unit(time)
+    if np.asarray(array).dtype.kind in "mM":  # NumPy would count nanoseconds
+        raise RecordingError(
+            "time holds dates or durations, not numbers: give seconds since the first sample"
+        )
+    values, unit = _in_si("time", array, unit)
+    if unit not in ("s", ""):
+        raise RecordingError(f"time is given in {unit}, not in s")
+    if values.ndim != 1:
+        raise RecordingError(f"time has the shape {values.shape}; it must be one row of numbers")
+    return values
+
+
+def _in_si(name: str, array: Any, unit: str | None) -> tuple[np.ndarray, str]:
     """The array as float64 in SI, and its SI unit: the standard name's where none is said."""
     standard = STANDARD_NAMES.get(name)
     try:
+        if np.ma.isMaskedArray(array):  # what is masked is missing; NumPy would take what lies below
+            array = np.ma.filled(array.astype(np.float64), np.nan)
         values = np.asarray(array, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise RecordingError(f"{name} is not an array of numbers: {error}") from None
@@ -172,10 +201,14 @@ def validate_recording(recording: xr.Dataset) -> xr.Dataset:
     """The recording itself, if it follows the schema.
 
     Raises:
-        RecordingError: "time" is missing or not the only coordinate, has fewer than two samples, or is not
-            strictly ascending; a variable is not float64 over "time", not finite, or lacks units or
-            long_name; the schema is newer than this library.
+        RecordingError: it is no Dataset; "time" is missing or not the only coordinate, has fewer than two
+            samples, or is not strictly ascending; a variable is not float64 over "time", not finite, or lacks
+            units or long_name; the schema is newer than this library.
     """
+    if not isinstance(recording, xr.Dataset):
+        raise RecordingError(
+            f"a {type(recording).__name__} is no recording: make_recording makes one, an xarray.Dataset"
+        )
     version = recording.attrs.get("schema_version", SCHEMA_VERSION)
     if version != SCHEMA_VERSION:
         raise RecordingError(f"the recording follows schema {version}; this library knows {SCHEMA_VERSION}")
