@@ -75,6 +75,8 @@ def test_what_cannot_be_verified_is_refused() -> None:
     lost = replace(fitted(), predict=lambda r: np.full(r["time"].size, np.nan))
     with pytest.raises(RecordingError, match=r"cannot predict position \[m\] of same"):
         verify(lost, line(2.0, 12, "same"))
+    with pytest.raises(ValueError, match=r"Actuator is no fit: .* Predictor\(actuator\)"):
+        verify(load_actuator("kang2007"), line(2.0, 12, "same"))  # type: ignore[arg-type]
     with pytest.raises(RecordingError, match="there are 2 drives for 1 recordings"):
         verify(fitted(), line(2.0, 12, "same"), drive=[1.0, 2.0])
 
@@ -109,6 +111,13 @@ def test_requirements() -> None:
     wanted = [Requirement.parse(text) for text in ("r_squared > 0.9", "rmse <= 100 mm", "rmse < 10")]
     assert wanted[1] == Requirement("rmse", "<=", 0.1)
     assert [s.split(" is ")[0] for s in found.unmet(wanted)] == ["steeper: r_squared", "steeper: rmse"]
+    assert Requirement.parse("r_squared > 0.9999999").broken(0.9999959) == (
+        "r_squared is 0.9999959, which is not > 0.9999999"
+    )
+    assert Requirement.parse("net_step_error < 1 %").broken(0.010004) == (
+        "net_step_error is 1.0004 %, which is not < 1 %"
+    )
+    assert Requirement.parse("rmse < 100 nm").broken(1e-7) == "rmse is 100 nm, which is not < 100 nm"
     (first, second) = found.unmet([Requirement.parse("net_step_error < 1 %")])
     assert "same: net_step_error does not exist; the drive" in first
     assert second.startswith("steeper")

@@ -60,7 +60,8 @@ def yaml_text(content: dict[str, Any]) -> str:
 def explain(path: str | os.PathLike[str], error: ValidationError) -> InputFileError:
     """The first thing that is wrong in a file, in one line."""
     first = error.errors()[0]
-    where = ".".join(str(part) for part in first["loc"])
+    # A file that does not say its kind is wrong as a whole: there is no field to name.
+    where = ".".join(str(part) for part in first["loc"]) or "kind"
     more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
     cause = first.get("ctx", {}).get("error")
     text = str(cause) if isinstance(cause, QuantityError) else first["msg"]

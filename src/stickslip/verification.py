@@ -85,11 +85,16 @@ class Requirement(NamedTuple):
         """Whether a value fulfils it; NaN does not."""
         return bool(_RELATIONS[self.relation](value, self.limit))
 
-    def shown(self, value: float) -> str:
-        """A value of the figure with its unit."""
+    def broken(self, value: float) -> str:
+        """What a value is and should be, with units, and with as many digits as tell the two apart."""
+        shown = [(self._shown(value, digits), self._shown(self.limit, digits)) for digits in (5, 7, 9, 12)]
+        apart = next((pair for pair in shown if pair[0] != pair[1]), shown[-1])
+        return f"{self.figure} is {apart[0]}, which is not {self.relation} {self._shown(self.limit, 12)}"
+
+    def _shown(self, value: float, digits: int) -> str:
         if self.figure == "net_step_error":
-            return f"{100.0 * value:.3g} %"
-        return with_prefix(value, FIGURES[self.figure], 5)
+            return f"{100.0 * value:.{digits - 2}g} %"
+        return with_prefix(value, FIGURES[self.figure], digits)
 
 
 _RELATIONS: dict[str, Callable[[float, float], bool]] = {
@@ -168,10 +173,7 @@ class Verification:
                 if not math.isfinite(value):
                     sentences.append(f"{name}: {wanted.figure} does not exist; {_WHY_NOT[wanted.figure]}")
                 elif not wanted.met(float(value)):
-                    sentences.append(
-                        f"{name}: {wanted.figure} is {wanted.shown(float(value))}, which is not "
-                        f"{wanted.relation} {wanted.shown(wanted.limit)}"
-                    )
+                    sentences.append(f"{name}: {wanted.broken(float(value))}")
         return sentences
 
     def report(self) -> str:
@@ -264,6 +266,10 @@ def verify(
         RecordingError: a channel is missing, too short or not finite; numbers do not match.
         ValueError: the fit has no model to predict with.
     """
+    if not hasattr(fit, "predict"):
+        raise ValueError(
+            f"{type(fit).__name__} is no fit: give what an identification returns, or Predictor(actuator)"
+        )
     if fit.predict is None:
         raise ValueError("this fit has no model that predicts recordings")
     found = recordings_of(recordings)

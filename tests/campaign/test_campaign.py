@@ -12,6 +12,7 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
+from stickslip.campaign import run_campaign
 from stickslip.campaign.file import read_campaign
 from stickslip.campaign.gathering import scale_of, scaled
 from stickslip.cli import app
@@ -24,6 +25,8 @@ from stickslip.recording import (
 )
 from stickslip.study.alignment import Aligned
 from stickslip.units import QuantityError
+from stickslip.waveform.periodic import Sawtooth
+from stickslip.waveform.signal import value_at
 
 EXAMPLES = Path(str(importlib.resources.files("stickslip") / "examples"))
 CAMPAIGN = yaml.safe_load((EXAMPLES / "kang2007_campaign.yaml").read_text("utf-8"))
@@ -187,7 +190,6 @@ def test_own_recordings_and_what_is_wrong_with_them(folder: Path) -> None:
     rng = np.random.default_rng(0)
     from stickslip.actuator import load_actuator
     from stickslip.simulation import simulate
-    from stickslip.waveform.periodic import Sawtooth
     from stickslip.waveform.sequence import Sequence
     from stickslip.waveform.shapes import Rest
 
@@ -266,12 +268,49 @@ def test_a_pdf_without_a_browser_is_refused_before_the_work(
         ({"experiment": None}, "no 'experiment' is named"),
         ({"friktion": {}}, "friktion"),
         ({"slew_rate": "3 V"}, "slew_rate"),
-        ({"recordings": [{"cells": "*", "use": "guess"}]}, "use"),
+        (
+            {"recordings": [{"cells": "*", "use": "guess"}]},
+            r"recordings\.0\.cells\.use: Input should be 'step'",
+        ),
+        (
+            {"recordings": [{"file": "a.csv", "use": "guess"}]},
+            r"recordings\.0\.own\.use: Input should be 'step'",
+        ),
+        (
+            {"recordings": [{"file": "a.csv", "waveform": [{"shape": "Sawtoth"}]}]},
+            r"recordings\.0\.own\.waveform\.0\.shape: Input should be 'Sawtooth'",
+        ),
+        ({"free": []}, "free: List should have at least 1 item"),
     ],
 )
 def test_wrong_files_are_refused_by_field(tmp_path: Path, changes, words: str) -> None:
     with pytest.raises(InputFileError, match=words):
         read_campaign(Path(written(tmp_path, **changes)))
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"change": {"gian": "1 um/V"}}, "Actuator has no field 'gian'"),
+        ({"model": "kang2008"}, "there is no parameter set 'kang2008'"),
+        ({"require": ["rsquared > 0.9"]}, "'rsquared' cannot be required"),
+        (
+            {"waveform": {"amplitude": "65 A", "frequency": "20 Hz"}},
+            r"recordings: walk: waveform\[0\]: .*'65 A'",
+        ),
+    ],
+)
+def test_what_no_field_alone_shows_is_refused_by_file(tmp_path: Path, changes, words: str) -> None:
+    time = np.arange(800) * 0.25e-3
+    drive = Sawtooth(65.0, 20.0, periods=3)
+    channels = {"end_effector_position": 1e-9 * np.sin(1e5 * time), "drive_voltage": value_at(drive, time)}
+    save_recording(make_recording(time, channels), tmp_path / "walk.nc")
+    fields = changes.pop("waveform", {"amplitude": "65 V", "frequency": "20 Hz", "periods": 3})
+    own = {"file": "walk.nc", "waveform": [{"shape": "Sawtooth", "fields": fields}]}
+    plain = {"experiment": None, "reference": None, "recordings": [own]}
+    file = written(tmp_path, "own.yaml", **plain, **changes)
+    with pytest.raises(InputFileError, match=rf"own\.yaml: {words}"):
+        run_campaign(file, tmp_path)
 
 
 def test_the_example_is_one() -> None:

@@ -245,6 +245,15 @@ def test_wrong_files_are_refused_by_field(tmp_path: Path, change, words: str) ->
         run_file(edited("pulled_slider.yaml", tmp_path, change))
 
 
+def test_what_is_no_number_of_the_model_names_the_file(tmp_path: Path) -> None:
+    (tmp_path / "walk.yaml").write_text(
+        "kind: walk\ntitle: t\nmodel: kang2007\nchange: {gian: 1 um/V}\nfree: [sigma_0]\n"
+        "recordings: [{file: walk.nc}]\n"
+    )
+    with pytest.raises(StudyError, match=r"walk\.yaml: Actuator has no field 'gian'"):
+        run_file(tmp_path / "walk.yaml")
+
+
 def test_a_label_is_used_once_and_a_file_read_once(tmp_path: Path) -> None:
     time = np.arange(0.0, 2.0, 5e-4)
     save_recording(make_recording(time, {"force_ratio": (time, "")}), tmp_path / "r.nc")

@@ -21,6 +21,7 @@ from .deeper import Deeper, deeper
 from .features import features_of
 from .file import CampaignFile
 from .gathering import Progress, Scale, scale_of, scaled
+from .plausible import check_walk
 
 # Of the steps' formulas with other noise.
 _REPETITIONS = 50
@@ -77,6 +78,9 @@ def evaluate(file: CampaignFile, folder: Path, gathered: Sequence[Aligned], prog
         formulas = step_formula_errors(stage, [one.recording for one in steps], n=_REPETITIONS)
         model = stage.model
     progress("identifying the friction", 0.2)
+    for one in recordings:
+        if one.use != "step":
+            check_walk(one, model)
     fitted = [one for one in recordings if one.use == "fit"]
     friction = identify_friction(
         [one.recording for one in fitted],

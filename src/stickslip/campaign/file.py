@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Discriminator, Field, Tag, ValidationError
 
 from ..experiment.file import FilterSpec, PartSpec
 from ..input_file import InputFileError, Seconds, Strict, explain, load_yaml, quantity
@@ -33,6 +33,16 @@ class OwnSpec(Recorded):
     waveform: list[PartSpec] = Field(default_factory=list)
 
 
+def _kind(one: Any) -> str:
+    """Which of both a recording is: an error is then said of that one alone."""
+    return "cells" if isinstance(one, CellsSpec) or (isinstance(one, dict) and "cells" in one) else "own"
+
+
+RecordingSpec = Annotated[
+    Annotated[CellsSpec, Tag("cells")] | Annotated[OwnSpec, Tag("own")], Discriminator(_kind)
+]
+
+
 class CampaignFile(Strict):
     """A whole campaign file.
 
@@ -49,11 +59,11 @@ class CampaignFile(Strict):
     title: str
     notes: str = ""
     experiment: str | None = None
-    recordings: Annotated[list[CellsSpec | OwnSpec], Field(min_length=1)]
+    recordings: Annotated[list[RecordingSpec], Field(min_length=1)]
     model: str = "kang2007"
     change: dict[str, float | str | bool] = Field(default_factory=dict)
     friction: dict[str, float | str] = Field(default_factory=dict)
-    free: list[str] = Field(default_factory=lambda: ["sigma_0", "sigma_1", "coulomb_force"])
+    free: list[str] = Field(default_factory=lambda: ["sigma_0", "sigma_1", "coulomb_force"], min_length=1)
     hops: int = 6
     reference: str | None = None
     filter: FilterSpec | None = None

@@ -57,7 +57,10 @@ def gather(
     for spec in file.recordings:
         if isinstance(spec, OwnSpec):
             whole = spec.cut(spec.read(folder))
-            drive = drive_of(spec.waveform, {}, folder) if spec.waveform else None
+            try:
+                drive = drive_of(spec.waveform, {}, folder) if spec.waveform else None
+            except QuantityError as error:
+                raise InputFileError(f"recordings: {spec.label}: {error}") from error
             try:
                 one = aligned(whole, drive, spec.label, file.slew_rate)
             except RecordingError as error:

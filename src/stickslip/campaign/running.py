@@ -5,7 +5,10 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from ..input_file import InputFileError
+from ..parameters import ParameterSetError
 from ..report import Document
+from ..units import QuantityError
 from .document import campaign_document
 from .evaluation import evaluate
 from .file import read_campaign
@@ -33,7 +36,10 @@ def run_campaign(
     """
     path, tell = Path(path), progress or (lambda doing, done: None)
     file = read_campaign(path)
-    gathered, recorded = gather(file, path.parent, Path(out), lambda doing, done: tell(doing, 0.4 * done))
-    found = evaluate(file, path.parent, gathered, lambda doing, done: tell(doing, 0.4 + 0.4 * done))
+    try:
+        gathered, recorded = gather(file, path.parent, Path(out), lambda doing, done: tell(doing, 0.4 * done))
+        found = evaluate(file, path.parent, gathered, lambda doing, done: tell(doing, 0.4 + 0.4 * done))
+    except (InputFileError, QuantityError, ParameterSetError) as error:
+        raise InputFileError(f"{path}: {error}") from error
     tell("drawing" if figures else "writing", 0.8)
     return campaign_document(file, found, recorded, figures=figures)

@@ -141,8 +141,9 @@ def make_recording(
 
 def _with_unit(value: Any) -> tuple[Any, str | None]:
     """An array, and the unit that it brings with it; None where it brings none."""
-    if isinstance(value, tuple) and len(value) == 2 and isinstance(value[1], str | None):
-        return value
+    match value:
+        case (array, str() | None as unit) if isinstance(value, tuple):
+            return array, unit
     if isinstance(value, xr.DataArray):
         return value.values, value.attrs.get("units")
     if hasattr(value, "magnitude"):  # of pint, which NumPy would strip of its unit

@@ -10,6 +10,7 @@ import xarray as xr
 
 from ..identify.channels import channel, refuse_clipped
 from ..identify.drives import Slewed, begin_of, refuse_sampling
+from ..recording import RecordingError
 from ..waveform.sequence import Sequence
 from ..waveform.shapes import Rest
 from ..waveform.signal import Waveform
@@ -19,6 +20,8 @@ POSITION = "end_effector_position"
 AFTER = 0.05
 # Of its range: a drive_voltage further from its first sample has begun.
 BEGUN = 0.02
+# Of the waveform's range, that of the channel at least; and the other way round.
+ALIKE = 0.5
 
 
 class Aligned(NamedTuple):
@@ -68,7 +71,9 @@ def aligned(
     if drive is None:
         begin = _first_change(whole, name) if begin is None else begin
     else:
-        begin = begin_of(whole, drive, name) if begin is None else begin
+        if begin is None:
+            _refuse_other_range(whole, drive, name)
+            begin = begin_of(whole, drive, name)
         end = begin + (1.0 + AFTER) * drive.duration if math.isfinite(drive.duration) else math.inf
         keep = time <= end
         whole, time, position = whole.isel(time=keep), time[keep], position[keep]
@@ -88,6 +93,18 @@ def aligned(
     refuse_sampling(moved["time"].values, wanted, name)
     forward = begin + drive.parts[0][1] if isinstance(drive, Sequence) else None
     return Aligned(name, moved, begin, noise, wanted, given, forward)
+
+
+def _refuse_other_range(whole: xr.Dataset, drive: Waveform, name: str) -> None:
+    """Raise RecordingError where the channel has other volts than the waveform: it begins nowhere in it."""
+    span = float(np.ptp(channel(whole, "drive_voltage", name, varies=True)))
+    low, high = drive.range()
+    if not ALIKE * (high - low) <= span <= (high - low) / ALIKE:
+        raise RecordingError(
+            f"drive_voltage [V] of {name} spans {span:.3g} V, its waveform {high - low:.3g} V: a unit is "
+            "wrong, or the channel is before the amplifier (then give the waveform as it is there, and as "
+            "gain [m/V] that of stage and amplifier together)"
+        )
 
 
 def _first_change(whole: xr.Dataset, name: str) -> float:

@@ -12,8 +12,10 @@ from typing import Annotated, Any
 from pydantic import Field, TypeAdapter, ValidationError
 
 from ..input_file import explain, load_yaml
+from ..parameters import ParameterSetError
 from ..recording import RecordingWarning
 from ..report import Document
+from ..units import QuantityError
 from .file import StudyError
 from .frequency import FrequencyStudy
 from .loops import LoopStudy
@@ -45,7 +47,10 @@ def run_file(path: str | os.PathLike[str], progress: Progress | None = None) -> 
         study = _FILE.validate_python(load_yaml(path))
     except ValidationError as error:
         raise explain(path, error) from error
-    return run_study(study, Path(path).parent, progress)
+    try:
+        return run_study(study, Path(path).parent, progress)
+    except (QuantityError, ParameterSetError) as error:
+        raise StudyError(f"{path}: {error}") from error
 
 
 def run_study(study: Any, folder: Path, progress: Progress | None = None) -> Document:

@@ -57,12 +57,13 @@ class VerificationStudy(Study):
         failures = found.unmet(requirements)
         least = min(found.table["r_squared"].values)
         said = (
-            f"{len(parts)} recordings predicted, nothing fitted: r² {least:.4f} or more, rms error "
-            f"{1e9 * found.rmse:.3g} nm."
+            f"{len(parts)} recording{'s' * (len(parts) > 1)} predicted, nothing fitted: r² {least:.4f} or "
+            f"more, rms error {1e9 * found.rmse:.3g} nm."
         )
         if requirements:
             count = len(requirements)
-            said += f" {'NOT all' if failures else 'All'} of the {count} requirement{'s' * (count > 1)} met."
+            all_of_them = f"ll of the {count} requirements" if count > 1 else "ll that is required is"
+            said += f" {'NOT a' if failures else 'A'}{all_of_them} met."
         progress("drawing", 0.6)
         return Document(
             title=self.title,

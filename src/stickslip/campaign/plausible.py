@@ -1,0 +1,79 @@
+"""What an eye would see before any fit: a walk too long for its stage, against its drive, or too coarse."""
+
+from __future__ import annotations
+
+import math
+import warnings
+
+import numpy as np
+
+from ..actuator import Actuator
+from ..identify.channels import channel
+from ..recording import RecordingError, RecordingWarning
+from ..study.alignment import POSITION, Aligned
+from ..units import with_prefix
+from ..waveform.signal import value_at
+
+# Samples in a period of the stage's own vibration, below which its slips are not seen.
+FEWEST_SAMPLES = 1.5
+# Of the gain: how the position follows the drive of the other sign, at least, to be against it.
+AGAINST = 0.1
+
+
+def check_walk(one: Aligned, model: Actuator) -> None:
+    """Raise or warn where a walk and the model cannot belong together as they are.
+
+    Raises:
+        RecordingError: it goes further than the stage can carry it: a unit or the gain is wrong by a factor.
+
+    Warns:
+        RecordingWarning: it goes against its drive, or is sampled more coarsely than the stage vibrates.
+    """
+    time, position = one.recording["time"].values, one.recording[POSITION].values
+    drive = (
+        channel(one.recording, "drive_voltage", one.name)
+        if one.wanted is None
+        else value_at(one.wanted, time)
+    )
+    if model.external_force == 0.0 and model.incline == 0.0:
+        _refuse_beyond_reach(one.name, position, drive, model)
+    period, interval = 2.0 * math.pi / model.natural_frequency, float(np.median(np.diff(time)))
+    if 0.0 < period < FEWEST_SAMPLES * interval:
+        warnings.warn(
+            f"{POSITION} [m] of {one.name} is sampled every {with_prefix(interval, 's', 3)}, and the stage "
+            f"vibrates with a period of {with_prefix(period, 's', 3)}: its slips are not seen, and other "
+            "values of friction, outside the intervals, may fit as well",
+            RecordingWarning,
+            stacklevel=2,
+        )
+    forward = time <= (math.inf if one.forward is None else one.forward)
+    if _following(time[forward], position[forward], drive[forward]) / model.gain < -AGAINST:
+        warnings.warn(
+            f"{POSITION} [m] of {one.name} goes down where drive_voltage [V] goes up: one of them is "
+            f"inverted, or gain = {with_prefix(model.gain, 'm/V', 4)} has the wrong sign",
+            RecordingWarning,
+            stacklevel=2,
+        )
+
+
+def _refuse_beyond_reach(name: str, position: np.ndarray, drive: np.ndarray, model: Actuator) -> None:
+    """The stage carries the end-effector by no more than its own way, however the contact slips.
+
+    Twice as much is granted, and what resonance adds; a hundredth of the samples at each end may be spikes.
+    """
+    low, high = np.percentile(position, [1.0, 99.0])
+    resonance = max(1.0, 0.5 / model.damping_ratio) if model.damping_ratio > 0 else math.inf
+    reach = 2.0 * resonance * abs(model.gain) * float(np.sum(np.abs(np.diff(drive))))
+    if high - low > reach:
+        raise RecordingError(
+            f"{POSITION} [m] of {name} spans {with_prefix(float(high - low), 'm', 3)}, but with gain = "
+            f"{with_prefix(model.gain, 'm/V', 4)} its drive moves the stage by at most "
+            f"{with_prefix(reach, 'm', 3)}, to and fro: a unit, of position or drive, or the gain is wrong"
+        )
+
+
+def _following(time: np.ndarray, position: np.ndarray, drive: np.ndarray) -> float:
+    """How the position follows the drive, m/V, beside a steady walk."""
+    about = np.column_stack([np.ones(time.size), time - time.mean(), drive - drive.mean()])
+    size = np.abs(about).max(axis=0)
+    return float((np.linalg.lstsq(about / size, position)[0] / size)[2]) if np.all(size > 0) else 0.0

@@ -1,0 +1,65 @@
+"""Walks that cannot be of their drive and model: a factor, a sign, a sampling that shows no slip."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+
+from stickslip.actuator import load_actuator
+from stickslip.campaign.plausible import check_walk
+from stickslip.recording import RecordingError, RecordingWarning, make_recording
+from stickslip.study.alignment import Aligned, aligned
+from stickslip.waveform.periodic import ReverseSawtooth, Sawtooth
+from stickslip.waveform.signal import value_at
+
+MODEL = load_actuator("kang2007")
+DRIVE = Sawtooth(60.0, 10.0, periods=5)
+
+
+def walk(scale: float = 1.0, interval: float = 0.5e-3, drive=DRIVE, known: bool = True) -> Aligned:
+    """2 of 6 um per period are kept, as a contact would that slips at each jump."""
+    time = np.arange(0.0, 0.5, interval)
+    u = value_at(drive, time)
+    sign = 1.0 if isinstance(drive, Sawtooth) else -1.0
+    x = scale * (0.7e-7 * u + sign * 2e-5 * time)
+    recording = make_recording(time, {"end_effector_position": x, "drive_voltage": u}, title="walk")
+    return Aligned("walk", recording, 0.0, 1e-9, drive if known else None, drive if known else None)
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_walk_as_it_should_be(known: bool) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_walk(walk(known=known), MODEL)
+        check_walk(walk(drive=ReverseSawtooth(60.0, 10.0, periods=5), known=known), MODEL)
+        check_walk(walk(-1.0, known=known), MODEL.replace(gain=-MODEL.gain))
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_walk_that_the_stage_cannot_make(known: bool) -> None:
+    with pytest.raises(
+        RecordingError, match=r"end_effector_position \[m\] of walk spans .* mm.*gain = 105.7 nm/V"
+    ):
+        check_walk(walk(1e3, known=known), MODEL)
+    pushed = MODEL.replace(external_force=0.1)  # that carries it anywhere
+    check_walk(walk(1e3, known=known), pushed)
+
+
+def test_a_walk_against_its_drive() -> None:
+    with pytest.warns(RecordingWarning, match="walk goes down where drive_voltage .* inverted"):
+        check_walk(walk(-1.0), MODEL)
+
+
+def test_a_sampling_that_shows_no_slip() -> None:
+    with pytest.warns(RecordingWarning, match="walk is sampled every 2.5 ms, .* period of 1.9 ms"):
+        check_walk(walk(interval=2.5e-3), MODEL)
+
+
+@pytest.mark.parametrize("factor", [1.0 / 15.0, 15.0])
+def test_a_drive_on_the_other_side_of_the_amplifier(factor: float) -> None:
+    one = walk().recording
+    one["drive_voltage"] = one["drive_voltage"] * factor
+    with pytest.raises(RecordingError, match=r"drive_voltage \[V\] of walk spans .* V, its waveform 60 V"):
+        aligned(one, DRIVE, "walk")
