@@ -1,8 +1,7 @@
 # Everything a newcomer types. A fresh machine needs Python >= 3.11, git and make; the rest comes from the lock file.
 #
 #   make demo       identify, verify and simulate; writes out/demo/report.html
-#   make test       all tests, compiled; then all but the long ones as plain Python, with the coverage of lines
-#   make coverage   the second of these alone: with the JIT off, the lines inside the kernels are seen too
+#   make test       all tests, compiled; then those of the kernels as plain Python; the lines that both have seen
 #   make check      lint, format, types, layers
 #   make mutation   flips signs in the physics and asks the tests to notice
 #   make bench      everything measured beside other tools: docs/benchmarks/; PART=fit for one part
@@ -18,8 +17,10 @@ READY := $(VENV)/.ready
 # Two processes suit two cores, a file to each: what its tests share (a server, a browser) is made once.
 # The first run compiles the kernels, later ones find them in the user's cache.
 PYTEST ?= $(BIN)/python -m pytest -q -n 2 --dist loadfile
-# What runs as plain Python: all but the tests marked as too long for it, and the browser's.
-NOJIT_TESTS ?= tests -m "not compiled and not browser"
+# What runs as plain Python too, where coverage sees the lines inside the kernels: what calls these most directly,
+# but for the tests marked as too long for it.
+PLAIN_TESTS := $(addprefix tests/,friction electronics waveform solve simulation test_mechanism.py test_jit.py) \
+  -m "not compiled"
 COVERAGE ?= 90
 LOCK_FLAGS ?=
 # Of trajectory, steady, ensemble, fit, accuracy, startup; all of them if empty.
@@ -28,7 +29,7 @@ PART ?=
 PEERS := .venv-peers
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test tools coverage check format mutation bench docs peers lock clean
+.PHONY: help setup demo test tools check format mutation bench docs peers lock clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -56,17 +57,14 @@ demo: $(READY)
 	$(BIN)/stickslip demo --out out/demo
 
 test: $(READY) tools
-	$(PYTEST)
-	$(MAKE) coverage
+	$(PYTEST) --cov --cov-report=
+	NUMBA_DISABLE_JIT=1 NUMBA_ENABLE_CUDASIM=1 $(PYTEST) --cov --cov-append --cov-fail-under=$(COVERAGE) $(PLAIN_TESTS)
 
 # The tests drive the panel in a real browser, and compile exported models.
 tools:
 	@for tool in chromium gcc cmake; do command -v $$tool >/dev/null || { echo "installing $$tool for the tests ..." >&2; \
 	  { apt-get update -qq && apt-get install -y -qq --no-install-recommends $$tool libc6-dev; } >/dev/null 2>&1; } || \
 	  echo "$$tool is not there and cannot be installed: tests that need it will fail" >&2; done
-
-coverage: $(READY)
-	NUMBA_DISABLE_JIT=1 NUMBA_ENABLE_CUDASIM=1 $(PYTEST) --cov --cov-fail-under=$(COVERAGE) $(NOJIT_TESTS)
 
 check: $(READY)
 	$(BIN)/ruff check

@@ -167,7 +167,7 @@ def run_tests(copy: Path, tests: tuple[str, ...]) -> None:
     os.chdir(ROOT)
     os.environ["PYTHONPATH"] = str(copy)
     sys.path.insert(0, str(copy))
-    options = ["-x", "-q", "--assert=plain", "-p", "no:cacheprovider", "-p", "no:xdist"]
+    options = ["-x", "-q", "--assert=plain", "-p", "no:cacheprovider", "-p", "no:unraisableexception"]
     status = int(pytest.main([*options, *tests]))
     tested = importlib.import_module("stickslip").__file__ or ""
     sys.stdout.flush()
@@ -246,6 +246,7 @@ def main() -> None:
         "CI": "true",
         "NUMBA_DISABLE_JIT": "1",
         "NUMBA_ENABLE_CUDASIM": "1",
+        "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1",
         "PYTHONDONTWRITEBYTECODE": "1",
     }
     for module in PRELOADED:  # once, here, and not in each of a hundred processes
