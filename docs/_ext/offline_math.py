@@ -21,6 +21,7 @@ _OTHERWISE = (
     (r"\\text(?![a-z])", r"\\mathrm"),
     (r"\\(le|ge|ne)(?![a-z])", r"\\\1q"),
 )
+_WORDS = re.compile(r"\\text\{[^{}]*\}")
 _CASES = re.compile(r"(.*?)\\begin\{cases\}(.*)\\end\{cases\}(.*)", re.DOTALL)
 
 
@@ -40,13 +41,16 @@ def _drawn(latex: str, size: float) -> str:
 
 
 def _lines(latex: str) -> list[str]:
+    # Roman type has no spaces of its own.
+    latex = _WORDS.sub(lambda words: words[0].replace(" ", "\\ "), latex)
     for old, new in _OTHERWISE:
         latex = re.sub(old, new, latex)
     cases = _CASES.fullmatch(latex)
-    if cases:  # one line for each
+    if cases:  # one line for each, and one for the formulas before it
         before, rows, after = cases.groups()
+        first, gap, before = before.rpartition(r"\qquad")
         wide = (row.replace("&", r"\qquad") for row in re.split(r"\\\\", rows))
-        latex = r"\\".join(f"{before} {row} {after}" for row in wide)
+        latex = r"\\".join([first] * bool(gap) + [f"{before} {row} {after}" for row in wide])
     lines = (line.replace("&", "").strip() for line in re.split(r"\\\\", latex))
     return [" ".join(line.split()) for line in lines if line]
 

@@ -71,6 +71,8 @@ def frequency_response(
         }
         _polar(axes[0], axes[1], response, scale, **line)
     axes[0].set_yscale("log")
+    moduli = scale(np.concatenate([np.abs(np.asarray(value)) for value in everything]))
+    axes[0].set_ylim(bottom=0.5 * moduli[moduli > 0.0].min())  # not down to where the bands have no bound
     axes[0].set_ylabel(scale.label(name))
     axes[1].set_ylabel("phase (°)")
     axes[1].yaxis.set_major_locator(MaxNLocator(5, steps=[1, 1.5, 3, 4.5, 9, 10]))

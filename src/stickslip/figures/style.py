@@ -103,12 +103,15 @@ def legend_above(axes: Axes, columns: int = 4) -> None:
     """The legend in a row above the panel, where it hides no data."""
     handles, labels = axes.get_legend_handles_labels()
     if labels:
+        columns = min(columns, len(labels))
+        # Matplotlib fills columns, people read rows.
+        order = [i for first in range(columns) for i in range(first, len(labels), columns)]
         axes.legend(
-            handles,
-            labels,
+            [handles[i] for i in order],
+            [labels[i] for i in order],
             loc="lower left",
             bbox_to_anchor=(0.0, 1.0),
-            ncols=min(columns, len(labels)),
+            ncols=columns,
             borderaxespad=0.2,
             handlelength=2.2,
             columnspacing=1.4,

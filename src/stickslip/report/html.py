@@ -28,6 +28,7 @@ def report_html(document: Document, made: Circumstances) -> str:
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
+        finalize=_joined,
     )
     environment.filters |= {
         "number": number_text,
@@ -35,8 +36,12 @@ def report_html(document: Document, made: Circumstances) -> str:
         "body": table_body,
         "heads": table_heads,
     }
-    page = environment.get_template("template.html.j2").render(document=document, made=asdict(made))
-    return re.sub(r"(?<=\d) %", "&nbsp;%", page)  # a per cent sign does not begin a line
+    return environment.get_template("template.html.j2").render(document=document, made=asdict(made))
+
+
+def _joined(value: Any) -> Any:
+    """What the page shows, with per cent signs that stay with their numbers: none begins a line."""
+    return type(value)(re.sub(r"(?<=\d) %", "\u00a0%", value)) if isinstance(value, str) else value
 
 
 def significant(value: float, digits: int = 4) -> str:

@@ -150,7 +150,7 @@ def _document(study: FrequencyStudy, results: list[_Level]) -> Document:
         pairs = [_mode(r.fits[-1], m) for r in results]
         about = f"{np.mean([f.value for f, _ in pairs]):.0f} Hz"
         followed[f"mode near {about}"] = [f for f, _ in pairs]
-        followed[f"its damping, {about}"] = [z for _, z in pairs]
+        followed[f"damping ratio near {about}"] = [z for _, z in pairs]
     scores = [
         (r.level.name, f"{len(modes)}", *score)
         for r in results

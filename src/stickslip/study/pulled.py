@@ -114,7 +114,7 @@ class PulledStudy(Study):
             highlights=(
                 ("static friction coefficient", Number(static, "")),
                 ("dynamic friction coefficient", Number(dynamic, "")),
-                ("regimes predicted rightly", Number(right, "", note=f"of {len(unseen)}")),
+                (f"regimes predicted rightly, of {len(unseen)}", Number(right, "")),
             ),
             numbers={
                 "parameters": estimates(fit),

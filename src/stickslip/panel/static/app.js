@@ -77,13 +77,23 @@ async function route() {
     else link.removeAttribute("aria-current");
   }
   document.title = `${page[0].toUpperCase()}${page.slice(1)} · stickslip`;
-  const element = byId("page");
-  element.replaceChildren();
+  // Each page has a room of its own: one that is left while it still waits for its data fills none of the next one's.
+  const room = document.createElement("div");
+  room.className = "room";
+  byId("page").replaceChildren(room);
   const module = await import(PAGES[page]);
   if (shown !== page) return;
-  const left = await module.mount(element, app);
+  const left = await module.mount(room, app);
   if (shown === page) unmount = left || unmount;
   else left?.();
+}
+
+/** As `route`; a page that could not be fetched comes when the server is back. */
+function open() {
+  return route().catch((error) => {
+    shown = "";
+    notify(error.message, "error");
+  });
 }
 
 function emergencyStop() {
@@ -118,6 +128,7 @@ function boot() {
     lamp.textContent = state;
     lamp.dataset.state = state;
     document.body.classList.toggle("offline", state !== "connected");
+    if (state === "connected" && !shown) open();
     if (missed) notify(`Connected again after ${missed.toFixed(missed < 10 ? 1 : 0)} s; what was missed is shown.`);
   });
   app.stream.on("readiness", ({ preparing }) => {
@@ -125,20 +136,26 @@ function boot() {
     line.hidden = !preparing.length;
     line.textContent = preparing.length ? `Getting ready: ${preparing.join(", ")} …` : "";
   });
+  let phase = "";
+  app.stream.on("run", (run) => {
+    if (run.phase === "stopped" && phase === "stopping") notify("Stopped: the output has been ramped to 0 V.", "warning");
+    phase = run.phase;
+  });
   app.stream.on("notice", ({ text, level }) => notify(text, level));
   const control = byId("control");
   app.stream.on("control", (state) => {
     app.control = { ...state, mine: state.holder === app.client };
     const asked = app.control.mine && state.asking;
     control.textContent = asked ? "Hand over control" : app.control.mine ? "In control" : state.holder ? "Ask for control" : "Take control";
+    control.title = app.control.mine && !asked ? "Only one page controls the rig: this one; press to let go of it" : "Only one page controls the rig; every page sees it";
     control.dataset.state = asked ? "asked" : app.control.mine ? "mine" : state.holder ? "other" : "free";
     if (asked && state.asking !== app.client) notify("Another page asks for control.", "warning");
     document.body.classList.toggle("watching", Boolean(state.holder) && !app.control.mine);
     window.dispatchEvent(new Event("controlchange"));
   });
   control.onclick = () => app.stream.send({ kind: app.control.mine ? "hand_over" : "ask_control" });
-  window.addEventListener("hashchange", route);
-  route().catch((error) => notify(error.message, "error"));
+  window.addEventListener("hashchange", open);
+  open();
 }
 
 boot();

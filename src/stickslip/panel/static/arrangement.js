@@ -75,6 +75,7 @@ export function makeArrangement(bench) {
         return card;
       }));
       row.classList.toggle("tall", height > 1);
+      row.style.setProperty("--strips", Math.max(...members.map((i) => (specs()[i].kind === "plotter" ? specs()[i].variables.length : 1))));
       row.style.setProperty("--height", height);
       return row;
     }));

@@ -41,10 +41,12 @@ export async function mount(element, app) {
   const doing = h("span", { class: "soft number", id: "doing" });
   const bar = h("progress", { max: 1, value: 0, "aria-label": "Progress of the run" });
   const inputs = h("div", { class: "inputs", id: "inputs" });
-  const controls = h("fieldset", { class: "bare" },
-    h("div", { class: "field" }, h("label", { htmlFor: "run-choice" }, "Run"), select),
-    h("div", { class: "row" }, start, halt, home),
-    h("h3", {}, "Inputs"), inputs);
+  // Whoever does not hold control may do no more than stop.
+  const whole = (...inside) => h("fieldset", { class: "bare" }, ...inside);
+  const watching = h("p", { class: "watching", hidden: true }, "Another page is in control: ask it at the top. Stop works from here too.");
+  const choice = whole(h("div", { class: "field" }, h("label", { htmlFor: "run-choice" }, "Run"), select));
+  const values = whole(h("h3", {}, "Inputs"), inputs);
+  const controls = h("div", { class: "bare" }, watching, choice, h("div", { class: "row" }, start, halt, home), values);
   const capture = makeCapture(bench);
   const recordings = makeRecordings(bench);
   const variables = makeVariables(bench);
@@ -123,13 +125,16 @@ export async function mount(element, app) {
     bar.value = busy ? now.done : now.phase === "done" ? 1 : 0;
     const left = now.remaining !== null && busy ? ` · ${formatQuantity(now.remaining, "s", 2)} left` : "";
     doing.textContent = busy ? `${Math.round(100 * now.done)} %${left} · ${now.doing || now.title}` : now.title;
-    start.disabled = home.disabled = here.disabled = busy;
     halt.disabled = !busy;
+    showControl();
     arrangement.values();
   }
   function showControl() {
-    controls.disabled = Boolean(app.control.holder) && !app.control.mine;
-    document.querySelector(".bench")?.classList.toggle("locked", controls.disabled);
+    const other = Boolean(app.control.holder) && !app.control.mine;
+    const busy = !halt.disabled;
+    watching.hidden = !other;
+    for (const one of [choice, values, ...tools.querySelectorAll("button")]) one.disabled = other;
+    start.disabled = home.disabled = here.disabled = busy || other;
   }
   const offs = [
     app.stream.on("experiment", (message) => { bench.experiment = message; showExperiment(); }),

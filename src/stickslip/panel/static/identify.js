@@ -109,22 +109,22 @@ export async function mount(element, app) {
   function liveNumbers(step) {
     if (!step) return [];
     const pairs = step.rmse === undefined ? [] : [["rms residual", formatQuantity(step.rmse, "m")]];
-    for (const [name, value] of Object.entries(step.values ?? {})) pairs.push([form.nameOf(name), formatQuantity(value, form.unitOf(name))]);
-    return pairs.map(([name, value]) => make("div", {}, make("dt", { textContent: name }), make("dd", { textContent: value })));
+    for (const [name, value] of Object.entries(step.values ?? {})) pairs.push([form.labelOf(name), formatQuantity(value, form.unitOf(name))]);
+    return pairs.map(([name, value]) => make("div", {}, make("dt", {}, ...[name].flat()), make("dd", { textContent: value })));
   }
   function table(caption, heads, rows) {
-    const cells = (tag, row) => row.map((text, i) => make(i ? tag : "th", { textContent: text, className: i ? "number" : "" }));
+    const cells = (tag, row) => row.map((text, i) => make(i ? tag : "th", { className: i ? "number" : "" }, ...[text].flat()));
     return make("table", {}, make("caption", { textContent: caption }), make("thead", {}, make("tr", {}, ...cells("th", heads))),
       make("tbody", {}, ...rows.map((row) => make("tr", {}, ...cells("td", row)))));
   }
   function resultCards() {
     const { fit } = state;
-    const estimates = (found) => Object.entries(found.parameters).filter(([name]) => !/^(lag|offset_\d+)$/.test(name)).map(([name, p]) => [form.nameOf(name), formatQuantity(p.value, p.unit, 5),
-      `${formatQuantity(p.interval[0], p.unit)} … ${formatQuantity(p.interval[1], p.unit)}`, p.standard_error === null ? "at its bound" : formatQuantity(p.standard_error, p.unit, 3)]);
+    const estimates = (found) => Object.entries(found.parameters).filter(([name]) => !/^(lag|offset_\d+)$/.test(name)).map(([name, p]) => [form.labelOf(name), formatQuantity(p.value, p.unit, digitsOf(p)),
+      `${formatQuantity(p.interval[0], p.unit)} … ${formatQuantity(p.interval[1], p.unit)}`, p.standard_error === null ? "at its bound" : formatQuantity(p.standard_error, p.unit, 2)]);
     const heads = ["parameter", "estimate", "95 % interval", "standard error"];
     const sentences = fit.undetermined.length ? fit.undetermined : ["The recordings determine every parameter that was free."];
-    const named = (text) => Object.keys(fit.parameters).reduce((said, name) => said.replace(new RegExp(`\\b${name}\\b`), form.nameOf(name)), text);
-    const said = sentences.map(named).map((text) => make("li", { textContent: text, className: fit.undetermined.length ? "weak" : "" }));
+    const names = new RegExp(`\\b(${Object.keys(fit.parameters).join("|")})\\b`);
+    const said = sentences.map((text) => make("li", { className: fit.undetermined.length ? "weak" : "" }, ...text.split(names).flatMap((part, i) => (i % 2 ? form.labelOf(part) : [part]))));
     if (!fit.converged) said.push(make("li", { className: "weak", textContent: `The fit did not converge: ${fit.message}.` }));
     const notes = (state.notes ?? []).map((text) => make("li", { textContent: text }));
     const remarks = notes.length ? [make("details", { className: "soft" }, make("summary", { textContent: "Notes on the recordings" }), make("ul", { className: "identify-said" }, ...notes))] : [];
@@ -179,4 +179,11 @@ export async function mount(element, app) {
     ending.forEach((end) => end());
     plot.destroy();
   };
+}
+
+/** Digits of an estimate: as far as its standard error has two. */
+function digitsOf({ value, standard_error: error }) {
+  if (!(error > 0) || !value) return 5;
+  const place = (number) => Math.floor(Math.log10(Math.abs(number)));
+  return Math.min(Math.max(place(value) - place(error) + 2, 2), 6);
 }

@@ -8,7 +8,7 @@ import { makeChoice, makeSwitch, symbolOf } from "./sliders.js";
 
 const CHANNEL = [
   { name: "delay", unit: "s", symbol: "t_d", meaning: "delay of the sensor" },
-  { name: "offset", unit: "m", symbol: "x_0", meaning: "offset of the sensor" },
+  { name: "offset", unit: "m", symbol: "x₀", meaning: "offset of the sensor" },
 ];
 // The gain too: a stage that nobody measured is wrong by some percent, and friction would make up for it.
 const USUAL = ["gain", "sigma_0", "sigma_1", "coulomb_force", "stiffness_1", "stiffness_2", "stiffness_3", "strength_1", "strength_2", "strength_3", "delay", "offset"];
@@ -190,7 +190,8 @@ export async function fitForm(app, choices, last, start, cancel) {
       go.disabled = on;
       stop.disabled = !on;
     },
-    nameOf: (name) => (known.has(name) ? `${capital(known.get(name).meaning)} ${known.get(name).symbol}` : name),
+    /** What a name means, and its symbol as it is in print. */
+    labelOf: (name) => (known.has(name) ? [`${capital(known.get(name).meaning)} `, symbolOf(known.get(name).symbol)] : [name]),
     unitOf: (name) => known.get(name)?.unit ?? "",
   };
 }

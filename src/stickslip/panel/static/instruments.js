@@ -29,7 +29,11 @@ function display(bench, spec) {
     return { to, value, element: h("div", { class: "display" }, h("span", { class: "soft" }, spec.variables.length === 1 && spec.title ? spec.title : to.label), value) };
   });
   const element = h("div", { class: "displays" }, ...parts.map((part) => part.element));
-  const update = () => parts.forEach(({ to, value }) => (value.textContent = formatQuantity(to.value(), to.unit)));
+  const update = () => {
+    parts.forEach(({ to, value }) => (value.textContent = formatQuantity(to.value(), to.unit)));
+    // Nothing is measured while the output ramps down: what is shown is older than that.
+    element.classList.toggle("stale", bench.run.phase === "stopped" && bench.live.data.filled > 0);
+  };
   const off = bench.live.listen(update);
   update();
   return { element, update, destroy: off };
@@ -42,8 +46,10 @@ function input(bench, spec) {
     return { to, field: variableField(bench, { ...to, value: to.value() }) };
   });
   const update = () => fields.forEach(({ to, field }) => field.set(to.value()));
-  return { element: h("div", { class: "inputs" }, ...fields.map(({ field }) => field.element)), update, destroy() {} };
+  return { element: titled(spec, h("div", { class: "inputs" }, ...fields.map(({ field }) => field.element))), update, destroy() {} };
 }
+
+const titled = (spec, content) => (spec.title ? h("div", { class: "titled" }, h("h3", { class: "soft" }, spec.title), content) : content);
 
 /** A field for a variable of the experiment; the server checks the whole experiment with the new value. */
 export function variableField(bench, variable, label = variable.label) {
@@ -64,6 +70,11 @@ function plotter(bench, spec) {
   let busy = false;
   let again = false;
 
+  /** A channel has one colour, in whichever plotter it is. */
+  const colour = (name, v) => {
+    const { channels } = bench.experiment, at = channels.findIndex((one) => one.name === name);
+    return at < 0 ? channels.length + v : at;
+  };
   /** Sources: the live run and the recordings that are shown; more than one are told apart by colour. */
   const sources = () => [...(bench.shown.live ? ["live"] : []), ...bench.shown.recordings];
   function build() {
@@ -78,20 +89,23 @@ function plotter(bench, spec) {
     const series = from.flatMap((source, s) => spec.variables.map((name, v) => {
       const to = bound(bench, name);
       const label = several ? `${to.label} · ${source === "live" ? "this run" : shortName(source)}` : to.label;
-      return { label, unit: to.unit, strip: name, color: `--series-${((several ? s : v) % 6) + 1}`, dash: several && s ? [[9, 4], [3, 3], [12, 3, 3, 3]][(s - 1) % 3] : [] };
+      return { label, unit: to.unit, strip: name, color: `--series-${((several ? s : colour(name, v)) % 6) + 1}`, dash: several && s ? [[9, 4], [3, 3], [12, 3, 3, 3]][(s - 1) % 3] : [] };
     }));
     plot = makePlot(box, { series, label: spec.title || "Plotter" });
     offView = plot.onView(() => later());
     if (view) plot.setView(view);
   }
-  async function columns(source, view) {
+  async function columns(source, view, alone) {
     if (source !== "live") {
       const { header, x, columns: found } = await showRecording(bench.app, source, view, 2 * plot.pixels);
       return [x, ...spec.variables.map((name) => found[header.columns.findIndex((one) => one.name === name)] ?? new Float32Array(x.length))];
     }
     const { header } = bench.live.data;
-    if (!header || !view || header.bucket === 1) return bench.live.whole(spec.variables);
-    return bench.live.window(spec.variables, view, 2 * plot.pixels);
+    // Recordings count their time from the first sample, the run from the begin of its drive.
+    const begin = alone ? 0 : header?.begin ?? 0;
+    const [x, ...values] = !header || !view || header.bucket === 1 ? bench.live.whole(spec.variables)
+      : await bench.live.window(spec.variables, view.map((t) => t + begin), 2 * plot.pixels);
+    return [begin ? x.map((t) => t - begin) : x, ...values];
   }
   async function refresh() {
     if (busy) { again = true; return; }
@@ -101,7 +115,7 @@ function plotter(bench, spec) {
     try {
       const from = sources();
       const view = plot.view && [plot.view[0] - 0.05 * (plot.view[1] - plot.view[0]), plot.view[1] + 0.05 * (plot.view[1] - plot.view[0])];
-      const tables = await Promise.all(from.map((source) => columns(source, view)));
+      const tables = await Promise.all(from.map((source) => columns(source, view, from.length === 1)));
       if (mine === asked && plot) {
         plot.setExtent(from.length === 1 && from[0] === "live" ? bench.live.extent() : null);
         plot.setData(tables.length === 1 ? tables[0] : joined(tables));
@@ -127,5 +141,5 @@ function plotter(bench, spec) {
     else refresh();
   });
   queueMicrotask(refresh);
-  return { element: box, update: refresh, destroy() { off(); offView(); clearTimeout(timer); plot?.destroy(); plot = null; } };
+  return { element: titled(spec, box), update: refresh, destroy() { off(); offView(); clearTimeout(timer); plot?.destroy(); plot = null; } };
 }

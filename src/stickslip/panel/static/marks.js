@@ -85,7 +85,10 @@ export function makeMarks({ root, strips, drawn, time, values, range, enabled })
 
   function fill() {
     const { x, data } = values();
-    const index = { A: at.A === null || !x.length ? null : nearest(x, at.A), B: at.B === null || !x.length ? null : nearest(x, at.B) };
+    // Beyond the samples there is nothing to read, half a pixel aside.
+    const [from, to] = range(), near = (to - from) / 2000;
+    const within = (t) => t !== null && x.length && t >= x[0] - near && t <= x[x.length - 1] + near;
+    const index = { A: within(at.A) ? nearest(x, at.A) : null, B: within(at.B) ? nearest(x, at.B) : null };
     const rows = [[time.label, at.A, at.B, time.unit]];
     for (const one of drawn) {
       const value = (name) => (index[name] === null ? null : valueAt(data[one.index], index[name]));

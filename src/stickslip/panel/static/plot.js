@@ -109,7 +109,7 @@ export function makePlot(element, { series, time = { label: "time", unit: "s" },
     });
     const options = {
       mode: xy ? 2 : 1,
-      width: 300, height: 150, padding: [8, em, last ? 0 : 4, 0],
+      width: 300, height: 150, padding: [0.55 * em, em, last ? 0 : 4, 0],
       legend: { show: false },
       cursor: {
         sync: xy ? undefined : { key, setSeries: false, scales: ["x", null] },
@@ -122,7 +122,7 @@ export function makePlot(element, { series, time = { label: "time", unit: "s" },
         y: { range: (u, min, max) => strip.yView ?? padded(min, max) },
       },
       axes: [
-        { ...axis("x", time.unit, last ? time.label : ""), space: 4 * em, size: last ? 1.9 * em : 6, ...(last ? {} : { values: () => [], label: undefined, labelSize: 0 }) },
+        { ...axis("x", time.unit, last ? time.label : ""), space: 3.4 * em, size: last ? 1.9 * em : 6, ...(last ? {} : { values: () => [], label: undefined, labelSize: 0 }) },
         { ...axis("y", unit, ""), space: 1.7 * em, size: 4 * em },
       ],
       series: [xy ? null : {}, ...members.map((one) => ({

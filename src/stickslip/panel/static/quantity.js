@@ -99,7 +99,7 @@ export function makeQuantity({ label, unit = "", value, app, change, hint = "" }
       say("");
       show();
     } catch (error) {
-      if (mine === asked) say(error.message);
+      if (mine === asked) say(error.message.replace(/^value = /, ""));
     }
   }
   input.addEventListener("change", commit);

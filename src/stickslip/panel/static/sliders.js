@@ -33,9 +33,9 @@ const rounded = (value, step) => Number(value.toFixed(Math.min(Math.max(2 - Math
 
 const capital = (text) => text[0].toUpperCase() + text.slice(1);
 
-/** A symbol such as "ω_n", set as it is in print. */
+/** A symbol such as "ω_n" or "σ₀", set as it is in print. */
 export function symbolOf(text) {
-  const [base, below] = text.split("_");
+  const [base, below] = text.replace(/[₀-₉]/g, (digit) => `_${digit.charCodeAt(0) - 0x2080}`).split("_");
   const made = document.createElement("var");
   made.append(base);
   if (below) made.append(Object.assign(document.createElement("sub"), { textContent: below }));

@@ -48,7 +48,7 @@ export function makeLog(app) {
     for (const entry of entries) {
       if (known.has(entry.id)) continue;
       known.add(entry.id);
-      element.prepend(h("li", { "data-level": entry.level }, h("time", { dateTime: entry.time, class: "soft number" }, new Date(entry.time).toLocaleTimeString()), " ", entry.text));
+      element.prepend(h("li", { "data-level": entry.level }, h("time", { dateTime: entry.time, class: "soft number" }, new Date(entry.time).toLocaleTimeString([], { hourCycle: "h23" })), " ", entry.text));
       if (entry.level === "error") app.notify(entry.text, "error");
     }
     while (element.children.length > 500) element.lastChild.remove();
