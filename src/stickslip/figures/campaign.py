@@ -67,14 +67,16 @@ def step_responses(traces: Mapping[str, Trace]) -> Figure:
     return figure
 
 
-def _between(axes: Axes, x: NDArray[np.float64], half: NDArray[np.float64], label: str) -> None:
-    """The band that the parameters leave, if there is one: behind the residuals, its edges before them."""
+def _between(
+    axes: Axes, x: NDArray[np.float64], half: NDArray[np.float64], label: str, edge: float = 0.0
+) -> None:
+    """The band that the parameters leave, if there is one: behind the residuals; before them, its edges."""
     if np.any(half > 0.0):
         width = np.broadcast_to(half, x.shape)
         how = {"color": VERMILLION, "rasterized": x.size > 1000}
         axes.fill_between(x, -width, width, alpha=0.35, lw=0, zorder=1, label=label or None, **how)
-        for side in (-1.0, 1.0):
-            axes.plot(x, side * width, lw=0.9, zorder=3, **how)
+        for side in (-1.0, 1.0) if edge else ():
+            axes.plot(x, side * width, lw=edge, zorder=3, **how)
 
 
 @drawn
@@ -98,7 +100,7 @@ def walks(traces: Mapping[str, Trace]) -> Figure:
             )
             for side in (-1.0, 1.0):
                 trace(below, clock(time), side * band, color=MEASURED, lw=0.6).set_rasterized(True)
-        _between(below, clock(time), small(np.asarray(t.parameters, dtype=float)), _LEFT)
+        _between(below, clock(time), small(np.asarray(t.parameters, dtype=float)), _LEFT, edge=0.9)
         noise = trace(below, clock(time), small(model - measured), color=BLUE, lw=0.5, alpha=0.55)
         noise.set_rasterized(True)  # so do the bands: as vectors they would be most of a report
         above.set_title(name)
