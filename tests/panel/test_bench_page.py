@@ -179,6 +179,12 @@ def test_emergency_stop_by_key_ramps_at_the_next_block(page: Page, panel: Panel)
     assert stopping < ramp < told.index("stopped")
     assert told[stopping:].count("block") <= 1, "nothing is driven on: at most what was under way"
     assert "running" not in told[stopping:]
+    # What is shown is from before the ramp and says so; beyond it there is nothing to read.
+    expect(page.locator("#notices")).to_contain_text("ramped to 0 V")
+    expect(page.locator(".displays.stale")).to_have_count(4)
+    page.get_by_role("button", name="Cursors").click()
+    expect(page.locator(".plot-cursors tr").nth(1).locator("td").nth(1)).not_to_have_text("–")
+    expect(page.locator(".plot-cursors tr").nth(2).locator("td").nth(1)).to_have_text("–")
     shot(page, "bench-stopped")
 
 
@@ -372,6 +378,8 @@ def test_a_second_page_sees_the_same_and_takes_control_over(
     page.select_option("#run-choice", "forward")
     page.click("#start")
     expect(other.locator("#phase")).to_have_text("Running", timeout=SLOW)
+    expect(other.locator("#halt")).to_be_enabled()
+    expect(other.get_by_text("Another page is in control")).to_be_visible()
     expect(other.locator("#phase")).to_have_text("Done", timeout=SLOW)
     other.wait_for_timeout(300)
     assert drawn(other) > 200
@@ -450,8 +458,12 @@ def test_the_page_comes_back_after_the_server_was_killed(page: Page, panel: Pane
     panel.kill()
     expect(page.locator("#connection")).to_have_text("connection lost", timeout=15_000)
     shot(page, "bench-lost")
+    page.click("text=Explore")  # which has never been fetched
+    expect(page.locator("#notices")).to_contain_text("does not answer")
     panel.start()
     expect(page.locator("#connection")).to_have_text("connected", timeout=SLOW)
+    expect(page.locator(".explore")).to_be_visible()
+    page.click("text=Bench")
     expect(page.locator("#notices")).to_contain_text("Connected again")
     expect(page.locator("#start")).to_be_enabled()
     run(page, "forward")

@@ -12,7 +12,7 @@ from typing import Any
 import httpx
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, Page, Route, expect
 from websockets.asyncio.client import connect
 
 from .conftest import PATIENCE, Panel, run_number
@@ -85,6 +85,24 @@ def test_tab_reaches_everything_and_everything_has_a_name(page: Page, panel: Pan
           .map((one) => one.outerHTML)"""
     )
     assert nameless == []
+
+
+def test_a_page_that_is_left_early_fills_no_other(page: Page, panel: Panel) -> None:
+    held: list[Route] = []
+    page.route("**/api/identify/state", lambda route: held.append(route))
+    page.goto(f"{panel.url}#identify")
+    expect(page.locator("#connection")).to_have_text("connected")
+    page.wait_for_function(
+        "performance.getEntriesByType('resource').some((one) => one.name.endsWith('identify.css'))"
+    )
+    page.click("text=Explore")
+    page.locator(".explore[data-curves]").wait_for(timeout=SLOW)
+    assert held
+    with page.expect_response("**/api/identify/recordings"):  # what it asks for next
+        for route in held:
+            route.continue_()
+    page.wait_for_timeout(300)
+    expect(page.locator(".identify")).to_have_count(0)
 
 
 def test_fifty_watch_one_run(page: Page, panel: Panel) -> None:

@@ -92,7 +92,7 @@ async function route() {
 function open() {
   return route().catch((error) => {
     shown = "";
-    notify(error.message, "error");
+    notify(app.stream.connected ? error.message : "The server does not answer.", "error");
   });
 }
 
