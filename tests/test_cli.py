@@ -7,6 +7,7 @@ import json
 import os
 import pty
 import re
+import resource
 import subprocess
 import sys
 from pathlib import Path
@@ -208,6 +209,18 @@ def test_a_result_that_cannot_be_written_is_a_failure(tmp_path: Path) -> None:
     done = run(*STEP, "--out", str(tmp_path))
     assert done.exit_code == 1
     assert re.search(r"^Error: .*results\.json", done.stderr, re.MULTILINE)
+
+
+def test_a_full_disk_is_named(tmp_path: Path) -> None:
+    """Here a limit of the size of files, which names none either."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (5000, hard))
+    try:
+        done = run("calibrate", "kang2007-inductive", "--order", "5", "--out", str(tmp_path))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert done.exit_code == 1
+    assert f"Error: --out {tmp_path}: File too large" in done.stderr
 
 
 @pytest.mark.parametrize("how", [["--traceback"], []])

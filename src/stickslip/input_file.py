@@ -43,7 +43,9 @@ def load_yaml(path: str | os.PathLike[str]) -> dict[str, Any]:
     """
     try:
         found = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
+    except OSError as error:
+        raise InputFileError(f"{path}: {error.strerror or error}") from error
+    except UnicodeDecodeError as error:
         raise InputFileError(f"{path}: {error}") from error
     except (yaml.YAMLError, ValueError, RecursionError) as error:  # ValueError: a date that does not exist
         raise InputFileError(f"{path} is no YAML: {' '.join(str(error).split())}") from error

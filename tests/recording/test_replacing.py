@@ -31,6 +31,18 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
     assert target.read_text() == "new"
 
 
+def test_what_cannot_be_written_is_named(tmp_path: Path) -> None:
+    with (
+        pytest.raises(FileNotFoundError) as missing,
+        replaced_whole(tmp_path / "gone" / "a.txt") as temporary,
+    ):
+        temporary.write_text("new")
+    assert missing.value.filename == str(tmp_path / "gone" / "a.txt")
+    with pytest.raises(OSError, match="No space left") as full, replaced_whole(tmp_path / "b.txt"):
+        os.write(os.open("/dev/full", os.O_WRONLY), b"x")  # as a disk does that is full: without a name
+    assert full.value.filename == str(tmp_path / "b.txt")
+
+
 def test_leftovers_of_dead_processes_go_and_those_of_living_ones_stay(tmp_path: Path) -> None:
     dead = subprocess.Popen([sys.executable, "-c", ""])
     dead.wait()

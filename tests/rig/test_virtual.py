@@ -12,6 +12,7 @@ from stickslip.calibration.storage import from_text
 from stickslip.recording import open_recording, save_recording
 from stickslip.rig import Capture, Channel, Limits, RigError, Trigger, VirtualRig, measure
 from stickslip.simulation import simulate
+from stickslip.units import QuantityError
 from stickslip.waveform.periodic import ReverseSawtooth, Sawtooth
 from stickslip.waveform.sequence import Sequence
 from stickslip.waveform.shapes import Constant, Rest, Step
@@ -134,7 +135,13 @@ def test_real_time_takes_the_time_it_takes() -> None:
 
 
 def test_a_rig_says_what_it_cannot_do() -> None:
+    with pytest.raises(QuantityError, match="Actuator, not 'kang2007': load it first"):
+        VirtualRig("kang2007", BENCH)  # type: ignore[arg-type]
+    with pytest.raises(QuantityError, match="Bench, not 'kang2007-bench'"):
+        VirtualRig(ACTUATOR, "kang2007-bench")  # type: ignore[arg-type]
     rig = VirtualRig(ACTUATOR, BENCH)
+    with pytest.raises(QuantityError, match=r"drive = 60 is no waveform"):
+        measure(rig, 60, CHANNELS, FAST, Limits(max_voltage=100))  # type: ignore[arg-type]
     with pytest.raises(RigError, match="start needs"):
         rig.start()
     with pytest.raises(RigError, match="no input 'nose'"):

@@ -82,6 +82,10 @@ def test_results_of_an_identification_are_verified(folder: Path) -> None:
     assert "Warning: drive_voltage [V] of walk changes too fast" in done.stderr
     assert done.exit_code == 0, done.stderr
     assert run(results, "--out", str(folder / "o4")).exit_code == 2
+    (folder / "table.csv").write_text("t,x,u\n" + "".join(f"{i},0,1\n" for i in range(20)))
+    table = run(results, str(folder / "table.csv"), "--out", str(folder / "o7"))
+    assert table.exit_code == 2
+    assert "table has no end_effector_position [m]; it has x, u. A table's columns" in table.stderr
     assert run(str(folder / "o2" / "report.html"), "--out", str(folder / "o5")).exit_code == 2
     both = run(str(folder / "check.yaml"), str(folder / "walk.nc"), "--out", str(folder / "o6"))
     assert both.exit_code == 2

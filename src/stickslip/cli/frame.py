@@ -72,6 +72,8 @@ def _explained(error: Exception) -> str:
     text = " ".join(str(error).split())
     if isinstance(error, ModuleNotFoundError) and not str(error.name).startswith("stickslip"):
         return f"this command needs {error.name}; {_INSTALL}"
+    if isinstance(error, OSError) and error.strerror and error.filename is not None:
+        return f"{error.filename}: {error.strerror}"
     if isinstance(error, ValueError | OSError) or type(error).__module__.startswith("stickslip"):
         return text
     return f"unexpected {type(error).__name__}: {text} (--traceback shows where)"
@@ -131,7 +133,10 @@ def write(document: Document, out: Path, begun: float, browser: str = "") -> Non
     from ..report import write_pdf, write_report
 
     command = shlex.join(["stickslip", *sys.argv[1:]])
-    report = write_report(document, out, command=command, elapsed=time.perf_counter() - begun)
+    try:
+        report = write_report(document, out, command=command, elapsed=time.perf_counter() - begun)
+    except OSError as error:  # a full disk names no file
+        raise OSError(error.errno, error.strerror, error.filename or f"--out {out}") from error
     typer.echo(document.summary)
     for what, number in document.highlights:
         typer.echo(f"  {what}: {_shown(number)}")

@@ -14,6 +14,9 @@ def replaced_whole(target: Path) -> Iterator[Path]:
 
     At every moment the name holds a whole file, the old one or the new one. A process that is killed leaves
     ``.NAME.PID.part`` behind, which `remove_leftovers` clears away.
+
+    Raises:
+        OSError: it cannot be written; names the target.
     """
     # Another process may be writing the same target: each has its own temporary file.
     temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
@@ -21,6 +24,11 @@ def replaced_whole(target: Path) -> Iterator[Path]:
         yield temporary
         _sync(temporary)
         os.replace(temporary, target)
+    except OSError as error:
+        if error.errno is None:
+            raise
+        # A full disk names no file, and a missing folder the temporary one.
+        raise OSError(error.errno, error.strerror, str(target)) from error
     finally:
         temporary.unlink(missing_ok=True)
     if os.name == "posix":  # elsewhere a folder cannot be opened

@@ -120,6 +120,8 @@ def plan_run(
     Raises:
         QuantityError, LimitError, CaptureError: as `measure`.
     """
+    if not hasattr(drive, "drive"):
+        raise QuantityError(f"drive = {drive!r} is no waveform, such as Step('60 V')")
     if drive.unit != "V":
         raise QuantityError(f"the drive of a rig is in V, this one is in {drive.unit}")
     step = stride(capture, can.sample_rate)

@@ -12,6 +12,7 @@ from ..actuator import Actuator
 from ..electronics import adc_output, amplifier_output, dac_output, filtered
 from ..mechanism import SLIDER, STAGE
 from ..simulation.trajectory import COMPLETE, follow
+from ..units import QuantityError
 from ..waveform.sampled import Sampled
 from .bench import Bench, Mounted
 from .protocols import Array, Capabilities, RigError
@@ -47,6 +48,11 @@ class VirtualRig:
         real_time: bool = False,
         tolerance: float = 1e-9,
     ) -> None:
+        for value, kind in ((actuator, Actuator), (bench, Bench)):
+            if not isinstance(value, kind):
+                raise QuantityError(
+                    f"a virtual rig wants its {kind.__name__}, not {value!r:.60}: load it first"
+                )
         # The limits of the drive are the gate's; a converter's step beside 0 V is no error.
         self.actuator = actuator.replace(min_voltage=-math.inf, max_voltage=math.inf)
         self.bench, self._seed, self._real_time, self._tolerance = bench, seed, real_time, tolerance

@@ -21,7 +21,7 @@ from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import model_numbers, model_of
 from ..verification import Predictor, Requirement, Verification, verify
 from ..waveform.signal import Waveform
-from .alignment import aligned
+from .alignment import POSITION, aligned
 from .file import Study, StudyError, read_parts
 from .signal_chain import SignalChain
 from .walk import WalkRecording
@@ -48,6 +48,12 @@ class VerificationStudy(Study):
         predictor, chain = self._predictor(folder)
         progress("reading", 0.0)
         parts = read_parts(self.recordings, folder)
+        for name, part in parts.items():
+            if POSITION not in part:
+                raise StudyError(
+                    f"{name} has no {POSITION} [m]; it has {', '.join(map(str, part.data_vars))}. A table's "
+                    "columns are named in a verification file (columns: ...), or by saving it as a recording"
+                )
         drives = [r.drive.waveform() if r.drive else None for r in self.recordings]
         progress("predicting", 0.2)
         if chain.zeroed:
