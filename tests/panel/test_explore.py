@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
+from stickslip.panel import exploration
 from stickslip.panel.exploration import State, motion, python, sample_times, step_curves
 from stickslip.panel.explore import field_of
 from stickslip.panel.sliders import LAW_TYPES, SHAPES, choices
@@ -103,6 +104,7 @@ def test_steps_over_voltage_and_frequency() -> None:
     np.testing.assert_allclose(curves["step_over_amplitude"], gain * curves["amplitude"], rtol=1e-3)
     np.testing.assert_allclose(curves["step"], [gain * 65.0], rtol=1e-3)
     kang = step_curves(state())
+    assert kang["in_time"] == [1.0]
     assert kang["amplitude"][-1] == 150.0
     assert kang["amplitude"].size == kang["frequency"].size == 25
     assert np.all(np.diff(kang["step_over_amplitude"]) > 0)
@@ -115,6 +117,14 @@ def test_steps_over_voltage_and_frequency() -> None:
 
 def test_a_drive_that_does_not_repeat_has_no_step() -> None:
     assert all(curve.size == 0 for curve in step_curves(state(shape="Step")).values())
+
+
+def test_curves_that_take_too_long_end_early_and_say_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(exploration, "CURVE_SECONDS", 0.0)
+    curves = step_curves(state())
+    assert curves["in_time"] == [0.0]
+    assert np.isnan(curves["step_over_frequency"]).all()
+    assert np.isfinite(curves["step"]).all()
 
 
 def test_a_voltage_out_of_range_leaves_a_gap_in_the_curve() -> None:

@@ -182,13 +182,13 @@ def motion(state: State) -> Motion:
 def step_curves(state: State) -> dict[str, Array]:
     """The steady step per period [m] over the amplitude [V] and over the frequency [Hz] of the drive.
 
-    Keys: amplitude, step_over_amplitude, frequency, step_over_frequency, and step (one value: at the present
-    drive). NaN where there is no steady stepping, or the voltage leaves the actuator's range. All empty for a
-    drive that does not repeat.
+    Keys: amplitude, step_over_amplitude, frequency, step_over_frequency, step (one value: at the present
+    drive) and in_time (1; 0 where the rest is left out, for it takes too long). NaN where there is no steady
+    stepping, or the voltage leaves the actuator's range. All empty for a drive that does not repeat.
     """
     actuator, waveform, _ = state.experiment()
     if _period(waveform) is None:
-        names = ("amplitude", "step_over_amplitude", "frequency", "step_over_frequency", "step")
+        names = ("amplitude", "step_over_amplitude", "frequency", "step_over_frequency", "step", "in_time")
         return {name: np.zeros(0) for name in names}
     wave: Any = waveform
     top = actuator.max_voltage - max(wave.offset, 0.0)
@@ -215,6 +215,7 @@ def step_curves(state: State) -> dict[str, Array]:
         "frequency": frequency,
         "step_over_frequency": steps(_varied(wave, "frequency", frequency)),
         "step": np.array([present]),
+        "in_time": np.array([float(time.monotonic() <= give_up)]),
     }
 
 

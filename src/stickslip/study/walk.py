@@ -154,8 +154,8 @@ def walk_document(
     columns = (Column("recording"), Column("role"), Column("r²", "", 5), Column("rms error", "m", 3))
     return Document(
         title=title,
-        summary=f"{len(fit.parameters)} parameters fitted to {fitted} recordings: r² {fit.r_squared:.4f}."
-        + verified,
+        summary=f"{len(fit.parameters)} parameters fitted to {fitted} recording{'s' if fitted > 1 else ''}: "
+        f"r² {fit.r_squared:.4f}." + verified,
         sections=(
             Section(
                 "Parameters",

@@ -38,7 +38,8 @@ export async function mount(element, app) {
   const root = make("div", { className: "explore" });
   const problem = make("p", { className: "fault explore-problem" });
   problem.setAttribute("role", "alert");
-  const right = make("div", { className: "explore-right" }, bar, problem, stage);
+  const late = make("p", { className: "soft explore-problem", textContent: "The rest of the step curves is left out: this law takes too long for it.", hidden: true });
+  const right = make("div", { className: "explore-right" }, bar, problem, late, stage);
   root.append(panel, right);
   element.append(title, root);
 
@@ -158,7 +159,12 @@ export async function mount(element, app) {
   const motions = latestWins({
     abreast: 2,
     async ask(wish) {
-      const slow = setTimeout(() => (problem.textContent = "Computing… the first use of a law on a machine compiles it, some seconds."), 1500);
+      // Meanwhile the curves are those of before.
+      const slow = setTimeout(() => {
+        problem.textContent = "Computing… the first use of a law on a machine compiles it, some seconds.";
+        problem.classList.add("busy");
+        stage.classList.add("stale");
+      }, 1500);
       try {
         return await app.request("/api/explore/motion", wire(wish));
       } finally {
@@ -188,6 +194,7 @@ export async function mount(element, app) {
   function clear() {
     for (const one of controls.values()) one.say("");
     problem.textContent = "";
+    problem.classList.remove("busy");
     stage.classList.remove("stale");
   }
   function show(found) {
@@ -255,6 +262,7 @@ export async function mount(element, app) {
       if (steps[axis].length) plots[axis].setExtent([axis === "amplitude" ? 0 : steps[axis][0], steps[axis].at(-1)]);
       plots[axis].setData([...pair(steps, axis), ...at(steps.now[axis]), ...pins.flatMap((one) => pair(one.steps, axis))]);
     }
+    late.hidden = steps.in_time[0] !== 0;
     root.dataset.curves = String(Number(root.dataset.curves ?? 0) + 1);
   }
 
