@@ -263,6 +263,8 @@ def test_many_starts_escape_the_wrong_valley() -> None:
     assert many.values["frequency"] == pytest.approx(7, abs=0.02)
     assert many.starts == 40
     assert 1 < many.starts_agreeing < 20
+    assert many.doubt == f"several valleys: {many.starts_agreeing} of 40 searches ended in the lowest"
+    assert fit(1).doubt == ""
     assert fit(40).values == many.values
 
 
@@ -368,6 +370,7 @@ def test_progress_budget_and_a_model_that_fails_at_trial_points() -> None:
     assert not short.converged
     assert short.message == "stopped after 7 evaluations"
     assert "NOT CONVERGED" in short.report()
+    assert short.doubt == "not converged: stopped after 7 evaluations"
 
 
 def test_failure_at_the_start_names_the_values() -> None:

@@ -17,7 +17,9 @@ from ..units import QuantityError
 from .file import CampaignFile
 from .gathering import Progress
 
-_EVALUATIONS = 150  # of each candidate
+_EVALUATIONS = 250  # of each search for a candidate
+# Over the delay that was found: within it, other laws find theirs.
+_LONGEST_DELAY = 10.0
 
 
 class Deeper(NamedTuple):
@@ -55,13 +57,15 @@ def deeper(
             float(getattr(law, "sigma_0", 1e6)),
             float(getattr(law, "sigma_1", 0.0)) or 30.0,
         )
+        delay = friction.values.get("delay", 0.0)
         choice = compare_walks(
             recordings,
             [one.recording for one in unseen],
             friction.model,
             _named(walk_candidates(*start), file.model_choice),
             unseen_drive=[one.drive for one in unseen],
-            begin={"delay": friction.values.get("delay", 0.0)},
+            begin={"delay": delay},
+            bounds={"delay": (0.0, _LONGEST_DELAY * delay)} if delay > 0.0 else None,
             hops=0,
             max_evaluations=_EVALUATIONS,
             progress=lambda label, i, n: progress(f"fitting {label}", 0.75 + 0.1 * i / n),

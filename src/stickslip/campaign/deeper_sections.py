@@ -175,7 +175,7 @@ def _choice(choice: Comparison, n_data: int, figures: bool) -> Section:
                 int(table["n_parameters"][i]),
                 *(float(table[k][i]) for k in ("r_squared", "verification_r_squared", "verification_rmse")),
                 *(float(table[k][i]) - lowest[k] for k in ("aic", "bic")),
-                "" if fit.converged else "not converged",
+                fit.doubt,
             )
         )
     columns = (

@@ -35,12 +35,14 @@ YIELD_SHARE = 0.2
 
 
 class Candidate(NamedTuple):
-    """A law with its start values, what is free in it, and bounds where the usual ones do not do."""
+    """A law with its start values, what is free in it, bounds where the usual ones do not do, and how many
+    searches to begin within them."""
 
     label: str
     model: Any
     free: tuple[str, ...]
     bounds: Bounds
+    starts: int = 1  # more for a law whose sum of squares has several valleys
 
 
 def candidates(recordings: xr.Dataset | Sequence[xr.Dataset], max_elements: int = 4) -> list[Candidate]:
@@ -152,7 +154,7 @@ class Comparison:
         ]
         for label, fit in self.fits.items():
             g = self.verifications[label]
-            state = "" if fit.converged else "  NOT CONVERGED"
+            state = f"  {fit.doubt}" if fit.doubt else ""
             lines.append(
                 f"{label:{width}}  {fit.r_squared:9.6f}  {g.r_squared:10.6f}  {g.rmse:9.4g} {g.unit}  "
                 f"{fit.aic - lowest_aic:9.1f}  {fit.bic - lowest_bic:9.1f}  {len(fit.parameters)}{state}"
@@ -189,7 +191,8 @@ def compare_laws(
     for i, law in enumerate(laws, start=1):
         if progress is not None:
             progress(law.label, i, len(laws))
-        fit = identify_loops(recordings, law.model, (*law.free, *channel_free), bounds=law.bounds, **options)
+        own = {"bounds": law.bounds, "starts": law.starts, **options}
+        fit = identify_loops(recordings, law.model, (*law.free, *channel_free), **own)
         assert fit.predict is not None  # identify_loops always gives it
         residuals = [fit.predict(r) - m for r, m in zip(unseen, measured, strict=True)]
         parts = [goodness(r, m) for r, m in zip(residuals, measured, strict=True)]

@@ -35,10 +35,14 @@ from .static_walk import identify_static_walk
 POHL, CHANG_LI = "Pohl: static", "Coulomb (Chang & Li)"
 
 
-def walk_candidates(coulomb_force: float, sigma_0: float, sigma_1: float) -> list[Candidate]:
+def walk_candidates(coulomb_force: float, sigma_0: float, sigma_1: float, starts: int = 8) -> list[Candidate]:
     """All models of a walk, from the same Coulomb force [N], stiffness [N/m] and damping [N s/m].
 
     Without a friction law of its own (`model` None): Pohl's static model.
+
+    Two laws have a sum of squares with several valleys and are searched for from several `starts`: the
+    Stribeck curve as a static law, of which a slip shows little more than one mean force, and Maxwell slip,
+    whose contact rings on until an element slips once more or once less.
     """
     f, k, viscous = coulomb_force, sigma_0, 0.1 * sigma_1
     sigma_2: Bounds = {"sigma_2": (0.0, 20.0 * sigma_1)}
@@ -56,9 +60,10 @@ def walk_candidates(coulomb_force: float, sigma_0: float, sigma_1: float) -> lis
         ),
         Candidate(
             "Stribeck",
-            Stribeck(f, 1.1 * f, 1e-3, viscous),
-            ("coulomb_force", "sigma_2", "stiction_ratio", "stribeck_velocity"),
-            sigma_2,
+            Stribeck(f, 1.1 * f, 1e-3),
+            ("coulomb_force", "stiction_ratio", "stribeck_velocity"),  # sigma_2 does what a longer fall does
+            {"coulomb_force": (f / 3.0, 3.0 * f), "stribeck_velocity": (1e-4, 1e-2)},
+            starts,
         ),
         Candidate("Dahl", Dahl(k, f), ("sigma_0", "coulomb_force"), {}),
         Candidate(
@@ -84,7 +89,12 @@ def walk_candidates(coulomb_force: float, sigma_0: float, sigma_1: float) -> lis
             "MaxwellSlip, 2 elements",
             two,
             ("stiffness_1", "stiffness_2", "strength_1", "strength_2", "sigma_2"),
-            sigma_2,
+            {
+                **{f"stiffness_{i}": (0.1 * k, 10.0 * k) for i in (1, 2)},
+                **{f"strength_{i}": (0.05 * f, 2.0 * f) for i in (1, 2)},
+                "sigma_2": (0.0, 3.0 * sigma_1),
+            },
+            (starts + 1) // 2,  # each takes ten times as long
         ),
     ]
 
@@ -135,7 +145,7 @@ def compare_walks(
                 model.replace(friction=law.model),
                 (*law.free, *channel_free),
                 bounds={**law.bounds, **known},
-                **options,
+                **{"starts": law.starts, **options},
             )
         assert fit.predict is not None  # both always give it
         residuals = [fit.predict(r, w) - m for r, w, m in zip(unseen, drives, measured, strict=True)]

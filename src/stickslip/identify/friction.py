@@ -96,7 +96,8 @@ def identify_friction(
             far as the residuals show them (see `coloured`), where the noise is not given.
         loss, loss_scale: see `fit_least_squares`: "soft_l1" or "huber" for recordings with outliers; the
             scale is in m unless the noise is given.
-        max_evaluations: of all recordings, for each start.
+        max_evaluations: of all recordings, for each start, with slopes; where these are differences, their
+            evaluations come on top.
         progress: called after each evaluation.
 
     Returns:

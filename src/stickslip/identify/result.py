@@ -242,6 +242,15 @@ class Fit:
         return self.n_data - self.degrees_of_freedom + (not self.noise_known)
 
     @property
+    def doubt(self) -> str:
+        """Why this may not be the best fit there is; empty where the searches show nothing against it."""
+        if not self.converged:
+            return f"not converged: {self.message}"
+        if self.starts_agreeing < self.starts:
+            return f"several valleys: {self.starts_agreeing} of {self.starts} searches ended in the lowest"
+        return ""
+
+    @property
     def aic(self) -> float:
         """Akaike's information criterion."""
         return 2 * self.n_estimated - 2 * self.log_likelihood

@@ -19,9 +19,10 @@ from .problem import Residuals
 from .result import Fit, Parameter, Values
 from .step_fit import STAGE
 
-# Relative, of a law without derivatives. With its tolerance, both parts of its error are under 1 % of a
-# derivative; a step of 1e-4 needs a tolerance of 1e-13 m for that, for which the simulation takes longer.
-DIFFERENCE_STEP = 5e-3
+# Relative, of a law without derivatives. With its tolerance, both parts of the error are under 1 % of a
+# derivative. A contact that rings on between jumps shows a tenth of a percent of its stiffness as another
+# phase: over steps of 5e-3, the derivative by a stiffness is wrong by a quarter.
+DIFFERENCE_STEP = 5e-4
 # See `fit_least_squares`. The errors of simulated derivatives leave some thousandths anywhere; of the average
 # over fits where one value is held, a tenth is far less.
 SETTLED, NEAR = 1e-2, 0.1
@@ -83,7 +84,13 @@ class Walks:
         return alone, self._with_stage(alone, held)
 
     def _search(
-        self, varied: Varied, parameters: Sequence[Parameter], *, settled: float = SETTLED, **options: Any
+        self,
+        varied: Varied,
+        parameters: Sequence[Parameter],
+        *,
+        max_evaluations: int,
+        settled: float = SETTLED,
+        **options: Any,
     ) -> Fit:
         noise, correlated, loss, loss_scale, seed, progress = self.options
         free = [p.name for p in parameters]
@@ -114,6 +121,8 @@ class Walks:
             difference_step=DIFFERENCE_STEP,
             progress=progress,
             settled=settled,
+            # A slope by differences is an evaluation for each free value.
+            max_evaluations=max_evaluations * (1 if exact else 1 + len(parameters)),
             **options,
         )
         if correlated is None and noise is None and loss == "linear":
