@@ -77,7 +77,14 @@ def test_searches_for_a_law_of_several_valleys_end_and_say_how_many_agree() -> N
         walk["end_effector_position"] += 50e-9 * noise
     laws = [law for law in walk_candidates(0.5, 1.2e6, 30.0, starts=3) if law.label == "Stribeck"]
     found = compare_walks(
-        *walks, true, laws, drive=drives[0], unseen_drive=drives[1], hops=0, bounds={"delay": (0.0, 2e-3)}
+        walks[0],
+        walks[1],
+        true,
+        laws,
+        drive=drives[0],
+        unseen_drive=drives[1],
+        hops=0,
+        bounds={"delay": (0.0, 2e-3)},
     )
     fit = found.fits["Stribeck"]
     assert fit.converged
