@@ -90,8 +90,8 @@ def walk_candidates(coulomb_force: float, sigma_0: float, sigma_1: float, starts
             two,
             ("stiffness_1", "stiffness_2", "strength_1", "strength_2", "sigma_2"),
             {
-                **{f"stiffness_{i}": (0.1 * k, 3.0 * k) for i in (1, 2)},
-                **{f"strength_{i}": (0.05 * f, 2.0 * f) for i in (1, 2)},
+                **{f"stiffness_{i}": (0.2 * k, 2.0 * k) for i in (1, 2)},
+                **{f"strength_{i}": (0.05 * f, f) for i in (1, 2)},
                 "sigma_2": (0.0, 3.0 * sigma_1),
             },
             -(-starts // 4),  # each takes ten times as long
