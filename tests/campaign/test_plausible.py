@@ -1,4 +1,4 @@
-"""Walks that cannot be of their drive and model: a factor, a sign, a sampling that shows no slip."""
+"""Walks that cannot be of their drive and model: a factor, a sign."""
 
 from __future__ import annotations
 
@@ -50,11 +50,6 @@ def test_a_walk_that_the_stage_cannot_make(known: bool) -> None:
 def test_a_walk_against_its_drive() -> None:
     with pytest.warns(RecordingWarning, match="walk goes down where drive_voltage .* inverted"):
         check_walk(walk(-1.0), MODEL)
-
-
-def test_a_sampling_that_shows_no_slip() -> None:
-    with pytest.warns(RecordingWarning, match="walk is sampled every 2.5 ms, .* period of 1.9 ms"):
-        check_walk(walk(interval=2.5e-3), MODEL)
 
 
 @pytest.mark.parametrize("factor", [1.0 / 15.0, 15.0])

@@ -63,6 +63,21 @@ def test_the_begin_of_a_step_is_found_within_an_interval() -> None:
     assert begin_of(recording, Step(60.0), "step") == pytest.approx(0.04, abs=1.01e-4)
 
 
+def test_the_begin_is_found_where_samples_are_missing() -> None:
+    t = np.arange(2000) * 1e-3
+    kept = np.sort(np.random.default_rng(0).permutation(t.size)[:1300])
+    recording = make_recording(t[kept], {"drive_voltage": WALK.value(t[kept] - 0.2)})
+    assert begin_of(recording, WALK, "walk") == pytest.approx(0.2, abs=3e-4)
+
+
+@pytest.mark.parametrize("factor", [1.0 / 15.0, 15.0])
+def test_a_channel_before_the_amplifier_is_not_the_drive(factor: float) -> None:
+    t = np.arange(2000) * 1e-3
+    recording = make_recording(t, {"drive_voltage": factor * WALK.value(t - 0.2)})
+    with pytest.raises(RecordingError, match=r"drive_voltage .* of walk is not the drive"):
+        begin_of(recording, WALK, "walk")
+
+
 def test_another_drive_is_refused() -> None:
     t = np.arange(2000) * 1e-3
     recording = make_recording(t, {"drive_voltage": 65.0 * np.sin(40.0 * t) ** 2})

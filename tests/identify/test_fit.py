@@ -466,3 +466,8 @@ def test_no_hops_where_only_noise_is_left() -> None:
     omega = Parameter("omega", 2.2, 0.3, 30.0)
     alone = fit_least_squares(wavy(0.1), [omega])
     assert fit_least_squares(wavy(0.1), [omega], hops=4).n_evaluations == alone.n_evaluations
+
+
+def test_no_start_is_no_fit() -> None:
+    with pytest.raises(FitError, match="starts = 0 must be at least 1"):
+        fit_least_squares(lambda b: np.arange(5.0) * b["a"] - 1.0, [Parameter("a", 1.0, 0.1, 10.0)], starts=0)

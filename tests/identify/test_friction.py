@@ -40,6 +40,24 @@ def reference(noise: float = NOISE) -> xr.Dataset:
     return make_recording(stored["t"], {"end_effector_position": position}, title="P1")
 
 
+def test_the_channel_alone_can_be_fitted() -> None:
+    time = np.arange(400) * 1e-3
+    model = actuator(**TRUTH)
+    walk = simulate(model, DRIVE, times=time)["end_effector_position"].values
+    noise = NOISE * np.random.default_rng(0).standard_normal(time.size)
+    recording = make_recording(time, {"end_effector_position": 1e-6 + walk + noise}, title="walk")
+    fit = identify_friction(recording, model, ["delay", "offset"], drive=DRIVE, noise=NOISE)
+    assert fit.values["offset"] == pytest.approx(1e-6, abs=4 * fit.standard_errors["offset"])
+    assert fit.values["delay"] == pytest.approx(0.0, abs=4 * fit.standard_errors["delay"])
+
+
+def test_a_sampling_that_shows_no_slip_is_warned_of() -> None:
+    """The thesis's stage vibrates with a period of 1.9 ms."""
+    coarse = reference().isel(time=slice(0, None, 3))
+    with pytest.warns(RecordingWarning, match=r"P1 is sampled every 3 ms, .* period of 1\.9 ms"):
+        identify_friction(coarse, actuator(**TRUTH), FREE, drive=DRIVE, hops=0, max_evaluations=2)
+
+
 @pytest.mark.compiled
 def test_global_optimum_from_a_poor_start() -> None:
     """Optimum and standard errors were found before by four other simulators [shared/peers.md, P4]."""

@@ -97,6 +97,13 @@ def test_walks(spoil) -> None:
         identify_friction(spoil(walk()), MODEL, FREE, drive=DRIVE)
 
 
+@pytest.mark.parametrize("limits", [(2e-6, 15e-6), (-1.0, 6.25e-6)])
+def test_a_converter_may_cut_the_last_change_too(limits: tuple[float, float]) -> None:
+    cut = _with(walk(), np.clip(walk()["end_effector_position"].values, *limits))
+    with pytest.raises(RecordingError, match="walk is clipped"):
+        identify_friction(cut, MODEL, FREE, drive=DRIVE)
+
+
 @KINDS
 def test_features(spoil) -> None:
     with pytest.raises(RecordingError, match=said(spoil, "walk")):

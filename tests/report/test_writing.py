@@ -1,4 +1,6 @@
+import errno
 import json
+import os
 import stat
 from dataclasses import replace
 from pathlib import Path
@@ -47,6 +49,27 @@ def test_what_cannot_be_replaced_stays_and_nothing_half_written_is_left(tmp_path
     (tmp_path / "results.json").mkdir()
     before = contents(tmp_path)
     with pytest.raises(OSError, match=r"results\.json"):
+        write_report(replace(sample(), title="New"), tmp_path)
+    assert contents(tmp_path) == before
+
+
+def test_a_disk_that_fills_up_leaves_the_old_report_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The last file no longer fits: the ones before it must not be there either."""
+    write_report(sample(), tmp_path)
+    before = contents(tmp_path)
+    left = [len(before) - 1]
+    real = os.fsync
+
+    def full(number: int) -> None:
+        left[0] -= 1
+        if left[0] < 0:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        real(number)
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OSError, match="No space left"):
         write_report(replace(sample(), title="New"), tmp_path)
     assert contents(tmp_path) == before
 

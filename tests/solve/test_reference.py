@@ -4,6 +4,7 @@ README)."""
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -158,6 +159,22 @@ def test_pohls_static_stage_steps_by_gain_times_voltage() -> None:
     assert steady_step(pohl, DRIVE) == pytest.approx(0.1057e-6 * 65.0, rel=1e-9)
     with pytest.raises(QuantityError, match="rise_fraction"):
         steady_step(pohl.replace(friction=PROBLEMS["P1"].friction), DRIVE)
+
+
+def test_times_and_tolerances_may_have_a_unit() -> None:
+    found = simulate(PROBLEMS["P1"], DRIVE, "20 ms", sample_rate="2 kHz", tolerance="1 nm")
+    same = simulate(PROBLEMS["P1"], DRIVE, 0.02, sample_rate=2000.0, tolerance=1e-9)
+    assert found.identical(same)
+    with pytest.raises(QuantityError, match="duration = '20 mm'"):
+        simulate(PROBLEMS["P1"], DRIVE, "20 mm")
+
+
+def test_what_is_no_model_or_no_drive_is_said() -> None:
+    wrong: Any = "kang2007"
+    with pytest.raises(TypeError, match="a model is an Actuator or a PulledSlider, not str"):
+        simulate(wrong, DRIVE, 0.01)
+    with pytest.raises(TypeError, match=r"the drive is a waveform .* not a str"):
+        simulate(PROBLEMS["P1"], wrong)
 
 
 def test_wrong_drives_are_refused() -> None:

@@ -1,4 +1,4 @@
-"""What an eye would see before any fit: a walk too long for its stage, against its drive, or too coarse."""
+"""What an eye would see before any fit: a walk too long for its stage, or against its drive."""
 
 from __future__ import annotations
 
@@ -14,8 +14,6 @@ from ..study.alignment import POSITION, Aligned
 from ..units import with_prefix
 from ..waveform.signal import value_at
 
-# Samples in a period of the stage's own vibration, below which its slips are not seen.
-FEWEST_SAMPLES = 1.5
 # Of the gain: how the position follows the drive of the other sign, at least, to be against it.
 AGAINST = 0.1
 
@@ -27,7 +25,7 @@ def check_walk(one: Aligned, model: Actuator) -> None:
         RecordingError: it goes further than the stage can carry it: a unit or the gain is wrong by a factor.
 
     Warns:
-        RecordingWarning: it goes against its drive, or is sampled more coarsely than the stage vibrates.
+        RecordingWarning: it goes against its drive.
     """
     time, position = one.recording["time"].values, one.recording[POSITION].values
     drive = (
@@ -37,15 +35,6 @@ def check_walk(one: Aligned, model: Actuator) -> None:
     )
     if model.external_force == 0.0 and model.incline == 0.0:
         _refuse_beyond_reach(one.name, position, drive, model)
-    period, interval = 2.0 * math.pi / model.natural_frequency, float(np.median(np.diff(time)))
-    if 0.0 < period < FEWEST_SAMPLES * interval:
-        warnings.warn(
-            f"{POSITION} [m] of {one.name} is sampled every {with_prefix(interval, 's', 3)}, and the stage "
-            f"vibrates with a period of {with_prefix(period, 's', 3)}: its slips are not seen, and other "
-            "values of friction, outside the intervals, may fit as well",
-            RecordingWarning,
-            stacklevel=2,
-        )
     forward = time <= (math.inf if one.forward is None else one.forward)
     if _following(time[forward], position[forward], drive[forward]) / model.gain < -AGAINST:
         warnings.warn(

@@ -109,7 +109,9 @@ def refuse_clipped(values: NDArray[np.float64], name: str, where: str) -> None:
     for end, what in ((values.max(), "greatest"), (values.min(), "least")):
         at = np.flatnonzero(np.diff(np.concatenate([[0], (values == end).astype(int), [0]])))
         for first, last in zip(at[::2], at[1::2], strict=True):
-            if last - first >= FEWEST_CLIPPED and first > 0 and change[first - 1] >= 0.5 * np.median(moving):
+            # The last change is cut off itself.
+            before = change[max(first - 2, 0) : first].max(initial=0.0)
+            if last - first >= FEWEST_CLIPPED and before >= 0.5 * np.median(moving):
                 raise RecordingError(
                     f"{name}{unit} of {where} is clipped: it stays at its {what} value, {end:g}, for "
                     f"{last - first} samples from sample {first} on; it must be recorded within the sensor's "

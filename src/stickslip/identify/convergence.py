@@ -24,6 +24,8 @@ def relative_offset(
         variance: of the noise, in the unit of the residuals squared; left out, that of what no step explains.
     """
     gram = jacobian.T @ jacobian
+    if not np.all(np.isfinite(gram)):
+        return math.inf
     norms = np.sqrt(np.diag(gram))
     norms[norms == 0.0] = 1.0
     along = jacobian.T @ residuals / norms

@@ -126,10 +126,11 @@ def begin_of(recording: xr.Dataset, drive: Waveform, where: str) -> float:
         RecordingError: the channel is missing, too short or constant, or it shows another drive.
     """
     u, t = channel(recording, "drive_voltage", where, varies=True), recording["time"].values
-    since, interval = t - t[0], float(np.median(np.diff(t)))
+    since, interval = t - t[0], float(t[-1] - t[0]) / (t.size - 1)
     table = drive.drive(float(since[-1]))
-    shape = evaluate(table, since)[0] - table.before
-    common = correlate(u - table.before, shape)[t.size - 1 :]
+    even = np.linspace(0.0, float(since[-1]), t.size)
+    shape = evaluate(table, even)[0] - table.before
+    common = correlate(np.interp(even, since, u) - table.before, shape)[t.size - 1 :]
     energy = np.cumsum(shape**2)[::-1]
     lag = int(np.argmax(2.0 * common - energy))
     some = np.arange(0, t.size, max(1, t.size // MOST_SAMPLES))
@@ -143,7 +144,8 @@ def begin_of(recording: xr.Dataset, drive: Waveform, where: str) -> float:
     fine: Any = minimize_scalar(difference, bounds=near, method="bounded", options={"maxiter": 15})
     begin = min(coarse, float(fine.x), key=difference)
     low, high = drive.range()
-    if difference(begin) > ALIKE * (high - low):
+    silence = float(np.mean(np.abs(u[some] - table.before)))  # as if it began after the recording's end
+    if difference(begin) > min(ALIKE * (high - low), 0.5 * silence):
         raise RecordingError(
             f"drive_voltage [V] of {where} is not the drive that the file names: they differ by "
             f"{difference(begin):.3g} V on average, wherever it begins"

@@ -110,7 +110,8 @@ def fit_least_squares(
         progress: called after each evaluation.
 
     Raises:
-        FitError: the residuals cannot be computed at the start, or there are fewer data than parameters.
+        FitError: the residuals cannot be computed at the start, there are fewer data than parameters, or no
+            start.
     """
     if callable(recordings):
         recordings = [Residuals(recordings)]
@@ -119,6 +120,8 @@ def fit_least_squares(
         raise FitError("parameters must have names of their own, and there must be at least one")
     if len({r.noise is None for r in recordings}) != 1:
         raise FitError("give the noise of every recording, or of none")
+    if starts < 1:
+        raise FitError(f"starts = {starts} must be at least 1")
     if loss not in LOSSES:
         raise FitError(f"there is no loss {loss!r}; there are {', '.join(LOSSES)}")
     problem = Problem(recordings, parameters, difference_step)

@@ -21,7 +21,7 @@ from .fit import Progress
 from .free import Bounds, check_names, parameter
 from .identifiability import loosest
 from .marginal import integrated
-from .position_channel import CHANNEL, OBSERVED, of_channel, walked
+from .position_channel import CHANNEL, OBSERVED, of_channel, walked, warn_of_unseen_slips
 from .problem import Residuals
 from .result import Fit, Parameter, Values
 from .walks import Search, Varied, Walks, observed, own_values, slopes_of
@@ -111,13 +111,16 @@ def identify_friction(
         FitError: see `fit_least_squares`.
 
     Warns:
-        RecordingWarning: a drive_voltage whose samples do not show its jumps stood in for the waveform.
+        RecordingWarning: a drive_voltage whose samples do not show its jumps stood in for the waveform; or a
+            walk is sampled more coarsely than the stage vibrates.
     """
     found = recordings_of(recordings)
     names, drives = names_of(found), drives_of(drive, found)
     bounds = bounds or {}
     check_names(free, [*free_names(model), *CHANNEL], bounds)
     measured = [walked(r, w, name) for r, w, name in zip(found, drives, names, strict=True)]
+    for r, name in zip(found, names, strict=True):
+        warn_of_unseen_slips(r, model, name)
     first = ({"delay": stage.values["delay"]} if stage is not None else {}) | (begin or {})
     parameters = [
         of_channel(name, found, bounds, first) if name in CHANNEL else parameter(model, name, bounds)

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import math
+import warnings
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from ..actuator import Actuator
+from ..recording import RecordingWarning
+from ..units import with_prefix
 from ..waveform.signal import Waveform
 from .channels import channel, refuse_clipped
 from .drives import refuse_sampling
@@ -19,6 +24,8 @@ OBSERVED = "end_effector_position"
 CHANNEL = ("delay", "offset")
 # A delay is looked for within this share of the shortest recording.
 LONGEST_DELAY = 0.02
+# In a period of the stage's own vibration; with fewer, its slips are not seen.
+FEWEST_SAMPLES = 1.5
 
 
 def walked(recording: xr.Dataset, drive: Waveform | None, where: str) -> NDArray[np.float64]:
@@ -31,6 +38,20 @@ def walked(recording: xr.Dataset, drive: Waveform | None, where: str) -> NDArray
     refuse_clipped(position, OBSERVED, where)
     refuse_sampling(recording["time"].values, drive, where)
     return position
+
+
+def warn_of_unseen_slips(recording: xr.Dataset, model: Actuator, where: str) -> None:
+    """Warn of a walk so coarsely sampled that several sets of values fit: intervals hold one of them."""
+    period = 2.0 * math.pi / model.natural_frequency
+    interval = float(np.median(np.diff(recording["time"].values)))
+    if 0.0 < period < FEWEST_SAMPLES * interval:
+        warnings.warn(
+            f"{OBSERVED} [m] of {where} is sampled every {with_prefix(interval, 's', 3)}, and the stage "
+            f"vibrates with a period of {with_prefix(period, 's', 3)}: its slips are not seen, and other "
+            "values of friction, outside the intervals, may fit as well",
+            RecordingWarning,
+            stacklevel=3,
+        )
 
 
 def of_channel(

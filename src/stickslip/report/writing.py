@@ -1,4 +1,4 @@
-"""A report on disk: results.json, report.html and the figures, each replaced as a whole or not at all."""
+"""A report on disk: results.json, report.html and the figures, replaced together once all are written."""
 
 from __future__ import annotations
 
@@ -16,8 +16,9 @@ def write_report(
 ) -> Path:
     """Write ``report.html``, ``results.json`` and ``figures/NAME.svg`` into a folder, made if missing.
 
-    Everything is put together before the first file is written, and each file takes its name only when it is
-    whole on disk. Other files in the folder are left alone.
+    Everything is put together before the first file is written, and the files take their names only when all
+    of them are whole on disk: a full disk leaves the report that was there. Other files in the folder are
+    left alone.
 
     Args:
         document: what to write.
@@ -37,8 +38,15 @@ def write_report(
     texts["results.json"] = results_json(document, made)
     texts["report.html"] = report_html(document, made)
     folder = Path(folder)
-    for name, text in texts.items():
-        _replace(folder / name, text)
+    written: dict[Path, Path] = {}
+    try:
+        for name, text in texts.items():
+            written[folder / name] = _written_beside(folder / name, text)
+        for target, temporary in written.items():
+            os.replace(temporary, target)
+    finally:
+        for temporary in written.values():
+            temporary.unlink(missing_ok=True)
     return folder / "report.html"
 
 
@@ -46,8 +54,8 @@ def _file_of(svg: str) -> str:
     return f'<?xml version="1.0" encoding="utf-8"?>\n{svg}\n'
 
 
-def _replace(target: Path, text: str) -> None:
-    """Write beside the target, onto the disk, and then take its name."""
+def _written_beside(target: Path, text: str) -> Path:
+    """A file beside the target, whole on disk."""
     target.parent.mkdir(parents=True, exist_ok=True)
     temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
     try:
@@ -55,6 +63,7 @@ def _replace(target: Path, text: str) -> None:
             file.write(text)
             file.flush()
             os.fsync(file.fileno())
-        os.replace(temporary, target)
-    finally:
+    except BaseException:
         temporary.unlink(missing_ok=True)
+        raise
+    return temporary

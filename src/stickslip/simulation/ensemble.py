@@ -19,7 +19,7 @@ from ..records import did_you_mean, quantities
 from ..solve.motion import motion, one_bristle
 from ..solve.outcome import DONE, STEP_TOO_SMALL, TOO_MANY_STEPS
 from ..solve.periods import integrate_members
-from ..units import QuantityError
+from ..units import QuantityError, to_si
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
 from .errors import SimulationWarning
@@ -55,12 +55,12 @@ class Block(NamedTuple):
 def simulate_ensemble(
     model: Actuator,
     waveform: Waveform,
-    duration: float | None = None,
+    duration: float | str | None = None,
     *,
     parameters: Mapping[str, ArrayLike],
     sample_rate: float | None = None,
     times: ArrayLike | None = None,
-    tolerance: float = 1e-9,
+    tolerance: float | str = 1e-9,
     load: Waveform | float = 1.0,
     max_steps: int = 2_000_000,
     threads: int | None = None,
@@ -103,13 +103,14 @@ def simulate_ensemble(
     if times is not None or sample_rate is not None:
         wanted = sample_times(waveform, duration, sample_rate or 1e3, times)
         duration = float(wanted[-1])
-    end = waveform.duration if duration is None else float(duration)
+    tolerance = to_si(tolerance, "m", "tolerance")
+    end = waveform.duration if duration is None else to_si(duration, "s", "duration")
     if not (math.isfinite(end) and end > 0.0):
         raise QuantityError(f"duration = {end} s must be finite and > 0 s")
     if not tolerance > 0.0:
         raise QuantityError(f"tolerance = {tolerance} m must be > 0 m")
     drive = checked_drive(model, waveform, end, periodic=False)
-    task = _Task(model, drive, load_drive(load, end), end, float(tolerance), max_steps, wanted, None)
+    task = _Task(model, drive, load_drive(load, end), end, tolerance, max_steps, wanted, None)
     if engine == "cuda":
         task = task._replace(gpu=_gpu(model, wanted))
     found = Block(

@@ -113,8 +113,15 @@ def _deflection(law: Any, held: float) -> NDArray[np.float64]:
     return state(high)
 
 
+def refuse_no_waveform(waveform: Waveform) -> None:
+    """Raise TypeError for what is not a drive at all."""
+    if not hasattr(waveform, "drive"):
+        raise TypeError(f"the drive is a waveform (Sawtooth, Sampled, ...), not a {type(waveform).__name__}")
+
+
 def checked_drive(model: Actuator | PulledSlider, waveform: Waveform, end: float, periodic: bool) -> Drive:
     unit = "V" if isinstance(model, Actuator) else "m"
+    refuse_no_waveform(waveform)
     if waveform.unit != unit:
         raise QuantityError(f"the drive of an {type(model).__name__} is in {unit}, not in {waveform.unit}")
     table = waveform.drive(end)

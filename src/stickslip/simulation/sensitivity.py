@@ -16,7 +16,7 @@ from ..solve.motion import one_bristle
 from ..solve.neighbours import neighbours
 from ..solve.outcome import DONE
 from ..solve.periods import LOG_ROWS, integrate_near
-from ..units import QuantityError
+from ..units import QuantityError, to_si
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
 from .errors import SimulationError
@@ -83,7 +83,9 @@ def moved(model: Actuator, names: Sequence[str], state: NDArray[np.float64], bef
         mechs.append([float(v) for v in body])
         states.append(own)
         steps.append(step)
-    return Moved(model, np.array(laws), np.array(mechs), np.array(states), np.array(steps))
+    like = {"laws": (laws, model.friction), "mechs": (mechs, mech), "states": (states, state)}
+    tables = {name: np.array(rows).reshape(len(names), len(one)) for name, (rows, one) in like.items()}
+    return Moved(model, **tables, steps=np.array(steps))
 
 
 def follow_moved(
@@ -117,12 +119,12 @@ def follow_moved(
 def sensitivities(
     model: Actuator,
     waveform: Waveform,
-    duration: float | None = None,
+    duration: float | str | None = None,
     *,
     parameters: Sequence[str],
-    sample_rate: float = 1e3,
+    sample_rate: float | str = 1e3,
     times: ArrayLike | None = None,
-    tolerance: float = 1e-9,
+    tolerance: float | str = 1e-9,
     load: Waveform | float = 1.0,
 ) -> xr.Dataset:
     """The end-effector's position and its derivatives by parameters and initial state.
@@ -150,7 +152,8 @@ def sensitivities(
     drive = checked_drive(model, waveform, end, periodic=False)
     state = resting_state(model.friction, mechanism(model), drive.before)
     of = moved(model, parameters, state, drive.before)
-    samples, by, _ = follow_moved(of, drive, load_drive(load, end), state, wanted, float(tolerance))
+    tolerance = to_si(tolerance, "m", "tolerance")
+    samples, by, _ = follow_moved(of, drive, load_drive(load, end), state, wanted, tolerance)
     return xr.Dataset(
         {
             "end_effector_position": (

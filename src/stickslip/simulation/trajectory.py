@@ -17,11 +17,11 @@ from ..recording import make_recording
 from ..solve import energy as accounts
 from ..solve.motion import motion
 from ..solve.outcome import DONE, STEP_TOO_SMALL
-from ..units import QuantityError, with_prefix
+from ..units import QuantityError, to_si, with_prefix
 from ..waveform.drive import Drive, evaluate
 from ..waveform.signal import Waveform
 from .errors import SimulationError, SimulationWarning
-from .models import checked_drive, load_drive, mechanism, resting_state
+from .models import checked_drive, load_drive, mechanism, refuse_no_waveform, resting_state
 
 COMPLETE = "complete"
 _OUTCOMES = {STEP_TOO_SMALL: "the step size fell below what floating point can resolve"}
@@ -30,11 +30,11 @@ _OUTCOMES = {STEP_TOO_SMALL: "the step size fell below what floating point can r
 def simulate(
     model: Actuator | PulledSlider,
     waveform: Waveform,
-    duration: float | None = None,
+    duration: float | str | None = None,
     *,
-    sample_rate: float = 1e3,
+    sample_rate: float | str = 1e3,
     times: ArrayLike | None = None,
-    tolerance: float = 1e-9,
+    tolerance: float | str = 1e-9,
     load: Waveform | float = 1.0,
     energy: bool = False,
     max_steps: int = 20_000_000,
@@ -44,7 +44,7 @@ def simulate(
     Args:
         model: an `Actuator`, or a `PulledSlider`.
         waveform: the drive: V for an actuator, m (the spring's far end) for a pulled slider.
-        duration: s; left out, that of the waveform, if it ends.
+        duration: s, or with a unit ("200 ms"); left out, that of the waveform, if it ends.
         sample_rate: samples per second of the output. The solution does not depend on it.
         times: sample times instead, s, ascending, from 0 or later.
         tolerance: m, on the end-effector's position: adaptive steps keep the error of the whole trajectory
@@ -66,6 +66,7 @@ def simulate(
         QuantityError: a drive outside the actuator's voltage range, wrong unit, bad times, tolerance or rate.
         SimulationError: not even two samples could be computed.
     """
+    tolerance = to_si(tolerance, "m", "tolerance")
     found = follow(
         model,
         waveform,
@@ -124,8 +125,8 @@ def follow(
     max_steps: int = 20_000_000,
 ) -> Followed:
     """What `simulate` does, without labels and warnings: for what is drawn many times a second."""
-    law = model.friction
     mech = mechanism(model)
+    law = model.friction
     end = float(times[-1])
     table = checked_drive(model, waveform, end, periodic=False)
     q = resting_state(law, mech, table.before)
@@ -150,7 +151,7 @@ def follow(
 
 
 def sample_times(
-    waveform: Waveform, duration: float | None, sample_rate: float, times: ArrayLike | None
+    waveform: Waveform, duration: float | str | None, sample_rate: float | str, times: ArrayLike | None
 ) -> NDArray[np.float64]:
     """The times given, or those of a rate and a duration; raises `QuantityError`, see `simulate`."""
     if times is not None:
@@ -158,8 +159,9 @@ def sample_times(
         if made.ndim != 1 or made.size < 2 or made[0] < 0.0 or not np.all(np.diff(made) > 0.0):
             raise QuantityError("times [s] must be at least two numbers, ascending, from 0 s or later")
         return made
-    if duration is None:
-        duration = waveform.duration
+    refuse_no_waveform(waveform)
+    duration = waveform.duration if duration is None else to_si(duration, "s", "duration")
+    sample_rate = to_si(sample_rate, "Hz", "sample_rate")
     if not (math.isfinite(duration) and duration > 0.0):
         raise QuantityError(
             f"duration = {duration} s must be finite and > 0 s (this drive has no end of its own)"

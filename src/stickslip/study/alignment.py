@@ -72,8 +72,11 @@ def aligned(
         begin = _first_change(whole, name) if begin is None else begin
     else:
         if begin is None:
-            _refuse_other_range(whole, drive, name)
-            begin = begin_of(whole, drive, name)
+            try:
+                begin = begin_of(whole, drive, name)
+            except RecordingError:
+                _refuse_other_range(whole, drive, name)
+                raise
         end = begin + (1.0 + AFTER) * drive.duration if math.isfinite(drive.duration) else math.inf
         keep = time <= end
         whole, time, position = whole.isel(time=keep), time[keep], position[keep]
@@ -96,7 +99,7 @@ def aligned(
 
 
 def _refuse_other_range(whole: xr.Dataset, drive: Waveform, name: str) -> None:
-    """Raise RecordingError where the channel has other volts than the waveform: it begins nowhere in it."""
+    """Raise RecordingError where the channel has other volts than the waveform: why it begins nowhere."""
     span = float(np.ptp(channel(whole, "drive_voltage", name, varies=True)))
     low, high = drive.range()
     if not ALIKE * (high - low) <= span <= (high - low) / ALIKE:
