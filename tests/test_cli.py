@@ -77,7 +77,6 @@ def test_simulate(tmp_path: Path) -> None:
     assert results["numbers"]["parameters"]["friction.sigma_0"] == {"value": 1.399e6, "unit": "N/m"}
 
 
-@pytest.mark.compiled
 def test_changes_of_parameters_reach_the_simulation(tmp_path: Path) -> None:
     changes = [
         "friction.sigma_0=1.5 N/um",
@@ -100,7 +99,6 @@ def test_limits_that_have_to_change_together_do(tmp_path: Path) -> None:
     assert run(*STEP, *forces, "--out", str(tmp_path)).exit_code == 0
 
 
-@pytest.mark.compiled
 def test_without_a_periodic_motion_the_step_is_null_with_the_reason(tmp_path: Path) -> None:
     """A force above the friction pulls the end-effector away for ever."""
     pull = ["--set", "external_force=1 N", "--duration", "10 ms"]
@@ -310,7 +308,6 @@ def test_cite(names: list[str], words: list[str]) -> None:
     assert all(word in done.stdout for word in words)
 
 
-@pytest.mark.compiled
 @pytest.mark.filterwarnings("default")
 def test_a_warning_is_one_line_and_among_the_assumptions(tmp_path: Path) -> None:
     """The samples of a drive do not show its jumps; that is no traceback and no line of source."""

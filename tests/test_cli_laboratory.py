@@ -91,7 +91,6 @@ def small(folder: Path, **changes: object) -> Path:
     return path
 
 
-@pytest.mark.compiled
 def test_record(tmp_path: Path) -> None:
     out = tmp_path / "out"
     done = run("record", str(small(tmp_path)), "--out", str(out))
@@ -107,7 +106,6 @@ def test_record(tmp_path: Path) -> None:
     assert "2 of them were there already" in again.stdout
 
 
-@pytest.mark.compiled
 def test_record_interrupted(tmp_path: Path) -> None:
     """In real time it would take three minutes: a Ctrl-C ends it, with what was recorded kept."""
     long = {"length": 180.0, "interval": 1e-3, "pre_trigger": 0.01}
@@ -151,7 +149,6 @@ def test_schema(kind: str, field: str) -> None:
     assert field in json.dumps(printed)
 
 
-@pytest.mark.compiled
 def test_instrument() -> None:
     command = [sys.executable, "-m", "stickslip", "instrument", "--port", "0"]
     environment = {**os.environ, "PYTHONUNBUFFERED": "1"}

@@ -51,13 +51,11 @@ def test_a_rigid_law_is_quickly_compared() -> None:
     assert "none: rigid" in laws_as_markdown([row])
 
 
-@pytest.mark.compiled
 def test_every_law_is_compared(rows: Rows) -> None:
     assert {type(law) for law in EXAMPLES.values()} == set(LAWS)
     assert list(rows) == list(EXAMPLES)
 
 
-@pytest.mark.compiled
 def test_states(rows: Rows) -> None:
     assert {name: row.states for name, row in rows.items() if row.states != 1} == {
         **dict.fromkeys(STATIC, 0),
@@ -65,7 +63,6 @@ def test_states(rows: Rows) -> None:
     }
 
 
-@pytest.mark.compiled
 def test_presliding_stiffness(rows: Rows) -> None:
     for name in STATIC:
         assert math.isinf(rows[name].stiffness)
@@ -75,7 +72,6 @@ def test_presliding_stiffness(rows: Rows) -> None:
     assert rows["Reset integrator"].stiffness == pytest.approx(1.3 * SIGMA_0, rel=1e-6)
 
 
-@pytest.mark.compiled
 def test_elastic_range_is_the_breakaway_deflection_where_there_is_one(rows: Rows) -> None:
     one_step = 0.021 * Z_C
     assert rows["Reset integrator"].elastic_range == pytest.approx(Z_C, abs=one_step)
@@ -89,7 +85,6 @@ def test_elastic_range_is_the_breakaway_deflection_where_there_is_one(rows: Rows
         assert rows[name].elastic_range == 0.0
 
 
-@pytest.mark.compiled
 def test_presliding_range_is_that_of_the_loading_curve(rows: Rows) -> None:
     """F = F (1 - exp(-x/z)): 99 % after ln 100 = 4.6 z; linear for the reset integrator's own F_C."""
     grid = 0.011 * Z_C
@@ -104,7 +99,6 @@ def test_presliding_range_is_that_of_the_loading_curve(rows: Rows) -> None:
     assert 0.95 * last_slip < rows["Maxwell slip"].presliding_range < last_slip
 
 
-@pytest.mark.compiled
 def test_stiction_stribeck_effect_and_viscous_friction(rows: Rows) -> None:
     for name, row in rows.items():
         assert row.stiction == pytest.approx(0.3 if name in WITH_STICTION else 0.0, abs=0.01), name
@@ -113,7 +107,6 @@ def test_stiction_stribeck_effect_and_viscous_friction(rows: Rows) -> None:
         assert row.viscous == pytest.approx(5.0 if name in VISCOUS else 0.0, abs=1e-6), name
 
 
-@pytest.mark.compiled
 def test_drift_is_that_of_the_closed_form_or_none(rows: Rows) -> None:
     creep = Z_C * (math.log(0.9 / 0.6) - math.log(1.4 / 1.1))
     for name, row in rows.items():
@@ -129,7 +122,6 @@ def test_drift_is_that_of_the_closed_form_or_none(rows: Rows) -> None:
             assert abs(row.drift) < 1e-6 * creep
 
 
-@pytest.mark.compiled
 def test_force_jumps(rows: Rows) -> None:
     for name, row in rows.items():
         if name == "Stribeck":
@@ -142,7 +134,6 @@ def test_force_jumps(rows: Rows) -> None:
             assert row.force_jump == 0.0
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("name", [name for name in EXAMPLES if name != "Reset integrator"])
 def test_net_step_is_what_scipy_settles_to(name: str, rows: Rows) -> None:
     """The last period of a trajectory from rest; what is left of the first dies out within one or two."""
@@ -152,12 +143,10 @@ def test_net_step_is_what_scipy_settles_to(name: str, rows: Rows) -> None:
     assert rows[name].net_step == pytest.approx(x[1] - x[0], abs=1e-10)
 
 
-@pytest.mark.compiled
 def test_cost_is_of_the_order_of_a_thousand_steps(rows: Rows) -> None:
     assert all(100 < row.solver_steps < 5000 for row in rows.values())
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize(
     ("law", "becomes", "below"),
     [
@@ -175,12 +164,10 @@ def test_limits_are_met(law: str, becomes: str, below: float, limits: Limits) ->
     assert limits[law, becomes].difference < below
 
 
-@pytest.mark.compiled
 def test_elastoplastic_without_elastic_range_is_not_yet_lugre(limits: Limits) -> None:
     assert limits["Elastoplastic", "LuGre"].difference > 1e-7
 
 
-@pytest.mark.compiled
 def test_hard_bristles_become_rigid_as_one_over_the_root_of_the_stiffness(limits: Limits) -> None:
     """A softer contact of the same force: the limit's difference grows tenfold for a hundredth of σ₀."""
     contact = ACTUATOR.friction._replace(sigma_0=1e-2 * SIGMA_0)
@@ -192,7 +179,6 @@ def test_hard_bristles_become_rigid_as_one_over_the_root_of_the_stiffness(limits
     assert ratio == pytest.approx(10.0, rel=0.1)
 
 
-@pytest.mark.compiled
 def test_tables_show_what_was_found(rows: Rows, limits: Limits) -> None:
     table = laws_as_markdown([rows["Coulomb"], rows["LuGre"], rows["Elastoplastic"]]).splitlines()
     assert len(table) == 5
@@ -208,7 +194,6 @@ def test_tables_show_what_was_found(rows: Rows, limits: Limits) -> None:
     assert "σ₀ × 10⁴" in printed[3]
 
 
-@pytest.mark.compiled
 def test_any_contact_and_any_law_can_be_compared() -> None:
     (row,) = characterise_laws({"mine": Dahl(0.5 * SIGMA_0, 0.4)}, ACTUATOR, DRIVE)
     assert row.name == "mine"

@@ -15,7 +15,6 @@ import stickslip
 ROOT = Path(__file__).resolve().parents[1]
 
 
-@pytest.mark.compiled
 def test_the_tutorial_finds_what_it_hides(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its cells in order, but for the one that draws in a notebook."""
     text = (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8")
@@ -34,7 +33,6 @@ def test_the_tutorial_finds_what_it_hides(tmp_path: Path, monkeypatch: pytest.Mo
     assert (tmp_path / "tutorial-files" / "campaign.yaml").is_file()
 
 
-@pytest.mark.compiled
 def test_the_pages_build_without_a_warning_and_need_no_network(tmp_path: Path) -> None:
     """All but the execution of the tutorial, which the test above runs."""
     options = ["-D", "nb_execution_mode=off", "-W", "--keep-going", "-q", "-b", "html"]

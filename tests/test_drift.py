@@ -69,14 +69,12 @@ def ends_of_cycles(law: object, low: float = LOW, high: float = HIGH, cycles: in
     return found["end_effector_position"].values[1:]
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("law", LEAKING.values(), ids=LEAKING.keys())
 def test_dahl_and_lugre_creep_at_the_rate_of_the_closed_form(law: object) -> None:
     steps = np.diff(ends_of_cycles(law))[1:]
     np.testing.assert_allclose(steps, dahl_creep(LOW, HIGH), rtol=0.02)
 
 
-@pytest.mark.compiled
 def test_creep_grows_with_the_swing_and_vanishes_with_the_mean_load() -> None:
     law = LEAKING["LuGre"]
     for low, high in ((0.4, 0.6), (0.3, 0.7), (0.1, 0.9)):
@@ -85,7 +83,6 @@ def test_creep_grows_with_the_swing_and_vanishes_with_the_mean_load() -> None:
     assert abs(np.diff(ends_of_cycles(law, -0.5, 0.5))[-1]) < 1e-3 * dahl_creep(LOW, HIGH)
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("law", HOLDING.values(), ids=HOLDING.keys())
 def test_contacts_with_an_elastic_range_or_memory_do_not_creep(law: object) -> None:
     """After the first cycle; the Maxwell elements settle in it, the others never leave the elastic range."""
@@ -94,7 +91,6 @@ def test_contacts_with_an_elastic_range_or_memory_do_not_creep(law: object) -> N
     assert np.abs(np.diff(ends)[1:]).max() < 1e-4 * dahl_creep(LOW, HIGH)
 
 
-@pytest.mark.compiled
 def test_elastoplastic_creeps_once_the_load_leaves_the_elastic_range() -> None:
     law = HOLDING["Elastoplastic"]._replace(breakaway_deflection=0.5 * Z_C)
     assert np.diff(ends_of_cycles(law))[-1] > 0.02 * dahl_creep(LOW, HIGH)
@@ -125,7 +121,6 @@ def creep_on_a_shaken_stage(law: object) -> float:
     return float(found["sliding_displacement"].values[3] - found["sliding_displacement"].values[2]) / 5
 
 
-@pytest.mark.compiled
 def test_scanning_under_a_constant_force_creeps_with_lugre_and_dahl_only() -> None:
     lugre = creep_on_a_shaken_stage(LEAKING["LuGre"])
     assert lugre == pytest.approx(creep_on_a_shaken_stage(LEAKING["Dahl"]), rel=0.05)

@@ -14,7 +14,6 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = (ROOT / "docs" / "laboratory.md").read_text(encoding="utf-8")
 
 
-@pytest.mark.compiled
 def test_the_program_on_the_page() -> None:
     program, _ = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
     names: dict = {}
@@ -26,7 +25,6 @@ def test_the_program_on_the_page() -> None:
     assert abs(drive[4000:] - 60.0).max() < 0.1
 
 
-@pytest.mark.compiled
 def test_the_frequency_response_on_the_page() -> None:
     _, program = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
     names: dict = {}

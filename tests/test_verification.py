@@ -131,7 +131,6 @@ def test_requirements() -> None:
             Requirement.parse(text)
 
 
-@pytest.mark.compiled
 def test_an_actuator_predicts_as_simulate_does(monkeypatch: pytest.MonkeyPatch) -> None:
     model = load_actuator("kang2007").replace(stage_reaction=False)
     drive = Sawtooth(amplitude=65.0, frequency=5.0, periods=3)

@@ -65,7 +65,6 @@ def written(folder: Path, name: str = "campaign.yaml", **changes) -> str:
     return str(folder / name)
 
 
-@pytest.mark.compiled
 def test_the_truth_is_near_and_the_other_walk_is_predicted(folder: Path) -> None:
     out = folder / "out"
     done = run(written(folder), "--out", str(out))
@@ -106,7 +105,6 @@ def test_the_truth_is_near_and_the_other_walk_is_predicted(folder: Path) -> None
     assert "<svg" not in (out / "report.html").read_text("utf-8")
 
 
-@pytest.mark.compiled
 def test_verify_predicts_as_the_campaign_did(folder: Path) -> None:
     """From results.json: bias, scale, delay, slew rate; the waveform from the recording's attributes."""
     out = folder / "out"
@@ -145,7 +143,6 @@ def test_verify_predicts_as_the_campaign_did(folder: Path) -> None:
     assert bare[walks[1]]["rmse"]["value"] > 3 * expected[walks[1]]["rmse"]["value"]
 
 
-@pytest.mark.compiled
 def test_on_request_it_samples_follows_profiles_and_compares_models(folder: Path) -> None:
     file = written(
         folder,
@@ -183,7 +180,6 @@ def test_on_request_it_samples_follows_profiles_and_compares_models(folder: Path
     assert "did you mean" in wrong.stderr
 
 
-@pytest.mark.compiled
 def test_own_recordings_and_what_is_wrong_with_them(folder: Path) -> None:
     """The walk as a CSV of one's own; then cut short, constant, empty: each is refused by its name."""
     time = np.arange(4000) * 0.25e-3

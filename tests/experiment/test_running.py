@@ -23,8 +23,6 @@ from stickslip.rig import CaptureError, LimitError
 
 from experiment.files import NAMES, SMALL, changed, written  # isort: skip
 
-pytestmark = pytest.mark.compiled
-
 THESIS = Path(str(importlib.resources.files("stickslip") / "examples" / "kang2007_experiment.yaml"))
 
 

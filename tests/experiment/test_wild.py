@@ -147,7 +147,6 @@ experiment = st.fixed_dictionaries(
 )
 
 
-@pytest.mark.compiled
 @settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
 @given(content=experiment)
 def test_wild_files_run_within_the_limits_or_are_refused(content, tmp_path_factory, monkeypatch) -> None:

@@ -23,7 +23,6 @@ def points() -> list[tuple[float, float]]:
     return [(0.0, 0.0), (0.0, 1e-7), (1e-3, 0.0), *zip(v.tolist(), z.tolist(), strict=True)]
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("law", ALL, ids=name)
 def test_law(law, tmp_path) -> None:
     export_c(load_actuator("kang2007").replace(friction=law), tmp_path / "c", duration=0.2)

@@ -31,7 +31,6 @@ def sawtooth(volts: float, hertz: float, end: float) -> np.ndarray:
     return np.array(list(zip(t, u, strict=True)), dtype=[("time", float), ("voltage", float)])
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_walk(fmi, tmp_path) -> None:
     fmu = export_fmu("kang2007", tmp_path / "fmu", fmi=fmi)
@@ -167,7 +166,6 @@ def test_bad_parameters_are_said(fmi, name, value, said, tmp_path) -> None:
     assert any(said in message for message in messages), messages
 
 
-@pytest.mark.compiled
 def test_observer_and_feedforward(tmp_path) -> None:
     """The observer begins wrong and finds the plant; the feedforward's voltage moves it as wanted."""
     fmu = export_fmu(KANG, tmp_path / "ahead", mode="feedforward")

@@ -30,7 +30,6 @@ def difference(model, waveform, duration, columns, tolerance=1e-10) -> float:
     return float(np.max(np.abs(columns["end_effector_position"] - truth["end_effector_position"].values)))
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize(
     ("volts", "hertz", "shape", "reaction"),
     [
@@ -47,7 +46,6 @@ def test_campaign(volts, hertz, shape, reaction, tmp_path) -> None:
     assert difference(model, drive, 4 / hertz, found) < STATED * stroke
 
 
-@pytest.mark.compiled
 def test_order_and_float(tmp_path) -> None:
     drive = Sawtooth(65, 20, periods=8)
     errors = [
@@ -64,7 +62,6 @@ def test_order_and_float(tmp_path) -> None:
     assert np.max(np.abs(single["end_effector_position"] - double["end_effector_position"])) < 1e-9
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("law", ALL, ids=name)
 def test_every_law(law, tmp_path) -> None:
     model, drive = KANG.replace(friction=law), Sawtooth(65, 20, periods=4)
@@ -82,7 +79,6 @@ MODELS = {
 }
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("case", MODELS)
 def test_models(case, tmp_path) -> None:
     drive = Sawtooth(65, 20, 0.9, periods=4)
@@ -93,7 +89,6 @@ def test_models(case, tmp_path) -> None:
     assert found["drive_voltage"][1:-1] == pytest.approx(truth["drive_voltage"].values[1:-1], abs=1e-3)
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("law", [Coulomb(0.2), LuGre(1e5, 50.0, 0.1, 0.2, 0.2)], ids=["Coulomb", "LuGre"])
 def test_pulled_slider(law, tmp_path) -> None:
     slider, pull = PulledSlider(0.1, 200.0, 0.5, law), Ramp(1e-2, unit="m")
@@ -140,7 +135,6 @@ STIFF = {
 }
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("case", STIFF)
 @pytest.mark.parametrize("real", ["double", "float"])
 def test_random_input_stays_bounded(case, real, tmp_path) -> None:

@@ -77,7 +77,6 @@ def test_of_a_linear_model_it_is_the_covariance() -> None:
     assert float(row["high"] - row["low"]) == pytest.approx(2 * 1.96 * a.std(), rel=0.1)
 
 
-@pytest.mark.compiled
 def test_of_a_walk_that_is_nearly_linear_it_is_the_fit(rigid) -> None:
     fit, recording = rigid
     found = posterior(fit, recording, drive=DRIVE, max_steps=1500)
@@ -93,7 +92,6 @@ def test_of_a_walk_that_is_nearly_linear_it_is_the_fit(rigid) -> None:
     assert found.to_arviz().posterior.sizes["chain"] == 24
 
 
-@pytest.mark.compiled
 def test_the_seed_makes_it_the_same_again_and_a_short_chain_says_so(rigid) -> None:
     fit, recording = rigid
 
@@ -107,7 +105,6 @@ def test_the_seed_makes_it_the_same_again_and_a_short_chain_says_so(rigid) -> No
     assert "NOT CONVERGED: 40 steps" in first.report()
 
 
-@pytest.mark.compiled
 def test_the_prior_ends_at_the_bounds_and_the_stage_makes_it_wider(rigid) -> None:
     fit, recording = rigid
     at = fit.values["coulomb_force"]
@@ -207,7 +204,6 @@ def test_all_members_at_once_are_as_far_off_as_each_alone() -> None:
     )
 
 
-@pytest.mark.compiled
 def test_what_it_cannot_do_it_refuses(rigid, monkeypatch: pytest.MonkeyPatch) -> None:
     fit, recording = rigid
     with pytest.raises(FitError, match="without a robust loss"):

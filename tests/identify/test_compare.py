@@ -20,7 +20,6 @@ def test_every_law_is_a_candidate() -> None:
     assert len({c.label for c in listed}) == len(listed)
 
 
-@pytest.mark.compiled
 def test_the_law_that_made_the_loops_wins() -> None:
     train = made_loops(STIFFNESS, STRENGTH, noise=0.02, bias=0.1)
     unseen = made_loops(STIFFNESS, STRENGTH, noise=0.02, bias=0.1, seed=1, begin=5.0)

@@ -14,7 +14,6 @@ from stickslip.simulation.varied import with_values
 from stickslip.waveform.periodic import Sawtooth
 
 
-@pytest.mark.compiled
 def test_the_law_that_made_the_walk_wins() -> None:
     model = load_actuator("kang2007").replace(stage_reaction=False, friction=CoulombViscous(0.5, 8.0))
     walks = []
@@ -41,7 +40,6 @@ def test_the_law_that_made_the_walk_wins() -> None:
     assert " m " in found.report()
 
 
-@pytest.mark.compiled
 def test_slopes_by_differences_of_a_contact_that_rings_on() -> None:
     """Two elements that stick are a spring without hysteresis: 0.5 % of a stiffness is another phase."""
     law, drive = MaxwellSlip((9e5, 4e5), (0.25, 0.25), 3.0), Sawtooth(65.0, 20.0, periods=4)
@@ -66,7 +64,6 @@ def test_slopes_by_differences_of_a_contact_that_rings_on() -> None:
         assert np.linalg.norm(found - known) < 2e-3 * np.linalg.norm(known)
 
 
-@pytest.mark.compiled
 def test_searches_for_a_law_of_several_valleys_end_and_say_how_many_agree() -> None:
     """A static law with a Stribeck curve, on a walk of LuGre: what remains free is what a walk shows."""
     true = load_actuator("kang2007").replace(stage_reaction=False)

@@ -247,7 +247,6 @@ def test_upper_bound_on_a_log_scale() -> None:
     assert fit.undetermined[0].startswith("rate ended at its bound 1.2 1/s")
 
 
-@pytest.mark.compiled
 def test_many_starts_escape_the_wrong_valley() -> None:
     t = np.linspace(0, 1, 100)
     y = np.sin(2 * np.pi * 7 * t) + 0.1 * np.random.default_rng(14).standard_normal(t.size)

@@ -143,7 +143,6 @@ def test_refusals() -> None:
         welch_frequency_response(drive[:, :, 0, 0], response[:500, :, 0, 0], RATE, segment=64)
 
 
-@pytest.mark.compiled
 def test_welch_response_of_noise_and_its_deviation() -> None:
     rng = np.random.default_rng(8)
     errors, predicted = [], []

@@ -58,7 +58,6 @@ def test_a_sampling_that_shows_no_slip_is_warned_of() -> None:
         identify_friction(coarse, actuator(**TRUTH), FREE, drive=DRIVE, hops=0, max_evaluations=2)
 
 
-@pytest.mark.compiled
 def test_global_optimum_from_a_poor_start() -> None:
     """Optimum and standard errors were found before by four other simulators [shared/peers.md, P4]."""
     start = actuator(1e6, 30.0, 1.5)
@@ -81,7 +80,6 @@ def test_global_optimum_from_a_poor_start() -> None:
     assert verify(fit, unseen, drive=DRIVE).rmse < 5e-9
 
 
-@pytest.mark.compiled
 def test_any_start_within_a_factor_100_leads_to_the_same_answer() -> None:
     """Of each parameter at once, either way; the bounds that are not given must not keep the truth out."""
     random = np.random.default_rng(100)
@@ -94,7 +92,6 @@ def test_any_start_within_a_factor_100_leads_to_the_same_answer() -> None:
             assert abs(fit.values[name] - true) < 0.1 * fit.standard_errors[name], (away, name)
 
 
-@pytest.mark.compiled
 def test_delay_and_offset_of_the_channel() -> None:
     clean = reference(0.0).isel(time=slice(0, 301))
     delay, offset = 3e-3, 1.5e-7
@@ -133,7 +130,6 @@ def test_rigid_friction_delay_and_offset_in_short() -> None:
     assert sampled.values["coulomb_force"] == pytest.approx(0.5, rel=1e-3)
 
 
-@pytest.mark.compiled
 def test_drive_from_the_recording() -> None:
     """During the rise the drive is linear between samples: the channel says the same as the waveform."""
     part = reference(0.0).isel(time=slice(0, 120))
@@ -147,7 +143,6 @@ def test_drive_from_the_recording() -> None:
     np.testing.assert_allclose(one.predict(told), part["end_effector_position"], atol=1e-10)
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("late", [0.0, 0.0513], ids=["jumps on samples", "jumps between samples"])
 def test_a_walk_known_by_its_sampled_drive_is_fitted_as_with_its_waveform(late: float) -> None:
     """Lines between the samples would make it 6.2e5 N/m for 1.4e6 N/m."""
@@ -166,7 +161,6 @@ def test_a_walk_known_by_its_sampled_drive_is_fitted_as_with_its_waveform(late: 
     assert sampled.reduced_chi_squared == pytest.approx(known.reduced_chi_squared, rel=1e-3)
 
 
-@pytest.mark.compiled
 def test_a_flank_that_the_samples_hide_is_warned_of() -> None:
     """A fall of 0.4 ms within one interval cannot be told from a jump, and what is found is wrong."""
     drive = Sawtooth(65.0, 5.0, rise_fraction=0.998)

@@ -26,7 +26,6 @@ def walk(noise: float = 30e-9):
     return model, found
 
 
-@pytest.mark.compiled
 def test_profile_and_bootstrap_agree_with_the_covariance_where_all_is_nearly_linear() -> None:
     model, recording = walk()
     free = ["coulomb_force", "offset"]
@@ -56,7 +55,6 @@ def test_prediction_band_of_a_line() -> None:
     assert np.all(prediction_band(fit, fit.jacobian, observation=True) > expected)
 
 
-@pytest.mark.compiled
 def test_fast_samples_would_determine_the_bristles_damping() -> None:
     """It acts within the millisecond after a slip only."""
     model = load_actuator("kang2007").replace(

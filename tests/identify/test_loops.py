@@ -72,7 +72,6 @@ def test_no_contact_begins_with_more_than_it_can_carry() -> None:
     np.testing.assert_allclose(found["friction_force"], sum(STRENGTH), rtol=1e-9)
 
 
-@pytest.mark.compiled
 def test_measured_loops_are_predicted() -> None:
     """Marks to beat on the unseen part: Dahl 0.9864, four Maxwell elements without the channel 0.9963.
 
@@ -97,7 +96,6 @@ def test_measured_loops_are_predicted() -> None:
     np.testing.assert_allclose(shipped.strength, w, rtol=0.01)
 
 
-@pytest.mark.compiled
 def test_prediction_is_that_of_stop_operators() -> None:
     unseen = tribometer(140.0, 141.0)
     fit = identify_loops(

@@ -121,7 +121,6 @@ def test_a_second_valley_is_left_from_where_it_ends() -> None:
 FREE = ["sigma_0", "sigma_1", "coulomb_force", "delay"]
 
 
-@pytest.mark.compiled
 def test_the_truth_is_inside_where_sigma_1_is_hardly_seen() -> None:
     inside = []
     for seed in range(8):
@@ -138,14 +137,12 @@ def test_the_truth_is_inside_where_sigma_1_is_hardly_seen() -> None:
     assert sum(inside) >= 21
 
 
-@pytest.mark.compiled
 def test_a_value_that_is_seen_is_not_averaged() -> None:
     fit = ss.identify_friction(slow_walk(0, noise=2e-9), KANG, FREE, drive=SAW, hops=0)
     assert "mean over all" not in fit.message
     assert fit.values["sigma_1"] == pytest.approx(34.9, rel=0.2)
 
 
-@pytest.mark.compiled
 def test_importance_sampling_finds_the_same_spread(monkeypatch) -> None:
     """The integral itself, from simulations at random points around the path of the held fits."""
     paths = []

@@ -53,7 +53,6 @@ def test_modes_are_found_again_without_being_told_where() -> None:
     assert fit.undetermined == ()
 
 
-@pytest.mark.compiled
 def test_errors_are_those_of_repeated_experiments() -> None:
     rng = np.random.default_rng(3)
     starts = list(zip(system.OMEGA / (2 * np.pi), system.ZETA, strict=True))

@@ -21,8 +21,6 @@ from stickslip.identify.modal import identify_frequency, steady_response
 from stickslip.identify.modal_time import held_response, identify_in_time
 from stickslip.identify.result import Fit
 
-# An hour of measurement: nothing here is compiled, and once is enough.
-pytestmark = pytest.mark.compiled
 RATE, LEVELS, TRAIN, HELD_OUT = 6400.0, (100, 200, 300), slice(0, 4), slice(4, 6)
 MODES = 12
 

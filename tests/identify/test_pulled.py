@@ -33,9 +33,7 @@ def period(rig: Rig, static: float, dynamic: float) -> float:
     return 2.0 * a / (rig.speed * w**2) + 2.0 / w * (math.pi - math.atan(a / (rig.speed * w)))
 
 
-@pytest.mark.parametrize(
-    "speed", [4300e-6, *(pytest.param(speed, marks=pytest.mark.compiled) for speed in (200e-6, 1100e-6))]
-)
+@pytest.mark.parametrize("speed", [4300e-6, 200e-6, 1100e-6])
 def test_simulated_period_and_forces_are_the_closed_form(speed: float) -> None:
     rig, static, dynamic = Rig(MASS, 168.0, speed), 0.37, 0.33
     events = simulate_events(slider(rig, static, dynamic), rig)
@@ -48,7 +46,6 @@ def test_simulated_period_and_forces_are_the_closed_form(speed: float) -> None:
     assert bottom == pytest.approx(dynamic - swing, abs=0.025 * swing)
 
 
-@pytest.mark.compiled
 def test_known_coefficients_are_found_again_from_noisy_events() -> None:
     rig = Rig(MASS, 168.0, 1100e-6)
     made = simulate(slider(rig, 0.37, 0.33), Ramp(rate=rig.speed, unit="m"), 8.0, sample_rate=2000.0)
@@ -60,7 +57,6 @@ def test_known_coefficients_are_found_again_from_noisy_events() -> None:
     assert fit.values["stiction_excess"] == pytest.approx(0.04, rel=0.05)
 
 
-@pytest.mark.compiled
 def test_one_speed_predicts_regime_and_period_at_others() -> None:
     """Fitted at 168 N/m and 1.1 mm/s; the rest is prediction."""
     recording, rig = measured(168, 1100)

@@ -119,7 +119,6 @@ WAYS = pytest.mark.parametrize(
 )
 
 
-@pytest.mark.compiled
 @WAYS
 def test_intervals_hold_the_stage_as_often_as_they_say(motion: Callable, fitted: Callable) -> None:
     applied = [(applied_voltage(u, RATE, BENCH.amplifier, BENCH.piezo_capacitance), x) for u, x in motion()]
@@ -135,7 +134,6 @@ def test_intervals_hold_the_stage_as_often_as_they_say(motion: Callable, fitted:
     assert np.max(np.abs(far)) < 3e-3
 
 
-@pytest.mark.compiled
 @WAYS
 def test_what_was_asked_of_the_amplifier_is_no_drive(motion: Callable, fitted: Callable) -> None:
     """It is held from sample to sample, delayed by the amplifier, and cut by its current limit."""

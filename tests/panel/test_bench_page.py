@@ -13,7 +13,7 @@ from stickslip import open_recording
 
 from .conftest import PATIENCE, Panel, run_number
 
-pytestmark = [pytest.mark.browser, pytest.mark.compiled]
+pytestmark = pytest.mark.browser
 SHOTS = Path(__file__).resolve().parents[2] / "out" / "panel-screenshots"
 SLOW = PATIENCE * 1e3  # ms
 

@@ -76,7 +76,6 @@ def test_a_run_is_seen_kept_and_exported(client: httpx.Client, folder: Path, tmp
     )
 
 
-@pytest.mark.compiled
 def test_position_and_the_way_home(client: httpx.Client) -> None:
     client.post("/bench/home_here").raise_for_status()
     away = ran(client, "/bench/start", {"runs": ["forward"]})["position"]
@@ -89,7 +88,6 @@ def test_position_and_the_way_home(client: httpx.Client) -> None:
     )
 
 
-@pytest.mark.compiled
 def test_capture_settings_reach_the_recording(client: httpx.Client, folder: Path) -> None:
     at = ["runs", 2, "capture"]
     change(client, [*at, "length"], "0.3 s").raise_for_status()
@@ -149,7 +147,6 @@ def test_changes_that_come_at_once_are_all_made(client: httpx.Client) -> None:
     change(client, ["variables", "frequency"], "5 Hz").raise_for_status()
 
 
-@pytest.mark.compiled
 def test_experiments_are_saved_and_loaded_with_their_instruments(client: httpx.Client, folder: Path) -> None:
     panel = [{"kind": "display", "variables": ["drive_voltage"], "title": "U", "width": 4, "height": 1}]
     with streaming(client) as stream:
@@ -166,7 +163,6 @@ def test_experiments_are_saved_and_loaded_with_their_instruments(client: httpx.C
     change(client, ["panel"], before).raise_for_status()
 
 
-@pytest.mark.compiled
 def test_only_who_has_control_acts_but_anybody_stops(client: httpx.Client) -> None:
     with streaming(client) as stream:
         heard(stream, "control")
@@ -185,7 +181,6 @@ def test_only_who_has_control_acts_but_anybody_stops(client: httpx.Client) -> No
         assert client.post("/bench/stop", headers=other).json() == {"stopped": False}
 
 
-@pytest.mark.compiled
 def test_rename_never_replaces(client: httpx.Client, folder: Path) -> None:
     for _ in range(2):
         ran(client, "/bench/start", {"runs": ["forward"]})
@@ -198,7 +193,6 @@ def test_rename_never_replaces(client: httpx.Client, folder: Path) -> None:
     assert not (folder / names[0]).exists()
 
 
-@pytest.mark.compiled
 def test_emergency_stop_ramps_at_the_next_block_and_says_when(client: httpx.Client) -> None:
     change(client, ["rig", "real_time"], True).raise_for_status()
     with streaming(client) as stream:
@@ -226,7 +220,6 @@ def test_emergency_stop_ramps_at_the_next_block_and_says_when(client: httpx.Clie
     change(client, *FAST.values()).raise_for_status()
 
 
-@pytest.mark.compiled
 def test_a_page_that_comes_back_gets_the_lines_that_it_missed(client: httpx.Client) -> None:
     for _ in range(2):
         ran(client, "/bench/start", {"runs": ["forward"]})
@@ -239,7 +232,6 @@ def test_a_page_that_comes_back_gets_the_lines_that_it_missed(client: httpx.Clie
         assert heard(stream, "log")["entries"] == entries
 
 
-@pytest.mark.compiled
 def test_a_drive_that_fails_while_it_runs_says_why(client: httpx.Client) -> None:
     change(client, ["limits", "max_position"], "3 um").raise_for_status()
     ran(client, "/bench/start", {"runs": ["walk"]}, "failed")

@@ -48,7 +48,6 @@ def test_choices_are_strict_json_and_name_every_law_and_field() -> None:
         assert field.get("switch") or field["low"] < field["high"]
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("law", LAW_TYPES)
 def test_every_law_moves(law: str) -> None:
     moved = motion(state(law=law))
@@ -94,7 +93,6 @@ def test_motion_is_that_of_simulate() -> None:
     assert end == pytest.approx(float(expected["end_effector_position"][-1]), abs=2e-9)
 
 
-@pytest.mark.compiled
 def test_steps_over_voltage_and_frequency() -> None:
     # Pohl's model: the stage follows the voltage, so at a jump the end-effector keeps all of the stroke
     # but what it slides back meanwhile, which a static stage gives no time for [kang2007, eq. 1.1].

@@ -10,7 +10,7 @@ from playwright.sync_api import Page, expect
 
 from .conftest import PATIENCE, Panel, run_number
 
-pytestmark = [pytest.mark.browser, pytest.mark.compiled]
+pytestmark = pytest.mark.browser
 SLOW = 2e3 * PATIENCE  # ms: the first time on a machine compiles
 
 

@@ -9,7 +9,7 @@ from playwright.sync_api import Page, expect
 
 from .conftest import PATIENCE, Panel
 
-pytestmark = [pytest.mark.browser, pytest.mark.compiled]
+pytestmark = pytest.mark.browser
 SLOW = 4e3 * PATIENCE  # ms: kernels are compiled in two processes
 SAID = "First start on this machine: the page opens when the solver is compiled"
 

@@ -11,7 +11,7 @@ from playwright.sync_api import Browser, CDPSession, Page, expect
 
 from .conftest import PATIENCE, Panel
 
-pytestmark = [pytest.mark.browser, pytest.mark.compiled]
+pytestmark = pytest.mark.browser
 SLOW = PATIENCE * 1e3  # ms
 SMALLEST = 40  # px
 

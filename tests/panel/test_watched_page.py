@@ -18,7 +18,7 @@ from websockets.asyncio.client import connect
 from .conftest import PATIENCE, Panel, run_number
 from .serving import Link
 
-pytestmark = [pytest.mark.browser, pytest.mark.compiled]
+pytestmark = pytest.mark.browser
 SLOW = PATIENCE * 1e3  # ms
 WATCHERS = 49  # and a page: 50
 # Everything that can have the focus, numbered; those that are reached by Tab say their number.

@@ -37,7 +37,6 @@ print(peak() - before, sum(v.nbytes for v in recording.variables.values()), reco
 """
 
 
-@pytest.mark.compiled
 def test_memory_is_bounded_by_the_result(tmp_path: Path) -> None:
     """The second file is read on top of the memory that the first, five times smaller, has taken already."""
     small, large = _write(tmp_path / "small.csv", ROWS), _write(tmp_path / "large.csv", 5 * ROWS)
@@ -66,7 +65,6 @@ print("|", sys.stderr.getvalue())
 """
 
 
-@pytest.mark.compiled
 def test_progress(tmp_path: Path) -> None:
     path = _write(tmp_path / "recording.csv", 100_000)
     ours, theirs = pty.openpty()

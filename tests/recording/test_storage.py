@@ -151,7 +151,6 @@ print(torn)
 """
 
 
-@pytest.mark.compiled
 def test_a_killed_write_leaves_a_whole_file(tmp_path: Path) -> None:
     """In a process of its own: forking this one, with the threads of others in it, would not be safe."""
     command = [sys.executable, "-c", KILLED, str(tmp_path / "a.nc")]

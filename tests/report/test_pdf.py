@@ -15,7 +15,6 @@ from .sample import sample
 
 
 @pytest.mark.browser
-@pytest.mark.compiled
 def test_a_report_becomes_a_pdf_beside_it(tmp_path: Path) -> None:
     page = write_report(sample(), tmp_path)
     made = write_pdf(page)
@@ -29,7 +28,6 @@ def test_a_report_becomes_a_pdf_beside_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.browser
-@pytest.mark.compiled
 def test_paper_cuts_no_figure_and_no_short_table(tmp_path: Path) -> None:
     page = write_report(sample(), tmp_path)
     with sync_playwright() as driver:

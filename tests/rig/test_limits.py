@@ -46,7 +46,6 @@ def test_at_the_limit_is_allowed() -> None:
     measure(rig(), Ramp(1000.0), IDEAL, SHORT, Limits(max_slew=1000.0))
 
 
-@pytest.mark.compiled
 def test_end_stop_stops_with_a_ramp_to_zero() -> None:
     used = rig()
     drive = Sawtooth(65.0, 20.0, periods=20)
@@ -109,7 +108,6 @@ limits = st.builds(
 )  # fmt: skip
 
 
-@pytest.mark.compiled
 @settings(max_examples=150)
 @given(values, st.sampled_from(["linear", "hold"]), limits, st.floats(0, 1), st.booleans())
 def test_nothing_passes_the_limits_whenever_it_ends(volts, how, allowed: Limits, end, scaled: bool) -> None:
@@ -140,7 +138,6 @@ def test_nothing_passes_the_limits_whenever_it_ends(volts, how, allowed: Limits,
     assert slew.max(initial=0.0) <= allowed.max_slew + CAN.step * CAN.update_rate * 1.01
 
 
-@pytest.mark.compiled
 @given(st.integers(0, 40), st.floats(1.0, 1e5))
 def test_stop_is_monotonic_from_wherever_it_is(blocks: int, slew: float) -> None:
     used = rig()

@@ -115,7 +115,6 @@ def test_errors_are_told_in_order_and_then_forgotten(visa) -> None:
     assert visa.query("SYST:ERR?") == '0,"No error"'
 
 
-@pytest.mark.compiled
 def test_the_back_end_records_bit_for_bit_what_the_rig_itself_does(served: Served) -> None:
     drive, capture = Sawtooth(65.0, 20.0, periods=4), Capture(0.3, 1e-3, 0.05)
     fresh = Served()
@@ -129,7 +128,6 @@ def test_the_back_end_records_bit_for_bit_what_the_rig_itself_does(served: Serve
     assert far.attrs["source"] == near.attrs["source"]
 
 
-@pytest.mark.compiled
 def test_the_same_experiment_file_on_the_network(served: Served, tmp_path) -> None:
     content = {**SMALL, "rig": {"kind": "scpi", "resource": served.resource}}
     content["channels"] = {
@@ -158,7 +156,6 @@ def test_limits_hold_on_both_sides(served: Served) -> None:
     strict.close()
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("leave", ["disconnect", "silence"])
 def test_a_program_that_goes_or_falls_silent_leaves_no_voltage_behind(leave: str) -> None:
     served = Served(real_time=True, limits=Limits(watchdog=0.3))

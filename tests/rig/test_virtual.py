@@ -24,7 +24,6 @@ EDGE = Trigger("drive_voltage", 1.0)
 FAST = Capture(length=0.5, interval=50e-6, pre_trigger=0.2, trigger=EDGE)
 
 
-@pytest.mark.compiled
 def test_an_ideal_sensor_sees_the_simulation() -> None:
     """But for the converter's steps of 8 nm, which excite the end-effector on its bristles (0.6 kHz, hardly
     damped), the lag of the amplifier and its current limit."""
@@ -39,7 +38,6 @@ def test_an_ideal_sensor_sees_the_simulation() -> None:
     assert np.abs(difference.values).max() < 100e-9
 
 
-@pytest.mark.compiled
 def test_the_sawtooth_walks_and_the_reverse_sawtooth_brings_it_home() -> None:
     there = Sawtooth(65.0, 20.0, periods=10)
     back = ReverseSawtooth(65.0, 20.0, periods=10)
@@ -74,7 +72,6 @@ def test_quantisation_delay_and_pre_trigger_are_in_the_recording() -> None:
     assert x[-100:].mean() == pytest.approx(0.1057e-6 * 60.0, rel=0.05)
 
 
-@pytest.mark.compiled
 def test_sensor_noise_has_the_spectrum_that_was_specified() -> None:
     channels = {"sensor": Channel("inductive"), "gauge": Channel("strain_gauge")}
     out = measure(
@@ -103,7 +100,6 @@ def test_the_same_seed_is_the_same_recording_bit_for_bit() -> None:
     np.testing.assert_array_equal(first["drive_voltage"], other["drive_voltage"])
 
 
-@pytest.mark.compiled
 def test_averaging_takes_the_noise_down_with_the_root() -> None:
     rig = VirtualRig(ACTUATOR, BENCH, seed=1)
     capture = Capture(0.2, 50e-6)

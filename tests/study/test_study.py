@@ -33,7 +33,6 @@ def edited(example: str, folder: Path, change) -> Path:
     return path
 
 
-@pytest.mark.compiled
 def test_friction_loops_are_predicted_better_than_the_known_marks(tmp_path: Path) -> None:
     document = run_file(EXAMPLES / "friction_loops.yaml")
     found = {name: n["r_squared_predicted"].value for name, n in document.numbers.items()}
@@ -45,7 +44,6 @@ def test_friction_loops_are_predicted_better_than_the_known_marks(tmp_path: Path
     assert "Elastoplastic" in json.dumps(results)
 
 
-@pytest.mark.compiled
 def test_piezo_mirror_softens_with_the_amplitude() -> None:
     document = run_file(EXAMPLES / "piezo_mirror.yaml")
     levels = [document.numbers[f"{v} mV"] for v in (100, 200, 300)]
@@ -59,7 +57,6 @@ def test_piezo_mirror_softens_with_the_amplitude() -> None:
     assert all(level["r_squared_held_out"]["1_modes"].value < 0.6 for level in levels)
 
 
-@pytest.mark.compiled
 def test_pulled_slider_is_predicted_at_other_speeds(tmp_path: Path) -> None:
     def two_predictions(content) -> None:
         del content["recordings"][1], content["recordings"][2:4]
@@ -70,7 +67,6 @@ def test_pulled_slider_is_predicted_at_other_speeds(tmp_path: Path) -> None:
     assert "static 0.36" in document.summary
 
 
-@pytest.mark.compiled
 def test_a_walk_is_identified_from_the_users_own_csv(tmp_path: Path) -> None:
     true = load_actuator("kang2007").replace(stage_reaction=False)
     drives = {"fit": 65.0, "check": 75.0}
@@ -294,7 +290,6 @@ def short_campaign(content) -> None:
     content["recordings"] = [{"cells": "step_*", "use": "step"}, {"cells": "*", "use": "fit"}]
 
 
-@pytest.mark.compiled
 def test_the_demonstration_says_which_data_are_missing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -318,7 +313,6 @@ def test_the_demonstration_says_which_data_are_missing(
     assert said == sorted(said)
 
 
-@pytest.mark.compiled
 def test_a_saved_recording_is_a_source_too(tmp_path: Path) -> None:
     time = np.arange(0.0, 20.0, 5e-4)
     saw = 0.3 + 0.03 * ((time * 5.0) % 1.0)
