@@ -74,6 +74,13 @@ def test_a_run_is_seen_kept_and_exported(client: httpx.Client, folder: Path, tmp
     np.testing.assert_allclose(
         read_recording(tmp_path / "x.csv")["end_effector_position"], expected, atol=1e-12
     )
+    # A user's own CSV becomes a recording of ours too.
+    (folder / "own.csv").write_bytes((tmp_path / "x.csv").read_bytes())
+    answer = client.get("/recordings/export", params={"name": "own.csv", "kind": "nc"})
+    (tmp_path / "own.nc").write_bytes(answer.content)
+    np.testing.assert_allclose(
+        open_recording(tmp_path / "own.nc")["end_effector_position"], expected, atol=1e-12
+    )
 
 
 def test_position_and_the_way_home(client: httpx.Client) -> None:

@@ -114,7 +114,7 @@ def test_off_loopback_an_address_in_numbers_is_known_but_no_foreign_name(guarded
 
 NAMES = [
     "../secret.nc", "/etc/passwd", "linked/secret.nc", "link.nc", "a/../../secret.nc", "..\\secret.nc",
-    "C:secret.nc", ".hidden.nc", "a//b.nc", "", ".", "a\0.nc", "x" * 500,
+    "C:secret.nc", ".hidden.nc", "a//b.nc", "", ".", "a\0.nc", "a\nb.nc", "x" * 500,
 ]  # fmt: skip
 
 

@@ -26,7 +26,7 @@ class Folder:
             FolderError: the name leads out of the folder, by dots or by a link, or is no plain name.
         """
         parts = name.split("/")
-        if not name or len(name) > 400 or any(bad in name for bad in "\\\0:"):
+        if not name or len(name) > 400 or not name.isprintable() or any(bad in name for bad in "\\:"):
             raise FolderError(f"{name[:60]!r} is no name of a file in the panel's folder")
         if any(part in ("", ".", "..") or part.startswith(".") for part in parts):
             raise FolderError(f"{name[:60]!r} is no name of a file in the panel's folder")

@@ -17,7 +17,7 @@ from starlette.background import BackgroundTask
 
 from ..input_file import Strict
 from ..readers import read_recording
-from ..recording import open_recording, save_csv, save_matlab
+from ..recording import open_recording, save_csv, save_matlab, save_recording
 from .control import Control
 from .decimation import window
 from .folder import Folder, FolderError
@@ -124,7 +124,9 @@ def recording_routes(folder: Folder, hub: Hub, control: Control) -> APIRouter:
         if kind == "nc" and name.endswith(".nc"):
             return FileResponse(folder.path(name), filename=f"{stem}.nc")
         made = Path(tempfile.mkdtemp(prefix="stickslip-")) / f"{stem}{_SUFFIX[kind]}"
-        if kind == "csv":
+        if kind == "nc":
+            save_recording(recording, made)
+        elif kind == "csv":
             save_csv(recording, made)
         else:
             save_matlab(recording, made, "trace" if kind == "mat" else "controldesk")
