@@ -84,6 +84,15 @@ class Panel:
             self._close()
 
 
+def until(page: Page, expression: str, argument: object = None, seconds: float = PATIENCE) -> None:
+    """Wait until an expression is true in the page. Playwright's own way evaluates text in the page again and
+    again, which the panel's security policy forbids."""
+    end = time.monotonic() + seconds
+    while not page.evaluate(expression, argument):
+        assert time.monotonic() < end, f"never true: {expression}"
+        page.wait_for_timeout(50)
+
+
 @pytest.fixture(scope="module")
 def panel(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Panel]:
     """A panel on an empty folder."""

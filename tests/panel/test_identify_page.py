@@ -14,7 +14,7 @@ from playwright.sync_api import Browser, Page, expect
 
 import stickslip as ss
 
-from .conftest import PATIENCE, Panel
+from .conftest import PATIENCE, Panel, until
 
 pytestmark = pytest.mark.browser
 LONG = 2e3 * PATIENCE  # ms: the first fit on a machine compiles
@@ -98,7 +98,7 @@ def test_a_fit_from_start_to_report(
     )
     before = drawn(identify)
     start(identify)
-    identify.wait_for_function("() => window.phases.includes('running')", timeout=LONG)
+    until(identify, "window.phases.includes('running')")
     phase(identify, "done")
     assert identify.evaluate("() => window.shown.size") > 2, "the values move while it runs"
     assert drawn(identify) > before + 2, "and so does the picture"

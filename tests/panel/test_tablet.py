@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, CDPSession, Page, expect
 
-from .conftest import PATIENCE, Panel
+from .conftest import PATIENCE, Panel, until
 
 pytestmark = pytest.mark.browser
 SLOW = PATIENCE * 1e3  # ms
@@ -80,7 +80,7 @@ def test_fingers_zoom_pan_and_show_everything(tablet: Page) -> None:
     for _ in range(2):
         touch(session, "touchStart", (x, y))
         touch(session, "touchEnd")
-    tablet.wait_for_function(f"(near) => ({scale})() !== near", arg=near)
+    until(tablet, f"(near) => ({scale})() !== near", near)
     tablet.wait_for_timeout(300)
     assert not [url for url in requests if url.endswith("/bench/window")], "everything is there already"
 

@@ -15,7 +15,7 @@ import pytest
 from playwright.sync_api import Browser, Page, Route, expect
 from websockets.asyncio.client import connect
 
-from .conftest import PATIENCE, Panel, run_number
+from .conftest import PATIENCE, Panel, run_number, until
 from .serving import Link
 
 pytestmark = pytest.mark.browser
@@ -92,9 +92,7 @@ def test_a_page_that_is_left_early_fills_no_other(page: Page, panel: Panel) -> N
     page.route("**/api/identify/state", lambda route: held.append(route))
     page.goto(f"{panel.url}#identify")
     expect(page.locator("#connection")).to_have_text("connected")
-    page.wait_for_function(
-        "performance.getEntriesByType('resource').some((one) => one.name.endsWith('identify.css'))"
-    )
+    until(page, "performance.getEntriesByType('resource').some((one) => one.name.endsWith('identify.css'))")
     page.click("text=Explore")
     page.locator(".explore[data-curves]").wait_for(timeout=SLOW)
     assert held

@@ -35,10 +35,13 @@ def test_concatenation(parts) -> None:
     w = Sequence(*parts)
     begin = 0.0
     for part, length in parts:
+        inside = part.breaks(length)
         tau = np.linspace(0.001, 0.999, 57) * length
+        tau = tau[
+            np.abs(tau[:, None] - inside).min(axis=1) > 1e-9
+        ]  # on which side of a jump, rounding decides
         np.testing.assert_allclose(w.value(begin + tau), part.value(tau), atol=1e-9)
         np.testing.assert_allclose(w.slope(begin + tau), part.slope(tau), atol=1e-7)
-        inside = part.breaks(length)
         found = w.breaks(begin + length)
         found = found[found >= begin * (1 - 1e-9)] - begin
         np.testing.assert_allclose(found, inside, atol=1e-9)
