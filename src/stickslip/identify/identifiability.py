@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
+from ..units import with_prefix
+
 if TYPE_CHECKING:
     from .result import Fit
 
@@ -48,7 +50,8 @@ def undetermined(fit: Fit) -> tuple[str, ...]:
     intervals = fit.confidence_intervals()
     for p, side in zip(fit.parameters, fit.uncertainty.bounded, strict=True):
         low, high = intervals[p.name]
-        as_well = f"any value from {low:.3g} to {p.shown(high, 3)} fits as well"
+        ends = f"0 to {with_prefix(high, p.unit, 3)}" if low == 0 else f"{low:.3g} to {p.shown(high, 3)}"
+        as_well = f"any value from {ends} fits as well"
         if p.name in named:
             sentences.append(f"{p.name} is not determined by these recordings: {as_well}")
         elif side:
