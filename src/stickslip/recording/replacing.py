@@ -8,18 +8,22 @@ from contextlib import contextmanager
 from pathlib import Path
 
 
+def part_of(target: Path) -> Path:
+    """Where to write what is to take the target's name; what a killed process leaves there,
+    `remove_leftovers` clears away. Another process may be writing the same target: each has its own."""
+    return target.with_name(f".{target.name}.{os.getpid()}.part")
+
+
 @contextmanager
 def replaced_whole(target: Path) -> Iterator[Path]:
     """A path beside the target to write to; at the end it goes onto the disk and takes the target's name.
 
-    At every moment the name holds a whole file, the old one or the new one. A process that is killed leaves
-    ``.NAME.PID.part`` behind, which `remove_leftovers` clears away.
+    At every moment the name holds a whole file, the old one or the new one.
 
     Raises:
         OSError: it cannot be written; names the target.
     """
-    # Another process may be writing the same target: each has its own temporary file.
-    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
+    temporary = part_of(target)
     try:
         yield temporary
         _sync(temporary)

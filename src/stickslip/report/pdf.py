@@ -8,6 +8,8 @@ import subprocess
 import tempfile
 from pathlib import Path
 
+from ..recording.replacing import replaced_whole
+
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome-stable", "google-chrome", "chrome", "msedge")
 _SECONDS = 120.0
 
@@ -64,10 +66,6 @@ def write_pdf(page: Path, browser: str = "") -> Path:
         if done.returncode or not made.exists():
             said = (done.stderr.strip() or f"exit code {done.returncode}").splitlines()[-1]
             raise PdfError(f"{browser} does not print {page.name} to PDF: {said}")
-        temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
-        try:
+        with replaced_whole(target) as temporary:
             shutil.copyfile(made, temporary)
-            os.replace(temporary, target)
-        finally:
-            temporary.unlink(missing_ok=True)
     return target

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from ..recording.replacing import part_of
 from .circumstances import circumstances
 from .document import Document
 from .html import report_html
@@ -57,7 +58,7 @@ def _file_of(svg: str) -> str:
 def _written_beside(target: Path, text: str) -> Path:
     """A file beside the target, whole on disk."""
     target.parent.mkdir(parents=True, exist_ok=True)
-    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
+    temporary = part_of(target)
     try:
         with temporary.open("w", encoding="utf-8", newline="\n") as file:
             file.write(text)

@@ -83,9 +83,14 @@ def moved(model: Actuator, names: Sequence[str], state: NDArray[np.float64], bef
         mechs.append([float(v) for v in body])
         states.append(own)
         steps.append(step)
-    like = {"laws": (laws, model.friction), "mechs": (mechs, mech), "states": (states, state)}
-    tables = {name: np.array(rows).reshape(len(names), len(one)) for name, (rows, one) in like.items()}
-    return Moved(model, **tables, steps=np.array(steps))
+    n = len(names)  # of none, the tables have their columns all the same
+    return Moved(
+        model,
+        np.array(laws).reshape(n, len(model.friction)),
+        np.array(mechs).reshape(n, len(mech)),
+        np.array(states).reshape(n, state.size),
+        np.array(steps),
+    )
 
 
 def follow_moved(
