@@ -93,6 +93,7 @@ from .verification import Predictor as Predictor
 from .verification import Requirement as Requirement
 from .verification import Verification as Verification
 from .verification import verify as verify
+from .waveform.knots import PeriodicKnots as PeriodicKnots
 from .waveform.multisine import Multisine as Multisine
 from .waveform.periodic import Cycloid as Cycloid
 from .waveform.periodic import ReverseSawtooth as ReverseSawtooth

@@ -88,8 +88,9 @@ number = st.floats(allow_nan=True, allow_infinity=True) | st.integers(-(10**20),
 TEXTS = ["35 V", "65 V", "150 V", "-3 V", "5 Hz", "$voltage", "0.1 s", "x", "", "1e400 V"]
 value = number | st.sampled_from(TEXTS)
 FIELDS = "amplitude frequency periods offset rise_fraction delay duration phase rate rise_time level "
-FIELDS += "start_frequency end_frequency amplitudes frequencies"
-SHAPES = "Sawtooth ReverseSawtooth Triangle Cycloid Sine Step Ramp Chirp Rest Constant Multisine Saw"
+FIELDS += "start_frequency end_frequency amplitudes frequencies times values period smooth"
+SHAPES = "Sawtooth ReverseSawtooth Triangle Cycloid Sine Step Ramp Chirp Rest Constant Multisine Saw "
+SHAPES += "PeriodicKnots"
 LIMITS = "min_voltage max_voltage max_slew max_duty min_position max_position watchdog stop_slew"
 ACTUATOR = "gain natural_frequency damping_ratio end_effector_mass clamped stage_reaction friction name nose"
 

@@ -7,6 +7,7 @@ import pytest
 
 from stickslip.recording import make_recording
 from stickslip.recording.drive import named_drive
+from stickslip.waveform.knots import PeriodicKnots
 from stickslip.waveform.multisine import Multisine
 from stickslip.waveform.periodic import Cycloid, ReverseSawtooth, Sawtooth, Sine
 from stickslip.waveform.sequence import Sequence
@@ -26,6 +27,7 @@ def recording(drive: str):
         Sequence(Rest(0.1), Sawtooth(65.0, 5.0, periods=2), Rest(0.5), ReverseSawtooth(65.0, 5.0, periods=2)),
         Sequence((Cycloid(30.0, 20.0, 0.5), 0.2), (Chirp(10.0, 5.0, 50.0, 0.3), 0.1), (Sine(5.0, 3.0), 1.0)),
         Multisine((5.0, 2.0), (10.0, 30.0)),
+        PeriodicKnots(np.array([0.0, 0.1]), (-5.0, 65.0), 0.2, smooth=True, periods=3),
     ],
     ids=lambda waveform: type(waveform).__name__,
 )

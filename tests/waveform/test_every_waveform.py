@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from stickslip.units import QuantityError
 from stickslip.waveform.drive import evaluate, segment_at, value_slope_curvature
+from stickslip.waveform.knots import PeriodicKnots
 from stickslip.waveform.multisine import Multisine
 from stickslip.waveform.periodic import Cycloid, ReverseSawtooth, Sawtooth, Sine, Triangle
 from stickslip.waveform.pieces import Piece, assemble
@@ -27,6 +28,21 @@ periods = st.one_of(st.none(), st.integers(1, 8))
 lengths = st.floats(1e-3, 0.3)
 numbers = st.lists(st.tuples(levels, frequencies, st.floats(-4, 4)), min_size=1, max_size=4)
 samples = st.lists(st.tuples(st.floats(1e-3, 0.1), levels), min_size=1, max_size=10)
+
+
+def sampled(steps, kind: str, again: bool) -> Sampled:
+    times = np.cumsum([dt for dt, _ in steps])
+    period = float(times[-1] * (1 if kind == "linear" else 1.1)) if again else None
+    return Sampled(times, [u for _, u in steps], kind, period=period)
+
+
+def knots(steps, first: float, smooth: bool, count: int | None, unit: str = "V"):
+    """Knots at times made of steps; the last step leads to the first knot of the next period."""
+    ends = np.cumsum([dt for dt, _ in steps])
+    times = first * steps[-1][0] + np.append(0.0, ends[:-1])
+    return PeriodicKnots(times, [u for _, u in steps], ends[-1], smooth, unit, count)
+
+
 simple = st.one_of(
     st.builds(Constant, levels, unit=volts),
     st.builds(Step, levels, lengths, levels, unit=volts),
@@ -39,10 +55,12 @@ simple = st.one_of(
     st.builds(Sine, levels, frequencies, st.floats(-7, 7), levels, periods, unit=volts),
     st.builds(lambda n, offset: Multisine(*zip(*n, strict=True), offset=offset), numbers, levels),
     st.builds(
-        lambda s, kind: Sampled(np.cumsum([dt for dt, _ in s]), [u for _, u in s], kind),
+        sampled,
         samples,
         st.sampled_from(["linear", "hold"]),
+        st.booleans(),
     ),
+    st.builds(knots, samples, st.floats(0, 0.99), st.booleans(), periods),
 )
 waveforms = st.one_of(
     simple, st.lists(st.tuples(simple, lengths), min_size=1, max_size=4).map(lambda parts: Sequence(*parts))
@@ -95,6 +113,17 @@ def test_lengths_in_place_of_volts() -> None:
         (lambda: Cycloid(65, 5, rise_fraction=1.01), r"rise_fraction = 1.01 "),
         (lambda: ReverseSawtooth(65, 5, fall_fraction=1 - 1e-9), r"fall_fraction = 0.999999999 .*millionth"),
         (lambda: Sawtooth(65, 5, periods=2.5), r"Sawtooth\.periods = 2.5 .*whole number"),
+        (lambda: PeriodicKnots([0, 1], [1], 2), r"2 times \(in s\) for 1 values \(in V\)"),
+        (lambda: PeriodicKnots([], [], 2), r"at least one"),
+        (lambda: PeriodicKnots([0, 2], [1, 2], 2), r"times\[1\] = 2.0 s .*period of 2.0 s"),
+        (lambda: PeriodicKnots([1, 1], [1, 2], 2), r"times\[0\] = 1.0 s .*at 1.0 s"),
+        (lambda: PeriodicKnots([0, 1e-7], [1, 2], 2), r"times\[0\] = 0.0 s .*millionth"),
+        (lambda: PeriodicKnots([0, 2 - 1e-7], [1, 2], 2), r"times\[1\] = .*millionth"),
+        (lambda: PeriodicKnots([-1, 1], [1, 2], 2), r"PeriodicKnots\.times\[0\] = -1 s"),
+        (lambda: PeriodicKnots([0, 1], [1, "2 A"], 2), r"PeriodicKnots\.values\[1\] = '2 A'"),
+        (lambda: PeriodicKnots([0, 1], [1, 2], 0), r"PeriodicKnots\.period = 0 s"),
+        (lambda: PeriodicKnots([0, 1], [1, 2], 2, periods=1.5), r"PeriodicKnots\.periods = 1.5 .*whole"),
+        (lambda: PeriodicKnots([0, 1], [1, 2], 2, smooth="no"), r"PeriodicKnots\.smooth = 'no'"),
         (lambda: Triangle(65, 5, periods=0), r"Triangle\.periods = 0 "),
         (lambda: Sawtooth(65, 5, unit="A"), r"Sawtooth\.unit = 'A'.*'V'"),
         (lambda: Sawtooth(65), r"frequency"),

@@ -9,8 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from scipy import signal
+from scipy.interpolate import PchipInterpolator
 
 from stickslip.waveform.drive import evaluate, segment_at, value_slope_curvature
+from stickslip.waveform.knots import PeriodicKnots
 from stickslip.waveform.multisine import Multisine
 from stickslip.waveform.periodic import Cycloid, ReverseSawtooth, Sawtooth, Sine, Triangle
 from stickslip.waveform.sampled import Sampled
@@ -24,6 +26,11 @@ TAU = 2 * np.pi
 SAMPLE_TIMES = np.array([0.1, 0.15, 0.4, 1.0, 1.7])
 SAMPLES = np.array([3.0, -2.0, 5.0, 5.5, 1.0])
 AMPLITUDES, FREQUENCIES, PHASES = (np.array(x) for x in ([3.0, -1.0, 2.0], [2.0, 5.0, 7.0], [0.3, 1.0, -2.0]))
+
+KNOT_TIMES = np.array([0.05, 0.1, 0.25, 0.3, 0.4])
+KNOTS = np.array([2.0, 3.0, 40.0, 40.0, -7.0])
+PERIOD = 0.5
+KNOT_BREAKS = np.sort(np.add.outer(np.arange(4) * PERIOD, [0.0, *KNOT_TIMES]).ravel())
 
 
 class Case(NamedTuple):
@@ -47,6 +54,19 @@ def asymmetric_cycloid(t):
     p = np.mod(3 * t, 1)
     u = np.where(p < 0.75, cycloid(p / 0.75), 1 - cycloid((p - 0.75) / 0.25))
     return np.where(t < 4 / 3, 5 + 40 * u, 5.0)
+
+
+def monotone(t):
+    around = np.concatenate([KNOT_TIMES + k * PERIOD for k in (-2, -1, 0, 1, 2)])
+    return PchipInterpolator(around, np.tile(KNOTS, 5))(np.mod(t, PERIOD))
+
+
+def counted(curve, periods):
+    return lambda t: np.where(t < periods * PERIOD, curve(t), curve(0.0))
+
+
+def wrapped(t):
+    return np.interp(t, KNOT_TIMES, KNOTS, period=PERIOD)
 
 
 def there_and_back(t):
@@ -145,6 +165,39 @@ CASES = (
         0,
         3,
     ),
+    Case("knots", PeriodicKnots(KNOT_TIMES, KNOTS, PERIOD), wrapped, KNOT_BREAKS, 0, wrapped(0)),
+    Case(
+        "smooth knots",
+        PeriodicKnots(KNOT_TIMES, KNOTS, PERIOD, smooth=True, periods=3),
+        counted(monotone, 3),
+        KNOT_BREAKS[:19],
+        6e4,
+        float(monotone(0)),
+    ),
+    Case(
+        "periodic samples",
+        Sampled(KNOT_TIMES, KNOTS, period=PERIOD),
+        wrapped,
+        KNOT_BREAKS,
+        0,
+        wrapped(0),
+    ),
+    Case(
+        "samples with a jump",
+        Sampled([0, 0.2], [-5, 65], period=0.2),
+        lambda t: -5 + 70 * np.mod(5 * t, 1),
+        np.arange(10) / 5,
+        0,
+        -5,
+    ),
+    Case(
+        "held for ever",
+        Sampled(KNOT_TIMES, KNOTS, "hold", period=PERIOD),
+        lambda t: KNOTS[np.searchsorted(KNOT_TIMES, np.mod(t, PERIOD), side="right") - 1],
+        np.delete(KNOT_BREAKS, [4, 10, 16, 22]),  # where nothing changes
+        0,
+        -7,
+    ),
     Case(
         "there and back",
         Sequence(Sawtooth(65, 5, periods=4), Rest(0.3), ReverseSawtooth(65, 5, periods=3)),
@@ -155,7 +208,7 @@ CASES = (
 )
 
 every = pytest.mark.parametrize("case", CASES, ids=lambda case: case.name.replace(" ", "_"))
-curved = [case for case in CASES if case.name in ("chirp", "multisine", "cycloid", "ramp")]
+curved = [case for case in CASES if case.name in ("chirp", "multisine", "cycloid", "ramp", "smooth knots")]
 
 
 def away_from_breaks(case: Case, t: np.ndarray, distance: float) -> np.ndarray:
@@ -217,7 +270,7 @@ def test_at_a_break_the_value_after_it(case: Case) -> None:
 
 @every
 def test_before_the_start_it_rests(case: Case) -> None:
-    assert case.waveform.value(-0.1) == case.before
+    assert case.waveform.value(-0.1) == pytest.approx(case.before, rel=1e-14, abs=0)
     assert case.waveform.slope(-0.1) == 0
 
 
@@ -247,7 +300,7 @@ def test_a_drive_shows_the_same_for_any_duration(case: Case) -> None:
     for duration in (0.0, 0.13, 0.8, 1.1):
         t = RANDOM[duration > RANDOM]
         drive = case.waveform.drive(duration)
-        assert drive.before == case.before
+        assert drive.before == pytest.approx(case.before, rel=1e-14, abs=0)
         assert drive.start[0] == 0
         assert np.array_equal(evaluate(drive, t)[0], case.waveform.value(t))
 

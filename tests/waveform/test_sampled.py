@@ -47,6 +47,28 @@ def test_at_a_rate() -> None:
     assert (w.duration, w.period, w.range()) == (0.001, None, (0, 4))
 
 
+@given(steps, st.floats(0, 1), st.floats(0, 1))
+def test_lines_and_steps_around_a_period(steps, first: float, last: float) -> None:
+    times = first + np.cumsum([0.0, *(dt for dt, _ in steps[1:])])
+    period = float(times[-1] + last + 1e-3)
+    values = np.array([u for _, u in steps])
+    t = np.linspace(0, 5 * period, 997)
+    gap = np.abs(np.mod(t, period)[:, None] - np.append(times, [0, period])).min(axis=1)
+    t = t[gap > 1e-9]
+    lines = Sampled(times, values, period=period)
+    np.testing.assert_allclose(lines.value(t), np.interp(t, times, values, period=period), atol=1e-3)
+    held = values[np.searchsorted(times, np.mod(t, period), side="right") - 1]  # -1: the last one
+    assert np.array_equal(Sampled(times, values, "hold", period=period).value(t), held)
+    assert (lines.period, lines.duration) == (period, np.inf)
+
+
+@pytest.mark.parametrize("rate", [1e3, 7e3, 44.1e3])
+def test_a_sampling_clock_meets_samples_held_for_ever(rate: float) -> None:
+    values = np.random.default_rng(3).uniform(size=333)
+    w = Sampled.at_rate(rate, values, "hold", period=333 / rate)
+    assert np.array_equal(w.value(np.arange(40 * 333) / rate), np.tile(values, 40))
+
+
 def test_samples_cannot_be_changed_afterwards() -> None:
     given = np.array([1.0, 2.0])
     w = Sampled([0, 1], given)
@@ -73,10 +95,16 @@ def test_from_a_recording() -> None:
     [
         (lambda: Sampled([0, 1], [1, np.nan]), r"Sampled\.values\[1\] = nan"),
         (lambda: Sampled([0, np.inf], [1, 2]), r"Sampled\.times\[1\] = inf"),
-        (lambda: Sampled([0, 2, 1], [1, 2, 3]), r"times\[2\] = .*does not ascend"),
-        (lambda: Sampled([0, 1, 1], [1, 2, 3]), r"times\[2\] = .*does not ascend"),
+        (lambda: Sampled([0, 2, 1], [1, 2, 3]), r"times\[2\] = 1.0 s does not ascend"),
+        (lambda: Sampled([0, 1, 1], [1, 2, 3]), r"times\[2\] = 1.0 s does not ascend"),
         (lambda: Sampled([-1, 1], [1, 2]), r"times\[0\] = -1 s.*>= 0 s"),
         (lambda: Sampled([0, 1], [1, 2, 3]), r"2 times \(in s\) for 3 values \(in V\)"),
+        (
+            lambda: Sampled([0, 2], [1, 2], period=1),
+            r"Sampled\.times\[1\] = 2.0 s .*period of 1.0 s ends before",
+        ),
+        (lambda: Sampled([0, 1], [1, 2], "hold", period=1), r"Sampled\.times\[1\] = 1.0 s .*ends before"),
+        (lambda: Sampled([0, 1], [1, 2], period=0), r"Sampled\.period = 0 s"),
         (lambda: Sampled([], []), r"shape \(0,\)"),
         (lambda: Sampled([0, 1], [[1, 2], [3, 4]]), r"shape \(2, 2\)"),
         (

@@ -33,14 +33,14 @@ from ..rig import (
 )
 from ..rig.measurement import channel_units, plan_run
 from ..units import QuantityError, to_si
-from ..waveform import multisine, periodic, shapes
+from ..waveform import knots, multisine, periodic, shapes
 from ..waveform.sampled import Sampled
 from ..waveform.sequence import Sequence
 from ..waveform.signal import Waveform
 from .file import ChannelSpec, ExperimentFile, PartSpec, RunSpec, ScpiRigSpec
 
 MOST_CELLS = 10_000
-_SHAPES = {**vars(periodic), **vars(shapes), **vars(multisine)}
+_SHAPES = {**vars(periodic), **vars(shapes), **vars(multisine), **vars(knots)}
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,59}$")
 Count = Annotated[int, Field(ge=1, le=10_000)]
 Shape = Literal[
     "Sawtooth", "ReverseSawtooth", "Triangle", "Cycloid", "Sine", "Step", "Ramp", "Chirp", "Rest", "Constant",
-    "Multisine",
+    "Multisine", "PeriodicKnots",
 ]  # fmt: skip
 
 
@@ -99,7 +99,7 @@ class PartSpec(Strict):
     """A part of the drive: a waveform with its fields, cut off after `duration`, or a channel of a file."""
 
     shape: Shape | None = None
-    fields: dict[str, Quantity | list[Quantity] | None] = Field(default_factory=dict)
+    fields: dict[str, Quantity | bool | list[Quantity] | None] = Field(default_factory=dict)
     duration: Quantity | None = None
     file: str | None = None
     variable: str = "drive_voltage"

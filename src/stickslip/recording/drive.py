@@ -8,7 +8,7 @@ from typing import Any
 
 import xarray as xr
 
-from ..waveform import multisine, periodic, shapes
+from ..waveform import knots, multisine, periodic, shapes
 from ..waveform.sequence import Sequence
 from ..waveform.signal import Waveform
 
@@ -18,6 +18,7 @@ _SHAPES = {
         (periodic, ("Sawtooth", "ReverseSawtooth", "Triangle", "Cycloid", "Sine")),
         (shapes, ("Constant", "Rest", "Step", "Ramp", "Chirp")),
         (multisine, ("Multisine",)),
+        (knots, ("PeriodicKnots",)),
     )
     for name in names
 }

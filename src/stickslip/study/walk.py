@@ -18,7 +18,7 @@ from ..identify.result import Fit, goodness
 from ..input_file import Strict, quantity
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import estimates, fit_numbers, model_numbers, parameter_table
-from ..waveform import periodic, shapes
+from ..waveform import knots, periodic, shapes
 from ..waveform.signal import Waveform
 from .file import Recorded, Study, StudyError, read_parts
 
@@ -27,6 +27,7 @@ _SHAPES = {
     for module, names in (
         (periodic, ("Sawtooth", "ReverseSawtooth", "Triangle", "Cycloid", "Sine")),
         (shapes, ("Step", "Ramp", "Chirp")),
+        (knots, ("PeriodicKnots",)),
     )
     for name in names
 }
@@ -39,8 +40,10 @@ class DriveSpec(Strict):
     """A waveform by name, with its fields: ``{shape: Sawtooth, fields: {amplitude: 65 V, frequency: 5
     Hz}}``."""
 
-    shape: Literal["Sawtooth", "ReverseSawtooth", "Triangle", "Cycloid", "Sine", "Step", "Ramp", "Chirp"]
-    fields: dict[str, float | str]
+    shape: Literal[
+        "Sawtooth", "ReverseSawtooth", "Triangle", "Cycloid", "Sine", "Step", "Ramp", "Chirp", "PeriodicKnots"
+    ]
+    fields: dict[str, float | str | bool | list[float | str]]
 
     def waveform(self) -> Waveform:
         """The waveform; raises QuantityError for wrong fields."""

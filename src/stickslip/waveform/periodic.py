@@ -41,7 +41,8 @@ def _stroke(waveform: Sawtooth | ReverseSawtooth | Triangle | Cycloid) -> tuple[
     return min(rest, turn), max(rest, turn)
 
 
-def _check_periods(waveform: Sawtooth | ReverseSawtooth | Triangle | Cycloid | Sine) -> None:
+def check_periods(waveform: Any) -> None:
+    """Raises QuantityError unless the number of periods is a whole one."""
     if waveform.periods is not None and waveform.periods % 1:
         field = f"{type(waveform).__name__}.periods"
         raise QuantityError(f"{field} = {waveform.periods:g} is out of range: it must be a whole number >= 1")
@@ -74,7 +75,7 @@ class Sawtooth(NamedTuple):
     period, duration, range = _period, _duration, _stroke
 
     def _check(self) -> None:
-        _check_periods(self)
+        check_periods(self)
         _check_fraction(self.rise_fraction, "Sawtooth.rise_fraction")
 
     def drive(self, duration: float) -> Drive:
@@ -107,7 +108,7 @@ class ReverseSawtooth(NamedTuple):
     period, duration, range = _period, _duration, _stroke
 
     def _check(self) -> None:
-        _check_periods(self)
+        check_periods(self)
         _check_fraction(self.fall_fraction, "ReverseSawtooth.fall_fraction")
 
     def drive(self, duration: float) -> Drive:
@@ -131,7 +132,7 @@ class Triangle(NamedTuple):
 
     value, slope, breaks = value_at, slope_at, breaks_within
     period, duration, range = _period, _duration, _stroke
-    _check = _check_periods
+    _check = check_periods
 
     def drive(self, duration: float) -> Drive:
         """The segment table for 0 <= t < duration [s]."""
@@ -163,7 +164,7 @@ class Cycloid(NamedTuple):
     period, duration, range = _period, _duration, _stroke
 
     def _check(self) -> None:
-        _check_periods(self)
+        check_periods(self)
         _check_fraction(self.rise_fraction, "Cycloid.rise_fraction")
 
     def drive(self, duration: float) -> Drive:
@@ -194,7 +195,7 @@ class Sine(NamedTuple):
 
     value, slope, breaks = value_at, slope_at, breaks_within
     period, duration = _period, _duration
-    _check = _check_periods
+    _check = check_periods
 
     def range(self) -> tuple[float, float]:
         """Exact."""

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..units import QuantityError
 from .drive import Drive
@@ -43,23 +44,45 @@ def repeat(
         rest: value before t = 0 and after the last period.
         duration: s, finite; what lies beyond is left out.
     """
-    if not math.isfinite(duration):
-        raise QuantityError(
-            f"duration = {duration} s is out of range: a periodic drive is tabulated up to a finite time"
-        )
-    needed = math.floor(max(duration, 0.0) * frequency) + 1
-    count = needed if periods is None else min(needed, int(periods))
     one = _table(rest, pieces)
     # (k + fraction)/f rounds once: no error builds up, and sampling times n/rate that should meet it do
-    start = ((np.arange(count)[:, None] + one.start) / frequency).ravel()
-    polynomial = np.tile(one.polynomial, (count, 1))
-    rows = np.tile(np.diff(one.first), count)
-    harmonic = np.tile(one.harmonic, (count, 1))
-    if periods is not None:
-        start = np.append(start, periods / frequency)
-        polynomial = np.append(polynomial, [[rest, 0.0, 0.0, 0.0]], axis=0)
-        rows = np.append(rows, 0)
-    return cut(Drive(float(rest), start, polynomial, np.append(0, np.cumsum(rows)), harmonic), duration)
+    whole = np.arange(_begun(duration, 1 / frequency, periods))[:, None]
+    start = (whole + one.start) / frequency
+    return _tiled(one, start, None if periods is None else periods / frequency, duration)
+
+
+def repeat_table(one: Drive, period: float, periods: float | None, duration: float) -> Drive:
+    """As `repeat`, for a table of one period [s] whose starts are in s; its `before` is the value at rest."""
+    start = np.arange(_begun(duration, period, periods))[:, None] * period + one.start
+    # k T + t rounds twice: two units in the last place early, and sampling times that should meet it do
+    start[1:] *= 1 - 2.0**-51
+    return _tiled(one, start, None if periods is None else periods * period, duration)
+
+
+def wrapped(start: NDArray[np.float64], polynomial: NDArray[np.float64], period: float) -> Drive:
+    """One period [s] of a curve that closes on itself, for `repeat_table`.
+
+    Args:
+        start: s, ascending, the first >= 0, the last <= `period`.
+        polynomial: [n, 4], c_0..c_3 of each segment; the last one goes on to start[0] of the next period.
+    """
+    if start[0] > _SLIVER * period:
+        c0, c1, c2, c3 = polynomial[-1]
+        tau = period - start[-1]
+        level = c0 + tau * (c1 + tau * (c2 + tau * c3))
+        rest_of_last = [level, c1 + tau * (2 * c2 + tau * 3 * c3), c2 + tau * 3 * c3, c3]
+        start, polynomial = np.append(0.0, start), np.vstack([rest_of_last, polynomial])
+    within = start < period * (1 - _SLIVER)
+    return polynomials(np.append(0.0, start[within][1:]), polynomial[within])
+
+
+def polynomials(start: NDArray[np.float64], polynomial: NDArray[np.float64]) -> Drive:
+    """The drive of polynomials [n, 4] from their starts [s] on, the first 0; at rest at its first value."""
+    # a segment that changes nothing on a flat stretch is no break: the solver need not stop there
+    level, moves = polynomial[:, 0], np.any(polynomial[:, 1:] != 0, axis=1)
+    kept = np.append(True, (np.diff(level) != 0) | moves[1:] | moves[:-1])
+    first = np.zeros(np.count_nonzero(kept) + 1, dtype=np.int64)
+    return Drive(float(level[0]), start[kept], polynomial[kept], first, np.zeros((0, 4)))
 
 
 def cut(drive: Drive, duration: float) -> Drive:
@@ -85,6 +108,30 @@ def join(drives: Sequence[Drive], begins: Sequence[float]) -> Drive:
         np.append(0, np.cumsum(rows)),
         np.concatenate([drive.harmonic for drive in drives]),
     )
+
+
+def _begun(duration: float, period: float, periods: float | None) -> int:
+    """How many periods begin before the end."""
+    if not math.isfinite(duration):
+        raise QuantityError(
+            f"duration = {duration} s is out of range: a periodic drive is tabulated up to a finite time"
+        )
+    needed = math.floor(max(duration, 0.0) / period) + 1
+    return needed if periods is None else min(needed, int(periods))
+
+
+def _tiled(one: Drive, start: NDArray[np.float64], end: float | None, duration: float) -> Drive:
+    """One period again and again, its segments beginning at start[k, i]; at rest from the end [s] on."""
+    count = len(start)
+    polynomial = np.tile(one.polynomial, (count, 1))
+    rows = np.tile(np.diff(one.first), count)
+    start = start.ravel()
+    if end is not None:
+        start = np.append(start, end)
+        polynomial = np.append(polynomial, [[one.before, 0.0, 0.0, 0.0]], axis=0)
+        rows = np.append(rows, 0)
+    first, harmonic = np.append(0, np.cumsum(rows)), np.tile(one.harmonic, (count, 1))
+    return cut(Drive(one.before, start, polynomial, first, harmonic), duration)
 
 
 def _table(before: float, pieces: Sequence[Piece]) -> Drive:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -12,25 +13,33 @@ from numpy.typing import ArrayLike, NDArray
 from ..records import Quantity
 from ..units import QuantityError
 from .drive import Drive
-from .pieces import cut
+from .pieces import cut, polynomials, repeat_table, wrapped
 from .signal import Unit, breaks_within, check_unit, slope_at, value_at
+
+_PERIOD = Quantity("s", "T", "period", above=0)
 
 
 @dataclass(frozen=True, eq=False)
 class Sampled:
     """Samples, joined by lines ("linear") or each held until the next ("hold", as a DAC does).
 
-    Fields: `times` [n], s, ascending, the first >= 0; `values` [n], V or m. The first value holds before the
-    first time, the last one after the last, where `duration` ends.
+    Fields: `times` [n], s, ascending, the first >= 0; `values` [n], V or m; `period`, s, None: it happens
+    once. The first value holds before the first time, the last one after the last, where `duration` ends.
+
+    With a period the samples, all of them within it, are repeated for ever: after the last one comes the
+    first one of the next period, joined to it in the same way. A line may end at the very period, and the
+    signal jumps there: ``Sampled([0, 0.2], [0, 65], period=0.2)`` is a sawtooth.
 
     Raises:
-        QuantityError: no samples, different lengths, NaN, times negative or not ascending, wrong unit.
+        QuantityError: no samples, different lengths, NaN, times negative, not ascending or not within the
+            period, wrong unit.
     """
 
     times: NDArray[np.float64]
     values: NDArray[np.float64]
     interpolation: Literal["linear", "hold"] = "linear"
     unit: Unit = "V"
+    period: float | None = None
 
     value, slope, breaks = value_at, slope_at, breaks_within
 
@@ -48,10 +57,19 @@ class Sampled:
             raise QuantityError(f"Sampled.times[0] = {times[0]:g} s is out of range: times must be >= 0 s")
         back = np.flatnonzero(np.diff(times) <= 0)
         if len(back):
-            i = int(back[0]) + 1
+            before, late = times[back[0] : back[0] + 2].tolist()
             raise QuantityError(
-                f"Sampled.times[{i}] = {times[i]!r} s does not ascend: {times[i - 1]!r} s came before"
+                f"Sampled.times[{back[0] + 1}] = {late!r} s does not ascend: {before!r} s came before"
             )
+        if self.period is not None:
+            period = _PERIOD.check(self.period, "Sampled.period")
+            last = float(times[-1])
+            if last > period or (self.interpolation == "hold" and last == period):
+                raise QuantityError(
+                    f"Sampled.times[{len(times) - 1}] = {last!r} s is out of range: a period of {period!r} s "
+                    "ends before"
+                )
+            object.__setattr__(self, "period", period)
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "values", values)
 
@@ -62,11 +80,12 @@ class Sampled:
         values: ArrayLike,
         interpolation: Literal["linear", "hold"] = "linear",
         unit: Unit = "V",
+        period: float | None = None,
     ) -> Sampled:
-        """Samples at `sample_rate` [Hz] from t = 0 on."""
+        """Samples at `sample_rate` [Hz] from t = 0 on; with a `period` [s], again and again."""
         rate = Quantity("Hz", "f_s", "sample rate", above=0).check(sample_rate, "Sampled.sample_rate")
         samples = np.asarray(values)
-        return cls(np.arange(samples.size) / rate, samples, interpolation, unit)
+        return cls(np.arange(samples.size) / rate, samples, interpolation, unit, period)
 
     @classmethod
     def from_recording(
@@ -83,13 +102,9 @@ class Sampled:
         return cls(times - times[:1], np.asarray(recording[name]), interpolation, unit)
 
     @property
-    def period(self) -> None:
-        """None: it happens once."""
-
-    @property
     def duration(self) -> float:
-        """s, the last time"""
-        return float(self.times[-1])
+        """s, the last time; infinite with a period"""
+        return float(self.times[-1]) if self.period is None else math.inf
 
     def range(self) -> tuple[float, float]:
         """Exact."""
@@ -97,19 +112,18 @@ class Sampled:
 
     def drive(self, duration: float) -> Drive:
         """The segment table for 0 <= t < duration [s]."""
-        slope = np.zeros(len(self.times))
+        start, polynomial = self.times, np.zeros((len(self.times), 4))
+        polynomial[:, 0] = self.values
         if self.interpolation == "linear":
-            slope[:-1] = np.diff(self.values) / np.diff(self.times)
-        start, level = self.times, self.values
-        if start[0] > 0:
-            start, level, slope = np.append(0.0, start), np.append(level[0], level), np.append(0.0, slope)
-        # a sample that changes nothing on a flat stretch is no break: the solver need not stop there
-        flat = (np.diff(level) == 0) & (slope[1:] == 0)
-        kept = np.append(True, ~flat)
-        polynomial = np.zeros((np.count_nonzero(kept), 4))
-        polynomial[:, 0], polynomial[:, 1] = level[kept], slope[kept]
-        first = np.zeros(len(polynomial) + 1, dtype=np.int64)
-        return cut(Drive(float(level[0]), start[kept], polynomial, first, np.zeros((0, 4))), duration)
+            polynomial[:-1, 1] = np.diff(self.values) / np.diff(self.times)
+        if self.period is None:
+            if start[0] > 0:
+                start, polynomial = np.append(0.0, start), np.vstack([[self.values[0], 0, 0, 0], polynomial])
+            return cut(polynomials(start, polynomial), duration)
+        around = start[0] + (self.period - start[-1])  # 0: it jumps there
+        if self.interpolation == "linear" and around > 0:
+            polynomial[-1, 1] = (self.values[0] - self.values[-1]) / around
+        return repeat_table(wrapped(start, polynomial, self.period), self.period, None, duration)
 
 
 def _samples(values: ArrayLike, field: str, unit: str) -> NDArray[np.float64]:

@@ -1,0 +1,106 @@
+"""A periodic waveform through values at free times: what a designer, or an optimiser, shapes."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..records import Quantity
+from ..units import QuantityError
+from .drive import Drive
+from .periodic import Periods, check_periods
+from .pieces import repeat_table, wrapped
+from .signal import Unit, breaks_within, signal_record, slope_at, value_at
+
+_CLOSEST = 1e-6  # of the period: as close as a fraction of a sawtooth may come to a jump
+
+Array = NDArray[np.float64]
+
+
+@signal_record
+class PeriodicKnots(NamedTuple):
+    r"""Values :math:`u_k` at times :math:`t_k` within one period T, joined to a closed curve and repeated.
+
+    With :math:`h_k = t_{k+1} - t_k`, :math:`\delta_k = (u_{k+1} - u_k)/h_k` and
+    :math:`\tau = t - t_k`, where the knot after the last is the first of the next period,
+
+    .. math:: u = u_k + m_k \tau + (3\delta_k - 2m_k - m_{k+1})\frac{\tau^2}{h_k}
+                  + (m_k + m_{k+1} - 2\delta_k)\frac{\tau^3}{h_k^2}
+
+    Lines by default, :math:`m_k = m_{k+1} = \delta_k`. `smooth` makes the slope continuous: m_k is the
+    harmonic mean of the slopes on both sides, weighted by :math:`2h_k + h_{k-1}` (before) and
+    :math:`h_k + 2h_{k-1}` (after), and zero where these differ in sign [fritsch1984]. Such a cubic is
+    monotone between knots [fritsch1980]: limits kept by the knots are kept by the drive, which a spline of
+    continuous curvature would pass. The curvature may jump at knots.
+
+    Times ascend from 0 or later to below the period. It rests at its value at t = 0 before, and after
+    `periods`.
+    """
+
+    times: Annotated[tuple[float, ...], Quantity("s", "t_k", "time of a knot", minimum=0)]
+    values: Annotated[tuple[float, ...], Quantity("V", "u_k", "value of a knot")]
+    period: Annotated[float, Quantity("s", "T", "period", above=0)]
+    smooth: bool = False
+    unit: Unit = "V"
+    periods: Periods = None
+
+    value, slope, breaks = value_at, slope_at, breaks_within
+
+    def _check(self) -> None:
+        check_periods(self)
+        if self.smooth not in (True, False):
+            raise QuantityError(f"PeriodicKnots.smooth = {self.smooth!r}: it is True or False")
+        times, n = self.times, len(self.times)
+        if not n or n != len(self.values):
+            raise QuantityError(
+                f"PeriodicKnots has {n} times (in s) for {len(self.values)} values (in {self.unit}): "
+                "as many are needed, at least one"
+            )
+        for i, (t, after) in enumerate(zip(times, (*times[1:], self.period), strict=True)):
+            gap = after - t if i + 1 < n else times[0] + (self.period - t)
+            if t >= after or gap < _CLOSEST * self.period:
+                raise QuantityError(
+                    f"PeriodicKnots.times[{i}] = {t!r} s is out of range: times ascend from 0 s to below the "
+                    f"period of {self.period!r} s, each at least a millionth of it before the next, "
+                    f"which is at {after!r} s"
+                )
+
+    @property
+    def duration(self) -> float:
+        """s, infinite unless the periods are counted"""
+        return math.inf if self.periods is None else self.periods * self.period
+
+    def range(self) -> tuple[float, float]:
+        """Exact: there is nothing beyond the knots."""
+        return min(self.values), max(self.values)
+
+    def drive(self, duration: float) -> Drive:
+        """The segment table for 0 <= t < duration [s]."""
+        times, values = np.array(self.times), np.array(self.values)
+        h = np.diff(times, append=times[0] + self.period)
+        delta = np.diff(values, append=values[0]) / h
+        polynomial = np.zeros((len(times), 4))
+        polynomial[:, 0], polynomial[:, 1] = values, delta
+        if self.smooth:
+            m = _monotone_slopes(h, delta)
+            after = np.roll(m, -1)
+            polynomial[:, 1] = m
+            polynomial[:, 2] = (3 * delta - 2 * m - after) / h
+            polynomial[:, 3] = (m + after - 2 * delta) / h**2
+        return repeat_table(wrapped(times, polynomial, self.period), self.period, self.periods, duration)
+
+
+def _monotone_slopes(h: Array, delta: Array) -> Array:
+    """Slope at each knot of a closed curve; see `PeriodicKnots`."""
+    h_before, before = np.roll(h, 1), np.roll(delta, 1)
+    slopes = np.zeros_like(delta)
+    on = np.sign(before) * np.sign(delta) > 0
+    steeper = np.abs(before) > np.abs(delta)
+    w_before, w_after = 2 * h + h_before, h + 2 * h_before
+    low, w_low = np.where(steeper, delta, before)[on], np.where(steeper, w_after, w_before)[on]
+    high, w_high = np.where(steeper, before, delta)[on], np.where(steeper, w_before, w_after)[on]
+    slopes[on] = low * (w_low + w_high) / (w_low + w_high * (low / high))
+    return slopes
