@@ -33,7 +33,7 @@ BUILT = {".pyc", ".so", ".o", ".nbi", ".nbc", ".coverage", ".egg-info", ".whl"}
 OWNERS = {
     "numba": {"_jit", "solve/cuda"},
     "pint": {"units"},
-    "pandas": {"readers/csv"},
+    "pandas": {"readers/csv", "recording/schema"},
     "matplotlib": {"figures"},
     "jinja2": {"report"},
     "pooch": {"datasets"},

@@ -155,3 +155,39 @@ def test_a_recording_may_be_cut_and_extended() -> None:
     assert cut.sizes["time"] == 2
     other = make_recording(TIME, {"y": (TIME, "V")})
     assert set(validate_recording(recording.assign(y=other["y"]))) == {"x", "y"}
+
+
+def test_recordings_alike_share_nothing_that_can_change() -> None:
+    first, second = (make_recording(TIME, {"x": (TIME.copy(), "m")}, title=t) for t in ("one", "two"))
+    kept = second.copy(deep=True)
+    first["x"].values[:] = -1.0
+    for variable in ("x", "time"):
+        first[variable].attrs["units"] = "furlong"
+        first[variable].encoding["_FillValue"] = None
+        first.variables[variable].attrs["note"] = "mine"
+    first.attrs["title"] = "changed"
+    with pytest.raises(ValueError, match="read-only"):
+        first["time"].values[0] = 7.0
+    first["y"] = first["x"] * 2
+    for one in (second, make_recording(TIME, {"x": (TIME, "m")}, title="two")):
+        one.attrs["created"] = kept.attrs["created"]
+        xr.testing.assert_identical(one, kept)
+        assert not one["x"].encoding
+        assert not one["time"].encoding
+
+
+def test_labels_and_times_tell_recordings_apart() -> None:
+    alike = [
+        make_recording(TIME, {"x": (TIME, "m"), "y": (TIME, "m")}),
+        make_recording(TIME, {"y": (TIME, "m"), "x": (TIME, "m")}),
+        make_recording(TIME, {"x": (TIME, "m"), "y": (TIME, "V")}),
+        make_recording(TIME, {"x": (TIME, "m"), "y": (TIME, "m")}, long_names={"y": "other"}),
+        make_recording(np.nextafter(TIME, 1), {"x": (TIME, "m"), "y": (TIME, "m")}),
+    ]
+    assert [list(one.data_vars) for one in alike[:2]] == [["x", "y"], ["y", "x"]]
+    assert alike[2]["y"].attrs["units"] == "V"
+    assert alike[3]["y"].attrs["long_name"] == "other"
+    assert np.array_equal(alike[4]["time"], np.nextafter(TIME, 1))
+    for one in alike:
+        assert np.array_equal(one.indexes["time"], one["time"].values)
+        assert one.xindexes["time"].index.name == "time"

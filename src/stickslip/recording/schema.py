@@ -5,11 +5,13 @@ The schema and its reasons: docs/decisions/recording-schema.md.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 from numpy.typing import ArrayLike
 
@@ -110,7 +112,7 @@ def make_recording(
         RecordingError: see `validate_recording`; or a unit is unknown or does not fit a standard name.
     """
     time = _seconds(time)
-    data, long_names = {}, long_names or {}
+    data, labels, long_names = {}, [], long_names or {}
     for name, value in variables.items():
         if name == "time":
             raise RecordingError("'time' is the name of the time axis, not of a variable")
@@ -119,24 +121,51 @@ def make_recording(
         long_name = long_names.get(name) or (standard.long_name if standard else str(name).replace("_", " "))
         if array.shape != time.shape:
             raise RecordingError(f"{name} has the shape {array.shape}, but time has {time.shape}")
-        data[name] = ("time", array, {"units": unit, "long_name": long_name})
-    attrs = {
-        "title": title,
-        "notes": notes,
-        "source": source,
-        "reader": reader,
-        "calibration": calibration,
-        "processing": processing,
-        "epoch": epoch,
-    }
-    coordinate = ("time", time, {"units": "s", "long_name": "time"})
-    made = xr.Dataset(data, coords={"time": coordinate}, attrs=with_schema(attrs))
-    validate_recording(made)
-    found = _sampling(time)
-    made.variables["time"].attrs.update(
-        sample_interval=found.interval, largest_gap=found.largest_gap, regular=int(found.regular)
+        data[name] = array
+        labels.append(_Label(name, unit, long_name))
+    frame = _kept_frame if time.size <= _OFTEN else _frame
+    made = frame(time.tobytes(), tuple(labels)).copy(data=data)
+    for name, unit, _ in labels:
+        _check_finite(name, unit, data[name])
+    made.attrs = with_schema(
+        {
+            "title": title,
+            "notes": notes,
+            "source": source,
+            "reader": reader,
+            "calibration": calibration,
+            "processing": processing,
+            "epoch": epoch,
+        }
     )
     return made
+
+
+class _Label(NamedTuple):
+    name: str
+    unit: str
+    long_name: str
+
+
+def _frame(seconds: bytes, labels: tuple[_Label, ...]) -> xr.Dataset:
+    """A recording but for its samples: the time axis, with how it is sampled, and the variables' labels."""
+    time = np.frombuffer(seconds)
+    empty = np.broadcast_to(0.0, time.shape)
+    data = {one.name: ("time", empty, {"units": one.unit, "long_name": one.long_name}) for one in labels}
+    # An index at once: xarray makes one of an array, too, but imports pint to do so.
+    axis = ("time", pd.Index(time, name="time"), {"units": "s", "long_name": "time"})
+    frame = validate_recording(xr.Dataset(data, coords={"time": axis}))
+    found = _sampling(time)
+    frame.variables["time"].attrs.update(
+        sample_interval=found.interval, largest_gap=found.largest_gap, regular=int(found.regular)
+    )
+    return frame
+
+
+# Most of what xarray does for a recording is to put variables together. One of thousands of simulations is
+# sampled as the one before: it gets a copy of the same frame. With many samples, other things take longer.
+_kept_frame = functools.lru_cache(maxsize=8)(_frame)
+_OFTEN = 20_000
 
 
 def _with_unit(value: Any) -> tuple[Any, str | None]:
@@ -244,8 +273,10 @@ def _check_variable(name: str, variable: xr.Variable) -> None:
     for attr in ("units", "long_name"):
         if not isinstance(variable.attrs.get(attr), str):
             raise RecordingError(f"{name} lacks the attribute {attr!r}")
-    finite = np.isfinite(variable.values)
+    _check_finite(name, variable.attrs["units"], variable.values)
+
+
+def _check_finite(name: str, unit: str, values: np.ndarray) -> None:
+    finite = np.isfinite(values)
     if not finite.all():
-        raise RecordingError(
-            f"{name} [{variable.attrs['units']}] is not finite at sample {int(np.argmin(finite))}"
-        )
+        raise RecordingError(f"{name} [{unit}] is not finite at sample {int(np.argmin(finite))}")

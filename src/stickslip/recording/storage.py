@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-import h5netcdf
 import numpy as np
 import xarray as xr
 
@@ -67,6 +66,8 @@ def open_recording(path: str | os.PathLike[str]) -> xr.Dataset:
 def _stored(path: Path) -> xr.Dataset:
     """The variables of the file, as they are; through h5netcdf itself, for xarray's reader around it takes
     half as long again, which matters to a campaign of many recordings."""
+    import h5netcdf  # not by those who only simulate
+
     with h5netcdf.File(path, "r") as file:
         variables = {
             name: (one.dimensions, one[...], dict(one.attrs)) for name, one in file.variables.items()
