@@ -37,6 +37,8 @@ help:
 setup: $(READY)
 
 # The stamp goes first and comes last: a set-up that was interrupted starts again from an empty environment.
+# Byte code is written here, once: where Python is told not to write any (in many containers), each process would
+# compile all that it imports, which makes a first simulation three times as long.
 $(READY): requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
 	  echo "stickslip needs Python 3.11 or newer; name one with: make PYTHON=python3.12 ..." >&2; exit 1; }
@@ -44,13 +46,14 @@ $(READY): requirements.lock pyproject.toml
 	  echo "$(PYTHON) has no venv module; install it (Debian: apt install python3-venv)" >&2; exit 1; }
 	@if [ -e $(READY) ]; then rm -f $(READY); else rm -rf $(VENV) && $(PYTHON) -m venv $(VENV); fi
 	@if $(BIN)/python -m pip install --quiet --disable-pip-version-check $(UV); then \
-	  install="$(BIN)/uv pip install --quiet --python $(BIN)/python"; \
+	  install="$(BIN)/uv pip install --quiet --compile-bytecode --python $(BIN)/python"; \
 	else \
 	  echo "uv cannot be installed here; going on with pip, which is slower" >&2; \
 	  install="$(BIN)/python -m pip install --quiet --disable-pip-version-check"; \
 	fi; \
 	echo "installing the locked dependencies into $(VENV) ..." >&2; \
 	$$install --require-hashes -r requirements.lock && $$install --no-deps --no-build-isolation -e .
+	@$(BIN)/python -m compileall -q src/stickslip
 	@touch $(READY)
 
 demo: $(READY)
