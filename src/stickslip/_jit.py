@@ -19,6 +19,7 @@ import os
 import shutil
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -32,7 +33,7 @@ _UNUSED = 30 * 24 * 3600.0  # s, after which kernels of other sources are remove
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 _PACKAGE = Path(__file__).parent
 # The rooms that hold compiled code (tests/test_house.py sees to it): kernels depend on no other file.
-KERNEL_ROOMS = ("_jit.py", "mechanism.py", "friction", "piezo", "electronics", "waveform", "solve")
+KERNEL_ROOMS = ("_jit.py", "mechanism.py", "friction", "piezo", "electronics", "waveform", "plant", "solve")
 
 
 def _source_hash(files: list[Path]) -> str:
@@ -148,6 +149,15 @@ def fused(function: Callable[..., Any]) -> Any:
     return numba.njit(function, forceinline=True, fastmath={"contract"}, **_OPTIONS, **bare)
 
 
+# As of `fused`, for what `overload_with` chooses.
+FUSED: dict[str, Any] = {**_OPTIONS, "forceinline": True, "fastmath": {"contract"}}
+
+
+def overload_with(function: Callable[..., Any], options: dict[str, Any]) -> Any:
+    """As `overload`, compiled with these options."""
+    return _numba_overload(function, jit_options=options, strict=False, target="generic")  # type: ignore[arg-type]
+
+
 def overload(function: Callable[..., Any]) -> Any:
     """What `function` becomes inside kernels: the decorated function gets types and returns an
     implementation."""
@@ -169,8 +179,11 @@ def _foreign_source(law_type: type) -> Path | None:
         return Path()
 
 
+_ATTACHING = threading.RLock()
+
+
 class Kernel:
-    """A compiled entry point whose first argument is a record (in general the friction law).
+    """A compiled entry point whose first argument is a plant, or one record.
 
     Laws of the package share one cache on disk. A law in a user's own file gets a cache of its own, keyed by
     that file's content, so an edit there is never served stale; a law from a prompt or a script run as
@@ -182,25 +195,24 @@ class Kernel:
         _KERNELS.add(function)
         self._function = function
         self._dispatchers: dict[str, Callable[..., Any]] = {}
-        self._by_type: dict[type, Callable[..., Any]] = {}
+        self._by_type: dict[tuple[type, ...], Callable[..., Any]] = {}
 
     def __call__(self, record: Any, *args: Any) -> Any:
-        law_type = type(record)
-        dispatcher = self._by_type.get(law_type)
+        laws = tuple(type(e.law) for e in record.elements) if hasattr(record, "elements") else (type(record),)
+        dispatcher = self._by_type.get(laws)
         if dispatcher is None:
-            dispatcher = self._by_type[law_type] = self._dispatcher(law_type)
+            with _ATTACHING:  # the place of a cache is a setting of the whole process
+                dispatcher = self._by_type[laws] = self._dispatcher(laws)
         return dispatcher(record, *args)
 
-    def _dispatcher(self, law_type: type) -> Callable[..., Any]:
-        source = _foreign_source(law_type)
+    def _dispatcher(self, laws: tuple[type, ...]) -> Callable[..., Any]:
         if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
             return self._function
-        if source is None:
-            folder = _package_cache()
-        elif law_type.__module__ == "__main__" or source == Path():
+        sources = {law: _foreign_source(law) for law in laws}
+        foreign = sorted({source for source in sources.values() if source is not None})
+        if any(source == Path() or law.__module__ == "__main__" for law, source in sources.items() if source):
             return numba.njit(self._function, **_OPTIONS)
-        else:
-            folder = _package_cache() / f"law-{_source_hash([source])}"
+        folder = _package_cache() / f"law-{_source_hash(foreign)}" if foreign else _package_cache()
         key = str(folder)
         if key not in self._dispatchers:
             before = numba.config.CACHE_DIR  # type: ignore[attr-defined]

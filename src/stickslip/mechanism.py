@@ -103,24 +103,3 @@ def joined(mech, offset):
         0.0,
         mech.rate,
     )
-
-
-@compiled
-def with_coefficients(mech, values):
-    """The mechanism with these coefficients, in order of the fields; its flags stay."""
-    return Mechanism(
-        mech.kinematic,
-        mech.clamped,
-        values[2],
-        values[3],
-        values[4],
-        values[5],
-        values[6],
-        values[7],
-        values[8],
-        values[9],
-        values[10],
-        values[11],
-        values[12],
-        values[13],
-    )

@@ -75,7 +75,7 @@ def creep(law, cycles=4, frequency=20.0, mass=0.1, least=0.2 * F_C, most=0.8 * F
     ends = np.array([cycles - 1, cycles]) / frequency
     atol = [1e-12, 1e-9] + [1e-12] * n
     start = np.zeros(2 + n)
-    solution = solve_ivp(motion, (0, ends[1]), start, method="LSODA", t_eval=ends, rtol=1e-7, atol=atol)
+    solution = solve_ivp(motion, (0, ends[1]), start, method="LSODA", t_eval=ends, rtol=1e-9, atol=atol)
     assert solution.success
     return solution.y[0, 1] - solution.y[0, 0]
 

@@ -58,11 +58,3 @@ def test_what_a_gpu_cannot_do_the_processors_do_and_say_so() -> None:
             MODEL, Sawtooth(65.0, 50.0), 0.02, parameters=PARAMETERS, times=[0.01, 0.02], engine="cuda"
         )
     assert "end_effector_position" in found
-    with pytest.warns(SimulationWarning, match="Coulomb on this actuator"):
-        simulate_ensemble(
-            MODEL.replace(friction=Coulomb(0.5)),
-            Sawtooth(65.0, 50.0),
-            0.02,
-            parameters={"coulomb_force": [0.4, 0.5]},
-            engine="cuda",
-        )

@@ -24,7 +24,7 @@ import inspect
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from .._jit import compiled, overload, record_class
+from .._jit import compiled, fused, overload, record_class
 
 
 class _Implementation(NamedTuple):
@@ -33,6 +33,7 @@ class _Implementation(NamedTuple):
     elements: Callable[..., Any] | None
     element: Callable[..., Any] | None
     project: Callable[..., Any] | None
+    smooth: bool
 
 
 _ARGUMENTS = {"element": ("law", "i"), "project": ("law", "z"), "rate": ("law", "v", "z")}
@@ -47,6 +48,7 @@ def register(
     elements: Callable[..., Any] | None = None,
     element: Callable[..., Any] | None = None,
     project: Callable[..., Any] | None = None,
+    smooth: bool = False,
 ) -> None:
     """Make a record a friction law.
 
@@ -58,6 +60,8 @@ def register(
         elements: ``elements(law) -> int``, for a composed law only, with `element`.
         element: ``element(law, i) -> record`` of the i-th element, itself registered.
         project: ``project(law, z) -> z``, where the law bounds its state (a reset); applied after each step.
+        smooth: the record is no friction contact but an element without a kink at v = 0: a lag, an amplifier, creep, a
+            controller (see `plant.system`); its input v and output F are in whatever unit its maker says.
 
     Raises:
         TypeError: the record is no named tuple, there is not either `rate` or `elements` with `element`, or
@@ -70,8 +74,8 @@ def register(
         raise TypeError(f"{name}: elements and element go together")
     if (rate is None) != (elements is not None):
         raise TypeError(f"{name}: a law has either a rate, or elements that have one")
-    made = _Implementation(rate, breakaway, elements, element, project)
-    for role, function in zip(made._fields, made, strict=True):
+    made = _Implementation(rate, breakaway, elements, element, project, smooth)
+    for role, function in zip(made._fields[:-1], made[:-1], strict=True):
         expected = _ARGUMENTS.get(role, ("law",))
         if function is not None and tuple(inspect.signature(function).parameters) != expected:
             raise TypeError(f"{name}: {role} must be a function of ({', '.join(expected)}), named so")
@@ -81,6 +85,16 @@ def register(
 def is_law(candidate: object) -> bool:
     """Whether the object is a record registered as a friction law."""
     return type(candidate) in _IMPLEMENTATIONS
+
+
+def is_static(law_type: type) -> bool:
+    """Whether records of this type are set-valued at rest."""
+    return _IMPLEMENTATIONS[law_type].breakaway is not None
+
+
+def is_smooth(law_type: type) -> bool:
+    """Whether records of this type have no kink at v = 0."""
+    return _IMPLEMENTATIONS[law_type].smooth
 
 
 def _of(numba_type: Any) -> _Implementation | None:
@@ -134,18 +148,6 @@ def project(law: Any, z: float) -> float:
     return function(law, z) if function else z
 
 
-def with_fields(law: Any, values: Any) -> Any:
-    """A law of the same kind with these values of its fields, unchecked."""
-    return tuple.__new__(type(law), values)
-
-
-@overload(with_fields)
-def _with_fields(law: Any, values: Any) -> Any:
-    # Spelled out, because compiled code cannot take the fields of a record from an array of any length.
-    names = ", ".join(f"values[{i}]" for i in range(len(law)))
-    return eval(f"lambda law, values: made({names})", {"made": record_class(law)})
-
-
 @overload(rate)
 def _rate(law: Any, v: Any, z: Any) -> Any:
     implementation = _of(law)
@@ -182,6 +184,53 @@ def _project(law: Any, z: Any) -> Any:
     if implementation is None:
         return None
     return implementation.project or (lambda law, z: z)
+
+
+@fused
+def smooth_rate(law, v, z, side):
+    """Force and rate on one side of v = 0, continued beyond it by reflection in the point v = 0, which keeps value
+    and slope: the kink of |v| never enters a step, which is cut at the reversal afterwards."""
+    force, dz = rate(law, abs(v) * side, z)
+    if v * side >= 0.0:
+        return force, dz
+    force_0, dz_0 = rate(law, 0.0, z)
+    return 2.0 * force_0 - force, 2.0 * dz_0 - dz
+
+
+@fused
+def law_slopes(law, v, z, side):
+    """F, dF/dv, dF/dz, dż/dv, dż/dz by one-sided differences: outwards in v from the `side` of v = 0 (0: of no
+    contact, by v itself), and off a bound on z."""
+    speed = abs(v) if side != 0.0 else v
+    side = side if side != 0.0 else 1.0
+    dv = side * (1e-7 * abs(speed) + 1e-11)
+    dz = 1e-7 * abs(z) + 1e-15
+    dz = dz if z >= 0.0 else -dz
+    force, rate_0 = rate(law, side * speed, z)
+    force_v, rate_v = rate(law, side * speed + dv, z)
+    force_z, rate_z = rate(law, side * speed, z + dz)
+    return (
+        force,
+        (force_v - force) / dv,
+        (force_z - force) / dz,
+        (rate_v - rate_0) / dv,
+        (rate_z - rate_0) / dz,
+    )
+
+
+@fused
+def reversal_kink(law, z, beyond):
+    """By how much dż/dv jumps at v = 0, times the speed `beyond` [m/s]."""
+    return abs(rate(law, beyond, z)[1] + rate(law, -beyond, z)[1])
+
+
+@fused
+def bounded(law, z, towards):
+    """z put on a bound of the law that it moves towards and is within an error of; else the steps would shrink
+    before it for ever, for the rate jumps there."""
+    ahead = z + towards
+    bound = project(law, ahead)
+    return bound if bound != ahead else project(law, z)
 
 
 @compiled

@@ -12,19 +12,19 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ..actuator import Actuator
-from ..mechanism import SLIDER, SLIDER_VELOCITY
+from ..friction import elements
 from ..simulation import SimulationError
-from ..simulation.models import checked_drive, load_drive, mechanism, resting_state
+from ..simulation.models import Contact, checked_drive, classic
 from ..simulation.sensitivity import follow_moved, moved
-from ..solve.motion import motion, one_bristle
 from ..solve.outcome import DONE
+from ..solve.periods import integrate
 from ..waveform.drive import evaluate
 from ..waveform.signal import Waveform
 from .recorded_drive import drive_over
 
 # A model that needs more for one recording is none: a trial point with a contact far too stiff.
 MAX_STEPS = 200_000
-LOAD = load_drive(1.0, 1.0)
+LOAD = Contact()
 
 
 class Displacement:
@@ -59,16 +59,16 @@ class Displacement:
         """m, at the recording's samples. The last result is kept: an offset costs no new simulation."""
         if self._known[0] != (model, delay):
             early, times = self._times(delay)
-            law, mech = model.friction, mechanism(model)
-            state = resting_state(law, mech, self.drive.before)
+            of = LOAD.system(model)
+            state = LOAD.rest(of, self.drive.before)
             samples = np.full((times.size, state.size + 1), np.nan)
-            span = (0.0, float(times[-1]))
-            outcome, reached, _, _ = motion(
-                law, mech, self.drive, LOAD, state, span, self.tolerance, self.max_steps, times, samples
+            span = np.array([0.0, times[-1]])
+            outcome, reached, _, _ = integrate(
+                of.plant, self.drive, LOAD.drive, state, span, self.tolerance, self.max_steps, times, samples
             )
             if outcome != DONE:  # to a fit, a trial point without a model
                 raise ArithmeticError(f"the motion cannot be followed beyond t = {reached:.6g} s")
-            self._known = ((model, delay), _held(samples[:, SLIDER], early))
+            self._known = ((model, delay), _held(classic(of, samples, self.drive, times)[:, 2], early))
         return self._known[1]
 
     def slopes(self, model: Actuator, delay: float, names: list[str]) -> NDArray[np.float64]:
@@ -79,14 +79,14 @@ class Displacement:
         if self._slopes[0] == (model, delay, names):
             return self._slopes[1]
         early, times = self._times(delay)
-        state = resting_state(model.friction, mechanism(model), self.drive.before)
+        state = LOAD.rest(LOAD.system(model), self.drive.before)
         of = moved(model, names, state, self.drive.before)
         try:
-            samples, by, _ = follow_moved(of, self.drive, LOAD, state, times, self.tolerance, self.max_steps)
+            samples, by, _ = follow_moved(of, self.drive, state, times, self.tolerance, self.max_steps)
         except SimulationError as error:
             raise ArithmeticError(str(error)) from error
-        columns = np.column_stack([by, -samples[:, SLIDER_VELOCITY]])
-        self._known = ((model, delay), _held(samples[:, SLIDER], early))
+        columns = np.column_stack([by, -samples[:, of.of.slider + 1]])
+        self._known = ((model, delay), _held(samples[:, of.of.slider], early))
         self._slopes = ((model, delay, names), _held(columns, early))
         return self._slopes[1]
 
@@ -98,4 +98,4 @@ def _held(samples: NDArray[np.float64], early: int) -> NDArray[np.float64]:
 
 def has_slopes(model: Actuator) -> bool:
     """Whether `Displacement.slopes` takes the model."""
-    return one_bristle(model.friction, mechanism(model))
+    return elements(model.friction) == 1 and not model.static and not model.clamped

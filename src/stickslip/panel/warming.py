@@ -10,7 +10,7 @@ from typing import Any
 from ..actuator import load_actuator
 from ..friction import LuGre
 from ..simulation import simulate, steady_step
-from ..solve.periods import integrate_bristle
+from ..solve.periods import integrate
 from ..waveform.periodic import Sawtooth
 from .fits import USUAL_LAW, Fitting
 from .readiness import Readiness
@@ -24,7 +24,7 @@ _MOST_WAIT = 60.0  # s that step curves wait for fits, which need the same kerne
 def solver_kept() -> bool:
     """Whether this machine keeps what the first run of a newcomer needs: Numba's index of that kernel, which
     is void after an installation or for another Numba, names the law."""
-    kernel: Any = integrate_bristle._dispatcher(LuGre)
+    kernel: Any = integrate._dispatcher((LuGre,))
     try:
         index = kernel._cache._cache_file._load_index()
     except AttributeError:  # nothing is compiled at all, or another Numba keeps it in a way of its own

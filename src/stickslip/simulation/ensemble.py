@@ -14,16 +14,16 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from ..actuator import Actuator
-from ..mechanism import SLIDER, Mechanism
+from ..plant.generated import with_values as plant_with
+from ..plant.system import Plant, state_size, values_of
 from ..records import did_you_mean, quantities
-from ..solve.motion import motion, one_bristle
 from ..solve.outcome import DONE, STEP_TOO_SMALL, TOO_MANY_STEPS
 from ..solve.periods import integrate_members
 from ..units import QuantityError, to_si
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
 from .errors import SimulationWarning
-from .models import checked_drive, load_drive, mechanism, resting_state
+from .models import Contact, checked_drive, contact_load
 from .trajectory import sample_times
 from .varied import changed_fields, free_names, with_values
 
@@ -110,7 +110,7 @@ def simulate_ensemble(
     if not tolerance > 0.0:
         raise QuantityError(f"tolerance = {tolerance} m must be > 0 m")
     drive = checked_drive(model, waveform, end, periodic=False)
-    task = _Task(model, drive, load_drive(load, end), end, tolerance, max_steps, wanted, None)
+    task = _Task(model, drive, contact_load(load, end), end, tolerance, max_steps, wanted, None)
     if engine == "cuda":
         task = task._replace(gpu=_gpu(model, wanted))
     found = Block(
@@ -134,7 +134,7 @@ def simulate_ensemble(
 class _Task(NamedTuple):
     model: Actuator
     drive: Drive
-    load: Drive
+    contact: Contact
     end: float
     tolerance: float
     max_steps: int
@@ -147,8 +147,6 @@ def _gpu(model: Actuator, times: NDArray[np.float64]) -> Any:
     why = ""
     if times.size:
         why = "the GPU keeps summaries only, and trajectories are asked for"
-    elif not one_bristle(model.friction, mechanism(model)):
-        why = f"{type(model.friction).__name__} on this actuator is not a contact with one internal state"
     else:
         from ..solve import cuda  # only here: it takes a second, and a driver
 
@@ -199,70 +197,52 @@ def _block(task: _Task, columns: Mapping[str, NDArray[np.float64]]) -> Block:
     values = {name: c for name, c in columns.items() if name not in SCALES}
     count = next(iter(columns.values())).size
     status, reasons = _refused(task.model, columns, values, count)
-    law_type = type(task.model.friction)
     fields, own = changed_fields(task.model, values)
     # Unchecked: the members that are wrong are known by now, and are left out.
-    members = tuple.__new__(Actuator, (task.model._asdict() | own).values())
-    coefficients = mechanism(members)._asdict()
-    drive_scale, load = columns.get("drive_scale", 1.0), columns.get("load", 1.0)
-    for name in ("stage_drive", "slider_drive", "gain"):
-        coefficients[name] = coefficients[name] * drive_scale
-    for name in ("mobility", "reaction"):
-        coefficients[name] = coefficients[name] * load
-    mechs = _table(coefficients.values(), count)
-    rows = _rows(fields, count)
-    one = mechanism(task.model)
-    net, reached, steps = np.zeros(count), np.zeros(count), np.zeros(count, np.int64)
+    law = tuple.__new__(type(task.model.friction), fields.values())
+    members = tuple.__new__(Actuator, (task.model._asdict() | own | {"friction": law}).values())
+    own_load = task.contact._replace(normal=task.contact.normal * columns.get("load", 1.0))
+    of = task.contact.system(task.model)
+    table = _values(own_load.system(members), columns, count)
+    reached, steps = np.zeros(count), np.zeros(count, np.int64)
     positions = np.full((count, task.times.size), np.nan)
-    span = (0.0, task.end)
-
-    def law_of(m: int) -> Any:
-        return tuple.__new__(law_type, rows[m])
-
-    def state(m: int) -> NDArray[np.float64]:
-        return resting_state(law_of(m), _coefficients(one, mechs[m]), task.drive.before)
-
-    if one_bristle(task.model.friction, one):
-        states = np.zeros((count, 5))
-        if task.drive.before != 0.0 or np.any(mechs[:, Mechanism._fields.index("slider_acceleration")]):
-            for m in np.flatnonzero(status == DONE).tolist():
-                states[m] = state(m)
-        net -= states[:, SLIDER]
-        outcomes = status.astype(np.int64)
-        common = (
-            task.model.friction,
-            one,
-            task.drive,
-            task.load,
-            np.array(rows),
-            mechs,
-            states,
-            np.array(span),
-        )
-        limits = (task.tolerance, task.max_steps)
-        if task.gpu:
-            task.gpu.integrate_members(*common, *limits, (outcomes, reached, steps))
-        else:
-            integrate_members(*common, *limits, task.times, (outcomes, reached, steps, positions))
-        status[:] = outcomes
-        net += states[:, SLIDER]
-    else:
+    states = np.zeros((count, state_size(of.plant)))
+    if task.drive.before != 0.0 or np.any(members.axial_force):
         for m in np.flatnonzero(status == DONE).tolist():
-            law, mech, q = law_of(m), _coefficients(one, mechs[m]), state(m)
-            before = q[SLIDER]
-            samples = np.full((task.times.size, q.size + 1), np.nan)
-            status[m], reached[m], accepted, rejected = motion(
-                law, mech, task.drive, task.load, q, span, task.tolerance, task.max_steps, task.times, samples
-            )
-            net[m], steps[m], positions[m] = q[SLIDER] - before, accepted + rejected, samples[:, SLIDER]
+            one = of._replace(plant=plant_with(of.plant, table[m]))
+            states[m] = task.contact.rest(one, task.drive.before)
+    net = -states[:, of.slider]
+    outcomes = status.astype(np.int64)
+    common = (
+        of.plant,
+        task.drive,
+        task.contact.drive,
+        table,
+        states,
+        np.array([0.0, task.end]),
+        task.tolerance,
+        task.max_steps,
+    )
+    if task.gpu:
+        task.gpu.integrate_members(*common, (outcomes, reached, steps))
+    else:
+        integrate_members(*common, task.times, of.slider, (outcomes, reached, steps, positions))
+    status[:] = outcomes
+    net += states[:, of.slider]
     net[status == REFUSED] = np.nan
     for m in np.flatnonzero((status != DONE) & (status != REFUSED)).tolist():
         reasons[m] = f"{OUTCOMES[int(status[m])].replace('_', ' ')} at t = {reached[m]:.6g} s"
     return Block(status, reached, steps, net, positions, reasons)
 
 
-def _table(columns: Any, count: int) -> NDArray[np.float64]:
-    return np.column_stack([np.broadcast_to(np.asarray(c, dtype=float), count) for c in columns])
+def _values(of: Any, columns: Mapping[str, NDArray[np.float64]], count: int) -> NDArray[np.float64]:
+    """The numbers of each member's plant, [members, numbers], the drive scaled."""
+    scale, plant = columns.get("drive_scale", 1.0), of.plant
+    modes = tuple(mode._replace(drive=mode.drive * scale) for mode in plant.modes)
+    contacts = tuple(
+        c if c.drive_rate is None else c._replace(drive_rate=c.drive_rate * scale) for c in plant.elements
+    )
+    return values_of(Plant(modes, contacts, plant.rate), count)
 
 
 def _rows(fields: Mapping[str, Any], count: int) -> list[tuple[Any, ...]]:
@@ -274,10 +254,6 @@ def _rows(fields: Mapping[str, Any], count: int) -> list[tuple[Any, ...]]:
         return np.broadcast_to(np.asarray(value, dtype=float), count).tolist()
 
     return list(zip(*map(column, fields.values()), strict=True))
-
-
-def _coefficients(mech: Mechanism, row: NDArray[np.float64]) -> Mechanism:
-    return Mechanism(mech.kinematic, mech.clamped, *row[2:].tolist())
 
 
 def _refused(

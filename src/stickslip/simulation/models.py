@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..actuator import Actuator, PulledSlider
+from ..friction import breakaway, elements, rate
 from ..friction import element as element_of
-from ..friction import elements, project, rate
-from ..mechanism import FIRST_BRISTLE, SLIDER, STAGE, Mechanism
+from ..mechanism import Mechanism
+from ..plant.system import Element, Mode, Plant, state_size
 from ..units import QuantityError
-from ..waveform.drive import Drive, constant, value_slope_curvature
+from ..waveform.drive import Drive, constant, evaluate, segment_at, value_slope_curvature
 from ..waveform.signal import Waveform
 
 # A stage without dynamics has no frequency of its own to compare velocities with positions by.
@@ -71,46 +73,165 @@ def mechanism(model: Actuator | PulledSlider) -> Mechanism:
     )
 
 
-def resting_state(law: Any, mech: Mechanism, before: float) -> NDArray[np.float64]:
-    """The state at rest under the drive value `before` and the constant forces; bristles carry the load if
-    they can."""
-    q = np.zeros(FIRST_BRISTLE + max(elements(law), 1))
-    held = -mech.slider_acceleration / mech.mobility if mech.mobility > 0.0 else 0.0
-    if mech.slider_stiffness > 0.0:
-        q[SLIDER] = mech.slider_drive * before / mech.slider_stiffness
-    n = elements(law)
-    if n > 0 and held != 0.0 and not mech.clamped:
-        q[FIRST_BRISTLE:] = _deflection(law, held)
+class System(NamedTuple):
+    """What a model is to the solver: `plant`; columns of its state that hold the positions of `stage` (None: it
+    follows the drive with `gain`, or is fixed) and `slider`; `internal` states of its law; `axial` force [N] and `mass` [kg] of a clamped
+    end-effector, for the force that holds it."""
+
+    plant: Plant
+    stage: int | None
+    slider: int
+    internal: int
+    gain: float = 0.0
+    clamped: bool = False
+    axial: float = 0.0
+    mass: float = 0.0
+
+
+def system(model: Actuator | PulledSlider, *, normal: float = 1.0, loaded: bool = False) -> System:
+    """The plant of a model [kang2007, eq. 3.20-3.25]; see `plant.system`.
+
+    Args:
+        normal: normal force over the one at which the law's parameters hold.
+        loaded: whether the normal force varies on top of that.
+    """
+    mech, law = mechanism(model), model.friction
+    internal = elements(law)
+    load = 1.0 if loaded else None
+    slider = Mode(mech.slider_stiffness, mech.slider_damping, mech.slider_drive, mech.slider_acceleration)
+    if mech.clamped:
+        # One body; where it follows the drive without dynamics, one that stays at rest stands in for it.
+        body = Mode(mech.stage_stiffness, mech.stage_damping, mech.stage_drive, mech.stage_acceleration)
+        gain, stage = (mech.gain, None) if mech.kinematic else (0.0, 0)
+        axial = model.axial_force if isinstance(model, Actuator) else 0.0
+        return System(
+            Plant((body,), (), mech.rate), stage, 0, internal, gain, True, axial, 1.0 / mech.mobility
+        )
     if mech.kinematic:
-        q[STAGE] = mech.gain * before
-    elif mech.stage_stiffness > 0.0:
-        q[STAGE] = (mech.stage_drive * before - mech.reaction * held) / mech.stage_stiffness
-    if mech.slider_stiffness == 0.0:
-        q[SLIDER] = q[STAGE]
+        contact = Element(law, (-1.0,), (mech.mobility,), normal, load, mech.gain)
+        return System(Plant((slider,), (contact,), mech.rate), None, 0, internal, mech.gain)
+    stage = Mode(mech.stage_stiffness, mech.stage_damping, mech.stage_drive, mech.stage_acceleration)
+    contact = Element(law, (1.0, -1.0), (-mech.reaction, mech.mobility), normal, load)
+    return System(Plant((stage, slider), (contact,), mech.rate), 0, 2, internal)
+
+
+class Contact(NamedTuple):
+    """The normal force of a run over its reference: a constant factor, and what varies on top of it, if anything."""
+
+    normal: float = 1.0
+    table: Drive | None = None
+
+    def system(self, model: Actuator | PulledSlider) -> System:
+        return system(model, normal=self.normal, loaded=self.table is not None)
+
+    def rest(self, of: System, before: float) -> NDArray[np.float64]:
+        first = 1.0 if self.table is None else float(evaluate(self.table, np.zeros(1))[0][0])
+        return resting_state(of, before, first)
+
+    @property
+    def drive(self) -> Drive:
+        """As kernels read it."""
+        return self.table or constant(1.0)
+
+
+def resting_state(of: System, before: float, load: float = 1.0) -> NDArray[np.float64]:
+    """The state at rest under the drive value `before` and the constant forces, with the normal force `load` times the
+    plant's; where no deflection of the contact holds them, it begins at its bound."""
+    q = np.zeros(state_size(of.plant))
+    held = _held(of, q, load)
+    for m, mode in enumerate(of.plant.modes):
+        if mode.stiffness > 0.0:
+            push = of.plant.elements[0].push[m] if of.stage is not None and of.plant.elements else 0.0
+            q[2 * m] = (mode.drive * before + (push or 0.0) * held) / mode.stiffness
+    if of.stage is not None:
+        q[of.slider] = q[of.stage]
+    elif of.gain:
+        q[of.slider] = of.gain * before
     return q
 
 
-def _deflection(law: Any, held: float) -> NDArray[np.float64]:
-    """Equal deflection of all elements, from rest, that carries a force; none if no deflection below 1 mm
-    does."""
+def _held(of: System, q: NDArray[np.float64], load: float) -> float:
+    """The force with which the contact holds the constant forces on the slider, N; puts its deflection into `q`."""
+    if not of.plant.elements:
+        return 0.0
+    contact, slider = of.plant.elements[0], of.slider // 2
+    pushed = contact.push[slider]
+    held = -of.plant.modes[slider].acceleration / pushed if pushed else 0.0
+    normal = contact.normal * load
+    if held == 0.0 or normal <= 0.0:
+        return 0.0
+    if elements(contact.law) == 0:
+        return float(np.clip(held, -breakaway(contact.law) * normal, breakaway(contact.law) * normal))
+    q[2 * len(of.plant.modes) :] = z = strained(contact.law, held / normal)
+    ones = [element_of(contact.law, e) for e in range(len(z))]
+    return normal * sum(rate(one, 0.0, d)[0] for one, d in zip(ones, z, strict=True))
+
+
+# Slow against every Stribeck velocity: what a contact that creeps into sliding does.
+_CREEPING = 1e-9  # m/s
+_FARTHEST = 1.0  # m, for a law whose bristle never ends
+
+
+def strained(law: Any, force: float) -> NDArray[np.float64]:
+    """Equal deflection of all elements that carries a force at rest; each at most where sliding ends it."""
     ones = [element_of(law, e) for e in range(elements(law))]
+    ends = [_largest(lambda d, one=one: rate(one, _CREEPING, d)[1] > 0.0, _FARTHEST) for one in ones]
 
-    def state(d: float) -> NDArray[np.float64]:
-        return np.array([project(one, d) for one in ones])
+    def below(d: float) -> bool:
+        return sum(rate(one, 0.0, min(d, end))[0] for one, end in zip(ones, ends, strict=True)) < abs(force)
 
-    def carried(d: float) -> float:
-        return sum(rate(one, 0.0, z)[0] for one, z in zip(ones, state(d), strict=True))
+    d = _largest(below, max(ends))
+    return np.copysign([min(d, end) for end in ends], force)
 
-    d = math.copysign(1e-12, held)
-    while abs(carried(d)) < abs(held):
-        d *= 2.0
-        if abs(d) > 1e-3:
-            return np.zeros(len(ones))
-    low, high = 0.0, d
-    for _ in range(100):
+
+def _largest(holds: Callable[[float], bool], limit: float) -> float:
+    """The largest number up to the limit for which something holds that holds for small ones, bisected."""
+    low, high = 0.0, 1e-12
+    while high < limit and holds(high):
+        low, high = high, 2.0 * high
+    high = min(high, limit)
+    if holds(high):
+        return high
+    for _ in range(60):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if abs(carried(middle)) < abs(held) else (low, middle)
-    return state(high)
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return low
+
+
+def classic(
+    of: System, samples: NDArray[np.float64], drive: Drive, times: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Samples of the solver as [times, 5 + internal states]: position and velocity of the stage, then of the
+    end-effector, friction force, internal states; whatever the plant's layout."""
+    n = state_size(of.plant)
+    made = np.zeros((times.size, 5 + of.internal))
+    made[:, 2:4] = samples[:, of.slider : of.slider + 2]
+    if of.plant.elements:
+        made[:, 5:] = samples[:, 2 * len(of.plant.modes) : n]
+    made[:, 4] = samples[:, n] if of.plant.elements else 0.0
+    if of.stage is not None:
+        made[:, 0:2] = samples[:, of.stage : of.stage + 2]
+    else:
+        u, du = evaluate(drive, times)
+        made[:, 0], made[:, 1] = of.gain * u, of.gain * du
+    if of.clamped:
+        made[:, 2:4] = made[:, 0:2]
+        made[:, 4] = of.mass * _acceleration(of, made, drive, times) - of.axial
+    return made
+
+
+def _acceleration(
+    of: System, made: NDArray[np.float64], drive: Drive, times: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Of a clamped body, m/s²."""
+    if of.stage is None:
+        i = segment_at(drive, times)
+        return of.gain * np.array(
+            [value_slope_curvature(drive, s, t)[2] for s, t in zip(i, times, strict=True)]
+        )
+    body = of.plant.modes[0]
+    free = body.drive * evaluate(drive, times)[0] + body.acceleration
+    return free - body.damping * made[:, 1] - body.stiffness * made[:, 0]
 
 
 def refuse_no_waveform(waveform: Waveform) -> None:
@@ -148,8 +269,8 @@ def checked_drive(model: Actuator | PulledSlider, waveform: Waveform, end: float
     return table._replace(polynomial=np.ascontiguousarray(table.polynomial))
 
 
-def load_drive(load: Waveform | float, end: float) -> Drive:
-    """The normal force over its reference, as kernels read it.
+def contact_load(load: Waveform | float, end: float) -> Contact:
+    """The normal force over its reference, as far as `end` [s].
 
     Raises:
         QuantityError: it is not finite, or falls below zero (contact lost).
@@ -157,7 +278,9 @@ def load_drive(load: Waveform | float, end: float) -> Drive:
     low, high = (load, load) if isinstance(load, int | float) else load.range()
     if not (0.0 <= low <= high < math.inf):
         raise QuantityError(f"load from {low:g} to {high:g} is out of range: it must be >= 0 and finite")
-    return constant(float(load)) if isinstance(load, int | float) else load.drive(end)
+    if isinstance(load, int | float):
+        return Contact(float(load))
+    return Contact(low) if low == high else Contact(1.0, load.drive(end))
 
 
 def _jumps(table: Drive, period: float | None) -> bool:

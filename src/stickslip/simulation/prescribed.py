@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..friction import element as element_of
-from ..friction import elements, is_law, rate
+from ..friction import elements, is_law
 from ..recording import make_recording
 from ..solve.prescribed import follow
 from ..units import QuantityError
 from .errors import SimulationError
+from .models import strained
 
 
 def friction_response(
@@ -61,7 +60,7 @@ def friction_response(
             raise QuantityError("normal_force [N] must have one value per time")
     z = np.zeros(max(elements(law), 1))
     if initial_force != 0.0 and elements(law) > 0 and ratio[0] > 0.0:
-        z[:] = _strained(law, initial_force / ratio[0])
+        z[:] = strained(law, initial_force / ratio[0])
     samples = np.full((t.size, 1 + z.size), np.nan)
     reached = follow(law, t, x, ratio, z, float(tolerance), samples)
     if reached < t.size:
@@ -70,34 +69,3 @@ def friction_response(
     for e in range(elements(law)):
         variables[f"bristle_deflection_{e + 1}"] = (samples[:, 1 + e], "m")
     return make_recording(t, variables, title=f"{type(law).__name__} under a prescribed motion")
-
-
-# Slow against every Stribeck velocity: what a contact that creeps into sliding does.
-_CREEPING = 1e-9  # m/s
-_FARTHEST = 1.0  # m, for a law whose bristle never ends
-
-
-def _strained(law: Any, force: float) -> NDArray[np.float64]:
-    """Equal deflection of all elements that carries a force at rest; each at most where sliding ends it."""
-    ones = [element_of(law, e) for e in range(elements(law))]
-    ends = [_largest(lambda d, one=one: rate(one, _CREEPING, d)[1] > 0.0, _FARTHEST) for one in ones]
-
-    def below(d: float) -> bool:
-        return sum(rate(one, 0.0, min(d, end))[0] for one, end in zip(ones, ends, strict=True)) < abs(force)
-
-    d = _largest(below, max(ends))
-    return np.copysign([min(d, end) for end in ends], force)
-
-
-def _largest(holds: Callable[[float], bool], limit: float) -> float:
-    """The largest number up to the limit for which something holds that holds for small ones, bisected."""
-    low, high = 0.0, 1e-12
-    while high < limit and holds(high):
-        low, high = high, 2.0 * high
-    high = min(high, limit)
-    if holds(high):
-        return high
-    for _ in range(50):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if holds(middle) else (low, middle)
-    return low

@@ -10,84 +10,97 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from ..actuator import Actuator
-from ..mechanism import FIRST_BRISTLE, SLIDER, SLIDER_VELOCITY, STAGE, STAGE_VELOCITY
+from ..friction import elements
+from ..plant.system import state_size, values_of
 from ..records import did_you_mean, quantities
-from ..solve.motion import one_bristle
 from ..solve.neighbours import neighbours
 from ..solve.outcome import DONE
 from ..solve.periods import LOG_ROWS, integrate_near
 from ..units import QuantityError, to_si
-from ..waveform.drive import Drive
+from ..waveform.drive import Drive, constant
 from ..waveform.signal import Waveform
 from .errors import SimulationError
-from .models import checked_drive, load_drive, mechanism, resting_state
+from .models import Contact, System, checked_drive, contact_load
 from .steady import periodic_drive, steady_orbit
 from .trajectory import sample_times
 from .varied import changed_fields, free_names, law_of
 
 # Relative, and absolute where a value is zero. The steps are the same, so only rounding limits it.
 DIFFERENCE = 1e-6
-# The initial state: row, unit, and a difference that is small against what moves.
+# The initial state: entry of the plant's state after the first of the body, unit, and a difference that is small
+# against what moves.
 INITIAL = {
-    "initial_stage_position": (STAGE, "m", 1e-12),
-    "initial_stage_velocity": (STAGE_VELOCITY, "m/s", 1e-9),
-    "initial_end_effector_position": (SLIDER, "m", 1e-12),
-    "initial_end_effector_velocity": (SLIDER_VELOCITY, "m/s", 1e-9),
-    "initial_bristle_deflection": (FIRST_BRISTLE, "m", 1e-13),
+    "initial_stage_position": ("stage", 0, "m", 1e-12),
+    "initial_stage_velocity": ("stage", 1, "m/s", 1e-9),
+    "initial_end_effector_position": ("slider", 0, "m", 1e-12),
+    "initial_end_effector_velocity": ("slider", 1, "m/s", 1e-9),
+    "initial_bristle_deflection": ("bristle", 0, "m", 1e-13),
 }
 
 
 class Moved(NamedTuple):
-    """A model, the neighbours of it that differ in one value each, and by how much."""
+    """A model, what it is to the solver, the neighbours of it that differ in one value each (their numbers and
+    states), and by how much."""
 
     model: Actuator
-    laws: NDArray[np.float64]
-    mechs: NDArray[np.float64]
+    of: System
+    values: NDArray[np.float64]
     states: NDArray[np.float64]
     steps: NDArray[np.float64]
 
 
-def moved(model: Actuator, names: Sequence[str], state: NDArray[np.float64], before: float | None) -> Moved:
+def initial_row(of: System, name: str) -> int | None:
+    """Where in the plant's state a part of the initial state stands; None if this plant has no such part."""
+    body, offset, _, _ = INITIAL[name]
+    first = {"stage": of.stage, "slider": of.slider, "bristle": 2 * len(of.plant.modes)}[body]
+    return first + offset if first is not None and first + offset < state_size(of.plant) else None
+
+
+def moved(
+    model: Actuator,
+    names: Sequence[str],
+    state: NDArray[np.float64],
+    before: float | None,
+    contact: Contact = Contact(),
+) -> Moved:
     """Neighbours of a model in the state given; with `before`, each rests under that drive by itself.
 
     Raises:
-        QuantityError: a name that is not known, or a law with other than one internal state.
+        QuantityError: a name that is not known, or a static law.
     """
-    mech = mechanism(model)
-    if not one_bristle(model.friction, mech):
+    of = contact.system(model)
+    if elements(model.friction) == 0 and not model.clamped:
         raise QuantityError(
-            f"derivatives are for an actuator with a law of one internal state and a stage that moves; "
-            f"{type(model.friction).__name__} on this one is not: difference `simulate` instead"
+            f"derivatives are for a law with internal states; {type(model.friction).__name__} has none, and its "
+            "motion is no smooth function of its parameters: difference `simulate` instead"
         )
-    known = [*free_names(model), *INITIAL]
-    laws, mechs, states, steps = [], [], [], []
+    known = [*free_names(model), *(name for name in INITIAL if initial_row(of, name) is not None)]
+    values, states, steps = [], [], []
     for name in names:
         if name not in known:
             hint = did_you_mean(name, known)
             raise QuantityError(f"no derivative by {name!r}{hint}: there are {', '.join(known)}")
-        law, body, own = model.friction, mech, state.copy()
+        other, own = of, state.copy()
         if name in INITIAL:
-            row, _, step = INITIAL[name]
-            own[row] += step
+            step = INITIAL[name][3]
+            own[initial_row(of, name)] += step
         else:
             value = _value(model, name)
             step = DIFFERENCE * (abs(value) or 1.0)
             # Unchecked, for it may step over a bound of its field by a millionth.
             fields, changed = changed_fields(model, {name: value + step})
-            law = tuple.__new__(type(law), fields.values())
-            if changed:
-                body = mechanism(tuple.__new__(Actuator, (model._asdict() | changed).values()))
-        if before is not None and name not in INITIAL:
-            own = resting_state(law, body, before)
-        laws.append([float(v) for v in law])
-        mechs.append([float(v) for v in body])
+            changed["friction"] = tuple.__new__(type(model.friction), fields.values())
+            other = contact.system(tuple.__new__(Actuator, (model._asdict() | changed).values()))
+            if before is not None:
+                own = contact.rest(other, before)
+        values.append(values_of(other.plant)[0])
         states.append(own)
         steps.append(step)
     n = len(names)  # of none, the tables have their columns all the same
     return Moved(
         model,
-        np.array(laws).reshape(n, len(model.friction)),
-        np.array(mechs).reshape(n, len(mech)),
+        of,
+        np.array(values).reshape(n, values_of(of.plant).shape[1]),
         np.array(states).reshape(n, state.size),
         np.array(steps),
     )
@@ -96,28 +109,28 @@ def moved(model: Actuator, names: Sequence[str], state: NDArray[np.float64], bef
 def follow_moved(
     of: Moved,
     drive: Drive,
-    load: Drive,
     state: NDArray[np.float64],
     times: NDArray[np.float64],
     tolerance: float,
     max_steps: int = 20_000_000,
+    load: Drive | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Samples as of `adaptive.integrate`, derivatives of the position [times, names], and those of the last
-    state [5, names]; `state` becomes the last state.
+    """Samples of the plant (see `solve.periods.integrate`), derivatives of the end-effector's position [times, names],
+    and those of the last state [states, names]; `state` becomes the last state.
 
     Raises:
         SimulationError: the motion could not be followed to the end.
     """
-    model, mech = of.model, mechanism(of.model)
-    samples = np.full((times.size, 6), np.nan)
-    near = neighbours(of.laws, of.mechs, of.states.copy(), LOG_ROWS, times.size)
-    span = np.array([0.0, times[-1]])
+    plant, column = of.of.plant, of.of.slider
+    samples = np.full((times.size, state.size + 1), np.nan)
+    near = neighbours(of.values, of.states.copy(), column, LOG_ROWS, times.size)
+    span, load = np.array([0.0, times[-1]]), load or constant(1.0)
     outcome, reached, _, _ = integrate_near(
-        model.friction, mech, drive, load, state, span, tolerance, max_steps, times, samples, near
+        plant, drive, load, state, span, tolerance, max_steps, times, samples, near
     )
     if outcome != DONE:
         raise SimulationError(f"the motion could not be followed beyond t = {reached:.6g} s")
-    by = (near.positions - samples[:, SLIDER]).T / of.steps
+    by = (near.positions - samples[:, column]).T / of.steps
     return samples, by, (near.states - state).T / of.steps
 
 
@@ -138,7 +151,7 @@ def sensitivities(
     `solve.neighbours`): it costs less than a simulation, and has no noise of an error control in it.
 
     Args:
-        model: an actuator whose law has one internal state.
+        model: an actuator whose law has internal states.
         parameters: names of fields of the law and of the actuator, "stiction_ratio", "breakaway_share", and
             "initial_stage_position", "initial_stage_velocity", "initial_end_effector_position",
             "initial_end_effector_velocity", "initial_bristle_deflection".
@@ -149,21 +162,22 @@ def sensitivities(
         the parameter, whose unit is the coordinate "unit".
 
     Raises:
-        QuantityError: an unknown name, a law with other than one internal state, or see `simulate`.
+        QuantityError: an unknown name, a static law, or see `simulate`.
         SimulationError: the motion could not be followed to the end.
     """
     wanted = sample_times(waveform, duration, sample_rate, times)
     end = float(wanted[-1])
     drive = checked_drive(model, waveform, end, periodic=False)
-    state = resting_state(model.friction, mechanism(model), drive.before)
-    of = moved(model, parameters, state, drive.before)
+    contact = contact_load(load, end)
+    state = contact.rest(contact.system(model), drive.before)
+    of = moved(model, parameters, state, drive.before, contact)
     tolerance = to_si(tolerance, "m", "tolerance")
-    samples, by, _ = follow_moved(of, drive, load_drive(load, end), state, wanted, tolerance)
+    samples, by, _ = follow_moved(of, drive, state, wanted, tolerance, load=contact.table)
     return xr.Dataset(
         {
             "end_effector_position": (
                 "time",
-                samples[:, SLIDER],
+                samples[:, of.of.slider],
                 {"units": "m", "long_name": "end-effector position"},
             ),
             "derivative": (
@@ -201,14 +215,17 @@ def steady_step_derivatives(
     orbit = steady_orbit(model, waveform, tolerance=tolerance, load=load)
     period, drive = periodic_drive(model, waveform)
     state = orbit.state.copy()
-    of = moved(model, [*parameters, *INITIAL], state, None)
+    contact = contact_load(load, period)
+    whole = contact.system(model)
+    initial = {initial_row(whole, name): name for name in INITIAL}
+    rows = [row for row in range(state.size) if row != whole.slider]
+    of = moved(model, [*parameters, *(initial[row] for row in rows)], state, None, contact)
     times = np.array([0.0, period])
-    _, _, last = follow_moved(of, drive, load_drive(load, period), state, times, 0.1 * tolerance)
-    rows = [STAGE, STAGE_VELOCITY, SLIDER_VELOCITY, FIRST_BRISTLE]
+    _, _, last = follow_moved(of, drive, state, times, 0.1 * tolerance, load=contact.table)
     n = len(parameters)
     by_state, by_parameter = last[:, n:], last[:, :n]
-    shift = np.linalg.solve(np.eye(4) - by_state[np.ix_(rows, rows)], by_parameter[rows])
-    total = by_parameter[SLIDER] + by_state[SLIDER, rows] @ shift
+    shift = np.linalg.solve(np.eye(len(rows)) - by_state[rows], by_parameter[rows])
+    total = by_parameter[whole.slider] + by_state[whole.slider] @ shift
     return dict(zip(parameters, total.tolist(), strict=True))
 
 
@@ -225,6 +242,6 @@ def _value(model: Actuator, name: str) -> float:
 
 def _unit(model: Actuator, name: str) -> str:
     if name in INITIAL:
-        return INITIAL[name][1]
+        return INITIAL[name][2]
     known: dict[str, Any] = quantities(type(model)) | quantities(type(model.friction))
     return known[name].unit if name in known else ""

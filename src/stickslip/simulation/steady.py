@@ -12,7 +12,7 @@ from ..units import QuantityError, with_prefix
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
 from .errors import NotPeriodicError, SimulationError
-from .models import checked_drive, load_drive, mechanism, resting_state
+from .models import checked_drive, contact_load
 
 
 def steady_orbit(
@@ -30,11 +30,11 @@ def steady_orbit(
         SimulationError: the motion could not be followed over one period.
     """
     period, table = periodic_drive(model, waveform)
-    mech = mechanism(model)
-    start = resting_state(model.friction, mech, table.before)
-    load_table = load_drive(load, period)
+    contact = contact_load(load, period)
+    of = contact.system(model)
+    start = contact.rest(of, table.before)
     try:
-        return find_orbit(model.friction, mech, table, load_table, start, period, float(tolerance))
+        return find_orbit(of.plant, of.slider, table, contact.drive, start, period, float(tolerance))
     except FloatingPointError as error:
         raise SimulationError(f"no steady stepping: {error}") from error
 

@@ -14,14 +14,14 @@ from ..actuator import Actuator, PulledSlider
 from ..friction import elements
 from ..mechanism import SLIDER, STAGE, STAGE_VELOCITY
 from ..recording import make_recording
-from ..solve import energy as accounts
-from ..solve.motion import motion
+from ..solve.log import TERMS
 from ..solve.outcome import DONE, STEP_TOO_SMALL
+from ..solve.periods import integrate, integrate_account
 from ..units import QuantityError, to_si, with_prefix
 from ..waveform.drive import Drive, evaluate
 from ..waveform.signal import Waveform
 from .errors import SimulationError, SimulationWarning
-from .models import checked_drive, load_drive, mechanism, refuse_no_waveform, resting_state
+from .models import checked_drive, classic, contact_load, refuse_no_waveform
 
 COMPLETE = "complete"
 _OUTCOMES = {STEP_TOO_SMALL: "the step size fell below what floating point can resolve"}
@@ -101,7 +101,7 @@ class Followed(NamedTuple):
     """A trajectory without labels, up to where it could be followed; `outcome` is COMPLETE or says why not.
 
     `samples` [times, states + 1]: stage position and velocity, end-effector's position and velocity, friction
-    force, bristles; `work` see `solve.energy`; `start`, the state before; `drive`, the segment table.
+    force, bristles; `work` see `solve.log`; `start`, the state before; `drive`, the segment table.
     """
 
     times: NDArray[np.float64]
@@ -125,22 +125,24 @@ def follow(
     max_steps: int = 20_000_000,
 ) -> Followed:
     """What `simulate` does, without labels and warnings: for what is drawn many times a second."""
-    mech = mechanism(model)
-    law = model.friction
     end = float(times[-1])
+    contact = contact_load(load, end)
+    of = contact.system(model)
     table = checked_drive(model, waveform, end, periodic=False)
-    q = resting_state(law, mech, table.before)
-    start = q.copy()
+    q = contact.rest(of, table.before)
     if not tolerance > 0.0:
         raise QuantityError(f"tolerance = {tolerance} m must be > 0 m")
     if energy and not isinstance(model, Actuator):
         raise QuantityError("the energy account is kept for an Actuator only")
-    samples = np.full((times.size, q.size + 1), np.nan)
-    work = np.zeros((times.size if energy else 0, accounts.TERMS))
-    load_table = load_drive(load, end)
-    outcome, reached, steps, rejected = motion(
-        law, mech, table, load_table, q, (0.0, end), float(tolerance), max_steps, times, samples, work
+    samples = np.full((times.size, q.size + max(len(of.plant.elements), 1)), np.nan)
+    work = np.zeros((times.size if energy else 0, TERMS))
+    start = classic(of, np.array([[*q, *samples[0, q.size :]]]), table, np.array([-1.0]))[0]
+    solve, account = (integrate_account, (work,)) if energy else (integrate, ())
+    span = np.array([0.0, end])
+    outcome, reached, steps, rejected = solve(
+        of.plant, table, contact.drive, q, span, float(tolerance), max_steps, times, samples, *account
     )
+    samples = classic(of, samples, table, times)
     text = COMPLETE
     if outcome != DONE:
         reason = _OUTCOMES.get(outcome, f"more than {max_steps} steps were needed")
@@ -213,7 +215,9 @@ def _account(
     k = 0.0 if model.static else model.stage_stiffness
     if model.clamped:  # one body: the end-effector's mass is in the stage's
         m_e = 0.0
-    on_stage = work[:, 2] if model.stage_reaction and not model.static and not model.clamped else 0.0
+    on_stage = (
+        work[:, 2] + work[:, 3] if model.stage_reaction and not model.static and not model.clamped else 0.0
+    )
     on_slider = 0.0 if model.clamped else work[:, 3]
     kinetic = 0.5 * m * w**2 + 0.5 * m_e * s**2
     elastic = 0.5 * k * y**2
@@ -224,7 +228,7 @@ def _account(
     return {
         "drive_work": (drive, "J"),
         "stage_dissipation": (damping, "J"),
-        "friction_work": (work[:, 2] - work[:, 3], "J"),
+        "friction_work": (work[:, 2], "J"),
         "external_work": (external, "J"),
         "kinetic_energy": (kinetic, "J"),
         "elastic_energy": (elastic, "J"),

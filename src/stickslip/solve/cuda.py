@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numba import cuda, float64
+from numba import cuda
 from numpy.typing import NDArray
 
-from ..friction.law import with_fields
-from ..mechanism import Mechanism, with_coefficients
+from ..plant.generated import state_of, with_values
+from ..plant.system import Plant
 from ..waveform.drive import Drive
-from .bristle import CLOCK, LOG_COLUMNS
 from .outcome import DONE
 from .periods import follow
 
@@ -24,44 +21,26 @@ def available() -> bool:
 
 
 @cuda.jit
-def _members(law, mech, drive, load, laws, mechs, states, span, tolerance, max_steps, none, results):
+def _members(plant, drive, load, values, states, span, tolerance, max_steps, none, results):
     m = cuda.grid(1)  # pyright: ignore[reportCallIssue]
     outcomes, reached, steps = results
     if m >= states.shape[0] or outcomes[m] != DONE:
         return
-    q, before = cuda.local.array(5, float64), cuda.local.array(5, float64)
-    clock = cuda.local.array(CLOCK, float64)
-    for c in range(5):
-        q[c] = states[m, c]
     times, samples, log = none
-    outcome, t, accepted, rejected = follow(
-        with_fields(law, laws[m]),
-        with_coefficients(mech, mechs[m]),
-        drive,
-        load,
-        q,
-        span,
-        tolerance,
-        max_steps,
-        times,
-        samples,
-        log,
-        None,
-        clock,
-        before,
+    own, state = with_values(plant, values[m]), state_of(plant, states[m])
+    outcome, t, accepted, rejected, state = follow(
+        own, drive, load, state, span, tolerance, max_steps, times, samples, log, None, None, None
     )
     outcomes[m], reached[m], steps[m] = outcome, t, accepted + rejected
-    for c in range(5):
-        states[m, c] = q[c]
+    for c in range(len(state)):
+        states[m, c] = state[c]
 
 
 def integrate_members(
-    law: Any,
-    mech: Mechanism,
+    plant: Plant,
     drive: Drive,
     load: Drive,
-    laws: NDArray[np.float64],
-    mechs: NDArray[np.float64],
+    values: NDArray[np.float64],
     states: NDArray[np.float64],
     span: NDArray[np.float64],
     tolerance: float,
@@ -69,8 +48,8 @@ def integrate_members(
     results: tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64]],
 ) -> None:
     """As `periods.integrate_members`, without samples; `states` and `results` change in place."""
-    none = np.zeros(0), np.zeros((0, 6)), np.zeros((0, LOG_COLUMNS))
+    none = np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0))
     blocks = -(-len(states) // THREADS)
     _members[blocks, THREADS](  # type: ignore[index]
-        law, mech, drive, load, laws, mechs, states, span, tolerance, max_steps, none, results
+        plant, drive, load, values, states, span, tolerance, max_steps, none, results
     )

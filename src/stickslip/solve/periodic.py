@@ -14,17 +14,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..friction.law import elements
-from ..mechanism import FIRST_BRISTLE, SLIDER, SLIDER_VELOCITY, STAGE, STAGE_VELOCITY, Mechanism
+from ..plant.system import Plant, layout_of, values_of
 from ..waveform.drive import Drive
-from .motion import motion, one_bristle
 from .neighbours import neighbours
 from .outcome import DONE
-from .periods import LOG_ROWS, integrate_near
+from .periods import LOG_ROWS, integrate, integrate_near
 
 MAX_STEPS = 10_000_000
 # Periods of waiting between two attempts of Newton's method.
 PATIENCE = 20
+NO_TIMES, NO_SAMPLES = np.zeros(0), np.zeros((0, 0))
 # By how much neighbours differ, m; rounding is all that limits it.
 NUDGE = 1e-12
 
@@ -44,8 +43,8 @@ class Orbit(NamedTuple):
 
 
 def find_orbit(
-    law: Any,
-    mech: Mechanism,
+    plant: Plant,
+    slider: int,
     drive: Drive,
     load: Drive,
     start: NDArray[np.float64],
@@ -54,47 +53,48 @@ def find_orbit(
     max_periods: int = 2000,
 ) -> Orbit:
     """The periodic orbit reached from the state `start`; see the module. `tolerance` in m, on the net
-    step.
+    step, which is that of the entry `slider` of the state.
 
     Raises:
         FloatingPointError: the motion could not be followed over one period.
     """
     fine = 0.1 * tolerance
-    rows = np.array(_shooting_rows(law, mech))
+    layout = layout_of(plant)
+    smooth = any(shape.states for shape in layout.elements) or not layout.elements
+    rows = np.array([row for row in range(start.size) if row != slider])
     scale = np.ones(start.size)  # brings velocities to metres
-    scale[[STAGE_VELOCITY, SLIDER_VELOCITY]] /= mech.rate
+    scale[1 : 2 * layout.modes : 2] /= plant.rate
     scale = scale[rows]
-    count = 0
+    count, span = 0, np.array([0.0, period])
 
     def state(r: NDArray[np.float64]) -> NDArray[np.float64]:
         q = start.copy()
         q[rows] = r
-        q[SLIDER] = 0.0
+        q[slider] = 0.0
         return q
 
     def advance(r: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
         nonlocal count
         count += 1
         q = state(r)
-        outcome = motion(law, mech, drive, load, q, (0.0, period), fine, MAX_STEPS)[0]
+        outcome = integrate(plant, drive, load, q, span, fine, MAX_STEPS, NO_TIMES, NO_SAMPLES)[0]
         if outcome != DONE:
             raise FloatingPointError("the motion could not be followed over one period")
-        return q[rows], float(q[SLIDER])
+        return q[rows], float(q[slider])
 
     def slopes(
         r: NDArray[np.float64], at_r: NDArray[np.float64], step: float
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Of the map, and of the step."""
         nonlocal count
-        if one_bristle(law, mech):  # differences to neighbours that take the same steps
+        if smooth:  # differences to neighbours that take the same steps
             count += 1
             nudges = NUDGE / scale
             states = np.array([state(nudged) for nudged in r + np.diag(nudges)])
-            laws, mechs = (np.tile([float(v) for v in one], (rows.size, 1)) for one in (law, mech))
-            near = neighbours(laws, mechs, states, LOG_ROWS, 1)
-            q, ends, sample = state(r), np.array([0.0, period]), np.zeros((1, 6))
-            integrate_near(law, mech, drive, load, q, ends, fine, MAX_STEPS, np.array([period]), sample, near)
-            return (near.states[:, rows] - q[rows]).T / nudges, (near.states[:, SLIDER] - q[SLIDER]) / nudges
+            near = neighbours(values_of(plant, rows.size), states, slider, LOG_ROWS, 1)
+            q, sample = state(r), np.zeros((1, start.size + 1))
+            integrate_near(plant, drive, load, q, span, fine, MAX_STEPS, span[1:], sample, near)
+            return (near.states[:, rows] - q[rows]).T / nudges, (near.states[:, slider] - q[slider]) / nudges
         jacobian, of_step = np.empty((rows.size, rows.size)), np.empty(rows.size)
         for c in range(rows.size):
             nudged = r.copy()
@@ -143,8 +143,3 @@ def _to_orbit(jacobian: NDArray[np.float64], defect: NDArray[np.float64]) -> Any
         return np.linalg.solve(np.eye(defect.size) - jacobian, defect)
     except np.linalg.LinAlgError:
         return np.full(defect.size, np.inf)
-
-
-def _shooting_rows(law: Any, mech: Mechanism) -> list[int]:
-    stage = [] if mech.kinematic else [STAGE, STAGE_VELOCITY]
-    return [*stage, SLIDER_VELOCITY, *range(FIRST_BRISTLE, FIRST_BRISTLE + elements(law))]

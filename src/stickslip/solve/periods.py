@@ -1,4 +1,4 @@
-"""Samples and periods of a trajectory with one bristle, from the log of its steps.
+"""Trajectories of a plant: samples, and periods that repeat.
 
 Under a periodic drive the motion becomes periodic. As soon as two periods begin in the same state, within a
 small part of the tolerance, those still to come are copies of the last one, moved on by its net step.
@@ -11,62 +11,33 @@ import math
 import numpy as np
 
 from .._jit import compiled, inlined, kernel
-from ..friction.law import rate, with_fields
-from ..mechanism import SLIDER, SLIDER_VELOCITY, STAGE_VELOCITY, with_coefficients
-from ..waveform.drive import value_slope_curvature
-from .bristle import (
-    CLOCK,
-    END,
-    LENGTH,
-    LOCAL,
-    LOG_COLUMNS,
-    SIDE,
-    START,
-    STATES,
-    STEP,
-    TIME,
-    run,
-    segment_of,
+from ..plant.generated import (
+    drift_apart,
+    gone,
+    moves_freely,
+    no_sides,
+    plus,
+    state_of,
+    with_values,
 )
+from ..plant.generated import (
+    times as scaled,
+)
+from .channels import segment_of
+from .log import TERMS, columns, read_account, read_samples
 from .neighbours import carry, mark, read_traces, replay
 from .outcome import DONE, LOG_FULL
+from .run import LOCAL, run
 
 # Two periods are the same if what their first states differ by, times the periods to come, is below this
 # part of the tolerance.
 SAME = 0.02
-
 # Segments of a period, at most.
 LONGEST_CYCLE = 16
 # Not the literal 0, for which Numba would compile what is called with it once more.
 ZERO = np.int64(0)
 # More than a period needs at any tolerance in use: a period that does not fit is never copied.
 LOG_ROWS = 1024
-
-
-@compiled
-def read_log(law, log, rows, load, shift, move, times, k, t_end, samples):
-    """Fill the samples up to `t_end` from the log of steps, `shift` [s] later and `move` [m] further on;
-    returns the index of the first sample not filled."""
-    row, j = 0, 0
-    while k < times.size and times[k] <= t_end:
-        t = times[k] - shift
-        while row + 1 < rows and t > log[row, END]:
-            row += 1
-        theta = (t - log[row, START]) / log[row, LENGTH]
-        rest = 1.0 - theta
-        for c in range(5):
-            at = STATES + c
-            inner = log[row, at + 10] + theta * (log[row, at + 15] + theta * log[row, at + 20])
-            value = rest * log[row, at] + theta * (log[row, at + 5] + rest * inner)
-            samples[k, c if c < 4 else 5] = value
-        while j + 1 < load.start.size and load.start[j + 1] <= times[k]:
-            j += 1
-        normal = value_slope_curvature(load, j, times[k])[0]
-        v = samples[k, STAGE_VELOCITY] - samples[k, SLIDER_VELOCITY]
-        samples[k, 4] = normal * rate(law, v, samples[k, 5])[0]
-        samples[k, SLIDER] += move
-        k += 1
-    return k
 
 
 @inlined
@@ -115,55 +86,51 @@ def repeats(drive, i, cycle, period, t_end):
     return count
 
 
-@inlined
-def difference(mech, q, other):
-    """The largest difference of two states but for the slider's position, m."""
-    speed = max(abs(q[1] - other[1]), abs(q[3] - other[3])) / mech.rate
-    return max(max(abs(q[0] - other[0]), abs(q[4] - other[4])), speed)
-
-
 @compiled
-def follow(law, mech, drive, load, q, span, tolerance, max_steps, times, samples, log, near, clock, before):
-    """Integrate from span[0] to span[1]; arguments and results are those of `adaptive.integrate`, without
-    the energy account. Without `times` the `log` may have no rows. `near`: None, or members that take the
-    same steps (see `neighbours`). `clock` [CLOCK] and `before` [5] are work space, for a thread of a GPU
-    cannot allocate it here."""
+def follow(plant, drive, load, q, span, tolerance, max_steps, times, samples, log, near, account, room):
+    """Integrate the state `q`, a tuple, from span[0] to span[1]; see `integrate`.
+
+    Without `times` the `log` may have no rows. `near`: None, or members that take the same steps (see
+    `neighbours`). `account` may be None; `room` is work space for it. Returns outcome, time reached, accepted and
+    rejected steps, state.
+    """
     t_end = span[1]
     local = LOCAL * tolerance
-    clock[TIME], clock[STEP], clock[SIDE] = span[0], math.inf, 0.0
-    cycle = cycle_of(drive, load) if mech.slider_stiffness == 0.0 else 0
+    t, h, sides, fresh = span[0], math.inf, no_sides(plant), True
+    cycle = cycle_of(drive, load) if moves_freely(plant) else 0
     outcome, accepted, rejected, k = DONE, 0, 0, ZERO
     i = segment_of(drive, span[0])
     if cycle > 0 and (i % cycle != 0 or drive.start[i] != span[0]):
         cycle = 0
-    compared = False
-    while clock[TIME] < t_end:
-        t = clock[TIME]
+    compared, before, still = False, q, scaled(0.0, q)
+    while t < t_end:
         stop = t_end
         whole = cycle > 0 and i + cycle < drive.start.size and drive.start[i + cycle] < t_end
         if whole:
             stop = drive.start[i + cycle]
-        period_start, position = t, q[SLIDER]
+        period_start, begun = t, q
         if near is not None:
             mark(near)
         flushed = False
         while True:
-            outcome, more, fewer, rows = run(
-                law, mech, drive, load, q, clock, stop, local, max_steps - accepted - rejected, log
+            outcome, more, fewer, rows, q, sides, t, h, fresh = run(
+                plant, drive, load, q, sides, t, h, fresh, stop, local, max_steps - accepted - rejected, log
             )
             accepted += more
             rejected += fewer
             if near is not None:
-                replay(law, mech, drive, load, log, rows, local, near)
-                read_traces(log, rows, 0.0, 0, times, k, clock[TIME], near)
+                replay(plant, drive, load, log, rows, local, near)
+                read_traces(log, rows, 0.0, 0, times, k, t, near)
+            if account is not None:
+                read_account(plant, drive, load, log, rows, 0.0, times, k, t, room[TERMS:], room, account)
+            if rows > 0:
+                k = read_samples(plant, drive, load, log, rows, 0.0, still, times, k, t, samples)
             if outcome == LOG_FULL:
-                k = read_log(law, log, rows, load, 0.0, 0.0, times, k, clock[TIME], samples)
                 flushed = True
                 continue
             break
-        k = read_log(law, log, rows, load, 0.0, 0.0, times, k, clock[TIME], samples)
         if outcome != DONE:
-            return outcome, clock[TIME], accepted, rejected
+            return outcome, t, accepted, rejected, q
         if not whole:
             cycle = 0
             continue
@@ -171,72 +138,118 @@ def follow(law, mech, drive, load, q, span, tolerance, max_steps, times, samples
         period = stop - period_start
         if compared and not flushed:
             left = repeats(drive, i, cycle, period, t_end)
-            if left > 0 and left * difference(mech, q, before) <= SAME * tolerance:
-                net = q[SLIDER] - position
+            if left > 0 and left * drift_apart(plant, q, before) <= SAME * tolerance:
+                net = gone(plant, q, begun)
                 for p in range(1, left + 1):
-                    last = drive.start[i + cycle] if i + cycle < drive.start.size else t_end
+                    end = drive.start[i + cycle] if i + cycle < drive.start.size else t_end
+                    shift = drive.start[i] - period_start
                     if near is not None:
-                        read_traces(log, rows, drive.start[i] - period_start, p, times, k, last, near)
-                    k = read_log(
-                        law, log, rows, load, drive.start[i] - period_start, p * net, times, k, last, samples
-                    )
+                        read_traces(log, rows, shift, p, times, k, end, near)
+                    if account is not None:
+                        read_account(
+                            plant, drive, load, log, rows, shift, times, k, end, room[TERMS:], room, account
+                        )
+                    if rows > 0:
+                        moved = scaled(float(p), net)
+                        k = read_samples(plant, drive, load, log, rows, shift, moved, times, k, end, samples)
                     i += cycle
-                    clock[TIME] = last
-                q[SLIDER] += left * net
+                    t = end
+                q = plus(q, float(left), net)
                 if near is not None:
-                    carry(near, left)
+                    carry(plant, near, left)
                 if i >= drive.start.size:
                     cycle = 0
         compared = True
-        for c in range(5):
-            before[c] = q[c]
-    return DONE, clock[TIME], accepted, rejected
+        before = q
+    return DONE, t, accepted, rejected, q
+
+
+@inlined
+def _log(plant, q, rows):
+    return np.empty((rows, columns(q.size, len(plant.elements))))
+
+
+@inlined
+def _put(q, state):
+    for c in range(len(state)):
+        q[c] = state[c]
 
 
 @kernel
-def integrate_bristle(law, mech, drive, load, q, span, tolerance, max_steps, times, samples):
-    """One trajectory: see `follow`."""
-    log = np.empty((LOG_ROWS if times.size > 0 else 0, LOG_COLUMNS))
-    work = np.empty(CLOCK), np.empty(5)
-    return follow(law, mech, drive, load, q, span, tolerance, max_steps, times, samples, log, None, *work)
-
-
-@kernel
-def integrate_near(law, mech, drive, load, q, span, tolerance, max_steps, times, samples, near):
-    """One trajectory, and neighbours of it that take the same steps: see `neighbours`. `times` may not be
-    empty."""
-    log = np.empty((LOG_ROWS, LOG_COLUMNS))
-    work = np.empty(CLOCK), np.empty(5)
-    return follow(law, mech, drive, load, q, span, tolerance, max_steps, times, samples, log, near, *work)
-
-
-@kernel
-def integrate_members(law, mech, drive, load, laws, mechs, states, span, tolerance, max_steps, times, found):
-    """Many trajectories, one after the other, each with a law and coefficients of its own.
+def integrate(plant, drive, load, q, span, tolerance, max_steps, times, samples):
+    """One trajectory, in place.
 
     Args:
-        law, mech: what the members are made like.
+        plant: see `plant.system`.
+        drive, load: `Drive` tables; `load` is the normal force over its reference.
+        q: state at span[0]; becomes the state at the time reached.
+        span: start and end, s.
+        tolerance: m, on positions.
+        max_steps: bound on accepted plus rejected steps.
+        times: sample times, ascending, inside span.
+        samples: [times, states + elements (at least 1)], filled up to the time reached: states and outputs.
+
+    Returns:
+        outcome, time reached, accepted steps, rejected steps.
+    """
+    log = _log(plant, q, LOG_ROWS if times.size > 0 else 0)
+    state = state_of(plant, q)
+    outcome, t, accepted, rejected, state = follow(
+        plant, drive, load, state, span, tolerance, max_steps, times, samples, log, None, None, None
+    )
+    _put(q, state)
+    return outcome, t, accepted, rejected
+
+
+@kernel
+def integrate_account(plant, drive, load, q, span, tolerance, max_steps, times, samples, account):
+    """As `integrate`, the same steps, and the energy account [times, TERMS] (see `log.add_work`)."""
+    log = _log(plant, q, LOG_ROWS)
+    state, room = state_of(plant, q), np.zeros(TERMS + q.size)
+    outcome, t, accepted, rejected, state = follow(
+        plant, drive, load, state, span, tolerance, max_steps, times, samples, log, None, account, room
+    )
+    _put(q, state)
+    return outcome, t, accepted, rejected
+
+
+@kernel
+def integrate_near(plant, drive, load, q, span, tolerance, max_steps, times, samples, near):
+    """As `integrate`, with neighbours that take the same steps: see `neighbours`. `times` may not be empty."""
+    log = _log(plant, q, LOG_ROWS)
+    state = state_of(plant, q)
+    outcome, t, accepted, rejected, state = follow(
+        plant, drive, load, state, span, tolerance, max_steps, times, samples, log, near, None, None
+    )
+    _put(q, state)
+    return outcome, t, accepted, rejected
+
+
+@kernel
+def integrate_members(plant, drive, load, values, states, span, tolerance, max_steps, times, column, found):
+    """Many trajectories, one after the other, each of a plant with numbers of its own.
+
+    Args:
+        plant: what the members are made like.
         drive, load: `Drive` tables, the same for all.
-        laws: [members, fields of the law].
-        mechs: [members, fields of `Mechanism`]; its flags are those of `mech`.
-        states: [members, 5], at span[0]; in place, at the time reached.
-        span, tolerance, max_steps, times: see `adaptive.integrate`.
-        found: outcomes, times reached and steps taken, each [members], and positions of the slider
-            [members, times]. Members whose outcome is not DONE at the start are left out.
+        values: [members, numbers of the plant], see `system.values_of`.
+        states: [members, states], at span[0]; in place, at the time reached.
+        span, tolerance, max_steps, times: see `integrate`.
+        column: the state that is sampled.
+        found: outcomes, times reached and steps taken, each [members], and samples [members, times]. Members whose
+            outcome is not DONE at the start are left out.
     """
     outcomes, reached, steps, positions = found
-    log = np.empty((LOG_ROWS if times.size > 0 else 0, LOG_COLUMNS))
-    samples = np.empty((times.size, 6))
-    clock, before = np.empty(CLOCK), np.empty(5)
+    log = _log(plant, states[0], LOG_ROWS if times.size > 0 else 0)
+    samples = np.empty((times.size, states.shape[1] + max(len(plant.elements), 1)))
     for m in range(states.shape[0]):
         if outcomes[m] == DONE:
             samples[:] = np.nan
-            outcomes[m], reached[m], accepted, rejected = follow(
-                with_fields(law, laws[m]),
-                with_coefficients(mech, mechs[m]),
+            outcomes[m], reached[m], accepted, rejected, state = follow(
+                with_values(plant, values[m]),
                 drive,
                 load,
-                states[m],
+                state_of(plant, states[m]),
                 span,
                 tolerance,
                 max_steps,
@@ -244,9 +257,10 @@ def integrate_members(law, mech, drive, load, laws, mechs, states, span, toleran
                 samples,
                 log,
                 None,
-                clock,
-                before,
+                None,
+                None,
             )
+            _put(states[m], state)
             steps[m] = accepted + rejected
             for k in range(times.size):
-                positions[m, k] = samples[k, SLIDER]
+                positions[m, k] = samples[k, column]

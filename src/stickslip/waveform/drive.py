@@ -76,14 +76,18 @@ def evaluate(drive: Drive, t: NDArray[np.float64]) -> tuple[NDArray[np.float64],
     times = np.atleast_1d(np.asarray(t, dtype=float))
     segment = segment_at(drive, times)
     tau = times - drive.start[segment]
-    c0, c1, c2, c3 = np.moveaxis(drive.polynomial[segment], -1, 0)
-    values = c0 + tau * (c1 + tau * (c2 + tau * c3))
-    slopes = c1 + tau * (2 * c2 + tau * 3 * c3)
-    count = np.diff(drive.first)[segment]
+    order = np.flatnonzero(drive.polynomial.any(axis=0)).max(initial=1)  # most drives are straight lines
+    values, slopes = drive.polynomial[:, order][segment], np.zeros_like(tau)
+    for c in drive.polynomial.T[order - 1 :: -1]:  # Horner's rule, for the slope too
+        slopes = values + tau * slopes
+        values = c[segment] + tau * values
+    count = np.diff(drive.first)[segment] if len(drive.harmonic) else np.zeros(0, dtype=np.int64)
     for j in range(count.max(initial=0)):  # the j-th harmonic of every segment that has so many
         has = count > j
         amplitude, omega, phase, chirp = drive.harmonic[drive.first[segment[has]] + j].T
         angle = phase + tau[has] * (omega + chirp * tau[has])
         values[has] += amplitude * np.sin(angle)
         slopes[has] += amplitude * (omega + 2 * chirp * tau[has]) * np.cos(angle)
-    return np.where(times < 0, drive.before, values), np.where(times < 0, 0.0, slopes)
+    early = times < 0
+    values[early], slopes[early] = drive.before, 0.0
+    return values, slopes

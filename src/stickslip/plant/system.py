@@ -1,0 +1,169 @@
+r"""A system: linear modes of bodies, and elements that act on or between them.
+
+.. math::
+
+   \ddot q_m &= b_m u(t) + a_m - c_m \dot q_m - k_m q_m + \sum_e p_{em} f_e \\
+   s_e &= \sum_m \left( h_{em} \dot q_m + g_{em} q_m \right) + d_e u + d'_e \dot u + \sum_{i<e} l_{ei} f_i \\
+   f_e &= N_e(t)\,F_e(s_e, z_e), \qquad \dot z_e = \dot Z_e(s_e, z_e) - \frac{\max(\dot N_e, 0)}{N_e} z_e
+
+A body is one mode (a rigid slider: k = 0) or several, whose positions add up; a body that follows the drive has
+none, and enters an element through d' (its velocity). An element is a record with one ``rate(record, s, z)``, chosen
+by its type (see `friction.law`): a friction contact, whose input is the sliding velocity and whose output is a force; or
+anything with scalar states between an input and an output (a lag, an amplifier, creep, a controller).
+
+With k = ωₙ², c = 2ζωₙ, b = Cωₙ², p = -1/m and 1/m_e this is the thesis's model [kang2007, eq. 3.20-3.25].
+
+Which shares are there is part of the type: None is a zero that costs nothing, and each pattern of them, a *layout*, is
+compiled once (see `generated`).
+
+The last term is what a changing normal force does to a contact: what is newly loaded carries no tangential force
+(F stays, z falls in proportion), what is unloaded loses its share in proportion (z stays) [mindlin1953]. It takes the
+stiffness as proportional to the normal force: rough surfaces of many asperities, not a ball on a flat.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._jit import record_class
+from ..friction.law import elements, is_smooth, is_static
+
+
+class Mode(NamedTuple):
+    """One linear mode: `stiffness` k [1/s²], `damping` c [1/s], `drive` b [m/s² per unit of the drive], `acceleration`
+    a [m/s²] of the constant forces."""
+
+    stiffness: float
+    damping: float
+    drive: float
+    acceleration: float
+
+
+class Element(NamedTuple):
+    """An element: `law`, its record; `velocity` h and `push` p (per unit of output), one entry per mode, None where
+    there is none; `normal`, a factor on the output; `loaded`: 1.0 where the normal force varies as the load says, or
+    None; then the rarer inputs, None if absent: `drive_rate` d', `drive` d, `position` g (per mode), `feed` l
+    (per earlier element)."""
+
+    law: Any
+    velocity: tuple[float | None, ...]
+    push: tuple[float | None, ...]
+    normal: float = 1.0
+    loaded: float | None = None
+    drive_rate: float | None = None
+    drive: float | None = None
+    position: tuple[float | None, ...] | None = None
+    feed: tuple[float | None, ...] | None = None
+
+
+class Plant(NamedTuple):
+    """A system. `rate` [rad/s] makes a velocity comparable with a position in the error control.
+
+    Its state is a row of numbers: position and velocity of each mode, then the states of each element.
+    """
+
+    modes: tuple[Mode, ...]
+    elements: tuple[Element, ...]
+    rate: float
+
+    def record_types(self) -> tuple[type, ...]:
+        """Whose compiled functions a kernel contains."""
+        return tuple(type(e.law) for e in self.elements)
+
+
+class Shape(NamedTuple):
+    """What is known of an element when its kernels are compiled."""
+
+    states: int
+    static: bool
+    smooth: bool
+    velocity: tuple[bool, ...]
+    push: tuple[bool, ...]
+    loaded: bool
+    drive_rate: bool
+    drive: bool
+    position: tuple[bool, ...]
+    feed: tuple[bool, ...]
+
+
+class Layout(NamedTuple):
+    """What is known of a plant when its kernels are compiled: number of modes, shapes of the elements."""
+
+    modes: int
+    elements: tuple[Shape, ...]
+
+    @property
+    def first(self) -> tuple[int, ...]:
+        """Where the states of each element begin; at the end, how many there are in all."""
+        at, found = 2 * self.modes, []
+        for shape in self.elements:
+            found.append(at)
+            at += shape.states
+        return (*found, at)
+
+
+def layout_of(plant: Any) -> Layout:
+    """The layout of a plant, or of its Numba type."""
+    if isinstance(plant, Plant):
+        return Layout(len(plant.modes), tuple(_shape_of_record(e) for e in plant.elements))
+    modes, elements = plant.types[0], plant.types[1]
+    return Layout(len(modes), tuple(_shape_of_type(kind) for kind in elements))
+
+
+def _shape_of_record(element: Element) -> Shape:
+    def there(shares: Any) -> tuple[bool, ...]:
+        return tuple(share is not None for share in shares or ())
+
+    law = element.law
+    return Shape(
+        elements(law),
+        is_static(type(law)),
+        is_smooth(type(law)),
+        there(element.velocity),
+        there(element.push),
+        element.loaded is not None,
+        element.drive_rate is not None,
+        element.drive is not None,
+        there(element.position),
+        there(element.feed),
+    )
+
+
+def _shape_of_type(kind: Any) -> Shape:
+    """As of a record with ones wherever there is a number."""
+    values = [_ones(inner) for inner in kind.types[1:]]
+    return _shape_of_record(Element(_law_of(kind.types[0]), *values))
+
+
+def _ones(kind: Any) -> Any:
+    if hasattr(kind, "types") or hasattr(kind, "count"):
+        return tuple(_ones(inner) for inner in kind)
+    return None if str(kind) == "none" else 1.0
+
+
+def _law_of(kind: Any) -> Any:
+    return tuple.__new__(record_class(kind), tuple(_ones(inner) for inner in kind))
+
+
+def state_size(plant: Plant) -> int:
+    """How many numbers its state has."""
+    return layout_of(plant).first[-1]
+
+
+def values_of(plant: Plant, count: int = 1) -> NDArray[np.float64]:
+    """All numbers of a plant in the order that `generated.with_values` takes them, [count, numbers]; where a number
+    is an array of `count`, each row has its own."""
+    found: list[Any] = []
+
+    def walk(value: Any) -> None:
+        if isinstance(value, tuple):
+            for inner in value:
+                walk(inner)
+        elif value is not None:
+            found.append(np.broadcast_to(np.asarray(value, dtype=float), count))
+
+    walk(plant)
+    return np.column_stack(found)

@@ -1,0 +1,134 @@
+"""What is read from the log of steps: samples, and where the work of the drive went.
+
+Steps are chosen without looking at the sample times: samples cost no steps and change none.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .._jit import fused, inlined
+from ..plant.generated import no_sides, replaced, riding, slope, speeds, state_of
+from . import channels
+from .run import END, LENGTH, SIDES, START
+
+# Running integrals of the account, see `add_work`.
+TERMS = 4
+_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(5)
+NODES, WEIGHTS = tuple(map(float, 0.5 + 0.5 * _POINTS)), tuple(map(float, 0.5 * _WEIGHTS))
+
+
+@inlined
+def columns(states, elements):
+    """How wide a log is."""
+    return SIDES + max(elements, 1) + 5 * states
+
+
+@fused
+def _sides_of(plant, log, row):
+    sides = no_sides(plant)
+    for e in range(len(sides)):
+        sides = replaced(sides, e, log[row, SIDES + e])
+    return sides
+
+
+@fused
+def state_at(plant, log, row, theta, out):
+    """The state at a fraction of a logged step, into the first entries of the array `out`."""
+    width = len(no_sides(plant))
+    n = (log.shape[1] - SIDES - width) // 5
+    first, rest = SIDES + width, 1.0 - theta
+    for c in range(n):
+        at = first + c
+        inner = log[row, at + 2 * n] + theta * (log[row, at + 3 * n] + theta * log[row, at + 4 * n])
+        out[c] = rest * log[row, at] + theta * (log[row, at + n] + rest * inner)
+
+
+@fused
+def read_samples(plant, drive, load, log, rows, shift, move, times, k, t_end, samples):
+    """Fill the samples (states, then outputs of the elements) up to `t_end` from the log, `shift` [s] later and
+    `move` further on; returns the index of the first sample not filled."""
+    row, n, j = 0, len(move), 0
+    i = channels.segment_of(drive, log[0, START] + shift)
+    own = i
+    while k < times.size and times[k] <= t_end:
+        t = times[k] - shift
+        while row + 1 < rows and t > log[row, END]:
+            row += 1
+        state_at(plant, log, row, (t - log[row, START]) / log[row, LENGTH], samples[k])
+        while i + 1 < drive.start.size and drive.start[i + 1] <= times[k]:
+            i += 1
+        while j + 1 < load.start.size and load.start[j + 1] <= times[k]:
+            j += 1
+        # Of the segment in which the step lies: a sample at its end may be of the next one.
+        inside = 0.5 * (log[row, START] + log[row, END]) + shift
+        while own + 1 < drive.start.size and drive.start[own + 1] <= inside:
+            own += 1
+        sides, u, normal = (
+            _sides_of(plant, log, row),
+            channels.at(drive, i, times[k]),
+            channels.at(load, j, times[k]),
+        )
+        begun = state_of(plant, log[row, SIDES + len(sides) :])
+        u_begun = channels.at(drive, own, log[row, START] + shift)
+        q = riding(plant, sides, state_of(plant, samples[k]), u, begun, u_begun)
+        forces = slope(plant, sides, q, u, normal)[1]
+        for e in range(len(forces)):
+            samples[k, n + e] = forces[e]
+        for c in range(n):
+            samples[k, c] = q[c] + move[c]
+        k += 1
+    return k
+
+
+@fused
+def _add_work(plant, drive, i, load, j, log, row, shift, low, high, probe, work):
+    r"""Add a part of a step to the account, by Gauss-Legendre quadrature on its continuous extension, per unit of
+    mass for the first two:
+
+    .. math:: \int \sum_m b_m u \dot q_m\,dt, \quad \int \sum_m c_m \dot q_m^2\,dt, \quad \int \sum_e f_e s_e\,dt, \quad
+              \int \sum_e f_e \dot q_{last}\,dt
+    """
+    t, h, sides = log[row, START] + shift, log[row, LENGTH], _sides_of(plant, log, row)
+    for g in range(5):
+        theta = low + (high - low) * NODES[g]
+        state_at(plant, log, row, theta, probe)
+        q = state_of(plant, probe)
+        u, normal = channels.at(drive, i, t + theta * h), channels.at(load, j, t + theta * h)
+        forces, v = slope(plant, sides, q, u, normal)[1], speeds(plant, q, u)
+        weight = WEIGHTS[g] * (high - low) * h
+        last = 2 * len(plant.modes) - 1
+        for m in range(len(plant.modes)):
+            w = q[2 * m + 1]
+            work[0] += weight * plant.modes[m].drive * u[0] * w
+            work[1] += weight * plant.modes[m].damping * w * w
+        for e in range(len(plant.elements)):
+            work[2] += weight * forces[e] * v[e]
+            work[3] += weight * forces[e] * q[last]
+    return
+
+
+@fused
+def read_account(plant, drive, load, log, rows, shift, times, k, t_end, probe, work, account):
+    """Fill the account of the drive's work at the samples, as `read_samples`; `work` goes on to `t_end`."""
+    i, j = channels.segment_of(drive, log[0, START] + shift), channels.segment_of(load, log[0, START] + shift)
+    for row in range(rows):
+        start, h = log[row, START] + shift, log[row, LENGTH]
+        if start >= t_end:
+            break
+        while i + 1 < drive.start.size and drive.start[i + 1] <= start:
+            i += 1
+        while j + 1 < load.start.size and load.start[j + 1] <= start:
+            j += 1
+        stop, done = min(log[row, END] + shift, t_end), 0.0
+        while k < times.size and times[k] <= stop:
+            theta = (times[k] - start) / h
+            if theta > done:
+                _add_work(plant, drive, i, load, j, log, row, shift, done, theta, probe, work)
+                done = theta
+            for c in range(TERMS):
+                account[k, c] = work[c]
+            k += 1
+        theta = (stop - start) / h
+        if theta > done:
+            _add_work(plant, drive, i, load, j, log, row, shift, done, theta, probe, work)

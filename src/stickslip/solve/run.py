@@ -1,0 +1,323 @@
+"""One trajectory of a plant with adaptive steps, from event to event.
+
+Between breaks of drive and load the motion is smooth but for the contacts: a bristle's law has a kink where the
+sliding velocity changes sign, and a set-valued law two modes: sliding in one direction until the velocity comes back
+to zero, and rest (held), until the force that rest needs exceeds breakaway. Each is located on the step's continuous
+extension, and the step is cut there.
+"""
+
+from __future__ import annotations
+
+import math
+
+from .._jit import fused
+from ..plant.generated import (
+    breakaways,
+    contacts,
+    drive_rates,
+    follows_drive,
+    kinks,
+    no_sides,
+    relative_speeds,
+    replaced,
+    riding,
+    settled,
+    slope,
+    speeds,
+    statics,
+    stopped,
+    unloaded,
+    unrest,
+)
+from . import channels
+from .channels import at_nodes, next_break, segment_of
+from .outcome import DONE, LOG_FULL, STEP_TOO_SMALL, TOO_MANY_STEPS
+from .step import at, take
+
+# Local error allowed in each step, as a fraction of the tolerance (docs/decisions/integrator.md).
+LOCAL = 0.05
+# A kink is stepped over only if what it changes is below this part of the local error.
+KINK = 0.005
+# A step that is this many times longer than a contact's bristle takes to relax (it slides fast) is cut where the
+# sliding velocity has fallen to half: the bristle stiffens no more there, and the error estimates would not
+# see what happens when it lets go.
+STIFF, SLOWED = 5.0, 0.5
+# A root whose last correction was smaller than this part of the step is exact to rounding.
+ENOUGH = 1e-8
+# Slower is rounding in the slopes of the drive, and no sliding, m/s.
+STILL = 1e-12
+# How often within a step the force of a held contact is looked at.
+HELD_CHECKS = 8
+# What ends a step early.
+NOTHING, SLOWS, STOPS, BREAKS = 0, 1, 2, 3
+# Columns of the log: a step's start, its length, where it ends, the fraction of it that counts; then the sides of the
+# contacts, the states at both ends and the continuous extension.
+START, LENGTH, END, FRACTION, SIDES = 0, 1, 2, 3, 4
+
+
+@fused
+def started(plant, q, u, n):
+    """Sides of the contacts at an instant: each slides as its speed says, or begins to as its acceleration says; a
+    set-valued one at rest is held if it can be. Returns the sides, and a measure of how fast things change [m/s²]
+    with the largest speed [m/s]."""
+    v, set_valued, limit = speeds(plant, q, u), statics(plant), breakaways(plant, n)
+    sides, fastest = no_sides(plant), 0.0
+    for e in range(len(v)):
+        fastest = max(fastest, abs(v[e]) if contacts(plant)[e] != 0.0 else 0.0)
+        if abs(v[e]) > STILL:
+            sides = replaced(sides, e, math.copysign(1.0, v[e]))
+        elif set_valued[e] == 0.0:
+            sides = replaced(sides, e, 1.0)
+    dq, forces = slope(plant, sides, q, u, n)
+    for _ in range(len(v)):  # one after the other, those lets go that is asked for most
+        most, loose = 0.0, -1
+        for e in range(len(v)):
+            if set_valued[e] != 0.0 and sides[e] == 0.0 and abs(forces[e]) - limit[e] > most:
+                most, loose = abs(forces[e]) - limit[e], e
+        if loose < 0:
+            break
+        sides = replaced(sides, loose, math.copysign(1.0, forces[loose]))
+        dq, forces = slope(plant, sides, q, u, n)
+    dv = speeds(plant, dq, (u[1], u[2], u[3]))
+    for e in range(len(v)):
+        if set_valued[e] == 0.0 and not abs(v[e]) > STILL:
+            sides = replaced(sides, e, -1.0 if dv[e] < 0.0 else 1.0)
+    return sides, unrest(plant, dq, u), fastest
+
+
+@fused
+def _polynomial(plant, e, h, q, new, rows, u):
+    """Sliding speed of contact e within a step as a polynomial of the fraction: a_0 to a_4."""
+    v, v_new = relative_speeds(plant, q)[e], relative_speeds(plant, new)[e]
+    r0, r1, r2 = (
+        relative_speeds(plant, rows[0])[e],
+        relative_speeds(plant, rows[1])[e],
+        relative_speeds(plant, rows[2])[e],
+    )
+    a0, a1, a2, a3, a4 = v, v_new - v + r0, r1 - r0, r2 - r1, -r2
+    if follows_drive(plant):  # the slope of the drive between its values, of the same order
+        share = drive_rates(plant)[e]
+        d0, d1 = u[0][1], h * u[0][2]
+        end, turn, middle = u[5][1] - d0 - d1, h * u[5][2] - d1, u[6][1] - d0 - 0.5 * d1
+        d2 = 16.0 * middle - 5.0 * end + turn
+        d3 = 4.0 * end - turn - 2.0 * d2
+        a0, a1, a2 = a0 + share * d0, a1 + share * d1, a2 + share * d2
+        a3, a4 = a3 + share * d3, a4 + share * (end - d2 - d3)
+    return a0, a1, a2, a3, a4
+
+
+@fused
+def _reached(speed, low, high, side, a):
+    """Fraction of the step, between `low` and `high`, at which the sliding speed has fallen to `speed`: Newton's
+    method, kept between the bounds."""
+    a0, a1, a2, a3, a4 = a[0] * side - speed, a[1] * side, a[2] * side, a[3] * side, a[4] * side
+    theta = 0.5 * (low + high)
+    for _ in range(60):
+        f = a0 + theta * (a1 + theta * (a2 + theta * (a3 + theta * a4)))
+        turn = a1 + theta * (2.0 * a2 + theta * (3.0 * a3 + theta * 4.0 * a4))
+        if f > 0.0:
+            low = theta
+        else:
+            high = theta
+        before = theta
+        theta -= f / turn
+        if not low <= theta <= high:
+            theta = 0.5 * (low + high)
+        if abs(theta - before) < ENOUGH:
+            break
+    return theta
+
+
+@fused
+def _overloaded(plant, drive, i, load, j, t, theta, h, sides, q, new, rows):
+    """Whether a held contact would have to carry more than its breakaway at a fraction of the step."""
+    n = channels.at(load, j, t + theta * h)
+    forces = slope(plant, sides, at(theta, q, new, rows), channels.at(drive, i, t + theta * h), n)[1]
+    limit, over = breakaways(plant, n), False
+    for e in range(len(limit)):
+        over = over or (statics(plant)[e] != 0.0 and sides[e] == 0.0 and abs(forces[e]) > limit[e])
+    return over
+
+
+@fused
+def _released(plant, drive, i, load, j, t, h, sides, q, new, rows):
+    """Fraction of the step at which the first held contact lets go, 2 if none does."""
+    low, high = 0.0, 2.0
+    for c in range(1, HELD_CHECKS + 1):
+        theta = c / HELD_CHECKS
+        if _overloaded(plant, drive, i, load, j, t, theta, h, sides, q, new, rows):
+            high = theta
+            break
+        low = theta
+    if high <= 1.0:
+        for _ in range(52):
+            theta = 0.5 * (low + high)
+            if _overloaded(plant, drive, i, load, j, t, theta, h, sides, q, new, rows):
+                high = theta
+            else:
+                low = theta
+    return high
+
+
+@fused
+def _cut(plant, h, sides, q, new, rows, u, fast, local):
+    """Where a contact ends the step: fraction, which one, why; or a contact that slid to the other side from the
+    start (its fraction is negative)."""
+    v, v_new = speeds(plant, q, u[0]), speeds(plant, new, u[5])
+    v_middle = speeds(plant, at(0.5, q, new, rows), u[6])
+    cut, which, why = 1.0, 0, NOTHING
+    for e in range(len(v)):
+        side = sides[e]
+        if side == 0.0 or contacts(plant)[e] == 0.0:
+            continue
+        theta, reason = 1.0, NOTHING
+        if fast[e] > STIFF and v_new[e] * side < SLOWED * v[e] * side:
+            a = _polynomial(plant, e, h, q, new, rows, u)
+            theta, reason = _reached(SLOWED * v[e] * side, 0.0, 1.0, side, a), SLOWS
+        elif v_new[e] * side < 0.0 or v_middle[e] * side < 0.0:
+            low = 0.0 if v[e] * side > 0.0 else 0.5
+            high = 0.5 if low == 0.0 and v_middle[e] * side < 0.0 else 1.0
+            if low == 0.5 and not v_middle[e] * side > 0.0:
+                return -1.0, e, STOPS
+            theta = _reached(0.0, low, high, side, _polynomial(plant, e, h, q, new, rows, u))
+            beyond = max(abs(v_new[e]), abs(v_middle[e]))
+            matters = statics(plant)[e] != 0.0
+            if not matters:
+                matters = (1.0 - theta) * h * kinks(plant, new, beyond)[e] > KINK * local
+            theta, reason = (theta, STOPS) if matters else (1.0, NOTHING)
+        if theta < cut:
+            cut, which, why = theta, e, reason
+    return cut, which, why
+
+
+@fused
+def _record(log, row, t, h, t_new, fraction, sides, q, new, rows):
+    log[row, START], log[row, LENGTH], log[row, END], log[row, FRACTION] = t, h, t_new, fraction
+    for e in range(len(sides)):
+        log[row, SIDES + e] = sides[e]
+    first, n = SIDES + len(sides), len(q)
+    for c in range(n):
+        log[row, first + c] = q[c]
+        log[row, first + n + c] = new[c]
+        log[row, first + 2 * n + c] = rows[0][c]
+        log[row, first + 3 * n + c] = rows[1][c]
+        log[row, first + 4 * n + c] = rows[2][c]
+
+
+@fused
+def _turned(plant, q, u, sides):
+    """The sides with those of bristle contacts as they slide now."""
+    v = speeds(plant, q, u)
+    for e in range(len(v)):
+        if statics(plant)[e] == 0.0 and v[e] * sides[e] < -STILL:
+            sides = replaced(sides, e, -sides[e])
+    return sides
+
+
+@fused
+def _share_kept(load, j, t):
+    """The factor on the states of loaded elements where the load jumps to segment j: what is new carries nothing."""
+    before, after = channels.at(load, j - 1, t)[0], channels.at(load, j, t)[0]
+    if after <= 0.0:
+        return 0.0
+    return before / after if after > before else 1.0
+
+
+@fused
+def run(plant, drive, load, state, sides, t, h, fresh, t_end, local, max_steps, log):
+    """Integrate to t_end, or until the log is full. `fresh`: the sides are still to be found.
+
+    Returns outcome, accepted steps, rejected steps, rows of the log, then state, sides, t, h and fresh as they came.
+    """
+    i, j = segment_of(drive, t), segment_of(load, t)
+    accepted, rejected, logged = 0, 0, 0
+    outcome = DONE
+    turned, refused, forced = 0, False, -1
+    while t < t_end:
+        if fresh:
+            u0, n0 = channels.at(drive, i, t), channels.at(load, j, t)
+            sides, change, speed = started(plant, state, u0, n0)
+            if forced >= 0:
+                sides = replaced(sides, forced, 0.0)
+                h = min(h, 1e-2 / plant.rate)
+            reach = change / plant.rate**2 + speed / plant.rate
+            h = min(h, 0.3 / plant.rate * min((local / reach) ** 0.2, 1.0)) if reach > 0.0 else h
+            turned, fresh = 0, False
+        t_break = min(next_break(drive, i, t_end), next_break(load, j, t_end))
+        left = t_break - t
+        last = h >= left
+        h_now = left if last else min(h, 0.5 * left) if h > 0.5 * left else h
+
+        u, n = at_nodes(drive, i, t, h_now), at_nodes(load, j, t, h_now)
+        new, rows, error, fast = take(plant, sides, h_now, state, u, n)
+        error /= local
+        if not error <= 1.0:
+            rejected += 1
+            refused = True
+            h = h_now * (max(0.2, 0.9 * error**-0.2) if error < 1e300 else 0.1)
+            if h <= 1e-15 * max(abs(t), 1e-3):
+                outcome = STEP_TOO_SMALL
+                break
+            if accepted + rejected >= max_steps:
+                outcome = TOO_MANY_STEPS
+                break
+            continue
+
+        cut, which, why = _cut(plant, h_now, sides, state, new, rows, u, fast, local)
+        if cut < 0.0:
+            rejected += 1
+            if statics(plant)[which] != 0.0:  # it stops where it began: the force sits at breakaway
+                forced, fresh = which, True
+                state = stopped(plant, state, u[0], which)
+            elif turned < len(sides):
+                turned += 1
+                sides = replaced(sides, which, -sides[which])
+            else:
+                cut = 1.0
+            if cut < 0.0:
+                continue
+        if forced < 0:
+            for e in range(len(sides)):
+                if statics(plant)[e] != 0.0 and sides[e] == 0.0:
+                    theta = _released(plant, drive, i, load, j, t, h_now, sides, state, new, rows)
+                    if theta < cut:
+                        cut, why = theta, BREAKS
+                    break
+        accepted += 1
+        t_new, end, u_end = t_break if last else t + h_now, new, u[5]
+        if cut < 1.0:
+            last = False
+            t_new = t + cut * h_now
+            end, u_end = at(cut, state, new, rows), channels.at(drive, i, t_new)
+            if why == STOPS:
+                end = stopped(plant, end, u_end, which)
+        end = settled(plant, riding(plant, sides, end, u_end, state, u[0]), local)
+        if log.shape[0] > 0:
+            _record(log, logged, t, h_now, t_new, cut, sides, state, new, rows)
+            logged += 1
+        turned, forced = 0, -1
+        if why == STOPS and statics(plant)[which] == 0.0:
+            sides = replaced(sides, which, -sides[which])
+        elif why != NOTHING and why != SLOWS:
+            fresh = True
+        sides = _turned(plant, end, u_end, sides)
+
+        state, t = end, t_new
+        grown = h_now * min(1.0 if refused else 6.0, 0.9 * error**-0.2 if error > 0.0 else 6.0)
+        refused = False
+        h = max(h, grown) if last else grown  # a step cut short by a break says little about the next
+        if last:
+            while i + 1 < drive.start.size and drive.start[i + 1] <= t:
+                i += 1
+                fresh = True
+            while j + 1 < load.start.size and load.start[j + 1] <= t:
+                j += 1
+                fresh = True
+                state = unloaded(plant, state, _share_kept(load, j, t))
+        if accepted + rejected >= max_steps:
+            outcome = TOO_MANY_STEPS
+            break
+        if log.shape[0] > 0 and logged == log.shape[0]:
+            outcome = LOG_FULL
+            break
+    return outcome, accepted, rejected, logged, state, sides, t, h, fresh
