@@ -17,21 +17,24 @@ ACTUATOR = load_actuator("kang2007")
 @pytest.mark.parametrize(
     "waveform",
     [
-        PeriodicKnots([0, 0.16], [0, 65], 0.2),
-        PeriodicKnots([0, 0.16], [0, 65], 0.2, periods=4),
-        Sampled([0, 0.16], [0, 65], period=0.2),
+        PeriodicKnots([0, 0.1998], [0, 65], 0.2),
+        PeriodicKnots([0, 0.1998], [0, 65], 0.2, periods=4),
+        Sampled([0, 0.1998], [0, 65], period=0.2),
     ],
     ids=["knots", "counted", "sampled"],
 )
 def test_steady_step_is_that_of_the_same_sawtooth(waveform) -> None:
-    same = steady_step(ACTUATOR, Sawtooth(65, 5, rise_fraction=0.8))
+    same = steady_step(ACTUATOR, Sawtooth(65, 5, rise_fraction=0.999))
+    assert abs(same) > 1e-6  # it walks
     assert steady_step(ACTUATOR, waveform) == pytest.approx(same, abs=1e-11)
 
 
 def test_steady_step_does_not_ask_where_the_period_begins() -> None:
-    late = PeriodicKnots([0.05, 0.11], [0, 65], 0.2, smooth=True)
-    early = PeriodicKnots([0, 0.06], [0, 65], 0.2, smooth=True)
-    assert steady_step(ACTUATOR, late) == pytest.approx(steady_step(ACTUATOR, early), abs=1e-9)
+    late = PeriodicKnots([0.05, 0.0503], [65, 0], 0.2, smooth=True)
+    early = PeriodicKnots([0, 0.0003], [65, 0], 0.2, smooth=True)
+    step = steady_step(ACTUATOR, early)
+    assert abs(step) > 1e-6
+    assert steady_step(ACTUATOR, late) == pytest.approx(step, abs=1e-9)
 
 
 def test_samples_without_a_period_have_no_steady_step() -> None:
