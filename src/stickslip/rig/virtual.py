@@ -10,7 +10,7 @@ import numpy as np
 
 from ..actuator import Actuator
 from ..electronics import adc_output, amplifier_output, dac_output, filtered
-from ..mechanism import SLIDER, STAGE
+from ..simulation.models import SLIDER, STAGE
 from ..simulation.trajectory import COMPLETE, follow
 from ..units import QuantityError
 from ..waveform.sampled import Sampled

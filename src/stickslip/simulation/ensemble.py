@@ -24,6 +24,7 @@ from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
 from .errors import SimulationWarning
 from .models import Contact, checked_drive, contact_load
+from .refinement import FINER, LOOSE, MOST_STEPS, ROUNDS
 from .trajectory import sample_times
 from .varied import changed_fields, free_names, with_values
 
@@ -48,6 +49,7 @@ class Block(NamedTuple):
     reached: NDArray[np.float64]
     steps: NDArray[np.int64]
     net: NDArray[np.float64]
+    error: NDArray[np.float64]
     positions: NDArray[np.float64]
     reasons: list[str]
 
@@ -90,7 +92,7 @@ def simulate_ensemble(
 
     Returns:
         Dataset over "member" with the parameters, net_displacement (m, up to the time reached), status
-        (0 complete; see its flag_meanings), time_reached (s), steps, reason (empty where complete), and
+        (0 complete; see its flag_meanings), error_estimate (m, see `simulate`), time_reached (s), steps, reason (empty where complete), and
         end_effector_position over "member" and "time" where samples were asked for. A member that fails
         leaves the others as they are.
 
@@ -118,6 +120,7 @@ def simulate_ensemble(
         np.zeros(count),
         np.zeros(count, np.int64),
         np.zeros(count),
+        np.full(count, np.nan),
         np.full((count, wanted.size), np.nan),
         [],
     )
@@ -128,6 +131,13 @@ def simulate_ensemble(
         found.reasons.extend(block.reasons)
         if progress is not None:
             progress(part.stop, count)
+    off = int(np.sum((found.status == DONE) & ~(found.error <= tolerance)))
+    if off:
+        warnings.warn(
+            f"{off} of {count} members are not shown to be within the tolerance: see error_estimate",
+            SimulationWarning,
+            stacklevel=2,
+        )
     return _dataset(model, varied, found, wanted)
 
 
@@ -204,35 +214,67 @@ def _block(task: _Task, columns: Mapping[str, NDArray[np.float64]]) -> Block:
     own_load = task.contact._replace(normal=task.contact.normal * columns.get("load", 1.0))
     of = task.contact.system(task.model)
     table = _values(own_load.system(members), columns, count)
-    reached, steps = np.zeros(count), np.zeros(count, np.int64)
-    positions = np.full((count, task.times.size), np.nan)
     states = np.zeros((count, state_size(of.plant)))
     if task.drive.before != 0.0 or np.any(members.axial_force):
         for m in np.flatnonzero(status == DONE).tolist():
             one = of._replace(plant=plant_with(of.plant, table[m]))
             states[m] = task.contact.rest(one, task.drive.before)
-    net = -states[:, of.slider]
-    outcomes = status.astype(np.int64)
-    common = (
-        of.plant,
-        task.drive,
-        task.contact.drive,
-        table,
-        states,
-        np.array([0.0, task.end]),
-        task.tolerance,
-        task.max_steps,
-    )
-    if task.gpu:
-        task.gpu.integrate_members(*common, (outcomes, reached, steps))
-    else:
-        integrate_members(*common, task.times, of.slider, (outcomes, reached, steps, positions))
-    status[:] = outcomes
-    net += states[:, of.slider]
+    found = _refined(task, of, table, states, status.astype(np.int64))
+    status[:], net = found.outcomes, found.net
     net[status == REFUSED] = np.nan
     for m in np.flatnonzero((status != DONE) & (status != REFUSED)).tolist():
-        reasons[m] = f"{OUTCOMES[int(status[m])].replace('_', ' ')} at t = {reached[m]:.6g} s"
-    return Block(status, reached, steps, net, positions, reasons)
+        reasons[m] = f"{OUTCOMES[int(status[m])].replace('_', ' ')} at t = {found.reached[m]:.6g} s"
+    return Block(status, found.reached, found.steps, net, found.error, found.positions, reasons)
+
+
+class _Runs(NamedTuple):
+    """Of members: outcomes, times reached, steps tried, net displacements, sampled positions, errors; all arrays."""
+
+    outcomes: NDArray[np.int64]
+    reached: NDArray[np.float64]
+    steps: NDArray[np.int64]
+    net: NDArray[np.float64]
+    positions: NDArray[np.float64]
+    error: NDArray[np.float64]
+
+
+def _run(
+    task: _Task, of: Any, table: Any, states: Any, outcomes: NDArray[np.int64], tolerance: float
+) -> _Runs:
+    """Each member once, with steps whose local errors are in proportion to the tolerance."""
+    count, q, outcomes = len(table), states.copy(), outcomes.copy()
+    reached, steps = np.zeros(count), np.zeros(count, np.int64)
+    positions = np.full((count, task.times.size), np.nan)
+    common = (of.plant, task.drive, task.contact.drive, table, q, np.array([0.0, task.end]), tolerance)
+    if task.gpu:
+        task.gpu.integrate_members(*common, task.max_steps, (outcomes, reached, steps))
+    else:
+        found = outcomes, reached, steps, positions
+        integrate_members(*common, task.max_steps, task.times, of.slider, found)
+    net = q[:, of.slider] - states[:, of.slider]
+    return _Runs(outcomes, reached, steps, net, positions, np.full(count, np.nan))
+
+
+def _refined(task: _Task, of: Any, table: Any, states: Any, outcomes: NDArray[np.int64]) -> _Runs:
+    """Each member until smaller steps change it by no more than the tolerance: as `refinement.refined`."""
+    level = LOOSE * task.tolerance
+    made = _run(task, of, table, states, outcomes, level)
+    todo = np.flatnonzero(made.outcomes == DONE)
+    coarse = _Runs(*(column[todo] for column in made))
+    for _ in range(ROUNDS):
+        level *= FINER
+        fine = _run(task, of, table[todo], states[todo], np.full(todo.size, DONE), level)
+        apart = np.abs(coarse.net - fine.net)
+        if task.times.size:
+            apart = np.maximum(apart, np.max(np.abs(coarse.positions - fine.positions), axis=1))
+        apart[fine.outcomes != DONE] = np.nan
+        for whole, part in zip(made, coarse._replace(error=apart), strict=True):
+            whole[todo] = part
+        on = (apart > task.tolerance) & (fine.steps <= MOST_STEPS)
+        if not np.any(on):
+            break
+        todo, coarse = todo[on], _Runs(*(column[on] for column in fine))
+    return made
 
 
 def _values(of: Any, columns: Mapping[str, NDArray[np.float64]], count: int) -> NDArray[np.float64]:
@@ -305,6 +347,11 @@ def _dataset(
         {"units": "m", "long_name": "displacement of the end-effector up to the time reached"},
     )
     flags = {"flag_values": list(OUTCOMES), "flag_meanings": " ".join(OUTCOMES.values())}
+    data["error_estimate"] = (
+        "member",
+        found.error,
+        {"units": "m", "long_name": "how far the position may be off, by a run with smaller steps"},
+    )
     data["status"] = ("member", found.status, flags)
     data["time_reached"] = ("member", found.reached, {"units": "s", "long_name": "time reached"})
     data["steps"] = ("member", found.steps, {"units": "", "long_name": "steps tried"})

@@ -73,6 +73,10 @@ def mechanism(model: Actuator | PulledSlider) -> Mechanism:
     )
 
 
+# Columns of `classic` samples; each followed by its velocity.
+STAGE, SLIDER = 0, 2
+
+
 class System(NamedTuple):
     """What a model is to the solver: `plant`; columns of its state that hold the positions of `stage` (None: it
     follows the drive with `gain`, or is fixed) and `slider`; `internal` states of its law; `axial` force [N] and `mass` [kg] of a clamped

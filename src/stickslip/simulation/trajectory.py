@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..actuator import Actuator, PulledSlider
 from ..friction import elements
-from ..mechanism import SLIDER, STAGE, STAGE_VELOCITY
 from ..recording import make_recording
 from ..solve.log import TERMS
 from ..solve.outcome import DONE, STEP_TOO_SMALL
@@ -21,7 +20,8 @@ from ..units import QuantityError, to_si, with_prefix
 from ..waveform.drive import Drive, evaluate
 from ..waveform.signal import Waveform
 from .errors import SimulationError, SimulationWarning
-from .models import checked_drive, classic, contact_load, refuse_no_waveform
+from .models import SLIDER, STAGE, Contact, System, checked_drive, classic, contact_load, refuse_no_waveform
+from .refinement import refined
 
 COMPLETE = "complete"
 _OUTCOMES = {STEP_TOO_SMALL: "the step size fell below what floating point can resolve"}
@@ -47,8 +47,8 @@ def simulate(
         duration: s, or with a unit ("200 ms"); left out, that of the waveform, if it ends.
         sample_rate: samples per second of the output. The solution does not depend on it.
         times: sample times instead, s, ascending, from 0 or later.
-        tolerance: m, on the end-effector's position: adaptive steps keep the error of the whole trajectory
-            near it.
+        tolerance: m, on the end-effector's position over the whole trajectory. The error is estimated by a second run
+            with smaller steps; where it is larger, the steps are refined.
         load: normal force over the reference normal force at which the friction parameters hold: a number,
             or a waveform.
         energy: add the energy account (actuators only): `drive_work`, `stage_dissipation`, `friction_work`,
@@ -59,7 +59,8 @@ def simulate(
     Returns:
         Dataset over "time" (s) with end_effector_position, stage_position, sliding_displacement (m),
         friction_force (N, on the end-effector), drive_voltage or spring_position, velocities (m/s), bristle
-        deflections (m). If the motion could not be followed to the end: a `SimulationWarning`, the part until
+        deflections (m). attrs["error_estimate"] (m): how far the end-effector's position may be off; where that is
+        above the tolerance after all, a `SimulationWarning` says so. If the motion could not be followed to the end: a `SimulationWarning`, the part until
         then, and the reason in attrs["outcome"].
 
     Raises:
@@ -75,11 +76,14 @@ def simulate(
         load=load,
         energy=energy,
         max_steps=max_steps,
+        check=True,
     )
     if found.times.size < 2:
         raise SimulationError(found.outcome)
     if found.outcome != COMPLETE:
         warnings.warn(found.outcome, SimulationWarning, stacklevel=2)
+    elif not found.error <= tolerance:
+        warnings.warn(not_within(found.error, tolerance), SimulationWarning, stacklevel=2)
     times, samples = found.times, found.samples
     variables: dict[str, Any] = _variables(model, samples, found.drive, times)
     if energy:
@@ -89,6 +93,7 @@ def simulate(
     made.attrs.update(
         outcome=found.outcome,
         tolerance=tolerance,
+        error_estimate=found.error,
         steps=found.steps,
         rejected_steps=found.rejected,
         model=repr(model),
@@ -101,7 +106,8 @@ class Followed(NamedTuple):
     """A trajectory without labels, up to where it could be followed; `outcome` is COMPLETE or says why not.
 
     `samples` [times, states + 1]: stage position and velocity, end-effector's position and velocity, friction
-    force, bristles; `work` see `solve.log`; `start`, the state before; `drive`, the segment table.
+    force, bristles; `work` see `solve.log`; `start`, the state before; `drive`, the segment table;
+    `error`, how far the end-effector may be off, m, where it was estimated.
     """
 
     times: NDArray[np.float64]
@@ -112,6 +118,42 @@ class Followed(NamedTuple):
     outcome: str
     steps: int
     rejected: int
+    error: float = math.nan
+
+
+class _Task(NamedTuple):
+    """A trajectory to be followed; `start`, its state before."""
+
+    of: System
+    drive: Drive
+    contact: Contact
+    start: NDArray[np.float64]
+    times: NDArray[np.float64]
+    energy: bool
+    max_steps: int
+
+    def run(self, tolerance: float) -> Followed:
+        """With steps whose local errors are in proportion to the tolerance."""
+        times, table, plant = self.times, self.drive, self.of.plant
+        q = self.start.copy()
+        samples = np.full((times.size, q.size + max(len(plant.elements), 1)), np.nan)
+        work = np.zeros((times.size if self.energy else 0, TERMS))
+        solve, account = (integrate_account, (work,)) if self.energy else (integrate, ())
+        span = np.array([0.0, times[-1]])
+        outcome, reached, steps, rejected = solve(
+            plant, table, self.contact.drive, q, span, tolerance, self.max_steps, times, samples, *account
+        )
+        samples, text = classic(self.of, samples, table, times), COMPLETE
+        if outcome != DONE:
+            reason = _OUTCOMES.get(outcome, f"more than {self.max_steps} steps were needed")
+            end = with_prefix(times[-1], "s")
+            text = f"stopped at t = {with_prefix(reached, 's')} of {end}: {reason}"
+            keep = np.isfinite(samples[:, 0])
+            times, samples, work = times[keep], samples[keep], work[keep] if self.energy else work
+        before = np.full((1, samples.shape[1]), 0.0)
+        before[0, : q.size] = self.start
+        start = classic(self.of, before, table, np.array([-1.0]))[0]
+        return Followed(times, samples, work, start, table, text, steps, rejected)
 
 
 def follow(
@@ -123,33 +165,30 @@ def follow(
     load: Waveform | float = 1.0,
     energy: bool = False,
     max_steps: int = 20_000_000,
+    check: bool = False,
 ) -> Followed:
-    """What `simulate` does, without labels and warnings: for what is drawn many times a second."""
+    """What `simulate` does, without labels and warnings: for what is drawn many times a second. Without `check` one
+    run, whose error is usually a tenth of the tolerance and is not estimated."""
     end = float(times[-1])
     contact = contact_load(load, end)
     of = contact.system(model)
     table = checked_drive(model, waveform, end, periodic=False)
-    q = contact.rest(of, table.before)
     if not tolerance > 0.0:
         raise QuantityError(f"tolerance = {tolerance} m must be > 0 m")
     if energy and not isinstance(model, Actuator):
         raise QuantityError("the energy account is kept for an Actuator only")
-    samples = np.full((times.size, q.size + max(len(of.plant.elements), 1)), np.nan)
-    work = np.zeros((times.size if energy else 0, TERMS))
-    start = classic(of, np.array([[*q, *samples[0, q.size :]]]), table, np.array([-1.0]))[0]
-    solve, account = (integrate_account, (work,)) if energy else (integrate, ())
-    span = np.array([0.0, end])
-    outcome, reached, steps, rejected = solve(
-        of.plant, table, contact.drive, q, span, float(tolerance), max_steps, times, samples, *account
-    )
-    samples = classic(of, samples, table, times)
-    text = COMPLETE
-    if outcome != DONE:
-        reason = _OUTCOMES.get(outcome, f"more than {max_steps} steps were needed")
-        text = f"stopped at t = {with_prefix(reached, 's')} of {with_prefix(end, 's')}: {reason}"
-        keep = np.isfinite(samples[:, 0])
-        times, samples, work = times[keep], samples[keep], work[keep] if energy else work
-    return Followed(times, samples, work, start, table, text, steps, rejected)
+    task = _Task(of, table, contact, contact.rest(of, table.before), times, energy, max_steps)
+    if not check:
+        return task.run(float(tolerance))
+    found = refined(task.run, _distance, lambda run: run.steps + run.rejected, float(tolerance))
+    return found.run._replace(error=found.error)
+
+
+def _distance(one: Followed, other: Followed) -> float:
+    """The largest difference of the end-effector's position, m; NaN where one does not reach the end."""
+    if one.outcome != COMPLETE or other.outcome != COMPLETE:
+        return math.nan
+    return float(np.max(np.abs(one.samples[:, SLIDER] - other.samples[:, SLIDER])))
 
 
 def sample_times(
@@ -176,6 +215,14 @@ def sample_times(
             f"duration = {duration:g} s holds no interval at sample_rate = {sample_rate:g} Hz"
         )
     return np.arange(count + 1) / sample_rate
+
+
+def not_within(error: float, tolerance: float) -> str:
+    """What is said of a result whose error may be above the tolerance [m]."""
+    asked = f"the tolerance of {with_prefix(tolerance, 'm')} is not shown to hold"
+    if math.isnan(error):
+        return f"{asked}: a run with smaller steps, which would tell the error, could not be followed to the end"
+    return f"{asked}: the position may be off by {with_prefix(error, 'm')}, by a run with smaller steps"
 
 
 def _variables(
@@ -223,7 +270,7 @@ def _account(
     elastic = 0.5 * k * y**2
     external = 0.0 * x if model.clamped else model.axial_force * (x - start[SLIDER])
     drive, damping = m * work[:, 0], m * work[:, 1]
-    at_start = 0.5 * k * start[STAGE] ** 2 + 0.5 * m * start[STAGE_VELOCITY] ** 2
+    at_start = 0.5 * k * start[STAGE] ** 2 + 0.5 * m * start[STAGE + 1] ** 2
     stored = kinetic + elastic - at_start
     return {
         "drive_work": (drive, "J"),

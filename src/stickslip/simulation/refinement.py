@@ -1,0 +1,52 @@
+"""How far a trajectory is from the true one, and smaller steps until that is near enough.
+
+A run is compared with one whose local errors are a quarter: their difference is the error of the first, within the
+error of the second (docs/decisions/error-estimate.md). The first is returned, whose error is known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeVar
+
+Run = TypeVar("Run")
+
+# The first run's local errors, over those that the tolerance asks for of an engine alone, and how much smaller those
+# of a run are to which another is compared.
+LOOSE, FINER = 4.0, 0.25
+# A run that took more steps than this is not refined any more: some tenths of a second.
+MOST_STEPS = 400_000
+ROUNDS = 8
+
+
+class Refined(NamedTuple):
+    """A run, and how far it may be off [m]; NaN where no finer run could be followed to the end."""
+
+    run: Any
+    error: float
+
+
+def refined(run: Callable[[float], Run], distance: Callable[[Run, Run], float], steps: Callable[[Run], int],
+            tolerance: float) -> Refined:
+    """The first run whose difference to a finer one is within the tolerance; else the last one compared.
+
+    Args:
+        run: from a tolerance of the engine to a run.
+        distance: between two runs, m; NaN where they cannot be compared.
+        steps: that a run took.
+        tolerance: m.
+    """
+    level = LOOSE * tolerance
+    coarse = run(level)
+    for _ in range(ROUNDS):
+        fine = run(FINER * level)
+        error = distance(coarse, fine)
+        if not error > tolerance or steps(fine) > MOST_STEPS:
+            break
+        needed = level * tolerance / (1.5 * error)  # the error goes with the local errors
+        level *= FINER
+        coarse = fine
+        if needed < FINER * level:
+            level = needed
+            coarse = run(level)
+    return Refined(coarse, error)
