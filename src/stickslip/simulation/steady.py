@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 
 import numpy as np
 
@@ -11,8 +12,9 @@ from ..solve.periodic import Orbit, find_orbit
 from ..units import QuantityError, with_prefix
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
-from .errors import NotPeriodicError, SimulationError
+from .errors import NotPeriodicError, SimulationError, SimulationWarning
 from .models import checked_drive, contact_load
+from .trajectory import not_within
 
 
 def steady_orbit(
@@ -57,7 +59,7 @@ def steady_step(
     """Net displacement of the end-effector per period once the motion is periodic, m; negative when it walks
     back.
 
-    The periodic orbit is solved for, not waited for. Arguments as for `steady_orbit`, which also gives the
+    The periodic orbit is solved for, not waited for, and its error estimated (`steady_orbit` returns it). Arguments as for `steady_orbit`, which also gives the
     multipliers.
 
     Raises:
@@ -78,4 +80,6 @@ def steady_step(
             "actuator will not settle into it",
             orbit,
         )
+    if not orbit.error <= tolerance:
+        warnings.warn(not_within(orbit.error, tolerance), SimulationWarning, stacklevel=2)
     return orbit.step

@@ -24,6 +24,11 @@ MAX_STEPS = 10_000_000
 # Periods of waiting between two attempts of Newton's method.
 PATIENCE = 20
 NO_TIMES, NO_SAMPLES = np.zeros(0), np.zeros((0, 0))
+# Below this part of the tolerance the integration is not refined any more.
+FINEST = 1e-5
+# Newton's method may go this many times as far as the motion itself has been: where a period hardly changes the state
+# it would point to where nothing moves like this.
+FARTHEST = 4.0
 # By how much neighbours differ, m; rounding is all that limits it.
 NUDGE = 1e-12
 
@@ -32,7 +37,7 @@ class Orbit(NamedTuple):
     """A periodic orbit: `step`, net displacement per period, m; `state` at the start of the period;
     `multipliers`, by which a small disturbance grows over one period (stable where all are below 1 in size);
     `converged`, with the `residual`, how far off state and step may still be, m; `periods` integrated to
-    find it."""
+    find it; `error`, how far step and state may be off for the errors of the integration, m."""
 
     step: float
     state: NDArray[np.float64]
@@ -40,6 +45,7 @@ class Orbit(NamedTuple):
     converged: bool
     residual: float
     periods: int
+    error: float
 
 
 def find_orbit(
@@ -73,11 +79,11 @@ def find_orbit(
         q[slider] = 0.0
         return q
 
-    def advance(r: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    def advance(r: NDArray[np.float64], coarser: float = 1.0) -> tuple[NDArray[np.float64], float]:
         nonlocal count
         count += 1
         q = state(r)
-        outcome = integrate(plant, drive, load, q, span, fine, MAX_STEPS, NO_TIMES, NO_SAMPLES)[0]
+        outcome = integrate(plant, drive, load, q, span, coarser * fine, MAX_STEPS, NO_TIMES, NO_SAMPLES)[0]
         if outcome != DONE:
             raise FloatingPointError("the motion could not be followed over one period")
         return q[rows], float(q[slider])
@@ -110,6 +116,7 @@ def find_orbit(
     r = start[rows].copy()
     r, _ = advance(r)
     after, step = advance(r)
+    largest = size(r)
     wait = 0  # periods to go through before Newton's method is tried again
     while True:
         jacobian, of_step = slopes(r, after, step)
@@ -117,8 +124,17 @@ def find_orbit(
         # How far the orbit is away; where the multipliers come near 1, much further than one period shows.
         residual = max(size(after - r), size(change), abs(float(of_step @ change)))
         if residual <= tolerance or count >= max_periods:
-            break
-        if wait == 0 and np.isfinite(residual):
+            # What local errors four times as large do to the orbit, to first order.
+            other, other_step = advance(r, 4.0)
+            moved = _to_orbit(jacobian, other - after)
+            error = max(size(moved), abs(other_step - step + float(of_step @ moved)))
+            if not (error > tolerance and residual <= tolerance and fine > FINEST * tolerance):
+                break
+            fine *= max(0.01, 0.5 * tolerance / error)
+            after, step = advance(r)
+            continue
+        largest = max(largest, size(after))
+        if wait == 0 and size(change) <= FARTHEST * largest:
             try:
                 trial = r + change
                 trial_after, trial_step = advance(trial)
@@ -133,7 +149,7 @@ def find_orbit(
             after, step = advance(r)
         wait = 0
     multipliers = np.linalg.eigvals(jacobian).astype(np.complex128)
-    return Orbit(step, state(r), multipliers, residual <= tolerance, residual, count)
+    return Orbit(step, state(r), multipliers, residual <= tolerance, residual, count, error)
 
 
 def _to_orbit(jacobian: NDArray[np.float64], defect: NDArray[np.float64]) -> Any:
