@@ -60,7 +60,8 @@ def register(
         elements: ``elements(law) -> int``, for a composed law only, with `element`.
         element: ``element(law, i) -> record`` of the i-th element, itself registered.
         project: ``project(law, z) -> z``, where the law bounds its state (a reset); applied after each step.
-        smooth: the record is no friction contact but an element without a kink at v = 0: a lag, an amplifier, creep, a
+        smooth: the record is no friction contact but an element without a kink at v = 0: a lag, an
+        amplifier, creep, a
             controller (see `plant.system`); its input v and output F are in whatever unit its maker says.
 
     Raises:
@@ -188,7 +189,8 @@ def _project(law: Any, z: Any) -> Any:
 
 @fused
 def smooth_rate(law, v, z, side):
-    """Force and rate on one side of v = 0, continued beyond it by reflection in the point v = 0, which keeps value
+    """Force and rate on one side of v = 0, continued beyond it by reflection in the point v = 0, which keeps
+    value
     and slope: the kink of |v| never enters a step, which is cut at the reversal afterwards."""
     force, dz = rate(law, abs(v) * side, z)
     if v * side >= 0.0:
@@ -199,8 +201,8 @@ def smooth_rate(law, v, z, side):
 
 @fused
 def law_slopes(law, v, z, side):
-    """F, dF/dv, dF/dz, dż/dv, dż/dz by one-sided differences: outwards in v from the `side` of v = 0 (0: of no
-    contact, by v itself), and off a bound on z."""
+    """F, dF/dv, dF/dz, dż/dv, dż/dz by one-sided differences: outwards in v from the `side` of v = 0 (0: of
+    no contact, by v itself), and off a bound on z."""
     speed = abs(v) if side != 0.0 else v
     side = side if side != 0.0 else 1.0
     dv = side * (1e-7 * abs(speed) + 1e-11)
@@ -226,8 +228,8 @@ def reversal_kink(law, z, beyond):
 
 @fused
 def bounded(law, z, towards):
-    """z put on a bound of the law that it moves towards and is within an error of; else the steps would shrink
-    before it for ever, for the rate jumps there."""
+    """z put on a bound of the law that it moves towards and is within an error of; else the steps would
+    shrink before it for ever, for the rate jumps there."""
     ahead = z + towards
     bound = project(law, ahead)
     return bound if bound != ahead else project(law, z)

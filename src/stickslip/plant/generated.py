@@ -1,8 +1,9 @@
 """The equations of `system` as straight-line code in local variables, one set of functions per layout.
 
-What a processor keeps in registers cannot be a loop over arrays, and what loops over tuples of different records cannot
-be compiled; so the text of each function is made once per layout, from the one form of the equations in
-`equations`. In kernels the functions are chosen by the type of the plant; as plain Python, by the plant itself.
+What a processor keeps in registers cannot be a loop over arrays, and what loops over tuples of different
+records cannot be compiled; so the text of each function is made once per layout, from the one form of the
+equations in `equations`. In kernels the functions are chosen by the type of the plant; as plain Python, by
+the plant itself.
 """
 
 from __future__ import annotations
@@ -12,8 +13,6 @@ import itertools
 import math
 from collections.abc import Callable
 from typing import Any
-
-from numba import types
 
 from .._jit import FUSED, overload_with, record_class
 from ..friction.law import bounded, breakaway, element, law_slopes, rate, reversal_kink, smooth_rate
@@ -66,14 +65,14 @@ def _generated(stub: Callable[..., Any]) -> Any:
 
 @_generated
 def slope(plant: Any, sides: Any, q: Any, u: Any, normal: Any) -> Any:
-    """dq/dt, and the outputs of the elements. `sides` [elements]: on which side of v = 0 each contact slides, 0 where
-    it is held; `u` and `normal`: drive and load with their derivatives by time."""
+    """dq/dt, and the outputs of the elements. `sides` [elements]: on which side of v = 0 each contact
+    slides, 0 where it is held; `u` and `normal`: drive and load with their derivatives by time."""
 
 
 @_generated
 def factor(plant: Any, sides: Any, q: Any, u: Any, normal: Any, per_g: Any) -> Any:
-    """What `solved` needs of W = 1/per_g - J, the partial derivative of dq/dt by time, the weights of an error of
-    each element's states [m], and how fast its fastest state relaxes [1/s]."""
+    """What `solved` needs of W = 1/per_g - J, the partial derivative of dq/dt by time, the weights of an
+    error of each element's states [m], and how fast its fastest state relaxes [1/s]."""
 
 
 @_generated
@@ -83,7 +82,8 @@ def solved(plant: Any, sides: Any, w: Any, r: Any) -> Any:
 
 @_generated
 def speeds(plant: Any, q: Any, u: Any) -> Any:
-    """The input of each element, without what other elements feed into it; 0 for the one of a plant without any."""
+    """The input of each element, without what other elements feed into it; 0 for the one of a plant without
+    any."""
 
 
 @_generated
@@ -98,7 +98,8 @@ def size(plant: Any, r: Any, weights: Any) -> Any:
 
 @_generated
 def settled(plant: Any, q: Any, local: Any) -> Any:
-    """The state with each internal state put on a bound that it moves towards and is within `local` [m] of."""
+    """The state with each internal state put on a bound that it moves towards and is within `local` [m]
+    of."""
 
 
 @_generated
@@ -113,7 +114,8 @@ def stopped(plant: Any, q: Any, u: Any, e: Any) -> Any:
 
 @_generated
 def riding(plant: Any, sides: Any, q: Any, u: Any, begun: Any, u_begun: Any) -> Any:
-    """The state with the bodies of held contacts where they were to each other at the state `begun`, exactly."""
+    """The state with the bodies of held contacts where they were to each other at the state `begun`,
+    exactly."""
 
 
 @_generated
@@ -201,7 +203,7 @@ def _with_values(plant: Any, values: Any) -> Any:
             name = f"Record{len(names)}"
             names[name] = record_class(kind)
             return f"{name}({inner.rstrip(',')})"
-        return "None" if isinstance(kind, types.NoneType) else f"values[{next(count)}]"
+        return "None" if str(kind) == "none" else f"values[{next(count)}]"
 
     return eval(f"lambda plant, values: {text(plant)}", names)
 

@@ -6,18 +6,20 @@ r"""A system: linear modes of bodies, and elements that act on or between them.
    s_e &= \sum_m \left( h_{em} \dot q_m + g_{em} q_m \right) + d_e u + d'_e \dot u + \sum_{i<e} l_{ei} f_i \\
    f_e &= N_e(t)\,F_e(s_e, z_e), \qquad \dot z_e = \dot Z_e(s_e, z_e) - \frac{\max(\dot N_e, 0)}{N_e} z_e
 
-A body is one mode (a rigid slider: k = 0) or several, whose positions add up; a body that follows the drive has
-none, and enters an element through d' (its velocity). An element is a record with one ``rate(record, s, z)``, chosen
-by its type (see `friction.law`): a friction contact, whose input is the sliding velocity and whose output is a force; or
-anything with scalar states between an input and an output (a lag, an amplifier, creep, a controller).
+A body is one mode (a rigid slider: k = 0) or several, whose positions add up; a body that follows the drive
+has none, and enters an element through d' (its velocity). An element is a record with one ``rate(record, s,
+z)``, chosen by its type (see `friction.law`): a friction contact, whose input is the sliding velocity and
+whose output is a force; or anything with scalar states between an input and an output (a lag, an amplifier,
+creep, a controller).
 
 With k = ωₙ², c = 2ζωₙ, b = Cωₙ², p = -1/m and 1/m_e this is the thesis's model [kang2007, eq. 3.20-3.25].
 
-Which shares are there is part of the type: None is a zero that costs nothing, and each pattern of them, a *layout*, is
-compiled once (see `generated`).
+Which shares are there is part of the type: None is a zero that costs nothing, and each pattern of them, a
+*layout*, is compiled once (see `generated`).
 
-The last term is what a changing normal force does to a contact: what is newly loaded carries no tangential force
-(F stays, z falls in proportion), what is unloaded loses its share in proportion (z stays) [mindlin1953]. It takes the
+The last term is what a changing normal force does to a contact: what is newly loaded carries no tangential
+force (F stays, z falls in proportion), what is unloaded loses its share in proportion (z stays)
+[mindlin1953]. It takes the
 stiffness as proportional to the normal force: rough surfaces of many asperities, not a ball on a flat.
 """
 
@@ -33,8 +35,8 @@ from ..friction.law import elements, is_smooth, is_static
 
 
 class Mode(NamedTuple):
-    """One linear mode: `stiffness` k [1/s²], `damping` c [1/s], `drive` b [m/s² per unit of the drive], `acceleration`
-    a [m/s²] of the constant forces."""
+    """One linear mode: `stiffness` k [1/s²], `damping` c [1/s], `drive` b [m/s² per unit of the drive],
+    `acceleration` a [m/s²] of the constant forces."""
 
     stiffness: float
     damping: float
@@ -43,10 +45,10 @@ class Mode(NamedTuple):
 
 
 class Element(NamedTuple):
-    """An element: `law`, its record; `velocity` h and `push` p (per unit of output), one entry per mode, None where
-    there is none; `normal`, a factor on the output; `loaded`: 1.0 where the normal force varies as the load says, or
-    None; then the rarer inputs, None if absent: `drive_rate` d', `drive` d, `position` g (per mode), `feed` l
-    (per earlier element)."""
+    """An element: `law`, its record; `velocity` h and `push` p (per unit of output), one entry per mode,
+    None where there is none; `normal`, a factor on the output; `loaded`: 1.0 where the normal force varies
+    as the load says, or None; then the rarer inputs, None if absent: `drive_rate` d', `drive` d, `position`
+    g (per mode), `feed` l (per earlier element)."""
 
     law: Any
     velocity: tuple[float | None, ...]
@@ -145,7 +147,9 @@ def _ones(kind: Any) -> Any:
 
 
 def _law_of(kind: Any) -> Any:
-    return tuple.__new__(record_class(kind), tuple(_ones(inner) for inner in kind))
+    made = record_class(kind)
+    assert made is not None
+    return tuple.__new__(made, tuple(_ones(inner) for inner in kind))
 
 
 def state_size(plant: Plant) -> int:
@@ -154,8 +158,8 @@ def state_size(plant: Plant) -> int:
 
 
 def values_of(plant: Plant, count: int = 1) -> NDArray[np.float64]:
-    """All numbers of a plant in the order that `generated.with_values` takes them, [count, numbers]; where a number
-    is an array of `count`, each row has its own."""
+    """All numbers of a plant in the order that `generated.with_values` takes them, [count, numbers]; where a
+    number is an array of `count`, each row has its own."""
     found: list[Any] = []
 
     def walk(value: Any) -> None:

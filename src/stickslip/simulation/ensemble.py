@@ -92,9 +92,9 @@ def simulate_ensemble(
 
     Returns:
         Dataset over "member" with the parameters, net_displacement (m, up to the time reached), status
-        (0 complete; see its flag_meanings), error_estimate (m, see `simulate`), time_reached (s), steps, reason (empty where complete), and
-        end_effector_position over "member" and "time" where samples were asked for. A member that fails
-        leaves the others as they are.
+        (0 complete; see its flag_meanings), error_estimate (m, see `simulate`), time_reached (s), steps,
+        reason (empty where complete), and end_effector_position over "member" and "time" where samples were
+        asked for. A member that fails leaves the others as they are.
 
     Raises:
         QuantityError: an unknown name, arrays of different length, or see `simulate`.
@@ -228,14 +228,15 @@ def _block(task: _Task, columns: Mapping[str, NDArray[np.float64]]) -> Block:
 
 
 class _Runs(NamedTuple):
-    """Of members: outcomes, times reached, steps tried, net displacements, sampled positions, errors; all arrays."""
+    """Arrays of members: outcomes, times reached [s], steps tried, net displacements, sampled positions and
+    errors [m]."""
 
-    outcomes: NDArray[np.int64]
-    reached: NDArray[np.float64]
-    steps: NDArray[np.int64]
-    net: NDArray[np.float64]
-    positions: NDArray[np.float64]
-    error: NDArray[np.float64]
+    outcomes: Any
+    reached: Any
+    steps: Any
+    net: Any
+    positions: Any
+    error: Any
 
 
 def _run(

@@ -78,9 +78,9 @@ STAGE, SLIDER = 0, 2
 
 
 class System(NamedTuple):
-    """What a model is to the solver: `plant`; columns of its state that hold the positions of `stage` (None: it
-    follows the drive with `gain`, or is fixed) and `slider`; `internal` states of its law; `axial` force [N] and `mass` [kg] of a clamped
-    end-effector, for the force that holds it."""
+    """What a model is to the solver: `plant`; columns of its state that hold the positions of `stage` (None:
+    it follows the drive with `gain`, or is fixed) and `slider`; `internal` states of its law; `axial` force
+    [N] and `mass` [kg] of a clamped end-effector, for the force that holds it."""
 
     plant: Plant
     stage: int | None
@@ -120,7 +120,8 @@ def system(model: Actuator | PulledSlider, *, normal: float = 1.0, loaded: bool 
 
 
 class Contact(NamedTuple):
-    """The normal force of a run over its reference: a constant factor, and what varies on top of it, if anything."""
+    """The normal force of a run over its reference: a constant factor, and what varies on top of it, if
+    anything."""
 
     normal: float = 1.0
     table: Drive | None = None
@@ -139,8 +140,8 @@ class Contact(NamedTuple):
 
 
 def resting_state(of: System, before: float, load: float = 1.0) -> NDArray[np.float64]:
-    """The state at rest under the drive value `before` and the constant forces, with the normal force `load` times the
-    plant's; where no deflection of the contact holds them, it begins at its bound."""
+    """The state at rest under the drive value `before` and the constant forces, with the normal force `load`
+    times the plant's; where no deflection of the contact holds them, it begins at its bound."""
     q = np.zeros(state_size(of.plant))
     held = _held(of, q, load)
     for m, mode in enumerate(of.plant.modes):
@@ -155,7 +156,8 @@ def resting_state(of: System, before: float, load: float = 1.0) -> NDArray[np.fl
 
 
 def _held(of: System, q: NDArray[np.float64], load: float) -> float:
-    """The force with which the contact holds the constant forces on the slider, N; puts its deflection into `q`."""
+    """The force with which the contact holds the constant forces on the slider, N; puts its deflection into
+    `q`."""
     if not of.plant.elements:
         return 0.0
     contact, slider = of.plant.elements[0], of.slider // 2

@@ -1,18 +1,20 @@
 """How far a trajectory is from the true one, and smaller steps until that is near enough.
 
-A run is compared with one whose local errors are a quarter: their difference is the error of the first, within the
-error of the second (docs/decisions/error-estimate.md). The first is returned, whose error is known.
+A run is compared with one whose local errors are a quarter: their difference is the error of the first,
+within the error of the second (docs/decisions/error-estimate.md). The first is returned, whose error is
+known.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple, TypeVar
 
 Run = TypeVar("Run")
 
-# The first run's local errors, over those that the tolerance asks for of an engine alone, and how much smaller those
-# of a run are to which another is compared.
+# The first run's local errors, over those that the tolerance asks for of an engine alone, and how much
+# smaller those of a run are to which another is compared.
 LOOSE, FINER = 4.0, 0.25
 # A run that took more steps than this is not refined any more: some tenths of a second.
 MOST_STEPS = 400_000
@@ -26,8 +28,12 @@ class Refined(NamedTuple):
     error: float
 
 
-def refined(run: Callable[[float], Run], distance: Callable[[Run, Run], float], steps: Callable[[Run], int],
-            tolerance: float) -> Refined:
+def refined(
+    run: Callable[[float], Run],
+    distance: Callable[[Run, Run], float],
+    steps: Callable[[Run], int],
+    tolerance: float,
+) -> Refined:
     """The first run whose difference to a finer one is within the tolerance; else the last one compared.
 
     Args:
@@ -37,7 +43,7 @@ def refined(run: Callable[[float], Run], distance: Callable[[Run, Run], float], 
         tolerance: m.
     """
     level = LOOSE * tolerance
-    coarse = run(level)
+    coarse, error = run(level), math.nan
     for _ in range(ROUNDS):
         fine = run(FINER * level)
         error = distance(coarse, fine)

@@ -25,10 +25,12 @@ from .steady import periodic_drive, steady_orbit
 from .trajectory import sample_times
 from .varied import changed_fields, free_names, law_of
 
+# At the normal force for which the parameters hold.
+REFERENCE = Contact()
 # Relative, and absolute where a value is zero. The steps are the same, so only rounding limits it.
 DIFFERENCE = 1e-6
-# The initial state: entry of the plant's state after the first of the body, unit, and a difference that is small
-# against what moves.
+# The initial state: entry of the plant's state after the first of the body, unit, and a difference that is
+# small against what moves.
 INITIAL = {
     "initial_stage_position": ("stage", 0, "m", 1e-12),
     "initial_stage_velocity": ("stage", 1, "m/s", 1e-9),
@@ -39,8 +41,8 @@ INITIAL = {
 
 
 class Moved(NamedTuple):
-    """A model, what it is to the solver, the neighbours of it that differ in one value each (their numbers and
-    states), and by how much."""
+    """A model, what it is to the solver, the neighbours of it that differ in one value each (their numbers
+    and states), and by how much."""
 
     model: Actuator
     of: System
@@ -61,7 +63,7 @@ def moved(
     names: Sequence[str],
     state: NDArray[np.float64],
     before: float | None,
-    contact: Contact = Contact(),
+    contact: Contact = REFERENCE,
 ) -> Moved:
     """Neighbours of a model in the state given; with `before`, each rests under that drive by itself.
 
@@ -71,8 +73,8 @@ def moved(
     of = contact.system(model)
     if elements(model.friction) == 0 and not model.clamped:
         raise QuantityError(
-            f"derivatives are for a law with internal states; {type(model.friction).__name__} has none, and its "
-            "motion is no smooth function of its parameters: difference `simulate` instead"
+            f"derivatives are for a law with internal states; {type(model.friction).__name__} has none, "
+            "and its motion is no smooth function of its parameters: difference `simulate` instead"
         )
     known = [*free_names(model), *(name for name in INITIAL if initial_row(of, name) is not None)]
     values, states, steps = [], [], []
@@ -115,8 +117,8 @@ def follow_moved(
     max_steps: int = 20_000_000,
     load: Drive | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Samples of the plant (see `solve.periods.integrate`), derivatives of the end-effector's position [times, names],
-    and those of the last state [states, names]; `state` becomes the last state.
+    """Samples of the plant (see `solve.periods.integrate`), derivatives of the end-effector's position
+    [times, names], and those of the last state [states, names]; `state` becomes the last state.
 
     Raises:
         SimulationError: the motion could not be followed to the end.

@@ -59,8 +59,8 @@ def steady_step(
     """Net displacement of the end-effector per period once the motion is periodic, m; negative when it walks
     back.
 
-    The periodic orbit is solved for, not waited for, and its error estimated (`steady_orbit` returns it). Arguments as for `steady_orbit`, which also gives the
-    multipliers.
+    The periodic orbit is solved for, not waited for, and its error estimated (`steady_orbit` returns it).
+    Arguments as for `steady_orbit`, which also gives the multipliers.
 
     Raises:
         NotPeriodicError: no orbit of the drive's period was found, or it is unstable.

@@ -47,7 +47,8 @@ def simulate(
         duration: s, or with a unit ("200 ms"); left out, that of the waveform, if it ends.
         sample_rate: samples per second of the output. The solution does not depend on it.
         times: sample times instead, s, ascending, from 0 or later.
-        tolerance: m, on the end-effector's position over the whole trajectory. The error is estimated by a second run
+        tolerance: m, on the end-effector's position over the whole trajectory. The error is estimated by a
+        second run
             with smaller steps; where it is larger, the steps are refined.
         load: normal force over the reference normal force at which the friction parameters hold: a number,
             or a waveform.
@@ -59,9 +60,9 @@ def simulate(
     Returns:
         Dataset over "time" (s) with end_effector_position, stage_position, sliding_displacement (m),
         friction_force (N, on the end-effector), drive_voltage or spring_position, velocities (m/s), bristle
-        deflections (m). attrs["error_estimate"] (m): how far the end-effector's position may be off; where that is
-        above the tolerance after all, a `SimulationWarning` says so. If the motion could not be followed to the end: a `SimulationWarning`, the part until
-        then, and the reason in attrs["outcome"].
+        deflections (m). attrs["error_estimate"] (m): how far the end-effector's position may be off; where
+        that is above the tolerance after all, a `SimulationWarning` says so. If the motion could not be followed to
+        the end: a `SimulationWarning`, the part until then, and the reason in attrs["outcome"].
 
     Raises:
         QuantityError: a drive outside the actuator's voltage range, wrong unit, bad times, tolerance or rate.
@@ -167,8 +168,8 @@ def follow(
     max_steps: int = 20_000_000,
     check: bool = False,
 ) -> Followed:
-    """What `simulate` does, without labels and warnings: for what is drawn many times a second. Without `check` one
-    run, whose error is usually a tenth of the tolerance and is not estimated."""
+    """What `simulate` does, without labels and warnings: for what is drawn many times a second. Without
+    `check` one run, whose error is usually a tenth of the tolerance and is not estimated."""
     end = float(times[-1])
     contact = contact_load(load, end)
     of = contact.system(model)
@@ -221,7 +222,9 @@ def not_within(error: float, tolerance: float) -> str:
     """What is said of a result whose error may be above the tolerance [m]."""
     asked = f"the tolerance of {with_prefix(tolerance, 'm')} is not shown to hold"
     if math.isnan(error):
-        return f"{asked}: a run with smaller steps, which would tell the error, could not be followed to the end"
+        return (
+            f"{asked}: a run with smaller steps, which would tell the error, could not be followed to the end"
+        )
     return f"{asked}: the position may be off by {with_prefix(error, 'm')}, by a run with smaller steps"
 
 

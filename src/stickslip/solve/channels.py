@@ -46,7 +46,8 @@ def at(drive, i, t):
 
 @fused
 def at_nodes(drive, i, t, h):
-    """As `at`, at the six distinct nodes of a step and in its middle. What a plant does not use, the compiler drops."""
+    """As `at`, at the six distinct nodes of a step and in its middle. What a plant does not use, the
+    compiler drops."""
     tau = t - drive.start[i]
     if drive.first[i] == drive.first[i + 1]:
         return (

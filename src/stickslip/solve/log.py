@@ -46,8 +46,8 @@ def state_at(plant, log, row, theta, out):
 
 @fused
 def read_samples(plant, drive, load, log, rows, shift, move, times, k, t_end, samples):
-    """Fill the samples (states, then outputs of the elements) up to `t_end` from the log, `shift` [s] later and
-    `move` further on; returns the index of the first sample not filled."""
+    """Fill the samples (states, then outputs of the elements) up to `t_end` from the log, `shift` [s] later
+    and `move` further on; returns the index of the first sample not filled."""
     row, n, j = 0, len(move), 0
     i = channels.segment_of(drive, log[0, START] + shift)
     own = i
@@ -83,10 +83,11 @@ def read_samples(plant, drive, load, log, rows, shift, move, times, k, t_end, sa
 
 @fused
 def _add_work(plant, drive, i, load, j, log, row, shift, low, high, probe, work):
-    r"""Add a part of a step to the account, by Gauss-Legendre quadrature on its continuous extension, per unit of
-    mass for the first two:
+    r"""Add a part of a step to the account, by Gauss-Legendre quadrature on its continuous extension, per
+    unit of mass for the first two:
 
-    .. math:: \int \sum_m b_m u \dot q_m\,dt, \quad \int \sum_m c_m \dot q_m^2\,dt, \quad \int \sum_e f_e s_e\,dt, \quad
+    .. math:: \int \sum_m b_m u \dot q_m\,dt, \quad \int \sum_m c_m \dot q_m^2\,dt, \quad \int \sum_e f_e
+    s_e\,dt, \quad
               \int \sum_e f_e \dot q_{last}\,dt
     """
     t, h, sides = log[row, START] + shift, log[row, LENGTH], _sides_of(plant, log, row)

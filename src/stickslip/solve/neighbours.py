@@ -21,9 +21,9 @@ from .step import at, take
 
 
 class Neighbours(NamedTuple):
-    """`values` [n, numbers of the plant]; `states` [n, states], in place; `begun` [n, states], at the start of the
-    period; `column`, the state that is sampled; `traces` [n, rows of the log, 5], it on each step; `positions`
-    [n, times], of it."""
+    """`values` [n, numbers of the plant]; `states` [n, states], in place; `begun` [n, states], at the start
+    of the period; `column`, the state that is sampled; `traces` [n, rows of the log, 5], it on each step;
+    `positions` [n, times], of it."""
 
     values: Any
     states: Any

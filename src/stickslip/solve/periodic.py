@@ -26,8 +26,8 @@ PATIENCE = 20
 NO_TIMES, NO_SAMPLES = np.zeros(0), np.zeros((0, 0))
 # Below this part of the tolerance the integration is not refined any more.
 FINEST = 1e-5
-# Newton's method may go this many times as far as the motion itself has been: where a period hardly changes the state
-# it would point to where nothing moves like this.
+# Newton's method may go this many times as far as the motion itself has been: where a period hardly changes
+# the state it would point to where nothing moves like this.
 FARTHEST = 4.0
 # By how much neighbours differ, m; rounding is all that limits it.
 NUDGE = 1e-12
@@ -66,7 +66,9 @@ def find_orbit(
     """
     fine = 0.1 * tolerance
     layout = layout_of(plant)
-    smooth = any(shape.states for shape in layout.elements) or not layout.elements
+    # Laws without states have events, those of several states corners that a neighbour does not turn at the
+    # same time.
+    smooth = all(shape.states == 1 for shape in layout.elements)
     rows = np.array([row for row in range(start.size) if row != slider])
     scale = np.ones(start.size)  # brings velocities to metres
     scale[1 : 2 * layout.modes : 2] /= plant.rate

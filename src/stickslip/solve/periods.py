@@ -91,8 +91,8 @@ def follow(plant, drive, load, q, span, tolerance, max_steps, times, samples, lo
     """Integrate the state `q`, a tuple, from span[0] to span[1]; see `integrate`.
 
     Without `times` the `log` may have no rows. `near`: None, or members that take the same steps (see
-    `neighbours`). `account` may be None; `room` is work space for it. Returns outcome, time reached, accepted and
-    rejected steps, state.
+    `neighbours`). `account` may be None; `room` is work space for it. Returns outcome, time reached,
+    accepted and rejected steps, state.
     """
     t_end = span[1]
     local = LOCAL * tolerance
@@ -215,7 +215,8 @@ def integrate_account(plant, drive, load, q, span, tolerance, max_steps, times, 
 
 @kernel
 def integrate_near(plant, drive, load, q, span, tolerance, max_steps, times, samples, near):
-    """As `integrate`, with neighbours that take the same steps: see `neighbours`. `times` may not be empty."""
+    """As `integrate`, with neighbours that take the same steps: see `neighbours`. `times` may not be
+    empty."""
     log = _log(plant, q, LOG_ROWS)
     state = state_of(plant, q)
     outcome, t, accepted, rejected, state = follow(
@@ -236,7 +237,8 @@ def integrate_members(plant, drive, load, values, states, span, tolerance, max_s
         states: [members, states], at span[0]; in place, at the time reached.
         span, tolerance, max_steps, times: see `integrate`.
         column: the state that is sampled.
-        found: outcomes, times reached and steps taken, each [members], and samples [members, times]. Members whose
+        found: outcomes, times reached and steps taken, each [members], and samples [members, times]. Members
+        whose
             outcome is not DONE at the start are left out.
     """
     outcomes, reached, steps, positions = found

@@ -1,9 +1,9 @@
 """One trajectory of a plant with adaptive steps, from event to event.
 
-Between breaks of drive and load the motion is smooth but for the contacts: a bristle's law has a kink where the
-sliding velocity changes sign, and a set-valued law two modes: sliding in one direction until the velocity comes back
-to zero, and rest (held), until the force that rest needs exceeds breakaway. Each is located on the step's continuous
-extension, and the step is cut there.
+Between breaks of drive and load the motion is smooth but for the contacts: a bristle's law has a kink where
+the sliding velocity changes sign, and a set-valued law two modes: sliding in one direction until the
+velocity comes back to zero, and rest (held), until the force that rest needs exceeds breakaway. Each is
+located on the step's continuous extension, and the step is cut there.
 """
 
 from __future__ import annotations
@@ -38,28 +38,30 @@ from .step import at, take
 LOCAL = 0.05
 # A kink is stepped over only if what it changes is below this part of the local error.
 KINK = 0.005
-# A step that is this many times longer than a contact's bristle takes to relax (it slides fast) is cut where the
-# sliding velocity has fallen to half: the bristle stiffens no more there, and the error estimates would not
-# see what happens when it lets go.
+# A step that is this many times longer than a contact's bristle takes to relax (it slides fast) is cut where
+# the sliding velocity has fallen to half: the bristle stiffens no more there, and the error estimates would
+# not see what happens when it lets go.
 STIFF, SLOWED = 5.0, 0.5
 # A root whose last correction was smaller than this part of the step is exact to rounding.
 ENOUGH = 1e-8
 # Slower is rounding in the slopes of the drive, and no sliding, m/s.
 STILL = 1e-12
+# What has let go is not held again for rounding.
+LETS_GO = 1.0 - 1e-9
 # How often within a step the force of a held contact is looked at.
 HELD_CHECKS = 8
 # What ends a step early.
 NOTHING, SLOWS, STOPS, BREAKS = 0, 1, 2, 3
-# Columns of the log: a step's start, its length, where it ends, the fraction of it that counts; then the sides of the
-# contacts, the states at both ends and the continuous extension.
+# Columns of the log: a step's start, its length, where it ends, the fraction of it that counts; then the
+# sides of the contacts, the states at both ends and the continuous extension.
 START, LENGTH, END, FRACTION, SIDES = 0, 1, 2, 3, 4
 
 
 @fused
-def started(plant, q, u, n):
-    """Sides of the contacts at an instant: each slides as its speed says, or begins to as its acceleration says; a
-    set-valued one at rest is held if it can be. Returns the sides, and a measure of how fast things change [m/s²]
-    with the largest speed [m/s]."""
+def started(plant, q, u, n, share):
+    """Sides of the contacts at an instant: each slides as its speed says, or begins to as its acceleration
+    says; a set-valued one at rest is held if it can be by this `share` of its breakaway. Returns the sides,
+    and a measure of how fast things change [m/s²] with the largest speed [m/s]."""
     v, set_valued, limit = speeds(plant, q, u), statics(plant), breakaways(plant, n)
     sides, fastest = no_sides(plant), 0.0
     for e in range(len(v)):
@@ -72,8 +74,8 @@ def started(plant, q, u, n):
     for _ in range(len(v)):  # one after the other, those lets go that is asked for most
         most, loose = 0.0, -1
         for e in range(len(v)):
-            if set_valued[e] != 0.0 and sides[e] == 0.0 and abs(forces[e]) - limit[e] > most:
-                most, loose = abs(forces[e]) - limit[e], e
+            if set_valued[e] != 0.0 and sides[e] == 0.0 and abs(forces[e]) - share * limit[e] > most:
+                most, loose = abs(forces[e]) - share * limit[e], e
         if loose < 0:
             break
         sides = replaced(sides, loose, math.copysign(1.0, forces[loose]))
@@ -108,8 +110,8 @@ def _polynomial(plant, e, h, q, new, rows, u):
 
 @fused
 def _reached(speed, low, high, side, a):
-    """Fraction of the step, between `low` and `high`, at which the sliding speed has fallen to `speed`: Newton's
-    method, kept between the bounds."""
+    """Fraction of the step, between `low` and `high`, at which the sliding speed has fallen to `speed`:
+    Newton's method, kept between the bounds."""
     a0, a1, a2, a3, a4 = a[0] * side - speed, a[1] * side, a[2] * side, a[3] * side, a[4] * side
     theta = 0.5 * (low + high)
     for _ in range(60):
@@ -161,8 +163,8 @@ def _released(plant, drive, i, load, j, t, h, sides, q, new, rows):
 
 @fused
 def _cut(plant, h, sides, q, new, rows, u, fast, local):
-    """Where a contact ends the step: fraction, which one, why; or a contact that slid to the other side from the
-    start (its fraction is negative)."""
+    """Where a contact ends the step: fraction, which one, why; or a contact that slid to the other side from
+    the start (its fraction is negative)."""
     v, v_new = speeds(plant, q, u[0]), speeds(plant, new, u[5])
     v_middle = speeds(plant, at(0.5, q, new, rows), u[6])
     cut, which, why = 1.0, 0, NOTHING
@@ -216,7 +218,8 @@ def _turned(plant, q, u, sides):
 
 @fused
 def _share_kept(load, j, t):
-    """The factor on the states of loaded elements where the load jumps to segment j: what is new carries nothing."""
+    """The factor on the states of loaded elements where the load jumps to segment j: what is new carries
+    nothing."""
     before, after = channels.at(load, j - 1, t)[0], channels.at(load, j, t)[0]
     if after <= 0.0:
         return 0.0
@@ -227,22 +230,23 @@ def _share_kept(load, j, t):
 def run(plant, drive, load, state, sides, t, h, fresh, t_end, local, max_steps, log):
     """Integrate to t_end, or until the log is full. `fresh`: the sides are still to be found.
 
-    Returns outcome, accepted steps, rejected steps, rows of the log, then state, sides, t, h and fresh as they came.
+    Returns outcome, accepted steps, rejected steps, rows of the log, then state, sides, t, h and fresh as
+    they came.
     """
     i, j = segment_of(drive, t), segment_of(load, t)
     accepted, rejected, logged = 0, 0, 0
     outcome = DONE
-    turned, refused, forced = 0, False, -1
+    turned, refused, forced, share = 0, False, -1, 1.0
     while t < t_end:
         if fresh:
             u0, n0 = channels.at(drive, i, t), channels.at(load, j, t)
-            sides, change, speed = started(plant, state, u0, n0)
+            sides, change, speed = started(plant, state, u0, n0, share)
             if forced >= 0:
                 sides = replaced(sides, forced, 0.0)
                 h = min(h, 1e-2 / plant.rate)
             reach = change / plant.rate**2 + speed / plant.rate
             h = min(h, 0.3 / plant.rate * min((local / reach) ** 0.2, 1.0)) if reach > 0.0 else h
-            turned, fresh = 0, False
+            turned, fresh, share = 0, False, 1.0
         t_break = min(next_break(drive, i, t_end), next_break(load, j, t_end))
         left = t_break - t
         last = h >= left
@@ -264,18 +268,17 @@ def run(plant, drive, load, state, sides, t, h, fresh, t_end, local, max_steps, 
             continue
 
         cut, which, why = _cut(plant, h_now, sides, state, new, rows, u, fast, local)
-        if cut < 0.0:
+        if cut < 0.0 and statics(plant)[which] != 0.0:  # it stops where it began: the force sits at breakaway
+            forced, fresh = which, True
+            state = stopped(plant, state, u[0], which)
             rejected += 1
-            if statics(plant)[which] != 0.0:  # it stops where it began: the force sits at breakaway
-                forced, fresh = which, True
-                state = stopped(plant, state, u[0], which)
-            elif turned < len(sides):
-                turned += 1
-                sides = replaced(sides, which, -sides[which])
-            else:
-                cut = 1.0
-            if cut < 0.0:
-                continue
+            continue
+        if cut < 0.0 and turned < len(sides):
+            turned += 1
+            sides = replaced(sides, which, -sides[which])
+            rejected += 1
+            continue
+        cut = abs(cut)
         if forced < 0:
             for e in range(len(sides)):
                 if statics(plant)[e] != 0.0 and sides[e] == 0.0:
@@ -300,6 +303,7 @@ def run(plant, drive, load, state, sides, t, h, fresh, t_end, local, max_steps, 
             sides = replaced(sides, which, -sides[which])
         elif why != NOTHING and why != SLOWS:
             fresh = True
+            share = LETS_GO if why == BREAKS else 1.0
         sides = _turned(plant, end, u_end, sides)
 
         state, t = end, t_new

@@ -2,13 +2,14 @@ r"""One step of Rodas5P [steinebach2023] for any plant, in plain scalars.
 
 With :math:`W = I/(h\gamma) - J` the stages are
 
-.. math:: W U_i = f\Bigl(t + c_i h,\ q + \sum_{j<i} a_{ij} U_j\Bigr) + \frac1h \sum_{j<i} C_{ij} U_j + h d_i f_t
+.. math:: W U_i = f\Bigl(t + c_i h,\ q + \sum_{j<i} a_{ij} U_j\Bigr) + \frac1h \sum_{j<i} C_{ij} U_j + h d_i
+f_t
 
-the new state is :math:`q + \sum a_{8j} U_j + U_8`, and U_8 is the error estimate. Every quantity is a local variable
-that a processor keeps in a register, and a thread of a GPU can run the same function.
+the new state is :math:`q + \sum a_{8j} U_j + U_8`, and U_8 is the error estimate. Every quantity is a local
+variable that a processor keeps in a register, and a thread of a GPU can run the same function.
 
-A step knows on which side of v = 0 each contact slides and continues its law smoothly beyond a reversal, so that the
-kink of |v| never enters it: it is cut at the reversal afterwards, on its continuous extension.
+A step knows on which side of v = 0 each contact slides and continues its law smoothly beyond a reversal, so
+that the kink of |v| never enters it: it is cut at the reversal afterwards, on its continuous extension.
 """
 
 from __future__ import annotations
@@ -29,13 +30,14 @@ def sum_of(a, k):
 def take(plant, sides, h, q, u, n):
     """Advance the state q by h.
 
-    `u` and `n` hold drive and normal force with their derivatives at the nodes (see `channels.at_nodes`). Returns the
-    new state, the three vectors of the continuous extension, the error in metres, and for each element h over the
-    time that its fastest state takes to relax.
+    `u` and `n` hold drive and normal force with their derivatives at the nodes (see `channels.at_nodes`).
+    Returns the new state, the three vectors of the continuous extension, the error in metres, and for each
+    element h over the time that its fastest state takes to relax.
 
-    Two errors are looked at: the embedded one, and the defect of the continuous extension in the middle of the step,
-    brought to the scale of the state by W: the first alone is blind where a stiff bristle softens within one step
-    (sliding that slows through the Stribeck range).
+    Two errors are looked at: the embedded one, and the defect of the continuous extension in the middle of
+    the step,
+    brought to the scale of the state by W: the first alone is blind where a stiff bristle softens within one
+    step (sliding that slows through the Stribeck range).
     """
     per_h = 1.0 / h
     w, t, weights, fast = factor(plant, sides, q, u[0], n[0], h * GAMMA)
