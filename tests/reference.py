@@ -221,3 +221,36 @@ def _maxwell(p: Any, v: Array, dt: Array) -> Array:
             F[i] = end[i] + (F[i] - end[i]) * math.exp(-p.attraction_rate / h * left)
         out.append(F / k)
     return np.array(out)
+
+
+def walk_lugre(model: Any, volts: float, frequency: float, periods: int, times: Array) -> Array:
+    """End-effector's position [m] of an actuator with LuGre friction under a sawtooth, its load below breakaway:
+    stage, slider and bristle as five equations, LSODA from jump to jump, from the rest in which the bristle holds."""
+    law, k = model.friction, model.natural_frequency**2
+    force = model.axial_force
+    y = -(-force / model.stage_mass / k if model.stage_reaction else 0.0)
+    state, found = np.array([y, 0.0, y, 0.0, -force / law.sigma_0]), np.full(times.size, np.nan)
+
+    def slope(t: float, q: Array, begin: float) -> list[float]:
+        f, dz = lugre(law, q[1] - q[3], q[4:])
+        u = volts * frequency * (t - begin)
+        stage = model.gain * k * u - 2.0 * model.damping_ratio * model.natural_frequency * q[1] - k * q[0]
+        stage -= f / model.stage_mass if model.stage_reaction else 0.0
+        return [q[1], stage, q[3], (f + force) / model.end_effector_mass, dz[0]]
+
+    for period in range(periods):
+        begin, end = period / frequency, (period + 1) / frequency
+        inside = (times >= begin) & (times < end)
+        done = solve_ivp(
+            slope,
+            (begin, end),
+            state,
+            method="LSODA",
+            t_eval=[*times[inside], end],
+            args=(begin,),
+            rtol=1e-10,
+            atol=[1e-15, 1e-12, 1e-15, 1e-12, 1e-16],
+            max_step=0.05 / frequency,
+        )
+        found[inside], state = done.y[2, :-1], done.y[:, -1]
+    return found

@@ -4,9 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from stickslip.actuator import Actuator
-from stickslip.friction import Coulomb, Dahl, LuGre
+from stickslip.friction import (
+    Coulomb,
+    Dahl,
+    Elastoplastic,
+    LuGre,
+    MaxwellSlip,
+    ResetIntegrator,
+    element,
+    rate,
+)
 from stickslip.simulation import friction_response, simulate, steady_step
 from stickslip.units import QuantityError
 from stickslip.waveform.periodic import Sawtooth, Sine
@@ -31,10 +41,65 @@ def test_force_follows_the_normal_force_sample_by_sample() -> None:
     normal = 5.0 + np.sin(7.0 * time)
     plain = friction_response(LAW, time, position, tolerance=1e-12)
     loaded = friction_response(
-        LAW, time, position, normal_force=normal, reference_normal_force=5.0, tolerance=1e-12
+        LAW, time, position, normal_force=normal, reference_normal_force=5.0, proportional=True, tolerance=1e-12
     )
     expected = plain["friction_force"].values * normal / 5.0
     np.testing.assert_allclose(loaded["friction_force"], expected, atol=1e-6)
+
+
+def exact_under_load(law, normal, time, velocity):
+    """SciPy's solution of z' = rate(v, z) - max(N', 0)/N z, times N; normal force N = a + b t."""
+    a, b = normal
+
+    def slope(t, z):
+        grown = max(b, 0.0) / (a + b * t)
+        return [rate(law, velocity, z[0])[1] - grown * z[0]]
+
+    z = solve_ivp(slope, (0.0, time[-1]), [1e-7], t_eval=time, rtol=1e-11, atol=1e-18, max_step=1e-2).y[0]
+    return np.array([(a + b * t) * rate(law, velocity, d)[0] for t, d in zip(time, z, strict=True)])
+
+
+@pytest.mark.parametrize("normal", [(1.0, 3.0), (1.0, -0.9)])
+@pytest.mark.parametrize("velocity", [0.0, 2e-7])
+@pytest.mark.parametrize("law", [LuGre(1.4e6, 30.0, 0.5, 0.5, 0.6), Dahl(1e6, 0.5), MaxwellSlip((1e6,), (0.5,))])
+def test_what_is_newly_loaded_carries_nothing_and_what_is_unloaded_loses_its_share(law, normal, velocity) -> None:
+    time = np.linspace(0.0, 1.0, 11)
+    found = friction_response(
+        law,
+        time,
+        velocity * time,
+        normal_force=normal[0] + normal[1] * time,
+        initial_force=1e-7 * (law.stiffness[0] if isinstance(law, MaxwellSlip) else law.sigma_0),
+        tolerance=1e-15,
+    )
+    one = element(law, 0)
+    expected = exact_under_load(one, normal, time, velocity)
+    np.testing.assert_allclose(found["friction_force"][1:], expected[1:], rtol=1e-5)
+    if velocity == 0.0:  # at rest: the force stays under more load, and falls with less
+        share = np.minimum(1.0, 1.0 + normal[1] * time)
+        np.testing.assert_allclose(found["friction_force"][1:], expected[0] * share[1:], rtol=1e-7)
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        LuGre(1.4e6, 34.9, 0.0, 0.54, 0.54),
+        Dahl(1.4e6, 0.54),
+        Elastoplastic(1.4e6, 34.9, 0.0, 0.54, 0.54, 2e-7),
+        MaxwellSlip((1e6, 4e5), (0.3, 0.24)),
+        ResetIntegrator(1.4e6, 4e-7),
+        Coulomb(0.54),
+    ],
+    ids=lambda law: type(law).__name__,
+)
+def test_contact_that_is_made_anew_carries_no_tangential_force(law) -> None:
+    """Slide 200 µm without load, stop, then load."""
+    time = np.linspace(0.0, 2.0, 2001)
+    position = 200e-6 * np.minimum(time, 1.0)
+    normal = np.clip(10.0 * (time - 1.2), 0.0, 1.0)
+    found = friction_response(law, time, position, normal_force=normal)["friction_force"].values
+    assert normal[-1] == 1.0
+    assert np.all(found[time > 1.2] == 0.0)
 
 
 def test_a_static_law_keeps_its_force_while_the_motion_pauses() -> None:

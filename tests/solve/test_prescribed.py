@@ -33,17 +33,17 @@ def test_one_step_and_its_error_are_those_of_the_pair() -> None:
     """A tolerance just above the estimate lets the step pass, one just below does not."""
     value, error = one_step()
     assert error > 1e-14
-    z, reached = advance(DAHL, V, START, H, 1.001 * error)
+    z, reached = advance(DAHL, V, START, H, 1.001 * error, 1.0, 1.0)
     assert reached is True
     assert z == pytest.approx(value, rel=1e-14)
-    halved, reached = advance(DAHL, V, START, H, 0.999 * error)
+    halved, reached = advance(DAHL, V, START, H, 0.999 * error, 1.0, 1.0)
     assert reached is True
     assert abs(halved - value) > 0.01 * error
 
 
 @pytest.mark.parametrize("tolerance", [1e-9, 1e-11, 1e-13])
 def test_many_steps_meet_the_closed_form(tolerance: float) -> None:
-    z, reached = advance(DAHL, V, START, 0.5, tolerance)
+    z, reached = advance(DAHL, V, START, 0.5, tolerance, 1.0, 1.0)
     rest = math.copysign(F_C / SIGMA_0, V)
     assert reached is True
     assert z == pytest.approx(
@@ -53,12 +53,12 @@ def test_many_steps_meet_the_closed_form(tolerance: float) -> None:
 
 def test_what_cannot_be_followed_is_said() -> None:
     """No error at all is allowed: the steps shrink to nothing, and the deflection stays where it came to."""
-    z, reached = advance(DAHL, V, START, H, 0.0)
+    z, reached = advance(DAHL, V, START, H, 0.0, 1.0, 1.0)
     assert not reached
     assert z == pytest.approx(START, rel=1e-2)
     time, samples = np.linspace(0.0, 1.0, 5), np.zeros((5, 2))
     position = np.array([0.0, 1e-6, 2e-6, math.nan, 0.0])
-    assert follow(DAHL, time, position, np.ones(5), np.zeros(1), 1e-12, samples) == 3
+    assert follow(DAHL, time, position, np.ones(5), np.zeros(1), 1e-12, True, samples) == 3
 
 
 def test_elements_add_up_under_their_load() -> None:
@@ -76,14 +76,14 @@ def test_elements_add_up_under_their_load() -> None:
         expected.append([load[k] * (stiffness @ z + sigma_2 * v), *z])
     state, samples = np.array([0.5e-7, -1e-7]), np.zeros((time.size, 3))
     law = MaxwellSlip(tuple(stiffness), tuple(strength), sigma_2)
-    assert follow(law, time, position, load, state, 1e-13, samples) == time.size
+    assert follow(law, time, position, load, state, 1e-13, True, samples) == time.size
     np.testing.assert_allclose(samples, expected, rtol=1e-9, atol=1e-13)
     np.testing.assert_array_equal(state, samples[-1, 1:])
 
 
 def test_a_bristle_starts_where_it_is_and_shows_the_force_of_the_interval_ahead() -> None:
     law, state, samples = LuGre(SIGMA_0, 30.0, 2.0, F_C, F_C), np.array([1e-7]), np.zeros((2, 2))
-    follow(law, np.array([0.0, 1e-9]), np.array([0.0, 1e-12]), np.ones(2), state, 1e-13, samples)
+    follow(law, np.array([0.0, 1e-9]), np.array([0.0, 1e-12]), np.ones(2), state, 1e-13, True, samples)
     v = 1e-3
     rate = v - SIGMA_0 * v / F_C * 1e-7
     assert samples[0] == pytest.approx([SIGMA_0 * 1e-7 + 30.0 * rate + 2.0 * v, 1e-7], rel=1e-12)
@@ -92,6 +92,6 @@ def test_a_bristle_starts_where_it_is_and_shows_the_force_of_the_interval_ahead(
 def test_a_static_law_keeps_its_direction_while_the_motion_pauses() -> None:
     time, state, samples = np.arange(5.0), np.array([1.0]), np.zeros((5, 2))
     position = np.array([0.0, -1.0, -1.0, 2.0, 2.0])
-    assert follow(Coulomb(0.3), time, position, np.full(5, 2.0), state, 1e-12, samples) == 5
+    assert follow(Coulomb(0.3), time, position, np.full(5, 2.0), state, 1e-12, True, samples) == 5
     np.testing.assert_allclose(samples[:, 0], [-0.6, -0.6, -0.6, 0.6, 0.6])
     np.testing.assert_allclose(samples[:, 1], [-1.0, -1.0, -1.0, 1.0, 1.0])

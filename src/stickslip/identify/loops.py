@@ -149,6 +149,7 @@ def _response(
                 position,
                 normal_force=normal,
                 reference_normal_force=reference or 1.0,
+                proportional=True,  # a measured one, with noise
                 initial_force=_unbent(first - bias, curvature) / strength[0],
                 tolerance=tolerance,
             )

@@ -24,7 +24,7 @@ from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
 from .errors import SimulationWarning
 from .models import Contact, checked_drive, contact_load
-from .refinement import FINER, LOOSE, MOST_STEPS, ROUNDS
+from .refinement import FINER, LOOSE, MOST_STEPS, PER_DIFFERENCE, PER_NUMBER, ROUNDS
 from .trajectory import sample_times
 from .varied import changed_fields, free_names, with_values
 
@@ -265,9 +265,9 @@ def _refined(task: _Task, of: Any, table: Any, states: Any, outcomes: NDArray[np
     for _ in range(ROUNDS):
         level *= FINER
         fine = _run(task, of, table[todo], states[todo], np.full(todo.size, DONE), level)
-        apart = np.abs(coarse.net - fine.net)
+        apart = PER_NUMBER * np.abs(coarse.net - fine.net)
         if task.times.size:
-            apart = np.maximum(apart, np.max(np.abs(coarse.positions - fine.positions), axis=1))
+            apart = PER_DIFFERENCE * np.max(np.abs(coarse.positions - fine.positions), axis=1)
         apart[fine.outcomes != DONE] = np.nan
         for whole, part in zip(made, coarse._replace(error=apart), strict=True):
             whole[todo] = part

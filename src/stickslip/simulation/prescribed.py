@@ -23,6 +23,7 @@ def friction_response(
     *,
     normal_force: ArrayLike | None = None,
     reference_normal_force: float = 1.0,
+    proportional: bool = False,
     initial_force: float = 0.0,
     tolerance: float = 1e-10,
 ) -> xr.Dataset:
@@ -38,6 +39,9 @@ def friction_response(
         position: m, [n], of the driving body relative to the driven one.
         normal_force: N, [n]; the reference, if left out.
         reference_normal_force: N.
+        proportional: the force is simply multiplied by the normal force, for a measured one whose noise would renew
+            the contact again and again. Otherwise what is newly loaded carries no tangential force, and what is
+            unloaded loses its share in proportion (see `plant.system`).
         initial_force: N, at the first sample: all elements begin equally deflected so that they carry it, or
             as much of it as the law can. 0 is a relaxed contact.
         tolerance: m, on the bristle deflections.
@@ -62,7 +66,7 @@ def friction_response(
     if initial_force != 0.0 and elements(law) > 0 and ratio[0] > 0.0:
         z[:] = strained(law, initial_force / ratio[0])
     samples = np.full((t.size, 1 + z.size), np.nan)
-    reached = follow(law, t, x, ratio, z, float(tolerance), samples)
+    reached = follow(law, t, x, ratio, z, float(tolerance), proportional, samples)
     if reached < t.size:
         raise SimulationError(f"the friction law could not be followed from t = {t[reached - 1]:.6g} s on")
     variables: dict[str, Any] = {"position": x, "friction_force": samples[:, 0]}

@@ -16,6 +16,8 @@ Run = TypeVar("Run")
 # The first run's local errors, over those that the tolerance asks for of an engine alone, and how much
 # smaller those of a run are to which another is compared.
 LOOSE, FINER = 4.0, 0.25
+# The error of a run over its difference to the finer one; of a single number, where both may agree by chance.
+PER_DIFFERENCE, PER_NUMBER = 1.0 / (1.0 - FINER), 2.0
 # A run that took more steps than this is not refined any more: some tenths of a second.
 MOST_STEPS = 400_000
 ROUNDS = 8
@@ -46,7 +48,7 @@ def refined(
     coarse, error = run(level), math.nan
     for _ in range(ROUNDS):
         fine = run(FINER * level)
-        error = distance(coarse, fine)
+        error = PER_DIFFERENCE * distance(coarse, fine)
         if not error > tolerance or steps(fine) > MOST_STEPS:
             break
         needed = level * tolerance / (1.5 * error)  # the error goes with the local errors

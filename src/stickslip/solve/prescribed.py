@@ -16,37 +16,48 @@ _MOST_STEPS = 100_000
 
 
 @compiled
-def advance(one, v, z, duration, tolerance):
-    """The deflection after `duration` at the velocity v, and whether it could be followed to there."""
-    left, h = duration, duration
-    k_1 = rate(one, v, z)[1]
+def renewed(one, v, z, normal, growth):
+    """Rate of the deflection where the normal force `normal` grows by `growth` [1/s]: what is newly loaded carries no
+    tangential force (see `plant.system`)."""
+    dz = rate(one, v, z)[1]
+    return dz - growth / normal * z if growth > 0.0 and normal > 0.0 else dz
+
+
+@compiled
+def advance(one, v, z, duration, tolerance, before, after):
+    """The deflection after `duration` at the velocity v, and whether it could be followed to there; the normal force
+    over its reference goes from `before` to `after`."""
+    left, h, growth = duration, duration, (after - before) / duration
+    k_1, n = renewed(one, v, z, before, growth), before
     for _ in range(_MOST_STEPS):
         h = min(h, left)
-        k_2 = rate(one, v, z + 0.5 * h * k_1)[1]
-        k_3 = rate(one, v, z + 0.75 * h * k_2)[1]
+        k_2 = renewed(one, v, z + 0.5 * h * k_1, n + 0.5 * h * growth, growth)
+        k_3 = renewed(one, v, z + 0.75 * h * k_2, n + 0.75 * h * growth, growth)
         new = z + h * (2.0 * k_1 + 3.0 * k_2 + 4.0 * k_3) / 9.0
-        k_4 = rate(one, v, new)[1]
+        k_4 = renewed(one, v, new, n + h * growth, growth)
         error = abs(h * (-5.0 * k_1 + 6.0 * k_2 + 8.0 * k_3 - 9.0 * k_4) / 72.0)
         if error <= tolerance:
             z = project(one, new)
             left -= h
+            n += h * growth
             if left <= 1e-12 * duration:
-                return z, True
-            k_1 = rate(one, v, z)[1]
+                return (z if after > 0.0 else 0.0), True
+            k_1 = renewed(one, v, z, n, growth)
         h *= min(5.0, max(0.2, 0.9 * (tolerance / max(error, 1e-300)) ** (1.0 / 3.0)))
     return z, False
 
 
 @kernel
-def follow(law, time, position, load, z, tolerance, samples):
+def follow(law, time, position, load, z, tolerance, proportional, samples):
     """The force of a law at each sample of a motion.
 
     Args:
         law: friction law record.
         time, position: [n], s and m; linear in between.
-        load: [n], normal force over the reference.
+        load: [n], normal force over the reference, linear in between; 0 or more.
         z: [elements, at least 1] at the first sample; moved to the last one. Of a static law, the direction.
         tolerance: m, on each deflection over each step.
+        proportional: whether the deflections stay when the normal force changes, instead of being renewed.
         samples: [n, 1 + elements, at least 2], out: force (N) and state; at a sample, the force of the
             interval that ends there.
 
@@ -60,11 +71,14 @@ def follow(law, time, position, load, z, tolerance, samples):
         v = (position[ahead] - position[ahead - 1]) / duration
         if n_elements == 0 and v != 0.0:
             z[0] = 1.0 if v > 0.0 else -1.0
+        before, after = (1.0, 1.0) if proportional else (load[ahead - 1], load[ahead])
+        if after <= 0.0 and n_elements == 0:
+            z[0] = 0.0  # contact is lost, and its direction with it
         force = 0.0
         for e in range(max(n_elements, 1)):
             one = element_of(law, e)
             if n_elements > 0 and k > 0:
-                z[e], reached = advance(one, v, z[e], duration, tolerance)
+                z[e], reached = advance(one, v, z[e], duration, tolerance, before, after)
                 if not reached:
                     return k
             force += rate(one, v, z[e])[0]

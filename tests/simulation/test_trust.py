@@ -1,0 +1,123 @@
+"""Where the solver was confidently wrong: loads near and above breakaway, changed normal forces, other tolerances."""
+
+from __future__ import annotations
+
+import math
+import warnings
+
+import numpy as np
+import pytest
+from tests.reference import walk_lugre
+
+from stickslip.actuator import load_actuator
+from stickslip.friction import Coulomb, Dahl, Elastoplastic, LuGre, MaxwellSlip, ResetIntegrator
+from stickslip.simulation import SimulationWarning, simulate, simulate_ensemble, steady_orbit, steady_step
+from stickslip.waveform.periodic import Sawtooth
+from stickslip.waveform.shapes import Constant, Ramp
+
+KANG = load_actuator("kang2007")
+F_C, M_E, SIGMA_0 = 0.5401, 0.1, 1.399e6
+LAWS = {
+    "Coulomb": Coulomb(F_C),
+    "Dahl": Dahl(SIGMA_0, F_C),
+    "ResetIntegrator": ResetIntegrator(SIGMA_0, F_C / SIGMA_0),
+    "LuGre": LuGre(SIGMA_0, 34.9, 0.0, F_C, F_C),
+    "Elastoplastic": Elastoplastic(SIGMA_0, 34.9, 0.0, F_C, F_C, 0.2e-6),
+    "MaxwellSlip": MaxwellSlip((1e6, 4e5), (0.3001, 0.24)),
+}
+every_law = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
+
+
+@every_law
+@pytest.mark.parametrize("load", [0.8, -0.8, 100.0])
+def test_a_load_above_breakaway_slides_away_at_once(law: object, load: float) -> None:
+    found = simulate(KANG.replace(friction=law, external_force=load), Constant(0.0), 0.5)
+    expected = 0.5 * (load - math.copysign(F_C, load)) / M_E * 0.5**2
+    assert found["end_effector_position"].values[-1] == pytest.approx(expected, rel=1e-2)
+    assert found.attrs["error_estimate"] <= 1e-9
+
+
+@every_law
+def test_a_vertical_actuator_does_not_hold_its_weight(law: object) -> None:
+    """0.98 N against 0.54 N."""
+    found = simulate(KANG.replace(friction=law, incline=math.pi / 2), Constant(0.0), 0.1)
+    expected = -0.5 * (9.80665 - F_C / M_E) * 0.1**2
+    assert found["end_effector_position"].values[-1] == pytest.approx(expected, rel=1e-2)
+
+
+@every_law
+@pytest.mark.parametrize("load", [0.5, 1.0, 2.0])
+def test_nothing_moves_at_rest_whatever_the_normal_force(law: object, load: float) -> None:
+    found = simulate(KANG.replace(friction=law, external_force=0.2), Constant(0.0), 0.05, load=load)
+    assert np.ptp(found["end_effector_position"].values) < 1e-15
+
+
+@every_law
+def test_force_stays_when_the_normal_force_grows_and_falls_in_proportion(law: object) -> None:
+    """At rest under 0.2 N nothing moves while there is enough normal force; then the slider goes."""
+    model = KANG.replace(friction=law, external_force=0.2)
+    grown = simulate(model, Constant(0.0), 0.05, load=Ramp(rate=10.0, rise_time=0.05, offset=1.0))
+    assert np.ptp(grown["end_effector_position"].values) < 1e-10  # a tenth of the tolerance
+    np.testing.assert_allclose(grown["friction_force"], -0.2, rtol=2e-3)
+    lost = simulate(model, Constant(0.0), 0.05, load=Ramp(rate=-40.0, rise_time=0.025, offset=1.0))
+    x = lost["end_effector_position"].values
+    assert x[-1] > 0.5 * 0.2 / M_E * 0.02**2  # free for 25 ms, sliding some before
+    assert lost["friction_force"].values[-1] == 0.0
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("load", [0.45, 0.5, -0.5, 0.53])
+def test_one_tolerance_near_stall(load: float) -> None:
+    model, drive = KANG.replace(external_force=load), Sawtooth(75.0, 5.0, periods=3)
+    times = np.linspace(0.0, 0.599, 100)
+    exact = walk_lugre(model, 75.0, 5.0, 3, times)
+    found = simulate(model, drive, times=times)
+    off = np.abs(found["end_effector_position"].values - exact).max()
+    assert off < 1e-9
+    assert off / 3 < found.attrs["error_estimate"] < 1e-9
+    net = exact[-1] - exact[0]
+    members = simulate_ensemble(model, drive, 0.599, parameters={"end_effector_mass": [M_E]})
+    assert members["net_displacement"].values[0] == pytest.approx(net, abs=1e-9)
+    assert members["error_estimate"].values[0] <= 1e-9
+
+
+@pytest.mark.compiled
+def test_static_laws_end_at_one_place_at_every_tolerance() -> None:
+    model, drive = KANG.replace(friction=Coulomb(F_C)), Sawtooth(20.0, 50.0, periods=8)
+    ends = []
+    for tolerance in (1e-8, 1e-9, 1e-10, 1e-12):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", SimulationWarning)
+            found = simulate(model, drive, tolerance=tolerance)
+        ends.append(found["end_effector_position"].values[-1])
+        assert found.attrs["error_estimate"] <= tolerance
+    np.testing.assert_array_less(np.abs(np.array(ends) - ends[-1]), [1.3e-8, 1.3e-9, 1.3e-10, 1.3e-12])
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("rise", [0.9, 0.95, 0.99, 1.0])
+def test_steady_step_where_the_slider_never_rests(rise: float) -> None:
+    model, drive = KANG.replace(stage_reaction=False), Sawtooth(100.0, 2000.0, rise_fraction=rise)
+    n = 4000
+    late = simulate(model, drive._replace(periods=n), times=[0.0, (n - 1) / 2000.0, n / 2000.0 - 1e-12])
+    expected = float(np.diff(late["end_effector_position"].values)[-1])
+    assert steady_step(model, drive) == pytest.approx(expected, abs=1e-10)
+    assert steady_orbit(model, drive).error <= 1e-10
+
+
+def test_the_energy_account_costs_no_steps() -> None:
+    drive = Sawtooth(65.0, 50.0, periods=2)
+    plain, kept = (simulate(KANG, drive, energy=energy) for energy in (False, True))
+    assert plain.attrs["steps"] == kept.attrs["steps"]
+    np.testing.assert_array_equal(plain["end_effector_position"], kept["end_effector_position"])
+
+
+@pytest.mark.compiled
+def test_what_cannot_be_shown_is_said() -> None:
+    """A finer run that is not allowed to reach the end tells nothing."""
+    drive = Sawtooth(65.0, 50.0, periods=2)
+    steps = simulate(KANG, drive).attrs
+    most = steps["steps"] + steps["rejected_steps"]
+    with pytest.warns(SimulationWarning, match="could not be followed to the end"):
+        found = simulate(KANG, drive, max_steps=most + 1)
+    assert math.isnan(found.attrs["error_estimate"])
