@@ -33,10 +33,16 @@ class _Implementation(NamedTuple):
     elements: Callable[..., Any] | None
     element: Callable[..., Any] | None
     project: Callable[..., Any] | None
+    tick: Callable[..., Any] | None
     smooth: bool
 
 
-_ARGUMENTS = {"element": ("law", "i"), "project": ("law", "z"), "rate": ("law", "v", "z")}
+_ARGUMENTS = {
+    "tick": ("law", "v", "z"),
+    "element": ("law", "i"),
+    "project": ("law", "z"),
+    "rate": ("law", "v", "z"),
+}
 _IMPLEMENTATIONS: dict[type, _Implementation] = {}
 
 
@@ -48,6 +54,7 @@ def register(
     elements: Callable[..., Any] | None = None,
     element: Callable[..., Any] | None = None,
     project: Callable[..., Any] | None = None,
+    tick: Callable[..., Any] | None = None,
     smooth: bool = False,
 ) -> None:
     """Make a record a friction law.
@@ -60,6 +67,8 @@ def register(
         elements: ``elements(law) -> int``, for a composed law only, with `element`.
         element: ``element(law, i) -> record`` of the i-th element, itself registered.
         project: ``project(law, z) -> z``, where the law bounds its state (a reset); applied after each step.
+        tick: ``tick(law, v, z) -> z``, for a sampled element with a field `period` [s]: called at each multiple of it,
+            with the input of that instant; between the ticks the state stays (its ż is 0).
         smooth: the record is no friction contact but an element without a kink at v = 0: a lag, an
         amplifier, creep, a
             controller (see `plant.system`); its input v and output F are in whatever unit its maker says.
@@ -75,7 +84,7 @@ def register(
         raise TypeError(f"{name}: elements and element go together")
     if (rate is None) != (elements is not None):
         raise TypeError(f"{name}: a law has either a rate, or elements that have one")
-    made = _Implementation(rate, breakaway, elements, element, project, smooth)
+    made = _Implementation(rate, breakaway, elements, element, project, tick, smooth)
     for role, function in zip(made._fields[:-1], made[:-1], strict=True):
         expected = _ARGUMENTS.get(role, ("law",))
         if function is not None and tuple(inspect.signature(function).parameters) != expected:
@@ -91,6 +100,11 @@ def is_law(candidate: object) -> bool:
 def is_static(law_type: type) -> bool:
     """Whether records of this type are set-valued at rest."""
     return _IMPLEMENTATIONS[law_type].breakaway is not None
+
+
+def is_sampled(law_type: type) -> bool:
+    """Whether records of this type have a state that changes at ticks."""
+    return _IMPLEMENTATIONS[law_type].tick is not None
 
 
 def is_smooth(law_type: type) -> bool:
@@ -147,6 +161,18 @@ def project(law: Any, z: float) -> float:
     """The internal state put back inside the bounds that the law sets; for a law of one element."""
     function = _implementation(law).project
     return function(law, z) if function else z
+
+
+def ticked_state(law: Any, v: float, z: float) -> float:
+    """The state of a sampled element after its tick."""
+    function = _implementation(law).tick
+    return function(law, v, z) if function else z
+
+
+@overload(ticked_state)
+def _ticked_state(law: Any, v: Any, z: Any) -> Any:
+    implementation = _of(law)
+    return (implementation.tick or (lambda law, v, z: z)) if implementation else None
 
 
 @overload(rate)

@@ -33,6 +33,9 @@ ARGUMENTS = {
     "follows_drive": ("plant",),
     "unrest": ("plant", "dq", "u"),
     "moves_freely": ("plant",),
+    "sampled": ("plant",),
+    "next_tick": ("plant", "t"),
+    "ticked": ("plant", "q", "u", "t"),
 }
 
 
@@ -552,8 +555,33 @@ def unrest(layout: Layout) -> str:
 
 def moves_freely(layout: Layout) -> str:
     free = [f"plant.modes[{m}].stiffness == 0.0" for m in range(layout.modes)]
-    placed = any(any(shape.position) for shape in layout.elements)
+    placed = any(any(shape.position) or shape.sampled for shape in layout.elements)
     return _function("moves_freely", [], "False" if placed else " or ".join(free) or "False")
+
+
+def sampled(layout: Layout) -> str:
+    return _function("sampled", [], str(any(shape.sampled for shape in layout.elements)))
+
+
+def next_tick(layout: Layout) -> str:
+    periods = [f"plant.elements[{e}].law.period" for e, s in enumerate(layout.elements) if s.sampled]
+    lines = ["at = inf", *(f"at = min(at, (floor(t / {p} + 1e-9) + 1.0) * {p})" for p in periods)]
+    return _function("next_tick", lines, "at")
+
+
+def ticked(layout: Layout) -> str:
+    lines, entries = [], [f"q[{c}]" for c in range(layout.first[-1])]
+    for e, shape in enumerate(layout.elements):
+        if not shape.sampled:
+            continue
+        law, z = f"plant.elements[{e}].law", f"q[{layout.first[e]}]"
+        along = _along(shape, e, lambda m: f"q[{2 * m + 1}]", lambda m: f"q[{2 * m}]")
+        seen = _sum([*along, *_inputs(shape, e)])
+        lines.append(f"n{e} = t / {law}.period")
+        due = f"abs(n{e} - round(n{e})) < 1e-6"
+        lines.append(f"z{e} = ticked_state({law}, {seen}, {z}) if {due} else {z}")
+        entries[layout.first[e]] = f"z{e}"
+    return _function("ticked", lines, _tuple(entries) if lines else "q")
 
 
 SOURCES: dict[str, Callable[[Layout], str]] = {
@@ -581,5 +609,8 @@ SOURCES: dict[str, Callable[[Layout], str]] = {
         follows_drive,
         unrest,
         moves_freely,
+        sampled,
+        next_tick,
+        ticked,
     )
 }

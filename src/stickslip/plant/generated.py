@@ -15,12 +15,23 @@ from collections.abc import Callable
 from typing import Any
 
 from .._jit import FUSED, overload_with, record_class
-from ..friction.law import bounded, breakaway, element, law_slopes, rate, reversal_kink, smooth_rate
+from ..friction.law import (
+    bounded,
+    breakaway,
+    element,
+    law_slopes,
+    rate,
+    reversal_kink,
+    smooth_rate,
+    ticked_state,
+)
 from . import equations
 from .system import Layout, layout_of
 
 _NAMES = {
     "inf": math.inf,
+    "floor": math.floor,
+    "ticked_state": ticked_state,
     "breakaway": breakaway,
     "rate": rate,
     "element": element,
@@ -171,6 +182,21 @@ def unrest(plant: Any, dq: Any, u: Any) -> Any:
 @_generated
 def moves_freely(plant: Any) -> Any:
     """Whether a body can be anywhere, so that a period may repeat further on."""
+
+
+@_generated
+def sampled(plant: Any) -> Any:
+    """Whether there are elements that change at ticks."""
+
+
+@_generated
+def next_tick(plant: Any, t: Any) -> Any:
+    """When the next sampled element is due after t, s; infinite where there is none."""
+
+
+@_generated
+def ticked(plant: Any, q: Any, u: Any, t: Any) -> Any:
+    """The state after the ticks of the sampled elements that are due at t."""
 
 
 @_generated

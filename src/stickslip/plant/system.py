@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._jit import record_class
-from ..friction.law import elements, is_smooth, is_static
+from ..friction.law import elements, is_sampled, is_smooth, is_static
 
 
 class Mode(NamedTuple):
@@ -82,6 +82,7 @@ class Shape(NamedTuple):
     states: int
     static: bool
     smooth: bool
+    sampled: bool
     velocity: tuple[bool, ...]
     push: tuple[bool, ...]
     loaded: bool
@@ -124,6 +125,7 @@ def _shape_of_record(element: Element) -> Shape:
         elements(law),
         is_static(type(law)),
         is_smooth(type(law)),
+        is_sampled(type(law)),
         there(element.velocity),
         there(element.push),
         element.loaded is not None,

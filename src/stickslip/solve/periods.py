@@ -17,12 +17,15 @@ from ..plant.generated import (
     moves_freely,
     no_sides,
     plus,
+    sampled,
     state_of,
+    ticked,
     with_values,
 )
 from ..plant.generated import (
     times as scaled,
 )
+from . import channels
 from .channels import segment_of
 from .log import TERMS, columns, read_account, read_samples
 from .neighbours import carry, mark, read_traces, replay
@@ -102,6 +105,8 @@ def follow(plant, drive, load, q, span, tolerance, max_steps, times, samples, lo
     i = segment_of(drive, span[0])
     if cycle > 0 and (i % cycle != 0 or drive.start[i] != span[0]):
         cycle = 0
+    if sampled(plant):
+        q = ticked(plant, q, channels.at(drive, i, t), t)
     compared, before, still = False, q, scaled(0.0, q)
     while t < t_end:
         stop = t_end

@@ -17,15 +17,18 @@ from ..plant.generated import (
     drive_rates,
     follows_drive,
     kinks,
+    next_tick,
     no_sides,
     relative_speeds,
     replaced,
     riding,
+    sampled,
     settled,
     slope,
     speeds,
     statics,
     stopped,
+    ticked,
     unloaded,
     unrest,
 )
@@ -247,7 +250,7 @@ def run(plant, drive, load, state, sides, t, h, fresh, t_end, local, max_steps, 
             reach = change / plant.rate**2 + speed / plant.rate
             h = min(h, 0.3 / plant.rate * min((local / reach) ** 0.2, 1.0)) if reach > 0.0 else h
             turned, fresh, share = 0, False, 1.0
-        t_break = min(next_break(drive, i, t_end), next_break(load, j, t_end))
+        t_break = min(next_break(drive, i, t_end), next_break(load, j, t_end), next_tick(plant, t))
         left = t_break - t
         last = h >= left
         h_now = left if last else min(h, 0.5 * left) if h > 0.5 * left else h
@@ -318,6 +321,8 @@ def run(plant, drive, load, state, sides, t, h, fresh, t_end, local, max_steps, 
                 j += 1
                 fresh = True
                 state = unloaded(plant, state, _share_kept(load, j, t))
+            if sampled(plant):
+                state, fresh = ticked(plant, state, channels.at(drive, i, t), t), True
         if accepted + rejected >= max_steps:
             outcome = TOO_MANY_STEPS
             break
