@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from stickslip.actuator import Actuator, PulledSlider
-from stickslip.friction import LuGre, force
+from stickslip.friction import Coulomb, LuGre, MaxwellSlip, force
 from stickslip.mechanism import (
     FIRST_BRISTLE,
     SLIDER,
@@ -19,9 +19,9 @@ from stickslip.mechanism import (
     joined,
     slider_acceleration,
     stage_acceleration,
-    with_coefficients,
 )
-from stickslip.simulation.models import mechanism, resting_state
+from stickslip.simulation.models import Contact, mechanism, resting_state, system
+from stickslip.waveform.drive import constant
 
 M, K, C, T = 0.0998, 1.1e6, 340.0, 0.11  # kg, N/m, N s/m, N/V
 M_E, LOAD, SLOPE = 0.13, 0.07, 0.2  # kg, N, rad
@@ -65,8 +65,7 @@ def test_pulled_slider() -> None:
     drive = 2e-5  # m
     newton = 3e4 * (drive - X) - 5.0 * S + 0.3 + F
     assert 2.0 * slider_acceleration(mech, drive, X, S, F) == pytest.approx(newton, rel=1e-12)
-    ground = resting_state(LAW, mech, 0.0)
-    assert ground[STAGE] == ground[STAGE_VELOCITY] == stage_acceleration(mech, drive, 0.0, 0.0, F) == 0.0
+    assert stage_acceleration(mech, drive, 0.0, 0.0, F) == 0.0
 
 
 def test_force_that_holds_the_end_effector_on_the_stage() -> None:
@@ -103,27 +102,141 @@ def test_clamped_end_effector_is_part_of_the_stage() -> None:
     assert M * stage_acceleration(joined(mech, 0.0), U, Y, W, F) == pytest.approx(newton, rel=1e-12)
 
 
+def accelerations(model: Actuator | PulledSlider, q: list[float], u: float, F: float) -> list[float]:
+    """Of each body of the model's plant, from its numbers; its contact pushes with F."""
+    plant = system(model).plant
+    (contact,) = plant.elements or (None,)
+    return [
+        mode.drive * u
+        + mode.acceleration
+        - mode.damping * q[2 * m + 1]
+        - mode.stiffness * q[2 * m]
+        + (contact.push[m] * F if contact else 0.0)
+        for m, mode in enumerate(plant.modes)
+    ]
+
+
+@pytest.mark.parametrize("reaction", [True, False])
+def test_plant_of_an_actuator(reaction: bool) -> None:
+    model = ACTUATOR.replace(stage_reaction=reaction)
+    of = system(model)
+    stage, slider = accelerations(model, [Y, W, X, S], U, F)
+    assert M * stage == pytest.approx(T * U - C * W - K * Y - (F if reaction else 0.0), rel=1e-12)
+    assert M_E * slider == pytest.approx(F + AXIAL, rel=1e-12)
+    assert of.plant.elements[0].velocity == (1.0, -1.0)  # of the stage relative to the end-effector
+    assert of.plant.rate == pytest.approx(math.sqrt(K / M), rel=1e-12)
+    assert (of.stage, of.slider, of.internal, of.gain, of.clamped) == (0, 2, 1, 0.0, False)
+
+
+def test_plant_of_a_static_stage() -> None:
+    of = system(ACTUATOR.replace(natural_frequency=math.inf))
+    (slider,), (contact,) = of.plant.modes, of.plant.elements
+    assert slider.stiffness == slider.damping == slider.drive == 0.0
+    assert M_E * (slider.acceleration + contact.push[0] * F) == pytest.approx(F + AXIAL, rel=1e-12)
+    assert contact.velocity == (-1.0,)
+    assert contact.drive_rate == of.gain == pytest.approx(T / K, rel=1e-12)
+    assert (of.stage, of.slider, of.internal, of.clamped) == (None, 0, 1, False)
+
+
+def test_plant_of_a_pulled_slider() -> None:
+    drive = 2e-5  # m
+    (slider,) = accelerations(SLIDER_PULLED, [X, S], drive, F)
+    assert 2.0 * slider == pytest.approx(3e4 * (drive - X) - 5.0 * S + 0.3 + F, rel=1e-12)
+    of = system(SLIDER_PULLED)
+    assert of.plant.elements[0].velocity == (-1.0,)  # of the ground relative to the slider
+    assert of.plant.rate == pytest.approx(math.sqrt(3e4 / 2.0), rel=1e-12)
+    assert (of.stage, of.slider, of.gain) == (None, 0, 0.0)
+
+
+def test_plant_of_a_clamped_end_effector() -> None:
+    """One body, and no contact; what holds the end-effector is worked out afterwards."""
+    model = ACTUATOR.replace(clamped=True)
+    of = system(model)
+    (body,) = accelerations(model, [Y, W], U, F)
+    assert M * body == pytest.approx(T * U - C * W - K * Y, rel=1e-12)
+    assert of.plant.elements == ()
+    assert (of.stage, of.slider, of.clamped) == (0, 0, True)
+    assert of.axial == pytest.approx(AXIAL, rel=1e-12)
+    assert of.mass == pytest.approx(M_E, rel=1e-12)
+    static = system(model.replace(natural_frequency=math.inf))
+    assert static.gain == pytest.approx(T / K, rel=1e-12)
+    assert static.stage is None
+
+
+def test_normal_force_of_a_plant() -> None:
+    plain, loaded = system(ACTUATOR), system(ACTUATOR, normal=1.3, loaded=True)
+    assert (plain.plant.elements[0].normal, plain.plant.elements[0].loaded) == (1.0, None)
+    assert (loaded.plant.elements[0].normal, loaded.plant.elements[0].loaded) == (1.3, 1.0)
+    static = ACTUATOR.replace(natural_frequency=math.inf)
+    contact = system(static, normal=1.3, loaded=True).plant.elements[0]
+    assert (contact.normal, contact.loaded) == (1.3, 1.0)
+
+
+def test_normal_force_of_a_run() -> None:
+    assert Contact(1.3).system(ACTUATOR) == system(ACTUATOR, normal=1.3)
+    assert Contact(1.3, constant(1.6)).system(ACTUATOR) == system(ACTUATOR, normal=1.3, loaded=True)
+    of = system(ACTUATOR, normal=1.3)
+    np.testing.assert_array_equal(Contact(1.3).rest(of, U), resting_state(of, U))
+    np.testing.assert_array_equal(Contact(1.3, constant(1.6)).rest(of, U), resting_state(of, U, 1.6))
+
+
+def test_no_plant_of_anything_else() -> None:
+    with pytest.raises(TypeError, match="an Actuator or a PulledSlider, not LuGre"):
+        system(LAW)
+
+
 @pytest.mark.parametrize("slope", [SLOPE, -SLOPE])
-def test_state_at_rest(slope: float) -> None:
-    model = ACTUATOR.replace(incline=slope)
-    mech = mechanism(model)
-    q = resting_state(LAW, mech, U)
+@pytest.mark.parametrize("load", [1.0, 1.6])
+def test_state_at_rest(slope: float, load: float) -> None:
+    """The contact carries weight and load of the end-effector; with more normal force it deflects less."""
+    q = resting_state(system(ACTUATOR.replace(incline=slope), normal=0.9), U, load)
     carried = M_E * 9.80665 * math.sin(slope) - LOAD  # N, by friction
-    assert force(LAW, 0.0, q[FIRST_BRISTLE:]) == pytest.approx(carried, rel=1e-9)
-    assert q[STAGE] == pytest.approx((T * U - carried) / K, rel=1e-12)
-    assert q[SLIDER] == q[STAGE]
-    assert q[STAGE_VELOCITY] == q[SLIDER_VELOCITY] == 0.0
+    assert 0.9 * load * force(LAW, 0.0, q[4:]) == pytest.approx(carried, rel=1e-9)
+    assert q[0] == pytest.approx((T * U - carried) / K, rel=1e-12)
+    assert q[2] == q[0]
+    assert q[1] == q[3] == 0.0
+
+
+def test_state_at_rest_of_a_stage_that_feels_no_friction() -> None:
+    q = resting_state(system(ACTUATOR.replace(stage_reaction=False)), U)
+    assert q[0] == q[2] == pytest.approx(T * U / K, rel=1e-12)
+
+
+@pytest.mark.parametrize("slope", [1.2, -1.2])
+def test_state_at_rest_of_what_cannot_rest(slope: float) -> None:
+    """It begins at breakaway, from where it slides down; without a normal force nothing holds it."""
+    of = system(ACTUATOR.replace(incline=slope))
+    assert force(LAW, 0.0, resting_state(of, U)[4:]) == pytest.approx(math.copysign(0.5401, slope), rel=1e-6)
+    static = system(ACTUATOR.replace(incline=slope, friction=Coulomb(0.5)), normal=0.8)
+    assert resting_state(static, U)[0] == pytest.approx((T * U - math.copysign(0.4, slope)) / K, rel=1e-12)
+    loose = resting_state(of, U, 0.0)
+    assert loose[4] == 0.0
+    assert loose[0] == pytest.approx(T * U / K, rel=1e-12)
+
+
+def test_state_at_rest_of_static_friction() -> None:
+    q = resting_state(system(ACTUATOR.replace(friction=Coulomb(0.5))), U)
+    assert q[0] == q[2] == pytest.approx((T * U + AXIAL) / K, rel=1e-12)
+    assert q.size == 4
+
+
+def test_state_at_rest_of_many_elements() -> None:
+    law = MaxwellSlip((1e6, 2e6), (0.3, 0.1))
+    q = resting_state(system(ACTUATOR.replace(friction=law)), U)
+    assert force(law, 0.0, q[4:]) == pytest.approx(-AXIAL, rel=1e-9)
 
 
 def test_state_at_rest_on_a_static_stage_and_on_a_spring() -> None:
-    static = mechanism(ACTUATOR.replace(natural_frequency=math.inf))
-    assert resting_state(LAW, static, U)[STAGE] == pytest.approx(T / K * U, rel=1e-12)
-    pulled = resting_state(LAW, mechanism(SLIDER_PULLED), 1e-5)
-    assert pulled[SLIDER] == pytest.approx(1e-5, rel=1e-12)
+    static = resting_state(system(ACTUATOR.replace(natural_frequency=math.inf)), U)
+    assert static[0] == pytest.approx(T / K * U, rel=1e-12)
+    assert force(LAW, 0.0, static[2:]) == pytest.approx(-AXIAL, rel=1e-9)
+    pulled = resting_state(system(SLIDER_PULLED), 1e-5)
+    assert pulled[0] == pytest.approx(1e-5, rel=1e-12)
+    assert force(LAW, 0.0, pulled[2:]) == pytest.approx(-0.3, rel=1e-9)
 
 
-def test_mechanism_with_other_coefficients_keeps_its_flags() -> None:
-    mech = mechanism(ACTUATOR.replace(clamped=True))
-    other = with_coefficients(mech, np.arange(1.0, len(mech) + 1.0))
-    assert isinstance(other, type(mech))
-    assert tuple(other) == (mech.kinematic, mech.clamped, *np.arange(3.0, len(mech) + 1.0))
+def test_state_at_rest_of_a_clamped_end_effector() -> None:
+    q = resting_state(system(ACTUATOR.replace(clamped=True)), U)
+    np.testing.assert_allclose(q, [T * U / K, 0.0], rtol=1e-12)
+    static = system(ACTUATOR.replace(clamped=True, natural_frequency=math.inf))
+    np.testing.assert_array_equal(resting_state(static, U)[1:], [0.0])

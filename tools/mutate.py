@@ -3,8 +3,9 @@
     python tools/mutate.py [--list] [--jobs N] [FILE ...]
 
 One at a time, in a copy of the package: + becomes - and back, the first term of a sum is negated, a unary
-minus is dropped, a comparison is turned round, a returned value is negated. Then the tests of that file run,
-without compiled kernels. A change that no test notices is a survivor: it is printed, and the exit status 1.
+minus is dropped, a comparison is turned round, a returned value is negated; where equations are text, in that
+text too. Then the tests of that file run, without compiled kernels. A change that no test notices is a
+survivor: it is printed, and the exit status 1.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import ast
 import importlib
 import multiprocessing
 import os
+import re
 import shutil
 import sys
 import tempfile
@@ -38,6 +40,7 @@ class Target(NamedTuple):
     files: str
     tests: tuple[str, ...]
     functions: tuple[str, ...] = ()
+    text: bool = False  # whether its strings are equations
 
 
 LAWS = tuple(
@@ -49,16 +52,21 @@ LAWS = tuple(
     )
 )
 MOTION = ("tests/test_mechanism.py",)
-STEP = ("tests/solve/test_contact_step.py",)
+ONE_SIDE = ("tests/friction/test_one_side.py",)
 # The first row that fits a file counts.
 TARGETS = (
-    Target("friction/law.py", LAWS, ("force",)),
+    Target(
+        "friction/law.py",
+        (*LAWS, *ONE_SIDE),
+        ("force", "smooth_rate", "law_slopes", "reversal_kink", "bounded"),
+    ),
     Target("friction/*.py", LAWS),
     Target("mechanism.py", MOTION),
-    Target("simulation/models.py", MOTION, ("mechanism", "resting_state")),
-    Target("solve/contact_step.py", STEP, ("smooth_rate", "slope", "factor", "solved", "contact_step", "at")),
-    Target("solve/rodas.py", STEP, ("derivative", "factor", "solve", "interpolate")),
-    Target("solve/energy.py", ("tests/solve/test_energy_terms.py",)),
+    Target("simulation/models.py", MOTION, ("mechanism", "system", "resting_state", "_held")),
+    Target("plant/[dkw]*.py", ("tests/plant/test_equations.py", "tests/plant/test_ticks.py"), text=True),
+    Target("solve/step.py", ("tests/solve/test_step.py",)),
+    Target("solve/channels.py", ("tests/solve/test_channels.py",)),
+    Target("solve/log.py", ("tests/solve/test_log.py",)),
     Target("solve/prescribed.py", ("tests/solve/test_prescribed.py",)),
     Target("actuator.py", ("tests/test_actuator.py",), ("axial_force", "from_parts")),
 )
@@ -78,6 +86,21 @@ OPPOSITE: dict[type[ast.AST], type[ast.AST]] = {
     ast.Eq: ast.NotEq,
     ast.NotEq: ast.Eq,
 }
+
+
+# In equations that are text: what is turned round, and into what. A minus of its own may end a part, before
+# what is put in. A sum with 0 times something, which lets a NaN through, stays.
+OWN_MINUS = r"(?<![\w)])(?<![\w)] )-(?=[\w(]|$)"
+SIGNS = (
+    (r" \+ (?!0\.0 \*)", " - "),
+    (r" - ", " + "),
+    (r" \+= ", " -= "),
+    (r" -= ", " += "),
+    (OWN_MINUS, "+"),
+    (r" > ", " < "),
+    (r" == ", " != "),
+    (r" != ", " == "),
+)
 
 
 class Mutant(NamedTuple):
@@ -123,6 +146,20 @@ def changes(node: ast.AST) -> Iterator[tuple[str, object]]:
             yield "value", value
 
 
+def text_changes(node: ast.AST) -> Iterator[tuple[str, object]]:
+    """The changes to one string, or to a constant part of one that is put together."""
+    if isinstance(node, ast.Constant) and isinstance(node.value, str):
+        for sign, opposite in SIGNS:
+            for found in re.finditer(sign, node.value):
+                yield "value", node.value[: found.start()] + opposite + node.value[found.end() :]
+
+
+def inside(function: ast.FunctionDef) -> Iterator[ast.AST]:
+    """The nodes of a function, but for its docstring."""
+    for statement in function.body[1 if ast.get_docstring(function) else 0 :]:
+        yield from ast.walk(statement)
+
+
 def mutants(file: Path, target: Target) -> Iterator[Mutant]:
     """Every mutant of a file's target functions."""
     tree = ast.parse(file.read_text())
@@ -134,8 +171,8 @@ def mutants(file: Path, target: Target) -> Iterator[Mutant]:
     for function in functions:
         if not (function.name in target.functions if target.functions else function in tree.body):
             continue
-        for node in ast.walk(function):
-            for field, new in changes(node):
+        for node in inside(function):
+            for field, new in [*changes(node), *(text_changes(node) if target.text else ())]:
                 old, before = getattr(node, field), ast.unparse(node)
                 setattr(node, field, new)
                 change = f"{before} -> {ast.unparse(node)}"

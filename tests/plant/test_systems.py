@@ -118,7 +118,8 @@ def test_a_users_element_in_the_users_file(tmp_path: Path) -> None:
     """An amplifier between the drive and the stage: its closed form where it slews, then where it settles."""
     (tmp_path / "own_amplifier.py").write_text(OWN_FILE)
     spec = importlib.util.spec_from_file_location("own_amplifier", tmp_path / "own_amplifier.py")
-    assert spec is not None and spec.loader is not None
+    assert spec is not None
+    assert spec.loader is not None
     own: Any = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(own)
     amplifier = Element(own.Amplifier(1e-3, 2e4), (None, None), (GAIN * W**2, None), drive=1.0)
@@ -151,7 +152,8 @@ register(Integrator, integrating, tick=integrated, smooth=True)
 
 
 def test_a_sampled_controller() -> None:
-    """Between ticks its output stands still; the stage alone is linear, so that its motion is known exactly."""
+    """Between ticks its output stands still; the stage alone is linear, so that its motion is known
+    exactly."""
     gain, period, target = 0.3 / GAIN, 1.3e-3, 2e-6
     controller = Element(
         Integrator(gain, period), (None,), (GAIN * W**2,), drive=1.0, position=(-1.0,), drive_rate=None

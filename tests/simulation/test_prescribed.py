@@ -41,7 +41,13 @@ def test_force_follows_the_normal_force_sample_by_sample() -> None:
     normal = 5.0 + np.sin(7.0 * time)
     plain = friction_response(LAW, time, position, tolerance=1e-12)
     loaded = friction_response(
-        LAW, time, position, normal_force=normal, reference_normal_force=5.0, proportional=True, tolerance=1e-12
+        LAW,
+        time,
+        position,
+        normal_force=normal,
+        reference_normal_force=5.0,
+        proportional=True,
+        tolerance=1e-12,
     )
     expected = plain["friction_force"].values * normal / 5.0
     np.testing.assert_allclose(loaded["friction_force"], expected, atol=1e-6)
@@ -61,8 +67,12 @@ def exact_under_load(law, normal, time, velocity):
 
 @pytest.mark.parametrize("normal", [(1.0, 3.0), (1.0, -0.9)])
 @pytest.mark.parametrize("velocity", [0.0, 2e-7])
-@pytest.mark.parametrize("law", [LuGre(1.4e6, 30.0, 0.5, 0.5, 0.6), Dahl(1e6, 0.5), MaxwellSlip((1e6,), (0.5,))])
-def test_what_is_newly_loaded_carries_nothing_and_what_is_unloaded_loses_its_share(law, normal, velocity) -> None:
+@pytest.mark.parametrize(
+    "law", [LuGre(1.4e6, 30.0, 0.5, 0.5, 0.6), Dahl(1e6, 0.5), MaxwellSlip((1e6,), (0.5,))]
+)
+def test_what_is_newly_loaded_carries_nothing_and_what_is_unloaded_loses_its_share(
+    law, normal, velocity
+) -> None:
     time = np.linspace(0.0, 1.0, 11)
     found = friction_response(
         law,

@@ -1,4 +1,4 @@
-"""Where the solver was confidently wrong: loads near and above breakaway, changed normal forces, other tolerances."""
+"""Where the solver was confidently wrong: loads near and above breakaway, changed normal forces."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from stickslip.actuator import Actuator
-from stickslip.friction import Coulomb, LuGre
+from stickslip.friction import LuGre
 from stickslip.simulation import SimulationWarning, simulate_ensemble
 from stickslip.waveform.periodic import Sawtooth
 

@@ -2,13 +2,14 @@
 
 What a processor keeps in registers cannot be a loop over arrays, and what loops over tuples of different
 records cannot be compiled; so the text of each function is made once per layout, from the one form of the
-equations in `equations`. In kernels the functions are chosen by the type of the plant; as plain Python, by
-the plant itself.
+equations in `dynamics` and `kinematics`. In kernels the functions are chosen by the type of the plant; as
+plain Python, by the plant itself.
 """
 
 from __future__ import annotations
 
 import functools
+import inspect
 import itertools
 import math
 from collections.abc import Callable
@@ -25,9 +26,12 @@ from ..friction.law import (
     smooth_rate,
     ticked_state,
 )
-from . import equations
+from . import dynamics, kinematics
 from .system import Layout, layout_of
 
+SOURCES = dynamics.SOURCES | kinematics.SOURCES
+_ARGUMENTS: dict[str, tuple[str, ...]] = {}  # of each function, by its name
+# What the text calls.
 _NAMES = {
     "inf": math.inf,
     "floor": math.floor,
@@ -45,15 +49,20 @@ _NAMES = {
 @functools.cache
 def _made(name: str, layout: Layout) -> Callable[..., Any]:
     """The function of this name for a layout."""
-    source = equations.SOURCES[name](layout)
     names = dict(_NAMES)
-    exec(compile(source, f"<{name} of {layout}>", "exec"), names)
+    exec(compile(_text(name, layout), f"<{name} of {layout}>", "exec"), names)
     return names[name]
+
+
+def _text(name: str, layout: Layout) -> str:
+    text = SOURCES[name](layout)
+    head = f"def {name}({', '.join(_ARGUMENTS[name])}):"
+    return "\n    ".join([head, *text.lines, f"return {text.result}"]) + "\n"
 
 
 def source(name: str, plant: Any) -> str:
     """The text of a generated function, to be read."""
-    return equations.SOURCES[name](layout_of(plant))
+    return _text(name, layout_of(plant))
 
 
 def _generated(stub: Callable[..., Any]) -> Any:
@@ -67,7 +76,8 @@ def _generated(stub: Callable[..., Any]) -> Any:
     def chosen(plant: Any, *args: Any) -> Any:
         return _made(name, layout_of(plant))
 
-    arguments = ", ".join(equations.ARGUMENTS[name])
+    _ARGUMENTS[name] = tuple(inspect.signature(stub).parameters)
+    arguments = ", ".join(_ARGUMENTS[name])
     typed: dict[str, Any] = {"chosen": chosen}
     exec(f"def typing({arguments}): return chosen({arguments})", typed)
     overload_with(plain, FUSED)(typed["typing"])

@@ -61,7 +61,8 @@ def simulate(
         Dataset over "time" (s) with end_effector_position, stage_position, sliding_displacement (m),
         friction_force (N, on the end-effector), drive_voltage or spring_position, velocities (m/s), bristle
         deflections (m). attrs["error_estimate"] (m): how far the end-effector's position may be off; where
-        that is above the tolerance after all, a `SimulationWarning` says so. If the motion could not be followed to
+        that is above the tolerance after all, a `SimulationWarning` says so. If the motion could not be
+        followed to
         the end: a `SimulationWarning`, the part until then, and the reason in attrs["outcome"].
 
     Raises:

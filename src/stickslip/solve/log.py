@@ -48,9 +48,7 @@ def state_at(plant, log, row, theta, out):
 def read_samples(plant, drive, load, log, rows, shift, move, times, k, t_end, samples):
     """Fill the samples (states, then outputs of the elements) up to `t_end` from the log, `shift` [s] later
     and `move` further on; returns the index of the first sample not filled."""
-    row, n, j = 0, len(move), 0
-    i = channels.segment_of(drive, log[0, START] + shift)
-    own = i
+    row, n, i, j, own = 0, len(move), 0, 0, 0
     while k < times.size and times[k] <= t_end:
         t = times[k] - shift
         while row + 1 < rows and t > log[row, END]:
@@ -112,16 +110,18 @@ def _add_work(plant, drive, i, load, j, log, row, shift, low, high, probe, work)
 @fused
 def read_account(plant, drive, load, log, rows, shift, times, k, t_end, probe, work, account):
     """Fill the account of the drive's work at the samples, as `read_samples`; `work` goes on to `t_end`."""
-    i, j = channels.segment_of(drive, log[0, START] + shift), channels.segment_of(load, log[0, START] + shift)
+    i, j = 0, 0
     for row in range(rows):
         start, h = log[row, START] + shift, log[row, LENGTH]
         if start >= t_end:
             break
-        while i + 1 < drive.start.size and drive.start[i + 1] <= start:
+        inside = start + 0.5 * (log[row, END] - log[row, START])
+        while i + 1 < drive.start.size and drive.start[i + 1] <= inside:
             i += 1
-        while j + 1 < load.start.size and load.start[j + 1] <= start:
+        while j + 1 < load.start.size and load.start[j + 1] <= inside:
             j += 1
-        stop, done = min(log[row, END] + shift, t_end), 0.0
+        # The last step ends where the period does, whatever the shift is rounded to.
+        stop, done = t_end if row + 1 == rows else min(log[row, END] + shift, t_end), 0.0
         while k < times.size and times[k] <= stop:
             theta = (times[k] - start) / h
             if theta > done:

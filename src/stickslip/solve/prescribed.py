@@ -17,16 +17,16 @@ _MOST_STEPS = 100_000
 
 @compiled
 def renewed(one, v, z, normal, growth):
-    """Rate of the deflection where the normal force `normal` grows by `growth` [1/s]: what is newly loaded carries no
-    tangential force (see `plant.system`)."""
+    """Rate of the deflection where the normal force `normal` grows by `growth` [1/s]: what is newly loaded
+    carries no tangential force (see `plant.system`)."""
     dz = rate(one, v, z)[1]
     return dz - growth / normal * z if growth > 0.0 and normal > 0.0 else dz
 
 
 @compiled
 def advance(one, v, z, duration, tolerance, before, after):
-    """The deflection after `duration` at the velocity v, and whether it could be followed to there; the normal force
-    over its reference goes from `before` to `after`."""
+    """The deflection after `duration` at the velocity v, and whether it could be followed to there; the
+    normal force over its reference goes from `before` to `after`."""
     left, h, growth = duration, duration, (after - before) / duration
     k_1, n = renewed(one, v, z, before, growth), before
     for _ in range(_MOST_STEPS):
