@@ -9,10 +9,8 @@ from typing import Any
 import numpy as np
 
 import stickslip as ss
-from stickslip.mechanism import SLIDER
-from stickslip.simulation.models import mechanism, resting_state
-from stickslip.solve.motion import motion
-from stickslip.waveform.drive import constant
+from stickslip.simulation.models import Contact
+from stickslip.solve.periods import integrate
 
 from .. import problems
 from ..worker import Case, serve
@@ -24,16 +22,16 @@ MAX_STEPS = 1_000_000
 
 
 def _engine(problem: str, drive: Any, tolerance: float) -> Callable[[], np.ndarray]:
-    model = actuator(problem)
-    law, mech, table, load = model.friction, mechanism(model), drive.drive(DURATION), constant(1.0)
+    contact = Contact()
+    of, table = contact.system(actuator(problem)), drive.drive(DURATION)
     times = np.arange(problems.PERIODS * problems.SAMPLES + 1) / 1e3
-    start = resting_state(law, mech, 0.0)
-    samples = np.empty((times.size, start.size + 1))
+    start = contact.rest(of, 0.0)
+    samples, span = np.empty((times.size, start.size + 1)), np.array([0.0, DURATION])
 
     def run() -> np.ndarray:
         q = start.copy()
-        motion(law, mech, table, load, q, (0.0, DURATION), tolerance, MAX_STEPS, times, samples)
-        return samples[:, SLIDER]
+        integrate(of.plant, table, contact.drive, q, span, tolerance, MAX_STEPS, times, samples)
+        return samples[:, of.slider]
 
     return run
 
