@@ -43,7 +43,7 @@ E3, E5 = _dop.E3.copy(), _dop.E5.copy()
 def _radau(s: int = 5) -> tuple[Array, Array, float, Array]:
     """Nodes and matrix of Radau IIA, its real eigenvalue, and the embedded formula by stages."""
     p = np.polynomial.Polynomial([0, 1]) ** (s - 1) * np.polynomial.Polynomial([-1, 1]) ** s
-    c = np.sort(np.asarray(p.deriv(s - 1).roots(), dtype=complex).real)
+    c = np.sort(np.real(p.deriv(s - 1).roots()).astype(float))
     c[-1] = 1.0
     powers = np.arange(s)
     v = c[:, None] ** powers

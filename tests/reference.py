@@ -225,7 +225,7 @@ def _maxwell(p: Any, v: Array, dt: Array) -> Array:
 
 def walk_lugre(model: Any, volts: float, frequency: float, periods: int, times: Array) -> Array:
     """End-effector's position [m] of an actuator with LuGre friction under a sawtooth, its load below
-    breakaway: stage, slider and bristle as five equations, LSODA from jump to jump, from the rest in which the bristle holds."""
+    breakaway: five equations, LSODA from jump to jump, from the rest in which the bristle holds."""
     law, k = model.friction, model.natural_frequency**2
     force = model.axial_force
     y = -(-force / model.stage_mass / k if model.stage_reaction else 0.0)

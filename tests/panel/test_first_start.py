@@ -26,7 +26,7 @@ def test_the_page_opens_when_a_walk_can_start_and_nothing_is_compiled_twice(
     first = Panel(tmp_path / "first", kernels=kernels)
     try:
         assert SAID in first.said[0]
-        walking = {name: when for name, when in kept(kernels).items() if "integrate_bristle" in name}
+        walking = {name: when for name, when in kept(kernels).items() if ".integrate-" in name}
         assert len(walking) == 1
         page.goto(first.url)
         page.click("#start")

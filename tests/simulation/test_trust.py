@@ -10,8 +10,18 @@ import pytest
 from tests.reference import walk_lugre
 
 from stickslip.actuator import load_actuator
-from stickslip.friction import Coulomb, Dahl, Elastoplastic, LuGre, MaxwellSlip, ResetIntegrator
+from stickslip.friction import (
+    Coulomb,
+    Dahl,
+    Elastoplastic,
+    LuGre,
+    MaxwellSlip,
+    ResetIntegrator,
+    StictionCoulombViscous,
+    Stribeck,
+)
 from stickslip.simulation import SimulationWarning, simulate, simulate_ensemble, steady_orbit, steady_step
+from stickslip.units import QuantityError
 from stickslip.waveform.periodic import Sawtooth
 from stickslip.waveform.shapes import Constant, Ramp
 
@@ -121,3 +131,20 @@ def test_what_cannot_be_shown_is_said() -> None:
     with pytest.warns(SimulationWarning, match="could not be followed to the end"):
         found = simulate(KANG, drive, max_steps=most + 1)
     assert math.isnan(found.attrs["error_estimate"])
+
+
+@pytest.mark.compiled
+def test_a_stribeck_curve_that_falls_at_rest_is_refused_above_which_it_nears_its_limit() -> None:
+    """The law tends to stiction and Coulomb friction as v_s does to 0."""
+    drive = Sawtooth(65.0, 5.0, periods=4)
+
+    def end(law: object) -> float:
+        walk = simulate(KANG.replace(friction=law), drive)
+        return float(walk["end_effector_position"].values[-1])
+
+    limit = end(StictionCoulombViscous(F_C, 0.7))
+    away = [abs(end(Stribeck(F_C, 0.7, v_s)) - limit) for v_s in (1e-5, 1e-6, 1e-7)]
+    assert away[0] > away[1] > away[2]
+    assert away[2] < 6e-9
+    with pytest.raises(QuantityError, match=r"stribeck_velocity = 1e-08 m/s is out of range.*>= 1e-07 m/s"):
+        Stribeck(F_C, 0.7, 1e-8)

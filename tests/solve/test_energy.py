@@ -39,6 +39,8 @@ def integral(t: np.ndarray, values: np.ndarray) -> float:
     [{}, {"stage_reaction": False}, {"incline": 0.2, "external_force": -0.1}],
     ids=["reaction", "no reaction", "incline and force"],
 )
+# Undamped Maxwell slip cannot be held to a tenth of a nanometre; its account closes all the same.
+@pytest.mark.filterwarnings("ignore:the tolerance of:stickslip.simulation.SimulationWarning")
 def test_account_closes(law: object, changes: dict[str, object]) -> None:
     d = simulate(actuator(law, **changes), DRIVE, 0.1, tolerance=TOLERANCE, energy=True)
     assert d["friction_work"].values[-1] > 100 * LIMIT

@@ -21,6 +21,8 @@ PER_DIFFERENCE, PER_NUMBER = 1.0 / (1.0 - FINER), 2.0
 # A run that took more steps than this is not refined any more: some tenths of a second.
 MOST_STEPS = 400_000
 ROUNDS = 8
+# Below this tolerance of an engine, m, rounding tells more than the method does.
+FINEST = 1e-13
 
 
 class Refined(NamedTuple):
@@ -44,17 +46,22 @@ def refined(
         steps: that a run took.
         tolerance: m.
     """
-    level = LOOSE * tolerance
-    coarse, error = run(level), math.nan
+    level, floor = LOOSE * tolerance, min(FINEST, FINER * tolerance)
+    coarse, found = run(level), None
     for _ in range(ROUNDS):
         fine = run(FINER * level)
         error = PER_DIFFERENCE * distance(coarse, fine)
-        if not error > tolerance or steps(fine) > MOST_STEPS:
+        if math.isnan(error):
             break
-        needed = level * tolerance / (1.5 * error)  # the error goes with the local errors
+        found = Refined(coarse, error)
+        needed = (
+            level * tolerance / (1.5 * error) if error > 0.0 else level
+        )  # errors go with the local errors
+        if error <= tolerance or steps(fine) > MOST_STEPS or needed < floor:
+            break
         level *= FINER
         coarse = fine
         if needed < FINER * level:
             level = needed
             coarse = run(level)
-    return Refined(coarse, error)
+    return found or Refined(coarse, math.nan)

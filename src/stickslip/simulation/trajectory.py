@@ -150,7 +150,7 @@ class _Task(NamedTuple):
             reason = _OUTCOMES.get(outcome, f"more than {self.max_steps} steps were needed")
             end = with_prefix(times[-1], "s")
             text = f"stopped at t = {with_prefix(reached, 's')} of {end}: {reason}"
-            keep = np.isfinite(samples[:, 0])
+            keep = np.isfinite(samples[:, SLIDER])
             times, samples, work = times[keep], samples[keep], work[keep] if self.energy else work
         before = np.full((1, samples.shape[1]), 0.0)
         before[0, : q.size] = self.start
