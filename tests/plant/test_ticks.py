@@ -31,14 +31,14 @@ def counted(law, v, z):
 register(Counter, counting, tick=counted, smooth=True)
 
 PLANT = Plant(
-    (Mode(1e6, 10.0, 0.0, 0.0),),
+    (Mode(1e6, 10.0, 0.0, 0.0), Mode(2e6, 10.0, 0.0, 0.0)),
     (
-        Element(Counter(2.0, 0.01), (3.0,), (None,), drive=0.5, position=(-7.0,)),
-        Element(Counter(-1.0, 0.004), (None,), (1.0,), drive_rate=0.25),
+        Element(Counter(2.0, 0.01), (3.0, 0.5), (None, None), drive=0.5, position=(-7.0, 1.5)),
+        Element(Counter(-1.0, 0.004), (None, None), (1.0, None), drive_rate=0.25),
     ),
     1e3,
 )
-Q, U = (0.2, 0.3, 10.0, 20.0), (4.0, 6.0, 0.0, 0.0)
+Q, U = (0.2, 0.3, 0.7, -0.4, 10.0, 20.0), (4.0, 6.0, 0.0, 0.0)
 
 
 @compiled
@@ -64,21 +64,23 @@ def test_the_next_tick_is_that_of_the_first_that_is_due(t: float, at: float) -> 
 
 
 def test_only_what_is_due_ticks() -> None:
-    first = 10.0 + 2.0 * (3.0 * 0.3 - 7.0 * 0.2 + 0.5 * 4.0)
+    first = 10.0 + 2.0 * (3.0 * 0.3 - 0.5 * 0.4 - 7.0 * 0.2 + 1.5 * 0.7 + 0.5 * 4.0)
     second = 20.0 - 0.25 * 6.0
-    assert ticked(PLANT, Q, U, 0.0) == pytest.approx((0.2, 0.3, first, second))
-    assert ticked(PLANT, Q, U, 0.01) == pytest.approx((0.2, 0.3, first, 20.0))
-    assert ticked(PLANT, Q, U, 0.012) == pytest.approx((0.2, 0.3, 10.0, second))
+    assert ticked(PLANT, Q, U, 0.0) == pytest.approx((*Q[:4], first, second))
+    assert ticked(PLANT, Q, U, 0.01) == pytest.approx((*Q[:4], first, 20.0))
+    assert ticked(PLANT, Q, U, 0.012) == pytest.approx((*Q[:4], 10.0, second))
     assert ticked(PLANT, Q, U, 0.013) == Q
-    assert ticked(PLANT, Q, U, 0.02) == pytest.approx((0.2, 0.3, first, second))
+    assert ticked(PLANT, Q, U, 0.02) == pytest.approx((*Q[:4], first, second))
 
 
 def test_a_plant_without_ticks() -> None:
     plant = PLANT._replace(elements=())
     assert next_tick(plant, 0.3) == math.inf
-    assert ticked(plant, Q[:2], U, 0.0) == Q[:2]
+    assert ticked(plant, Q[:4], U, 0.0) == Q[:4]
     assert sampled(plant) == (False, False)
     assert sampled(PLANT) == (True, False)
     assert sampled(Plant((Mode(0.0, 0.0, 0.0, 0.0),), (), 1.0)) == (False, True)
     # A sampled controller may look where the body is: nothing repeats further on.
-    assert sampled(Plant((Mode(0.0, 0.0, 0.0, 0.0),), PLANT.elements[1:], 1.0)) == (True, False)
+    assert sampled(
+        Plant((Mode(0.0, 0.0, 0.0, 0.0),), (Element(Counter(1.0, 1.0), (1.0,), (1.0,)),), 1.0)
+    ) == (True, False)

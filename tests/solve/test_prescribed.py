@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import RK23
+from scipy.integrate import RK23, solve_ivp
 
 from stickslip.friction import Coulomb, Dahl, LuGre, MaxwellSlip
 from stickslip.solve.prescribed import advance, follow
@@ -95,3 +95,54 @@ def test_a_static_law_keeps_its_direction_while_the_motion_pauses() -> None:
     assert follow(Coulomb(0.3), time, position, np.full(5, 2.0), state, 1e-12, True, samples) == 5
     np.testing.assert_allclose(samples[:, 0], [-0.6, -0.6, -0.6, 0.6, 0.6])
     np.testing.assert_allclose(samples[:, 1], [-1.0, -1.0, -1.0, 1.0, 1.0])
+
+
+@pytest.mark.parametrize("normal", [(0.5, 0.9), (0.9, 0.5), (0.0, 0.8)])
+def test_one_step_under_a_changing_normal_force(normal: tuple[float, float]) -> None:
+    """What grows takes its share of the deflection away; what falls leaves it."""
+    before, after = normal
+    growth = (after - before) / H
+
+    def renewed(t: float, z: np.ndarray) -> np.ndarray:
+        n = before + growth * t
+        return slope(t, z) - (growth / n * z if growth > 0.0 and n > 0.0 else 0.0)
+
+    solver = RK23(renewed, 0.0, [START], H, first_step=H, rtol=1.0, atol=1.0)
+    solver.step()
+    assert solver.t == H
+    error = float(abs(solver.K.T @ solver.E * H)[0])
+    z, reached = advance(DAHL, V, START, H, 1.001 * error, before, after)
+    assert reached
+    assert z == pytest.approx(float(solver.y[0]), rel=1e-13)
+
+
+def test_many_steps_under_a_growing_normal_force() -> None:
+    """At rest z N stays."""
+    creeping = -1e-9
+    z, reached = advance(DAHL, creeping, START, 0.5, 1e-16, 0.4, 1.1)
+
+    def renewed(t: float, z: np.ndarray) -> np.ndarray:
+        return creeping * (1.0 + SIGMA_0 * z / F_C) - 1.4 / (0.4 + 1.4 * t) * z
+
+    exact = solve_ivp(renewed, (0.0, 0.5), [START], rtol=1e-11, atol=1e-18).y[0, -1]
+    assert reached
+    assert z == pytest.approx(exact, rel=1e-7)
+    assert exact == pytest.approx(START * 0.4 / 1.1, rel=0.02)
+
+
+def test_each_interval_has_its_own_normal_forces() -> None:
+    time, position = np.array([0.0, 0.1, 0.2, 0.3]), np.array([0.0, -1e-7, -1e-7, -3e-7])
+    load, z, samples = np.array([1.0, 0.5, 2.0, 3.0]), np.array([START]), np.zeros((4, 2))
+    assert follow(DAHL, time, position, load, z, 1e-14, False, samples) == 4
+    expected = START
+    for k in (1, 2, 3):
+        v = (position[k] - position[k - 1]) / 0.1
+        expected, _ = advance(DAHL, v, expected, 0.1, 1e-14, load[k - 1], load[k])
+        assert samples[k].tolist() == pytest.approx([load[k] * SIGMA_0 * expected, expected], rel=1e-9)
+
+
+def test_a_static_contact_that_was_lost_has_no_direction() -> None:
+    time, position = np.arange(5.0), np.array([0.0, 1e-6, 1e-6, 1e-6, 1e-6])
+    load, z, samples = np.array([1.0, 1.0, 1.0, 0.0, 1.0]), np.zeros(1), np.zeros((5, 2))
+    follow(Coulomb(0.3), time, position, load, z, 1e-12, False, samples)
+    assert samples[:, 0].tolist() == [0.3, 0.3, 0.3, 0.0, 0.0]
