@@ -40,9 +40,8 @@ def friction_response(
         normal_force: N, [n]; the reference, if left out.
         reference_normal_force: N.
         proportional: the force is simply multiplied by the normal force, for a measured one whose noise
-        would renew
-            the contact again and again. Otherwise what is newly loaded carries no tangential force, and what
-            is unloaded loses its share in proportion (see `plant.system`).
+            would renew the contact again and again. Otherwise what is newly loaded carries no tangential
+            force, and what is unloaded loses its share in proportion (see `plant.system`).
         initial_force: N, at the first sample: all elements begin equally deflected so that they carry it, or
             as much of it as the law can. 0 is a relaxed contact.
         tolerance: m, on the bristle deflections.

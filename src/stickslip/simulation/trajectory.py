@@ -48,8 +48,7 @@ def simulate(
         sample_rate: samples per second of the output. The solution does not depend on it.
         times: sample times instead, s, ascending, from 0 or later.
         tolerance: m, on the end-effector's position over the whole trajectory. The error is estimated by a
-        second run
-            with smaller steps; where it is larger, the steps are refined.
+            second run with smaller steps; where it is larger, the steps are refined.
         load: normal force over the reference normal force at which the friction parameters hold: a number,
             or a waveform.
         energy: add the energy account (actuators only): `drive_work`, `stage_dissipation`, `friction_work`,
@@ -62,8 +61,7 @@ def simulate(
         friction_force (N, on the end-effector), drive_voltage or spring_position, velocities (m/s), bristle
         deflections (m). attrs["error_estimate"] (m): how far the end-effector's position may be off; where
         that is above the tolerance after all, a `SimulationWarning` says so. If the motion could not be
-        followed to
-        the end: a `SimulationWarning`, the part until then, and the reason in attrs["outcome"].
+        followed to the end: a `SimulationWarning`, the part until then, and the reason in attrs["outcome"].
 
     Raises:
         QuantityError: a drive outside the actuator's voltage range, wrong unit, bad times, tolerance or rate.
