@@ -70,7 +70,8 @@ def register(
         tick: ``tick(law, v, z) -> z``, for a sampled element with a field `period` [s]: called at each
             multiple of it, with the input of that instant; between the ticks the state stays (its ż is 0).
         smooth: the record is no friction contact but an element without a kink at v = 0: a lag, an
-            amplifier, creep, a controller (see `plant.system`); its input v and output F are in whatever unit its maker says.
+            amplifier, creep, a controller (see `plant.system`); its input v and output F are in whatever unit
+            its maker says.
 
     Raises:
         TypeError: the record is no named tuple, there is not either `rate` or `elements` with `element`, or

@@ -262,7 +262,7 @@ def _refined(task: _Task, of: Any, table: Any, states: Any, outcomes: NDArray[np
     made = _run(task, of, table, states, outcomes, level)
     todo = np.flatnonzero(made.outcomes == DONE)
     coarse = _Runs(*(column[todo] for column in made))
-    for _ in range(ROUNDS):
+    for _ in range(ROUNDS if todo.size else 0):
         level *= FINER
         fine = _run(task, of, table[todo], states[todo], np.full(todo.size, DONE), level)
         apart = PER_NUMBER * np.abs(coarse.net - fine.net)

@@ -170,8 +170,8 @@ def follow(plant, drive, load, q, span, tolerance, max_steps, times, samples, lo
 
 
 @inlined
-def _log(plant, q, rows):
-    return np.empty((rows, columns(q.size, len(plant.elements))))
+def _log(plant, states, rows):
+    return np.empty((rows, columns(states, len(plant.elements))))
 
 
 @inlined
@@ -197,7 +197,7 @@ def integrate(plant, drive, load, q, span, tolerance, max_steps, times, samples)
     Returns:
         outcome, time reached, accepted steps, rejected steps.
     """
-    log = _log(plant, q, LOG_ROWS if times.size > 0 else 0)
+    log = _log(plant, q.size, LOG_ROWS if times.size > 0 else 0)
     state = state_of(plant, q)
     outcome, t, accepted, rejected, state = follow(
         plant, drive, load, state, span, tolerance, max_steps, times, samples, log, None, None, None
@@ -209,7 +209,7 @@ def integrate(plant, drive, load, q, span, tolerance, max_steps, times, samples)
 @kernel
 def integrate_account(plant, drive, load, q, span, tolerance, max_steps, times, samples, account):
     """As `integrate`, the same steps, and the energy account [times, TERMS] (see `log.add_work`)."""
-    log = _log(plant, q, LOG_ROWS)
+    log = _log(plant, q.size, LOG_ROWS)
     state, room = state_of(plant, q), np.zeros(TERMS + q.size)
     outcome, t, accepted, rejected, state = follow(
         plant, drive, load, state, span, tolerance, max_steps, times, samples, log, None, account, room
@@ -222,7 +222,7 @@ def integrate_account(plant, drive, load, q, span, tolerance, max_steps, times, 
 def integrate_near(plant, drive, load, q, span, tolerance, max_steps, times, samples, near):
     """As `integrate`, with neighbours that take the same steps: see `neighbours`. `times` may not be
     empty."""
-    log = _log(plant, q, LOG_ROWS)
+    log = _log(plant, q.size, LOG_ROWS)
     state = state_of(plant, q)
     outcome, t, accepted, rejected, state = follow(
         plant, drive, load, state, span, tolerance, max_steps, times, samples, log, near, None, None
@@ -247,7 +247,7 @@ def integrate_members(plant, drive, load, values, states, span, tolerance, max_s
             outcome is not DONE at the start are left out.
     """
     outcomes, reached, steps, positions = found
-    log = _log(plant, states[0], LOG_ROWS if times.size > 0 else 0)
+    log = _log(plant, states.shape[1], LOG_ROWS if times.size > 0 else 0)
     samples = np.empty((times.size, states.shape[1] + max(len(plant.elements), 1)))
     for m in range(states.shape[0]):
         if outcomes[m] == DONE:
