@@ -16,6 +16,7 @@ from .writing import (
     padded,
     pin,
     present,
+    state_terms,
     states_of,
     static_elements,
     sum_of,
@@ -27,7 +28,7 @@ def slope(layout: Layout) -> Text:
     lines, rates = [], []
     for e, shape in enumerate(layout.elements):
         inputs = [
-            *along_terms(shape, e, lambda m: f"q[{2 * m + 1}]", lambda m: f"q[{2 * m}]"),
+            *state_terms(shape, e),
             *drive_terms(shape, e),
         ]
         lines.append(f"s{e} = {sum_of([*inputs, *fed_terms(shape, e, lambda i: f'f{i}')])}")
@@ -70,7 +71,7 @@ def _linearised(layout: Layout, e: int, shape: Shape) -> list[str]:
     """Output, slopes and partial derivatives by time of an element at the start of a step."""
     own, lines = f"plant.elements[{e}]", []
     inputs = [
-        *along_terms(shape, e, lambda m: f"q[{2 * m + 1}]", lambda m: f"q[{2 * m}]"),
+        *state_terms(shape, e),
         *drive_terms(shape, e),
     ]
     lines.append(f"s{e} = {sum_of([*inputs, *fed_terms(shape, e, lambda i: f'f{i}')])}")

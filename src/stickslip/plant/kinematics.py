@@ -13,6 +13,7 @@ from .writing import (
     padded,
     pin,
     present,
+    state_terms,
     states_of,
     static_elements,
     sum_of,
@@ -23,16 +24,13 @@ from .writing import (
 def speeds(layout: Layout) -> Text:
     made = []
     for e, shape in enumerate(layout.elements):
-        along = along_terms(shape, e, lambda m: f"q[{2 * m + 1}]", lambda m: f"q[{2 * m}]")
+        along = state_terms(shape, e)
         made.append(sum_of([*along, *drive_terms(shape, e)]))
     return Text([], padded(made))
 
 
 def relative_speeds(layout: Layout) -> Text:
-    made = [
-        sum_of(along_terms(shape, e, lambda m: f"q[{2 * m + 1}]", lambda m: f"q[{2 * m}]"))
-        for e, shape in enumerate(layout.elements)
-    ]
+    made = [sum_of(state_terms(shape, e)) for e, shape in enumerate(layout.elements)]
     return Text([], padded(made))
 
 
@@ -60,7 +58,7 @@ def settled(layout: Layout) -> Text:
     for e, shape in enumerate(layout.elements):
         if shape.states and not shape.smooth:
             # Of a body that follows the drive the sign of the rest decides, which is the slider's.
-            speed = sum_of(along_terms(shape, e, lambda m: f"q[{2 * m + 1}]", lambda m: f"q[{2 * m}]"))
+            speed = sum_of(state_terms(shape, e))
             lines.append(f"towards = local if {speed} > 0.0 else -local")
         for law, z in states_of(layout, e):
             entries.append(z if shape.smooth else f"bounded({law}, {z}, towards)")
@@ -88,7 +86,7 @@ def stopped(layout: Layout) -> Text:
         own = f"plant.elements[{e}]"
         speed = sum_of(
             [
-                *along_terms(shape, e, lambda m: f"q[{2 * m + 1}]", lambda m: f"q[{2 * m}]"),
+                *state_terms(shape, e),
                 *drive_terms(shape, e),
             ]
         )
@@ -210,7 +208,7 @@ def ticked(layout: Layout) -> Text:
         if not shape.sampled:
             continue
         law, z = f"plant.elements[{e}].law", f"q[{layout.first[e]}]"
-        along = along_terms(shape, e, lambda m: f"q[{2 * m + 1}]", lambda m: f"q[{2 * m}]")
+        along = state_terms(shape, e)
         seen = sum_of([*along, *drive_terms(shape, e)])
         lines.append(f"n{e} = t / {law}.period")
         due = f"abs(n{e} - round(n{e})) < 1e-6"

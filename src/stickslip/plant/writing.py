@@ -48,10 +48,15 @@ def along_terms(
     return terms
 
 
-def drive_terms(shape: Shape, e: int, u: str = "u") -> list[str]:
+def drive_terms(shape: Shape, e: int) -> list[str]:
     own = f"plant.elements[{e}]"
-    terms = [f"{own}.drive * {u}[0]"] if shape.drive else []
-    return terms + ([f"{own}.drive_rate * {u}[1]"] if shape.drive_rate else [])
+    terms = [f"{own}.drive * u[0]"] if shape.drive else []
+    return terms + ([f"{own}.drive_rate * u[1]"] if shape.drive_rate else [])
+
+
+def state_terms(shape: Shape, e: int) -> list[str]:
+    """What the state ``q`` gives to an element's input."""
+    return along_terms(shape, e, lambda m: f"q[{2 * m + 1}]", lambda m: f"q[{2 * m}]")
 
 
 def fed_terms(shape: Shape, e: int, of: Callable[[int], str]) -> list[str]:

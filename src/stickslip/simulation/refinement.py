@@ -1,8 +1,7 @@
 """How far a trajectory is from the true one, and smaller steps until that is near enough.
 
-A run is compared with one whose local errors are a quarter: their difference is the error of the first,
-within the error of the second (docs/decisions/error-estimate.md). The first is returned, whose error is
-known.
+A run is compared with one whose local errors, and so whose error, are a quarter: the error of the first is
+4/3 of their difference (docs/decisions/error-estimate.md). The first is returned, for its error is known.
 """
 
 from __future__ import annotations
@@ -54,9 +53,8 @@ def refined(
         if math.isnan(error):
             break
         found = Refined(coarse, error)
-        needed = (
-            level * tolerance / (1.5 * error) if error > 0.0 else level
-        )  # errors go with the local errors
+        # Errors go with the local errors.
+        needed = level * tolerance / (1.5 * error) if error > 0.0 else level
         if error <= tolerance or steps(fine) > MOST_STEPS or needed < floor:
             break
         level *= FINER
