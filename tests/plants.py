@@ -74,6 +74,7 @@ def motion(
     for element, side in zip(plant.elements, sides, strict=False):
         z, inside = np.split(inside, [states_of(element.law)])
         s = input_of(element, bodies, u, f)
+        side = float(np.sign(side))
         loaded = element.loaded is not None
         if not z.size:
             force = 0.0 if side == 0.0 else one_sided(element.law, s, np.array([side]), side)[0]

@@ -9,7 +9,7 @@ import pytest
 
 import reference
 from stickslip._jit import compiled
-from stickslip.friction import Dahl, Elastoplastic, LuGre, ResetIntegrator
+from stickslip.friction import Dahl, Elastoplastic, LuGre, MaxwellSlip, ResetIntegrator, element, project
 from stickslip.friction import law as laws
 from stickslip.friction.law import rate, register
 
@@ -30,6 +30,31 @@ def smooth_rate(law, v, z, side):
 @compiled
 def law_slopes(law, v, z, side):
     return laws.law_slopes(law, v, z, side)
+
+
+@compiled
+def branch_of(side, i):
+    return laws.branch_of(side, i)
+
+
+@compiled
+def with_branch(side, i, branch):
+    return laws.with_branch(side, i, branch)
+
+
+@compiled
+def rate_on(law, v, z, side):
+    return laws.rate_on(law, v, z, side)
+
+
+@compiled
+def branch_at(law, side, v, dv, z):
+    return laws.branch_at(law, side, v, dv, z)
+
+
+@compiled
+def branch_left(law, side, v, dv, z):
+    return laws.branch_left(law, side, v, dv, z)
 
 
 @compiled
@@ -99,10 +124,39 @@ def test_slopes_at_rest_look_to_the_side(side: float) -> None:
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_slopes_on_a_bound_look_beyond_it(side: float) -> None:
-    """There the bristle of a reset integrator stands still; just inside it would move."""
-    law = ResetIntegrator(1e6, 5e-7)
-    assert law_slopes(law, 1e-3 * side, 5e-7 * side, side)[3:] == (0.0, 0.0)
+def test_slopes_on_a_branch(side: float) -> None:
+    """On its limit a reset integrator stands still, without damping; just inside it would move."""
+    law = ResetIntegrator(1e6, 5e-7, 0.2, 3.0)
+    slides = with_branch(side, 0, 1)
+    assert law_slopes(law, 1e-3 * side, 5e-7 * side, slides)[0] == pytest.approx(0.5 * side)
+    assert law_slopes(law, 1e-3 * side, 5e-7 * side, slides)[1:4] == pytest.approx((0.0, 1e6, 0.0))
+    assert law_slopes(law, 1e-3 * side, 4e-7 * side, side)[:4] == pytest.approx(
+        (0.483 * side, 3.0, 1.2e6, 1.0)
+    )
+
+
+def test_branches_of_many_states_in_one_side() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        side, branches = float(rng.choice([-1.0, 1.0])), rng.integers(0, 4, 12)
+        packed = side
+        for i, branch in enumerate(branches.tolist()):
+            packed = with_branch(packed, i, branch)
+        assert [branch_of(packed, i) for i in range(12)] == [side * (1 + b) for b in branches]
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_branch_has_the_rate_of_the_law(side: float) -> None:
+    """Where an element sticks or is drawn down; between, it follows its strength within a rounding."""
+    rng, laws = np.random.default_rng(1), [element(MaxwellSlip((1e6,), (0.4,), 2.0, 1.4, 1e-3, 800.0), 0)]
+    laws.append(ResetIntegrator(1e6, 5e-7, 0.3, 2.0))
+    for law in laws:
+        for speed, share in zip(rng.uniform(1e-5, 3e-3, 100), rng.uniform(-0.99, 1.4, 100), strict=True):
+            v, z = side * speed, side * share * 5e-7
+            at = with_branch(side, 0, branch_at(law, side, v, side * rng.normal(), z))
+            expected = rate(law, v, project(law, z))
+            assert rate_on(law, v, project(law, z), at) == pytest.approx(expected, rel=1e-6, abs=1e-12)
+            assert branch_left(law, at, v, side * rng.normal(), z) >= 0.0 or share > 1.0
 
 
 @pytest.mark.parametrize("beyond", [2e-3, -2e-3])

@@ -21,10 +21,25 @@ Forces are those at the reference normal force; a normal-force input multiplies 
 from __future__ import annotations
 
 import inspect
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from .._jit import compiled, fused, overload, record_class
+
+
+class Branches(NamedTuple):
+    """The branches of a law whose rate jumps or kinks where its state meets a curve: a step stays on one,
+    smoothly continued, and is cut where it leaves it. For laws that are the same in both directions: all take
+    the `speed` |v|, its `growth` d|v|/dt and `z` in the direction of sliding.
+
+    ``choose(law, speed, growth, z) -> 0, 1, 2 or 3``; ``rate(law, speed, z, branch) -> (F, ż)``;
+    ``left(law, speed, growth, z, branch)``, negative where the branch ends.
+    """
+
+    choose: Callable[..., Any]
+    rate: Callable[..., Any]
+    left: Callable[..., Any]
 
 
 class _Implementation(NamedTuple):
@@ -34,6 +49,7 @@ class _Implementation(NamedTuple):
     element: Callable[..., Any] | None
     project: Callable[..., Any] | None
     tick: Callable[..., Any] | None
+    branches: Branches | None
     smooth: bool
 
 
@@ -55,6 +71,7 @@ def register(
     element: Callable[..., Any] | None = None,
     project: Callable[..., Any] | None = None,
     tick: Callable[..., Any] | None = None,
+    branches: Branches | None = None,
     smooth: bool = False,
 ) -> None:
     """Make a record a friction law.
@@ -69,6 +86,7 @@ def register(
         project: ``project(law, z) -> z``, where the law bounds its state (a reset); applied after each step.
         tick: ``tick(law, v, z) -> z``, for a sampled element with a field `period` [s]: called at each
             multiple of it, with the input of that instant; between the ticks the state stays (its ż is 0).
+        branches: of a law whose rate is smooth only in parts, see `Branches`; `rate` stays the whole law.
         smooth: the record is no friction contact but an element without a kink at v = 0: a lag, an
             amplifier, creep, a controller (see `plant.system`); its input v and output F are in whatever unit
             its maker says.
@@ -84,8 +102,8 @@ def register(
         raise TypeError(f"{name}: elements and element go together")
     if (rate is None) != (elements is not None):
         raise TypeError(f"{name}: a law has either a rate, or elements that have one")
-    made = _Implementation(rate, breakaway, elements, element, project, tick, smooth)
-    for role, function in zip(made._fields[:-1], made[:-1], strict=True):
+    made = _Implementation(rate, breakaway, elements, element, project, tick, branches, smooth)
+    for role, function in zip(made._fields[:-2], made[:-2], strict=True):
         expected = _ARGUMENTS.get(role, ("law",))
         if function is not None and tuple(inspect.signature(function).parameters) != expected:
             raise TypeError(f"{name}: {role} must be a function of ({', '.join(expected)}), named so")
@@ -110,6 +128,11 @@ def is_sampled(law_type: type) -> bool:
 def is_smooth(law_type: type) -> bool:
     """Whether records of this type have no kink at v = 0."""
     return _IMPLEMENTATIONS[law_type].smooth
+
+
+def has_branches(law: Any) -> bool:
+    """Whether the law, or the elements that it is composed of, have branches."""
+    return _implementation(element(law, 0)).branches is not None
 
 
 def _of(numba_type: Any) -> _Implementation | None:
@@ -214,14 +237,82 @@ def _project(law: Any, z: Any) -> Any:
 
 
 @fused
+def branch_of(side, i):
+    """The side of a contact that tells the branch of its state i: see `with_branch`."""
+    return math.copysign(1.0 + ((int(abs(side)) - 1) >> 2 * i & 3), side)
+
+
+@fused
+def with_branch(side, i, branch):
+    """A side, -1 or 1, whose size tells the branches of the contact's states as well: 1 where all are 0, and
+    branch times 4^i more for that of state i."""
+    return side + math.copysign(float(branch << 2 * i), side)
+
+
+def rate_on(law: Any, v: float, z: float, side: float) -> tuple[float, float]:
+    """`rate` on the branch that the side tells."""
+    branches = _implementation(law).branches
+    return _branched(law, v, z, side, branches.rate) if branches else rate(law, v, z)
+
+
+def _branched(law: Any, v: float, z: float, side: float, rate: Callable[..., Any]) -> tuple[float, float]:
+    sign = math.copysign(1.0, side)
+    force, dz = rate(law, abs(v), sign * z, int(abs(side)) - 1)
+    return sign * force, sign * dz
+
+
+def branch_at(law: Any, side: float, v: float, dv: float, z: float) -> int:
+    """The branch of a state at an instant; 0 for a law without any."""
+    branches, sign = _implementation(law).branches, math.copysign(1.0, side)
+    return branches.choose(law, abs(v), sign * dv, sign * z) if branches else 0
+
+
+def branch_left(law: Any, side: float, v: float, dv: float, z: float) -> float:
+    """Negative where the branch of a state has ended."""
+    branches, sign = _implementation(law).branches, math.copysign(1.0, side)
+    return branches.left(law, sign * v, sign * dv, sign * z, int(abs(side)) - 1) if branches else 1.0
+
+
+@overload(rate_on)
+def _rate_on(law: Any, v: Any, z: Any, side: Any) -> Any:
+    branches = implementation.branches if (implementation := _of(law)) else None
+    if branches is None:
+        return lambda law, v, z, side: rate(law, v, z)
+    of, branched = fused(branches.rate), fused(_branched)
+    return lambda law, v, z, side: branched(law, v, z, side, of)
+
+
+@overload(branch_at)
+def _branch_at(law: Any, side: Any, v: Any, dv: Any, z: Any) -> Any:
+    branches = implementation.branches if (implementation := _of(law)) else None
+    if branches is None:
+        return lambda law, side, v, dv, z: 0
+    of = fused(branches.choose)
+    return lambda law, side, v, dv, z: of(
+        law, abs(v), math.copysign(1.0, side) * dv, math.copysign(1.0, side) * z
+    )
+
+
+@overload(branch_left)
+def _branch_left(law: Any, side: Any, v: Any, dv: Any, z: Any) -> Any:
+    branches = implementation.branches if (implementation := _of(law)) else None
+    if branches is None:
+        return lambda law, side, v, dv, z: 1.0
+    of, sign = fused(branches.left), math.copysign
+    return lambda law, side, v, dv, z: of(
+        law, sign(1.0, side) * v, sign(1.0, side) * dv, sign(1.0, side) * z, int(abs(side)) - 1
+    )
+
+
+@fused
 def smooth_rate(law, v, z, side):
     """Force and rate on one side of v = 0, continued beyond it by reflection in the point v = 0, which keeps
     value
     and slope: the kink of |v| never enters a step, which is cut at the reversal afterwards."""
-    force, dz = rate(law, abs(v) * side, z)
+    force, dz = rate_on(law, math.copysign(v, side), z, side)
     if v * side >= 0.0:
         return force, dz
-    force_0, dz_0 = rate(law, 0.0, z)
+    force_0, dz_0 = rate_on(law, 0.0, z, side)
     return 2.0 * force_0 - force, 2.0 * dz_0 - dz
 
 
@@ -229,14 +320,12 @@ def smooth_rate(law, v, z, side):
 def law_slopes(law, v, z, side):
     """F, dF/dv, dF/dz, dż/dv, dż/dz by one-sided differences: outwards in v from the `side` of v = 0 (0: of
     no contact, by v itself), and off a bound on z."""
-    speed = abs(v) if side != 0.0 else v
-    side = side if side != 0.0 else 1.0
-    dv = side * (1e-7 * abs(speed) + 1e-11)
-    dz = 1e-7 * abs(z) + 1e-15
-    dz = dz if z >= 0.0 else -dz
-    force, rate_0 = rate(law, side * speed, z)
-    force_v, rate_v = rate(law, side * speed + dv, z)
-    force_z, rate_z = rate(law, side * speed, z + dz)
+    at = math.copysign(v, side) if side != 0.0 else v
+    dv = math.copysign(1e-7 * abs(at) + 1e-11, side)
+    dz = math.copysign(1e-7 * abs(z) + 1e-15, z)
+    force, rate_0 = rate_on(law, at, z, side)
+    force_v, rate_v = rate_on(law, at + dv, z, side)
+    force_z, rate_z = rate_on(law, at, z + dz, side)
     return (
         force,
         (force_v - force) / dv,

@@ -16,15 +16,22 @@ same while |v| grows.
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, NamedTuple
 
+from .._jit import fused
 from ..records import Quantity, record
 from ..units import QuantityError
-from .law import register
+from .law import Branches, register
 from .stribeck import stribeck_curve
 
 # An element on its limit slides, though rounding may put it just below.
 ON_LIMIT = 1.0 - 1e-12
+# Branches of an element: its spring takes up the motion; it slides while its strength rises, which the spring
+# follows; it slides and is drawn down to a strength that falls.
+STICKS, FOLLOWS, DRAWN = 0, 1, 2
+# How far the spring stays behind a rising strength, relative.
+LAG = 1e-8
 
 
 @record
@@ -84,10 +91,62 @@ def element_rate(law, v, z):
     return law.stiffness * z + law.sigma_2 * v, dz
 
 
+def _limit(law, speed):
+    """Deflection at which it slides [m], and its slope by the speed over the speed [s²/m]."""
+    fall = (law.stiction - law.strength) * math.exp(-((speed / law.stribeck_velocity) ** 2))
+    slope = -2.0 / law.stribeck_velocity**2 * fall / law.stiffness
+    return (law.strength + fall) / law.stiffness, slope
+
+
+def element_choose(law, speed, growth, z):
+    if law.stiction <= law.strength:  # elastic-perfectly-plastic: its bound does it
+        return STICKS
+    limit, slope = LIMIT(law, speed)
+    if z > limit * (1.0 + LAG):
+        return DRAWN
+    if z < limit * (1.0 - 4.0 * LAG):
+        return STICKS
+    if z > limit * (1.0 - 1.5 * LAG) and growth > LAG * law.attraction_rate * law.stribeck_velocity:
+        return DRAWN
+    # Where the strength rises faster than the spring is loaded, it cannot follow.
+    return STICKS if slope * growth > 1.0 + LAG else FOLLOWS
+
+
+def element_branch_rate(law, speed, z, branch):
+    limit, dz = LIMIT(law, speed)[0], speed
+    if law.stiction <= law.strength:
+        dz = 0.0 if z >= limit * ON_LIMIT else speed
+    elif branch == FOLLOWS:
+        dz = speed / LAG * (1.0 - z / limit)
+    elif branch == DRAWN:
+        dz = law.attraction_rate * law.strength / law.stiffness * (1.0 - z / limit)
+    return law.stiffness * z + law.sigma_2 * speed, dz
+
+
+def element_left(law, speed, growth, z, branch):
+    if law.stiction <= law.strength:
+        return 1.0
+    limit, slope = LIMIT(law, speed)
+    if branch == STICKS:
+        return limit * (1.0 + LAG) - z
+    if branch == DRAWN:
+        return z - limit * (1.0 - 2.0 * LAG)
+    falls = growth > 2.0 * LAG * law.attraction_rate * law.stribeck_velocity and z > limit * (1.0 - LAG)
+    return -1.0 if falls or slope * growth > 1.0 + 2.0 * LAG else 1.0
+
+
+LIMIT = fused(_limit)
+
+
 def element_bound(law, z):
     limit = law.stiction / law.stiffness
     return min(max(z, -limit), limit)
 
 
 register(MaxwellSlip, elements=maxwell_elements, element=maxwell_element)
-register(MaxwellElement, element_rate, project=element_bound)
+register(
+    MaxwellElement,
+    element_rate,
+    project=element_bound,
+    branches=Branches(element_choose, element_branch_rate, element_left),
+)

@@ -15,10 +15,15 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from ..records import Quantity, record
-from .law import register
+from .law import Branches, register
 
 # A bristle on its limit slides, though rounding may put it just below.
-ON_LIMIT = 1.0 - 1e-12
+ON_LIMIT = 1.0 - 1e-7
+# How far it stays behind its limit under a growing normal force, relative.
+LAG = 1e-8
+# Branches: the bristle takes up the motion, or stands still on its limit, whatever a growing normal force
+# does to it; without damping then.
+STICKS, SLIDES = 0, 1
 
 
 @record
@@ -40,8 +45,22 @@ def reset_integrator(law, v, z):
     return (1.0 + a) * law.sigma_0 * z + law.sigma_2 * dz, dz
 
 
+def choose(law, speed, growth, z):
+    return SLIDES if z >= law.breakaway_deflection * ON_LIMIT else STICKS
+
+
+def rate_of(law, speed, z, branch):
+    if branch == SLIDES:
+        return law.sigma_0 * z, speed / LAG * (1.0 - z / law.breakaway_deflection)
+    return (1.0 + law.stiction_excess) * law.sigma_0 * z + law.sigma_2 * speed, speed
+
+
+def left(law, speed, growth, z, branch):
+    return law.breakaway_deflection - z if branch == STICKS else 1.0
+
+
 def reset(law, z):
     return min(max(z, -law.breakaway_deflection), law.breakaway_deflection)
 
 
-register(ResetIntegrator, reset_integrator, project=reset)
+register(ResetIntegrator, reset_integrator, project=reset, branches=Branches(choose, rate_of, left))

@@ -16,6 +16,7 @@ from .writing import (
     padded,
     pin,
     present,
+    side_of,
     state_terms,
     states_of,
     static_elements,
@@ -39,7 +40,8 @@ def slope(layout: Layout) -> Text:
                 f"smooth_rate(plant.elements[{e}].law, s{e}, sides[{e}], sides[{e}])[0]"
             )
         for i, (law, z) in enumerate(states_of(layout, e)):
-            call = f"rate({law}, s{e}, {z})" if shape.smooth else f"smooth_rate({law}, s{e}, {z}, sides[{e}])"
+            side = side_of(shape, e, i)
+            call = f"rate({law}, s{e}, {z})" if shape.smooth else f"smooth_rate({law}, s{e}, {z}, {side})"
             lines.append(f"{'f' + str(e) if i == 0 else 'g'}, d{e}_{i} = {call}")
             if i > 0:
                 lines.append(f"f{e} += g")
@@ -88,7 +90,7 @@ def _linearised(layout: Layout, e: int, shape: Shape) -> list[str]:
             f"    ft{e} = phi{e} * st{e}",
         ]
     for i, (law, z) in enumerate(states_of(layout, e)):
-        side = "0.0" if shape.smooth else f"sides[{e}]"
+        side = "0.0" if shape.smooth else side_of(shape, e, i)
         lines.append(f"f, fv, fz{e}_{i}, zv{e}_{i}, zz = law_slopes({law}, s{e}, {z}, {side})")
         if shape.loaded:
             lines.append("zz -= fresh")

@@ -18,6 +18,9 @@ from typing import Any
 from .._jit import FUSED, overload_with, record_class
 from ..friction.law import (
     bounded,
+    branch_at,
+    branch_left,
+    branch_of,
     breakaway,
     element,
     law_slopes,
@@ -25,6 +28,7 @@ from ..friction.law import (
     reversal_kink,
     smooth_rate,
     ticked_state,
+    with_branch,
 )
 from . import dynamics, kinematics
 from .system import Layout, layout_of
@@ -43,6 +47,10 @@ _NAMES = {
     "law_slopes": law_slopes,
     "reversal_kink": reversal_kink,
     "bounded": bounded,
+    "branch_at": branch_at,
+    "branch_left": branch_left,
+    "branch_of": branch_of,
+    "with_branch": with_branch,
 }
 
 
@@ -192,6 +200,21 @@ def unrest(plant: Any, dq: Any, u: Any) -> Any:
 @_generated
 def moves_freely(plant: Any) -> Any:
     """Whether a body can be anywhere, so that a period may repeat further on."""
+
+
+@_generated
+def branched(plant: Any) -> Any:
+    """Whether a law has branches (see `friction.law.Branches`)."""
+
+
+@_generated
+def on_branches(plant: Any, sides: Any, q: Any, v: Any, dv: Any) -> Any:
+    """The sides with the branches on which the states are, at speeds `v` that change by `dv`."""
+
+
+@_generated
+def branches_hold(plant: Any, sides: Any, q: Any, v: Any, dv: Any) -> Any:
+    """Whether all states are still on the branches that the sides tell."""
 
 
 @_generated

@@ -13,6 +13,7 @@ from .writing import (
     padded,
     pin,
     present,
+    side_of,
     state_terms,
     states_of,
     static_elements,
@@ -196,6 +197,33 @@ def sampled(layout: Layout) -> Text:
     return Text([], str(any(shape.sampled for shape in layout.elements)))
 
 
+def branched(layout: Layout) -> Text:
+    return Text([], str(any(shape.branched for shape in layout.elements)))
+
+
+def on_branches(layout: Layout) -> Text:
+    lines, made = [], []
+    for e, shape in enumerate(layout.elements):
+        lines.append(f"side{e} = sides[{e}]")
+        if shape.branched:
+            lines.append(f"side{e} = one = 1.0 if side{e} > 0.0 else -1.0")
+            for i, (law, z) in enumerate(states_of(layout, e)):
+                at = f"branch_at({law}, one, v[{e}], dv[{e}], {z})"
+                lines.append(f"side{e} = with_branch(side{e}, {i}, {at})")
+        made.append(f"side{e}")
+    return Text(lines, padded(made))
+
+
+def branches_hold(layout: Layout) -> Text:
+    holds = []
+    for e, shape in enumerate(layout.elements):
+        for i, (law, z) in enumerate(states_of(layout, e)):
+            if shape.branched:
+                side = side_of(shape, e, i)
+                holds.append(f"branch_left({law}, {side}, v[{e}], dv[{e}], {z}) >= 0.0")
+    return Text([], " and ".join(holds) or "True")
+
+
 def next_tick(layout: Layout) -> Text:
     periods = [f"plant.elements[{e}].law.period" for e, s in enumerate(layout.elements) if s.sampled]
     lines = ["at = inf", *(f"at = min(at, (floor(t / {p} + 1e-9) + 1.0) * {p})" for p in periods)]
@@ -239,6 +267,9 @@ SOURCES: dict[str, Callable[[Layout], Text]] = {
         follows_drive,
         unrest,
         moves_freely,
+        branched,
+        on_branches,
+        branches_hold,
         sampled,
         next_tick,
         ticked,

@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._jit import record_class
-from ..friction.law import elements, is_sampled, is_smooth, is_static
+from ..friction.law import elements, has_branches, is_sampled, is_smooth, is_static
 
 
 class Mode(NamedTuple):
@@ -83,6 +83,7 @@ class Shape(NamedTuple):
     static: bool
     smooth: bool
     sampled: bool
+    branched: bool
     velocity: tuple[bool, ...]
     push: tuple[bool, ...]
     loaded: bool
@@ -126,6 +127,7 @@ def _shape_of_record(element: Element) -> Shape:
         is_static(type(law)),
         is_smooth(type(law)),
         is_sampled(type(law)),
+        has_branches(law),
         there(element.velocity),
         there(element.push),
         element.loaded is not None,

@@ -69,6 +69,11 @@ def states_of(layout: Layout, e: int) -> list[tuple[str, str]]:
     return [(f"element({law}, {i})", f"q[{first + i}]") for i in range(layout.elements[e].states)]
 
 
+def side_of(shape: Shape, e: int, i: int) -> str:
+    """On which side of zero, and on which branch, the state i of an element is."""
+    return f"branch_of(sides[{e}], {i})" if shape.branched else f"sides[{e}]"
+
+
 def normal_of(e: int, shape: Shape) -> str:
     own = f"plant.elements[{e}].normal"
     return f"{own} * normal[0]" if shape.loaded else own

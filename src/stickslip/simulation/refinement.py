@@ -20,6 +20,8 @@ PER_DIFFERENCE, PER_NUMBER = 1.0 / (1.0 - FINER), 2.0
 # A run that took more steps than this is not refined any more: some tenths of a second.
 MOST_STEPS = 400_000
 ROUNDS = 8
+# How much smaller local errors become from one round to the next, at most.
+FARTHEST = 1e-2
 # Below this tolerance of an engine, m, rounding tells more than the method does.
 FINEST = 1e-13
 
@@ -53,10 +55,10 @@ def refined(
         if math.isnan(error):
             break
         found = Refined(coarse, error)
-        # Errors go with the local errors.
-        needed = level * tolerance / (1.5 * error) if error > 0.0 else level
-        if error <= tolerance or steps(fine) > MOST_STEPS or needed < floor:
+        if error <= tolerance or steps(fine) > MOST_STEPS or level <= floor:
             break
+        # Errors go with the local errors, but not those of a run that went another way.
+        needed = max(level * tolerance / (1.5 * error), FARTHEST * level, floor)
         level *= FINER
         coarse = fine
         if needed < FINER * level:

@@ -12,6 +12,8 @@ import math
 
 from .._jit import fused
 from ..plant.generated import (
+    branched,
+    branches_hold,
     breakaways,
     contacts,
     drive_rates,
@@ -19,6 +21,7 @@ from ..plant.generated import (
     kinks,
     next_tick,
     no_sides,
+    on_branches,
     relative_speeds,
     replaced,
     riding,
@@ -196,6 +199,43 @@ def _cut(plant, h, sides, q, new, rows, u, fast, local):
 
 
 @fused
+def _branched(plant, sides, q, u, n):
+    """The sides with the branches of the laws at an instant."""
+    dv = speeds(plant, slope(plant, sides, q, u, n)[0], (u[1], u[2], u[3]))
+    return on_branches(plant, sides, q, speeds(plant, q, u), dv)
+
+
+@fused
+def _branches_hold(plant, drive, i, load, j, t, theta, h, sides, q, new, rows):
+    """Whether the laws are still on their branches at a fraction of the step."""
+    u, n = channels.at(drive, i, t + theta * h), channels.at(load, j, t + theta * h)
+    there = at(theta, q, new, rows)
+    dv = speeds(plant, slope(plant, sides, there, u, n)[0], (u[1], u[2], u[3]))
+    return branches_hold(plant, sides, there, speeds(plant, there, u), dv)
+
+
+@fused
+def _branch_ends(plant, drive, i, load, j, t, h, sides, q, new, rows, cut):
+    """Fraction of the step at which a law leaves its branch; `cut` if none does before."""
+    low, high = 0.0, -1.0
+    for c in range(1, HELD_CHECKS + 1):
+        theta = c * cut / HELD_CHECKS
+        if not _branches_hold(plant, drive, i, load, j, t, theta, h, sides, q, new, rows):
+            high = theta
+            break
+        low = theta
+    if high < 0.0:
+        return cut
+    for _ in range(52):
+        theta = 0.5 * (low + high)
+        if _branches_hold(plant, drive, i, load, j, t, theta, h, sides, q, new, rows):
+            low = theta
+        else:
+            high = theta
+    return high
+
+
+@fused
 def _record(log, row, t, h, t_new, fraction, sides, q, new, rows):
     log[row, START], log[row, LENGTH], log[row, END], log[row, FRACTION] = t, h, t_new, fraction
     for e in range(len(sides)):
@@ -256,6 +296,8 @@ def run(plant, drive, load, state, sides, t, h, fresh, t_end, local, max_steps, 
         h_now = left if last else min(h, 0.5 * left) if h > 0.5 * left else h
 
         u, n = at_nodes(drive, i, t, h_now), at_nodes(load, j, t, h_now)
+        if branched(plant):
+            sides = _branched(plant, sides, state, u[0], n[0])
         new, rows, error, fast = take(plant, sides, h_now, state, u, n)
         error /= local
         if not error <= 1.0:
@@ -289,6 +331,10 @@ def run(plant, drive, load, state, sides, t, h, fresh, t_end, local, max_steps, 
                     if theta < cut:
                         cut, why = theta, BREAKS
                     break
+        if branched(plant):
+            theta = _branch_ends(plant, drive, i, load, j, t, h_now, sides, state, new, rows, cut)
+            if theta < cut:
+                cut, why = theta, SLOWS
         accepted += 1
         t_new, end, u_end = t_break if last else t + h_now, new, u[5]
         if cut < 1.0:
