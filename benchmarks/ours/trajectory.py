@@ -11,6 +11,7 @@ import numpy as np
 import stickslip as ss
 from stickslip.simulation.models import Contact
 from stickslip.solve.periods import integrate
+from stickslip.solve.resume import NO_RESUME
 
 from .. import problems
 from ..worker import Case, serve
@@ -30,7 +31,7 @@ def _engine(problem: str, drive: Any, tolerance: float) -> Callable[[], np.ndarr
 
     def run() -> np.ndarray:
         q = start.copy()
-        integrate(of.plant, table, contact.drive, q, span, tolerance, MAX_STEPS, times, samples)
+        integrate(of.plant, table, contact.drive, q, span, tolerance, MAX_STEPS, times, samples, NO_RESUME)
         return samples[:, of.slider]
 
     return run

@@ -81,6 +81,8 @@ from .rig import measure as measure
 from .simulation import NotPeriodicError as NotPeriodicError
 from .simulation import SimulationError as SimulationError
 from .simulation import SimulationWarning as SimulationWarning
+from .simulation import State as State
+from .simulation import final_state as final_state
 from .simulation import friction_response as friction_response
 from .simulation import sensitivities as sensitivities
 from .simulation import simulate as simulate

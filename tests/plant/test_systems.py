@@ -15,6 +15,7 @@ import plants
 from stickslip.friction import Dahl, Elastoplastic, LuGre, MaxwellSlip, register
 from stickslip.plant.system import Element, Mode, Plant, state_size
 from stickslip.solve.periods import integrate
+from stickslip.solve.resume import NO_RESUME
 from stickslip.waveform.drive import Drive, constant
 from stickslip.waveform.periodic import Sawtooth, Sine
 
@@ -34,7 +35,9 @@ def followed(plant: Plant, drive: Drive, times: np.ndarray = TIMES, tolerance: f
     samples = np.full((times.size, q.size + max(len(plant.elements), 1)), np.nan)
     span = np.array([0.0, times[-1]])
     drive = drive._replace(polynomial=np.ascontiguousarray(drive.polynomial))
-    outcome, *_ = integrate(plant, drive, constant(1.0), q, span, tolerance, 1_000_000, times, samples)
+    outcome, *_ = integrate(
+        plant, drive, constant(1.0), q, span, tolerance, 1_000_000, times, samples, NO_RESUME
+    )
     assert outcome == 0
     return samples[:, : q.size]
 

@@ -18,6 +18,7 @@ from ..simulation.models import Contact, checked_drive, classic
 from ..simulation.sensitivity import follow_moved, moved
 from ..solve.outcome import DONE
 from ..solve.periods import integrate
+from ..solve.resume import NO_RESUME
 from ..waveform.drive import evaluate
 from ..waveform.signal import Waveform
 from .recorded_drive import drive_over
@@ -64,7 +65,18 @@ class Displacement:
             samples = np.full((times.size, state.size + 1), np.nan)
             span = np.array([0.0, times[-1]])
             outcome, reached, _, _ = integrate(
-                of.plant, self.drive, LOAD.drive, state, span, self.tolerance, self.max_steps, times, samples
+                *(
+                    of.plant,
+                    self.drive,
+                    LOAD.drive,
+                    state,
+                    span,
+                    self.tolerance,
+                    self.max_steps,
+                    times,
+                    samples,
+                ),
+                NO_RESUME,
             )
             if outcome != DONE:  # to a fit, a trial point without a model
                 raise ArithmeticError(f"the motion cannot be followed beyond t = {reached:.6g} s")

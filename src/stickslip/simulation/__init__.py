@@ -7,6 +7,8 @@ from .errors import SimulationWarning as SimulationWarning
 from .prescribed import friction_response as friction_response
 from .sensitivity import sensitivities as sensitivities
 from .sensitivity import steady_step_derivatives as steady_step_derivatives
+from .state import State as State
+from .state import final_state as final_state
 from .steady import steady_orbit as steady_orbit
 from .steady import steady_step as steady_step
 from .trajectory import simulate as simulate

@@ -251,7 +251,8 @@ def checked_drive(model: Actuator | PulledSlider, waveform: Waveform, end: float
     refuse_no_waveform(waveform)
     if waveform.unit != unit:
         raise QuantityError(f"the drive of an {type(model).__name__} is in {unit}, not in {waveform.unit}")
-    table = waveform.drive(end)
+    # Of a periodic one two periods, that it can be seen to be.
+    table = waveform.drive(end if periodic else max(end, 2.0 * (getattr(waveform, "period", None) or 0.0)))
     if isinstance(model, Actuator):
         low, high = waveform.range()
         if low < model.min_voltage or high > model.max_voltage:
@@ -263,7 +264,7 @@ def checked_drive(model: Actuator | PulledSlider, waveform: Waveform, end: float
             model.static
             and not model.clamped
             and elements(model.friction) > 0
-            and _jumps(table, end if periodic else None)
+            and _jumps(waveform.drive(end), end if periodic else None)
         ):
             raise QuantityError(
                 "a static stage would follow a jump of the voltage at infinite speed, at which a presliding "

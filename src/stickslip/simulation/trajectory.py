@@ -12,16 +12,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..actuator import Actuator, PulledSlider
 from ..friction import elements
+from ..plant.system import state_size
 from ..recording import make_recording
 from ..solve.log import TERMS
 from ..solve.outcome import DONE, STEP_TOO_SMALL
 from ..solve.periods import integrate, integrate_account
+from ..solve.resume import row_size
 from ..units import QuantityError, to_si, with_prefix
 from ..waveform.drive import Drive, evaluate
 from ..waveform.signal import Waveform
 from .errors import SimulationError, SimulationWarning
 from .models import SLIDER, STAGE, Contact, System, checked_drive, classic, contact_load, refuse_no_waveform
 from .refinement import refined
+from .state import State, as_text, final_state, maker, placed
 
 COMPLETE = "complete"
 _OUTCOMES = {STEP_TOO_SMALL: "the step size fell below what floating point can resolve"}
@@ -38,8 +41,9 @@ def simulate(
     load: Waveform | float = 1.0,
     energy: bool = False,
     max_steps: int = 20_000_000,
+    initial_state: State | xr.Dataset | None = None,
 ) -> xr.Dataset:
-    """The trajectory of a model under a drive signal, from rest.
+    """The trajectory of a model under a drive signal, from rest or from a state.
 
     Args:
         model: an `Actuator`, or a `PulledSlider`.
@@ -55,34 +59,41 @@ def simulate(
             `external_work`, `kinetic_energy`, `elastic_energy`, and `energy_defect`, which a perfect solution
             has at 0.
         max_steps: give up after so many steps.
+        initial_state: where it begins: a `State`, or a trajectory, to be continued: then `duration` counts
+            from its end, and samples and drive go on in its time. With the same model, drive, load and
+            tolerance it goes on to the last bit as one run over both would (where that needs no smaller
+            steps, and without `energy`), and its error is added.
 
     Returns:
         Dataset over "time" (s) with end_effector_position, stage_position, sliding_displacement (m),
         friction_force (N, on the end-effector), drive_voltage or spring_position, velocities (m/s), bristle
-        deflections (m). attrs["error_estimate"] (m): how far the end-effector's position may be off; where
-        that is above the tolerance after all, a `SimulationWarning` says so. If the motion could not be
-        followed to the end: a `SimulationWarning`, the part until then, and the reason in attrs["outcome"].
+        deflections (m). attrs["final_state"]: see `final_state`. attrs["error_estimate"] (m): how far the
+        end-effector's position may be off; where that is above the tolerance after all, a
+        `SimulationWarning` says so. If the motion could not be followed to the end: a `SimulationWarning`,
+        the part until then, and the reason in attrs["outcome"].
 
     Raises:
         QuantityError: a drive outside the actuator's voltage range, wrong unit, bad times, tolerance or rate.
         SimulationError: not even two samples could be computed.
     """
     tolerance = to_si(tolerance, "m", "tolerance")
+    begin = final_state(initial_state) if isinstance(initial_state, xr.Dataset) else initial_state
     found = follow(
         model,
         waveform,
-        sample_times(waveform, duration, sample_rate, times),
+        sample_times(waveform, duration, sample_rate, times, begin.time if begin else 0.0),
         tolerance=tolerance,
         load=load,
         energy=energy,
         max_steps=max_steps,
         check=True,
+        begin=begin,
     )
     if found.times.size < 2:
         raise SimulationError(found.outcome)
     if found.outcome != COMPLETE:
         warnings.warn(found.outcome, SimulationWarning, stacklevel=2)
-    elif not found.error <= tolerance:
+    elif not found.error - (begin.error_estimate if begin else 0.0) <= tolerance:
         warnings.warn(not_within(found.error, tolerance), SimulationWarning, stacklevel=2)
     times, samples = found.times, found.samples
     variables: dict[str, Any] = _variables(model, samples, found.drive, times)
@@ -99,6 +110,8 @@ def simulate(
         model=repr(model),
         drive=repr(waveform),
     )
+    if found.final is not None:
+        made.attrs["final_state"] = as_text(found.final)
     return made
 
 
@@ -107,7 +120,8 @@ class Followed(NamedTuple):
 
     `samples` [times, states + 1]: stage position and velocity, end-effector's position and velocity, friction
     force, bristles; `work` see `solve.log`; `start`, the state before; `drive`, the segment table;
-    `error`, how far the end-effector may be off, m, where it was estimated.
+    `error`, how far the end-effector may be off, m, where it was estimated; `final`, the last state, and
+    `resume`, from where it can be taken up again (`solve.resume`).
     """
 
     times: NDArray[np.float64]
@@ -118,11 +132,14 @@ class Followed(NamedTuple):
     outcome: str
     steps: int
     rejected: int
+    resume: NDArray[np.float64]
     error: float = math.nan
+    final: State | None = None
 
 
 class _Task(NamedTuple):
-    """A trajectory to be followed; `start`, its state before."""
+    """A trajectory to be followed; `start`, its state before, at the time `begins`, or `resume` (see
+    `solve.resume`)."""
 
     of: System
     drive: Drive
@@ -131,6 +148,8 @@ class _Task(NamedTuple):
     times: NDArray[np.float64]
     energy: bool
     max_steps: int
+    begins: float
+    resume: NDArray[np.float64]
 
     def run(self, tolerance: float) -> Followed:
         """With steps whose local errors are in proportion to the tolerance."""
@@ -139,9 +158,10 @@ class _Task(NamedTuple):
         samples = np.full((times.size, q.size + max(len(plant.elements), 1)), np.nan)
         work = np.zeros((times.size if self.energy else 0, TERMS))
         solve, account = (integrate_account, (work,)) if self.energy else (integrate, ())
-        span = np.array([0.0, times[-1]])
+        span, resume = np.array([self.begins, times[-1]]), self.resume.copy()
         outcome, reached, steps, rejected = solve(
-            plant, table, self.contact.drive, q, span, tolerance, self.max_steps, times, samples, *account
+            *(plant, table, self.contact.drive, q, span, tolerance, self.max_steps, times, samples),
+            *(resume, *account),
         )
         samples, text = classic(self.of, samples, table, times), COMPLETE
         if outcome != DONE:
@@ -152,8 +172,8 @@ class _Task(NamedTuple):
             times, samples, work = times[keep], samples[keep], work[keep] if self.energy else work
         before = np.full((1, samples.shape[1]), 0.0)
         before[0, : q.size] = self.start
-        start = classic(self.of, before, table, np.array([-1.0]))[0]
-        return Followed(times, samples, work, start, table, text, steps, rejected)
+        start = classic(self.of, before, table, np.array([self.begins or -1.0]))[0]
+        return Followed(times, samples, work, start, table, text, steps, rejected, resume)
 
 
 def follow(
@@ -166,6 +186,7 @@ def follow(
     energy: bool = False,
     max_steps: int = 20_000_000,
     check: bool = False,
+    begin: State | None = None,
 ) -> Followed:
     """What `simulate` does, without labels and warnings: for what is drawn many times a second. Without
     `check` one run, whose error is usually a tenth of the tolerance and is not estimated."""
@@ -177,11 +198,27 @@ def follow(
         raise QuantityError(f"tolerance = {tolerance} m must be > 0 m")
     if energy and not isinstance(model, Actuator):
         raise QuantityError("the energy account is kept for an Actuator only")
-    task = _Task(of, table, contact, contact.rest(of, table.before), times, energy, max_steps)
+    begin, by = begin or State(), maker(model, waveform, load, tolerance)
+    if times[0] < begin.time:
+        raise QuantityError(
+            f"times [s] begin at {times[0]:g} s, before the initial state at {begin.time:g} s"
+        )
+    resume = np.zeros(row_size(len(of.plant.elements), state_size(of.plant)))
+    if begin.made_by == by and not energy:  # the account begins at the state itself
+        resume[:] = begin.resume
+    start = placed(begin, of, contact, table.before)
+    task = _Task(of, table, contact, start, times, energy, max_steps, begin.time, resume)
     if not check:
         return task.run(float(tolerance))
     found = refined(task.run, _distance, lambda run: run.steps + run.rejected, float(tolerance))
-    return found.run._replace(error=found.error)
+    made = found.run._replace(error=found.error + begin.error_estimate)
+    return made._replace(final=_final(made, by)) if made.outcome == COMPLETE else made
+
+
+def _final(run: Followed, by: str) -> State:
+    last = run.samples[-1].tolist()
+    resume = tuple(run.resume.tolist())
+    return State(float(run.times[-1]), *last[:4], tuple(last[5:]), run.error, resume, by)
 
 
 def _distance(one: Followed, other: Followed) -> float:
@@ -192,16 +229,24 @@ def _distance(one: Followed, other: Followed) -> float:
 
 
 def sample_times(
-    waveform: Waveform, duration: float | str | None, sample_rate: float | str, times: ArrayLike | None
+    waveform: Waveform,
+    duration: float | str | None,
+    sample_rate: float | str,
+    times: ArrayLike | None,
+    start: float = 0.0,
 ) -> NDArray[np.float64]:
-    """The times given, or those of a rate and a duration; raises `QuantityError`, see `simulate`."""
+    """The times given, or those of a rate and a duration from `start` on.
+
+    Raises:
+        QuantityError: see `simulate`.
+    """
     if times is not None:
         made = np.ascontiguousarray(times, dtype=float)
         if made.ndim != 1 or made.size < 2 or made[0] < 0.0 or not np.all(np.diff(made) > 0.0):
             raise QuantityError("times [s] must be at least two numbers, ascending, from 0 s or later")
         return made
     refuse_no_waveform(waveform)
-    duration = waveform.duration if duration is None else to_si(duration, "s", "duration")
+    duration = waveform.duration - start if duration is None else to_si(duration, "s", "duration")
     sample_rate = to_si(sample_rate, "Hz", "sample_rate")
     if not (math.isfinite(duration) and duration > 0.0):
         raise QuantityError(
@@ -214,7 +259,7 @@ def sample_times(
         raise QuantityError(
             f"duration = {duration:g} s holds no interval at sample_rate = {sample_rate:g} Hz"
         )
-    return np.arange(count + 1) / sample_rate
+    return start + np.arange(count + 1) / sample_rate
 
 
 def not_within(error: float, tolerance: float) -> str:
@@ -273,6 +318,7 @@ def _account(
     external = 0.0 * x if model.clamped else model.axial_force * (x - start[SLIDER])
     drive, damping = m * work[:, 0], m * work[:, 1]
     at_start = 0.5 * k * start[STAGE] ** 2 + 0.5 * m * start[STAGE + 1] ** 2
+    at_start += 0.5 * m_e * start[SLIDER + 1] ** 2
     stored = kinetic + elastic - at_start
     return {
         "drive_work": (drive, "J"),

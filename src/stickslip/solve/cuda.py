@@ -29,7 +29,7 @@ def _members(plant, drive, load, values, states, span, tolerance, max_steps, non
     times, samples, log = none
     own, state = with_values(plant, values[m]), state_of(plant, states[m])
     outcome, t, accepted, rejected, state = follow(
-        own, drive, load, state, span, tolerance, max_steps, times, samples, log, None, None, None
+        own, drive, load, state, span, tolerance, max_steps, times, samples, log, None, None, None, None
     )
     outcomes[m], reached[m], steps[m] = outcome, t, accepted + rejected
     for c in range(len(state)):

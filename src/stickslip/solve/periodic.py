@@ -19,6 +19,7 @@ from ..waveform.drive import Drive
 from .neighbours import neighbours
 from .outcome import DONE
 from .periods import LOG_ROWS, integrate, integrate_near
+from .resume import NO_RESUME
 
 MAX_STEPS = 10_000_000
 # Periods of waiting between two attempts of Newton's method.
@@ -85,7 +86,9 @@ def find_orbit(
         nonlocal count
         count += 1
         q = state(r)
-        outcome = integrate(plant, drive, load, q, span, coarser * fine, MAX_STEPS, NO_TIMES, NO_SAMPLES)[0]
+        outcome = integrate(
+            plant, drive, load, q, span, coarser * fine, MAX_STEPS, NO_TIMES, NO_SAMPLES, NO_RESUME
+        )[0]
         if outcome != DONE:
             raise FloatingPointError("the motion could not be followed over one period")
         return q[rows], float(q[slider])

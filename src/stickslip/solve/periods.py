@@ -30,6 +30,7 @@ from .channels import segment_of
 from .log import TERMS, columns, read_account, read_samples
 from .neighbours import carry, mark, read_traces, replay
 from .outcome import DONE, LOG_FULL
+from .resume import COMPARED, FRESH, STEP, TIME, VALID, store, stored
 from .run import LOCAL, run
 
 # Two periods are the same if what their first states differ by, times the periods to come, is below this
@@ -90,36 +91,65 @@ def repeats(drive, i, cycle, period, t_end):
 
 
 @compiled
-def follow(plant, drive, load, q, span, tolerance, max_steps, times, samples, log, near, account, room):
+def follow(
+    plant, drive, load, q, span, tolerance, max_steps, times, samples, log, near, account, room, resume
+):
     """Integrate the state `q`, a tuple, from span[0] to span[1]; see `integrate`.
 
     Without `times` the `log` may have no rows. `near`: None, or members that take the same steps (see
-    `neighbours`). `account` may be None; `room` is work space for it. Returns outcome, time reached,
+    `neighbours`). `account` may be None; `room` is work space for it. `resume`: a row of `solve.resume`, from
+    which it starts if that holds anything, or None. Returns outcome, time reached,
     accepted and rejected steps, state.
     """
     t_end = span[1]
     local = LOCAL * tolerance
     t, h, sides, fresh = span[0], math.inf, no_sides(plant), True
+    resumed = False
+    if resume is not None and resume.size > 0 and resume[VALID] > 0.0:
+        resumed = True
+        t, h, fresh = resume[TIME], resume[STEP], resume[FRESH] > 0.0
+        sides, q, _ = stored(plant, resume)
     cycle = cycle_of(drive, load) if moves_freely(plant) else 0
     outcome, accepted, rejected, k = DONE, 0, 0, ZERO
-    i = segment_of(drive, span[0])
-    if cycle > 0 and (i % cycle != 0 or drive.start[i] != span[0]):
+    i = segment_of(drive, t)
+    if cycle > 0 and (i % cycle != 0 or drive.start[i] != t):
         cycle = 0
-    if sampled(plant):
-        q = ticked(plant, q, channels.at(drive, i, t), t)
     compared, before, still = False, q, scaled(0.0, q)
+    if sampled(plant) and not resumed:
+        q = ticked(plant, q, channels.at(drive, i, t), t)
+    ends, ending = resume, False
+    if resume is not None and resume.size > 0:
+        if not resumed:
+            store(resume, t, h, True, False, sides, q, q)
+        else:
+            compared, before = resume[COMPARED] > 0.0, stored(plant, resume)[2]
+        ends = resume[: 0 if cycle > 0 else resume.size]
     while t < t_end:
         stop = t_end
         whole = cycle > 0 and i + cycle < drive.start.size and drive.start[i + cycle] < t_end
         if whole:
             stop = drive.start[i + cycle]
+        if resume is not None and resume.size > 0 and cycle > 0 and not ending:
+            store(resume, t, h, fresh, compared, sides, q, before)
         period_start, begun = t, q
         if near is not None:
             mark(near)
         flushed = False
         while True:
             outcome, more, fewer, rows, q, sides, t, h, fresh = run(
-                plant, drive, load, q, sides, t, h, fresh, stop, local, max_steps - accepted - rejected, log
+                plant,
+                drive,
+                load,
+                q,
+                sides,
+                t,
+                h,
+                fresh,
+                stop,
+                local,
+                max_steps - accepted - rejected,
+                log,
+                ends,
             )
             accepted += more
             rejected += fewer
@@ -143,6 +173,9 @@ def follow(plant, drive, load, q, span, tolerance, max_steps, times, samples, lo
         period = stop - period_start
         if compared and not flushed:
             left = repeats(drive, i, cycle, period, t_end)
+            # With more time it might have gone on otherwise, unless the drive changes here.
+            more = i + cycle < drive.start.size and drive.start[i + cycle] < t_end
+            ending = ending or (left == 0 and not more)
             if left > 0 and left * drift_apart(plant, q, before) <= SAME * tolerance:
                 net = gone(plant, q, begun)
                 for p in range(1, left + 1):
@@ -159,7 +192,7 @@ def follow(plant, drive, load, q, span, tolerance, max_steps, times, samples, lo
                         k = read_samples(plant, drive, load, log, rows, shift, moved, times, k, end, samples)
                     i += cycle
                     t = end
-                q = plus(q, float(left), net)
+                q, ending = plus(q, float(left), net), True
                 if near is not None:
                     carry(plant, near, left)
                 if i >= drive.start.size:
@@ -181,7 +214,7 @@ def _put(q, state):
 
 
 @kernel
-def integrate(plant, drive, load, q, span, tolerance, max_steps, times, samples):
+def integrate(plant, drive, load, q, span, tolerance, max_steps, times, samples, resume):
     """One trajectory, in place.
 
     Args:
@@ -193,6 +226,7 @@ def integrate(plant, drive, load, q, span, tolerance, max_steps, times, samples)
         max_steps: bound on accepted plus rejected steps.
         times: sample times, ascending, inside span.
         samples: [times, states + elements (at least 1)], filled up to the time reached: states and outputs.
+        resume: a row of `solve.resume`, of zeros to start from q; of no size, it is not kept.
 
     Returns:
         outcome, time reached, accepted steps, rejected steps.
@@ -200,19 +234,32 @@ def integrate(plant, drive, load, q, span, tolerance, max_steps, times, samples)
     log = _log(plant, q.size, LOG_ROWS if times.size > 0 else 0)
     state = state_of(plant, q)
     outcome, t, accepted, rejected, state = follow(
-        plant, drive, load, state, span, tolerance, max_steps, times, samples, log, None, None, None
+        plant, drive, load, state, span, tolerance, max_steps, times, samples, log, None, None, None, resume
     )
     _put(q, state)
     return outcome, t, accepted, rejected
 
 
 @kernel
-def integrate_account(plant, drive, load, q, span, tolerance, max_steps, times, samples, account):
+def integrate_account(plant, drive, load, q, span, tolerance, max_steps, times, samples, resume, account):
     """As `integrate`, the same steps, and the energy account [times, TERMS] (see `log.add_work`)."""
     log = _log(plant, q.size, LOG_ROWS)
     state, room = state_of(plant, q), np.zeros(TERMS + q.size)
     outcome, t, accepted, rejected, state = follow(
-        plant, drive, load, state, span, tolerance, max_steps, times, samples, log, None, account, room
+        plant,
+        drive,
+        load,
+        state,
+        span,
+        tolerance,
+        max_steps,
+        times,
+        samples,
+        log,
+        None,
+        account,
+        room,
+        resume,
     )
     _put(q, state)
     return outcome, t, accepted, rejected
@@ -225,7 +272,7 @@ def integrate_near(plant, drive, load, q, span, tolerance, max_steps, times, sam
     log = _log(plant, q.size, LOG_ROWS)
     state = state_of(plant, q)
     outcome, t, accepted, rejected, state = follow(
-        plant, drive, load, state, span, tolerance, max_steps, times, samples, log, near, None, None
+        plant, drive, load, state, span, tolerance, max_steps, times, samples, log, near, None, None, None
     )
     _put(q, state)
     return outcome, t, accepted, rejected
@@ -263,6 +310,7 @@ def integrate_members(plant, drive, load, values, states, span, tolerance, max_s
                 times,
                 samples,
                 log,
+                None,
                 None,
                 None,
                 None,

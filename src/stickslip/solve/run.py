@@ -38,6 +38,7 @@ from ..plant.generated import (
 from . import channels
 from .channels import at_nodes, next_break, segment_of
 from .outcome import DONE, LOG_FULL, STEP_TOO_SMALL, TOO_MANY_STEPS
+from .resume import INFLUENCED, store
 from .step import at, take
 
 # Local error allowed in each step, as a fraction of the tolerance (docs/decisions/integrator.md).
@@ -270,8 +271,9 @@ def _share_kept(load, j, t):
 
 
 @fused
-def run(plant, drive, load, state, sides, t, h, fresh, t_end, local, max_steps, log):
-    """Integrate to t_end, or until the log is full. `fresh`: the sides are still to be found.
+def run(plant, drive, load, state, sides, t, h, fresh, t_end, local, max_steps, log, resume):
+    """Integrate to t_end, or until the log is full. `fresh`: the sides are still to be found; `resume`: a row
+    of `solve.resume`, left as it is where it is of no size, or None.
 
     Returns outcome, accepted steps, rejected steps, rows of the log, then state, sides, t, h and fresh as
     they came.
@@ -293,6 +295,11 @@ def run(plant, drive, load, state, sides, t, h, fresh, t_end, local, max_steps, 
         t_break = min(next_break(drive, i, t_end), next_break(load, j, t_end), next_tick(plant, t))
         left = t_break - t
         last = h >= left
+        if resume is not None and resume.size > 0 and t_break == t_end and h > 0.1 * left:
+            if resume[INFLUENCED] != t_end and turned == 0 and forced < 0 and not refused:
+                store(resume, t, h, False, False, sides, state, state)
+            if h > 0.5 * left:
+                resume[INFLUENCED] = t_end
         h_now = left if last else min(h, 0.5 * left) if h > 0.5 * left else h
 
         u, n = at_nodes(drive, i, t, h_now), at_nodes(load, j, t, h_now)

@@ -1,0 +1,157 @@
+"""Trajectories that begin in a state, and that go on where another has ended."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+from benchmarks.random_actuators import Member, member
+
+import stickslip as ss
+
+KANG = ss.load_actuator("kang2007")
+SECOND = ss.Actuator(
+    gain=1.2e-7,
+    natural_frequency=2 * math.pi * 900.0,
+    damping_ratio=0.05,
+    stage_mass=0.05,
+    end_effector_mass=0.03,
+    friction=ss.MaxwellSlip((1e6, 4e5), (0.2, 0.15), 0.5, 1.3, 1e-3, 900.0),
+    external_force=0.1,
+)
+CASES: dict[str, tuple[Any, Any, float, dict[str, Any]]] = {
+    "periods are copied": (KANG, ss.Sawtooth(65.0, 5.0), 2.0, {}),
+    "a smooth drive": (KANG, ss.Sine(40.0, 31.0, offset=50.0), 0.3, {}),
+    "a static law": (KANG.replace(friction=ss.Coulomb(0.54)), ss.Sawtooth(65.0, 50.0, 0.9), 0.1, {}),
+    "branches and a normal force": (
+        SECOND,
+        ss.Sine(30.0, 71.0),
+        0.1,
+        {"load": ss.Sine(0.3, 40.0, offset=1.0)},
+    ),
+    "a sequence": (KANG, ss.Sawtooth(65.0, 40.0, 0.95, periods=3), 0.2, {}),
+    "a pulled slider": (
+        ss.PulledSlider(0.3, 2e3, 1.0, ss.LuGre(1e5, 100.0, 0.4, 1.0, 1.4, 1e-3)),
+        ss.Ramp(1e-3, 0.0, 2.0, unit="m"),
+        0.6,
+        {},
+    ),
+}
+
+
+def whole_and_parts(
+    model: Any, waveform: Any, duration: float, cut: float, **options: Any
+) -> tuple[xr.Dataset, xr.Dataset, xr.Dataset]:
+    times = np.linspace(0.0, duration, 161)
+    early = times[times <= cut * duration]
+    whole = ss.simulate(model, waveform, times=times, **options)
+    first = ss.simulate(model, waveform, times=early, **options)
+    late = np.append(early[-1], times[early.size :])
+    return whole, first, ss.simulate(model, waveform, times=late, initial_state=first, **options)
+
+
+@pytest.mark.parametrize("cut", [0.013, 0.37, 0.5, 0.93])
+@pytest.mark.parametrize("name", CASES)
+def test_goes_on_to_the_last_bit(name: str, cut: float) -> None:
+    model, waveform, duration, options = CASES[name]
+    whole, first, second = whole_and_parts(model, waveform, duration, cut, **options)
+    n = first.time.size
+    for variable in whole.data_vars:
+        np.testing.assert_array_equal(second[variable], whole[variable][n - 1 :])
+    # The last steps of the first part end where it does, and so are others.
+    apart = np.abs(first.end_effector_position - whole.end_effector_position[:n])
+    assert float(apart.max()) < 1e-9
+    if first.attrs["error_estimate"] > 0.0:
+        assert second.attrs["error_estimate"] > first.attrs["error_estimate"]
+
+
+def moved(m: Member) -> float:
+    """Into how many samples of a random actuator its trajectory can be cut: one for every seed."""
+    return float(np.random.default_rng([3, m.number]).uniform(0.05, 0.95))
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("number", range(9))
+def test_random_actuators_go_on_within_their_estimates(number: int) -> None:
+    """To the last bit where both took the same steps; else both are as near to the truth as they say."""
+    m = member(number, 3)
+    whole, first, second = whole_and_parts(
+        m.actuator, m.waveform, float(m.times[-1]), moved(m), load=m.load, tolerance=1e-9
+    )
+    apart = np.abs(second.end_effector_position - whole.end_effector_position[first.time.size - 1 :])
+    allowed = sum(part.attrs["error_estimate"] for part in (whole, second))
+    assert float(apart.max()) <= 3.0 * allowed
+
+
+def test_survives_a_file(tmp_path: Any) -> None:
+    first = ss.simulate(KANG, ss.Sawtooth(65.0, 5.0), 0.3)
+    ss.save_recording(first, tmp_path / "first.nc")
+    again = ss.read_recording(tmp_path / "first.nc")
+    assert ss.final_state(again) == ss.final_state(first)
+    second = [ss.simulate(KANG, ss.Sawtooth(65.0, 5.0), 0.3, initial_state=d) for d in (first, again)]
+    np.testing.assert_array_equal(second[0].end_effector_position, second[1].end_effector_position)
+    assert float(second[0].time[0]) == pytest.approx(0.3)
+    assert float(second[0].time[-1]) == pytest.approx(0.6)
+
+
+def test_state_of_ones_own() -> None:
+    """A stage that is let go rings as a damped oscillator; the end-effector without friction flies."""
+    free = KANG.replace(friction=ss.LuGre(1.0, 0.0, 0.0, 1e-12, 1e-12, 1e-3), stage_reaction=False)
+    state = ss.State(stage_position=1e-6, stage_velocity=0.0, end_effector_velocity=2e-3)
+    d = ss.simulate(free, ss.Constant(0.0), 0.01, sample_rate=2e4, initial_state=state, tolerance=1e-12)
+    w, z = free.natural_frequency, free.damping_ratio
+    damped, t = w * math.sqrt(1.0 - z * z), d.time.values
+    rings = np.exp(-z * w * t) * (np.cos(damped * t) + z * w / damped * np.sin(damped * t)) * 1e-6
+    np.testing.assert_allclose(d.stage_position, rings, atol=3e-12)
+    np.testing.assert_allclose(d.end_effector_position, 2e-3 * t, atol=3e-11)
+
+
+def test_another_drive_goes_on_from_the_state_itself() -> None:
+    first = ss.simulate(KANG, ss.Sawtooth(65.0, 5.0), 0.31)
+    end = ss.final_state(first)
+    rest = ss.simulate(KANG, ss.Constant(30.0), 0.05, initial_state=end._replace(time=0.0))
+    assert float(rest.end_effector_position[0]) == end.end_effector_position
+    assert float(rest.bristle_deflection[0]) == end.bristle_deflections[0]
+
+
+def test_energy_of_a_state() -> None:
+    first = ss.simulate(KANG, ss.Sine(40.0, 50.0, offset=60.0), 0.033)
+    d = ss.simulate(
+        KANG, ss.Sine(40.0, 50.0, offset=60.0), 0.05, energy=True, initial_state=first, tolerance=1e-11
+    )
+    assert float(np.abs(d.energy_defect).max()) < 1e-4 * float(np.abs(d.drive_work).max())
+    assert float(d.drive_work[0]) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("state", "said"),
+    [
+        (ss.State(bristle_deflections=(0.0, 0.0)), "2 bristle deflections"),
+        (ss.State(stage_velocity=math.nan), "finite"),
+        (ss.State(time=-1.0), "0 s or later"),
+    ],
+)
+def test_refused(state: ss.State, said: str) -> None:
+    with pytest.raises(ss.QuantityError, match=said):
+        ss.simulate(KANG, ss.Sawtooth(65.0, 5.0), 0.1, initial_state=state)
+
+
+def test_times_before_the_state_are_refused() -> None:
+    with pytest.raises(ss.QuantityError, match=r"before the initial state at 0\.5 s"):
+        ss.simulate(KANG, ss.Sine(5.0, 5.0, offset=9.0), times=[0.4, 0.6], initial_state=ss.State(time=0.5))
+
+
+def test_what_is_no_trajectory_has_no_final_state() -> None:
+    with pytest.raises(ss.QuantityError, match="final_state"):
+        ss.final_state(xr.Dataset())
+
+
+def test_text_keeps_every_bit() -> None:
+    first = ss.simulate(KANG, ss.Sawtooth(65.0, 5.0), 0.1)
+    state = ss.final_state(first)
+    assert json.loads(first.attrs["final_state"])["end_effector_position"] == state.end_effector_position
+    assert state.end_effector_position == float(first.end_effector_position[-1])
