@@ -256,24 +256,28 @@ def checked_drive(model: Actuator | PulledSlider, waveform: Waveform, end: float
     if isinstance(model, Actuator):
         low, high = waveform.range()
         if low < model.min_voltage or high > model.max_voltage:
-            raise QuantityError(
-                f"drive voltage from {low:g} V to {high:g} V is out of range: "
-                f"{model.name or 'the actuator'} takes {model.min_voltage:g} V to {model.max_voltage:g} V"
-            )
-        if (
-            model.static
-            and not model.clamped
-            and elements(model.friction) > 0
-            and _jumps(waveform.drive(end), end if periodic else None)
-        ):
-            raise QuantityError(
-                "a static stage would follow a jump of the voltage at infinite speed, at which a presliding "
-                "friction law has no meaning: "
-                "give the waveform a finite fall (rise_fraction < 1), or the stage a "
-                "natural_frequency"
-            )
+            raise QuantityError(out_of_range(model, low, high, model.min_voltage, model.max_voltage))
+        refuse_jumps(model, waveform.drive(end), end if periodic else None)
     # For an array of another layout all kernels would be compiled anew.
     return table._replace(polynomial=np.ascontiguousarray(table.polynomial))
+
+
+def out_of_range(model: Actuator, low: float, high: float, minimum: float, maximum: float) -> str:
+    """What is said of a drive [V] that leaves the range of the actuator."""
+    return (
+        f"drive voltage from {low:g} V to {high:g} V is out of range: "
+        f"{model.name or 'the actuator'} takes {minimum:g} V to {maximum:g} V"
+    )
+
+
+def refuse_jumps(model: Actuator, table: Drive, period: float | None) -> None:
+    """Raise QuantityError for a drive, of this period if it has one, that would tear a static stage along."""
+    if model.static and not model.clamped and elements(model.friction) > 0 and _jumps(table, period):
+        raise QuantityError(
+            "a static stage would follow a jump of the voltage at infinite speed, at which a presliding "
+            "friction law has no meaning: give the waveform a finite fall (rise_fraction < 1), or the stage a "
+            "natural_frequency"
+        )
 
 
 def contact_load(load: Waveform | float, end: float) -> Contact:

@@ -102,3 +102,30 @@ def with_values(model: Any, values: Mapping[str, float]) -> Any:
     changed, own = changed_fields(model, values)
     changed_law = type(law)(**changed)
     return changed_law if is_law(model) else model.replace(friction=changed_law, **own)
+
+
+def waveform_names(waveform: Any) -> list[str]:
+    """What may vary in a waveform that is a record: its numbers, and those of its lists ("value_3")."""
+    names = []
+    for field in quantities(type(waveform)) if hasattr(waveform, "_fields") else ():
+        value = getattr(waveform, field)
+        if isinstance(value, tuple):
+            names += [f"{_singular(field)}_{i + 1}" for i in range(len(value))]
+        elif field != "periods" and value is not None:  # a count
+            names.append(field)
+    return names
+
+
+def waveform_field(waveform: Any, name: str) -> tuple[str, int | None]:
+    """Field and index of "value_3"; no index for a field that is one number."""
+    match = re.fullmatch(r"(\w+)_(\d+)", name)
+    for field in waveform._fields:
+        if field == name:
+            return field, None
+        if match and match[1] == _singular(field) and isinstance(getattr(waveform, field), tuple):
+            return field, int(match[2]) - 1
+    raise KeyError(name)
+
+
+def _singular(field: str) -> str:
+    return re.sub("ies$", "ys", field).removesuffix("s")

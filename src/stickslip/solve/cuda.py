@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from ..plant.generated import state_of, with_values
 from ..plant.system import Plant
 from ..waveform.drive import Drive
+from ..waveform.members import Drives, member_of
 from .outcome import DONE
 from .periods import follow
 
@@ -21,15 +22,17 @@ def available() -> bool:
 
 
 @cuda.jit
-def _members(plant, drive, load, values, states, span, tolerance, max_steps, none, results):
+def _members(plant, drives, values, states, spans, tolerance, max_steps, none, results):
     m = cuda.grid(1)  # pyright: ignore[reportCallIssue]
     outcomes, reached, steps = results
     if m >= states.shape[0] or outcomes[m] != DONE:
         return
     times, samples, log = none
+    tables, which, load = drives
+    drive = member_of(tables, which[m])
     own, state = with_values(plant, values[m]), state_of(plant, states[m])
     outcome, t, accepted, rejected, state = follow(
-        own, drive, load, state, span, tolerance, max_steps, times, samples, log, None, None, None, None
+        own, drive, load, state, spans[m], tolerance, max_steps, times, samples, log, None, None, None, None
     )
     outcomes[m], reached[m], steps[m] = outcome, t, accepted + rejected
     for c in range(len(state)):
@@ -38,11 +41,10 @@ def _members(plant, drive, load, values, states, span, tolerance, max_steps, non
 
 def integrate_members(
     plant: Plant,
-    drive: Drive,
-    load: Drive,
+    drives: tuple[Drives, NDArray[np.int64], Drive],
     values: NDArray[np.float64],
     states: NDArray[np.float64],
-    span: NDArray[np.float64],
+    spans: NDArray[np.float64],
     tolerance: float,
     max_steps: int,
     results: tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64]],
@@ -51,5 +53,5 @@ def integrate_members(
     none = np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0))
     blocks = -(-len(states) // THREADS)
     _members[blocks, THREADS](  # type: ignore[index]
-        plant, drive, load, values, states, span, tolerance, max_steps, none, results
+        plant, drives, values, states, spans, tolerance, max_steps, none, results
     )

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..records import Quantity
 from ..units import QuantityError
 from .drive import Drive
+from .members import Drives, columns_of, repeat_curves
 from .periodic import Periods, check_periods
 from .pieces import repeat_table, wrapped
 from .signal import Unit, breaks_within, signal_record, slope_at, value_at
@@ -79,23 +80,37 @@ class PeriodicKnots(NamedTuple):
 
     def drive(self, duration: float) -> Drive:
         """The segment table for 0 <= t < duration [s]."""
-        times, values = np.array(self.times), np.array(self.values)
-        h = np.diff(times, append=times[0] + self.period)
-        delta = np.diff(values, append=values[0]) / h
-        polynomial = np.zeros((len(times), 4))
-        polynomial[:, 0], polynomial[:, 1] = values, delta
-        if self.smooth:
-            m = _monotone_slopes(h, delta)
-            after = np.roll(m, -1)
-            polynomial[:, 1] = m
-            polynomial[:, 2] = (3 * delta - 2 * m - after) / h
-            polynomial[:, 3] = (m + after - 2 * delta) / h**2
+        times = np.array(self.times)
+        polynomial = _polynomials(times, np.array(self.values), np.array(self.period), self.smooth)
         return repeat_table(wrapped(times, polynomial, self.period), self.period, self.periods, duration)
+
+    def drives(self, durations: Array) -> Drives:
+        """The tables of members, where numbers of the fields are arrays of one for each, unchecked."""
+        times, values, period = (
+            columns_of(numbers, durations.size) for numbers in (self.times, self.values, [self.period])
+        )
+        polynomial = _polynomials(times, values, period[:, 0], self.smooth)
+        return repeat_curves(times, polynomial, period[:, 0], self.periods, durations)
+
+
+def _polynomials(times: Array, values: Array, period: Array, smooth: bool) -> Array:
+    """c_0..c_3 from each knot to the next, [..., knots, 4]; see `PeriodicKnots`."""
+    h = np.diff(times, append=times[..., :1] + period[..., None])
+    delta = np.diff(values, append=values[..., :1]) / h
+    polynomial = np.zeros((*times.shape, 4))
+    polynomial[..., 0], polynomial[..., 1] = values, delta
+    if smooth:
+        m = _monotone_slopes(h, delta)
+        after = np.roll(m, -1, axis=-1)
+        polynomial[..., 1] = m
+        polynomial[..., 2] = (3 * delta - 2 * m - after) / h
+        polynomial[..., 3] = (m + after - 2 * delta) / h**2
+    return polynomial
 
 
 def _monotone_slopes(h: Array, delta: Array) -> Array:
     """Slope at each knot of a closed curve; see `PeriodicKnots`."""
-    h_before, before = np.roll(h, 1), np.roll(delta, 1)
+    h_before, before = np.roll(h, 1, axis=-1), np.roll(delta, 1, axis=-1)
     slopes = np.zeros_like(delta)
     on = np.sign(before) * np.sign(delta) > 0
     steeper = np.abs(before) > np.abs(delta)

@@ -9,9 +9,13 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..records import Quantity
 from ..units import QuantityError
 from .drive import Drive
+from .members import Drives, repeat_members
 from .pieces import Piece, assemble, repeat
 from .signal import Unit, breaks_within, signal_record, slope_at, value_at
 
@@ -33,6 +37,21 @@ def _period(w: Any) -> float:
 def _duration(w: Any) -> float:
     """s, infinite unless the periods are counted"""
     return math.inf if w.periods is None else w.periods / w.frequency
+
+
+def _drive(w: Any, duration: float) -> Drive:
+    """The segment table for 0 <= t < duration [s]."""
+    return repeat(w.pieces(), w.frequency, w.periods, w.offset, duration)
+
+
+def _drives(w: Any, durations: NDArray[np.float64]) -> Drives:
+    """The tables of members, where the fields of `w` are arrays of one number for each, unchecked."""
+    with np.errstate(divide="ignore", invalid="ignore"):  # of strokes that take no time
+        return repeat_members(w.pieces(), w.frequency, w.periods, w.offset, durations)
+
+
+def _some(condition: Any) -> bool:
+    return condition if isinstance(condition, bool) else bool(np.any(condition))
 
 
 def _stroke(waveform: Sawtooth | ReverseSawtooth | Triangle | Cycloid) -> tuple[float, float]:
@@ -72,19 +91,17 @@ class Sawtooth(NamedTuple):
     unit: Unit = "V"
 
     value, slope, breaks = value_at, slope_at, breaks_within
-    period, duration, range = _period, _duration, _stroke
+    period, duration, range, drive, drives = _period, _duration, _stroke, _drive, _drives
 
     def _check(self) -> None:
         check_periods(self)
         _check_fraction(self.rise_fraction, "Sawtooth.rise_fraction")
 
-    def drive(self, duration: float) -> Drive:
-        """The segment table for 0 <= t < duration [s]."""
+    def pieces(self) -> list[Piece]:
+        """One period, as `pieces.repeat` takes it."""
         top, rate, r = self.offset + self.amplitude, self.amplitude * self.frequency, self.rise_fraction
-        pieces = [Piece(0.0, (self.offset, rate / r))]
-        if r < 1:
-            pieces.append(Piece(r, (top, -rate / (1 - r))))
-        return repeat(pieces, self.frequency, self.periods, self.offset, duration)
+        rise = [Piece(0.0, (self.offset, rate / r))]
+        return [*rise, Piece(r, (top, -rate / (1 - r)))] if _some(r < 1) else rise
 
 
 @signal_record
@@ -105,19 +122,17 @@ class ReverseSawtooth(NamedTuple):
     unit: Unit = "V"
 
     value, slope, breaks = value_at, slope_at, breaks_within
-    period, duration, range = _period, _duration, _stroke
+    period, duration, range, drive, drives = _period, _duration, _stroke, _drive, _drives
 
     def _check(self) -> None:
         check_periods(self)
         _check_fraction(self.fall_fraction, "ReverseSawtooth.fall_fraction")
 
-    def drive(self, duration: float) -> Drive:
-        """The segment table for 0 <= t < duration [s]."""
+    def pieces(self) -> list[Piece]:
+        """One period, as `pieces.repeat` takes it."""
         top, rate, r = self.offset + self.amplitude, self.amplitude * self.frequency, self.fall_fraction
-        pieces = [Piece(1 - r, (top, -rate / r))]
-        if r < 1:
-            pieces.insert(0, Piece(0.0, (self.offset, rate / (1 - r))))
-        return repeat(pieces, self.frequency, self.periods, self.offset, duration)
+        fall = [Piece(1 - r, (top, -rate / r))]
+        return [Piece(0.0, (self.offset, rate / (1 - r))), *fall] if _some(r < 1) else fall
 
 
 @signal_record
@@ -131,14 +146,13 @@ class Triangle(NamedTuple):
     unit: Unit = "V"
 
     value, slope, breaks = value_at, slope_at, breaks_within
-    period, duration, range = _period, _duration, _stroke
+    period, duration, range, drive, drives = _period, _duration, _stroke, _drive, _drives
     _check = check_periods
 
-    def drive(self, duration: float) -> Drive:
-        """The segment table for 0 <= t < duration [s]."""
+    def pieces(self) -> list[Piece]:
+        """One period, as `pieces.repeat` takes it."""
         rate = 2 * self.amplitude * self.frequency
-        pieces = [Piece(0.0, (self.offset, rate)), Piece(0.5, (self.offset + self.amplitude, -rate))]
-        return repeat(pieces, self.frequency, self.periods, self.offset, duration)
+        return [Piece(0.0, (self.offset, rate)), Piece(0.5, (self.offset + self.amplitude, -rate))]
 
 
 @signal_record
@@ -161,19 +175,18 @@ class Cycloid(NamedTuple):
     unit: Unit = "V"
 
     value, slope, breaks = value_at, slope_at, breaks_within
-    period, duration, range = _period, _duration, _stroke
+    period, duration, range, drive, drives = _period, _duration, _stroke, _drive, _drives
 
     def _check(self) -> None:
         check_periods(self)
         _check_fraction(self.rise_fraction, "Cycloid.rise_fraction")
 
-    def drive(self, duration: float) -> Drive:
-        """The segment table for 0 <= t < duration [s]."""
-        pieces = [_cycloidal_stroke(0.0, self.rise_fraction, self.offset, self.amplitude, self.frequency)]
-        if self.rise_fraction < 1:
-            top, rest = self.offset + self.amplitude, 1 - self.rise_fraction
-            pieces.append(_cycloidal_stroke(self.rise_fraction, rest, top, -self.amplitude, self.frequency))
-        return repeat(pieces, self.frequency, self.periods, self.offset, duration)
+    def pieces(self) -> list[Piece]:
+        """One period, as `pieces.repeat` takes it."""
+        r, top = self.rise_fraction, self.offset + self.amplitude
+        rise = [_cycloidal_stroke(0.0, r, self.offset, self.amplitude, self.frequency)]
+        back = [_cycloidal_stroke(r, 1 - r, top, -self.amplitude, self.frequency)] if _some(r < 1) else []
+        return rise + back
 
 
 def _cycloidal_stroke(start: float, fraction: float, level: float, stroke: float, frequency: float) -> Piece:

@@ -14,7 +14,7 @@ from .drive import Drive
 
 # A start that comes closer to the end than this (relative) is the end itself, but for rounding: 8 periods of
 # 0.1 s in 0.8 s must not leave a ninth of 1e-16 s.
-_SLIVER = 1e-12
+SLIVER = 1e-12
 
 
 class Piece(NamedTuple):
@@ -66,13 +66,13 @@ def wrapped(start: NDArray[np.float64], polynomial: NDArray[np.float64], period:
         start: s, ascending, the first >= 0, the last <= `period`.
         polynomial: [n, 4], c_0..c_3 of each segment; the last one goes on to start[0] of the next period.
     """
-    if start[0] > _SLIVER * period:
+    if start[0] > SLIVER * period:
         c0, c1, c2, c3 = polynomial[-1]
         tau = period - start[-1]
         level = c0 + tau * (c1 + tau * (c2 + tau * c3))
         rest_of_last = [level, c1 + tau * (2 * c2 + tau * 3 * c3), c2 + tau * 3 * c3, c3]
         start, polynomial = np.append(0.0, start), np.vstack([rest_of_last, polynomial])
-    within = start < period * (1 - _SLIVER)
+    within = start < period * (1 - SLIVER)
     return polynomials(np.append(0.0, start[within][1:]), polynomial[within])
 
 
@@ -87,7 +87,7 @@ def polynomials(start: NDArray[np.float64], polynomial: NDArray[np.float64]) -> 
 
 def cut(drive: Drive, duration: float) -> Drive:
     """The drive without the segments that begin at `duration` [s], or later; the first one always stays."""
-    count = max(1, int(np.searchsorted(drive.start, duration * (1 - _SLIVER))))
+    count = max(1, int(np.searchsorted(drive.start, duration * (1 - SLIVER))))
     rows = drive.first[count]
     return Drive(
         drive.before,

@@ -1,0 +1,296 @@
+"""Members of an ensemble: which fields of model and waveform vary, which members are refused, and blocks of
+them as the solver takes them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..actuator import Actuator
+from ..plant.generated import with_values as plant_with
+from ..plant.system import Plant, state_size, values_of
+from ..records import did_you_mean, quantities
+from ..units import QuantityError
+from ..waveform.drive import Drive
+from ..waveform.members import Drives, stacked
+from ..waveform.members import common as common_drive
+from ..waveform.signal import Waveform
+from .models import System, contact_load, out_of_range, refuse_jumps
+from .varied import changed_fields, free_names, waveform_field, waveform_names, with_values
+
+T = TypeVar("T")
+Columns = Mapping[str, NDArray[np.float64]]
+# Of the drive and of the contact: they multiply the waveform, and the normal force.
+SCALES = ("drive_scale", "load")
+BLOCK = 256
+# Numbers in the tables of a block, about.
+LARGEST_TABLES = 4_000_000
+
+
+class Members(NamedTuple):
+    """A block: `reasons` of those that are refused (empty for the others); `of`, what they are made like;
+    `values` of their plants, `states` at rest; `drives`, and `which` of them each has; `ends` [s]; `load`, the same for all."""
+
+    reasons: list[str]
+    of: System
+    values: NDArray[np.float64]
+    states: NDArray[np.float64]
+    drives: Drives
+    which: NDArray[np.int64]
+    ends: NDArray[np.float64]
+    load: Drive
+
+    @property
+    def fine(self) -> NDArray[np.bool_]:
+        return np.array([not reason for reason in self.reasons])
+
+
+def checked_columns(
+    model: Actuator, waveform: Waveform, parameters: Mapping[str, ArrayLike]
+) -> dict[str, NDArray[np.float64]]:
+    """The parameters as arrays of one length.
+
+    Raises:
+        QuantityError: an unknown name, one that model and waveform share, or arrays of different length.
+    """
+    of_model, of_waveform = [*free_names(model), *SCALES], waveform_names(waveform)
+    known, columns = [*of_model, *of_waveform], {}
+    for name, values in parameters.items():
+        if name not in known:
+            raise QuantityError(
+                f"{name!r} cannot vary{did_you_mean(name, known)}: there are {', '.join(known)}"
+            )
+        if name in of_model and name in of_waveform:
+            raise QuantityError(
+                f"{name!r} cannot vary: it may be the field of {type(waveform).__name__} or that of the model"
+            )
+        columns[name] = np.atleast_1d(np.asarray(values, dtype=float))
+        if columns[name].ndim != 1 or columns[name].size == 0:
+            raise QuantityError(f"{name} must be a list of values, one per member")
+    sizes = {name: column.size for name, column in columns.items()}
+    if len(set(sizes.values())) != 1:
+        raise QuantityError(f"parameters must be arrays of one length; there are {sizes or 'none'}")
+    return columns
+
+
+def labelled(model: Actuator, waveform: Waveform, columns: Columns) -> dict[str, Any]:
+    """The columns as variables over "member"."""
+    known = quantities(type(model)) | quantities(type(model.friction))
+    of_waveform = waveform_columns(waveform, columns)
+    made = {}
+    for name, column in columns.items():
+        quantity = known.get(name)
+        if name in of_waveform:
+            quantity = quantities(type(waveform))[waveform_field(waveform, name)[0]]
+            quantity = quantity._replace(unit=quantity.unit.replace("V", waveform.unit))
+        about = {"units": quantity.unit, "long_name": quantity.meaning} if quantity else {}
+        made[name] = ("member", column, about)
+    return made
+
+
+def waveform_columns(waveform: Waveform, columns: Columns) -> dict[str, NDArray[np.float64]]:
+    names = waveform_names(waveform)
+    return {name: column for name, column in columns.items() if name in names}
+
+
+def in_blocks(
+    work: Callable[[dict[str, NDArray[np.float64]]], T], columns: Columns, size: int, threads: int | None
+) -> Iterator[tuple[int, T]]:
+    """What `work` makes of blocks of members, in order, a bounded number of them at work."""
+    count, threads = next(iter(columns.values())).size, threads or os.cpu_count() or 1
+    # Of few members, each thread gets some.
+    size = max(1, min(size, -(-count // threads)))
+    starts = range(0, count, size)
+    cut = ({name: c[s : s + size] for name, c in columns.items()} for s in starts)
+    with ThreadPoolExecutor(threads) as pool:
+        waiting: list[Any] = []
+        for start, part in zip(starts, cut, strict=True):
+            waiting.append((start, pool.submit(work, part)))
+            if len(waiting) > 2 * threads:
+                first, future = waiting.pop(0)
+                yield first, future.result()
+        for first, future in waiting:
+            yield first, future.result()
+
+
+def block_size(waveform: Waveform, columns: Columns, end: float, most: int = BLOCK) -> int:
+    """How many members make a block whose tables are not too large."""
+    varied = waveform_columns(waveform, columns)
+    if not varied:
+        return most
+    segments = waveform.drive(end).start.size
+    per_period = [c / getattr(waveform, "frequency", 1.0) for n, c in varied.items() if n == "frequency"]
+    per_period += [getattr(waveform, "period", 1.0) / c for n, c in varied.items() if n == "period"]
+    with np.errstate(all="ignore"):
+        quicker = max([1.0, *(float(np.nanmax(c[np.isfinite(c)], initial=1.0)) for c in per_period)])
+    return int(np.clip(LARGEST_TABLES / (5.0 * segments * quicker), 1, most))
+
+
+def prepared(
+    model: Actuator,
+    waveform: Waveform,
+    common: Drive | None,
+    load: Waveform | float,
+    columns: Columns,
+    end: float | None,
+    periodic: bool = False,
+) -> Members:
+    """A block of members.
+
+    Args:
+        common: the table of the waveform as it is; None where members vary it.
+        end: s; None: of each member the duration of its waveform, or with `periodic` its period.
+    """
+    count = next(iter(columns.values())).size
+    values = {name: c for name, c in columns.items() if name in free_names(model)}
+    reasons = _refused(model, columns, values, count)
+    fields, own = changed_fields(model, values)
+    # Unchecked: the members that are wrong are known by now, and are left out.
+    law = tuple.__new__(type(model.friction), fields.values())
+    members = tuple.__new__(Actuator, (model._asdict() | own | {"friction": law}).values())
+    if common is None:
+        varied = waveform_columns(waveform, columns)
+        drives, which, ends = _tables(members, waveform, varied, reasons, end, periodic)
+    else:
+        drives, which = common_drive(common), np.zeros(count, np.int64)
+        ends = np.full(count, _end(waveform, periodic) if end is None else end)
+    contact = contact_load(load, float(np.nanmax(ends, initial=0.0)))
+    own_load = contact._replace(normal=contact.normal * columns.get("load", 1.0))
+    of = contact.system(model)
+    table = _values(own_load.system(members), columns, count)
+    states = np.zeros((count, state_size(of.plant)))
+    if np.any(drives.before) or np.any(members.axial_force):
+        for m in (m for m, reason in enumerate(reasons) if not reason):
+            one = of._replace(plant=plant_with(of.plant, table[m]))
+            states[m] = contact.rest(one, float(drives.before[which[m]]))
+    return Members(reasons, of, table, states, drives, which, ends, contact.drive)
+
+
+def _end(waveform: Any, periodic: bool) -> float:
+    return waveform.period if periodic else waveform.duration
+
+
+def _tables(
+    model: Actuator,
+    waveform: Any,
+    columns: Columns,
+    reasons: list[str],
+    end: float | None,
+    periodic: bool,
+) -> tuple[Drives, NDArray[np.int64], NDArray[np.float64]]:
+    """The drives of the members, which of them each has, and where each ends; adds what is refused to the
+    reasons. The fields of the model may be arrays."""
+    rows = _waveforms(waveform, columns, reasons)
+    _refuse_voltages(model, rows, reasons)
+    fine = np.array([m for m, reason in enumerate(reasons) if not reason], dtype=np.int64)
+    which, ends = np.zeros(len(rows), np.int64), np.full(len(rows), np.nan)
+    which[fine] = np.arange(fine.size)
+    if not fine.size:
+        return common_drive(waveform.drive(1e-9)), which, ends
+    ends[fine] = [end or _end(rows[m], periodic) for m in fine.tolist()]
+    if hasattr(waveform, "drives"):
+        fields = _changed(waveform, {name: c[fine] for name, c in columns.items()})
+        drives = tuple.__new__(type(waveform), fields.values()).drives(ends[fine])
+    else:
+        drives = stacked([rows[m].drive(ends[m]) for m in fine.tolist()])
+    if model.static:
+        for m in fine.tolist():
+            try:
+                refuse_jumps(model, rows[m].drive(ends[m]), ends[m] if periodic else None)
+            except QuantityError as error:
+                reasons[m] = str(error)
+    return drives, which, ends
+
+
+def _changed(waveform: Any, columns: Columns) -> dict[str, Any]:
+    """The fields of the waveform with these numbers put in, unchecked."""
+    fields = waveform._asdict()
+    for name, column in columns.items():
+        field, index = waveform_field(waveform, name)
+        if index is None:
+            fields[field] = column
+        else:
+            fields[field] = (*fields[field][:index], column, *fields[field][index + 1 :])
+    return fields
+
+
+def _waveforms(waveform: Any, columns: Columns, reasons: list[str]) -> list[Any]:
+    """The waveform of each member, unchecked; adds what its record refuses to the reasons."""
+    kind, known = type(waveform), quantities(type(waveform))
+    made = [tuple.__new__(kind, row) for row in _rows(_changed(waveform, columns), len(reasons))]
+    fine = np.ones(len(reasons), dtype=bool)
+    for name, column in columns.items():
+        fine &= known[waveform_field(waveform, name)[0]].allows(column)
+    check = getattr(kind, "_check", None)
+    for m, one in enumerate(made):
+        if reasons[m]:
+            continue
+        try:
+            if not fine[m]:
+                kind(*one)
+            elif check:
+                check(one)
+        except QuantityError as error:
+            reasons[m] = str(error)
+    return made
+
+
+def _refuse_voltages(model: Actuator, rows: list[Any], reasons: list[str]) -> None:
+    lows, highs = (np.broadcast_to(v, len(rows)) for v in (model.min_voltage, model.max_voltage))
+    for m, row in enumerate(rows):
+        if reasons[m]:
+            continue
+        low, high = row.range()
+        if low < lows[m] or high > highs[m]:
+            reasons[m] = out_of_range(model, low, high, float(lows[m]), float(highs[m]))
+
+
+def _values(of: Any, columns: Columns, count: int) -> NDArray[np.float64]:
+    """The numbers of each member's plant, [members, numbers], the drive scaled."""
+    scale, plant = columns.get("drive_scale", 1.0), of.plant
+    modes = tuple(mode._replace(drive=mode.drive * scale) for mode in plant.modes)
+    contacts = tuple(
+        c if c.drive_rate is None else c._replace(drive_rate=c.drive_rate * scale) for c in plant.elements
+    )
+    return values_of(Plant(modes, contacts, plant.rate), count)
+
+
+def _rows(fields: Mapping[str, Any], count: int) -> list[tuple[Any, ...]]:
+    """The fields of each member; a field that is a tuple (of elements) stays one."""
+
+    def column(value: Any) -> list[Any]:
+        if isinstance(value, tuple):
+            return list(zip(*map(column, value), strict=True))
+        return value.tolist() if isinstance(value, np.ndarray) else [value] * count
+
+    return list(zip(*map(column, fields.values()), strict=True))
+
+
+def _refused(model: Actuator, columns: Columns, values: Columns, count: int) -> list[str]:
+    """Why the model's records would refuse a member, empty where not; those in doubt are built to hear it."""
+    fine = np.ones(count, dtype=bool)
+    known = quantities(type(model)) | quantities(type(model.friction))
+    for name, column in (values | {n: columns[n] for n in SCALES if n in columns}).items():
+        fine &= known[name].allows(column) if name in known else np.isfinite(column) & (column >= 0.0)
+    law_type, names = type(model.friction), {*values} - {*quantities(type(model))}
+    if hasattr(law_type, "_check") and names:  # one field of the law against another
+        for m, row in enumerate(_rows(changed_fields(model, values)[0], count)):
+            try:
+                tuple.__new__(law_type, row)._check()
+            except QuantityError:
+                fine[m] = False
+    reasons = [""] * count
+    for m in np.flatnonzero(~fine).tolist():
+        try:
+            for name in SCALES:
+                if name in columns and not (np.isfinite(columns[name][m]) and columns[name][m] >= 0.0):
+                    raise QuantityError(f"{name} = {columns[name][m]:g} must be finite and >= 0")
+            with_values(model, {name: float(c[m]) for name, c in values.items()})
+        except QuantityError as error:
+            reasons[m] = str(error)
+    return reasons

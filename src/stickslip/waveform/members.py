@@ -1,0 +1,146 @@
+"""Tables of many members of one waveform, whose fields differ: for ensembles."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._jit import inlined
+from .drive import Drive
+from .pieces import SLIVER, Piece
+
+Array = NDArray[np.float64]
+
+
+class Drives(NamedTuple):
+    """`Drive` tables, each field with an axis of members before its own. Shorter tables are filled up with
+    segments that never begin (start infinite, polynomial NaN, so that no other is like them)."""
+
+    before: Array
+    start: Array
+    polynomial: Array
+    first: NDArray[np.int64]
+    harmonic: Array
+
+
+@inlined
+def member_of(drives, m):
+    """The table of one member, as views."""
+    return Drive(
+        drives.before[m], drives.start[m], drives.polynomial[m], drives.first[m], drives.harmonic[m]
+    )
+
+
+def common(drive: Drive) -> Drives:
+    """One table."""
+    return Drives(np.array([drive.before]), *(np.ascontiguousarray(field)[None] for field in drive[1:]))
+
+
+def stacked(tables: Sequence[Drive]) -> Drives:
+    """These tables."""
+    count, most = len(tables), max(table.start.size for table in tables)
+    rows = max(len(table.harmonic) for table in tables)
+    made = Drives(
+        np.array([table.before for table in tables]),
+        np.full((count, most), np.inf),
+        np.full((count, most, 4), np.nan),
+        np.zeros((count, most + 1), dtype=np.int64),
+        np.zeros((count, rows, 4)),
+    )
+    for m, table in enumerate(tables):
+        n = table.start.size
+        made.start[m, :n], made.polynomial[m, :n] = table.start, table.polynomial
+        made.first[m, : n + 1], made.first[m, n + 1 :] = table.first, table.first[-1]
+        made.harmonic[m, : len(table.harmonic)] = table.harmonic
+    return made
+
+
+def columns_of(values: Sequence[Any], count: int) -> Array:
+    """Numbers, or arrays of one for each member, as [members, values]."""
+    return np.stack([np.broadcast_to(np.asarray(v, dtype=float), count) for v in values], axis=1)
+
+
+def repeat_members(
+    pieces: Sequence[Piece], frequency: Any, periods: float | None, rest: Any, durations: Array
+) -> Drives:
+    """As `pieces.repeat`, of pieces, frequencies, values at rest and durations that differ by member."""
+    count = durations.size
+    polynomial = np.zeros((count, len(pieces), 4))
+    for i, piece in enumerate(pieces):
+        for c, value in enumerate(piece.polynomial):
+            polynomial[:, i, c] = value
+    waves = [columns_of(row, count) for piece in pieces for row in piece.harmonics]
+    harmonic = np.stack(waves, axis=1) if waves else np.zeros((count, 0, 4))
+    one = columns_of([piece.start for piece in pieces], count)
+    per = columns_of([frequency], count)
+    start = (_whole(durations * per[:, 0], periods) + one[:, None, :]) / per[:, :, None]
+    end = None if periods is None else periods / per
+    rows = [len(piece.harmonics) for piece in pieces]
+    return _tiled(start, polynomial, rows, harmonic, columns_of([rest], count), end, durations)
+
+
+def repeat_curves(
+    start: Array, polynomial: Array, period: Array, periods: float | None, durations: Array
+) -> Drives:
+    """As `pieces.repeat_table` of `pieces.wrapped`: start [members, n], polynomial [members, n, 4], period
+    [members]; at rest at the value with which a period begins."""
+    if np.any(start[:, 0] > SLIVER * period):  # where not, a segment that ends as it begins
+        c0, c1, c2, c3 = polynomial[:, -1].T
+        tau = period - start[:, -1]
+        level = c0 + tau * (c1 + tau * (c2 + tau * c3))
+        rest = np.stack([level, c1 + tau * (2 * c2 + tau * 3 * c3), c2 + tau * 3 * c3, c3], axis=1)
+        begins = start[:, 0] <= SLIVER * period
+        before = np.where(begins, polynomial[:, 0, 0], level)[:, None]
+        start = np.concatenate([np.zeros((len(start), 1)), start], axis=1)
+        polynomial = np.concatenate([rest[:, None], polynomial], axis=1)
+    else:
+        before = polynomial[:, 0, :1]
+        start = np.concatenate([np.zeros((len(start), 1)), start[:, 1:]], axis=1)
+    tiled = _whole(durations / period, periods) * period[:, None, None] + start[:, None, :]
+    tiled[:, 1:] *= 1 - 2.0**-51  # as `repeat_table`
+    end = None if periods is None else (periods * period)[:, None]
+    none = np.zeros((len(start), 0, 4))
+    return _tiled(tiled, polynomial, [0] * start.shape[1], none, before, end, durations)
+
+
+def _whole(begun: Array, periods: float | None) -> Array:
+    """Numbers of the periods that begin in the run that holds most of them, [1, periods, 1]."""
+    most = int(np.floor(begun.max(initial=0.0))) + 1
+    return np.arange(most if periods is None else min(most, int(periods)))[None, :, None]
+
+
+def _tiled(
+    start: Array,
+    polynomial: Array,
+    rows: Sequence[int],
+    harmonic: Array,
+    rest: Array,
+    end: Array | None,
+    durations: Array,
+) -> Drives:
+    """Segments [members, periods, n] of periods that are alike; at rest [members, 1] from the end on."""
+    count, periods, n = start.shape
+    start = start.reshape(count, periods * n)
+    polynomial, harmonic = np.tile(polynomial, (1, periods, 1)), np.tile(harmonic, (1, periods, 1))
+    of_each = np.tile(np.array(rows, dtype=np.int64), periods)
+    if end is not None:
+        level = np.zeros((count, 1, 4))
+        level[:, :, 0] = rest
+        start = np.concatenate([start, end], axis=1)
+        polynomial = np.concatenate([polynomial, level], axis=1)
+        of_each = np.append(of_each, 0)
+    late = start >= (durations * (1 - SLIVER))[:, None]
+    late[:, 0] = False
+    kept = int(np.max(np.sum(~late, axis=1)))
+    start[late], polynomial[late] = np.inf, np.nan
+    first = np.append(0, np.cumsum(of_each))[: kept + 1]
+    return Drives(
+        rest[:, 0].copy(),
+        np.ascontiguousarray(start[:, :kept]),
+        np.ascontiguousarray(polynomial[:, :kept]),
+        np.tile(first, (count, 1)),
+        np.ascontiguousarray(harmonic[:, : first[-1]]),
+    )
