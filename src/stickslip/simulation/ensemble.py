@@ -136,9 +136,7 @@ def simulate_ensemble(
         np.full((count, wanted.size), np.nan),
         [],
     )
-    for start, block in in_blocks(
-        lambda part: _block(task, part), varied, size, 1 if task.gpu else threads
-    ):
+    for start, block in in_blocks(lambda part: _block(task, part), varied, size, 1 if task.gpu else threads):
         part = slice(start, start + block.status.size)
         for all_of_them, some in zip(found[:-1], block[:-1], strict=True):
             all_of_them[part] = some

@@ -34,7 +34,8 @@ LARGEST_TABLES = 4_000_000
 
 class Members(NamedTuple):
     """A block: `reasons` of those that are refused (empty for the others); `of`, what they are made like;
-    `values` of their plants, `states` at rest; `drives`, and `which` of them each has; `ends` [s]; `load`, the same for all."""
+    `values` of their plants, `states` at rest; `drives`, and `which` of them each has; `ends` [s]; `load`,
+    the same for all."""
 
     reasons: list[str]
     of: System

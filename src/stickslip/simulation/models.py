@@ -275,8 +275,8 @@ def refuse_jumps(model: Actuator, table: Drive, period: float | None) -> None:
     if model.static and not model.clamped and elements(model.friction) > 0 and _jumps(table, period):
         raise QuantityError(
             "a static stage would follow a jump of the voltage at infinite speed, at which a presliding "
-            "friction law has no meaning: give the waveform a finite fall (rise_fraction < 1), or the stage a "
-            "natural_frequency"
+            "friction law has no meaning: give the waveform a finite fall (rise_fraction < 1), or the stage "
+            "a natural_frequency"
         )
 
 

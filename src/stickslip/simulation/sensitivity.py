@@ -18,17 +18,30 @@ from ..solve.outcome import DONE
 from ..solve.periods import LOG_ROWS, integrate_near
 from ..units import QuantityError, to_si
 from ..waveform.drive import Drive, constant
+from ..waveform.members import Drives, stacked
 from ..waveform.signal import Waveform
 from .errors import SimulationError
 from .models import Contact, System, checked_drive, contact_load
-from .steady import periodic_drive, steady_orbit
+from .steady import endless, periodic_drive, steady_orbit
 from .trajectory import sample_times
-from .varied import changed_fields, free_names, law_of
+from .varied import (
+    changed_fields,
+    free_names,
+    law_of,
+    waveform_field,
+    waveform_names,
+    waveform_value,
+    with_field,
+)
 
 # At the normal force for which the parameters hold.
 REFERENCE = Contact()
 # Relative, and absolute where a value is zero. The steps are the same, so only rounding limits it.
 DIFFERENCE = 1e-6
+# How much longer the tables of neighbours are, whose breaks may be later.
+LONGER = 1.01
+# How far their breaks may be from the trajectory's own, over its length.
+MOST_LATE = 1e-4
 # The initial state: entry of the plant's state after the first of the body, unit, and a difference that is
 # small against what moves.
 INITIAL = {
@@ -42,13 +55,16 @@ INITIAL = {
 
 class Moved(NamedTuple):
     """A model, what it is to the solver, the neighbours of it that differ in one value each (their numbers
-    and states), and by how much."""
+    and states), and by how much; `drives`: their drives, where any differs, and their `periods` (0: none),
+    else None."""
 
     model: Actuator
     of: System
     values: NDArray[np.float64]
     states: NDArray[np.float64]
     steps: NDArray[np.float64]
+    drives: Drives | None = None
+    periods: NDArray[np.float64] | None = None
 
 
 def initial_row(of: System, name: str) -> int | None:
@@ -64,8 +80,11 @@ def moved(
     state: NDArray[np.float64],
     before: float | None,
     contact: Contact = REFERENCE,
+    waveform: Waveform | None = None,
+    end: float = 0.0,
 ) -> Moved:
-    """Neighbours of a model in the state given; with `before`, each rests under that drive by itself.
+    """Neighbours of a model in the state given; with `before`, each rests under that drive by itself. With a
+    `waveform`, followed up to `end` [s], names may be fields of it, and what has it rests under its own.
 
     Raises:
         QuantityError: a name that is not known, or a static law.
@@ -77,13 +96,20 @@ def moved(
             "and its motion is no smooth function of its parameters: difference `simulate` instead"
         )
     known = [*free_names(model), *(name for name in INITIAL if initial_row(of, name) is not None)]
-    values, states, steps = [], [], []
+    of_waveform = waveform_names(waveform) if waveform is not None else []
+    values, states, steps, waveforms = [], [], [], []
     for name in names:
+        if name not in known and name not in of_waveform:
+            hint = did_you_mean(name, [*known, *of_waveform])
+            raise QuantityError(
+                f"no derivative by {name!r}{hint}: there are {', '.join([*known, *of_waveform])}"
+            )
+        other, own, drive = of, state.copy(), waveform
         if name not in known:
-            hint = did_you_mean(name, known)
-            raise QuantityError(f"no derivative by {name!r}{hint}: there are {', '.join(known)}")
-        other, own = of, state.copy()
-        if name in INITIAL:
+            drive, step = _beside(waveform, name)
+            if before is not None:
+                own = contact.rest(of, drive.drive(end).before)
+        elif name in INITIAL:
             step = INITIAL[name][3]
             own[initial_row(of, name)] += step
         else:
@@ -98,6 +124,8 @@ def moved(
         values.append(values_of(other.plant)[0])
         states.append(own)
         steps.append(step)
+        waveforms.append(drive)
+    moving = bool({*names} - {*known})
     n = len(names)  # of none, the tables have their columns all the same
     return Moved(
         model,
@@ -105,7 +133,42 @@ def moved(
         np.array(values).reshape(n, values_of(of.plant).shape[1]),
         np.array(states).reshape(n, state.size),
         np.array(steps),
+        _drives(waveform, waveforms, names, end) if moving else None,
+        np.array([getattr(w, "period", None) or 0.0 for w in waveforms]) if moving else None,
     )
+
+
+def _beside(waveform: Any, name: str) -> tuple[Any, float]:
+    """The waveform with a number that differs a little, to the side that its record allows, and by how
+    much."""
+    value = waveform_value(waveform, name)
+    step = DIFFERENCE * (abs(value) or 1.0)
+    try:
+        return with_field(waveform, name, value + step), step
+    except QuantityError:
+        try:
+            return with_field(waveform, name, value - step), -step
+        except QuantityError as error:
+            raise QuantityError(f"no derivative by {name!r} at {value:g}: {error}") from None
+
+
+def _drives(waveform: Any, waveforms: list[Any], names: Sequence[str], end: float) -> Drives:
+    """The tables of the neighbours, over a little more than the trajectory.
+
+    Raises:
+        QuantityError: one has other segments than the waveform itself, so that there is no derivative.
+    """
+    tables = [w.drive(LONGER * max(end, 2.0 * (getattr(w, "period", None) or 0.0))) for w in waveforms]
+    itself = waveform.drive(end)
+    for name, table in zip(names, tables, strict=True):
+        n = itself.start.size
+        alike = table.start.size >= n and np.array_equal(table.first[: n + 1], itself.first[: n + 1])
+        if not alike or np.max(np.abs(table.start[:n] - itself.start)) > MOST_LATE * end:
+            raise QuantityError(
+                f"no derivative by {name!r} at {waveform_value(waveform, name):g}: the drive has a jump or a "
+                "kink there that appears or vanishes"
+            )
+    return stacked(tables)
 
 
 def follow_moved(
@@ -116,16 +179,21 @@ def follow_moved(
     tolerance: float,
     max_steps: int = 20_000_000,
     load: Drive | None = None,
+    over_period: bool = False,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Samples of the plant (see `solve.periods.integrate`), derivatives of the end-effector's position
-    [times, names], and those of the last state [states, names]; `state` becomes the last state.
+    [times, names], and those of the last state [states, names]; `state` becomes the last state. With
+    `over_period` each goes on to the end of its own period.
 
     Raises:
         SimulationError: the motion could not be followed to the end.
     """
     plant, column = of.of.plant, of.of.slider
     samples = np.full((times.size, state.size + 1), np.nan)
-    near = neighbours(of.values, of.states.copy(), column, LOG_ROWS, times.size)
+    ends = np.full(len(of.steps) + 1, times[-1])
+    if over_period and of.periods is not None:
+        ends[1:] = of.periods
+    near = neighbours(of.values, of.states.copy(), column, LOG_ROWS, times.size, of.drives, ends)
     span, load = np.array([0.0, times[-1]]), load or constant(1.0)
     outcome, reached, _, _ = integrate_near(
         plant, drive, load, state, span, tolerance, max_steps, times, samples, near
@@ -156,7 +224,8 @@ def sensitivities(
         model: an actuator whose law has internal states.
         parameters: names of fields of the law and of the actuator, "stiction_ratio", "breakaway_share", and
             "initial_stage_position", "initial_stage_velocity", "initial_end_effector_position",
-            "initial_end_effector_velocity", "initial_bristle_deflection".
+            "initial_end_effector_velocity", "initial_bristle_deflection"; and fields of the waveform,
+            those of lists by their number ("amplitude", "frequency", "value_3").
         waveform, duration, sample_rate, times, tolerance, load: as for `simulate`.
 
     Returns:
@@ -164,7 +233,8 @@ def sensitivities(
         the parameter, whose unit is the coordinate "unit".
 
     Raises:
-        QuantityError: an unknown name, a static law, or see `simulate`.
+        QuantityError: an unknown name, a static law, a waveform that jumps at another place for the smallest
+            change of a field, or see `simulate`.
         SimulationError: the motion could not be followed to the end.
     """
     wanted = sample_times(waveform, duration, sample_rate, times)
@@ -172,7 +242,7 @@ def sensitivities(
     drive = checked_drive(model, waveform, end, periodic=False)
     contact = contact_load(load, end)
     state = contact.rest(contact.system(model), drive.before)
-    of = moved(model, parameters, state, drive.before, contact)
+    of = moved(model, parameters, state, drive.before, contact, waveform, end)
     tolerance = to_si(tolerance, "m", "tolerance")
     samples, by, _ = follow_moved(of, drive, state, wanted, tolerance, load=contact.table)
     return xr.Dataset(
@@ -191,7 +261,7 @@ def sensitivities(
         coords={
             "time": ("time", wanted, {"units": "s"}),
             "parameter": list(parameters),
-            "unit": ("parameter", [_unit(model, name) for name in parameters]),
+            "unit": ("parameter", [_unit(model, waveform, name) for name in parameters]),
         },
     )
 
@@ -221,9 +291,10 @@ def steady_step_derivatives(
     whole = contact.system(model)
     initial = {initial_row(whole, name): name for name in INITIAL}
     rows = [row for row in range(state.size) if row != whole.slider]
-    of = moved(model, [*parameters, *(initial[row] for row in rows)], state, None, contact)
+    names = [*parameters, *(initial[row] for row in rows)]
+    of = moved(model, names, state, None, contact, endless(waveform), period)
     times = np.array([0.0, period])
-    _, _, last = follow_moved(of, drive, state, times, 0.1 * tolerance, load=contact.table)
+    _, _, last = follow_moved(of, drive, state, times, 0.1 * tolerance, load=contact.table, over_period=True)
     n = len(parameters)
     by_state, by_parameter = last[:, n:], last[:, :n]
     shift = np.linalg.solve(np.eye(len(rows)) - by_state[rows], by_parameter[rows])
@@ -242,8 +313,11 @@ def _value(model: Actuator, name: str) -> float:
     return float(getattr(model, name))
 
 
-def _unit(model: Actuator, name: str) -> str:
+def _unit(model: Actuator, waveform: Waveform, name: str) -> str:
     if name in INITIAL:
         return INITIAL[name][2]
+    if name in waveform_names(waveform) and name not in free_names(model):
+        quantity = quantities(type(waveform))[waveform_field(waveform, name)[0]]
+        return quantity.unit.replace("V", waveform.unit)
     known: dict[str, Any] = quantities(type(model)) | quantities(type(model.friction))
     return known[name].unit if name in known else ""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from typing import Any
 
 import numpy as np
 
@@ -48,9 +49,12 @@ def periodic_drive(model: Actuator, waveform: Waveform) -> tuple[float, Drive]:
         raise QuantityError(
             f"steady stepping needs a periodic waveform; {type(waveform).__name__} has no period"
         )
-    if math.isfinite(waveform.duration):  # a given number of periods: look at the endless one
-        waveform = waveform._replace(periods=None)  # type: ignore[attr-defined]
-    return float(period), checked_drive(model, waveform, float(period), periodic=True)
+    return float(period), checked_drive(model, endless(waveform), float(period), periodic=True)
+
+
+def endless(waveform: Any) -> Any:
+    """The waveform for ever, where it has a number of periods."""
+    return waveform._replace(periods=None) if math.isfinite(waveform.duration) else waveform
 
 
 def steady_step(

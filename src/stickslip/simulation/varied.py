@@ -127,5 +127,25 @@ def waveform_field(waveform: Any, name: str) -> tuple[str, int | None]:
     raise KeyError(name)
 
 
+def waveform_value(waveform: Any, name: str) -> float:
+    """The number of that name."""
+    field, index = waveform_field(waveform, name)
+    value = getattr(waveform, field)
+    return float(value if index is None else value[index])
+
+
+def with_field(waveform: Any, name: str, value: float) -> Any:
+    """The waveform with another number.
+
+    Raises:
+        QuantityError: it is out of range.
+    """
+    field, index = waveform_field(waveform, name)
+    fields = waveform._asdict()
+    old = fields[field]
+    fields[field] = value if index is None else (*old[:index], value, *old[index + 1 :])
+    return type(waveform)(**fields)
+
+
 def _singular(field: str) -> str:
     return re.sub("ies$", "ys", field).removesuffix("s")

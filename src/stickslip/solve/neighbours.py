@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._jit import compiled
+from .._jit import compiled, fused
 from ..plant.generated import gone, settled, state_of, with_values
+from ..waveform.members import member_of
 from .channels import at_nodes, segment_of
 from .log import _sides_of
 from .run import END, FRACTION, LENGTH, START
@@ -23,7 +24,12 @@ from .step import at, take
 class Neighbours(NamedTuple):
     """`values` [n, numbers of the plant]; `states` [n, states], in place; `begun` [n, states], at the start
     of the period; `column`, the state that is sampled; `traces` [n, rows of the log, 5], it on each step;
-    `positions` [n, times], of it."""
+    `positions` [n, times], of it.
+
+    Where their drives differ: `drives`, a table each (else None), whose segments are those of the trajectory
+    a little earlier or later, as their steps are then; `end` and `ends` [n], when it and they end, s. Their
+    traces have start and length of their steps too.
+    """
 
     values: Any
     states: Any
@@ -31,13 +37,19 @@ class Neighbours(NamedTuple):
     column: int
     traces: Any
     positions: Any
+    drives: Any = None
+    end: float = 0.0
+    ends: Any = None
 
 
-def neighbours(values: Any, states: Any, column: int, rows: int, times: int) -> Neighbours:
-    """Room for neighbours that start in these states."""
+def neighbours(
+    values: Any, states: Any, column: int, rows: int, times: int, drives: Any = None, ends: Any = None
+) -> Neighbours:
+    """Room for neighbours that start in these states; `ends`: of the trajectory, then of each."""
     n = len(states)
-    room = np.empty((n, rows, 5)), np.full((n, times), np.nan)
-    return Neighbours(values, states, np.zeros_like(states), column, *room)
+    room = np.empty((n, rows, 5 if drives is None else 7)), np.full((n, times), np.nan)
+    end, own = (0.0, None) if drives is None else (float(ends[0]), np.array(ends[1:]))
+    return Neighbours(values, states, np.zeros_like(states), column, *room, drives, end, own)
 
 
 @compiled
@@ -46,9 +58,20 @@ def mark(near):
     near.begun[:] = near.states
 
 
+@fused
+def _own_step(drive, near, drives, p, i, t, h):
+    """Start and length of the step of a neighbour: at the same fraction of its own segment."""
+    begins, own = drive.start[i], drives.start[p]
+    stop, own_stop = near.end, near.ends[p]
+    if i + 1 < drive.start.size and drive.start[i + 1] <= near.end:
+        stop, own_stop = drive.start[i + 1], own[i + 1]
+    scale = (own_stop - own[i]) / (stop - begins)
+    return own[i] + (t - begins) * scale, h * scale
+
+
 @compiled
-def replay(plant, drive, load, log, rows, local, near):
-    """Take the logged steps with every neighbour."""
+def replay(plant, drive, load, log, rows, local, near, drives):
+    """Take the logged steps with every neighbour; `drives`, the neighbours' own."""
     i, j = segment_of(drive, log[0, START]), segment_of(load, log[0, START])
     states, traces, c = near.states, near.traces, near.column
     for row in range(rows):
@@ -60,9 +83,14 @@ def replay(plant, drive, load, log, rows, local, near):
             j += 1
         u, n = at_nodes(drive, i, t, h), at_nodes(load, j, t, h)
         for p in range(states.shape[0]):
+            own_h = h
+            if drives is not None:
+                own_t, own_h = _own_step(drive, near, drives, p, i, t, h)
+                u, n = at_nodes(member_of(drives, p), i, own_t, own_h), at_nodes(load, j, own_t, own_h)
+                traces[p, row, 5], traces[p, row, 6] = own_t, own_h
             own = with_values(plant, near.values[p])
             q = state_of(plant, states[p])
-            new, dense, _, _ = take(own, sides, h, q, u, n)
+            new, dense, _, _ = take(own, sides, own_h, q, u, n)
             traces[p, row, 0], traces[p, row, 1] = q[c], new[c]
             traces[p, row, 2], traces[p, row, 3] = dense[0][c], dense[1][c]
             traces[p, row, 4] = dense[2][c]
@@ -81,19 +109,27 @@ def carry(plant, near, periods):
 
 
 @compiled
-def read_traces(log, rows, shift, periods, times, k, t_end, near):
+def read_traces(log, rows, first, now, shift, periods, times, k, t_end, near, drives):
     """Fill the neighbours' positions up to `t_end` from their traces, read `shift` [s] later, when each
-    has moved on by its own net step so many `periods` long."""
-    row, n, c = 0, k, near.column
-    while n < times.size and times[n] <= t_end:
-        t = times[n] - shift
-        while row + 1 < rows and t > log[row, END]:
-            row += 1
-        theta = (t - log[row, START]) / log[row, LENGTH]
-        rest = 1.0 - theta
-        for p in range(near.states.shape[0]):
-            move = periods * (near.states[p, c] - near.begun[p, c])
-            inner = near.traces[p, row, 2] + theta * (near.traces[p, row, 3] + theta * near.traces[p, row, 4])
-            value = rest * near.traces[p, row, 0] + theta * (near.traces[p, row, 1] + rest * inner)
-            near.positions[p, n] = value + move
-        n += 1
+    has moved on by its own net step so many `periods` long: the period that began with the segment `first`
+    of the drive repeats from its segment `now` on."""
+    for p in range(near.states.shape[0]):
+        row, n, c = 0, k, near.column
+        trace, own_shift = near.traces[p], shift
+        if drives is not None:
+            own_shift = drives.start[p, now] - drives.start[p, first]
+        move = periods * (near.states[p, c] - near.begun[p, c])
+        while n < times.size and times[n] <= t_end:
+            t = times[n] - own_shift
+            if drives is None:
+                while row + 1 < rows and t > log[row, END]:
+                    row += 1
+                theta = (t - log[row, START]) / log[row, LENGTH]
+            else:
+                while row + 1 < rows and t > trace[row + 1, 5]:
+                    row += 1
+                theta = (t - trace[row, 5]) / trace[row, 6]
+            rest = 1.0 - theta
+            inner = trace[row, 2] + theta * (trace[row, 3] + theta * trace[row, 4])
+            near.positions[p, n] = rest * trace[row, 0] + theta * (trace[row, 1] + rest * inner) + move
+            n += 1

@@ -155,8 +155,8 @@ def follow(
             accepted += more
             rejected += fewer
             if near is not None:
-                replay(plant, drive, load, log, rows, local, near)
-                read_traces(log, rows, 0.0, 0, times, k, t, near)
+                replay(plant, drive, load, log, rows, local, near, near.drives)
+                read_traces(log, rows, i, i, 0.0, 0, times, k, t, near, near.drives)
             if account is not None:
                 read_account(plant, drive, load, log, rows, 0.0, times, k, t, room[TERMS:], room, account)
             if rows > 0:
@@ -178,12 +178,12 @@ def follow(
             more = i + cycle < drive.start.size and drive.start[i + cycle] < t_end
             ending = ending or (left == 0 and not more)
             if left > 0 and left * drift_apart(plant, q, before) <= SAME * tolerance:
-                net = gone(plant, q, begun)
+                net, begins = gone(plant, q, begun), i - cycle
                 for p in range(1, left + 1):
                     end = drive.start[i + cycle] if i + cycle < drive.start.size else t_end
                     shift = drive.start[i] - period_start
                     if near is not None:
-                        read_traces(log, rows, shift, p, times, k, end, near)
+                        read_traces(log, rows, begins, i, shift, p, times, k, end, near, near.drives)
                     if account is not None:
                         read_account(
                             plant, drive, load, log, rows, shift, times, k, end, room[TERMS:], room, account

@@ -29,9 +29,7 @@ class Drives(NamedTuple):
 @inlined
 def member_of(drives, m):
     """The table of one member, as views."""
-    return Drive(
-        drives.before[m], drives.start[m], drives.polynomial[m], drives.first[m], drives.harmonic[m]
-    )
+    return Drive(drives.before[m], drives.start[m], drives.polynomial[m], drives.first[m], drives.harmonic[m])
 
 
 def common(drive: Drive) -> Drives:
