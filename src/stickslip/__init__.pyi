@@ -90,6 +90,7 @@ from .simulation import simulate_ensemble as simulate_ensemble
 from .simulation import steady_orbit as steady_orbit
 from .simulation import steady_step as steady_step
 from .simulation import steady_step_derivatives as steady_step_derivatives
+from .simulation import steady_steps as steady_steps
 from .units import QuantityError as QuantityError
 from .verification import Predictor as Predictor
 from .verification import Requirement as Requirement

@@ -17,6 +17,11 @@ from .errors import NotPeriodicError, SimulationError, SimulationWarning
 from .models import checked_drive, contact_load
 from .trajectory import not_within
 
+MAX_PERIODS = 2000
+NOT_FOLLOWED = "the motion could not be followed over one period"
+# Of the largest multiplier, which is known to rounding only.
+STABLE = 1.0 + 1e-6
+
 
 def steady_orbit(
     model: Actuator, waveform: Waveform, *, tolerance: float = 1e-10, load: Waveform | float = 1.0
@@ -37,24 +42,53 @@ def steady_orbit(
     of = contact.system(model)
     start = contact.rest(of, table.before)
     try:
-        return find_orbit(of.plant, of.slider, table, contact.drive, start, period, float(tolerance))
+        return find_orbit(
+            of.plant, of.slider, table, contact.drive, start, period, float(tolerance), MAX_PERIODS
+        )
     except FloatingPointError as error:
         raise SimulationError(f"no steady stepping: {error}") from error
 
 
 def periodic_drive(model: Actuator, waveform: Waveform) -> tuple[float, Drive]:
     """Period [s] and one period of the drive; raises `QuantityError`, see `steady_orbit`."""
+    period = period_of(waveform)
+    return period, checked_drive(model, endless(waveform), period, periodic=True)
+
+
+def period_of(waveform: Waveform) -> float:
+    """Period of a waveform, s; raises `QuantityError`, see `steady_orbit`."""
     period = getattr(waveform, "period", None)
     if period is None:
         raise QuantityError(
             f"steady stepping needs a periodic waveform; {type(waveform).__name__} has no period"
         )
-    return float(period), checked_drive(model, endless(waveform), float(period), periodic=True)
+    return float(period)
 
 
 def endless(waveform: Any) -> Any:
     """The waveform for ever, where it has a number of periods."""
     return waveform._replace(periods=None) if math.isfinite(waveform.duration) else waveform
+
+
+def stable(largest: Any) -> Any:
+    """Whether a motion with these largest multipliers is settled into."""
+    return ~(np.asarray(largest) > STABLE)
+
+
+def not_found(periods: int, residual: float, largest: float) -> str:
+    """Why there is no steady step."""
+    return (
+        f"no motion with the period of the drive was found in {periods} periods: the state still "
+        f"changes by {with_prefix(residual, 'm')} per period (largest multiplier {largest:.3g})"
+    )
+
+
+def unstable(largest: float) -> str:
+    """Why there is no steady step."""
+    return (
+        f"the motion with the period of the drive is unstable (largest multiplier {largest:.3g}): the "
+        "actuator will not settle into it"
+    )
 
 
 def steady_step(
@@ -73,17 +107,9 @@ def steady_step(
     orbit = steady_orbit(model, waveform, tolerance=tolerance, load=load)
     largest = float(np.max(np.abs(orbit.multipliers), initial=0.0))
     if not orbit.converged:
-        raise NotPeriodicError(
-            f"no motion with the period of the drive was found in {orbit.periods} periods: the state still "
-            f"changes by {with_prefix(orbit.residual, 'm')} per period (largest multiplier {largest:.3g})",
-            orbit,
-        )
-    if largest > 1.0 + 1e-6:
-        raise NotPeriodicError(
-            f"the motion with the period of the drive is unstable (largest multiplier {largest:.3g}): the "
-            "actuator will not settle into it",
-            orbit,
-        )
+        raise NotPeriodicError(not_found(orbit.periods, orbit.residual, largest), orbit)
+    if not stable(largest):
+        raise NotPeriodicError(unstable(largest), orbit)
     if not orbit.error <= tolerance:
         warnings.warn(not_within(orbit.error, tolerance), SimulationWarning, stacklevel=2)
     return orbit.step

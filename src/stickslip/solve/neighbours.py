@@ -72,6 +72,8 @@ def _own_step(drive, near, drives, p, i, t, h):
 @compiled
 def replay(plant, drive, load, log, rows, local, near, drives):
     """Take the logged steps with every neighbour; `drives`, the neighbours' own."""
+    if rows == 0:
+        return
     i, j = segment_of(drive, log[0, START]), segment_of(load, log[0, START])
     states, traces, c = near.states, near.traces, near.column
     for row in range(rows):

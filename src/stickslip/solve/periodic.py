@@ -3,42 +3,60 @@ r"""Steady stepping: the periodic orbit itself, by shooting, instead of waiting 
 Once periodic, everything but the position of the end-effector repeats from period to period, and that
 position moves on by the net step. So with r the state without the position, and G the map of r over one
 period, the orbit is r = G(r). It is found by Newton's method on differences of G; where that does not bring
-the residual down (a static law makes G discontinuous, or it starts too far away), the map itself is iterated
-for some periods, which is what waiting would do, and then it is tried again.
+the defect G(r) - r down (a static law makes G discontinuous, or it starts too far away), the map itself is
+iterated for some periods, which is what waiting would do, and then it is tried again.
+
+G is integrated coarsely at first, then more and more finely: each integration tells by how much the finer
+one moves the orbit, and the last of these moves, once within the tolerance, is its error. Derivatives of a
+coarse integration serve the finer ones too, unless a disturbance lives long, or the defect stops falling.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .._jit import compiled, inlined, kernel
+from ..plant.generated import state_of, with_values
 from ..plant.system import Plant, layout_of, values_of
 from ..waveform.drive import Drive
-from .neighbours import neighbours
+from ..waveform.members import common, member_of
+from .log import columns
+from .neighbours import Neighbours
 from .outcome import DONE
-from .periods import LOG_ROWS, integrate, integrate_near
-from .resume import NO_RESUME
+from .periods import LOG_ROWS, follow
 
 MAX_STEPS = 10_000_000
+# An orbit was not found in as many periods as allowed; not an end of an engine.
+NOT_FOUND = 5
 # Periods of waiting between two attempts of Newton's method.
 PATIENCE = 20
-NO_TIMES, NO_SAMPLES = np.zeros(0), np.zeros((0, 0))
-# Below this part of the tolerance the integration is not refined any more.
+# Tolerances of the engine over the one asked for: the first, the second, and from one to the next. Where
+# derivatives are plain differences, the first is small against these.
+COARSEST, COARSE, FINER = 1000.0, 32.0, 0.25
+COARSEST_STATIC = 0.4
 FINEST = 1e-5
 # Newton's method may go this many times as far as the motion itself has been: where a period hardly changes
 # the state it would point to where nothing moves like this.
 FARTHEST = 4.0
-# By how much neighbours differ, m; rounding is all that limits it.
-NUDGE = 1e-12
+# By how much neighbours differ, m, where rounding is all that limits it; and over the engine's tolerance,
+# where they take steps of their own.
+NUDGE, NUDGE_STATIC = 1e-12, 1e3
+# What a coarser integration may leave of the defect, over its tolerance.
+NOISE = 0.1
+# Multipliers above which derivatives of the coarsest integration, or of the last one, will not do.
+SHORT, LONG = 0.5, 0.95
 
 
 class Orbit(NamedTuple):
     """A periodic orbit: `step`, net displacement per period, m; `state` at the start of the period;
-    `multipliers`, by which a small disturbance grows over one period (stable where all are below 1 in size);
-    `converged`, with the `residual`, how far off state and step may still be, m; `periods` integrated to
-    find it; `error`, how far step and state may be off for the errors of the integration, m."""
+    `multipliers`, by which a small disturbance grows over one period (stable where all are below 1 in size;
+    those below a half are of a coarse integration, good to about a hundredth); `converged`, with the
+    `residual`, how far off state and step were before the last correction, m; `periods` integrated to find
+    it; `error`, how far step and state may be off, by a coarser integration, m."""
 
     step: float
     state: NDArray[np.float64]
@@ -47,6 +65,288 @@ class Orbit(NamedTuple):
     residual: float
     periods: int
     error: float
+
+
+class Found(NamedTuple):
+    """What became of members: `outcomes` (those not DONE at the start are left out), and as in `Orbit`;
+    `radius`, the largest multiplier in size; `jacobian` of the last map, with zeros for the position."""
+
+    outcomes: Any
+    steps: Any
+    errors: Any
+    residuals: Any
+    radius: Any
+    periods: Any
+    jacobian: Any
+
+
+def room_for(members: int, states: int) -> Found:
+    """Arrays to be filled."""
+    numbers = [np.full(members, np.nan) for _ in range(4)]
+    count = np.zeros(members, np.int64)
+    return Found(np.full(members, DONE), *numbers, count, np.zeros((members, states, states)))
+
+
+class Work(NamedTuple):
+    """Work space of one orbit; `scale` brings velocities to metres."""
+
+    span: Any
+    scale: Any
+    of_step: Any
+    matrix: Any
+    near: Neighbours
+    log: Any
+    times: Any
+    samples: Any
+
+
+@compiled
+def _advance(plant, drive, load, r, level, column, work, log, after):
+    """One period from r to `after`; returns outcome and step."""
+    state = state_of(plant, r)
+    outcome, _, _, _, state = follow(
+        plant,
+        drive,
+        load,
+        state,
+        work.span,
+        level,
+        MAX_STEPS,
+        work.times,
+        work.samples,
+        log,
+        work.near,
+        None,
+        None,
+        None,
+    )
+    for c in range(len(state)):
+        after[c] = state[c]
+    step = after[column]
+    after[column] = 0.0
+    return outcome, step
+
+
+@compiled
+def _slopes(plant, drive, load, r, level, column, smooth, work, after, jacobian):
+    """As `_advance`, with the derivatives of the map and of the step."""
+    n, near = r.size, work.near
+    for p in range(n - 1):
+        c = p if p < column else p + 1
+        near.states[p, :] = r
+        near.states[p, c] += NUDGE / work.scale[c]
+    log = work.log if smooth else work.log[:0]
+    outcome, step = _advance(plant, drive, load, r, level, column, work, log, after)
+    for p in range(n - 1):
+        c = p if p < column else p + 1
+        nudge = NUDGE / work.scale[c]
+        moved, moved_step = near.states[p], near.states[p, column]
+        if not smooth:
+            nudge = NUDGE_STATIC * level / work.scale[c]
+            moved = r.copy()
+            moved[c] += nudge
+            own, moved_step = _advance(plant, drive, load, moved, level, column, work, log, moved)
+            outcome = max(outcome, own)
+        for i in range(n):
+            jacobian[i, c] = (moved[i] - after[i]) / nudge if i != column else 0.0
+        work.of_step[c] = (moved_step - step) / nudge
+    return outcome, step
+
+
+@inlined
+def _size(r, scale):
+    most = 0.0
+    for c in range(r.size):
+        value = abs(r[c]) * scale[c]
+        most = max(most, value) if value <= math.inf else math.inf  # NaN too
+    return most
+
+
+@compiled
+def to_orbit(jacobian, defect, a, x):
+    """From a state whose period ends off by `defect` to the orbit, to first order: x = (I - J)^-1 defect, by
+    Gauss's elimination with pivoting in `a`; infinite where there is none."""
+    n = defect.size
+    for i in range(n):
+        for j in range(n):
+            a[i, j] = (1.0 if i == j else 0.0) - jacobian[i, j]
+        x[i] = defect[i]
+    for k in range(n):
+        pivot = k
+        for i in range(k + 1, n):
+            if abs(a[i, k]) > abs(a[pivot, k]):
+                pivot = i
+        if a[pivot, k] == 0.0:
+            x[:] = math.inf
+            return
+        for j in range(n):
+            a[k, j], a[pivot, j] = a[pivot, j], a[k, j]
+        x[k], x[pivot] = x[pivot], x[k]
+        for i in range(k + 1, n):
+            share = a[i, k] / a[k, k]
+            for j in range(k, n):
+                a[i, j] -= share * a[k, j]
+            x[i] -= share * x[k]
+    for i in range(n - 1, -1, -1):
+        for j in range(i + 1, n):
+            x[i] -= a[i, j] * x[j]
+        x[i] /= a[i, i]
+
+
+@compiled
+def spectral_radius(jacobian, scale, squarings):
+    """The largest eigenvalue in size, from the norm of the matrix squared so many times over."""
+    n = scale.size
+    a = np.empty((n, n))
+    for i in range(n):
+        for j in range(n):
+            a[i, j] = jacobian[i, j] * scale[i] / scale[j]
+    logarithm, weight = 0.0, 1.0
+    for _ in range(squarings):
+        norm = 0.0
+        for i in range(n):
+            for j in range(n):
+                norm = max(norm, abs(a[i, j]))
+        if not norm > 0.0:
+            return norm
+        logarithm += weight * math.log(norm)
+        weight *= 0.5
+        b = a / norm
+        for i in range(n):
+            for j in range(n):
+                total = 0.0
+                for k in range(n):
+                    total += b[i, k] * b[k, j]
+                a[i, j] = total
+    return math.exp(logarithm)
+
+
+@compiled
+def _orbit(plant, drive, load, q, tolerance, max_periods, column, smooth, work, jacobian):
+    """The orbit from the state q on, which becomes that of the orbit; returns outcome, step, error, residual,
+    radius and periods of `Found`."""
+    scale, of_step, none = work.scale, work.of_step, work.log[:0]
+    r, after, change, waiting = q.copy(), np.empty(q.size), np.empty(q.size), np.empty(q.size)
+    r[column] = 0.0
+    level = tolerance * (COARSEST if smooth else COARSEST_STATIC)
+    first, derived, fresh, radius = level, level, True, math.nan
+    outcome, step = _advance(plant, drive, load, r, level, column, work, none, after)
+    r[:] = after
+    count, wait, largest = 1, 0, _size(r, scale)
+    # Of the integration before this one: its tolerance (infinite: there is none to compare with), defect, and
+    # the step of the orbit by it.
+    before, gap_before, step_before = math.inf, math.inf, math.inf
+    error, residual, further = math.nan, math.inf, 0.0
+    while outcome == DONE:
+        if fresh:
+            outcome, step = _slopes(plant, drive, load, r, level, column, smooth, work, after, jacobian)
+            count += 2 if smooth else r.size
+            radius, derived = spectral_radius(jacobian, scale, 12), level
+        else:
+            outcome, step = _advance(plant, drive, load, r, level, column, work, none, after)
+            count += 1
+        to_orbit(jacobian, after - r, work.matrix, change)
+        gap, size, further = _size(after - r, scale), _size(change, scale), 0.0
+        for c in range(r.size):
+            further += of_step[c] * change[c] if c != column else 0.0
+        # Where the multipliers come near 1, the orbit is much further away than one period shows.
+        residual = max(gap, size, abs(further))
+        compared = before < math.inf
+        if compared:  # r is the orbit by a coarser integration
+            error = max(size, abs(step + further - step_before))
+        enough = compared and error <= tolerance and level <= FINER * before
+        if outcome == DONE and residual <= tolerance and (enough or level < FINEST * tolerance):
+            break
+        if count >= max_periods and outcome == DONE:
+            outcome = NOT_FOUND
+            break
+        falls = outcome == DONE and (gap < 0.5 * gap_before or gap <= NOISE * before)
+        if compared and not falls:
+            before, fresh = math.inf, True
+            if derived > level and outcome == DONE:
+                continue
+            # Newton's method from derivatives of this integration failed: on from where it began.
+            outcome, wait = DONE, PATIENCE
+            after[:] = waiting
+        largest = max(largest, _size(after, scale))
+        if outcome == DONE and wait == 0 and size <= FARTHEST * largest:
+            waiting[:] = after
+            before, gap_before, step_before = level, gap, step + further
+            r += change
+            if size <= max(level, tolerance):
+                level = min(FINER * level, COARSE * tolerance)
+            fresh = radius > LONG or (derived == first and radius > SHORT)
+            continue
+        r[:] = after
+        while wait > 1 and outcome == DONE:
+            outcome, step = _advance(plant, drive, load, r, level, column, work, none, after)
+            r[:] = after
+            count, wait = count + 1, wait - 1
+        wait, fresh, before = 0, True, math.inf
+    if outcome == DONE:
+        r += change
+        step += further
+    q[:] = r
+    return outcome, step, error, residual, spectral_radius(jacobian, scale, 40), count
+
+
+@kernel
+def orbits(plant, drives, values, states, periods, tolerance, max_periods, column, smooth, found):
+    """Periodic orbits of many members, one after the other.
+
+    Args:
+        plant, drives, values: see `periods.integrate_members`.
+        states: [members, states], from which they are looked for; in place, on the orbits.
+        periods: of the drives, s, [members].
+        tolerance: m, on step and state.
+        max_periods: integrated for one orbit, at most.
+        column: of the state, the position that moves on.
+        smooth: whether derivatives may be those of `neighbours`.
+        found: see `Found`.
+    """
+    tables, which, load = drives
+    n = states.shape[1]
+    near = Neighbours(
+        np.empty((n - 1, values.shape[1])),
+        np.empty((n - 1, n)),
+        np.empty((n - 1, n)),
+        column,
+        np.empty((n - 1, LOG_ROWS, 5)),
+        np.empty((n - 1, 0)),
+        None,
+        0.0,
+        None,
+    )
+    log = np.empty((LOG_ROWS, columns(n, len(plant.elements))))
+    scale, of_step, matrix = np.ones(n), np.zeros(n), np.empty((n, n))
+    work = Work(np.zeros(2), scale, of_step, matrix, near, log, np.zeros(0), np.zeros((0, 0)))
+    for m in range(states.shape[0]):
+        if found.outcomes[m] == DONE:
+            own = with_values(plant, values[m])
+            work.span[1] = periods[m]
+            near.values[:] = values[m]
+            for mode in range(len(plant.modes)):
+                scale[2 * mode + 1] = 1.0 / own.rate
+            outcome, step, error, residual, radius, count = _orbit(
+                own,
+                member_of(tables, which[m]),
+                load,
+                states[m],
+                tolerance,
+                max_periods,
+                column,
+                smooth,
+                work,
+                found.jacobian[m],
+            )
+            found.outcomes[m], found.steps[m], found.errors[m] = outcome, step, error
+            found.residuals[m], found.radius[m], found.periods[m] = residual, radius, count
+
+
+def has_neighbours(plant: Plant) -> bool:
+    """Whether derivatives may be those of `neighbours`: laws without states have events, those of several
+    states corners that a neighbour does not turn at the same time."""
+    return all(shape.states == 1 for shape in layout_of(plant).elements)
 
 
 def find_orbit(
@@ -65,102 +365,14 @@ def find_orbit(
     Raises:
         FloatingPointError: the motion could not be followed over one period.
     """
-    fine = 0.1 * tolerance
-    layout = layout_of(plant)
-    # Laws without states have events, those of several states corners that a neighbour does not turn at the
-    # same time.
-    smooth = all(shape.states == 1 for shape in layout.elements)
-    rows = np.array([row for row in range(start.size) if row != slider])
-    scale = np.ones(start.size)  # brings velocities to metres
-    scale[1 : 2 * layout.modes : 2] /= plant.rate
-    scale = scale[rows]
-    count, span = 0, np.array([0.0, period])
-
-    def state(r: NDArray[np.float64]) -> NDArray[np.float64]:
-        q = start.copy()
-        q[rows] = r
-        q[slider] = 0.0
-        return q
-
-    def advance(r: NDArray[np.float64], coarser: float = 1.0) -> tuple[NDArray[np.float64], float]:
-        nonlocal count
-        count += 1
-        q = state(r)
-        outcome = integrate(
-            plant, drive, load, q, span, coarser * fine, MAX_STEPS, NO_TIMES, NO_SAMPLES, NO_RESUME
-        )[0]
-        if outcome != DONE:
-            raise FloatingPointError("the motion could not be followed over one period")
-        return q[rows], float(q[slider])
-
-    def slopes(
-        r: NDArray[np.float64], at_r: NDArray[np.float64], step: float
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Of the map, and of the step."""
-        nonlocal count
-        if smooth:  # differences to neighbours that take the same steps
-            count += 1
-            nudges = NUDGE / scale
-            states = np.array([state(nudged) for nudged in r + np.diag(nudges)])
-            near = neighbours(values_of(plant, rows.size), states, slider, LOG_ROWS, 1)
-            q, sample = state(r), np.zeros((1, start.size + 1))
-            integrate_near(plant, drive, load, q, span, fine, MAX_STEPS, span[1:], sample, near)
-            return (near.states[:, rows] - q[rows]).T / nudges, (near.states[:, slider] - q[slider]) / nudges
-        jacobian, of_step = np.empty((rows.size, rows.size)), np.empty(rows.size)
-        for c in range(rows.size):
-            nudged = r.copy()
-            nudge = 1e3 * fine / scale[c]
-            nudged[c] += nudge
-            moved, moved_step = advance(nudged)
-            jacobian[:, c], of_step[c] = (moved - at_r) / nudge, (moved_step - step) / nudge
-        return jacobian, of_step
-
-    def size(r: NDArray[np.float64]) -> float:
-        return float(np.max(np.abs(r) * scale, initial=0.0))
-
-    r = start[rows].copy()
-    r, _ = advance(r)
-    after, step = advance(r)
-    largest = size(r)
-    wait = 0  # periods to go through before Newton's method is tried again
-    while True:
-        jacobian, of_step = slopes(r, after, step)
-        change = _to_orbit(jacobian, after - r)
-        # How far the orbit is away; where the multipliers come near 1, much further than one period shows.
-        residual = max(size(after - r), size(change), abs(float(of_step @ change)))
-        if residual <= tolerance or count >= max_periods:
-            # What local errors four times as large do to the orbit, to first order.
-            other, other_step = advance(r, 4.0)
-            moved = _to_orbit(jacobian, other - after)
-            error = max(size(moved), abs(other_step - step + float(of_step @ moved)))
-            if not (error > tolerance and residual <= tolerance and fine > FINEST * tolerance):
-                break
-            fine *= max(0.01, 0.5 * tolerance / error)
-            after, step = advance(r)
-            continue
-        largest = max(largest, size(after))
-        if wait == 0 and size(change) <= FARTHEST * largest:
-            try:
-                trial = r + change
-                trial_after, trial_step = advance(trial)
-                if size(trial_after - trial) < 0.5 * size(after - r):
-                    r, after, step = trial, trial_after, trial_step
-                    continue
-            except FloatingPointError:
-                pass
-            wait = PATIENCE
-        for _ in range(max(wait, 1)):
-            r = after
-            after, step = advance(r)
-        wait = 0
-    multipliers = np.linalg.eigvals(jacobian).astype(np.complex128)
-    return Orbit(step, state(r), multipliers, residual <= tolerance, residual, count, error)
-
-
-def _to_orbit(jacobian: NDArray[np.float64], defect: NDArray[np.float64]) -> Any:
-    """From a state whose period ends off by `defect` to the orbit, to first order; infinite where there is
-    none."""
-    try:
-        return np.linalg.solve(np.eye(defect.size) - jacobian, defect)
-    except np.linalg.LinAlgError:
-        return np.full(defect.size, np.inf)
+    states, found = start[None].copy(), room_for(1, start.size)
+    drives = common(drive), np.zeros(1, np.int64), load
+    ends, smooth = np.array([period]), has_neighbours(plant)
+    orbits(plant, drives, values_of(plant), states, ends, tolerance, max_periods, slider, smooth, found)
+    if found.outcomes[0] not in (DONE, NOT_FOUND):
+        raise FloatingPointError("the motion could not be followed over one period")
+    moving = np.delete(np.delete(found.jacobian[0], slider, axis=0), slider, axis=1)
+    multipliers = np.linalg.eigvals(moving).astype(np.complex128)
+    step, residual, error = (float(a[0]) for a in (found.steps, found.residuals, found.errors))
+    converged = bool(found.outcomes[0] == DONE)
+    return Orbit(step, states[0], multipliers, converged, residual, int(found.periods[0]), error)

@@ -1,0 +1,156 @@
+"""Steady stepping of many members at once."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from ..actuator import Actuator
+from ..solve.outcome import DONE
+from ..solve.periodic import NOT_FOUND, Found, has_neighbours, orbits, room_for
+from ..units import QuantityError, to_si
+from ..waveform.drive import Drive
+from ..waveform.signal import Waveform
+from .errors import SimulationWarning
+from .members import block_size, checked_columns, in_blocks, labelled, prepared, waveform_columns
+from .models import checked_drive, contact_load
+from .steady import MAX_PERIODS, NOT_FOLLOWED, endless, not_found, period_of, stable, unstable
+
+CONVERGED, STOPPED, MISSED, UNSTABLE, REFUSED = range(5)
+STATUS = ("converged", "not_followed", "not_found", "unstable", "refused")
+BLOCK = 64
+
+
+class _Task(NamedTuple):
+    """`drive`: the table of all members, or None."""
+
+    model: Actuator
+    waveform: Waveform
+    drive: Drive | None
+    load: Waveform | float
+    tolerance: float
+
+
+class _Block(NamedTuple):
+    found: Found
+    status: NDArray[np.int8]
+    reasons: list[str]
+
+
+def steady_steps(
+    model: Actuator,
+    waveform: Waveform,
+    *,
+    parameters: Mapping[str, ArrayLike],
+    tolerance: float | str = 1e-10,
+    load: Waveform | float = 1.0,
+    threads: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> xr.Dataset:
+    """`steady_step` of many members of a model and its drive signal, on all processors.
+
+    Args:
+        model: the actuator that the members vary.
+        waveform: periodic (one with a `period`), V.
+        parameters: one array per name, all [members], SI, as for `simulate_ensemble`.
+        tolerance: m, on the net step.
+        load: normal force over its reference, for all members.
+        threads: how many; all processors if left out.
+        progress: called with the members done and all members, after each block.
+
+    Returns:
+        Dataset over "member" with the parameters, net_step (m per period; NaN where there is none),
+        error_estimate (m), largest_multiplier (by which a small disturbance grows per period), periods
+        (integrated), status (0 converged; see its flag_meanings) and reason (empty where converged).
+
+    Raises:
+        QuantityError: an unknown name, arrays of different length, or see `steady_orbit`.
+    """
+    period, waveform = period_of(waveform), endless(waveform)
+    columns = checked_columns(model, waveform, parameters)
+    tolerance = to_si(tolerance, "m", "tolerance")
+    if not tolerance > 0.0:
+        raise QuantityError(f"tolerance = {tolerance} m must be > 0 m")
+    contact_load(load, period)  # what is wrong with it is said at once
+    varies = bool(waveform_columns(waveform, columns))
+    drive = None if varies else checked_drive(model, waveform, period, periodic=True)
+    task = _Task(model, waveform, drive, load, tolerance)
+    size = block_size(waveform, columns, period, BLOCK)
+    count, blocks = next(iter(columns.values())).size, []
+    for start, block in in_blocks(lambda part: _block(task, part), columns, size, threads):
+        blocks.append(block)
+        if progress is not None:
+            progress(start + block.status.size, count)
+    made = _dataset(model, waveform, columns, blocks)
+    off = int(np.sum((made["status"] == CONVERGED) & ~(made["error_estimate"] <= tolerance)))
+    if off:
+        warnings.warn(
+            f"{off} of {count} members are not shown to be within the tolerance: see error_estimate",
+            SimulationWarning,
+            stacklevel=2,
+        )
+    return made
+
+
+def _block(task: _Task, columns: Mapping[str, NDArray[np.float64]]) -> _Block:
+    of = prepared(task.model, task.waveform, task.drive, task.load, columns, None, periodic=True)
+    found, plant = room_for(*of.states.shape), of.of.plant
+    found.outcomes[~of.fine] = REFUSED
+    drives, smooth = (of.drives, of.which, of.load), has_neighbours(plant)
+    orbits(
+        plant,
+        drives,
+        of.values,
+        of.states,
+        of.ends,
+        task.tolerance,
+        MAX_PERIODS,
+        of.of.slider,
+        smooth,
+        found,
+    )
+    status, reasons = np.zeros(len(of.reasons), np.int8), of.reasons
+    for m in np.flatnonzero((found.outcomes != DONE) | ~stable(found.radius)).tolist():
+        if reasons[m]:
+            status[m] = REFUSED
+        elif found.outcomes[m] == DONE:
+            status[m], reasons[m] = UNSTABLE, unstable(found.radius[m])
+        elif found.outcomes[m] == NOT_FOUND:
+            status[m] = MISSED
+            reasons[m] = not_found(int(found.periods[m]), float(found.residuals[m]), found.radius[m])
+        else:
+            status[m], reasons[m] = STOPPED, NOT_FOLLOWED
+    return _Block(found, status, reasons)
+
+
+def _dataset(
+    model: Actuator, waveform: Waveform, columns: Mapping[str, NDArray[np.float64]], blocks: list[_Block]
+) -> xr.Dataset:
+    def joined(name: str) -> NDArray[Any]:
+        return np.concatenate([getattr(block.found, name) for block in blocks])
+
+    status = np.concatenate([block.status for block in blocks])
+    there = status == CONVERGED
+    data = labelled(model, waveform, columns)
+    data["net_step"] = (
+        "member",
+        np.where(there, joined("steps"), np.nan),
+        {"units": "m", "long_name": "net displacement of the end-effector per period"},
+    )
+    data["error_estimate"] = (
+        "member",
+        np.where(there, joined("errors"), np.nan),
+        {"units": "m", "long_name": "how far the net step may be off, by a coarser integration"},
+    )
+    about = {"units": "", "long_name": "largest multiplier of a disturbance per period"}
+    data["largest_multiplier"] = ("member", joined("radius"), about)
+    data["periods"] = ("member", joined("periods"), {"units": "", "long_name": "periods integrated"})
+    flags = {"flag_values": list(range(len(STATUS))), "flag_meanings": " ".join(STATUS)}
+    data["status"] = ("member", status, flags)
+    data["reason"] = ("member", np.array([r for block in blocks for r in block.reasons], dtype=str))
+    return xr.Dataset(data).assign_attrs(title=f"steady steps of {model.name or type(model).__name__}")
