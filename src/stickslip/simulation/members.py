@@ -188,6 +188,9 @@ def _tables(
     reasons. The fields of the model may be arrays."""
     rows = _waveforms(waveform, columns, reasons)
     _refuse_voltages(model, rows, reasons)
+    for m, row in enumerate(rows if periodic else ()):
+        if not reasons[m] and row.period is None:
+            reasons[m] = f"this {type(waveform).__name__} has no period"
     fine = np.array([m for m, reason in enumerate(reasons) if not reason], dtype=np.int64)
     which, ends = np.zeros(len(rows), np.int64), np.full(len(rows), np.nan)
     which[fine] = np.arange(fine.size)

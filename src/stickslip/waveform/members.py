@@ -34,7 +34,7 @@ def member_of(drives, m):
 
 def common(drive: Drive) -> Drives:
     """One table."""
-    return Drives(np.array([drive.before]), *(np.ascontiguousarray(field)[None] for field in drive[1:]))
+    return stacked([drive])
 
 
 def stacked(tables: Sequence[Drive]) -> Drives:
@@ -104,10 +104,10 @@ def repeat_curves(
     return _tiled(tiled, polynomial, [0] * start.shape[1], none, before, end, durations)
 
 
-def _whole(begun: Array, periods: float | None) -> Array:
+def _whole(begun: Array, periods: float | None) -> NDArray[np.int64]:
     """Numbers of the periods that begin in the run that holds most of them, [1, periods, 1]."""
     most = int(np.floor(begun.max(initial=0.0))) + 1
-    return np.arange(most if periods is None else min(most, int(periods)))[None, :, None]
+    return np.arange(most if periods is None else min(most, int(periods)), dtype=np.int64)[None, :, None]
 
 
 def _tiled(
