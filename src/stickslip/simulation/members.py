@@ -205,7 +205,7 @@ def _tables(
     if model.static:
         for m in fine.tolist():
             try:
-                refuse_jumps(model, rows[m].drive(ends[m]), ends[m] if periodic else None)
+                refuse_jumps(model, rows[m].drive(ends[m]), float(ends[m]) if periodic else None)
             except QuantityError as error:
                 reasons[m] = str(error)
     return drives, which, ends
@@ -279,7 +279,7 @@ def _refused(model: Actuator, columns: Columns, values: Columns, count: int) -> 
     """Why the model's records would refuse a member, empty where not; those in doubt are built to hear it."""
     fine = np.ones(count, dtype=bool)
     known = quantities(type(model)) | quantities(type(model.friction))
-    for name, column in (values | {n: columns[n] for n in SCALES if n in columns}).items():
+    for name, column in ({**values} | {n: columns[n] for n in SCALES if n in columns}).items():
         fine &= known[name].allows(column) if name in known else np.isfinite(column) & (column >= 0.0)
     law_type, names = type(model.friction), {*values} - {*quantities(type(model))}
     if hasattr(law_type, "_check") and names:  # one field of the law against another

@@ -82,9 +82,9 @@ class Found(NamedTuple):
 
 def room_for(members: int, states: int) -> Found:
     """Arrays to be filled."""
-    numbers = [np.full(members, np.nan) for _ in range(4)]
-    count = np.zeros(members, np.int64)
-    return Found(np.full(members, DONE), *numbers, count, np.zeros((members, states, states)))
+    steps, errors, residuals, radius = np.full((4, members), np.nan)
+    count, jacobian = np.zeros(members, np.int64), np.zeros((members, states, states))
+    return Found(np.full(members, DONE), steps, errors, residuals, radius, count, jacobian)
 
 
 class Work(NamedTuple):
