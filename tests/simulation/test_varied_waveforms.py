@@ -178,9 +178,12 @@ def test_the_range_is_that_of_the_member() -> None:
 
 def test_a_static_stage_is_not_torn_along() -> None:
     pohl = MODEL.replace(natural_frequency=math.inf)
-    found = simulate_ensemble(pohl, Sawtooth(65.0, 50.0), 0.02, parameters={"rise_fraction": [0.9, 1.0, 0.9]})
+    values = {"rise_fraction": [0.9, 1.0, 0.9]}
+    found = simulate_ensemble(pohl, Sawtooth(65.0, 50.0), 0.03, parameters=values)
     assert found["status"].values.tolist() == [0, 4, 0]
     assert "infinite speed" in str(found["reason"].values[1])
+    before_the_jump = simulate_ensemble(pohl, Sawtooth(65.0, 50.0), 0.019, parameters=values)
+    assert before_the_jump["status"].values.tolist() == [0, 0, 0]
 
 
 class Named(NamedTuple):

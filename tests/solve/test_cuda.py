@@ -16,7 +16,11 @@ from stickslip.simulation import SimulationWarning, simulate_ensemble
 from stickslip.waveform.periodic import Sawtooth
 
 MODEL = Actuator(0.1057e-6, 3303.1, 0.524, 0.2, 0.1, LuGre(1.399e6, 34.9, 0.0, 0.5401, 0.65))
-PARAMETERS = {"sigma_0": [1e6, 1.4e6, -1.0, 3e6], "end_effector_mass": [0.1, 0.2, 0.1, 0.05]}
+PARAMETERS = {
+    "sigma_0": [1e6, 1.4e6, -1.0, 3e6],
+    "end_effector_mass": [0.1, 0.2, 0.1, 0.05],
+    "amplitude": [65.0, 40.0, 65.0, 90.0],  # so that each has a table of its own
+}
 
 
 def on_the_simulator() -> dict[str, dict[str, list]]:
