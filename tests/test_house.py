@@ -37,7 +37,7 @@ OWNERS = {
     "matplotlib": {"figures"},
     "jinja2": {"report"},
     "pooch": {"datasets"},
-    "threadpoolctl": {"identify"},
+    "threadpoolctl": {"estimate"},
     "emcee": {"identify/bayes"},
     "arviz": {"identify/bayes"},
     "pydantic": {"input_file", "study", "experiment", "campaign", "panel"},

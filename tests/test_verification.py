@@ -11,9 +11,9 @@ import pytest
 import xarray as xr
 
 from stickslip.actuator import load_actuator
-from stickslip.identify.fit import fit_least_squares
-from stickslip.identify.problem import Residuals
-from stickslip.identify.result import Fit, Parameter
+from stickslip.estimate.fit import fit_least_squares
+from stickslip.estimate.problem import Residuals
+from stickslip.estimate.result import Fit, Parameter
 from stickslip.recording import RecordingError, make_recording
 from stickslip.simulation import simulate
 from stickslip.units import QuantityError

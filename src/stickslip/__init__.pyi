@@ -10,6 +10,8 @@ from .calibration import fit_calibration as fit_calibration
 from .calibration import load_calibration as load_calibration
 from .calibration import save_calibration as save_calibration
 from .campaign import run_campaign as run_campaign
+from .estimate.problem import FitError as FitError
+from .estimate.result import Fit as Fit
 from .experiment import run_experiment as run_experiment
 from .export import ExportError as ExportError
 from .export import TranslationError as TranslationError
@@ -44,9 +46,7 @@ from .identify.intervals import profile_interval as profile_interval
 from .identify.loops import identify_loops as identify_loops
 from .identify.modal import identify_frequency as identify_frequency
 from .identify.modal_time import identify_in_time as identify_in_time
-from .identify.problem import FitError as FitError
 from .identify.pulled import identify_pulled_slider as identify_pulled_slider
-from .identify.result import Fit as Fit
 from .identify.sawtooth import sawtooth_features as sawtooth_features
 from .identify.step_fit import identify_step as identify_step
 from .identify.step_fit import step_formula_errors as step_formula_errors

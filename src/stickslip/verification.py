@@ -14,10 +14,10 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from .actuator import Actuator
+from .estimate.result import Fit, Goodness, goodness
 from .identify.channels import channel, drives_of, names_of, recordings_of, same_number
 from .identify.displacement import Displacement
 from .identify.drives import periodic_part
-from .identify.result import Fit, Goodness, goodness
 from .recording import RecordingError, make_recording
 from .records import did_you_mean
 from .units import QuantityError, to_si, with_prefix

@@ -10,11 +10,11 @@ from scipy import stats
 from stickslip.actuator import load_actuator
 from stickslip.campaign.bands import walk_bands
 from stickslip.campaign.budget import inherited
+from stickslip.estimate.fit import fit_least_squares
+from stickslip.estimate.problem import Residuals
+from stickslip.estimate.result import Parameter
 from stickslip.friction import Coulomb
-from stickslip.identify.fit import fit_least_squares
 from stickslip.identify.friction import identify_friction
-from stickslip.identify.problem import Residuals
-from stickslip.identify.result import Parameter
 from stickslip.simulation import simulate
 from stickslip.simulation.varied import with_values
 from stickslip.study.alignment import Aligned

@@ -11,13 +11,13 @@ import xarray as xr
 from stickslip.campaign.deeper import Deeper, _named
 from stickslip.campaign.deeper_sections import conclusion, deeper_numbers, deeper_sections
 from stickslip.campaign.features import feature_numbers, features_of, features_section
+from stickslip.estimate.fit import fit_least_squares
+from stickslip.estimate.problem import Residuals
+from stickslip.estimate.result import Goodness, Parameter
 from stickslip.figures.posterior import posterior_corner
 from stickslip.identify.bayes import sample
 from stickslip.identify.compare import Comparison
 from stickslip.identify.compare_walk import walk_candidates
-from stickslip.identify.fit import fit_least_squares
-from stickslip.identify.problem import Residuals
-from stickslip.identify.result import Goodness, Parameter
 from stickslip.recording import make_recording
 from stickslip.report import Number
 from stickslip.study.alignment import Aligned

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from stickslip.actuator import load_actuator
+from stickslip.estimate.coloured import coloured, with_coloured_noise
+from stickslip.estimate.fit import fit_least_squares
+from stickslip.estimate.problem import FitError, Residuals
+from stickslip.estimate.result import Fit, Parameter
 from stickslip.friction import Coulomb
 from stickslip.identify.bayes import Posterior, curvature_adjustment, posterior, sample
-from stickslip.identify.coloured import coloured, with_coloured_noise
-from stickslip.identify.fit import fit_least_squares
 from stickslip.identify.friction import identify_friction
 from stickslip.identify.likelihood import Misfit
-from stickslip.identify.problem import FitError, Residuals
-from stickslip.identify.result import Fit, Parameter
 from stickslip.identify.walks import Varied, observed
 from stickslip.simulation import simulate
 from stickslip.simulation.varied import with_values

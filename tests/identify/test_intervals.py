@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from stickslip.actuator import load_actuator
+from stickslip.estimate.fit import fit_least_squares
+from stickslip.estimate.problem import Residuals
+from stickslip.estimate.result import Parameter
 from stickslip.friction import Coulomb, LuGre
 from stickslip.identify.experiments import Walk, advice, expected_errors
-from stickslip.identify.fit import fit_least_squares
 from stickslip.identify.friction import identify_friction
 from stickslip.identify.intervals import bootstrap, prediction_band, profile_interval
-from stickslip.identify.problem import Residuals
-from stickslip.identify.result import Parameter
 from stickslip.simulation import simulate
 from stickslip.waveform.periodic import Sawtooth
 

@@ -5,11 +5,11 @@ import pytest
 import xarray as xr
 
 import stickslip as ss
-from stickslip.identify.fit import fit_least_squares
+from stickslip.estimate.fit import fit_least_squares
+from stickslip.estimate.marginal import Held, integrated, mixture, points
+from stickslip.estimate.problem import FitError
+from stickslip.estimate.result import Fit, Parameter
 from stickslip.identify.likelihood import Misfit
-from stickslip.identify.marginal import Held, integrated, mixture, points
-from stickslip.identify.problem import FitError
-from stickslip.identify.result import Fit, Parameter
 
 KANG = ss.load_actuator("kang2007").replace(stage_reaction=False)
 SAW = ss.Sawtooth(amplitude=65.0, frequency=5.0, periods=4)
@@ -151,7 +151,7 @@ def test_importance_sampling_finds_the_same_spread(monkeypatch) -> None:
         paths.append(fits)
         return mixture(fits)
 
-    monkeypatch.setattr("stickslip.identify.marginal.mixture", kept)
+    monkeypatch.setattr("stickslip.estimate.marginal.mixture", kept)
     recording = slow_walk(3)
     fit = ss.identify_friction(recording, KANG, FREE, drive=SAW, hops=0)
     path = sorted(paths[-1])

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stickslip.identify.fit import Progress, fit_least_squares
+from stickslip.estimate.fit import Progress, fit_least_squares
+from stickslip.estimate.problem import FitError
 from stickslip.identify.frequency import frequency_response
 from stickslip.identify.modal import ModalModel, identify_frequency, modal_response, steady_response
-from stickslip.identify.problem import FitError
 
 from . import modal_system as system
 

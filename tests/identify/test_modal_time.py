@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy import signal
 
+from stickslip.estimate.problem import FitError
 from stickslip.identify.modal import ModalModel
 from stickslip.identify.modal_time import held_response, identify_in_time
-from stickslip.identify.problem import FitError
 
 from . import modal_system as system
 

@@ -16,10 +16,10 @@ import pytest
 import xarray as xr
 
 from datasets import DATASETS
+from stickslip.estimate.result import Fit
 from stickslip.identify.frequency import frequency_response, mean_gain
 from stickslip.identify.modal import identify_frequency, steady_response
 from stickslip.identify.modal_time import held_response, identify_in_time
-from stickslip.identify.result import Fit
 
 RATE, LEVELS, TRAIN, HELD_OUT = 6400.0, (100, 200, 300), slice(0, 4), slice(4, 6)
 MODES = 12

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from tests.datasets import DATASETS
 
-from stickslip.identify.problem import FitError
+from stickslip.estimate.problem import FitError
 from stickslip.identify.pulled import Rig, identify_pulled_slider, simulate_events, slider, slip_events
 from stickslip.readers import read_recording
 from stickslip.recording import make_recording

@@ -15,10 +15,10 @@ import xarray as xr
 
 from stickslip.actuator import load_actuator
 from stickslip.electronics import Filter, filtered
+from stickslip.estimate.result import Fit
 from stickslip.identify.frequency import frequency_response, welch_frequency_response
 from stickslip.identify.instruments import applied_voltage, without_filter
 from stickslip.identify.modal import identify_frequency
-from stickslip.identify.result import Fit
 from stickslip.rig import Capture, Channel, Limits, VirtualRig, load_bench, measure
 from stickslip.waveform.multisine import Multisine
 from stickslip.waveform.sampled import Sampled

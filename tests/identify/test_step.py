@@ -11,11 +11,11 @@ from scipy import signal
 from identify.step_system import START, TRUTH, step_recording
 from stickslip.actuator import load_actuator
 from stickslip.electronics import Filter
-from stickslip.identify.coloured import Coloured, autoregression, coloured, scores, with_inherited
-from stickslip.identify.fit import fit_least_squares
+from stickslip.estimate.coloured import Coloured, autoregression, coloured, scores, with_inherited
+from stickslip.estimate.fit import fit_least_squares
+from stickslip.estimate.problem import Residuals
+from stickslip.estimate.result import Parameter
 from stickslip.identify.linear_step import filter_zeros_poles, second_order_poles, step_response
-from stickslip.identify.problem import Residuals
-from stickslip.identify.result import Parameter
 from stickslip.identify.step_fit import identify_step, step_formula_errors
 from stickslip.identify.step_formulas import step_features
 from stickslip.recording import RecordingError, make_recording

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from stickslip.identify.fit import fit_least_squares
-from stickslip.identify.problem import Residuals
-from stickslip.identify.result import Fit, Parameter
+from stickslip.estimate.fit import fit_least_squares
+from stickslip.estimate.problem import Residuals
+from stickslip.estimate.result import Fit, Parameter
 from stickslip.report import Number
 from stickslip.report.fits import estimates, fit_numbers, parameter_table
 

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from ..estimate.result import Fit
 from ..identify.displacement import Displacement, has_slopes
 from ..identify.position_channel import CHANNEL
-from ..identify.result import Fit
 from ..identify.step_formulas import step_tests
 from ..study.alignment import Aligned
 from .budget import LEVEL, STAGE, Inherited

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from ..estimate.result import Fit
 from ..identify.displacement import Displacement, has_slopes
 from ..identify.position_channel import CHANNEL
-from ..identify.result import Fit
 from ..study.alignment import POSITION, Aligned
 from .gathering import Scale
 

@@ -10,8 +10,8 @@ import xarray as xr
 
 from ..actuator import Actuator, load_actuator
 from ..electronics import Filter
+from ..estimate.result import Fit
 from ..identify.friction import identify_friction
-from ..identify.result import Fit
 from ..identify.step_fit import identify_step, step_formula_errors
 from ..study.alignment import Aligned
 from ..study.signal_chain import SignalChain

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from ..estimate.result import Fit
 from ..figures.campaign import Trace, step_responses
 from ..figures.style import svg
-from ..identify.result import Fit
 from ..report import Column, Number, Picture, Section, Table
 from ..report.fits import parameter_table
 from .bands import step_bands

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ..actuator import Actuator, PulledSlider, load_actuator, load_pulled_slider
+from ..estimate.result import Fit
 from ..friction import LAWS, is_law
-from ..identify.result import Fit
 from ..parameters import ParameterSetError, load_set
 from ..records import quantities
 from ..units import QuantityError

@@ -20,12 +20,12 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ..actuator import Actuator
+from ..estimate.coloured import coloured, scores
+from ..estimate.problem import FitError
+from ..estimate.result import Fit, Parameter
 from ..waveform.signal import Waveform
 from .channels import drives_of, names_of, recordings_of
-from .coloured import coloured, scores
 from .likelihood import Misfit
-from .problem import FitError
-from .result import Fit, Parameter
 from .step_fit import STAGE
 
 # A chain of so many autocorrelation times is long enough, without the first few that are forgotten: walkers

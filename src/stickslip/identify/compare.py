@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
+from ..estimate.result import Fit, Goodness, goodness
 from ..friction import (
     Coulomb,
     CoulombViscous,
@@ -28,7 +29,6 @@ from ..friction import (
 from .channels import channel, names_of, recordings_of
 from .free import Bounds
 from .loops import OBSERVED, identify_loops
-from .result import Fit, Goodness, goodness
 
 # Share of the stroke that the contact is first taken to yield over.
 YIELD_SHARE = 0.2

@@ -13,6 +13,7 @@ import numpy as np
 import xarray as xr
 
 from ..actuator import Actuator
+from ..estimate.result import goodness
 from ..friction import (
     Coulomb,
     CoulombViscous,
@@ -29,7 +30,6 @@ from .compare import Candidate, Comparison
 from .free import Bounds
 from .friction import identify_friction
 from .position_channel import CHANNEL, OBSERVED
-from .result import goodness
 from .static_walk import identify_static_walk
 
 POHL, CHANG_LI = "Pohl: static", "Coulomb (Chang & Li)"

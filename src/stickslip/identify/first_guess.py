@@ -25,13 +25,13 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.stats import qmc
 
 from ..actuator import Actuator
+from ..estimate.fit import fit_least_squares
+from ..estimate.problem import FitError, Residuals
+from ..estimate.result import Parameter, Values
 from ..waveform.signal import Waveform
 from .drives import periodic_part
-from .fit import fit_least_squares
 from .free import REACH
 from .position_channel import CHANNEL
-from .problem import FitError, Residuals
-from .result import Parameter, Values
 
 NAMES = ("coulomb_force", "sigma_0", "sigma_1")
 # Of the greatest force, of the stroke, and of the contact's damping ratio.

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from scipy import signal
 from scipy.ndimage import uniform_filter1d
 
-from .blas import single_threaded
+from ..estimate.blas import single_threaded
 
 # A line is excited if its drive is above this share of the strongest one.
 EXCITED = 0.01

@@ -12,20 +12,20 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ..actuator import Actuator
+from ..estimate.fit import Progress
+from ..estimate.identifiability import loosest
+from ..estimate.marginal import integrated
+from ..estimate.problem import Residuals
+from ..estimate.result import Fit, Parameter, Values
+from ..estimate.whiteness import white
 from ..simulation.varied import free_names, with_values
 from ..waveform.signal import Waveform
 from .channels import drives_of, names_of, recordings_of
 from .displacement import Displacement, has_slopes
 from .first_guess import beginning, beside, first_guess
-from .fit import Progress
 from .free import Bounds, check_names, parameter
-from .identifiability import loosest
-from .marginal import integrated
 from .position_channel import CHANNEL, OBSERVED, of_channel, walked, warn_of_unseen_slips
-from .problem import Residuals
-from .result import Fit, Parameter, Values
 from .walks import Search, Varied, Walks, observed, own_values, slopes_of
-from .whiteness import white
 
 # Evaluations after which a search along logarithms, which comes from afar, has come into the valley.
 ENOUGH = 12

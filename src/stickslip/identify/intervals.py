@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from ..actuator import Actuator
+from ..estimate.coloured import inflation
+from ..estimate.problem import FitError
+from ..estimate.result import Fit
 from ..simulation.varied import with_values
 from .channels import recordings_of
-from .coloured import inflation
 from .friction import identify_friction
 from .position_channel import CHANNEL, OBSERVED
-from .problem import FitError
-from .result import Fit
 
 # Refits at most on either side of the estimate.
 MOST_STEPS = 10

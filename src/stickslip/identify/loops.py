@@ -20,13 +20,13 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from ..estimate.fit import Progress, fit_least_squares
+from ..estimate.problem import Residuals
+from ..estimate.result import Fit, Parameter, Values
 from ..simulation import SimulationError, friction_response
 from ..simulation.varied import free_names, with_values
 from .channels import channel, names_of, recordings_of
-from .fit import Progress, fit_least_squares
 from .free import Bounds, check_names, parameter
-from .problem import Residuals
-from .result import Fit, Parameter, Values
 
 OBSERVED = "friction_force"
 # Of the channel and of time, not of the law; the widest that a fit may take them.

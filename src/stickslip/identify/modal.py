@@ -19,11 +19,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from .blas import single_threaded
-from .fit import Progress
-from .problem import FitError
-from .result import Fit, Parameter, Values
-from .separable import Design, Linear, fit_separable
+from ..estimate.blas import single_threaded
+from ..estimate.fit import Progress
+from ..estimate.problem import FitError
+from ..estimate.result import Fit, Parameter, Values
+from ..estimate.separable import Design, Linear, fit_separable
 
 # Damping ratios among which a further mode is looked for.
 TRIAL_DAMPING = (0.005, 0.01, 0.02, 0.05, 0.2)

@@ -17,12 +17,12 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.signal import lfilter
 
-from .blas import single_threaded
-from .fit import Progress
+from ..estimate.blas import single_threaded
+from ..estimate.fit import Progress
+from ..estimate.problem import FitError
+from ..estimate.result import Fit, Values
+from ..estimate.separable import Design, Linear, fit_separable
 from .modal import ModalModel, pole_parameters
-from .problem import FitError
-from .result import Fit, Values
-from .separable import Design, Linear, fit_separable
 
 
 def held_response(

@@ -11,13 +11,13 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ..actuator import Actuator
+from ..estimate.result import Parameter
 from ..recording import RecordingWarning
 from ..units import with_prefix
 from ..waveform.signal import Waveform
 from .channels import channel, refuse_clipped
 from .drives import refuse_sampling
 from .free import Bounds
-from .result import Parameter
 
 OBSERVED = "end_effector_position"
 # Of the channel, not of the actuator.

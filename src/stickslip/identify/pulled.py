@@ -21,12 +21,12 @@ from scipy.ndimage import median_filter
 from scipy.signal import find_peaks
 
 from ..actuator import STANDARD_GRAVITY, PulledSlider
+from ..estimate.fit import fit_least_squares
+from ..estimate.problem import FitError, Residuals
+from ..estimate.result import Fit, Parameter
 from ..friction import StictionCoulombViscous
 from ..simulation import simulate
 from ..waveform.shapes import Ramp
-from .fit import fit_least_squares
-from .problem import FitError, Residuals
-from .result import Fit, Parameter
 
 # A drop counts as an event if it is larger than this part of the mean force: the noise of the force channels
 # in view is below a third of it after the median filter.

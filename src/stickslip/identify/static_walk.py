@@ -15,15 +15,15 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ..actuator import Actuator
+from ..estimate.fit import fit_least_squares
+from ..estimate.problem import Residuals
+from ..estimate.result import Fit, Values
 from ..waveform.drive import Drive, evaluate, segment_at
 from ..waveform.drive import value_slope_curvature as value_at
 from .channels import channel, drives_of, names_of, recordings_of
-from .fit import fit_least_squares
 from .free import Bounds
 from .position_channel import CHANNEL, OBSERVED, linear, of_channel
-from .problem import Residuals
 from .recorded_drive import drive_over
-from .result import Fit, Values
 
 # A segment is left behind where the voltage changes so many times faster than it usually does.
 FAST = 10.0

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from ..actuator import Actuator
 from ..electronics import Filter
+from ..estimate.coloured import coloured, with_coloured_noise
+from ..estimate.fit import fit_least_squares
+from ..estimate.problem import Residuals
+from ..estimate.result import Fit, Parameter, Values
 from .channels import recordings_of
-from .coloured import coloured, with_coloured_noise
-from .fit import fit_least_squares
 from .linear_step import filter_zeros_poles, second_order_poles, step_response
-from .problem import Residuals
-from .result import Fit, Parameter, Values
 from .step_formulas import POSITION, THESIS, StepTest, Timing, classical, second_order, step_tests
 
 # The window, in peak times before and after the step: what comes later only says how the sensor drifts.

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..actuator import Actuator
+from ..estimate.coloured import coloured, with_coloured_noise, with_inherited
+from ..estimate.fit import Progress, fit_least_squares
+from ..estimate.problem import Residuals
+from ..estimate.result import Fit, Parameter, Values
 from ..simulation.varied import with_values
-from .coloured import coloured, with_coloured_noise, with_inherited
 from .displacement import Displacement, has_slopes
-from .fit import Progress, fit_least_squares
 from .position_channel import CHANNEL
-from .problem import Residuals
-from .result import Fit, Parameter, Values
 from .step_fit import STAGE
 
 # Relative, of a law without derivatives. With its tolerance, both parts of the error are under 1 % of a

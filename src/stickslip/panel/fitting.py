@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from ..actuator import Actuator
+from ..estimate.fit import Progress
+from ..estimate.result import Fit
 from ..identify.displacement import Displacement
-from ..identify.fit import Progress
 from ..identify.friction import identify_friction
 from ..identify.position_channel import CHANNEL, OBSERVED
-from ..identify.result import Fit
 from ..identify.step_fit import STAGE, identify_step
 from ..identify.walks import Varied, observed
 from ..readers import read_recording

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from ..actuator import Actuator
+from ..estimate.result import Fit
 from ..friction import LAWS
-from ..identify.result import Fit
 from ..records import quantities
 from ..units import QuantityError
 from .document import Column, Number, Table

@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from ..estimate.result import Fit
 from ..figures.frequency import Response
 from ..figures.frequency import frequency_response as frequency_response_figure
 from ..figures.identification import Estimates, parameter_intervals
@@ -18,7 +19,6 @@ from ..figures.style import svg
 from ..identify.frequency import frequency_response
 from ..identify.modal import identify_frequency, modal_response, steady_response
 from ..identify.modal_time import identify_in_time
-from ..identify.result import Fit
 from ..input_file import Hertz, Strict
 from ..parameters import cite
 from ..report import Column, Document, Number, Picture, Section, Table

@@ -10,11 +10,11 @@ import xarray as xr
 from pydantic import Field
 
 from ..actuator import Actuator, load_actuator
+from ..estimate.result import Fit, goodness
 from ..figures.identification import fit_with_residuals
 from ..figures.style import svg
 from ..identify.friction import identify_friction
 from ..identify.position_channel import walked
-from ..identify.result import Fit, goodness
 from ..input_file import Strict, quantity
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import estimates, fit_numbers, model_numbers, parameter_table

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from stickslip.identify.fit import fit_least_squares
-from stickslip.identify.problem import Residuals
-from stickslip.identify.result import Parameter
-from stickslip.identify.separable import Design, Linear, fit_separable
+from stickslip.estimate.fit import fit_least_squares
+from stickslip.estimate.problem import Residuals
+from stickslip.estimate.result import Parameter
+from stickslip.estimate.separable import Design, Linear, fit_separable
 
 T = np.linspace(0, 3, 80)
 RATE = Parameter("rate", 0.5, 1e-2, 1e2, "1/s")

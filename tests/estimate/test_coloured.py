@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy import linalg, signal
 
-from stickslip.identify.coloured import coloured, inflation, with_coloured_noise
-from stickslip.identify.fit import fit_least_squares
-from stickslip.identify.problem import Residuals
-from stickslip.identify.result import Fit, Parameter
+from stickslip.estimate.coloured import coloured, inflation, with_coloured_noise
+from stickslip.estimate.fit import fit_least_squares
+from stickslip.estimate.problem import Residuals
+from stickslip.estimate.result import Fit, Parameter
 
 NAMES = ("ring", "turn", "drift")
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy import optimize, stats
 
-from stickslip.identify.fit import Progress, fit_least_squares
-from stickslip.identify.problem import FitError, Residuals
-from stickslip.identify.result import Parameter
+from stickslip.estimate.fit import Progress, fit_least_squares
+from stickslip.estimate.problem import FitError, Residuals
+from stickslip.estimate.result import Parameter
 from stickslip.units import QuantityError
 
 from . import nist

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import lfilter
 
-from stickslip.identify.whiteness import white
+from stickslip.estimate.whiteness import white
 
 
 def noise(seed: int, n: int = 1000) -> np.ndarray:

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from stickslip.identify.convergence import relative_offset
-from stickslip.identify.fit import fit_least_squares
-from stickslip.identify.result import Parameter
+from stickslip.estimate.convergence import relative_offset
+from stickslip.estimate.fit import fit_least_squares
+from stickslip.estimate.result import Parameter
 
 RANDOM = np.random.default_rng(4)
 T = np.linspace(0.0, 1.0, 200)
