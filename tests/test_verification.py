@@ -12,8 +12,9 @@ import xarray as xr
 
 from stickslip.actuator import load_actuator
 from stickslip.estimate.fit import fit_least_squares
+from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.problem import Residuals
-from stickslip.estimate.result import Fit, Parameter
+from stickslip.estimate.result import Fit
 from stickslip.recording import RecordingError, make_recording
 from stickslip.simulation import simulate
 from stickslip.units import QuantityError

@@ -11,8 +11,8 @@ from stickslip.actuator import load_actuator
 from stickslip.campaign.bands import walk_bands
 from stickslip.campaign.budget import inherited
 from stickslip.estimate.fit import fit_least_squares
+from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.problem import Residuals
-from stickslip.estimate.result import Parameter
 from stickslip.friction import Coulomb
 from stickslip.identify.friction import identify_friction
 from stickslip.simulation import simulate

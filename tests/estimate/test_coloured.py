@@ -8,8 +8,9 @@ from scipy import linalg, signal
 
 from stickslip.estimate.coloured import coloured, inflation, with_coloured_noise
 from stickslip.estimate.fit import fit_least_squares
+from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.problem import Residuals
-from stickslip.estimate.result import Fit, Parameter
+from stickslip.estimate.result import Fit
 
 NAMES = ("ring", "turn", "drift")
 

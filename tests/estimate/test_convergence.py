@@ -5,7 +5,7 @@ import pytest
 
 from stickslip.estimate.convergence import relative_offset
 from stickslip.estimate.fit import fit_least_squares
-from stickslip.estimate.result import Parameter
+from stickslip.estimate.parameter import Parameter
 
 RANDOM = np.random.default_rng(4)
 T = np.linspace(0.0, 1.0, 200)

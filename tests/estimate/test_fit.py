@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from scipy import optimize, stats
 
-from stickslip.estimate.fit import Progress, fit_least_squares
+from stickslip.estimate.fit import fit_least_squares
+from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.problem import FitError, Residuals
-from stickslip.estimate.result import Parameter
+from stickslip.estimate.search import Progress
 from stickslip.units import QuantityError
 
 from . import nist
@@ -436,7 +437,7 @@ def test_report_and_results_say_values_units_and_doubts() -> None:
     recording = Residuals(lambda p: p["height"] * np.exp(-p["rate"] * t) - y, y, None, "run 7", "m")
     fit = fit_least_squares([recording], parameters, starts=3)
     text = fit.report()
-    for part in (f"{fit.values['height']:.6g}", "run 7", "of 3 starts", "converged", *fit.undetermined):
+    for part in (f"{fit.values['height']:.6g}", "run 7", "of 3 searches", "converged", *fit.undetermined):
         assert part in text
     found = json.loads(json.dumps(fit.to_dict(), allow_nan=False))
     assert found["parameters"]["height"]["unit"] == "m"

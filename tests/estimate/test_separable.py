@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from stickslip.estimate.fit import fit_least_squares
+from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.problem import Residuals
-from stickslip.estimate.result import Parameter
 from stickslip.estimate.separable import Design, Linear, fit_separable
 
 T = np.linspace(0, 3, 80)

@@ -11,8 +11,9 @@ import pytest
 from stickslip.actuator import load_actuator
 from stickslip.estimate.coloured import coloured, with_coloured_noise
 from stickslip.estimate.fit import fit_least_squares
+from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.problem import FitError, Residuals
-from stickslip.estimate.result import Fit, Parameter
+from stickslip.estimate.result import Fit
 from stickslip.friction import Coulomb
 from stickslip.identify.bayes import Posterior, curvature_adjustment, posterior, sample
 from stickslip.identify.friction import identify_friction

@@ -7,8 +7,8 @@ import pytest
 
 from stickslip.actuator import load_actuator
 from stickslip.estimate.fit import fit_least_squares
+from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.problem import Residuals
-from stickslip.estimate.result import Parameter
 from stickslip.friction import Coulomb, LuGre
 from stickslip.identify.experiments import Walk, advice, expected_errors
 from stickslip.identify.friction import identify_friction

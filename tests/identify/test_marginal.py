@@ -7,8 +7,9 @@ import xarray as xr
 import stickslip as ss
 from stickslip.estimate.fit import fit_least_squares
 from stickslip.estimate.marginal import Held, integrated, mixture, points
+from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.problem import FitError
-from stickslip.estimate.result import Fit, Parameter
+from stickslip.estimate.result import Fit
 from stickslip.identify.likelihood import Misfit
 
 KANG = ss.load_actuator("kang2007").replace(stage_reaction=False)

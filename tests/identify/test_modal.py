@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stickslip.estimate.fit import Progress, fit_least_squares
+from stickslip.estimate.fit import fit_least_squares
 from stickslip.estimate.problem import FitError
+from stickslip.estimate.search import Progress
 from stickslip.identify.frequency import frequency_response
 from stickslip.identify.modal import ModalModel, identify_frequency, modal_response, steady_response
 

@@ -13,8 +13,8 @@ from stickslip.actuator import load_actuator
 from stickslip.electronics import Filter
 from stickslip.estimate.coloured import Coloured, autoregression, coloured, scores, with_inherited
 from stickslip.estimate.fit import fit_least_squares
+from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.problem import Residuals
-from stickslip.estimate.result import Parameter
 from stickslip.identify.linear_step import filter_zeros_poles, second_order_poles, step_response
 from stickslip.identify.step_fit import identify_step, step_formula_errors
 from stickslip.identify.step_formulas import step_features

@@ -7,8 +7,9 @@ import pytest
 from scipy import stats
 
 from stickslip.estimate.fit import fit_least_squares
+from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.problem import Residuals
-from stickslip.estimate.result import Fit, Parameter
+from stickslip.estimate.result import Fit
 from stickslip.report import Number
 from stickslip.report.fits import estimates, fit_numbers, parameter_table
 

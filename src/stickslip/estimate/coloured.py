@@ -21,6 +21,7 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.optimize import minimize_scalar
 from scipy.signal import fftconvolve, lfilter
 
+from .minima import Minimum
 from .result import Fit
 
 MOST_ORDER = 20
@@ -165,12 +166,29 @@ def with_coloured_noise(fit: Fit, noise: Coloured) -> Fit:
     spread[lost, :] = spread[:, lost] = 0.0
     spread[lost, lost] = np.inf
     bounded = fit.uncertainty.bounded != 0
+    minima = _of_coloured(fit, spread)
     released = np.where(bounded, np.diag(spread), 0.0)
     spread[bounded, :] = spread[:, bounded] = np.nan
     return replace(
         fit,
         uncertainty=fit.uncertainty._replace(covariance=spread, released=released),
         correlated=True,
+        minima=minima,
+    )
+
+
+def _of_coloured(fit: Fit, spread: Array) -> tuple[Minimum, ...]:
+    """The other minima, their variances raised as much as those at the lowest; so much less is an excess."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ratio = np.diag(spread) / np.diag(fit.uncertainty.covariance)
+    ratio = np.where(np.isfinite(ratio), np.maximum(ratio, 1.0), 1.0)
+    root = np.sqrt(np.outer(ratio, ratio))
+    return tuple(
+        m._replace(
+            uncertainty=m.uncertainty._replace(covariance=m.uncertainty.covariance * root),
+            excess=m.excess / float(np.median(ratio)),
+        )
+        for m in fit.minima
     )
 
 

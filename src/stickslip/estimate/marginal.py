@@ -25,8 +25,9 @@ from numpy.typing import NDArray
 
 from .coloured import inflation
 from .covariance import Uncertainty
+from .parameter import Parameter, Values
 from .problem import FitError
-from .result import Fit, Parameter, Values
+from .result import Fit
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .result import Parameter, Values
+from .parameter import Parameter, Values
 
 
 class FitError(ValueError):

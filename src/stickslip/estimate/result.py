@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,89 +16,14 @@ import xarray as xr
 from numpy.typing import ArrayLike
 from scipy import stats
 
-from ..records import record
 from ..units import QuantityError
 from .covariance import Uncertainty
 from .identifiability import undetermined
-
-Values = dict[str, float]
+from .minima import APART, Minimum, bound
+from .parameter import Parameter, Values
 
 # Neighbouring residuals that correlate this much are no white noise.
 CORRELATED = 0.3
-
-
-@record
-class Parameter(NamedTuple):
-    """A parameter to fit: start and bounds in its (SI) unit.
-
-    `log` fits its logarithm: for positive parameters whose order of magnitude is in question. With `log`, a
-    `lower` of 0 means no lower bound. `square` fits its square: for those that act by it, and may be 0.
-    With `log`, a search may go along the value (`power` 1) or its inverse (-1): where the data are nearer to
-    linear in that than in the logarithm, the valley of the sum of squares is straighter.
-    """
-
-    name: str
-    start: float
-    lower: float
-    upper: float
-    unit: str = ""
-    log: bool = True
-    square: bool = False
-    power: int = 0
-
-    def _check(self) -> None:
-        limits = f"between {self.lower:g} and {self.shown(self.upper)}"
-        shown = f"{self.name}: start {self.shown(self.start)} {limits}"
-        if not math.isfinite(self.start) or not self.lower <= self.start <= self.upper:
-            raise QuantityError(f"{shown} is out of range: the start must be finite and within the bounds")
-        if not self.lower < self.upper:
-            raise QuantityError(f"{shown} is out of range: lower must be below upper")
-        if self.log and (self.start <= 0 or self.lower < 0):
-            raise QuantityError(f"{shown} is out of range: must be positive to be fitted on a log scale")
-        if self.square and (self.log or self.lower < 0):
-            raise QuantityError(f"{shown} is out of range: must not be negative to be fitted by its square")
-        if self.power and not self.log:
-            raise QuantityError(f"{shown} has a power to search along, but no log scale")
-
-    def coordinate(self, value: float) -> float:
-        """The fitted coordinate q of a physical value."""
-        if self.square:
-            return float(value) ** 2
-        if not self.log:
-            return float(value)
-        return math.log(value) if value > 0 else -math.inf
-
-    def value(self, coordinate: float) -> float:
-        """The physical value at the coordinate q."""
-        if self.square:
-            return math.sqrt(max(coordinate, 0.0))
-        if not self.log:
-            return float(coordinate)
-        return math.exp(coordinate) if coordinate < 709 else math.inf
-
-    def slope(self, value: float) -> float:
-        """Derivative of the physical value by the coordinate q."""
-        if self.square:
-            return 0.5 / value if value > 0 else math.inf
-        return value if self.log else 1.0
-
-    def to_search(self, coordinate: float) -> float:
-        """What a search goes along, at the coordinate q: of a power, relative to the start."""
-        return math.exp(self.power * (coordinate - math.log(self.start))) if self.power else coordinate
-
-    def from_search(self, at: float) -> float:
-        """The coordinate q at `to_search`."""
-        if not self.power:
-            return at
-        return math.log(self.start) + math.log(at) / self.power if at > 0 else -self.power * math.inf
-
-    def search_slope(self, at: float) -> float:
-        """Derivative of the coordinate q by `to_search`."""
-        return 1.0 / (self.power * at) if self.power else 1.0
-
-    def shown(self, value: float, digits: int = 6) -> str:
-        """The value with its unit."""
-        return f"{value:.{digits}g} {self.unit}".strip()
 
 
 class Goodness(NamedTuple):
@@ -150,7 +75,8 @@ class Fit:
         noise_known: whether the noise was taken as given; if not, its level was estimated from the residuals.
         correlated: whether the uncertainty allows for residuals that are correlated in time.
         converged: whether the optimiser met its tolerance; `message` says how it ended.
-        starts: how many there were; `starts_agreeing` ended at this same minimum.
+        starts: how many searches there were; `starts_agreeing` ended at this same minimum.
+        minima: others that the data do not reject; the intervals hold them too.
         model: what the values describe, if the identification builds it (an actuator, a law, a modal model).
         observed: name of the channel that was fitted.
         residuals: model minus measured of each recording, in the unit of the data.
@@ -172,6 +98,7 @@ class Fit:
     message: str
     starts: int = 1
     starts_agreeing: int = 1
+    minima: tuple[Minimum, ...] = ()
     model: Any = None
     observed: str = ""
     residuals: tuple[np.ndarray, ...] = ()
@@ -212,18 +139,35 @@ class Fit:
             raise QuantityError(f"level = {level!r} is out of range: a probability must be > 0 and < 1")
         p = 0.5 + level / 2
         t = float(stats.norm.ppf(p) if self.noise_known else stats.t.ppf(p, self.degrees_of_freedom))
-        spread, bounded, push, released = self.uncertainty
+        most = bound(len(self.parameters), level)
         intervals = {}
         for i, p in enumerate(self.parameters):
-            if bounded[i]:
-                # On moving inwards by d the cost rises by push d + d^2 / 2 released: where that is t^2/2.
-                reach = t**2 / (push[i] + math.sqrt(push[i] ** 2 + t**2 / released[i]))
-                below, above = (0.0, reach) if bounded[i] < 0 else (reach, 0.0)
-            else:
-                below = above = t * math.sqrt(spread[i, i])
-            q = p.coordinate(self.values[p.name])
-            intervals[p.name] = (max(p.value(q - below), p.lower), min(p.value(q + above), p.upper))
+            ends = [_interval(p, i, self.values[p.name], self.uncertainty, t)]
+            for m in self.minima:
+                if p.name in m.values and m.excess <= most:
+                    left = math.sqrt(max(t**2 - m.excess, 0.0))
+                    ends.append(_interval(p, i, m.values[p.name], m.uncertainty, left))
+            intervals[p.name] = (min(low for low, _ in ends), max(high for _, high in ends))
         return intervals
+
+    def with_minima(self, others: Sequence[Minimum]) -> Fit:
+        """The fit with those of the other minima that are not the same as its own, or as one before."""
+        kept: list[Minimum] = []
+        own = Minimum(self.values, self.uncertainty, 0.0)
+        for other in sorted(others, key=lambda m: m.excess):
+            if all(self._apart(other, known) for known in (own, *kept)):
+                kept.append(other)
+        return replace(self, minima=tuple(kept))
+
+    def _apart(self, one: Minimum, other: Minimum) -> bool:
+        for i, p in enumerate(self.parameters):
+            if p.name not in one.values or p.name not in other.values:
+                continue
+            away = abs(p.coordinate(one.values[p.name]) - p.coordinate(other.values[p.name]))
+            deviation = math.sqrt(max(other.uncertainty.covariance[i, i], 0.0) or 0.0)
+            if away > (APART * deviation if math.isfinite(deviation) else 0.1 * (p.upper - p.lower)):
+                return True
+        return False
 
     @property
     def r_squared(self) -> float:
@@ -249,6 +193,20 @@ class Fit:
         if self.starts_agreeing < self.starts:
             return f"several valleys: {self.starts_agreeing} of {self.starts} searches ended in the lowest"
         return ""
+
+    @property
+    def other_minima(self) -> str:
+        """A sentence on the minima that fit as well, with where they are; empty if there is none."""
+        if not self.minima:
+            return ""
+        listed = "; ".join(
+            ", ".join(
+                f"{p.name} = {p.shown(m.values[p.name], 3)}" for p in self.parameters if p.name in m.values
+            )
+            for m in self.minima
+        )
+        count = "another minimum fits" if len(self.minima) == 1 else f"{len(self.minima)} other minima fit"
+        return f"{count} as well, as far as the noise tells, and the intervals hold that too: {listed}"
 
     @property
     def aic(self) -> float:
@@ -301,7 +259,9 @@ class Fit:
         state = "converged" if self.converged else "NOT CONVERGED"
         lines.append(f"{state}: {self.message} ({self.n_evaluations} evaluations)")
         if self.starts > 1:
-            lines.append(f"{self.starts_agreeing} of {self.starts} starts ended at this minimum")
+            lines.append(f"{self.starts_agreeing} of {self.starts} searches ended at this minimum")
+        if self.minima:
+            lines.append(self.other_minima)
         if not self.correlated and any(abs(g.lag_one_correlation) > CORRELATED for g in self.recordings):
             lines.append(
                 "the residuals are correlated, which these intervals do not allow for: they are too narrow"
@@ -342,8 +302,22 @@ class Fit:
             "message": self.message,
             "starts": self.starts,
             "starts_agreeing": self.starts_agreeing,
+            "minima": [{"values": m.values, "excess": m.excess} for m in self.minima],
         }
         return _finite(found)
+
+
+def _interval(p: Parameter, i: int, value: float, uncertain: Uncertainty, t: float) -> tuple[float, float]:
+    """Of one parameter about a minimum, t standard errors either way, cut at its bounds."""
+    spread, bounded, push, released = uncertain
+    if bounded[i] and t > 0.0:
+        # On moving inwards by d the cost rises by push d + d^2 / 2 released: where that is t^2/2.
+        reach = t**2 / (push[i] + math.sqrt(push[i] ** 2 + t**2 / released[i]))
+        below, above = (0.0, reach) if bounded[i] < 0 else (reach, 0.0)
+    else:
+        below = above = t * math.sqrt(spread[i, i]) if t > 0.0 else 0.0
+    q = p.coordinate(value)
+    return max(p.value(q - below), p.lower), min(p.value(q + above), p.upper)
 
 
 def _aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:

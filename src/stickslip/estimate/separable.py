@@ -19,8 +19,9 @@ from scipy.linalg import block_diag
 
 from .covariance import Noise, Uncertainty, covariance
 from .fit import fit_least_squares
+from .parameter import Parameter, Values
 from .problem import Residuals
-from .result import Fit, Parameter, Values
+from .result import Fit
 
 
 class Linear(NamedTuple):

@@ -21,8 +21,9 @@ from numpy.typing import NDArray
 
 from ..actuator import Actuator
 from ..estimate.coloured import coloured, scores
+from ..estimate.parameter import Parameter
 from ..estimate.problem import FitError
-from ..estimate.result import Fit, Parameter
+from ..estimate.result import Fit
 from ..waveform.signal import Waveform
 from .channels import drives_of, names_of, recordings_of
 from .likelihood import Misfit

@@ -26,8 +26,8 @@ from scipy.stats import qmc
 
 from ..actuator import Actuator
 from ..estimate.fit import fit_least_squares
+from ..estimate.parameter import Parameter, Values
 from ..estimate.problem import FitError, Residuals
-from ..estimate.result import Parameter, Values
 from ..waveform.signal import Waveform
 from .drives import periodic_part
 from .free import REACH

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ..estimate.result import Parameter
+from ..estimate.parameter import Parameter
 from ..records import did_you_mean, quantities
 from ..simulation.varied import element_of, law_of, ratios_of
 from ..units import QuantityError, to_si

@@ -12,11 +12,12 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ..actuator import Actuator
-from ..estimate.fit import Progress
 from ..estimate.identifiability import loosest
 from ..estimate.marginal import integrated
+from ..estimate.parameter import Parameter, Values
 from ..estimate.problem import Residuals
-from ..estimate.result import Fit, Parameter, Values
+from ..estimate.result import Fit
+from ..estimate.search import Progress
 from ..estimate.whiteness import white
 from ..simulation.varied import free_names, with_values
 from ..waveform.signal import Waveform

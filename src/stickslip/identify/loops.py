@@ -20,9 +20,11 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ..estimate.fit import Progress, fit_least_squares
+from ..estimate.fit import fit_least_squares
+from ..estimate.parameter import Parameter, Values
 from ..estimate.problem import Residuals
-from ..estimate.result import Fit, Parameter, Values
+from ..estimate.result import Fit
+from ..estimate.search import Progress
 from ..simulation import SimulationError, friction_response
 from ..simulation.varied import free_names, with_values
 from .channels import channel, names_of, recordings_of

@@ -20,9 +20,10 @@ import numpy as np
 import xarray as xr
 
 from ..estimate.blas import single_threaded
-from ..estimate.fit import Progress
+from ..estimate.parameter import Parameter, Values
 from ..estimate.problem import FitError
-from ..estimate.result import Fit, Parameter, Values
+from ..estimate.result import Fit
+from ..estimate.search import Progress
 from ..estimate.separable import Design, Linear, fit_separable
 
 # Damping ratios among which a further mode is looked for.

@@ -18,9 +18,10 @@ from scipy.linalg import expm
 from scipy.signal import lfilter
 
 from ..estimate.blas import single_threaded
-from ..estimate.fit import Progress
+from ..estimate.parameter import Values
 from ..estimate.problem import FitError
-from ..estimate.result import Fit, Values
+from ..estimate.result import Fit
+from ..estimate.search import Progress
 from ..estimate.separable import Design, Linear, fit_separable
 from .modal import ModalModel, pole_parameters
 

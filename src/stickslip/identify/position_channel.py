@@ -11,7 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ..actuator import Actuator
-from ..estimate.result import Parameter
+from ..estimate.parameter import Parameter
 from ..recording import RecordingWarning
 from ..units import with_prefix
 from ..waveform.signal import Waveform

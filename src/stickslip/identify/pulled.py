@@ -22,8 +22,9 @@ from scipy.signal import find_peaks
 
 from ..actuator import STANDARD_GRAVITY, PulledSlider
 from ..estimate.fit import fit_least_squares
+from ..estimate.parameter import Parameter
 from ..estimate.problem import FitError, Residuals
-from ..estimate.result import Fit, Parameter
+from ..estimate.result import Fit
 from ..friction import StictionCoulombViscous
 from ..simulation import simulate
 from ..waveform.shapes import Ramp

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from ..actuator import Actuator
 from ..estimate.fit import fit_least_squares
+from ..estimate.parameter import Values
 from ..estimate.problem import Residuals
-from ..estimate.result import Fit, Values
+from ..estimate.result import Fit
 from ..waveform.drive import Drive, evaluate, segment_at
 from ..waveform.drive import value_slope_curvature as value_at
 from .channels import channel, drives_of, names_of, recordings_of

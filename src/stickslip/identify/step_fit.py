@@ -14,8 +14,9 @@ from ..actuator import Actuator
 from ..electronics import Filter
 from ..estimate.coloured import coloured, with_coloured_noise
 from ..estimate.fit import fit_least_squares
+from ..estimate.parameter import Parameter, Values
 from ..estimate.problem import Residuals
-from ..estimate.result import Fit, Parameter, Values
+from ..estimate.result import Fit
 from .channels import recordings_of
 from .linear_step import filter_zeros_poles, second_order_poles, step_response
 from .step_formulas import POSITION, THESIS, StepTest, Timing, classical, second_order, step_tests

@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 
 from ..actuator import Actuator
 from ..estimate.coloured import coloured, with_coloured_noise, with_inherited
-from ..estimate.fit import Progress, fit_least_squares
+from ..estimate.fit import fit_least_squares
+from ..estimate.parameter import Parameter, Values
 from ..estimate.problem import Residuals
-from ..estimate.result import Fit, Parameter, Values
+from ..estimate.result import Fit
+from ..estimate.search import Progress
 from ..simulation.varied import with_values
 from .displacement import Displacement, has_slopes
 from .position_channel import CHANNEL

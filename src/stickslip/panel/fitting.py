@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from ..actuator import Actuator
-from ..estimate.fit import Progress
 from ..estimate.result import Fit
+from ..estimate.search import Progress
 from ..identify.displacement import Displacement
 from ..identify.friction import identify_friction
 from ..identify.position_channel import CHANNEL, OBSERVED

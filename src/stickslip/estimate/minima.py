@@ -1,0 +1,37 @@
+"""Several minima of one sum of squares: which others fit as well as the lowest, as far as the noise tells."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from scipy import stats
+
+from .covariance import Uncertainty
+
+# A minimum is another one where a coordinate is further away than so many of its standard errors.
+APART = 1.0
+LEVEL = 0.95
+
+
+class Minimum(NamedTuple):
+    """Another minimum that the data do not reject.
+
+    Attributes:
+        values: there, in SI.
+        uncertainty: of the coordinates there.
+        excess: its chi-squared above that of the lowest, in variances of the noise.
+    """
+
+    values: dict[str, float]
+    uncertainty: Uncertainty
+    excess: float
+
+
+def bound(n_parameters: int, level: float = LEVEL) -> float:
+    """The excess above which a minimum is rejected, where so many parameters are fitted."""
+    return float(stats.chi2.ppf(level, n_parameters))
+
+
+def still_fits(excess: float, n_parameters: int) -> bool:
+    """Whether a minimum with that excess of chi-squared fits as well as the lowest."""
+    return excess <= bound(n_parameters)

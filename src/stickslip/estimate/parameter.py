@@ -1,0 +1,85 @@
+"""A quantity that a fit looks for, and the coordinate that it is looked for in."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from ..records import record
+from ..units import QuantityError
+
+Values = dict[str, float]
+
+
+@record
+class Parameter(NamedTuple):
+    """A parameter to fit: start and bounds in its (SI) unit.
+
+    `log` fits its logarithm: for positive parameters whose order of magnitude is in question. With `log`, a
+    `lower` of 0 means no lower bound. `square` fits its square: for those that act by it, and may be 0.
+    With `log`, a search may go along the value (`power` 1) or its inverse (-1): where the data are nearer to
+    linear in that than in the logarithm, the valley of the sum of squares is straighter.
+    """
+
+    name: str
+    start: float
+    lower: float
+    upper: float
+    unit: str = ""
+    log: bool = True
+    square: bool = False
+    power: int = 0
+
+    def _check(self) -> None:
+        limits = f"between {self.lower:g} and {self.shown(self.upper)}"
+        shown = f"{self.name}: start {self.shown(self.start)} {limits}"
+        if not math.isfinite(self.start) or not self.lower <= self.start <= self.upper:
+            raise QuantityError(f"{shown} is out of range: the start must be finite and within the bounds")
+        if not self.lower < self.upper:
+            raise QuantityError(f"{shown} is out of range: lower must be below upper")
+        if self.log and (self.start <= 0 or self.lower < 0):
+            raise QuantityError(f"{shown} is out of range: must be positive to be fitted on a log scale")
+        if self.square and (self.log or self.lower < 0):
+            raise QuantityError(f"{shown} is out of range: must not be negative to be fitted by its square")
+        if self.power and not self.log:
+            raise QuantityError(f"{shown} has a power to search along, but no log scale")
+
+    def coordinate(self, value: float) -> float:
+        """The fitted coordinate q of a physical value."""
+        if self.square:
+            return float(value) ** 2
+        if not self.log:
+            return float(value)
+        return math.log(value) if value > 0 else -math.inf
+
+    def value(self, coordinate: float) -> float:
+        """The physical value at the coordinate q."""
+        if self.square:
+            return math.sqrt(max(coordinate, 0.0))
+        if not self.log:
+            return float(coordinate)
+        return math.exp(coordinate) if coordinate < 709 else math.inf
+
+    def slope(self, value: float) -> float:
+        """Derivative of the physical value by the coordinate q."""
+        if self.square:
+            return 0.5 / value if value > 0 else math.inf
+        return value if self.log else 1.0
+
+    def to_search(self, coordinate: float) -> float:
+        """What a search goes along, at the coordinate q: of a power, relative to the start."""
+        return math.exp(self.power * (coordinate - math.log(self.start))) if self.power else coordinate
+
+    def from_search(self, at: float) -> float:
+        """The coordinate q at `to_search`."""
+        if not self.power:
+            return at
+        return math.log(self.start) + math.log(at) / self.power if at > 0 else -self.power * math.inf
+
+    def search_slope(self, at: float) -> float:
+        """Derivative of the coordinate q by `to_search`."""
+        return 1.0 / (self.power * at) if self.power else 1.0
+
+    def shown(self, value: float, digits: int = 6) -> str:
+        """The value with its unit."""
+        return f"{value:.{digits}g} {self.unit}".strip()

@@ -1,0 +1,228 @@
+"""Searches for the lowest sum of squares: from one point after another, each to its end.
+
+The optimiser is SciPy's trust-region reflective method [branch1999].
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.stats import qmc
+
+from .convergence import relative_offset
+from .covariance import LOSSES
+from .parameter import Values
+from .problem import FitError, Problem
+from .whiteness import white
+
+# Whether there is a lower valley is shown by searches of so many evaluations (`LOOK`): from the best few of
+# many points that fill the bounds, and from a parameter times or over these factors (of its range, where its
+# scale is linear).
+LOOK, SCREENED, LOOKED_AT, HOPS = 12, 64, 4, (0.25, 0.5, 2.0, 4.0)
+# Starts whose cost is within this many noise variances of the best are statistically the same answer.
+SAME_MINIMUM = 0.01
+
+Array = np.ndarray
+
+
+class Progress(NamedTuple):
+    """Where a fit stands, after each evaluation of the model."""
+
+    evaluations: int
+    start: int
+    starts: int
+    sum_of_squares: float  # the lowest so far from this start, weighted
+    values: Values  # where that was
+
+
+class Options(NamedTuple):
+    """How to search; see `fit_least_squares`."""
+
+    jacobian: Callable[[Values], Array] | None
+    noise_known: bool
+    loss: str
+    loss_scale: float
+    starts: int
+    hops: int
+    seed: int
+    central: bool
+    tolerance: float
+    settled: float
+    max_evaluations: int
+    progress: Callable[[Progress], None] | None
+
+
+class End(NamedTuple):
+    """Where one search ended: the cost, over the noise; the coordinates; and how."""
+
+    cost: float
+    q: Array
+    converged: bool
+    message: str
+
+
+class _OutOfBudget(Exception):
+    pass
+
+
+class _Settled(Exception):
+    """At the coordinates that it carries."""
+
+
+class Searches:
+    """The searches of one fit, and where each of them `ends`."""
+
+    def __init__(self, problem: Problem, options: Options, degrees_of_freedom: int) -> None:
+        self.problem, self.options = problem, options
+        self.same = SAME_MINIMUM / degrees_of_freedom
+        self.ends: list[End] = []
+
+    @property
+    def best(self) -> End:
+        """The lowest end."""
+        return min(self.ends, key=lambda end: end.cost)
+
+    def agreeing(self) -> int:
+        """How many ended in the lowest valley."""
+        most = self.best.cost * (1 + self.same) + 1e-12 * self.problem.scale**2
+        return sum(end.cost <= most for end in self.ends)
+
+    def run(self) -> None:
+        """From all starts; then hop by hop, as long as a look around leads lower."""
+        problem, options = self.problem, self.options
+        begins = [problem.start, *scattered(problem, options.starts - 1, options.seed)]
+        for number, q in enumerate(begins, start=1):
+            if np.all(np.isfinite(problem.residuals(q))):
+                self.ends.append(self.search(number, q, options.max_evaluations))
+        for hop in range(options.hops):
+            best = self.best
+            if best.converged and white(problem.residuals(best.q), problem.sizes):
+                break
+            # The points that fill the bounds are the same each time: once is enough.
+            if not (hop == 0 and self._deeper(_screened(problem))) and not self._deeper(
+                _beside(problem, best.q)
+            ):
+                break
+
+    def slope(self, q: Array, two_sided: bool = True) -> Array:
+        """d weighted residuals / d q, shape (n, k)."""
+        problem, jacobian = self.problem, self.options.jacobian
+        if jacobian is None:
+            return problem.differences(q, two_sided)
+        slopes = [p.slope(p.value(x)) for p, x in zip(problem.parameters, q, strict=True)]
+        return jacobian(problem.values(q)) * slopes / (problem.noise * problem.scale)[:, None]
+
+    def _closing(self, at: Array, two_sided: bool) -> Array:
+        """The slope along the search, unless it is at its end."""
+        problem, options = self.problem, self.options
+        q = problem.from_search(at)
+        found, r = self.slope(q, two_sided), problem.residuals(q)
+        variance = problem.scale**-2 if options.noise_known else None
+        weighted = found, r
+        if options.loss != "linear":
+            root = np.sqrt(LOSSES[options.loss]((r * problem.scale / options.loss_scale) ** 2)[1])
+            weighted = found * root[:, None], r * root
+        if relative_offset(*weighted, variance) < options.settled:
+            raise _Settled(q)
+        return found * [p.search_slope(x) for p, x in zip(problem.parameters, at, strict=True)]
+
+    def search(self, number: int, q: Array, most: int) -> End:
+        """From q, with so many steps at most."""
+        problem, options = self.problem, self.options
+        problem.best_cost, problem.best = math.inf, q
+        problem.after = partial(self._after, number, problem.evaluations)
+        converged, message = False, ""
+        # One-sided differences find the place at half the price, two-sided ones settle it.
+        sided = (False, True)[: 1 + (most == options.max_evaluations)]
+        try:
+            for two_sided in (True,) if options.central or options.jacobian is not None else sided:
+                try:
+                    q, converged, message = self._step(q, two_sided, most)
+                except _Settled as end:
+                    q, converged = end.args[0], True
+                    message = "the next step is far below the standard errors"
+        except _OutOfBudget:
+            q, message = problem.best, f"stopped after {options.max_evaluations} evaluations"
+            converged = False
+        finally:
+            problem.after = lambda: None
+        z = (problem.residuals(q) * problem.scale / options.loss_scale) ** 2
+        return End(float(np.sum(LOSSES[options.loss](z)[0])) * options.loss_scale**2, q, converged, message)
+
+    def _step(self, q: Array, two_sided: bool, most: int) -> tuple[Array, bool, str]:
+        problem, options = self.problem, self.options
+        ends = problem.to_search(problem.lower), problem.to_search(problem.upper)
+        found = least_squares(
+            lambda at: problem.residuals(problem.from_search(at)),
+            problem.to_search(q),
+            jac=partial(self._closing, two_sided=two_sided),  # type: ignore[arg-type]
+            bounds=(np.minimum(*ends), np.maximum(*ends)),
+            x_scale="jac",
+            loss="linear" if options.loss == "linear" else LOSSES[options.loss],  # type: ignore[arg-type]
+            f_scale=options.loss_scale / problem.scale,
+            ftol=options.tolerance,
+            xtol=options.tolerance,
+            gtol=1e-15,
+            max_nfev=most,
+        )
+        return problem.from_search(found.x), found.status > 0, found.message.strip(" .").replace("`", "")
+
+    def _after(self, number: int, begun: int) -> None:
+        problem, options = self.problem, self.options
+        if options.progress is not None:
+            lowest = problem.best_cost * problem.scale**2
+            values = problem.values(problem.best)
+            options.progress(Progress(problem.evaluations, number, options.starts, lowest, values))
+        if problem.evaluations - begun >= options.max_evaluations:
+            raise _OutOfBudget
+
+    def _deeper(self, begins: Sequence[Array]) -> bool:
+        """Look around from these points; where the best look leads lower, search on from there."""
+        starts, lowest = self.options.starts, self.best.cost
+        looks = [self.search(starts, q, LOOK) for q in begins]
+        look = min(looks, key=lambda end: end.cost, default=None)
+        if look is None or not look.cost < lowest * (1 - self.same):
+            return False
+        self.ends.append(self.search(starts, look.q, self.options.max_evaluations))
+        return True
+
+
+def scattered(problem: Problem, n: int, seed: int) -> Array:
+    """Points that fill the bounds by a Latin hypercube, shape (n, k)."""
+    if n < 1:
+        return np.empty((0, problem.start.size))
+    if not np.all(np.isfinite(problem.upper - problem.lower)):
+        raise FitError("several starts need finite bounds, above 0 where the scale is logarithmic")
+    cube = qmc.LatinHypercube(problem.start.size, rng=np.random.default_rng(seed)).random(n)
+    return problem.lower + cube * (problem.upper - problem.lower)
+
+
+def _screened(problem: Problem) -> list[Array]:
+    """The best of many points that fill the bounds: some of them stand in the deepest valley."""
+    if not np.all(np.isfinite(problem.upper - problem.lower)):
+        return []
+    found = []
+    for point in scattered(problem, SCREENED, seed=0):
+        r = problem.residuals(point)
+        if np.all(np.isfinite(r)):
+            found.append((float(r @ r), point))
+    return [point for _, point in sorted(found, key=lambda pair: pair[0])[:LOOKED_AT]]
+
+
+def _beside(problem: Problem, q: Array) -> list[Array]:
+    """Where hops from q begin: inside the bounds, and where the model works."""
+    found = []
+    for i, p in enumerate(problem.parameters):
+        for factor in HOPS:
+            reach = 1.0 if p.log else 0.1 * min(problem.upper[i] - problem.lower[i], 10 * problem.typical[i])
+            hop = q.copy()
+            hop[i] += reach * math.log(factor)
+            inside = problem.lower[i] < hop[i] < problem.upper[i]
+            if inside and np.all(np.isfinite(problem.residuals(hop))):
+                found.append(hop)
+    return found
