@@ -56,12 +56,15 @@ class Uncertainty(NamedTuple):
         bounded: for each coordinate 0, or -1 / +1 where its lower / upper bound holds it back.
         push: for those, how hard: the derivative of half the chi-squared on moving into the range.
         released: for those, their variance if the bound were not there.
+        centre: what intervals are about, shape (k,), where that is not the estimate but the mean of a long
+            valley.
     """
 
     covariance: np.ndarray
     bounded: np.ndarray
     push: np.ndarray
     released: np.ndarray
+    centre: np.ndarray | None = None
 
 
 def uncertainty(

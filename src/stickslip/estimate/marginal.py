@@ -122,6 +122,7 @@ def integrated(fit: Fit, name: str, hold: Hold) -> Fit | Values:
         message=f"{alone.message}; {name}, which is hardly determined, at its mean over all that fits",
         starts=fit.starts,
         starts_agreeing=fit.starts_agreeing,
+        minima=fit.minima,
         jacobian=None,
     )
 

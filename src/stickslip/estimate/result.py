@@ -106,6 +106,16 @@ class Fit:
     predict: Callable[..., np.ndarray] | None = None
 
     @property
+    def cost(self) -> float:
+        """The weighted sum of squares."""
+        return self.reduced_chi_squared * self.degrees_of_freedom
+
+    @property
+    def coordinates(self) -> np.ndarray:
+        """Those of the values, shape (k,)."""
+        return np.array([p.coordinate(self.values[p.name]) for p in self.parameters])
+
+    @property
     def n_data(self) -> int:
         """Number of data in all recordings."""
         return sum(g.n_data for g in self.recordings)
@@ -309,15 +319,16 @@ class Fit:
 
 def _interval(p: Parameter, i: int, value: float, uncertain: Uncertainty, t: float) -> tuple[float, float]:
     """Of one parameter about a minimum, t standard errors either way, cut at its bounds."""
-    spread, bounded, push, released = uncertain
+    spread, bounded, push, released, centre = uncertain
     if bounded[i] and t > 0.0:
         # On moving inwards by d the cost rises by push d + d^2 / 2 released: where that is t^2/2.
         reach = t**2 / (push[i] + math.sqrt(push[i] ** 2 + t**2 / released[i]))
         below, above = (0.0, reach) if bounded[i] < 0 else (reach, 0.0)
     else:
         below = above = t * math.sqrt(spread[i, i]) if t > 0.0 else 0.0
-    q = p.coordinate(value)
-    return max(p.value(q - below), p.lower), min(p.value(q + above), p.upper)
+    q = p.coordinate(value) if centre is None else float(centre[i])
+    low, high = max(p.value(q - below), p.lower), min(p.value(q + above), p.upper)
+    return min(low, value), max(high, value)
 
 
 def _aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:

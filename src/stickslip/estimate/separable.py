@@ -130,7 +130,7 @@ def _with_coefficients(fit: Fit, recordings: Sequence[Linear], solutions: list[_
     tangents = [s.weights[:, None] * s.design.tangent(s.x) * slopes for s in solutions]
     joint = _correlated if fit.correlated else _white
     none = np.zeros(len(added))
-    _, bounded, push, released = fit.uncertainty
+    _, bounded, push, released, _ = fit.uncertainty
     return replace(
         fit,
         parameters=(*fit.parameters, *added),

@@ -41,6 +41,8 @@ PERIODS = 3
 NEAR = 3.0
 # Points tried, how many of them are looked at closer, and for how many evaluations.
 TRIED, LOOKED_AT, LOOK = 64, 10, 6
+# Of them, so many are begun from, those whose values differ by more than this factor.
+BEGINS, VALLEY = 4, 1.25
 
 Array = NDArray[np.float64]
 
@@ -87,8 +89,9 @@ def first_guess(
     stroke: float,
     given: Container[str] = (),
     seed: int = 0,
-) -> list[Parameter]:
-    """The parameters, starting where a short part of a recording is described best.
+) -> tuple[list[Parameter], list[Values]]:
+    """The parameters within bounds wide enough, and where to begin: first where a short part of a recording
+    is described best, then other valleys of it, at most `BEGINS`.
 
     Args:
         residuals: of that part, with the positions that were measured.
@@ -102,7 +105,7 @@ def first_guess(
     """
     names = [p.name for p in parameters if p.name in NAMES]
     if not names or not 0.0 < stroke * model.natural_frequency < math.inf:
-        return list(parameters)
+        return list(parameters), [{p.name: p.start for p in parameters}]
     square = qmc.LatinHypercube(2, rng=np.random.default_rng(seed)).random(TRIED)
     found = plausible(model, stroke)(square)
     wide = [
@@ -150,8 +153,17 @@ def first_guess(
         return fit.reduced_chi_squared, fit.values
 
     costs = sorted(map(cost, [start, *(start | values for values in tried)]), key=lambda pair: pair[0])
-    values = min((look(point) for _, point in costs[:LOOKED_AT]), key=lambda pair: pair[0])[1]
-    return [p._replace(start=values[p.name]) for p in wide]
+    looks = sorted((look(point) for _, point in costs[:LOOKED_AT]), key=lambda pair: pair[0])
+    begins: list[Values] = []
+    for _, values in looks:
+        if all(_far(values, known, names) for known in begins):
+            begins.append(values)
+    return wide, begins[:BEGINS]
+
+
+def _far(one: Values, other: Values, names: Sequence[str]) -> bool:
+    """Whether two points are in different valleys, as far as a short search tells."""
+    return any(abs(math.log(one[name] / other[name])) > math.log(VALLEY) for name in names)
 
 
 def beside(parameters: Sequence[Parameter], values: Values, given: Container[str] = ()) -> list[Parameter]:

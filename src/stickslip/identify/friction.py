@@ -18,22 +18,20 @@ from ..estimate.parameter import Parameter, Values
 from ..estimate.problem import Residuals
 from ..estimate.result import Fit
 from ..estimate.search import Progress
+from ..estimate.several import lowest
 from ..estimate.whiteness import white
 from ..simulation.varied import free_names, with_values
 from ..waveform.signal import Waveform
 from .channels import drives_of, names_of, recordings_of
 from .displacement import Displacement, has_slopes
-from .first_guess import beginning, beside, first_guess
+from .first_guess import beginning, first_guess
 from .free import Bounds, check_names, parameter
 from .position_channel import CHANNEL, OBSERVED, of_channel, walked, warn_of_unseen_slips
+from .several import from_several, straightened
 from .walks import Search, Varied, Walks, observed, own_values, slopes_of
 
-# Evaluations after which a search along logarithms, which comes from afar, has come into the valley.
-ENOUGH = 12
 # Of the stroke, and steps, of the simulations that only tell where to begin.
 GUESS_TOLERANCE, GUESS_STEPS = 1e-3, 5_000
-# How a search goes along the valley: walks are nearer to linear in forces and compliances than in logarithms.
-POWERS = {"N": 1, "N s/m": 1, "N/m": -1}
 
 
 def identify_friction(
@@ -67,7 +65,8 @@ def identify_friction(
 
     Args:
         recordings: with end_effector_position [m].
-        model: the actuator; its values are one start of many (see `first_guess`).
+        model: the actuator; its values are one start of many (see `first_guess`), and the fit describes the
+            recordings no worse than they do.
         free: what to fit: scalar fields of the law ("sigma_0", "coulomb_force", ...; "stiffness_2" of a
             second element) and of the actuator ("end_effector_mass", "gain", ...); "stiction_ratio" (stiction
             over Coulomb friction) and "breakaway_share" (of the Coulomb deflection), which are bounded where
@@ -137,7 +136,8 @@ def identify_friction(
         motions, measured, names, model, stage, Search(noise, correlated, loss, loss_scale, seed, progress)
     )
 
-    near = parameters
+    given = {p.name: p.start for p in parameters}
+    begins = [given]
     if hops:
         stroke = max(motion.stroke(model) for motion in motions)
         most = int(np.argmax([np.ptp(position) for position in measured]))
@@ -145,30 +145,18 @@ def identify_friction(
         short = Displacement(
             part, drives[most], names[most], model, GUESS_TOLERANCE * stroke, slew_rate, GUESS_STEPS
         )
-        guessed = _guessed(short, measured[most], names[most], model, parameters, stroke, bounds, noise)
-        near = _straight(guessed, {p.name: p.start for p in guessed})
-
-    def loose(fit: Fit) -> str | None:
-        return loosest(fit, own_values(fit.values)) if exact and loss == "linear" else None
-
-    alone = partial(walks.fit, max_evaluations=max_evaluations)
-    fit = walks.fit(near, max_evaluations=min(ENOUGH, max_evaluations))
-    if not fit.converged and loose(fit) is None:
-        before, fit = fit.n_evaluations, alone(_straight(near, fit.values))
-        fit = replace(fit, n_evaluations=before + fit.n_evaluations)
-    parameters = _straight(beside(parameters, fit.values, bounds), fit.values)
-    fit = replace(fit, parameters=tuple(parameters))
+        parameters, guesses = _guessed(
+            short, measured[most], names[most], model, parameters, stroke, bounds, noise
+        )
+        begins += guesses
+    fit = from_several(walks, parameters, begins, bounds, max_evaluations)
+    parameters = list(fit.parameters)
     if starts > 1 or (hops and not white(np.concatenate(fit.residuals), [r.size for r in fit.residuals])):
-        fit = alone(parameters, starts=starts, hops=hops)
-    name = loose(fit)
+        straight = straightened(parameters, fit.values)
+        fit = lowest([fit, walks.fit(straight, max_evaluations=max_evaluations, starts=starts, hops=hops)])
+    name = loosest(fit, own_values(fit.values)) if exact and loss == "linear" else None
     if name is not None:
-        settled = integrated(fit, name, partial(walks.hold, name, parameters, max_evaluations))
-        if isinstance(settled, Fit):
-            scales = [p.slope(settled.values[p.name]) for p in parameters]
-            jacobian = slopes_of(motions, walks.varied, free)(settled.values) * scales
-            fit = replace(settled, jacobian=jacobian)
-        else:
-            fit = alone(_straight(parameters, settled))
+        fit = _averaged(walks, fit, name, given, max_evaluations)
 
     def predict(recording: xr.Dataset, drive: Waveform | None = None) -> NDArray[np.float64]:
         name = names_of([recording])[0]
@@ -176,6 +164,23 @@ def identify_friction(
         return observed(motion, walks.varied, fit.values)
 
     return replace(fit, model=with_values(model, own_values(fit.values)), observed=OBSERVED, predict=predict)
+
+
+def _averaged(walks: Walks, fit: Fit, name: str, given: Values, max_evaluations: int) -> Fit:
+    """The fit with one value, which it hardly determines, at its mean over all that fits.
+
+    Where that describes the recordings worse than the model that was given, the values are those of the
+    lowest sum of squares, and only the intervals are about the mean.
+    """
+    parameters = list(fit.parameters)
+    settled = integrated(fit, name, partial(walks.hold, name, parameters, max_evaluations))
+    if not isinstance(settled, Fit):
+        return lowest([fit, walks.fit(straightened(parameters, settled), max_evaluations=max_evaluations)])
+    if settled.cost > walks.cost(given):
+        return replace(fit, uncertainty=settled.uncertainty._replace(centre=settled.coordinates))
+    scales = [p.slope(settled.values[p.name]) for p in parameters]
+    names = [p.name for p in parameters]
+    return replace(settled, jacobian=slopes_of(walks.motions, walks.varied, names)(settled.values) * scales)
 
 
 def _guessed(
@@ -187,14 +192,9 @@ def _guessed(
     stroke: float,
     bounds: Bounds,
     noise: float | None,
-) -> list[Parameter]:
-    """The parameters where `first_guess` begins, by the beginning of one recording."""
+) -> tuple[list[Parameter], list[Values]]:
+    """See `first_guess`, by the beginning of one recording."""
     varied, position = Varied(model), measured[: short.time.size]
     residuals = Residuals(lambda v: observed(short, varied, v) - position, position, noise, name, "m")
     jacobian = slopes_of([short], varied, [p.name for p in parameters]) if has_slopes(model) else None
     return first_guess(residuals, short.time, jacobian, parameters, model, stroke, bounds)
-
-
-def _straight(parameters: Sequence[Parameter], values: Values) -> list[Parameter]:
-    """The parameters, starting at the values, for a search along straight valleys."""
-    return [p._replace(start=values[p.name], power=POWERS.get(p.unit, 0) if p.log else 0) for p in parameters]

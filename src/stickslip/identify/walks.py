@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -75,6 +76,16 @@ class Walks:
     def fit(self, parameters: Sequence[Parameter], **options: Any) -> Fit:
         """By least squares, with the uncertainty of the stage passed on."""
         return self._with_stage(self._search(self.varied, parameters, **options), self.model)
+
+    def cost(self, values: Values) -> float:
+        """The weighted sum of squares at the values; infinite where there is no model."""
+        try:
+            parts = [
+                observed(m, self.varied, values) - x for m, x in zip(self.motions, self.measured, strict=True)
+            ]
+        except (ValueError, ArithmeticError):
+            return math.inf
+        return float(sum(r @ r for r in parts)) / (self.options.noise or 1.0) ** 2
 
     def hold(
         self, name: str, parameters: Sequence[Parameter], most: int, value: float, begin: Values
