@@ -1,7 +1,10 @@
 """How often 95 % intervals hold the truth: campaigns of the virtual rig, each with noise of its own.
 
+Each campaign has an actuator of its own too (`random_truth`), while every fit begins at the example's values:
+``python -m benchmarks.coverage 300``. With ``fixed`` behind the number, the actuator is that of the example.
+
 The signal chain is the bench's: held output, amplifier with its current limit, sensor with curve, bandwidth
-and delay, converters, filter. The motion is computed once without noise; each campaign adds the sensor's
+and delay, converters, filter. The motion is computed without noise; each campaign adds the sensor's
 noise and drift, filtered as the bench does. The truth is in metres of the sensor: its calibration reads 3.4 %
 low where the bench works, in every campaign alike, which no statistics of the recordings can show.
 """
@@ -19,7 +22,7 @@ import numpy as np
 import xarray as xr
 from scipy.interpolate import CubicSpline
 
-from stickslip.actuator import load_actuator
+from stickslip.actuator import Actuator, load_actuator
 from stickslip.calibration import load_calibration
 from stickslip.electronics import Filter, InductiveSensor, filtered
 from stickslip.electronics.noise import random_walk, white_noise
@@ -30,12 +33,13 @@ from stickslip.rig import Capture, Channel, Limits, VirtualRig, load_bench, meas
 from stickslip.waveform.periodic import Sawtooth
 from stickslip.waveform.shapes import Step
 
-CAMPAIGNS, LEVEL = 500, 0.95
+CAMPAIGNS, LEVEL = 300, 0.95
 LOW_PASS = Filter(2, 2e3)
 POSITION = "end_effector_position"
 FREE = ("sigma_0", "sigma_1", "coulomb_force", "delay", "offset")
 BOUNDS = {"delay": (0.0, 5e-3)}
 OVERSAMPLING = 4
+STAGE = ("gain", "natural_frequency", "damping_ratio")
 
 
 class Chain(NamedTuple):
@@ -46,9 +50,34 @@ class Chain(NamedTuple):
     metres_per_volt: float
     scale: float  # what the calibrated sensor reads for a metre
     bench: Any
+    truth: Actuator
 
 
-def clean_chain() -> Chain:
+def example() -> Actuator:
+    """Where every fit begins."""
+    return load_actuator("kang2007").replace(stage_reaction=False)
+
+
+def random_truth(seed: int) -> Actuator:
+    """The example with sigma_0 and sigma_1 times or over 3, F_C 2, the stage's values 1.5, each at random."""
+    random = np.random.default_rng([seed, 1])
+    actuator, law = example(), example().friction
+
+    def away(most: float) -> float:
+        return float(np.exp(random.uniform(-1.0, 1.0) * np.log(most)))
+
+    force = law.coulomb_force * away(2.0)
+    contact = law._replace(
+        sigma_0=law.sigma_0 * away(3.0),
+        sigma_1=law.sigma_1 * away(3.0),
+        coulomb_force=force,
+        stiction_force=force,
+    )
+    stage = {name: getattr(actuator, name) * away(1.5) for name in STAGE}
+    return actuator.replace(friction=contact, **stage)
+
+
+def clean_chain(actuator: Actuator) -> Chain:
     """The recordings of the thesis without noise: three steps and the walk that it fits."""
     bench = load_bench("kang2007-bench")
     mounted = bench.sensors["inductive"]
@@ -63,7 +92,6 @@ def clean_chain() -> Chain:
         "drive_voltage": Channel("drive"),
         POSITION: Channel("inductive", calibrations, LOW_PASS, zero=True),
     }
-    actuator = load_actuator("kang2007").replace(stage_reaction=False)
     limits = Limits(max_voltage=100.0)
     step = Capture(length=0.25, interval=50e-6, pre_trigger=0.2)
     steps = [
@@ -78,9 +106,8 @@ def clean_chain() -> Chain:
     read = volts
     for calibration in calibrations:
         read = calibration(read)
-    return Chain(
-        steps, walk, per_volt * float(read[1] - read[0]) / 4e-6, float(read[1] - read[0]) / 4e-6, bench
-    )
+    scale = float(read[1] - read[0]) / 4e-6
+    return Chain(steps, walk, per_volt * scale, scale, bench, actuator)
 
 
 def noise(chain: Chain, count: int, stride: int, random: np.random.Generator) -> np.ndarray:
@@ -106,18 +133,20 @@ def noisy(
     return recording.assign({POSITION: recording[POSITION].copy(data=x)})
 
 
-def campaign(chain: Chain, seed: int) -> dict[str, tuple[float, float, float]]:
-    """Value and interval of every parameter of one campaign."""
+def campaign(chain: Chain, seed: int, hops: int) -> dict[str, tuple[float, float, float]]:
+    """Value and interval of every parameter of one campaign, and its truth."""
     random = np.random.default_rng(seed)
     slew = chain.bench.amplifier.max_current / chain.bench.piezo_capacitance
-    actuator = load_actuator("kang2007").replace(stage_reaction=False)
+    actuator = example()
     steps = [noisy(chain, r, 1, 0.2, random) for r in chain.steps]
     stage = identify_step(steps, actuator, filter=LOW_PASS, slew_rate=slew)
     walk = noisy(chain, chain.walk, 20, 0.05, random)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RecordingWarning)
-        fit = identify_friction(walk, stage.model, FREE, slew_rate=slew, stage=stage, hops=0, bounds=BOUNDS)
-    found = {}
+        fit = identify_friction(
+            walk, stage.model, FREE, slew_rate=slew, stage=stage, hops=hops, bounds=BOUNDS
+        )
+    found = {f"truth {name}": (true, 0.0, 0.0) for name, true in truths(chain).items()}
     for one in (stage, fit):
         for name, (low, high) in one.confidence_intervals(LEVEL).items():
             key = f"walk {name}" if name == "delay" and one is fit else name
@@ -131,7 +160,7 @@ def campaign(chain: Chain, seed: int) -> dict[str, tuple[float, float, float]]:
 
 def truths(chain: Chain) -> dict[str, float]:
     """What the intervals should hold."""
-    a = load_actuator("kang2007")
+    a = chain.truth
     return {
         "damping_ratio": a.damping_ratio,
         "natural_frequency": a.natural_frequency,
@@ -142,35 +171,46 @@ def truths(chain: Chain) -> dict[str, float]:
     }
 
 
-def table(chain: Chain, found: list[dict[str, tuple[float, float, float]]]) -> dict[str, Any]:
-    """Share of intervals that hold the truth, mean and spread over all campaigns, by parameter."""
+def table(found: list[dict[str, tuple[float, float, float]]]) -> dict[str, Any]:
+    """Share of intervals that hold the truth, and errors relative to it, over all campaigns, by parameter."""
     parameters = {}
-    for name, true in truths(chain).items():
+    for name in (key.removeprefix("truth ") for key in found[0] if key.startswith("truth ")):
+        true = np.array([f[f"truth {name}"][0] for f in found])
         values, low, high = np.array([f[name] for f in found]).T
+        missing = [float(t) for t, v in zip(true, values, strict=True) if not np.isfinite(v)]
         parameters[name] = {
-            "truth": true,
             "coverage": float(np.mean((low <= true) & (true <= high))),
-            "mean": float(values.mean()),
-            "spread": float(values.std()),
-            "half_interval": float(np.median(high - low) / 2),
+            "missing": len(missing),
+            "median_error": float(np.median(values / true - 1.0)),
+            "spread": float(np.std(values / true)),
+            "half_interval": float(np.median((high - low) / true) / 2),
             "undetermined": float(np.mean([f.get(f"undetermined {name}", (0.0,))[0] for f in found])),
         }
     return {
         "campaigns": len(found),
         "level": LEVEL,
-        "sensor_scale": chain.scale,
         "converged": float(np.mean([f["converged"][0] for f in found])),
         "parameters": parameters,
     }
 
 
-def coverage(campaigns: int = CAMPAIGNS) -> dict[str, Any]:
-    """`table` of so many campaigns, with the time that each took."""
-    chain = clean_chain()
+def coverage(campaigns: int = CAMPAIGNS, fixed: bool = False) -> dict[str, Any]:
+    """`table` of so many campaigns, with the time that each took.
+
+    Args:
+        campaigns: how many.
+        fixed: the example is the truth of all, and the fits begin at it and look nowhere else.
+    """
+    same = clean_chain(example()) if fixed else None
     begun = time.perf_counter()
-    found = [campaign(chain, seed) for seed in range(campaigns)]
-    return table(chain, found) | {"seconds_per_campaign": (time.perf_counter() - begun) / campaigns}
+    found = []
+    for seed in range(campaigns):
+        found.append(campaign(same or clean_chain(random_truth(seed)), seed, 0 if fixed else 6))
+        shown = table(found)["parameters"]
+        print(seed + 1, {k: round(v["coverage"] * len(found)) for k, v in shown.items()}, file=sys.stderr)
+    return table(found) | {"seconds_per_campaign": (time.perf_counter() - begun) / campaigns}
 
 
 if __name__ == "__main__":
-    print(json.dumps(coverage(int(sys.argv[1]) if len(sys.argv) > 1 else CAMPAIGNS), indent=1))
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else CAMPAIGNS
+    print(json.dumps(coverage(count, fixed="fixed" in sys.argv[2:]), indent=1))
