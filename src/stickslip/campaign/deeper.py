@@ -42,6 +42,7 @@ def deeper(
     fitted = [one for one in walks if one.use == "fit"]
     recordings = [one.recording for one in fitted]
     known: dict[str, Any] = {"drive": [one.drive for one in fitted], "slew_rate": file.known_slew_rate}
+    unseen = [one for one in walks if one.use == "verify"]
     found = Deeper()
     if file.profiles:
         ends = {}
@@ -49,8 +50,8 @@ def deeper(
             progress(f"following the profile of {name}", 0.72)
             ends[name] = profile_interval(friction, recordings, name, **known)
         found = found._replace(profiles=ends)
-    if file.model_choice:
-        unseen = [one for one in walks if one.use == "verify"]
+    # A model that does not explain its recordings asks for another, whether or not the file does.
+    if file.model_choice or (unseen and any(one.seen for one in friction.lack)):
         law = friction.model.friction
         start = (
             float(getattr(law, "coulomb_force", 1.0)),

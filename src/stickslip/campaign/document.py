@@ -73,11 +73,15 @@ def campaign_document(
     known = errors[np.isfinite(errors)]
     steps = f" and the net step within {100 * known.max():.2g} %" if known.size else ""
     unseen = sum(one.use == "verify" for one in found.walks)
+    lacking = [one.sentence for one in friction.lack if one.seen]
+    if lacking and found.deeper.choice is not None:
+        lacking.append(f"of the models compared, {found.deeper.choice.best} predicts unseen walks best")
     return Document(
         title=file.title,
         summary=(
             f"Friction fitted to {len(found.walks) - unseen} of {len(found.walks)} walks, r² "
             f"{friction.r_squared:.4f}; over all walks r² is {least:.4f} or more{steps}."
+            + "".join(f" {text[0].upper()}{text[1:]}." for text in lacking)
         ),
         sections=sections,
         highlights=[

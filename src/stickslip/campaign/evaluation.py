@@ -117,7 +117,7 @@ def evaluate(file: CampaignFile, folder: Path, gathered: Sequence[Aligned], prog
         features_of(walks),
         chain,
         verification,
-        verification.unmet(requirements),
+        [*verification.unmet(requirements), *(stage.failures if stage else ()), *friction.failures],
         deeper(file, friction, walks, stage, progress),
     )
 

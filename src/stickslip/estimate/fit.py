@@ -142,12 +142,16 @@ def _described(searches: Searches, assumed: Noise, correlated: bool) -> Fit:
         starts_agreeing=searches.agreeing(),
         residuals=tuple(parts),
         jacobian=tangent * problem.noise[:, None],
+        known=tuple(
+            r.known._replace(given=r.noise if assumed.known and gaussian else None)
+            for r in problem.recordings
+        ),
     )
-    variance = 1.0 if assumed.known else fit.reduced_chi_squared
+    variance = (1.0 if assumed.known else fit.reduced_chi_squared) or 1.0
     others = [
         _minimum(end, (end.cost - best.cost) / variance, searches, assumed)
         for end in searches.ends
-        if end.converged and still_fits((end.cost - best.cost) / (variance or 1.0), len(problem.parameters))
+        if end.converged and still_fits((end.cost - best.cost) / variance, len(problem.parameters))
     ]
     return fit.with_minima(others)
 

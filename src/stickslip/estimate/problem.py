@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .lack import KnownNoise
 from .parameter import Parameter, Values
 
 
@@ -27,6 +28,7 @@ class Residuals(NamedTuple):
             all recordings: equal in all of them.
         name: what to call it in reports.
         unit: unit of the data.
+        known: what the recording shows of its noise besides; `given` is taken from `noise`.
     """
 
     function: Callable[[Values], ArrayLike]
@@ -34,6 +36,7 @@ class Residuals(NamedTuple):
     noise: ArrayLike | None = None
     name: str = "recording"
     unit: str = ""
+    known: KnownNoise = KnownNoise()
 
 
 class Problem:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,6 +20,7 @@ from scipy import stats
 from ..units import QuantityError
 from .covariance import Uncertainty
 from .identifiability import undetermined
+from .lack import KnownNoise, Lack, lack_of_fit
 from .minima import APART, Minimum, bound
 from .parameter import Parameter, Values
 
@@ -81,6 +83,8 @@ class Fit:
         observed: name of the channel that was fitted.
         residuals: model minus measured of each recording, in the unit of the data.
         jacobian: derivatives of all residuals, joined, by the searched coordinates q, shape (n, k).
+        known: what each recording shows of its noise besides the residuals.
+        remarks: sentences on what was decided for the user, such as what is free besides what was asked for.
         predict: from any recording, seen or not, to the values of that channel by the model, shape (n,).
     """
 
@@ -103,6 +107,8 @@ class Fit:
     observed: str = ""
     residuals: tuple[np.ndarray, ...] = ()
     jacobian: np.ndarray | None = None
+    known: tuple[KnownNoise, ...] = ()
+    remarks: tuple[str, ...] = ()
     predict: Callable[..., np.ndarray] | None = None
 
     @property
@@ -243,6 +249,38 @@ class Fit:
         variance = gradient[free] @ self.uncertainty.covariance[np.ix_(free, free)] @ gradient[free]
         return float(quantity(self.values)), math.sqrt(variance)
 
+    @cached_property
+    def lack(self) -> tuple[Lack, ...]:
+        """What each recording says of the model, by the noise that it shows besides: see `lack_of_fit`."""
+        if not self.known:
+            return ()
+        share = (self.n_data - self.degrees_of_freedom) / max(self.n_data, 1)
+        return tuple(
+            lack_of_fit(r, known, g.name, share * r.size)
+            for r, known, g in zip(self.residuals, self.known, self.recordings, strict=True)
+        )
+
+    @property
+    def at_bounds(self) -> tuple[str, ...]:
+        """The parameters that a bound of the search holds back; zero, where that is the least, is none."""
+        sides = self.uncertainty.bounded
+        return tuple(
+            p.name
+            for p, side in zip(self.parameters, sides, strict=True)
+            if side > 0 or (side < 0 and p.lower != 0.0)
+        )
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """Sentences on why the values are not to be trusted; empty if nothing shows against them."""
+        found = [one.sentence for one in self.lack if one.seen]
+        if self.r_squared < 0.0:
+            found.append(f"the fit is worse than a constant: r^2 = {self.r_squared:.3g}")
+        if not self.converged:
+            found.append(f"the search has not converged: {self.message}")
+        found += [f"{name} ended at a bound of the fit" for name in self.at_bounds]
+        return tuple(found)
+
     @property
     def undetermined(self) -> tuple[str, ...]:
         """A plain sentence for each parameter, or group of them, that the data do not determine."""
@@ -272,11 +310,12 @@ class Fit:
             lines.append(f"{self.starts_agreeing} of {self.starts} searches ended at this minimum")
         if self.minima:
             lines.append(self.other_minima)
+        lines += [one.sentence for one in self.lack if one.seen]
         if not self.correlated and any(abs(g.lag_one_correlation) > CORRELATED for g in self.recordings):
             lines.append(
                 "the residuals are correlated, which these intervals do not allow for: they are too narrow"
             )
-        return "\n".join([*lines, *self.undetermined])
+        return "\n".join([*lines, *self.undetermined, *self.remarks])
 
     def to_dict(self, level: float = 0.95) -> dict[str, Any]:
         """Every number with its unit, ready for JSON; None where a number does not exist."""
@@ -312,6 +351,11 @@ class Fit:
             "message": self.message,
             "starts": self.starts,
             "starts_agreeing": self.starts_agreeing,
+            "lack_of_fit": [
+                {**one._asdict(), "seen": one.seen, "sentence": one.sentence} for one in self.lack
+            ],
+            "failures": list(self.failures),
+            "remarks": list(self.remarks),
             "minima": [{"values": m.values, "excess": m.excess} for m in self.minima],
         }
         return _finite(found)

@@ -26,6 +26,7 @@ from .channels import drives_of, names_of, recordings_of
 from .displacement import Displacement, has_slopes
 from .first_guess import beginning, first_guess
 from .free import Bounds, check_names, parameter
+from .known_noise import known_noise
 from .position_channel import CHANNEL, OBSERVED, of_channel, walked, warn_of_unseen_slips
 from .several import from_several, straightened
 from .walks import Search, Varied, Walks, observed, own_values, slopes_of
@@ -133,7 +134,13 @@ def identify_friction(
         for r, w, name in zip(found, drives, names, strict=True)
     ]
     walks = Walks(
-        motions, measured, names, model, stage, Search(noise, correlated, loss, loss_scale, seed, progress)
+        motions,
+        measured,
+        names,
+        [known_noise(r, x, w) for r, x, w in zip(found, measured, drives, strict=True)],
+        model,
+        stage,
+        Search(noise, correlated, loss, loss_scale, seed, progress),
     )
 
     given = {p.name: p.start for p in parameters}

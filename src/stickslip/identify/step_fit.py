@@ -14,10 +14,12 @@ from ..actuator import Actuator
 from ..electronics import Filter
 from ..estimate.coloured import coloured, with_coloured_noise
 from ..estimate.fit import fit_least_squares
+from ..estimate.lack import KnownNoise
 from ..estimate.parameter import Parameter, Values
 from ..estimate.problem import Residuals
 from ..estimate.result import Fit
 from .channels import recordings_of
+from .known_noise import converter_step
 from .linear_step import filter_zeros_poles, second_order_poles, step_response
 from .step_formulas import POSITION, THESIS, StepTest, Timing, classical, second_order, step_tests
 
@@ -86,7 +88,7 @@ def identify_step(
         return of
 
     parts = [
-        Residuals(residuals(test, i), test.position, None, test.name, "m")
+        Residuals(residuals(test, i), test.position, None, test.name, "m", _known(test))
         for i, test in enumerate(kept, start=1)
     ]
     fit = fit_least_squares(parts, _parameters(first, lag))
@@ -106,6 +108,10 @@ def identify_step(
         observed=observed,
         predict=predict,
     )
+
+
+def _known(test: StepTest) -> KnownNoise:
+    return KnownNoise(at_rest=int(np.count_nonzero(test.time < 0.0)), step=converter_step(test.position))
 
 
 def _within(test: StepTest, first: float, last: float) -> StepTest:

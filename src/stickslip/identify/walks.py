@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ..actuator import Actuator
 from ..estimate.coloured import coloured, with_coloured_noise, with_inherited
 from ..estimate.fit import fit_least_squares
+from ..estimate.lack import KnownNoise
 from ..estimate.parameter import Parameter, Values
 from ..estimate.problem import Residuals
 from ..estimate.result import Fit
@@ -59,12 +60,13 @@ class Search(NamedTuple):
 
 @dataclass(frozen=True)
 class Walks:
-    """Recordings of one actuator: their simulations, the positions [m] that were measured, and their names;
-    the fit that the stage is from, if any; and how to search."""
+    """Recordings of one actuator: their simulations, the positions [m] that were measured, their names, and
+    what they show of their noise; the fit that the stage is from, if any; and how to search."""
 
     motions: Sequence[Displacement]
     measured: Sequence[Array]
     names: Sequence[str]
+    known: Sequence[KnownNoise]
     model: Actuator
     stage: Fit | None
     options: Search
@@ -121,8 +123,10 @@ class Walks:
 
         fit = fit_least_squares(
             [
-                Residuals(residuals(motion, position), position, noise, name, "m")
-                for motion, position, name in zip(self.motions, self.measured, self.names, strict=True)
+                Residuals(residuals(motion, position), position, noise, name, "m", known)
+                for motion, position, name, known in zip(
+                    self.motions, self.measured, self.names, self.known, strict=True
+                )
             ],
             parameters,
             jacobian=slopes_of(self.motions, varied, free) if exact else None,

@@ -37,11 +37,23 @@ def parameter_table(caption: str, fit: Fit, level: float = 0.95) -> Table:
         for name, number in estimates(fit, level).items()
     ]
     state = f"{'Converged' if fit.converged else 'NOT CONVERGED'}: {fit.message}."
-    return Table(caption, columns, rows, notes=" ".join((state, *fit.undetermined)))
+    searches = f"{fit.starts_agreeing} of {fit.starts} searches ended here." if fit.starts > 1 else ""
+    said = (state, searches, *map(_sentence, (fit.other_minima, *fit.undetermined, *doubts(fit))))
+    return Table(caption, columns, rows, notes=" ".join(filter(None, said)))
+
+
+def doubts(fit: Fit) -> tuple[str, ...]:
+    """Why the fit is not to be trusted, and what was decided for the user, in sentences."""
+    return (*(one.sentence for one in fit.lack if one.seen), *fit.remarks)
+
+
+def _sentence(text: str) -> str:
+    return f"{text[0].upper()}{text[1:]}." if text else ""
 
 
 def fit_numbers(fit: Fit, unit: str, level: float = 0.95) -> dict[str, Any]:
     """All numbers of a fit for results.json; `unit` is that of the data."""
+    units = {p.name: p.unit for p in fit.parameters}
     return {
         "parameters": estimates(fit, level),
         "correlation": {
@@ -64,7 +76,18 @@ def fit_numbers(fit: Fit, unit: str, level: float = 0.95) -> dict[str, Any]:
         "degrees_of_freedom": Number(fit.degrees_of_freedom, ""),
         "evaluations": Number(fit.n_evaluations, ""),
         "converged": fit.converged,
+        "searches": Number(fit.starts, ""),
+        "searches_agreeing": Number(fit.starts_agreeing, ""),
+        "other_minima": {
+            f"minimum_{i}": {name: Number(value, units[name]) for name, value in m.values.items()}
+            for i, m in enumerate(fit.minima, start=1)
+        },
         "undetermined": list(fit.undetermined),
+        "lack_of_fit": {
+            one.name: {"seen": one.seen, "residual_over_noise": Number(one.ratio, "")} for one in fit.lack
+        },
+        "failures": list(fit.failures),
+        "remarks": list(fit.remarks),
     }
 
 

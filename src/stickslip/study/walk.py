@@ -158,7 +158,9 @@ def walk_document(
     return Document(
         title=title,
         summary=f"{len(fit.parameters)} parameters fitted to {fitted} recording{'s' if fitted > 1 else ''}: "
-        f"r² {fit.r_squared:.4f}." + verified,
+        f"r² {fit.r_squared:.4f}."
+        + verified
+        + "".join(f" {text[0].upper()}{text[1:]}." for text in fit.failures),
         sections=(
             Section(
                 "Parameters",

@@ -1,0 +1,203 @@
+r"""Lack of fit: whether a model leaves more than noise, judged by noise that is known otherwise.
+
+Three comparisons, each where a recording allows it:
+
+* the noise that was given: the reduced chi-squared;
+* samples at rest, before anything moves: residuals in motion against these, by their differences over the
+  same times, :math:`D(k) = \frac{1}{2} \langle (r_{i+k} - r_i)^2 \rangle`, so that drift is no misfit;
+* periods of the drive: what repeats from one to the next is the model's, what does not is noise. The power of
+  the mean over the periods against that of the scatter about it, line by line of their spectra.
+
+Correlated noise has fewer independent samples (`independent`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+from scipy.ndimage import uniform_filter1d
+
+# Of a right model, for one recording: the chance that it is said to lack.
+FALSE_ALARM = 0.005
+# At least so many samples at rest, an eighth of which is the longest time over which differences are taken.
+FEWEST_AT_REST = 40
+FEWEST_PERIODS = 3
+# Lines of the spectrum that are averaged over, and bands of them that are looked at.
+SMOOTHED, BANDS = 5, 4
+
+Array = NDArray[np.float64]
+
+
+class KnownNoise(NamedTuple):
+    """What a recording shows of its noise besides the residuals.
+
+    Attributes:
+        given: standard deviation, one number or shape (n,), in the unit of the data; None: not known.
+        at_rest: so many samples from the first on are before any motion.
+        period: first sample that repeats, how many samples a period has, and how many repeat in all; the
+            second 0: nothing repeats.
+        step: of the converter, in the unit of the data; 0: none.
+    """
+
+    given: NDArray[np.float64] | float | None = None
+    at_rest: int = 0
+    period: tuple[float, float, float] = (0.0, 0.0, math.inf)
+    step: float = 0.0
+
+
+class Lack(NamedTuple):
+    """What a recording says of the model.
+
+    Attributes:
+        name: of the recording.
+        ratio: root mean square of what is left over the noise; NaN where the noise is not known.
+        chance: of a right model to leave as much or more, the smallest over the comparisons, times how many.
+        against: what the smallest is by.
+    """
+
+    name: str
+    ratio: float
+    chance: float
+    against: str
+
+    @property
+    def seen(self) -> bool:
+        """Whether the model does not explain the recording."""
+        return self.chance < FALSE_ALARM
+
+    @property
+    def sentence(self) -> str:
+        """In plain words; empty where nothing is seen."""
+        if not self.seen:
+            return ""
+        return (
+            f"the model does not explain {self.name}: residual {self.ratio:.3g} x the noise "
+            f"({self.against}); its intervals are not to be trusted"
+        )
+
+
+class _Compared(NamedTuple):
+    ratio: float
+    chance: float
+    against: str
+
+
+def lack_of_fit(residuals: Array, known: KnownNoise, name: str, n_fitted: float = 0.0) -> Lack:
+    """What the residuals [n] of one recording say of the model.
+
+    Args:
+        residuals: model minus measured, at equal intervals, in the unit of the data.
+        known: of the noise.
+        name: of the recording.
+        n_fitted: how many parameters were fitted to it.
+    """
+    r = np.asarray(residuals, dtype=float)
+    made = [_by_given(r, known, n_fitted), _by_rest(r, known), _by_periods(r, known)]
+    found = [one for one in made if one is not None]
+    if not found:
+        return Lack(name, math.nan, 1.0, "")
+    worst = min(found, key=lambda one: one.chance)
+    return Lack(name, worst.ratio, min(1.0, worst.chance * len(found)), worst.against)
+
+
+def independent(rows: Array) -> float:
+    r"""How many independent samples tell as much of the variance as each row [rows, n] does.
+
+    By their common spectrum P: :math:`2 (\sum P)^2 / \sum P^2`, where the scatter of P itself, of few rows,
+    makes the denominator too great by 1 + 1/rows.
+    """
+    power = np.mean(np.abs(np.fft.rfft(rows - rows.mean(axis=1, keepdims=True))[:, 1:]) ** 2, axis=0)
+    square = float(power @ power)
+    if square <= 0.0:
+        return float(rows.shape[1])
+    return min(2.0 * (1.0 + 1.0 / len(rows)) * float(power.sum()) ** 2 / square, float(rows.shape[1]))
+
+
+def _independent_of(r: Array, memory: int) -> float:
+    """Of one series that remembers over some samples."""
+    size = min(r.size, max(8 * memory, r.size // 8, 16))
+    count = r.size // size
+    return r.size / size * independent(r[: count * size].reshape(count, size))
+
+
+def _by_given(r: Array, known: KnownNoise, n_fitted: float) -> _Compared | None:
+    if known.given is None:
+        return None
+    over = r / known.given
+    freedom = max(over.size - n_fitted, 1.0)
+    square = float(over @ over) / freedom
+    share = _independent_of(over, 1) / over.size
+    chance = float(stats.chi2.sf(square * freedom * share, freedom * share))
+    return _Compared(math.sqrt(square), chance, "as it was given")
+
+
+def _by_rest(r: Array, known: KnownNoise) -> _Compared | None:
+    n = known.at_rest
+    if n < FEWEST_AT_REST or r.size - n < n // 4 + 8:
+        return None
+    worst: _Compared | None = None
+    lags = np.unique(np.geomspace(1, n // 8, 3).astype(int))
+    for lag in lags:
+        quiet, moving = (0.5 * (part[lag:] - part[:-lag]) ** 2 for part in (r[:n], r[n:]))
+        least = known.step**2 / 12.0
+        noise, left = max(float(quiet.mean()), least), float(moving.mean())
+        if noise <= 0.0:
+            continue
+        counts = [_independent_of(part[lag:] - part[:-lag], int(lag)) for part in (r[:n], r[n:])]
+        if float(quiet.mean()) < least:
+            counts[0] = 1e6  # of the converter's steps, known exactly
+        chance = float(stats.f.sf(left / noise, max(counts[1], 1.0), max(counts[0], 1.0))) * lags.size
+        one = _Compared(math.sqrt(left / noise), min(chance, 1.0), "before it moves")
+        if worst is None or one.chance < worst.chance:
+            worst = one
+    return worst
+
+
+def _by_periods(r: Array, known: KnownNoise) -> _Compared | None:
+    first, length, lasts = known.period
+    size = math.floor(length)
+    # The first period comes from rest: no other is like it.
+    count = math.floor(min(r.size - first, lasts) / length + 1e-6) - 1 if size >= 8 else 0
+    if count < FEWEST_PERIODS:
+        return None
+    begins = np.round(first + length * np.arange(1, count + 1)).astype(int)
+    begins = begins[begins + size <= r.size]
+    count = begins.size
+    if count < FEWEST_PERIODS:
+        return None
+    folded = r[begins[:, None] + np.arange(size)]
+    about = np.column_stack([np.ones(size), np.linspace(-1.0, 1.0, size)])
+    q, _ = np.linalg.qr(about)
+    folded = folded - (folded @ q) @ q.T  # drift is no shape
+    mean = folded.mean(axis=0)
+    spread = _spectrum(folded - mean, count - 1)
+    spread = np.maximum(spread, size * known.step**2 / 12.0)
+    if not np.all(spread > 0.0):
+        return None
+    excess = 2.0 * count * np.abs(np.fft.rfft(mean)[1 : spread.size + 1]) ** 2 / spread
+    # Of the lowest lines alone, of more, of all: what is smooth shows in few.
+    bands = np.unique(np.geomspace(min(4, spread.size), spread.size, BANDS).astype(int))
+    freedom = 2.0 * (count - 1) * SMOOTHED
+    chances = [float(stats.f.sf(np.mean(excess[:k]) / 2.0, 2 * k, freedom)) for k in bands]
+    within = float(np.mean((folded - mean) ** 2)) * count / (count - 1)
+    ratio = math.sqrt(1.0 + max(float(np.mean(mean**2)) / within - 1.0 / count, 0.0))
+    return _Compared(
+        ratio, min(1.0, min(chances) * len(bands)), "by what does not repeat from period to period"
+    )
+
+
+def _spectrum(rows: Array, freedom: int) -> Array:
+    """The power of the noise of each row at each line but the first and the last, smoothed."""
+    lines = (rows.shape[1] - 1) // 2
+    power = np.sum(np.abs(np.fft.rfft(rows)[:, 1 : lines + 1]) ** 2, axis=0) / freedom
+    return uniform_filter1d(power, min(SMOOTHED, lines), mode="nearest")
+
+
+def said(lacks: Sequence[Lack]) -> tuple[str, ...]:
+    """The sentences of those that are seen."""
+    return tuple(one.sentence for one in lacks if one.seen)

@@ -1,0 +1,114 @@
+"""Lack of fit is seen where there is some, and hardly ever where there is none."""
+
+from __future__ import annotations
+
+import json
+import pickle
+
+import numpy as np
+import pytest
+from scipy.signal import butter, lfilter
+
+from stickslip.estimate.fit import fit_least_squares
+from stickslip.estimate.lack import KnownNoise, independent, lack_of_fit
+from stickslip.estimate.parameter import Parameter
+from stickslip.estimate.problem import Residuals
+
+N, REST, PERIOD = 1800, 200, 200.0
+
+
+def noise(kind: str, random: np.random.Generator, n: int = N) -> np.ndarray:
+    white = random.standard_normal(n + 200)
+    made = {
+        "white": lambda: white,
+        "correlated": lambda: lfilter([1.0], [1.0, -0.9], white),
+        "filtered": lambda: lfilter(*butter(2, 0.2), white),
+        "drifting": lambda: white + np.cumsum(0.05 * random.standard_normal(n + 200)),
+        "rounded": lambda: np.round(white),
+    }
+    return np.asarray(made[kind]())[200:]
+
+
+@pytest.mark.parametrize("kind", ["white", "correlated", "filtered", "drifting", "rounded"])
+def test_a_right_model_is_seldom_said_to_lack(kind: str) -> None:
+    random = np.random.default_rng(3)
+    known = KnownNoise(at_rest=REST, period=(REST, PERIOD, N), step=1.0 if kind == "rounded" else 0.0)
+    seen = [lack_of_fit(noise(kind, random), known, "walk").seen for _ in range(200)]
+    assert np.mean(seen) <= 0.05
+
+
+@pytest.mark.parametrize("kind", ["white", "correlated", "filtered", "drifting"])
+def test_what_repeats_with_the_drive_is_seen(kind: str) -> None:
+    """A shape as large as the noise, the same in each period."""
+    random = np.random.default_rng(4)
+    phase = np.maximum(np.arange(N) - REST, 0) / PERIOD
+    seen = []
+    for _ in range(50):
+        r = noise(kind, random)
+        shape = np.std(r) * np.where(np.arange(N) < REST, 0.0, np.sin(6.0 * np.pi * phase))
+        lack = lack_of_fit(r + shape, KnownNoise(at_rest=REST, period=(REST, PERIOD, N)), "walk 1")
+        seen.append(lack.seen)
+    assert np.mean(seen) >= 0.95
+    assert "the model does not explain walk 1: residual " in lack.sentence
+    assert "x the noise" in lack.sentence
+    assert lack.ratio > 1.0
+
+
+def test_more_than_the_noise_at_rest_is_seen_without_periods() -> None:
+    random = np.random.default_rng(5)
+    r = noise("white", random)
+    r[REST:] *= 1.5
+    lack = lack_of_fit(r, KnownNoise(at_rest=REST), "walk")
+    assert lack.seen
+    assert lack.ratio == pytest.approx(1.5, rel=0.15)
+    assert "before it moves" in lack.sentence
+
+
+def test_against_a_given_noise() -> None:
+    random = np.random.default_rng(6)
+    r = noise("white", random)
+    assert not lack_of_fit(r, KnownNoise(given=1.0), "walk", 3).seen
+    assert lack_of_fit(r, KnownNoise(given=0.8), "walk", 3).seen
+    assert lack_of_fit(r, KnownNoise(given=0.8), "walk", 3).ratio == pytest.approx(1.25, rel=0.05)
+
+
+def test_a_converter_that_stands_still_at_rest_is_no_sign_of_none() -> None:
+    """At rest between two steps, a rounded channel shows no noise at all; in motion, that of the steps."""
+    motion = np.concatenate([np.zeros(REST), np.linspace(0.0, 300.0, N - REST)])
+    r = motion - np.round(motion)
+    assert not lack_of_fit(r, KnownNoise(at_rest=REST, step=1.0), "walk").seen
+    assert lack_of_fit(r, KnownNoise(at_rest=REST, step=0.1), "walk").seen
+
+
+def test_where_nothing_is_known_nothing_is_said() -> None:
+    lack = lack_of_fit(np.sin(np.arange(N)), KnownNoise(), "walk")
+    assert not lack.seen
+    assert lack.sentence == ""
+
+
+def test_independent_samples_of_correlated_noise() -> None:
+    """Of an autoregression, (1 - a^2)/(1 + a^2) of all."""
+    rows = np.array([noise("correlated", np.random.default_rng(i), 4000) for i in range(20)])
+    assert independent(rows) == pytest.approx(4000 * (1 - 0.81) / (1 + 0.81), rel=0.15)
+    assert independent(np.random.default_rng(0).standard_normal((20, 4000))) == pytest.approx(4000, rel=0.05)
+
+
+def test_a_fit_says_why_it_is_not_to_be_trusted() -> None:
+    random = np.random.default_rng(7)
+    t = np.linspace(-0.5, 4.0, N)
+    y = np.where(t > 0, np.exp(-np.maximum(t, 0.0)) + 0.1 * np.sin(9 * t), 1.0)
+    y = y + 0.01 * random.standard_normal(N)
+
+    def residuals(values: dict[str, float]) -> np.ndarray:
+        return np.exp(-values["rate"] * np.maximum(t, 0.0)) - y
+
+    known = KnownNoise(at_rest=REST)
+    recording = Residuals(residuals, y, None, "run 7", "m", known)
+    fit = fit_least_squares([recording], [Parameter("rate", 1.5, 1e-2, 1e2, "1/s")])
+    assert fit.lack[0].seen
+    assert fit.lack[0].sentence in fit.failures
+    assert fit.lack[0].sentence in fit.report()
+    assert json.loads(json.dumps(fit.to_dict()))["lack_of_fit"][0]["seen"] is True
+    bounded = fit_least_squares([recording], [Parameter("rate", 5.0, 4.0, 1e2, "1/s")])
+    assert "rate ended at a bound of the fit" in bounded.failures
+    assert pickle.loads(pickle.dumps(fit)).failures == fit.failures
