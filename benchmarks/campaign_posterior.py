@@ -49,7 +49,9 @@ def main(most: int) -> None:
         gathered, _ = gather(file, path.parent, Path(folder), lambda doing, done: None)
         found = evaluate(file, path.parent, gathered, lambda doing, done: None)
     cpu, wall = time.process_time(), time.perf_counter()
-    samples = deeper(file, found.friction, found.walks, found.stage, lambda doing, done: None).posterior
+    samples = deeper(
+        file, found.friction, found.walks, found.stage, False, lambda doing, done: None
+    ).posterior
     cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
     assert samples is not None
     assert found.stage is not None

@@ -16,6 +16,7 @@ import json
 import sys
 import time
 import warnings
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -39,6 +40,8 @@ POSITION = "end_effector_position"
 FREE = ("sigma_0", "sigma_1", "coulomb_force", "delay", "offset")
 BOUNDS = {"delay": (0.0, 5e-3)}
 OVERSAMPLING = 4
+FITTED = Sawtooth(65.0, 5.0, periods=8)
+PRE_TRIGGER = 0.05  # s
 STAGE = ("gain", "natural_frequency", "damping_ratio")
 
 
@@ -46,7 +49,7 @@ class Chain(NamedTuple):
     """Recordings without noise, and what is needed to add it."""
 
     steps: list[xr.Dataset]
-    walk: xr.Dataset
+    walks: list[xr.Dataset]
     metres_per_volt: float
     scale: float  # what the calibrated sensor reads for a metre
     bench: Any
@@ -77,8 +80,8 @@ def random_truth(seed: int) -> Actuator:
     return actuator.replace(friction=contact, **stage)
 
 
-def clean_chain(actuator: Actuator) -> Chain:
-    """The recordings of the thesis without noise: three steps and the walk that it fits."""
+def clean_chain(actuator: Actuator, drives: Sequence[Sawtooth] = (FITTED,)) -> Chain:
+    """The recordings of the thesis without noise: three steps, and walks; first the one that it fits."""
     bench = load_bench("kang2007-bench")
     mounted = bench.sensors["inductive"]
     assert isinstance(mounted.sensor, InductiveSensor)
@@ -98,16 +101,17 @@ def clean_chain(actuator: Actuator) -> Chain:
         measure(VirtualRig(actuator.replace(clamped=True), bench), Step(v), channels, step, limits)
         for v in (60.0, 70.0, 80.0)
     ]
-    capture = Capture(length=1.9, interval=1e-3, pre_trigger=0.05)
-    saw = Sawtooth(65.0, 5.0, periods=8)
-    walk = measure(VirtualRig(actuator, bench), saw, channels, capture, limits)
+    walks = []
+    for drive in drives:
+        capture = Capture(length=round(drive.duration + 0.3, 3), interval=1e-3, pre_trigger=PRE_TRIGGER)
+        walks.append(measure(VirtualRig(actuator, bench), drive, channels, capture, limits))
     volts = CubicSpline(quiet.gaps, quiet.voltages)(quiet.standoff + np.array([0.0, 4e-6]))
     per_volt = 4e-6 / float(volts[1] - volts[0])
     read = volts
     for calibration in calibrations:
         read = calibration(read)
     scale = float(read[1] - read[0]) / 4e-6
-    return Chain(steps, walk, per_volt * scale, scale, bench, actuator)
+    return Chain(steps, walks, per_volt * scale, scale, bench, actuator)
 
 
 def noise(chain: Chain, count: int, stride: int, random: np.random.Generator) -> np.ndarray:
@@ -140,7 +144,7 @@ def campaign(chain: Chain, seed: int, hops: int) -> dict[str, tuple[float, float
     actuator = example()
     steps = [noisy(chain, r, 1, 0.2, random) for r in chain.steps]
     stage = identify_step(steps, actuator, filter=LOW_PASS, slew_rate=slew)
-    walk = noisy(chain, chain.walk, 20, 0.05, random)
+    walk = noisy(chain, chain.walks[0], 20, PRE_TRIGGER, random)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RecordingWarning)
         fit = identify_friction(

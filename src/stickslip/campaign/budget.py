@@ -8,11 +8,11 @@ the position by what was fitted and by what was taken.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from ..estimate.result import Fit
 from ..identify.displacement import Displacement, has_slopes
@@ -63,17 +63,12 @@ def budget(fit: Fit, taken: Inherited | None, scale: Scale | None) -> Budget:
             by_scale = moved["scale"] - (moved["gain"] * fit.model.gain if taken.stage is not None else 0.0)
             variances["scale of the sensor"] = (relative * by_scale) ** 2
     total = np.sum(list(variances.values()), axis=0)
-    t = float(
-        stats.norm.ppf(0.5 + LEVEL / 2)
-        if fit.noise_known
-        else stats.t.ppf(0.5 + LEVEL / 2, fit.degrees_of_freedom)
+    known = fit.uncertainty
+    with_all = replace(
+        fit, uncertainty=known._replace(covariance=known.covariance + np.diag(total - np.diag(spread)))
     )
-    intervals, deviations = {}, {}
-    for i, p in enumerate(fit.parameters):
-        value, error = fit.values[p.name], math.sqrt(total[i])
-        q = p.coordinate(value)
-        intervals[p.name] = (p.value(q - t * error), p.value(q + t * error))
-        deviations[p.name] = error * (value if p.log else 1.0)
+    intervals = with_all.confidence_intervals(LEVEL)
+    deviations = with_all.standard_errors
     sources = {
         source: {
             p.name: math.sqrt(variance[i]) * (fit.values[p.name] if p.log else 1.0)

@@ -31,9 +31,14 @@ class Deeper(NamedTuple):
 
 
 def deeper(
-    file: CampaignFile, friction: Fit, walks: Sequence[Aligned], stage: Fit | None, progress: Progress
+    file: CampaignFile,
+    friction: Fit,
+    walks: Sequence[Aligned],
+    stage: Fit | None,
+    lacking: bool,
+    progress: Progress,
 ) -> Deeper:
-    """What the file asks for, of a fit of friction.
+    """What the file asks for, of a fit of friction; a choice of models too where the law is `lacking`.
 
     Raises:
         FitError: a fit or the sampler cannot begin, or what the sampler needs is not installed.
@@ -51,7 +56,7 @@ def deeper(
             ends[name] = profile_interval(friction, recordings, name, **known)
         found = found._replace(profiles=ends)
     # A model that does not explain its recordings asks for another, whether or not the file does.
-    if file.model_choice or (unseen and any(one.seen for one in friction.lack)):
+    if file.model_choice or (unseen and lacking):
         law = friction.model.friction
         start = (
             float(getattr(law, "coulomb_force", 1.0)),

@@ -42,6 +42,7 @@ def campaign_document(
             },
         },
         "verification": verification_numbers(seen),
+        "all_walks_at_once": fit_numbers(found.everything, "m"),
         "model": model_numbers(friction.model),
         "parameters": {"delay": Number(friction.values["delay"], "s")},
         "features": feature_numbers(found.features),
@@ -73,7 +74,8 @@ def campaign_document(
     known = errors[np.isfinite(errors)]
     steps = f" and the net step within {100 * known.max():.2g} %" if known.size else ""
     unseen = sum(one.use == "verify" for one in found.walks)
-    lacking = [one.sentence for one in friction.lack if one.seen]
+    both = (friction, found.everything)
+    lacking = [*dict.fromkeys(one.sentence for fit in both for one in fit.lack if one.seen)]
     if lacking and found.deeper.choice is not None:
         lacking.append(f"of the models compared, {found.deeper.choice.best} predicts unseen walks best")
     return Document(

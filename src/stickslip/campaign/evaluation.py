@@ -11,6 +11,7 @@ import xarray as xr
 from ..actuator import Actuator, load_actuator
 from ..electronics import Filter
 from ..estimate.result import Fit
+from ..identify.explained import explained
 from ..identify.friction import identify_friction
 from ..identify.step_fit import identify_step, step_formula_errors
 from ..study.alignment import Aligned
@@ -35,7 +36,8 @@ class Found(NamedTuple):
     is the actuator that the fit of the friction began with; `inherited` is what that fit takes over from
     stage and scale, None without both or for a law without derivatives; `walks` are the recordings of
     `verification`, in its order, and `features` what they show without a model; `chain` is what the
-    prediction takes between the model and the channel; `deeper` is what was done on request.
+    prediction takes between the model and the channel; `everything` is the fit to all walks, which says
+    whether one set of values explains them; `deeper` is what was done on request.
     """
 
     gathered: list[Aligned]
@@ -50,6 +52,7 @@ class Found(NamedTuple):
     features: dict[str, xr.Dataset | str]
     chain: SignalChain
     verification: Verification
+    everything: Fit
     failures: list[str]
     deeper: Deeper
 
@@ -103,6 +106,18 @@ def evaluate(file: CampaignFile, folder: Path, gathered: Sequence[Aligned], prog
         drive=[one.drive for one in walks],
         steps_of=[one.wanted for one in walks],
     )
+    everything = (
+        explained(
+            friction,
+            [one.recording for one in walks],
+            [one.drive for one in walks],
+            [*file.free, "delay", "offset"],
+            slew_rate=rate,
+        )
+        if len(walks) > len(fitted)
+        else friction
+    )
+    lacking = dict.fromkeys(one.sentence for fit in (friction, everything) for one in fit.lack if one.seen)
     taken = inherited(friction, fitted, stage, rate) if stage or scale else None
     return Found(
         recordings,
@@ -117,8 +132,12 @@ def evaluate(file: CampaignFile, folder: Path, gathered: Sequence[Aligned], prog
         features_of(walks),
         chain,
         verification,
-        [*verification.unmet(requirements), *(stage.failures if stage else ()), *friction.failures],
-        deeper(file, friction, walks, stage, progress),
+        everything,
+        [
+            *verification.unmet(requirements),
+            *dict.fromkeys([*(stage.failures if stage else ()), *friction.failures, *lacking]),
+        ],
+        deeper(file, friction, walks, stage, bool(lacking), progress),
     )
 
 

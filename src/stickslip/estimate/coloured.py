@@ -224,7 +224,10 @@ def inflation(fit: Fit, place: int) -> float:
     """By how much coloured noise makes the variance of the value greater than white noise would."""
     if fit.jacobian is None or not fit.correlated or fit.uncertainty.bounded[place]:
         return 1.0
-    j = fit.jacobian / np.linalg.norm(fit.jacobian, axis=0)
-    scale = np.linalg.norm(fit.jacobian[:, place])
+    norms = np.linalg.norm(fit.jacobian, axis=0)
+    scale = norms[place]
+    if not scale > 0.0:
+        return 1.0
+    j = fit.jacobian / np.where(norms > 0.0, norms, 1.0)
     white = np.linalg.pinv(j.T @ j)[place, place] / scale**2 * fit.reduced_chi_squared
     return max(1.0, float(fit.uncertainty.covariance[place, place]) / float(white))

@@ -24,6 +24,8 @@ from scipy.ndimage import uniform_filter1d
 
 # Of a right model, for one recording: the chance that it is said to lack.
 FALSE_ALARM = 0.005
+# Less than so much more than the noise is no lack: delays stand in for filters, polynomials for curves.
+LEAST_RATIO = 1.1
 # At least so many samples at rest, an eighth of which is the longest time over which differences are taken.
 FEWEST_AT_REST = 40
 FEWEST_PERIODS = 3
@@ -68,7 +70,7 @@ class Lack(NamedTuple):
     @property
     def seen(self) -> bool:
         """Whether the model does not explain the recording."""
-        return self.chance < FALSE_ALARM
+        return self.chance < FALSE_ALARM and self.ratio >= LEAST_RATIO
 
     @property
     def sentence(self) -> str:

@@ -1,0 +1,126 @@
+"""How often a model that is wrong is said to be, and how often one that is right.
+
+Campaigns of `benchmarks.coverage`, with a law of the truth's own: ``python -m benchmarks.lack_of_fit 25``.
+All are fitted with plain LuGre to one walk, and judged on three more too. A misfit can be seen at all where
+the truth predicts these better than the fit by more than the noise.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import warnings
+from typing import Any
+
+import numpy as np
+
+from stickslip.actuator import Actuator
+from stickslip.estimate.result import Fit
+from stickslip.friction import Elastoplastic, MaxwellSlip
+from stickslip.identify.drives import Slewed
+from stickslip.identify.explained import explained
+from stickslip.identify.friction import identify_friction
+from stickslip.recording import RecordingWarning
+from stickslip.simulation import simulate
+from stickslip.waveform.periodic import Sawtooth
+from stickslip.waveform.sequence import Sequence
+from stickslip.waveform.shapes import Rest
+
+from .coverage import BOUNDS, FITTED, FREE, POSITION, PRE_TRIGGER, clean_chain, noisy, random_truth
+
+# The first is fitted.
+DRIVES = (
+    FITTED,
+    Sawtooth(45.0, 10.0, periods=8),
+    Sawtooth(75.0, 20.0, periods=16),
+    Sawtooth(40.0, 5.0, periods=6),
+)
+# Forces, lengths and velocities: what the sensor's scale moves.
+SCALED = ("coulomb_force", "stiction_force", "strength", "breakaway_deflection", "damping_velocity")
+
+
+def laws(actuator: Actuator, seed: int) -> dict[str, Actuator]:
+    """One contact by each law."""
+    random = np.random.default_rng([seed, 2])
+    law = actuator.friction
+    f, k = law.coulomb_force, law.sigma_0
+    share = float(random.uniform(0.3, 0.8))
+    made = {
+        "LuGre": law,
+        "Elastoplastic": Elastoplastic(k, law.sigma_1, 0.0, f, f, share * f / k),
+        "MaxwellSlip": MaxwellSlip((share * k, (1.0 - share) * k), (0.5 * f, 0.5 * f), 0.1 * law.sigma_1),
+        "LuGre with Stribeck curve and fading damping": law._replace(
+            stiction_force=float(random.uniform(1.1, 1.5)) * f,
+            damping_velocity=float(random.uniform(1e-3, 5e-3)),
+        ),
+    }
+    return {name: actuator.replace(friction=one) for name, one in made.items()}
+
+
+def in_sensor_metres(actuator: Actuator, scale: float) -> Actuator:
+    """What the actuator looks like through a sensor that reads `scale` times the position."""
+    law = actuator.friction
+    changed = {
+        field: tuple(scale * x for x in value) if isinstance(value, tuple) else scale * value
+        for field, value in law._asdict().items()
+        if field in SCALED
+    }
+    return actuator.replace(gain=scale * actuator.gain, friction=law._replace(**changed))
+
+
+def one(truth: Actuator, seed: int) -> tuple[Fit, Fit, float]:
+    """The fit to one walk; to all, begun there; and how far the first is from the truth on the unseen walks,
+    in deviations of the noise."""
+    chain = clean_chain(truth, DRIVES)
+    slew = chain.bench.amplifier.max_current / chain.bench.piezo_capacitance
+    random = np.random.default_rng(seed)
+    walks, drives = [], []
+    for i, (clean, drive) in enumerate(zip(chain.walks, DRIVES, strict=True)):
+        shown = noisy(chain, clean, 20, PRE_TRIGGER, random)
+        time = shown["time"].values
+        walks.append(shown.assign_coords(time=time - time[0]).assign_attrs(title=f"walk {i + 1}"))
+        begin = PRE_TRIGGER if time[0] >= 0.0 else -float(time[0])
+        drives.append(Slewed(Sequence(Rest(begin), drive), slew))
+    walk = walks[0]
+    noise = float(np.std(walk[POSITION].values[walk["time"].values < 0.9 * PRE_TRIGGER]))
+    start = random_truth(seed)
+    start = start.replace(gain=start.gain * chain.scale)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RecordingWarning)
+        fit = identify_friction(walk, start, FREE, drive=drives[0], bounds=BOUNDS)
+        everything = explained(fit, walks, drives, FREE, bounds=BOUNDS)
+    times = np.arange(900) * 1e-3
+    seen = in_sensor_metres(truth, chain.scale)
+    off = []
+    for unseen in DRIVES[1:]:
+        pair = [
+            simulate(model, unseen, times=times)["end_effector_position"].values
+            for model in (seen, fit.model)
+        ]
+        off.append(float(np.mean((pair[0] - pair[1]) ** 2)))
+    return fit, everything, float(np.sqrt(np.mean(off))) / noise
+
+
+def lack_of_fit(campaigns: int) -> dict[str, Any]:
+    """Over so many campaigns of each law, how many are said to lack, of those where it can be seen."""
+    found: dict[str, list[tuple[bool, bool]]] = {}
+    for seed in range(campaigns):
+        for name, truth in laws(random_truth(seed), seed).items():
+            fit, everything, off = one(truth, seed)
+            seen = any(lack.seen for lack in (*fit.lack, *everything.lack))
+            found.setdefault(name, []).append((seen, off > 1.0))
+            ratios = [f"{x.ratio:.3g}{'!' * x.seen}" for x in (*fit.lack, *everything.lack)]
+            print(seed, name, seen, ratios, f"{off:.3g}", file=sys.stderr)
+    return {
+        name: {
+            "campaigns": len(rows),
+            "visible": sum(visible for _, visible in rows),
+            "said_of_visible": sum(seen for seen, visible in rows if visible),
+            "said_of_others": sum(seen for seen, visible in rows if not visible),
+        }
+        for name, rows in found.items()
+    }
+
+
+if __name__ == "__main__":
+    print(json.dumps(lack_of_fit(int(sys.argv[1]) if len(sys.argv) > 1 else 100), indent=1))

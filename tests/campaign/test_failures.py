@@ -1,0 +1,82 @@
+"""A campaign that cannot be trusted says so and does not exit 0."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import yaml
+from typer.testing import CliRunner
+
+import stickslip as ss
+from stickslip.cli import app
+
+KANG = ss.load_actuator("kang2007").replace(stage_reaction=False)
+NOISE = 50e-9
+
+
+def walk(path: Path, model: ss.Actuator, volts: float, hertz: float, seed: int) -> dict:
+    """A walk of eight periods after 0.1 s of rest, with noise, as a file; and how a campaign names it."""
+    drive = ss.Sequence(ss.Rest(0.1), ss.Sawtooth(volts, hertz, periods=8))
+    shown = ss.simulate(model, drive, 0.1 + 8.2 / hertz, sample_rate=2e3)
+    random = np.random.default_rng(seed)
+    shown["end_effector_position"] += NOISE * random.standard_normal(shown["time"].size)
+    kept = shown[["end_effector_position", "drive_voltage"]]
+    ss.save_recording(kept, path / f"walk_{volts:g}V_{hertz:g}Hz.nc")
+    fields = {"amplitude": f"{volts} V", "frequency": f"{hertz} Hz", "periods": 8}
+    return {
+        "file": f"walk_{volts:g}V_{hertz:g}Hz.nc",
+        "waveform": [{"shape": "Sawtooth", "fields": fields}],
+    }
+
+
+def run(folder: Path, model: ss.Actuator, **changes):
+    recordings = [
+        {**walk(folder, model, volts, hertz, i), "use": "fit" if i == 0 else "verify"}
+        for i, (volts, hertz) in enumerate([(65.0, 5.0), (45.0, 10.0), (75.0, 20.0)])
+    ]
+    file = {
+        "title": "walks",
+        "model": "kang2007",
+        "change": {"stage_reaction": False},
+        "recordings": recordings,
+        **changes,
+    }
+    (folder / "campaign.yaml").write_text(yaml.safe_dump(file), "utf-8")
+    arguments = ["campaign", str(folder / "campaign.yaml"), "--no-figures", "--out", str(folder / "out")]
+    done = CliRunner().invoke(app, arguments, prog_name="stickslip")
+    assert (folder / "out" / "results.json").is_file(), done.stderr
+    return done, json.loads((folder / "out" / "results.json").read_bytes())
+
+
+def test_a_right_model_lacks_nothing(tmp_path: Path) -> None:
+    done, results = run(tmp_path, KANG)
+    assert done.exit_code == 0, done.stderr
+    assert results["failures"] == []
+    assert not results["numbers"]["friction"]["lack_of_fit"]["walk_65V_5Hz"]["seen"]
+    assert "model_choice" not in results["numbers"]
+
+
+def test_a_wrong_law_is_noticed_and_the_right_one_is_named(tmp_path: Path) -> None:
+    law = KANG.friction
+    f, k = law.coulomb_force, law.sigma_0
+    true = ss.Elastoplastic(0.5 * k, law.sigma_1, 0.0, f, f, 1.4 * f / k)
+    done, results = run(
+        tmp_path, KANG.replace(friction=true), model_choice=["LuGre", "Dahl", "Elastoplastic"]
+    )
+    assert done.exit_code == 1
+    assert "the model does not explain walk_" in done.stderr
+    assert "x the noise" in done.stderr
+    assert "The model does not explain walk_" in results["summary"]
+    assert "Of the models compared, Elastoplastic predicts unseen walks best" in results["summary"]
+    assert any(one["seen"] for one in results["numbers"]["all_walks_at_once"]["lack_of_fit"].values())
+    assert "does not explain" in (tmp_path / "out" / "report.html").read_text("utf-8")
+
+
+def test_a_fit_worse_than_a_constant_fails(tmp_path: Path) -> None:
+    """The search begins far away, and only there."""
+    done, results = run(tmp_path, KANG, hops=0, friction={"coulomb_force": 20.0, "stiction_force": 20.0})
+    assert done.exit_code == 1
+    assert results["failures"]
+    assert results["numbers"]["friction"]["failures"]
