@@ -1,6 +1,7 @@
 """How often a model that is wrong is said to be, and how often one that is right.
 
-Campaigns of `benchmarks.coverage`, with a law of the truth's own: ``python -m benchmarks.lack_of_fit 25``.
+Campaigns of `benchmarks.coverage`, with a law of the truth's own: ``python -m benchmarks.lack_of_fit 25``;
+names of laws behind the number choose among them.
 All are fitted with plain LuGre to one walk, and judged on three more too. A misfit can be seen at all where
 the truth predicts these better than the fit by more than the noise.
 """
@@ -10,6 +11,7 @@ from __future__ import annotations
 import json
 import sys
 import warnings
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -49,7 +51,7 @@ def laws(actuator: Actuator, seed: int) -> dict[str, Actuator]:
         "LuGre": law,
         "Elastoplastic": Elastoplastic(k, law.sigma_1, 0.0, f, f, share * f / k),
         "MaxwellSlip": MaxwellSlip((share * k, (1.0 - share) * k), (0.5 * f, 0.5 * f), 0.1 * law.sigma_1),
-        "LuGre with Stribeck curve and fading damping": law._replace(
+        "Stribeck": law._replace(
             stiction_force=float(random.uniform(1.1, 1.5)) * f,
             damping_velocity=float(random.uniform(1e-3, 5e-3)),
         ),
@@ -101,11 +103,14 @@ def one(truth: Actuator, seed: int) -> tuple[Fit, Fit, float]:
     return fit, everything, float(np.sqrt(np.mean(off))) / noise
 
 
-def lack_of_fit(campaigns: int) -> dict[str, Any]:
-    """Over so many campaigns of each law, how many are said to lack, of those where it can be seen."""
+def lack_of_fit(campaigns: int, among: Collection[str] = ()) -> dict[str, Any]:
+    """Over so many campaigns of each law (or of those named), how many are said to lack, and where it can be
+    seen."""
     found: dict[str, list[tuple[bool, bool]]] = {}
     for seed in range(campaigns):
         for name, truth in laws(random_truth(seed), seed).items():
+            if among and name not in among:
+                continue
             fit, everything, off = one(truth, seed)
             seen = any(lack.seen for lack in (*fit.lack, *everything.lack))
             found.setdefault(name, []).append((seen, off > 1.0))
@@ -123,4 +128,5 @@ def lack_of_fit(campaigns: int) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    print(json.dumps(lack_of_fit(int(sys.argv[1]) if len(sys.argv) > 1 else 100), indent=1))
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 100
+    print(json.dumps(lack_of_fit(count, sys.argv[2:]), indent=1))

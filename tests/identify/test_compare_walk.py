@@ -85,7 +85,7 @@ def test_searches_for_a_law_of_several_valleys_end_and_say_how_many_agree() -> N
     )
     fit = found.fits["Stribeck"]
     assert fit.converged
-    assert (fit.starts, fit.starts_agreeing) == (3, 3)
+    assert (fit.starts, fit.starts_agreeing) == (4, 4)
     # A fall shows a mean force and little of how it falls with speed.
     assert [line.split()[0] for line in fit.undetermined] == ["stiction_ratio", "stribeck_velocity"]
     assert "valleys" not in found.report()

@@ -143,7 +143,8 @@ def compare_walks(
             fit = identify_friction(
                 recordings,
                 model.replace(friction=law.model),
-                (*law.free, *channel_free),
+                law.free,
+                channel=channel_free,
                 bounds={**law.bounds, **known},
                 **{"starts": law.starts, **options},
             )

@@ -34,5 +34,13 @@ def explained(
     more = [name for name in STAGE if name not in free and name in fit.model._fields]
     begin = {name: fit.values[name] for name in ("delay", "offset") if name in fit.values}
     return identify_friction(
-        walks, fit.model, [*free, *more], drive=drives, begin=begin, hops=0, correlated=False, **options
+        walks,
+        fit.model,
+        [*free, *more],
+        drive=drives,
+        channel=(),
+        begin=begin,
+        hops=0,
+        correlated=False,
+        **options,
     )

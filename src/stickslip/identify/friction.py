@@ -27,6 +27,7 @@ from .displacement import Displacement, has_slopes
 from .first_guess import beginning, first_guess
 from .free import Bounds, check_names, parameter
 from .known_noise import known_noise
+from .needed import asked_for, said_free, shown_at_rest
 from .position_channel import CHANNEL, OBSERVED, of_channel, walked, warn_of_unseen_slips
 from .several import from_several, straightened
 from .walks import Search, Varied, Walks, observed, own_values, slopes_of
@@ -44,6 +45,7 @@ def identify_friction(
     slew_rate: float | None = None,
     stage: Fit | None = None,
     bounds: Bounds | None = None,
+    channel: Sequence[str] | None = None,
     begin: Values | None = None,
     noise: float | None = None,
     starts: int = 1,
@@ -83,6 +85,9 @@ def identify_friction(
         bounds: of free parameters, in SI or as strings; else a factor 30 either side of the start, and of the
             one that is found for sigma_0, sigma_1 and coulomb_force. The scale is logarithmic, but linear
             where bounds reach down to zero.
+        channel: "delay" and "offset" of the position channel that are free besides. Left out, those that the
+            recordings show: an offset at rest, or what lowers the sum of squares by more than noise does;
+            `remarks` of the fit say so. None of them: ().
         begin: where "delay" and "offset" start; left out, at the delay of the stage, or 0.
         noise: standard deviation of the position, m; left out, it is estimated from the residuals.
         starts: how many; those after the first fill the bounds.
@@ -118,23 +123,18 @@ def identify_friction(
     found = recordings_of(recordings)
     names, drives = names_of(found), drives_of(drive, found)
     bounds = bounds or {}
-    check_names(free, [*free_names(model), *CHANNEL], bounds)
+    own = {name: limits for name, limits in bounds.items() if name not in CHANNEL}
+    check_names(free, [*free_names(model), *CHANNEL], own)
     measured = [walked(r, w, name) for r, w, name in zip(found, drives, names, strict=True)]
     for r, name in zip(found, names, strict=True):
         warn_of_unseen_slips(r, model, name)
     first = ({"delay": stage.values["delay"]} if stage is not None else {}) | (begin or {})
-    parameters = [
-        of_channel(name, found, bounds, first) if name in CHANNEL else parameter(model, name, bounds)
-        for name in free
-    ]
-    exact = has_slopes(model)
-    tolerance = tolerance or (1e-10 if exact else 1e-12)
-    motions = [
-        Displacement(r, w, name, model, tolerance, slew_rate)
-        for r, w, name in zip(found, drives, names, strict=True)
-    ]
+    tolerance = tolerance or (1e-10 if has_slopes(model) else 1e-12)
     walks = Walks(
-        motions,
+        [
+            Displacement(r, w, name, model, tolerance, slew_rate)
+            for r, w, name in zip(found, drives, names, strict=True)
+        ],
         measured,
         names,
         [known_noise(r, x, w) for r, x, w in zip(found, measured, drives, strict=True)],
@@ -143,27 +143,23 @@ def identify_friction(
         Search(noise, correlated, loss, loss_scale, seed, progress),
     )
 
-    given = {p.name: p.start for p in parameters}
-    begins = [given]
-    if hops:
-        stroke = max(motion.stroke(model) for motion in motions)
-        most = int(np.argmax([np.ptp(position) for position in measured]))
-        part = beginning(found[most], drives[most])
-        short = Displacement(
-            part, drives[most], names[most], model, GUESS_TOLERANCE * stroke, slew_rate, GUESS_STEPS
-        )
-        parameters, guesses = _guessed(
-            short, measured[most], names[most], model, parameters, stroke, bounds, noise
-        )
-        begins += guesses
-    fit = from_several(walks, parameters, begins, bounds, max_evaluations)
-    parameters = list(fit.parameters)
-    if starts > 1 or (hops and not white(np.concatenate(fit.residuals), [r.size for r in fit.residuals])):
-        straight = straightened(parameters, fit.values)
-        fit = lowest([fit, walks.fit(straight, max_evaluations=max_evaluations, starts=starts, hops=hops)])
-    name = loosest(fit, own_values(fit.values)) if exact and loss == "linear" else None
-    if name is not None:
-        fit = _averaged(walks, fit, name, given, max_evaluations)
+    def fitted(free: Sequence[str]) -> Fit:
+        parameters = [
+            of_channel(name, found, bounds, first) if name in CHANNEL else parameter(model, name, bounds)
+            for name in free
+        ]
+        return _searched(walks, parameters, found, drives, slew_rate, bounds, starts, hops, max_evaluations)
+
+    asked = [name for name in channel or () if name not in free]
+    fit = None
+    if channel is None:
+        asked = [name for name in shown_at_rest(walks.known, measured) if name not in free]
+        if not asked:
+            fit = fitted(free)
+            asked = asked_for(fit, [m.time for m in walks.motions], measured, first, free)
+    fit = fit if fit is not None and not asked else fitted([*free, *asked])
+    if channel is None and asked:
+        fit = replace(fit, remarks=(*fit.remarks, said_free(fit, asked)))
 
     def predict(recording: xr.Dataset, drive: Waveform | None = None) -> NDArray[np.float64]:
         name = names_of([recording])[0]
@@ -171,6 +167,42 @@ def identify_friction(
         return observed(motion, walks.varied, fit.values)
 
     return replace(fit, model=with_values(model, own_values(fit.values)), observed=OBSERVED, predict=predict)
+
+
+def _searched(
+    walks: Walks,
+    parameters: list[Parameter],
+    found: Sequence[xr.Dataset],
+    drives: Sequence[Waveform | None],
+    slew_rate: float | None,
+    bounds: Bounds,
+    starts: int,
+    hops: int,
+    max_evaluations: int,
+) -> Fit:
+    """From several points, to the ends; then over what is hardly determined."""
+    model, exact = walks.model, has_slopes(walks.model)
+    given = {p.name: p.start for p in parameters}
+    begins = [given]
+    if hops:
+        stroke = max(motion.stroke(model) for motion in walks.motions)
+        most = int(np.argmax([np.ptp(position) for position in walks.measured]))
+        part, name = beginning(found[most], drives[most]), walks.names[most]
+        short = Displacement(
+            part, drives[most], name, model, GUESS_TOLERANCE * stroke, slew_rate, GUESS_STEPS
+        )
+        parameters, guesses = _guessed(
+            short, walks.measured[most], name, model, parameters, stroke, bounds, walks.options.noise
+        )
+        begins += guesses
+    fit = from_several(walks, parameters, begins, bounds, max_evaluations)
+    parameters = list(fit.parameters)
+    if starts > 1 or (hops and not white(np.concatenate(fit.residuals), [r.size for r in fit.residuals])):
+        straight = straightened(parameters, fit.values)
+        fit = lowest([fit, walks.fit(straight, max_evaluations=max_evaluations, starts=starts, hops=hops)])
+    linear = walks.options.loss == "linear"
+    name = loosest(fit, own_values(fit.values)) if exact and linear else None
+    return fit if name is None else _averaged(walks, fit, name, given, max_evaluations)
 
 
 def _averaged(walks: Walks, fit: Fit, name: str, given: Values, max_evaluations: int) -> Fit:

@@ -123,6 +123,7 @@ def _held(fit: Fit, recordings: Any, name: str, value: float, options: dict[str,
         bounds=held,
         hops=0,
         correlated=False,
+        channel=(),
         begin=begin,
         **settings,
     )
@@ -162,6 +163,7 @@ def bootstrap(
             bounds=bounds,
             hops=0,
             correlated=False,
+            channel=(),
             begin=begin,
             **settings,
         )

@@ -1,0 +1,80 @@
+"""Offset and delay of the position channel: free where the recordings show them, and said."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import stickslip as ss
+
+KANG = ss.load_actuator("kang2007").replace(stage_reaction=False)
+FREE = ["sigma_0", "sigma_1", "coulomb_force"]
+NOISE = 60e-9
+
+
+def walk(rest: float, offset: float = 0.0, late: int = 0, seed: int = 0):
+    """At 1 kHz, behind the drive by so many samples; the drive, and what the channel shows."""
+    drive = ss.Sawtooth(65.0, 5.0, periods=6)
+    if rest:
+        drive = ss.Sequence(ss.Rest(rest), drive)
+    shown = ss.simulate(KANG, drive, rest + 1.15, sample_rate=1e3, tolerance=1e-10)
+    x = shown["end_effector_position"].values
+    x = np.concatenate([np.full(late, x[0]), x[: x.size - late]])
+    x = x + offset + NOISE * np.random.default_rng(seed).standard_normal(x.size)
+    return drive, ss.make_recording(shown["time"].values, {"end_effector_position": x}, title="walk")
+
+
+@pytest.mark.parametrize("rest", [0.1, 0.0], ids=["at rest first", "moving from the first sample on"])
+def test_an_offset_is_found_without_being_asked_for(rest: float) -> None:
+    """It used to be the friction's: r^2 far below zero, "converged"."""
+    drive, recording = walk(rest, offset=5e-5)
+    fit = ss.identify_friction(recording, KANG, FREE, drive=drive)
+    assert fit.r_squared > 0.9998
+    assert fit.values["offset"] == pytest.approx(5e-5, abs=4 * fit.standard_errors["offset"])
+    low, high = fit.confidence_intervals(0.999)["coulomb_force"]
+    assert low < KANG.friction.coulomb_force < high
+    (said,) = fit.remarks
+    assert "offset" in said
+    assert "free too" in said
+    assert said in fit.report()
+    assert not fit.failures
+    assert ss.verify(fit, recording, drive=drive).r_squared > 0.9998
+
+
+def test_from_a_file_of_ones_own(tmp_path: Path) -> None:
+    drive, recording = walk(0.1, offset=-2e-5)
+    table = np.column_stack([recording["time"].values, 1e6 * recording["end_effector_position"].values])
+    np.savetxt(tmp_path / "walk.csv", table, delimiter=",", header="t,x", comments="")
+    read = ss.read_recording(
+        tmp_path / "walk.csv",
+        columns={"time": "t", "end_effector_position": "x"},
+        units={"time": "s", "end_effector_position": "um"},
+    )
+    fit = ss.identify_friction(read, KANG, FREE, drive=drive)
+    assert fit.r_squared > 0.9998
+    assert fit.values["offset"] == pytest.approx(-2e-5, rel=1e-3)
+
+
+def test_a_delay_is_found_without_being_asked_for() -> None:
+    drive, recording = walk(0.1, late=2)
+    fit = ss.identify_friction(recording, KANG, FREE, drive=drive)
+    assert fit.values["delay"] == pytest.approx(2e-3, abs=4 * fit.standard_errors["delay"])
+    assert fit.r_squared > 0.9998
+    assert any("delay" in said for said in fit.remarks)
+
+
+def test_what_is_not_there_is_seldom_free() -> None:
+    freed = [
+        ss.identify_friction(walk(0.1, seed=seed)[1], KANG, FREE, drive=walk(0.1)[0], hops=0).remarks
+        for seed in range(20)
+    ]
+    assert sum(map(bool, freed)) <= 1
+
+
+def test_none_is_free_where_the_user_says_so() -> None:
+    drive, recording = walk(0.1, offset=5e-5)
+    fit = ss.identify_friction(recording, KANG, FREE, drive=drive, channel=(), max_evaluations=20)
+    assert set(fit.values) == set(FREE)
+    assert fit.failures
