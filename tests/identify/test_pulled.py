@@ -10,7 +10,14 @@ import pytest
 from tests.datasets import DATASETS
 
 from stickslip.estimate.problem import FitError
-from stickslip.identify.pulled import Rig, identify_pulled_slider, simulate_events, slider, slip_events
+from stickslip.identify.pulled import (
+    Rig,
+    identify_pulled_slider,
+    simulate_events,
+    simulated_force,
+    slider,
+    slip_events,
+)
 from stickslip.readers import read_recording
 from stickslip.recording import make_recording
 from stickslip.simulation import simulate
@@ -76,6 +83,34 @@ def test_one_speed_predicts_regime_and_period_at_others() -> None:
         predicted = simulate_events(slider(other_rig, static, dynamic), other_rig)
         assert found.regime == predicted.regime == regime
         assert np.mean(predicted.period) == pytest.approx(np.mean(found.period), rel=within)
+
+
+def test_regimes_are_told_by_the_free_period() -> None:
+    """Seven free periods apart is no inertial motion, though the force climbs at 0.3 of the rate at rest."""
+    rig = Rig(MASS, 2254.0, 42e-6)
+    free = 2.0 * math.pi / rig.natural_frequency
+    time = np.arange(0.0, 60.0 * free, free / 200.0)
+    phase = time / (7.0 * free) % 1.0
+    height = 0.3 * rig.loading_rate * 7.0 * free
+    force = 0.05 + height * np.where(phase < 0.93, phase / 0.93, (1.0 - phase) / 0.07)
+    events = slip_events(make_recording(time, {"force_ratio": (force, "")}), rig)
+    assert events.sticking < 0.5
+    assert np.mean(events.period) == pytest.approx(7.0 * free, rel=0.01)
+    assert events.regime == "stick-slip"
+    assert events.impossible == ""
+
+
+def test_a_period_shorter_than_the_free_one_is_remarked() -> None:
+    """At 1002 N/m and 4.3 mm/s events come every 28.6 ms; 30.7 g on that spring would swing in 34.8 ms."""
+    said = slip_events(*measured(1002, 4300)).impossible
+    assert "every 28.6 ms, quicker than the free period 34.8 ms" in said
+    assert "mass" in said
+    assert slip_events(*measured(1002, 1100)).impossible == ""
+    assert slip_events(*measured(168, 4300)).impossible == ""
+    rig = Rig(MASS, 168.0, 4300e-6)
+    made = simulated_force(slider(rig, 0.37, 0.33), rig)
+    assert slip_events(made, rig).impossible == ""
+    assert slip_events(made, rig._replace(mass=1.3 * MASS)).impossible != ""
 
 
 def test_recordings_without_events_are_refused() -> None:

@@ -27,11 +27,16 @@ from ..estimate.problem import FitError, Residuals
 from ..estimate.result import Fit
 from ..friction import StictionCoulombViscous
 from ..simulation import simulate
+from ..units import with_prefix
 from ..waveform.shapes import Ramp
 
 # A drop counts as an event if it is larger than this part of the mean force: the noise of the force channels
 # in view is below a third of it after the median filter.
 _EVENT = 0.08
+# Free periods between events, below which there is hardly any rest between the swings.
+INERTIAL = 2.0
+# A mean period is shorter than the free one where it is by this share and so many standard errors.
+QUICKER, SURE = 0.02, 3.0
 # The stationary part of a simulation: that many events, after as many.
 _EVENTS = 12
 
@@ -63,19 +68,42 @@ class Rig(NamedTuple):
 class Events:
     """Stick-slip events of one recording: forces over the weight at the top and at the bottom of each, and
     the periods between the tops [s]. `sticking` is the part of the time in which the force grows as at
-    rest."""
+    rest; `free_period` [s] that of the slider on its spring without friction."""
 
     top: NDArray[np.float64]
     bottom: NDArray[np.float64]
     period: NDArray[np.float64]
     sticking: float
+    free_period: float
 
     @property
     def regime(self) -> str:
-        """What the motion is: "stick-slip", "inertial" (oscillating, with hardly any rest) or "steady"."""
+        """What the motion is: "stick-slip", "inertial" (oscillating, with hardly any rest) or "steady".
+
+        A slip lasts at most a free period; so the slider rests most of the time where events come further
+        apart than two of them.
+        """
         if self.period.size == 0:
             return "steady"
-        return "stick-slip" if self.sticking > 0.5 else "inertial"
+        return "stick-slip" if float(np.mean(self.period)) > INERTIAL * self.free_period else "inertial"
+
+    @property
+    def impossible(self) -> str:
+        """A sentence where events come quicker than the slider could swing on its spring; else empty.
+
+        Friction only delays: a slider with rests between its swings is never quicker than without friction.
+        """
+        if self.period.size < 3:
+            return ""
+        mean = float(np.mean(self.period))
+        error = float(np.std(self.period, ddof=1)) / math.sqrt(self.period.size)
+        if mean + SURE * error >= (1.0 - QUICKER) * self.free_period:
+            return ""
+        return (
+            f"events come every {with_prefix(mean, 's', 3)}, quicker than the free period "
+            f"{with_prefix(self.free_period, 's', 3)} of this mass and stiffness: one of them is wrong, "
+            f"stiffness over mass by a factor of {(self.free_period / mean) ** 2:.3g} or more"
+        )
 
     def summary(self) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
         """Mean top, bottom and period, and the standard errors of these means."""
@@ -99,6 +127,7 @@ def slip_events(recording: xr.Dataset, rig: Rig, channel: str = "force_ratio") -
     time, force = recording["time"].values, recording[channel].values
     interval = float(np.median(np.diff(time)))
     half_period = math.pi / rig.natural_frequency
+    free = 2.0 * half_period
     if half_period < 16 * interval:
         raise FitError(
             f"{channel} is sampled every {interval:g} s, too coarse for slips that last {half_period:g} s"
@@ -107,14 +136,14 @@ def slip_events(recording: xr.Dataset, rig: Rig, channel: str = "force_ratio") -
     tops, _ = find_peaks(smooth, prominence=_EVENT * np.mean(force), distance=int(half_period / interval))
     if tops.size < 3:
         nothing = np.empty(0)
-        return Events(nothing, nothing, nothing, 0.0)
+        return Events(nothing, nothing, nothing, 0.0, free)
     bottoms = np.array([a + np.argmin(smooth[a:b]) for a, b in pairwise(tops)])
     period = np.diff(time[tops])
     # At rest the force climbs from the bottom to the next top at the loading rate; a slider in motion takes
     # longer.
     climb = (smooth[tops[1:]] - smooth[bottoms]) / rig.loading_rate
     sticking = float(np.sum(np.minimum(climb, time[tops[1:]] - time[bottoms])) / np.sum(period))
-    return Events(smooth[tops[:-1]], smooth[bottoms], period, sticking)
+    return Events(smooth[tops[:-1]], smooth[bottoms], period, sticking, free)
 
 
 def slider(rig: Rig, static: float, dynamic: float, damping: float = 0.0) -> PulledSlider:

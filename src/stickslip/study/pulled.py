@@ -46,13 +46,15 @@ class PulledStudy(Study):
         fit = identify_pulled_slider(*data[fitted[0].label])
         dynamic = fit.values["dynamic_coefficient"]
         static = dynamic + fit.values["stiction_excess"]
-        rows, traces, right = [], {}, 0
+        rows, traces, right, impossible = [], {}, 0, []
         for i, (label, (recording, rig)) in enumerate(data.items()):
             progress(f"predicting {label}", 0.3 + 0.7 * i / len(data))
             found = slip_events(recording, rig)
             simulated = simulated_force(slider(rig, static, dynamic), rig)
             model = slip_events(simulated, rig)
             traces[label] = (recording, simulated)
+            if found.impossible:
+                impossible.append(f"{label}: {found.impossible}.")
             period = _mean(found.period), _mean(model.period)
             role = "fitted" if label == fitted[0].label else "predicted"
             rows.append(
@@ -72,7 +74,8 @@ class PulledStudy(Study):
                 Column("error of the period", "%", 2),
             ),
             rows,
-            notes="Sticking is the part of the time at rest; above one half the regime is called stick-slip.",
+            notes="Sticking is the part of the time at rest. Where events come within two free periods of "
+            "the slider on its spring, the regime is called inertial.",
         )  # fmt: skip
         errors = [abs(r[-1]) for r in unseen if np.isfinite(r[-1])]
         verified = ""
@@ -85,6 +88,7 @@ class PulledStudy(Study):
             title=self.title,
             summary=(
                 f"Friction coefficients from one speed: static {static:.3f}, dynamic {dynamic:.3f}.{verified}"
+                + "".join(f" {said}" for said in impossible)
             ),
             sections=(
                 Section(
@@ -99,6 +103,7 @@ class PulledStudy(Study):
                 Section(
                     "Other springs and speeds, predicted",
                     paragraphs=(self.notes,) if self.notes else (),
+                    points=impossible,
                     tables=(table,),
                     figures=(
                         Picture(
