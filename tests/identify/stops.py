@@ -20,14 +20,19 @@ def stops(stiffness, strength, position, ratio, start):
     return np.array(force) * ratio
 
 
-def made_loops(stiffness, strength, *, seed=0, noise=0.0, bias=0.0, curvature=0.0, drift=0.0, begin=0.0):
+def made_loops(
+    stiffness, strength, *, seed=0, noise=0.0, bias=0.0, curvature=0.0, drift=0.0, begin=0.0,
+    asymmetry=0.0, contact_offset=0.0, load_exponent=1.0,
+):  # fmt: skip
     """A recording of loops over a few amplitudes, under a normal force that varies about 5 N."""
     rng = np.random.default_rng(seed)
     t = begin + np.linspace(0.0, 3.0, 241)
     x = 1e-4 * np.sin(2 * np.pi * t) * (1.0 - 0.2 * np.sin(2.0 * t))
     normal = 5.0 + 0.5 * np.sin(3.0 * t)
-    force = stops(stiffness, strength, x, normal / 5.0, 0.0) * (1.0 + drift * (t - begin))
-    shown = bias + force + curvature * force**2 + noise * rng.standard_normal(t.size)
+    force = stops(stiffness, strength, x, 1.0, 0.0)
+    load = (normal / 5.0) ** load_exponent * (1.0 + drift * (t - begin))
+    uneven = contact_offset + asymmetry * np.abs(force) + curvature * force**2
+    shown = bias + load * (force + uneven) + noise * rng.standard_normal(t.size)
     channels = {"position": x, "normal_force": normal, "friction_force": shown}
     return make_recording(t, channels, title=f"loops {seed}")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from stickslip.friction import Coulomb, Dahl, Elastoplastic, LuGre, MaxwellSlip, ResetIntegrator
 from stickslip.identify.loops import identify_loops
 from stickslip.parameters import load_friction
-from stickslip.recording import RecordingError
+from stickslip.recording import RecordingError, make_recording
 from stickslip.simulation import friction_response
 from stickslip.units import QuantityError
 from stickslip.verification import verify
@@ -32,6 +33,82 @@ def test_truth_is_found_with_channel_and_drift() -> None:
     assert fit.model.stiffness == pytest.approx(STIFFNESS, rel=1e-3)
     later = made_loops(STIFFNESS, STRENGTH, **truth, seed=1)
     assert verify(fit, later).r_squared > 0.999999
+
+
+def test_a_contact_that_follows_its_load_otherwise_and_differs_by_direction() -> None:
+    truth: dict[str, Any] = {"load_exponent": 0.7, "asymmetry": 0.05, "contact_offset": 0.1}
+    train = made_loops(STIFFNESS, STRENGTH, **truth)
+    fit = identify_loops(train, START, [*ELEMENTS, *truth], reference_normal_force=5.0, correlated=False)
+    expected = dict(zip(ELEMENTS, (*STIFFNESS, *STRENGTH), strict=True)) | truth
+    assert fit.values == pytest.approx(expected, rel=1e-3)
+    assert verify(fit, made_loops(STIFFNESS, STRENGTH, **truth, seed=1)).r_squared > 0.999999
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "said", "amount"),
+    [
+        ("drift", 0.02, "friction rose by", 6.0),
+        ("drift", -0.02, "friction fell by", 6.0),
+        ("asymmetry", 0.03, "friction differs forward and backward by", 6.0),
+        ("contact_offset", 0.1, "N of the force do not turn with the motion", 0.1),
+    ],
+)
+def test_what_the_model_does_not_have_is_noticed(name: str, value: float, said: str, amount: float) -> None:
+    train = made_loops(STIFFNESS, STRENGTH, noise=0.01, **{name: value})
+    fit = identify_loops(train, START, ELEMENTS, reference_normal_force=5.0)
+    (told,) = [remark for remark in fit.remarks if f"{name} can be free" in remark]
+    assert said in told
+    (number,) = re.findall(r"\d+\.?\d*(?= (?:%|N))", told)
+    assert float(number) == pytest.approx(amount, rel=0.25)
+    freed = identify_loops(train, START, [*ELEMENTS, name], reference_normal_force=5.0)
+    assert not freed.remarks
+
+
+def test_nothing_is_noticed_where_nothing_is() -> None:
+    for seed in range(10):
+        train = made_loops(STIFFNESS, STRENGTH, noise=0.01, seed=seed)
+        assert not identify_loops(train, START, ELEMENTS, reference_normal_force=5.0).remarks
+
+
+def swept(law: LuGre, noise: float, seed: int = 0):
+    """Strokes of 20 um of a contact that yields within half a micrometre: few samples show its stiffness."""
+    time = np.linspace(0.0, 1.0, 2001)
+    position = 1e-5 * np.sin(4.0 * np.pi * time)
+    force = friction_response(law, time, position)["friction_force"].values
+    force = force + noise * np.random.default_rng(seed).standard_normal(time.size)
+    return make_recording(time, {"position": position, "friction_force": force}, title="sweep")
+
+
+def test_any_start_leads_to_the_same_stiffness() -> None:
+    """From 1e5, 1e6 and 1e7 N/m, each fit alone used to end elsewhere, sure of itself."""
+    truth = LuGre(1.399e6, 34.9, 0.0, 0.54, 0.54)
+    recording = swept(truth, 5e-3)
+    found = []
+    for sigma_0 in (1e4, 1e5, 1e6, 1e7, 1e8):
+        start = truth._replace(sigma_0=sigma_0)
+        fit = identify_loops(recording, start, ["sigma_0", "sigma_1", "coulomb_force"], correlated=False)
+        low, high = fit.confidence_intervals()["sigma_0"]
+        assert low < truth.sigma_0 < high
+        assert fit.starts >= 2
+        found.append(fit)
+    best = found[2].values["sigma_0"]
+    for fit in found:
+        assert abs(fit.values["sigma_0"] - best) < 0.1 * found[2].standard_errors["sigma_0"]
+
+
+def test_one_part_of_the_measured_loops_predicts_all_others() -> None:
+    """Without load the channel shows 0.2 mN: what does not turn with the motion is the contact's, and goes
+    with its load. Held for the channel's it left 147 mN rms on the last part, where the load is taken off."""
+    law = Elastoplastic(41e3, 0.0, 0.0, 2.4, 2.4, 45e-6)
+    free = ["sigma_0", "coulomb_force", "breakaway_share", "contact_offset", "asymmetry", "drift"]
+    fit = identify_loops(tribometer(60.0, 100.0), law, free, reference_normal_force=5.0)
+    assert 0.0 < fit.values["drift"] * 100.0 < 0.1
+    for begin, end, least in (
+        (100.0, 140.0, 0.998), (140.0, 200.0, 0.998), (200.0, 214.0, 0.998), (0.0, 60.0, 0.99),
+    ):  # fmt: skip
+        assert verify(fit, tribometer(begin, end)).r_squared > least, begin
+    plain = identify_loops(tribometer(60.0, 100.0), law, free[:-1], reference_normal_force=5.0)
+    assert verify(plain, tribometer(200.0, 214.0)).r_squared > 0.998
 
 
 def test_standard_errors_cover_the_truth() -> None:

@@ -33,6 +33,7 @@ def fit_least_squares(
     loss: str = "linear",
     loss_scale: float = 1.0,
     starts: int = 1,
+    begins: Sequence[Values] = (),
     hops: int = 0,
     seed: int = 0,
     difference_step: float = 1e-4,
@@ -58,6 +59,7 @@ def fit_least_squares(
         loss_scale: weighted residual above which a robust loss discounts: in noise deviations if the noise is
             given, else in the unit of the data.
         starts: total number of starts; those after the first fill the bounds by a Latin hypercube.
+        begins: points to begin at besides. From each a short search; the lowest of these go to their ends.
         hops: how many times at most to look for a lower valley than the best one found: from the best of
             many points within the bounds, then beside it, with each parameter times 4, 2, 1/2 and 1/4 in
             turn. It ends when none of that leads lower, or nothing but white noise is left to explain.
@@ -90,7 +92,7 @@ def fit_least_squares(
         max_evaluations, progress,
     )  # fmt: skip
     searches = Searches(problem, options, degrees_of_freedom)
-    searches.run()
+    searches.run(begins)
     assumed = Noise(
         degrees_of_freedom, noise_known, LOSSES[loss], loss_scale, problem.sizes if correlated else ()
     )
@@ -138,7 +140,7 @@ def _described(searches: Searches, assumed: Noise, correlated: bool) -> Fit:
         n_evaluations=problem.evaluations,
         converged=best.converged,
         message=best.message,
-        starts=searches.options.starts,
+        starts=len(searches.ends),
         starts_agreeing=searches.agreeing(),
         residuals=tuple(parts),
         jacobian=tangent * problem.noise[:, None],

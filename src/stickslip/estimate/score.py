@@ -21,21 +21,31 @@ def gain(fit: Fit, slopes: NDArray[np.float64]) -> float:
         fit: by least squares, with its Jacobian.
         slopes: derivatives of all residuals, joined, by the further parameter, shape (n,).
     """
-    r = np.concatenate(fit.residuals)
-    column = np.asarray(slopes, dtype=float)
-    scale = float(np.linalg.norm(column))
-    if fit.jacobian is None or not scale > 0.0:
-        return 0.0
-    norms = np.linalg.norm(fit.jacobian, axis=0)
-    q, _ = np.linalg.qr(fit.jacobian[:, norms > 0.0] / norms[norms > 0.0])
-    own = column / scale - q @ (q.T @ (column / scale))
+    own, r = _own(fit, slopes), np.concatenate(fit.residuals)
     length = float(own @ own)
-    if length < 1e-10:  # the fitted ones do what it would
+    if length == 0.0:
         return 0.0
-    step = float(own @ r) / length
-    left = r - step * own
+    left = r - float(own @ r) / length * own
     size = max(r.size // PIECES, FEWEST)
     pieces = left[: r.size // size * size].reshape(-1, size) if r.size >= size else left[None]
     share = independent(pieces) / pieces.shape[1]
     variance = float(left @ left) / max(r.size - len(fit.parameters) - 1, 1)
-    return share * step**2 * length / variance if variance > 0.0 else 0.0
+    return share * float(own @ r) ** 2 / length / variance if variance > 0.0 else 0.0
+
+
+def step(fit: Fit, slopes: NDArray[np.float64]) -> float:
+    """What the further parameter would be, from 0 on, linearised; in its unit."""
+    own = _own(fit, slopes)
+    length = float(own @ own)
+    return -float(own @ np.concatenate(fit.residuals)) / length if length > 0.0 else 0.0
+
+
+def _own(fit: Fit, slopes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The part [n] of the slopes that the fitted parameters cannot do; zeros where they can do it all."""
+    column = np.asarray(slopes, dtype=float)
+    if fit.jacobian is None:
+        return np.zeros(column.size)
+    norms = np.linalg.norm(fit.jacobian, axis=0)
+    q, _ = np.linalg.qr(fit.jacobian[:, norms > 0.0] / norms[norms > 0.0])
+    own = column - q @ (q.T @ column)
+    return own if float(own @ own) > 1e-10 * float(column @ column) else np.zeros(column.size)

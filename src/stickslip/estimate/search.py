@@ -24,6 +24,8 @@ from .whiteness import white
 # many points that fill the bounds, and from a parameter times or over these factors (of its range, where its
 # scale is linear).
 LOOK, SCREENED, LOOKED_AT, HOPS = 12, 64, 4, (0.25, 0.5, 2.0, 4.0)
+# Of short searches from given points, so many are followed.
+FOLLOWED = 2
 # Starts whose cost is within this many noise variances of the best are statistically the same answer.
 SAME_MINIMUM = 0.01
 
@@ -92,13 +94,19 @@ class Searches:
         most = self.best.cost * (1 + self.same) + 1e-12 * self.problem.scale**2
         return sum(end.cost <= most for end in self.ends)
 
-    def run(self) -> None:
-        """From all starts; then hop by hop, as long as a look around leads lower."""
+    def run(self, besides: Sequence[Values] = ()) -> None:
+        """From all starts and the best points besides; then hop by hop, while a look around leads lower."""
         problem, options = self.problem, self.options
         begins = [problem.start, *scattered(problem, options.starts - 1, options.seed)]
         for number, q in enumerate(begins, start=1):
             if np.all(np.isfinite(problem.residuals(q))):
                 self.ends.append(self.search(number, q, options.max_evaluations))
+        points = [np.array([p.coordinate(v[p.name]) for p in problem.parameters]) for v in besides]
+        looks = [
+            self.search(options.starts, q, LOOK) for q in points if np.all(np.isfinite(problem.residuals(q)))
+        ]
+        for look in sorted(looks, key=lambda end: end.cost)[:FOLLOWED]:
+            self.ends.append(self.search(options.starts, look.q, options.max_evaluations))
         for hop in range(options.hops):
             best = self.best
             if best.converged and white(problem.residuals(best.q), problem.sizes):

@@ -150,7 +150,9 @@ class LoopStudy(Study):
                 "Friction force over time: measurement, prediction and the residuals below",
             ),
         )
-        span = ", ".join(f"{float(d['time'][0]):.0f} to {float(d['time'][-1]):.0f} s" for d in (seen, unseen))
+        span = ", ".join(
+            f"{float(d['time'][0]):.0f} to {float(d['time'][-1]):.0f} s" for d in (seen, *data["verify"])
+        )
         return Document(
             title=self.title,
             summary=(
