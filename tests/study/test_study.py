@@ -38,7 +38,8 @@ def test_friction_loops_are_predicted_better_than_the_known_marks(tmp_path: Path
     found = {name: n["r_squared_predicted"].value for name, n in document.numbers.items()}
     assert max(found.values()) >= 0.998
     assert found["Maxwell slip, 2 elements"] > 0.9963 > found["Dahl"] > 0.9864
-    assert found["the same, no curvature"] > 0.9963
+    assert found["the same, alike both ways"] > 0.9963
+    assert found["Elastoplastic, drifting"] >= 0.998
     write_report(document, tmp_path)
     results = json.loads((tmp_path / "results.json").read_text("utf-8"))
     assert "Elastoplastic" in json.dumps(results)
