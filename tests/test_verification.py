@@ -11,14 +11,16 @@ import pytest
 import xarray as xr
 
 from stickslip.actuator import load_actuator
+from stickslip.chain import Chain
 from stickslip.estimate.fit import fit_least_squares
 from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.problem import Residuals
 from stickslip.estimate.result import Fit
+from stickslip.identify.prediction import Predictor
 from stickslip.recording import RecordingError, make_recording
 from stickslip.simulation import simulate
 from stickslip.units import QuantityError
-from stickslip.verification import Predictor, Requirement, net_step, verify
+from stickslip.verification import Requirement, net_step, verify
 from stickslip.waveform.periodic import Sawtooth
 from stickslip.waveform.sequence import Sequence
 from stickslip.waveform.shapes import Rest, Step
@@ -138,7 +140,7 @@ def test_an_actuator_predicts_as_simulate_does(monkeypatch: pytest.MonkeyPatch) 
     recording = simulate(model, drive, sample_rate=1e3, tolerance=1e-11)
     found = verify(Predictor(model), recording, drive=drive)
     assert found.rmse < 1e-9
-    later = verify(Predictor(model, delay=5e-3, offset=1e-6), recording, drive=drive)
+    later = verify(Predictor(model, Chain(delay=5e-3, offset=1e-6)), recording, drive=drive)
     delayed = np.interp(recording["time"] - 5e-3, recording["time"], recording["end_effector_position"])
     np.testing.assert_allclose(later.predictions[0]["predicted"], delayed + 1e-6, atol=1e-9)
     monkeypatch.setattr("stickslip.identify.displacement.MAX_STEPS", 20)

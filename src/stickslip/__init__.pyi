@@ -10,6 +10,7 @@ from .calibration import fit_calibration as fit_calibration
 from .calibration import load_calibration as load_calibration
 from .calibration import save_calibration as save_calibration
 from .campaign import run_campaign as run_campaign
+from .chain import Chain as Chain
 from .estimate.problem import FitError as FitError
 from .estimate.result import Fit as Fit
 from .experiment import run_experiment as run_experiment
@@ -46,7 +47,10 @@ from .identify.intervals import profile_interval as profile_interval
 from .identify.loops import identify_loops as identify_loops
 from .identify.modal import identify_frequency as identify_frequency
 from .identify.modal_time import identify_in_time as identify_in_time
+from .identify.prediction import Predictor as Predictor
 from .identify.pulled import identify_pulled_slider as identify_pulled_slider
+from .identify.saved import load_fit as load_fit
+from .identify.saved import save_fit as save_fit
 from .identify.sawtooth import sawtooth_features as sawtooth_features
 from .identify.step_fit import identify_step as identify_step
 from .identify.step_fit import step_formula_errors as step_formula_errors
@@ -92,7 +96,6 @@ from .simulation import steady_step as steady_step
 from .simulation import steady_step_derivatives as steady_step_derivatives
 from .simulation import steady_steps as steady_steps
 from .units import QuantityError as QuantityError
-from .verification import Predictor as Predictor
 from .verification import Requirement as Requirement
 from .verification import Verification as Verification
 from .verification import verify as verify

@@ -13,47 +13,14 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from .actuator import Actuator
-from .estimate.result import Fit, Goodness, goodness
+from .estimate.goodness import Goodness, goodness
+from .estimate.result import Fit
 from .identify.channels import channel, drives_of, names_of, recordings_of, same_number
-from .identify.displacement import Displacement
 from .identify.drives import periodic_part
+from .identify.prediction import Predictor
 from .recording import RecordingError, make_recording
 from .records import did_you_mean
 from .units import QuantityError, to_si, with_prefix
-
-# Of a simulation that stands beside a recording: far below any noise.
-TOLERANCE = 1e-10
-
-
-class Predictor(NamedTuple):
-    """An actuator with given values in the place of a fit: what its position channel should show.
-
-    `delay` [s] and `offset` [m] are those of the channel; `slew_rate` [V/s] is that of the amplifier, for the
-    jumps of a recorded drive.
-    """
-
-    model: Actuator
-    delay: float = 0.0
-    offset: float = 0.0
-    slew_rate: float | None = None
-
-    observed = "end_effector_position"
-
-    def predict(self, recording: xr.Dataset, drive: Any = None) -> NDArray[np.float64]:
-        """The channel at the recording's samples, m; from the channel drive_voltage without a drive.
-
-        Raises:
-            RecordingError: the motion cannot be followed.
-        """
-        name = names_of([recording])[0]
-        try:
-            motion = Displacement(recording, drive, name, self.model, TOLERANCE, self.slew_rate)
-            return motion.position(self.model, self.delay) + self.offset
-        except ArithmeticError as error:
-            raise RecordingError(
-                f"the model cannot predict {self.observed} [m] of {name}: {error}"
-            ) from error
 
 
 class Requirement(NamedTuple):

@@ -12,9 +12,9 @@ from stickslip.campaign.deeper import Deeper, _named
 from stickslip.campaign.deeper_sections import conclusion, deeper_numbers, deeper_sections
 from stickslip.campaign.features import feature_numbers, features_of, features_section
 from stickslip.estimate.fit import fit_least_squares
+from stickslip.estimate.goodness import Goodness
 from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.problem import Residuals
-from stickslip.estimate.result import Goodness
 from stickslip.figures.posterior import posterior_corner
 from stickslip.identify.bayes import sample
 from stickslip.identify.compare import Comparison

@@ -13,7 +13,7 @@ from ..experiment import Recorded
 from ..figures.campaign import Trace, walks
 from ..figures.style import svg
 from ..report import Column, Document, Number, Picture, Section, Table
-from ..report.fits import fit_numbers, model_numbers, parameter_table
+from ..report.fits import chain_numbers, fit_numbers, model_numbers, parameter_table
 from ..report.recordings import recorded_assumptions
 from ..study.alignment import POSITION, Aligned
 from ..study.verification import verification_numbers
@@ -46,7 +46,7 @@ def campaign_document(
         "model": model_numbers(friction.model),
         "parameters": {"delay": Number(friction.values["delay"], "s")},
         "features": feature_numbers(found.features),
-        "signal_chain": found.chain.numbers(),
+        "signal_chain": chain_numbers(found.chain),
         "recordings": {
             one.name: {"begin": Number(one.begin, "s"), "noise": Number(one.noise, "m")}
             for one in found.gathered

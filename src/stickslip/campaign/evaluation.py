@@ -9,14 +9,15 @@ from typing import Any, NamedTuple
 import xarray as xr
 
 from ..actuator import Actuator, load_actuator
+from ..chain import Chain
 from ..electronics import Filter
 from ..estimate.result import Fit
 from ..identify.explained import explained
 from ..identify.friction import identify_friction
+from ..identify.prediction import Predictor
 from ..identify.step_fit import identify_step, step_formula_errors
 from ..study.alignment import Aligned
-from ..study.signal_chain import SignalChain
-from ..verification import Predictor, Requirement, Verification, verify
+from ..verification import Requirement, Verification, verify
 from .budget import Budget, Inherited, budget, inherited
 from .deeper import Deeper, deeper
 from .features import features_of
@@ -50,7 +51,7 @@ class Found(NamedTuple):
     budget: Budget
     walks: list[Aligned]
     features: dict[str, xr.Dataset | str]
-    chain: SignalChain
+    chain: Chain
     verification: Verification
     everything: Fit
     failures: list[str]
@@ -96,10 +97,8 @@ def evaluate(file: CampaignFile, folder: Path, gathered: Sequence[Aligned], prog
     )
     progress("predicting", 0.7)
     walks = [one for one in recordings if one.use != "step"]
-    chain = SignalChain(
-        friction.values["delay"], 0.0, scale.value if scale else 1.0, file.slew_rate, zeroed=True
-    )
-    predictor = Predictor(friction.model, chain.delay, chain.offset, rate)
+    chain = Chain(friction.values["delay"], 0.0, scale.value if scale else 1.0, file.slew_rate, zeroed=True)
+    predictor = Predictor(friction.model, chain)
     verification = verify(
         predictor,
         [one.recording for one in walks],

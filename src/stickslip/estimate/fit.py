@@ -15,10 +15,11 @@ from numpy.typing import ArrayLike
 
 from .blas import single_threaded
 from .covariance import LOSSES, Noise, uncertainty
+from .goodness import goodness
 from .minima import Minimum, still_fits
 from .parameter import Parameter, Values
 from .problem import FitError, Problem, Residuals
-from .result import Fit, goodness
+from .result import Fit
 from .search import End, Options, Progress, Searches
 
 

@@ -6,19 +6,20 @@ Uncertainty is linearised in q, so the interval of a log-scaled parameter is asy
 
 from __future__ import annotations
 
+import html
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike
 from scipy import stats
 
 from ..units import QuantityError
 from .covariance import Uncertainty
+from .goodness import Goodness
 from .identifiability import undetermined
 from .lack import KnownNoise, Lack, lack_of_fit
 from .minima import APART, Minimum, bound
@@ -28,41 +29,7 @@ from .parameter import Parameter, Values
 CORRELATED = 0.3
 
 
-class Goodness(NamedTuple):
-    """How well one recording is described; sums of squares in the unit of the data, squared."""
-
-    name: str
-    n_data: int
-    sse: float
-    sst: float
-    lag_one_correlation: float
-    unit: str = ""
-
-    @property
-    def r_squared(self) -> float:
-        """(SST - SSE)/SST [kang2007, appendix 6]; NaN where the measured values are unknown or constant."""
-        return (self.sst - self.sse) / self.sst if self.sst > 0 else math.nan
-
-    @property
-    def rmse(self) -> float:
-        """Root mean square of the residuals, in the unit of the data."""
-        return math.sqrt(self.sse / self.n_data)
-
-
-def goodness(
-    residuals: ArrayLike, measured: ArrayLike | None = None, name: str = "", unit: str = ""
-) -> Goodness:
-    """The goodness of residuals (model minus measured) against the measured values, both of shape (n,)."""
-    r = np.asarray(residuals, dtype=float)
-    y = np.full(r.size, math.nan) if measured is None else np.asarray(measured, dtype=float)
-    sst = float(np.sum((y - y.mean()) ** 2))
-    centred = r - r.mean()
-    power = float(centred @ centred)
-    lag_one = float(centred[1:] @ centred[:-1]) / power if power > 0 else 0.0
-    return Goodness(name, r.size, float(r @ r), sst, lag_one, unit)
-
-
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Fit:
     """The result of a fit. Vectors and matrices have the order of `parameters`.
 
@@ -316,6 +283,24 @@ class Fit:
                 "the residuals are correlated, which these intervals do not allow for: they are too narrow"
             )
         return "\n".join([*lines, *self.undetermined, *self.remarks])
+
+    @property
+    def summary(self) -> str:
+        """A sentence with every value and its 95 % interval, and why the fit is not to be trusted, if so."""
+        ends = self.confidence_intervals()
+        values = ", ".join(
+            f"{p.name} = {p.shown(self.values[p.name], 4)} [{ends[p.name][0]:.3g}, {ends[p.name][1]:.3g}]"
+            for p in self.parameters
+        )
+        said = (f"r^2 {self.r_squared:.5f}: {values}", *self.failures, self.other_minima, *self.remarks)
+        return "; ".join(filter(None, said))
+
+    def __repr__(self) -> str:
+        return f"<Fit, {self.summary}>"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        return f"<pre>{html.escape(self.report())}</pre>"
 
     def to_dict(self, level: float = 0.95) -> dict[str, Any]:
         """Every number with its unit, ready for JSON; None where a number does not exist."""

@@ -14,7 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from ..estimate.result import Fit, Goodness, goodness
+from ..estimate.goodness import Goodness, goodness
+from ..estimate.result import Fit
 from ..friction import (
     Coulomb,
     CoulombViscous,

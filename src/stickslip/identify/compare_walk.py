@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 from ..actuator import Actuator
-from ..estimate.result import goodness
+from ..estimate.goodness import goodness
 from ..friction import (
     Coulomb,
     CoulombViscous,

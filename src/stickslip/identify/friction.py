@@ -3,6 +3,7 @@ drive [kang2007, 5.3]."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -12,6 +13,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ..actuator import Actuator
+from ..chain import Chain
 from ..estimate.identifiability import loosest
 from ..estimate.marginal import integrated
 from ..estimate.parameter import Parameter, Values
@@ -29,6 +31,7 @@ from .free import Bounds, check_names, parameter
 from .known_noise import known_noise
 from .needed import asked_for, said_free, shown_at_rest
 from .position_channel import CHANNEL, OBSERVED, of_channel, walked, warn_of_unseen_slips
+from .prediction import Predictor
 from .several import from_several, straightened
 from .walks import Search, Varied, Walks, observed, own_values, slopes_of
 
@@ -161,12 +164,12 @@ def identify_friction(
     if channel is None and asked:
         fit = replace(fit, remarks=(*fit.remarks, said_free(fit, asked)))
 
-    def predict(recording: xr.Dataset, drive: Waveform | None = None) -> NDArray[np.float64]:
-        name = names_of([recording])[0]
-        motion = Displacement(recording, drive, name, model, tolerance, slew_rate)
-        return observed(motion, walks.varied, fit.values)
-
-    return replace(fit, model=with_values(model, own_values(fit.values)), observed=OBSERVED, predict=predict)
+    found_model = with_values(model, own_values(fit.values))
+    chain = Chain(
+        fit.values.get("delay", 0.0), fit.values.get("offset", 0.0), slew_rate=slew_rate or math.inf
+    )
+    predict = Predictor(found_model, chain, tolerance).predict
+    return replace(fit, model=found_model, observed=OBSERVED, predict=predict)
 
 
 def _searched(

@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -146,9 +146,6 @@ def identify_loops(
         progress=progress,
     )
 
-    def predict(recording: xr.Dataset) -> NDArray[np.float64]:
-        return _response(recording, names_of([recording])[0], *settings)(model, fit.values)
-
     noticed = [
         said
         for name in NOTICED
@@ -160,9 +157,23 @@ def identify_loops(
         fit,
         model=with_values(model, _own(fit.values)),
         observed=OBSERVED,
-        predict=predict,
+        predict=LoopPrediction(model, fit.values, *settings).predict,
         remarks=(*fit.remarks, *noticed),
     )
+
+
+class LoopPrediction(NamedTuple):
+    """What the force channel shows by a law with values; settings as for `identify_loops`, `origin` [s]."""
+
+    law: Any
+    values: Values
+    reference_normal_force: float | None
+    origin: float
+    tolerance: float
+
+    def predict(self, recording: xr.Dataset) -> NDArray[np.float64]:
+        """N, free-running from the first sample."""
+        return _response(recording, names_of([recording])[0], *self[2:])(self.law, self.values)
 
 
 def _noticed(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -79,15 +79,10 @@ def identify_static_walk(
     names = names_of(found)
     known = dict(bounds or {})
 
-    def walk(recording: xr.Dataset, waveform: Any, name: str) -> Callable[[Values], Array]:
-        waveform, time = drive_over(recording, waveform, name, slew_rate)
-        slow = slow_part(waveform.drive(float(time[-1])), float(time[-1]))
-        return lambda values: values["gain"] * slow(time - values["delay"]) + values["offset"]
-
     parts = []
     for recording, waveform, name in zip(found, drives_of(drive, found), names, strict=True):
         x = channel(recording, OBSERVED, name, varies=True)
-        of = walk(recording, waveform, name)
+        of = _walk(recording, waveform, name, slew_rate)
         parts.append(Residuals(lambda values, of=of, x=x: of(values) - x, x, None, name, "m"))
     fit = fit_least_squares(
         parts,
@@ -99,7 +94,23 @@ def identify_static_walk(
         hops=2,
     )
 
-    def predict(recording: xr.Dataset, drive: Any = None) -> Array:
-        return walk(recording, drive, names_of([recording])[0])(fit.values)
+    return replace(fit, observed=OBSERVED, predict=StaticPrediction(fit.values, slew_rate).predict)
 
-    return replace(fit, observed=OBSERVED, predict=predict)
+
+class StaticPrediction(NamedTuple):
+    """A walk by the values of a fit; `slew_rate` as for `identify_static_walk`."""
+
+    values: Values
+    slew_rate: float | None
+
+    def predict(self, recording: xr.Dataset, drive: Any = None) -> Array:
+        """m, at the recording's samples."""
+        return _walk(recording, drive, names_of([recording])[0], self.slew_rate)(self.values)
+
+
+def _walk(
+    recording: xr.Dataset, waveform: Any, name: str, slew_rate: float | None
+) -> Callable[[Values], Array]:
+    waveform, time = drive_over(recording, waveform, name, slew_rate)
+    slow = slow_part(waveform.drive(float(time[-1])), float(time[-1]))
+    return lambda values: values["gain"] * slow(time - values["delay"]) + values["offset"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -97,17 +97,31 @@ def identify_step(
     left = [residuals(test, i)(fit.values) for i, test in enumerate(until, start=1)]
     fit = with_coloured_noise(fit, coloured(left))
 
-    def predict(recording: xr.Dataset, drive: Any = None) -> Array:
-        del drive  # the step is the recording's own
-        (test,) = step_tests(recording, None if voltages is None else voltages[:1], start, observed)
-        return response(test.time, test.voltage, fit.values)
-
+    voltage = None if voltages is None else float(voltages[0])
     return replace(
         fit,
         model=model and model.replace(**{name: fit.values[name] for name in STAGE}),
         observed=observed,
-        predict=predict,
+        predict=StepPrediction(fit.values, filter, slew_rate, voltage, start, observed).predict,
     )
+
+
+class StepPrediction(NamedTuple):
+    """A step response by the values of a fit; the others as for `identify_step`, `voltage` of its step."""
+
+    values: Values
+    filter: Filter | None
+    slew_rate: float | None
+    voltage: float | None
+    start: float | None
+    observed: str
+
+    def predict(self, recording: xr.Dataset, drive: Any = None) -> Array:
+        """m, without the offset; the step is the recording's own."""
+        del drive
+        voltages = None if self.voltage is None else [self.voltage]
+        (test,) = step_tests(recording, voltages, self.start, self.observed)
+        return _response(self.filter, self.slew_rate)(test.time, test.voltage, self.values)
 
 
 def _known(test: StepTest) -> KnownNoise:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..actuator import Actuator
+from ..chain import Chain
 from ..estimate.result import Fit
 from ..friction import LAWS
 from ..records import quantities
@@ -101,6 +102,19 @@ def model_numbers(model: Actuator) -> dict[str, Any]:
         "law": type(model.friction).__name__,
         "friction": _fields(model.friction),
     }
+
+
+def chain_numbers(chain: Chain) -> dict[str, Any]:
+    """For results.json; an infinite slew rate, which is the default, is left out."""
+    return _fields(chain)
+
+
+def chain_of(numbers: Mapping[str, Any]) -> Chain:
+    """From what was read from results.json; of a fit of walks, its delay and offset."""
+    if "signal_chain" in numbers:
+        return Chain(**_values(numbers["signal_chain"]))
+    known = numbers.get("parameters", {})
+    return Chain(**_values({k: v for k, v in known.items() if k in ("delay", "offset")}))
 
 
 def _fields(record: Any) -> dict[str, Any]:

@@ -13,17 +13,18 @@ import xarray as xr
 from pydantic import Field, ValidationError
 
 from ..actuator import Actuator, load_actuator
+from ..chain import Chain
 from ..figures.identification import fit_with_residuals
 from ..figures.style import svg
+from ..identify.prediction import Predictor
 from ..input_file import Seconds, explain, load_yaml
 from ..recording.drive import named_drive
 from ..report import Column, Document, Number, Picture, Section, Table
-from ..report.fits import model_numbers, model_of
-from ..verification import Predictor, Requirement, Verification, verify
+from ..report.fits import chain_of, model_numbers, model_of
+from ..verification import Requirement, Verification, verify
 from ..waveform.signal import Waveform
 from .alignment import POSITION, aligned
 from .file import Study, StudyError, read_parts
-from .signal_chain import SignalChain
 from .walk import WalkRecording
 
 MOST_PICTURES = 8
@@ -97,32 +98,32 @@ class VerificationStudy(Study):
             failures=failures,
         )
 
-    def _predictor(self, folder: Path) -> tuple[Predictor, SignalChain]:
+    def _predictor(self, folder: Path) -> tuple[Predictor, Chain]:
         if (self.fit is None) == (self.model is None):
             raise StudyError("a verification has either 'fit', a results.json, or 'model', a parameter set")
-        chain = SignalChain()
+        chain = Chain()
         if self.fit is not None:
             base, chain = _results(folder / self.fit)
         else:
             own = folder / str(self.model)
             base = load_actuator(own if own.suffix == ".toml" and own.is_file() else str(self.model))
         changes: dict[str, Any] = {**self.change, "friction": base.friction._replace(**self.friction)}
-        slew_rate = chain.slew_rate if math.isfinite(chain.slew_rate) else None
-        return Predictor(base.replace(**changes), self.delay or chain.delay, chain.offset, slew_rate), chain
+        chain = chain._replace(delay=self.delay or chain.delay)
+        return Predictor(base.replace(**changes), chain), chain
 
 
-def _results(path: Path) -> tuple[Actuator, SignalChain]:
+def _results(path: Path) -> tuple[Actuator, Chain]:
     """The actuator of a results.json, and what a position channel shows of it."""
     try:
         numbers = json.loads(path.read_text(encoding="utf-8"))["numbers"]
-        return model_of(numbers["model"]), SignalChain.of(numbers)
+        return model_of(numbers["model"]), chain_of(numbers)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise StudyError(f"{path}: no results of an identification with a model: {error}") from error
 
 
 def _verified(
     predictor: Predictor,
-    chain: SignalChain,
+    chain: Chain,
     parts: Mapping[str, xr.Dataset],
     drives: Sequence[Waveform | None],
 ) -> Verification:

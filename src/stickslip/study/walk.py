@@ -10,7 +10,8 @@ import xarray as xr
 from pydantic import Field
 
 from ..actuator import Actuator, load_actuator
-from ..estimate.result import Fit, goodness
+from ..estimate.goodness import goodness
+from ..estimate.result import Fit
 from ..figures.identification import fit_with_residuals
 from ..figures.style import svg
 from ..identify.friction import identify_friction

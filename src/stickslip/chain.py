@@ -1,0 +1,29 @@
+"""What lies between a plant and the samples of its position: one record, for fits, predictions and files."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+from .records import Quantity, record
+
+
+@record
+class Chain(NamedTuple):
+    """From the drive that was asked for to the piezo, and from the end-effector to the position channel.
+
+    The amplifier follows jumps at its slew rate; the channel shows the motion later by `delay`, `scale` times
+    as large and moved by `offset`. A fit has these free; a prediction takes them as found. `zeroed`: the mean
+    of the position before the drive begins is taken off, so that the offset is what is left.
+    """
+
+    delay: Annotated[float, Quantity("s", "t_d", "of the channel behind the drive")] = 0.0
+    offset: Annotated[float, Quantity("m", "x_0", "of the channel")] = 0.0
+    scale: Annotated[float, Quantity("", "s", "of the channel over the position", above=0)] = 1.0
+    slew_rate: Annotated[float, Quantity("V/s", "", "of the amplifier", above=0, maximum=math.inf)] = math.inf
+    zeroed: bool = False
+
+    @property
+    def known_slew_rate(self) -> float | None:
+        """V/s; None for an amplifier that follows at once."""
+        return self.slew_rate if math.isfinite(self.slew_rate) else None

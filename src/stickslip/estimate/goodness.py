@@ -1,0 +1,43 @@
+"""How well one recording is described."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+
+class Goodness(NamedTuple):
+    """How well one recording is described; sums of squares in the unit of the data, squared."""
+
+    name: str
+    n_data: int
+    sse: float
+    sst: float
+    lag_one_correlation: float
+    unit: str = ""
+
+    @property
+    def r_squared(self) -> float:
+        """(SST - SSE)/SST [kang2007, appendix 6]; NaN where the measured values are unknown or constant."""
+        return (self.sst - self.sse) / self.sst if self.sst > 0 else math.nan
+
+    @property
+    def rmse(self) -> float:
+        """Root mean square of the residuals, in the unit of the data."""
+        return math.sqrt(self.sse / self.n_data)
+
+
+def goodness(
+    residuals: ArrayLike, measured: ArrayLike | None = None, name: str = "", unit: str = ""
+) -> Goodness:
+    """The goodness of residuals (model minus measured) against the measured values, both of shape (n,)."""
+    r = np.asarray(residuals, dtype=float)
+    y = np.full(r.size, math.nan) if measured is None else np.asarray(measured, dtype=float)
+    sst = float(np.sum((y - y.mean()) ** 2))
+    centred = r - r.mean()
+    power = float(centred @ centred)
+    lag_one = float(centred[1:] @ centred[:-1]) / power if power > 0 else 0.0
+    return Goodness(name, r.size, float(r @ r), sst, lag_one, unit)

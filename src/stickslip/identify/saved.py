@@ -1,0 +1,64 @@
+"""Fits in files: `save_fit` and `load_fit`."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+from .._version import __version__
+from ..actuator import Actuator
+from ..chain import Chain
+from ..electronics import Filter
+from ..estimate.covariance import Uncertainty
+from ..estimate.goodness import Goodness
+from ..estimate.lack import KnownNoise
+from ..estimate.minima import Minimum
+from ..estimate.parameter import Parameter
+from ..estimate.problem import FitError
+from ..estimate.result import Fit
+from ..estimate.saved import packed, unpacked
+from ..friction import LAWS
+from .loops import LoopPrediction
+from .modal import ModalModel
+from .prediction import Predictor
+from .static_walk import StaticPrediction
+from .step_fit import StepPrediction
+
+FORMAT = "stickslip fit"
+_TYPES: tuple[type, ...] = (
+    Actuator, Chain, Filter, Uncertainty, KnownNoise, Minimum, Parameter, Fit, Goodness, LoopPrediction,
+    ModalModel, Predictor, StaticPrediction, StepPrediction,
+)  # fmt: skip
+
+
+def save_fit(fit: Fit, path: str | os.PathLike[str]) -> None:
+    """Save a fit as JSON, whole: values, uncertainty, residuals, and what it predicts with.
+
+    Raises:
+        FitError: its model is none of the package's, such as a law of one's own.
+    """
+    try:
+        text = json.dumps({"format": FORMAT, "version": __version__, "fit": packed(fit)})
+    except TypeError as error:
+        raise FitError(f"{path}: {error}") from error
+    Path(path).write_text(text, encoding="utf-8")
+
+
+def load_fit(path: str | os.PathLike[str]) -> Fit:
+    """A fit as `save_fit` wrote it; it predicts, and says the same.
+
+    Raises:
+        FitError: the file cannot be read, or holds no fit.
+    """
+    types = {one.__name__: one for one in (*_TYPES, *LAWS)}
+    try:
+        content = json.loads(Path(path).read_text(encoding="utf-8"))
+        if content["format"] != FORMAT:
+            raise KeyError(content["format"])
+        fit = unpacked(content["fit"], types)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise FitError(f"{path}: there is no fit in it ({type(error).__name__}: {error})") from error
+    if not isinstance(fit, Fit):
+        raise FitError(f"{path}: there is no fit in it, but a {type(fit).__name__}")
+    return fit

@@ -1,0 +1,80 @@
+"""A fit is one thing: it is pickled, saved, loaded, and predicts as before."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import stickslip as ss
+from stickslip.estimate.result import Fit
+
+from .stops import made_loops
+
+KANG = ss.load_actuator("kang2007").replace(stage_reaction=False)
+SAW = ss.Sequence(ss.Rest(0.1), ss.Sawtooth(65.0, 5.0, periods=3))
+
+
+def walk():
+    shown = ss.simulate(KANG, SAW, 0.7, sample_rate=1e3)
+    shown["end_effector_position"] += 5e-8 * np.random.default_rng(0).standard_normal(shown["time"].size)
+    return shown.assign_attrs(title="walk")
+
+
+def walked():
+    recording = walk()
+    fit = ss.identify_friction(recording, KANG, ["sigma_0", "coulomb_force"], drive=SAW, bounds=None)
+    return fit, lambda found: found.predict(recording, SAW)
+
+
+def looped():
+    recording = made_loops((4e4, 1.5e4), (1.2, 0.9), noise=0.01)
+    law = ss.MaxwellSlip((3e4, 2e4), (1.0, 1.1))
+    fit = ss.identify_loops(recording, law, ["strength_1", "strength_2", "drift"], reference_normal_force=5.0)
+    return fit, lambda found: found.predict(recording)
+
+
+def stepped():
+    drive = ss.Step(60.0, delay=0.02)
+    recording = ss.simulate(KANG.replace(clamped=True), drive, 0.05, sample_rate=2e4)
+    x = recording["end_effector_position"]
+    recording["end_effector_position"] = x + 1e-8 * np.random.default_rng(0).standard_normal(x.size)
+    fit = ss.identify_step([recording], KANG)
+    return fit, lambda found: found.predict(recording)
+
+
+@pytest.mark.parametrize("made", [walked, looped, stepped], ids=lambda made: made.__name__)
+@pytest.mark.parametrize("way", ["pickle", "file"])
+def test_it_comes_back_as_it_was(made, way: str, tmp_path: Path) -> None:
+    fit, predicted = made()
+    if way == "pickle":
+        back = pickle.loads(pickle.dumps(fit))
+    else:
+        ss.save_fit(fit, tmp_path / "fit.json")
+        back = ss.load_fit(tmp_path / "fit.json")
+    assert isinstance(back, Fit)
+    assert back.values == fit.values
+    assert back.model == fit.model
+    assert back.confidence_intervals() == fit.confidence_intervals()
+    assert back.report() == fit.report()
+    assert back.failures == fit.failures
+    assert back.lack == fit.lack
+    np.testing.assert_array_equal(predicted(back), predicted(fit))
+
+
+def test_what_it_says_in_short() -> None:
+    fit, _ = walked()
+    assert "sigma_0 = " in fit.summary
+    assert repr(fit) == f"<Fit, {fit.summary}>"
+    assert "sigma_0" in fit._repr_html_()
+
+
+def test_files_without_a_fit_are_refused(tmp_path: Path) -> None:
+    for text in ("", "{}", '{"format": "stickslip fit", "fit": {"type": "Popen"}}', "[1]"):
+        (tmp_path / "no.json").write_text(text, "utf-8")
+        with pytest.raises(ss.FitError, match=r"no\.json: there is no fit in it"):
+            ss.load_fit(tmp_path / "no.json")
+    with pytest.raises(ss.FitError, match="there is no fit"):
+        ss.load_fit(tmp_path / "nowhere.json")
