@@ -7,8 +7,11 @@ import warnings
 import numpy as np
 import pytest
 
+from stickslip.actuator import load_actuator
 from stickslip.identify.recorded_drive import RecordedDrive, recorded_drive
 from stickslip.recording import RecordingError, RecordingWarning, make_recording
+from stickslip.simulation.models import checked_drive
+from stickslip.units import QuantityError
 from stickslip.waveform.multisine import Multisine
 from stickslip.waveform.periodic import Cycloid, ReverseSawtooth, Sawtooth, Sine, Triangle
 from stickslip.waveform.sequence import Sequence
@@ -134,3 +137,23 @@ def test_a_converters_steps_are_one_line_and_jumps_take_their_time() -> None:
     np.testing.assert_allclose(found.value(inside), Sawtooth(65.0, 5.0).value(inside), atol=0.08)
     fall = 0.2 + 65.0 / 3e5 * np.array([0.1, 0.5, 0.9])
     np.testing.assert_allclose(found.value(fall), 65.0 * np.array([0.9, 0.5, 0.1]), atol=0.5)
+
+
+def test_noise_of_a_monitor_is_no_drive_out_of_range() -> None:
+    """The amplifier gives 0 V and more; what is recorded of it dips below by its noise."""
+    model = load_actuator("kang2007").replace(stage_reaction=False)
+    time = np.arange(600) * 1e-3
+    random = np.random.default_rng(0)
+    sawtooth = 65.0 * (time * 5.0 % 1.0)
+    volts = sawtooth + 0.05 * random.standard_normal(time.size)
+    assert volts.min() < model.min_voltage
+    recording = make_recording(time, {"drive_voltage": volts, "end_effector_position": 0.0 * time})
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RecordingWarning)
+        drive = recorded_drive(recording, "it")
+        assert drive.range()[0] >= model.min_voltage
+        assert drive.range()[1] == pytest.approx(65.0, rel=0.02)
+        checked_drive(model, drive, 0.5, periodic=False)
+        below = recording.assign(drive_voltage=recording["drive_voltage"] - 3.0)
+        with pytest.raises(QuantityError, match="out of range"):
+            checked_drive(model, recorded_drive(below, "it"), 0.5, periodic=False)

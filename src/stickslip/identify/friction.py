@@ -32,6 +32,7 @@ from .known_noise import known_noise
 from .needed import asked_for, said_free, shown_at_rest
 from .position_channel import CHANNEL, OBSERVED, of_channel, walked, warn_of_unseen_slips
 from .prediction import Predictor
+from .quantised import with_steps
 from .several import from_several, straightened
 from .walks import Search, Varied, Walks, observed, own_values, slopes_of
 
@@ -164,6 +165,15 @@ def identify_friction(
     if channel is None and asked:
         fit = replace(fit, remarks=(*fit.remarks, said_free(fit, asked)))
 
+    residuals = np.concatenate(fit.residuals)
+    fit = with_steps(
+        fit,
+        measured,
+        [known.step for known in walks.known],
+        lambda moved: residuals + np.concatenate(measured) - np.concatenate(moved),
+        OBSERVED,
+        "m",
+    )
     found_model = with_values(model, own_values(fit.values))
     chain = Chain(
         fit.values.get("delay", 0.0), fit.values.get("offset", 0.0), slew_rate=slew_rate or math.inf
@@ -219,6 +229,9 @@ def _averaged(walks: Walks, fit: Fit, name: str, given: Values, max_evaluations:
     if not isinstance(settled, Fit):
         return lowest([fit, walks.fit(straightened(parameters, settled), max_evaluations=max_evaluations)])
     if settled.cost > walks.cost(given):
+        if not fit.converged:  # it was left on its way along the valley
+            on = walks.fit(straightened(parameters, fit.values), max_evaluations=max_evaluations)
+            fit = lowest([fit, on]) if on.cost < fit.cost else fit
         return replace(fit, uncertainty=settled.uncertainty._replace(centre=settled.coordinates))
     scales = [p.slope(settled.values[p.name]) for p in parameters]
     names = [p.name for p in parameters]

@@ -34,7 +34,9 @@ from ..simulation import SimulationError, friction_response
 from ..simulation.varied import free_names, with_values
 from .channels import channel, names_of, recordings_of
 from .free import Bounds, check_names, parameter
+from .known_noise import converter_step
 from .loop_starts import loop_starts
+from .quantised import with_steps
 
 OBSERVED = "friction_force"
 # Besides the law, with units; those that are not of the channel are the contact's.
@@ -146,6 +148,16 @@ def identify_loops(
         progress=progress,
     )
 
+    positions = [channel(r, "position", name) for r, name in zip(found, names, strict=True)]
+
+    def at(moved: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+        shown = [
+            _response(r.assign(position=("time", x)), name, *settings)(model, fit.values)
+            for r, x, name in zip(found, moved, names, strict=True)
+        ]
+        return np.concatenate(shown) - np.concatenate(measured)
+
+    fit = with_steps(fit, positions, [converter_step(x) for x in positions], at, "position", "m")
     noticed = [
         said
         for name in NOTICED

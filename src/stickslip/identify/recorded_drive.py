@@ -6,6 +6,7 @@ A fit depends on it. Over a simulated walk at 1 kHz with a bristle stiffness of 
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections import Counter
 from dataclasses import dataclass
@@ -32,6 +33,8 @@ LEAST_JUMP, LEAST_KINK = 1e-2, 1e-4
 ALONE = 3.0
 # Samples on either side of a jump that say how the drive goes up to it.
 BESIDE = 5
+# Deviations of the noise by which the least of many samples may be off.
+SURELY = 5.0
 # In intervals: how far noise may move a point out of its interval, and what is no distance at all.
 MARGIN, TOUCHING = 0.05, 1e-6
 # Of the range: what a line may miss, a converter's steps; and how many samples it must join to be one.
@@ -48,8 +51,8 @@ Array = NDArray[np.float64]
 class RecordedDrive:
     """A waveform in cubic pieces: piece i is u = sum_k polynomial[i, k] (t - start[i])^k, in V.
 
-    Fields: `start` [n], s, ascending from 0; `polynomial` [n, 4]; `duration`, s; `least` and `greatest`
-    sample, V. Before and after it, the value at its ends holds.
+    Fields: `start` [n], s, ascending from 0; `polynomial` [n, 4]; `duration`, s; the `least` and `greatest` V
+    that it surely has, for a sample below may be noise. Before and after it, the value at its ends holds.
     """
 
     start: Array
@@ -296,6 +299,21 @@ def _splines(t: Array, u: Array, knots: list[Knot], slew_rate: float | None) -> 
         polynomial.append(spline.c[::-1].T)
     start.append(t[-1:])
     polynomial.append([[u[-1], 0.0, 0.0, 0.0]])
+    within = SURELY * _noise(u)
+    least, greatest = float(u.min()) + within, float(u.max()) - within
+    middle = 0.5 * (least + greatest)
     return RecordedDrive(
-        np.concatenate(start), np.concatenate(polynomial), float(t[-1]), float(u.min()), float(u.max())
+        np.concatenate(start),
+        np.concatenate(polynomial),
+        float(t[-1]),
+        min(least, middle),
+        max(greatest, middle),
     )
+
+
+def _noise(u: Array) -> float:
+    """Standard deviation of the samples' noise, V: by fourth differences, which leave nothing of what is
+    smooth; their median is not moved by jumps and kinks.
+    """
+    change = np.abs(np.diff(u, 4))
+    return float(np.median(change)) / (0.6745 * math.sqrt(70.0)) if change.size else 0.0
