@@ -39,6 +39,7 @@ from .identify.experiments import expected_errors as expected_errors
 from .identify.frequency import frequency_response as frequency_response
 from .identify.frequency import welch_frequency_response as welch_frequency_response
 from .identify.friction import identify_friction as identify_friction
+from .identify.inertia import identify_inertia as identify_inertia
 from .identify.instruments import applied_voltage as applied_voltage
 from .identify.instruments import without_filter as without_filter
 from .identify.intervals import bootstrap as bootstrap
