@@ -48,13 +48,13 @@ def rate_on(law, v, z, side):
 
 
 @compiled
-def branch_at(law, side, v, z):
-    return laws.branch_at(law, side, v, z)
+def branch_at(law, side, v, dv, z):
+    return laws.branch_at(law, side, v, dv, z)
 
 
 @compiled
-def branch_left(law, side, v, z):
-    return laws.branch_left(law, side, v, z)
+def branch_left(law, side, v, dv, z):
+    return laws.branch_left(law, side, v, dv, z)
 
 
 @compiled
@@ -153,10 +153,10 @@ def test_branch_has_the_rate_of_the_law(side: float) -> None:
     for law in laws:
         for speed, share in zip(rng.uniform(1e-5, 3e-3, 100), rng.uniform(-0.99, 1.4, 100), strict=True):
             v, z = side * speed, side * share * 5e-7
-            at = with_branch(side, 0, branch_at(law, side, v, z))
+            at = with_branch(side, 0, branch_at(law, side, v, side * rng.normal(), z))
             expected = rate(law, v, project(law, z))
             assert rate_on(law, v, project(law, z), at) == pytest.approx(expected, rel=1e-6, abs=1e-12)
-            assert branch_left(law, at, v, z) >= 0.0 or share > 1.0
+            assert branch_left(law, at, v, side * rng.normal(), z) >= 0.0 or share > 1.0
 
 
 @pytest.mark.parametrize("beyond", [2e-3, -2e-3])

@@ -31,10 +31,10 @@ from .._jit import compiled, fused, overload, record_class
 class Branches(NamedTuple):
     """The branches of a law whose rate jumps or kinks where its state meets a curve: a step stays on one,
     smoothly continued, and is cut where it leaves it. For laws that are the same in both directions: all take
-    the `speed` |v| and `z` in the direction of sliding.
+    the `speed` |v|, its `growth` d|v|/dt and `z` in the direction of sliding.
 
-    ``choose(law, speed, z) -> 0, 1, 2 or 3``; ``rate(law, speed, z, branch) -> (F, ż)``;
-    ``left(law, speed, z, branch)``, negative where the branch has ended.
+    ``choose(law, speed, growth, z) -> 0, 1, 2 or 3``; ``rate(law, speed, z, branch) -> (F, ż)``;
+    ``left(law, speed, growth, z, branch)``, negative where the branch ends.
     """
 
     choose: Callable[..., Any]
@@ -261,16 +261,16 @@ def _branched(law: Any, v: float, z: float, side: float, rate: Callable[..., Any
     return sign * force, sign * dz
 
 
-def branch_at(law: Any, side: float, v: float, z: float) -> int:
+def branch_at(law: Any, side: float, v: float, dv: float, z: float) -> int:
     """The branch of a state at an instant; 0 for a law without any."""
     branches, sign = _implementation(law).branches, math.copysign(1.0, side)
-    return branches.choose(law, abs(v), sign * z) if branches else 0
+    return branches.choose(law, abs(v), sign * dv, sign * z) if branches else 0
 
 
-def branch_left(law: Any, side: float, v: float, z: float) -> float:
+def branch_left(law: Any, side: float, v: float, dv: float, z: float) -> float:
     """Negative where the branch of a state has ended."""
     branches, sign = _implementation(law).branches, math.copysign(1.0, side)
-    return branches.left(law, sign * v, sign * z, int(abs(side)) - 1) if branches else 1.0
+    return branches.left(law, sign * v, sign * dv, sign * z, int(abs(side)) - 1) if branches else 1.0
 
 
 @overload(rate_on)
@@ -283,21 +283,25 @@ def _rate_on(law: Any, v: Any, z: Any, side: Any) -> Any:
 
 
 @overload(branch_at)
-def _branch_at(law: Any, side: Any, v: Any, z: Any) -> Any:
+def _branch_at(law: Any, side: Any, v: Any, dv: Any, z: Any) -> Any:
     branches = implementation.branches if (implementation := _of(law)) else None
     if branches is None:
-        return lambda law, side, v, z: 0
+        return lambda law, side, v, dv, z: 0
     of = fused(branches.choose)
-    return lambda law, side, v, z: of(law, abs(v), math.copysign(1.0, side) * z)
+    return lambda law, side, v, dv, z: of(
+        law, abs(v), math.copysign(1.0, side) * dv, math.copysign(1.0, side) * z
+    )
 
 
 @overload(branch_left)
-def _branch_left(law: Any, side: Any, v: Any, z: Any) -> Any:
+def _branch_left(law: Any, side: Any, v: Any, dv: Any, z: Any) -> Any:
     branches = implementation.branches if (implementation := _of(law)) else None
     if branches is None:
-        return lambda law, side, v, z: 1.0
+        return lambda law, side, v, dv, z: 1.0
     of, sign = fused(branches.left), math.copysign
-    return lambda law, side, v, z: of(law, sign(1.0, side) * v, sign(1.0, side) * z, int(abs(side)) - 1)
+    return lambda law, side, v, dv, z: of(
+        law, sign(1.0, side) * v, sign(1.0, side) * dv, sign(1.0, side) * z, int(abs(side)) - 1
+    )
 
 
 @fused

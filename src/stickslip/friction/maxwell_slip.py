@@ -16,9 +16,10 @@ same while |v| grows.
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, NamedTuple
 
-from .._jit import compiled
+from .._jit import fused
 from ..records import Quantity, record
 from ..units import QuantityError
 from .law import Branches, register
@@ -90,39 +91,51 @@ def element_rate(law, v, z):
     return law.stiffness * z + law.sigma_2 * v, dz
 
 
-@compiled
-def limit_at(law, speed):
-    """Deflection at which it slides, m."""
-    return stribeck_curve(speed, law.strength, law.stiction, law.stribeck_velocity, 2.0) / law.stiffness
+def _limit(law, speed):
+    """Deflection at which it slides [m], and its slope by the speed over the speed [s²/m]."""
+    fall = (law.stiction - law.strength) * math.exp(-((speed / law.stribeck_velocity) ** 2))
+    slope = -2.0 / law.stribeck_velocity**2 * fall / law.stiffness
+    return (law.strength + fall) / law.stiffness, slope
 
 
-def element_choose(law, speed, z):
+def element_choose(law, speed, growth, z):
     if law.stiction <= law.strength:  # elastic-perfectly-plastic: its bound does it
         return STICKS
-    over = z / limit_at(law, speed) - 1.0
-    if over < -4.0 * LAG:
+    limit, slope = LIMIT(law, speed)
+    if z > limit * (1.0 + LAG):
+        return DRAWN
+    if z < limit * (1.0 - 4.0 * LAG):
         return STICKS
-    return DRAWN if over > LAG else FOLLOWS
+    if z > limit * (1.0 - 1.5 * LAG) and growth > LAG * law.attraction_rate * law.stribeck_velocity:
+        return DRAWN
+    # Where the strength rises faster than the spring is loaded, it cannot follow.
+    return STICKS if slope * growth > 1.0 + LAG else FOLLOWS
 
 
 def element_branch_rate(law, speed, z, branch):
-    limit, dz = limit_at(law, speed), speed
+    limit, dz = LIMIT(law, speed)[0], speed
     if law.stiction <= law.strength:
         dz = 0.0 if z >= limit * ON_LIMIT else speed
-    elif branch == FOLLOWS and z < limit:  # no faster than the spring is loaded
-        dz = speed * min((1.0 - z / limit) / LAG, 1.0)
-    elif branch != STICKS:
+    elif branch == FOLLOWS:
+        dz = speed / LAG * (1.0 - z / limit)
+    elif branch == DRAWN:
         dz = law.attraction_rate * law.strength / law.stiffness * (1.0 - z / limit)
     return law.stiffness * z + law.sigma_2 * speed, dz
 
 
-def element_left(law, speed, z, branch):
+def element_left(law, speed, growth, z, branch):
     if law.stiction <= law.strength:
         return 1.0
-    over = z / limit_at(law, speed) - 1.0
+    limit, slope = LIMIT(law, speed)
     if branch == STICKS:
-        return -over
-    return over if branch == DRAWN else min(over + 5.0 * LAG, 2.0 * LAG - over)
+        return limit * (1.0 + LAG) - z
+    if branch == DRAWN:
+        return z - limit * (1.0 - 2.0 * LAG)
+    falls = growth > 2.0 * LAG * law.attraction_rate * law.stribeck_velocity and z > limit * (1.0 - LAG)
+    return -1.0 if falls or slope * growth > 1.0 + 2.0 * LAG else 1.0
+
+
+LIMIT = fused(_limit)
 
 
 def element_bound(law, z):

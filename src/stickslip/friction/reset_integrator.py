@@ -45,7 +45,7 @@ def reset_integrator(law, v, z):
     return (1.0 + a) * law.sigma_0 * z + law.sigma_2 * dz, dz
 
 
-def choose(law, speed, z):
+def choose(law, speed, growth, z):
     return SLIDES if z >= law.breakaway_deflection * ON_LIMIT else STICKS
 
 
@@ -55,7 +55,7 @@ def rate_of(law, speed, z, branch):
     return (1.0 + law.stiction_excess) * law.sigma_0 * z + law.sigma_2 * speed, speed
 
 
-def left(law, speed, z, branch):
+def left(law, speed, growth, z, branch):
     return law.breakaway_deflection - z if branch == STICKS else 1.0
 
 

@@ -208,12 +208,12 @@ def branched(plant: Any) -> Any:
 
 
 @_generated
-def on_branches(plant: Any, sides: Any, q: Any, v: Any) -> Any:
-    """The sides with the branches on which the states are, at speeds `v`."""
+def on_branches(plant: Any, sides: Any, q: Any, v: Any, dv: Any) -> Any:
+    """The sides with the branches on which the states are, at speeds `v` that change by `dv`."""
 
 
 @_generated
-def branches_hold(plant: Any, sides: Any, q: Any, v: Any) -> Any:
+def branches_hold(plant: Any, sides: Any, q: Any, v: Any, dv: Any) -> Any:
     """Whether all states are still on the branches that the sides tell."""
 
 

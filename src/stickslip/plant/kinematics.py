@@ -208,7 +208,7 @@ def on_branches(layout: Layout) -> Text:
         if shape.branched:
             lines.append(f"side{e} = one = 1.0 if side{e} > 0.0 else -1.0")
             for i, (law, z) in enumerate(states_of(layout, e)):
-                at = f"branch_at({law}, one, v[{e}], {z})"
+                at = f"branch_at({law}, one, v[{e}], dv[{e}], {z})"
                 lines.append(f"side{e} = with_branch(side{e}, {i}, {at})")
         made.append(f"side{e}")
     return Text(lines, padded(made))
@@ -220,7 +220,7 @@ def branches_hold(layout: Layout) -> Text:
         for i, (law, z) in enumerate(states_of(layout, e)):
             if shape.branched:
                 side = side_of(shape, e, i)
-                holds.append(f"branch_left({law}, {side}, v[{e}], {z}) >= 0.0")
+                holds.append(f"branch_left({law}, {side}, v[{e}], dv[{e}], {z}) >= 0.0")
     return Text([], " and ".join(holds) or "True")
 
 

@@ -200,19 +200,28 @@ def _cut(plant, h, sides, q, new, rows, u, fast, local):
 
 
 @fused
-def _branches_hold(plant, drive, i, t, theta, h, sides, q, new, rows):
-    """Whether the laws are still on their branches at a fraction of the step."""
-    there = at(theta, q, new, rows)
-    return branches_hold(plant, sides, there, speeds(plant, there, channels.at(drive, i, t + theta * h)))
+def _branched(plant, sides, q, u, n):
+    """The sides with the branches of the laws at an instant."""
+    dv = speeds(plant, slope(plant, sides, q, u, n)[0], (u[1], u[2], u[3]))
+    return on_branches(plant, sides, q, speeds(plant, q, u), dv)
 
 
 @fused
-def _branch_ends(plant, drive, i, t, h, sides, q, new, rows, cut):
+def _branches_hold(plant, drive, i, load, j, t, theta, h, sides, q, new, rows):
+    """Whether the laws are still on their branches at a fraction of the step."""
+    u, n = channels.at(drive, i, t + theta * h), channels.at(load, j, t + theta * h)
+    there = at(theta, q, new, rows)
+    dv = speeds(plant, slope(plant, sides, there, u, n)[0], (u[1], u[2], u[3]))
+    return branches_hold(plant, sides, there, speeds(plant, there, u), dv)
+
+
+@fused
+def _branch_ends(plant, drive, i, load, j, t, h, sides, q, new, rows, cut):
     """Fraction of the step at which a law leaves its branch; `cut` if none does before."""
     low, high = 0.0, -1.0
     for c in range(1, HELD_CHECKS + 1):
         theta = c * cut / HELD_CHECKS
-        if not _branches_hold(plant, drive, i, t, theta, h, sides, q, new, rows):
+        if not _branches_hold(plant, drive, i, load, j, t, theta, h, sides, q, new, rows):
             high = theta
             break
         low = theta
@@ -220,7 +229,7 @@ def _branch_ends(plant, drive, i, t, h, sides, q, new, rows, cut):
         return cut
     for _ in range(52):
         theta = 0.5 * (low + high)
-        if _branches_hold(plant, drive, i, t, theta, h, sides, q, new, rows):
+        if _branches_hold(plant, drive, i, load, j, t, theta, h, sides, q, new, rows):
             low = theta
         else:
             high = theta
@@ -295,7 +304,7 @@ def run(plant, drive, load, state, sides, t, h, fresh, t_end, local, max_steps, 
 
         u, n = at_nodes(drive, i, t, h_now), at_nodes(load, j, t, h_now)
         if branched(plant):
-            sides = on_branches(plant, sides, state, speeds(plant, state, u[0]))
+            sides = _branched(plant, sides, state, u[0], n[0])
         new, rows, error, fast = take(plant, sides, h_now, state, u, n)
         error /= local
         if not error <= 1.0:
@@ -330,7 +339,7 @@ def run(plant, drive, load, state, sides, t, h, fresh, t_end, local, max_steps, 
                         cut, why = theta, BREAKS
                     break
         if branched(plant):
-            theta = _branch_ends(plant, drive, i, t, h_now, sides, state, new, rows, cut)
+            theta = _branch_ends(plant, drive, i, load, j, t, h_now, sides, state, new, rows, cut)
             if theta < cut:
                 cut, why = theta, SLOWS
         accepted += 1
