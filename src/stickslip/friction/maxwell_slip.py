@@ -16,10 +16,9 @@ same while |v| grows.
 
 from __future__ import annotations
 
-import math
 from typing import Annotated, NamedTuple
 
-from .._jit import fused
+from .._jit import compiled
 from ..records import Quantity, record
 from ..units import QuantityError
 from .law import Branches, register
@@ -91,29 +90,24 @@ def element_rate(law, v, z):
     return law.stiffness * z + law.sigma_2 * v, dz
 
 
-def _limit(law, speed):
-    """Deflection at which it slides [m], and its slope by the speed over the speed [s²/m]."""
-    fall = (law.stiction - law.strength) * math.exp(-((speed / law.stribeck_velocity) ** 2))
-    slope = -2.0 / law.stribeck_velocity**2 * fall / law.stiffness
-    return (law.strength + fall) / law.stiffness, slope
+@compiled
+def limit_at(law, speed):
+    """Deflection at which it slides, m."""
+    return stribeck_curve(speed, law.strength, law.stiction, law.stribeck_velocity, 2.0) / law.stiffness
 
 
 def element_choose(law, speed, growth, z):
     if law.stiction <= law.strength:  # elastic-perfectly-plastic: its bound does it
         return STICKS
-    limit, slope = LIMIT(law, speed)
-    if z > limit * (1.0 + LAG):
-        return DRAWN
-    if z < limit * (1.0 - 4.0 * LAG):
+    over = z / limit_at(law, speed) - 1.0
+    if over < -4.0 * LAG:
         return STICKS
-    if z > limit * (1.0 - 1.5 * LAG) and growth > LAG * law.attraction_rate * law.stribeck_velocity:
-        return DRAWN
-    # Where the strength rises faster than the spring is loaded, it cannot follow.
-    return STICKS if slope * growth > 1.0 + LAG else FOLLOWS
+    falls = growth > LAG * law.attraction_rate * law.stribeck_velocity
+    return DRAWN if over > LAG or (over > -1e-3 * LAG and falls) else FOLLOWS
 
 
 def element_branch_rate(law, speed, z, branch):
-    limit, dz = LIMIT(law, speed)[0], speed
+    limit, dz = limit_at(law, speed), speed
     if law.stiction <= law.strength:
         dz = 0.0 if z >= limit * ON_LIMIT else speed
     elif branch == FOLLOWS:
@@ -126,16 +120,14 @@ def element_branch_rate(law, speed, z, branch):
 def element_left(law, speed, growth, z, branch):
     if law.stiction <= law.strength:
         return 1.0
-    limit, slope = LIMIT(law, speed)
+    over = z / limit_at(law, speed) - 1.0
     if branch == STICKS:
-        return limit * (1.0 + LAG) - z
+        return LAG - over
     if branch == DRAWN:
-        return z - limit * (1.0 - 2.0 * LAG)
-    falls = growth > 2.0 * LAG * law.attraction_rate * law.stribeck_velocity and z > limit * (1.0 - LAG)
-    return -1.0 if falls or slope * growth > 1.0 + 2.0 * LAG else 1.0
-
-
-LIMIT = fused(_limit)
+        return over + 2.0 * LAG
+    # Above its strength only where that falls faster than a growing normal force relaxes the spring.
+    falls = growth > 2.0 * LAG * law.attraction_rate * law.stribeck_velocity and over > 0.0
+    return -1.0 if falls else over + 5.0 * LAG
 
 
 def element_bound(law, z):
