@@ -36,9 +36,11 @@ NOT_FOUND = 5
 PATIENCE = 20
 # Tolerances of the engine over the one asked for: the first, the second, and from one to the next. Where
 # derivatives are plain differences, the first is small against these.
-COARSEST, COARSE, FINER = 1000.0, 32.0, 0.25
+COARSEST, COARSE, FINER = 1000.0, 8.0, 0.25
 COARSEST_STATIC = 0.4
 FINEST = 1e-5
+# The error over what a finer integration moves: two that err alike by chance are not rare.
+PER_MOVE = 2.0
 # Newton's method may go this many times as far as the motion itself has been: where a period hardly changes
 # the state it would point to where nothing moves like this.
 FARTHEST = 4.0
@@ -253,7 +255,7 @@ def _orbit(plant, drive, load, q, tolerance, max_periods, column, smooth, work, 
         residual = max(gap, size, abs(further))
         compared = before < math.inf
         if compared:  # r is the orbit by a coarser integration
-            error = max(size, abs(step + further - step_before))
+            error = PER_MOVE * max(size, abs(step + further - step_before))
         enough = compared and error <= tolerance and level <= FINER * before
         if outcome == DONE and residual <= tolerance and (enough or level < FINEST * tolerance):
             break
