@@ -163,7 +163,7 @@ def test_a_program_that_goes_or_falls_silent_leaves_no_voltage_behind(leave: str
     link.load(np.full(200_000, 60.0))
     link.arm(("drive",), 200_000)
     link.start()
-    assert link.fetch().shape == (1, 1000)
+    assert sum(link.fetch().shape[1] for _ in range(3)) == 1200
     if leave == "disconnect":
         link.close()
     deadline = time.monotonic() + 5.0

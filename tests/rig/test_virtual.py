@@ -151,6 +151,6 @@ def test_a_rig_says_what_it_cannot_do() -> None:
     rig.start()
     with pytest.raises(RigError, match="load: a run is going on"):
         rig.load(np.zeros(10))
-    assert rig.fetch().shape == (1, 1000)
+    assert rig.fetch().shape == (1, 400)
     rig.stop(1e3)
     rig.stop(1e3)  # nothing more to do

@@ -57,7 +57,7 @@ def test_what_the_watcher_raises_ends_the_run_with_a_ramp_to_zero() -> None:
     def sees(block: dict[str, np.ndarray]) -> None:
         nonlocal blocks
         blocks += bool(block["drive_voltage"].size)
-        if blocks == 2:
+        if blocks == 5:
             raise RigError("enough")
 
     with pytest.raises(RigError, match="enough"):

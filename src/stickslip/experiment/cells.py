@@ -23,6 +23,7 @@ from ..rig import (
     Capabilities,
     Capture,
     Channel,
+    Home,
     Limits,
     Rig,
     RigError,
@@ -65,7 +66,9 @@ class Cell:
 
 
 class Laboratory(Protocol):
-    """Where the cells of a file are recorded."""
+    """Where the cells of a file are recorded; `home` is where positions count from, in all of them."""
+
+    home: Home
 
     def rig(self, actuator: Actuator, seed: int) -> Rig:
         """A rig for a cell."""
@@ -81,10 +84,16 @@ class VirtualLaboratory:
 
     def __init__(self, bench: Bench, real_time: bool) -> None:
         self._bench, self._real_time = bench, real_time
+        self.home = Home()
+        self._last: VirtualRig | None = None
 
     def rig(self, actuator: Actuator, seed: int) -> Rig:
-        """A new rig."""
-        return VirtualRig(actuator, self._bench, seed=seed, real_time=self._real_time)
+        """A new rig, whose end-effector is where that of the one before was left."""
+        made = VirtualRig(actuator, self._bench, seed=seed, real_time=self._real_time)
+        if self._last is not None:
+            made.origin = self._last.origin
+        self._last = made
+        return made
 
     def close(self) -> None:
         """Nothing to do."""
@@ -95,6 +104,7 @@ class ScpiLaboratory:
 
     def __init__(self, rig: ScpiRig) -> None:
         self._rig = rig
+        self.home = Home()
 
     def rig(self, actuator: Actuator, seed: int) -> Rig:
         """The rig."""

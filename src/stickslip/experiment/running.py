@@ -17,7 +17,8 @@ from pydantic import ValidationError
 from ..input_file import InputFileError, explain, load_yaml
 from ..recording import RecordingError, open_recording, save_csv, save_matlab, save_recording
 from ..recording.replacing import remove_leftovers
-from ..rig import Rig, measure
+from ..rig import Home, Rig, measure
+from ..rig.samples import recover, unfinished_path
 from .cells import Cell, Laboratory, cells, open_laboratory, variables_attribute
 from .file import ExperimentFile
 
@@ -90,9 +91,11 @@ def record_experiment(
         wanted = _cells(label, file, folder, laboratory)
         out.mkdir(parents=True, exist_ok=True)
         log = _Log(out / "experiment.log")
-        left = remove_leftovers(out)
+        left, kept = remove_leftovers(out), recover(out)
         log(
-            f"{label.name}: {len(wanted)} recordings" + (f"; {left} unfinished files removed" if left else "")
+            f"{label.name}: {len(wanted)} recordings"
+            + (f"; {left} unfinished files removed" if left else "")
+            + "".join(f"; unfinished/{one.name} kept of a run that was killed" for one in kept)
         )
         try:
             done = []
@@ -158,8 +161,12 @@ def _recorded(
     if recording is None:
         begun = time.perf_counter()
         rig = laboratory.rig(cell.actuator, cell.seed)
-        recording = _measured(file, cell, rig if watch is None else watch(cell, rig), progress)
-        save_recording(recording, path)
+        rig = rig if watch is None else watch(cell, rig)
+        try:
+            recording = _measured(file, cell, rig, laboratory.home, path, progress)
+        except BaseException as error:
+            _keep_unfinished(getattr(error, "recording", None), path, log)
+            raise
         log(f"{path.name}: recorded in {time.perf_counter() - begun:.2f} s")
     else:
         log(f"{path.name}: kept")
@@ -174,8 +181,22 @@ def _recorded(
     return Recorded(cell, path, kept), recording
 
 
-def _measured(file: ExperimentFile, cell: Cell, rig: Rig, progress: Callable[[float], None]) -> xr.Dataset:
-    recording = measure(
+def _keep_unfinished(recording: xr.Dataset | None, path: Path, log: _Log) -> None:
+    """What there is of a recording that was not finished, under a name of its own."""
+    if recording is None:
+        return
+    try:
+        kept = save_recording(recording, unfinished_path(path))
+    except OSError as error:
+        log(f"{path.name}: what there is of it could not be kept: {error}")
+    else:
+        log(f"unfinished/{kept.name}: {recording.sizes['time']} samples kept, {recording.attrs['outcome']}")
+
+
+def _measured(
+    file: ExperimentFile, cell: Cell, rig: Rig, home: Home, path: Path, progress: Callable[[float], None]
+) -> xr.Dataset:
+    return measure(
         rig,
         cell.drive,
         cell.channels,
@@ -183,16 +204,17 @@ def _measured(file: ExperimentFile, cell: Cell, rig: Rig, progress: Callable[[fl
         cell.limits,
         title=f"{file.title}: {cell.name}",
         notes=cell.notes,
+        attributes={
+            "operator": file.operator,
+            "epoch": datetime.now(UTC).isoformat(timespec="seconds"),
+            "variables": variables_attribute(file, cell),
+            "actuator": repr(cell.actuator),
+            "experiment_key": cell.key,
+        },
         progress=progress,
+        home=home,
+        save=path,
     )
-    recording.attrs.update(
-        operator=file.operator,
-        epoch=datetime.now(UTC).isoformat(timespec="seconds"),
-        variables=variables_attribute(file, cell),
-        actuator=repr(cell.actuator),
-        experiment_key=cell.key,
-    )
-    return recording
 
 
 def _finished(path: Path, key: str) -> xr.Dataset | None:

@@ -44,14 +44,15 @@ def remove_leftovers(folder: Path) -> int:
     gone = 0
     for path in folder.glob(".*.part"):
         process = path.name.split(".")[-2]
-        if process.isdecimal() and not _alive(int(process)):
+        if process.isdecimal() and not is_running(int(process)):
             path.unlink(missing_ok=True)
             gone += 1
     return gone
 
 
-def _alive(process: int) -> bool:
-    if process == os.getpid():
+def is_running(process: int) -> bool:
+    """Whether a process of that number, other than this one, is there."""
+    if process in (0, os.getpid()):
         return False  # an earlier process had the number of this one, which is writing nothing yet
     try:
         os.kill(process, 0)

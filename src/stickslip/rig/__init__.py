@@ -6,14 +6,15 @@ from .bench import load_bench as load_bench
 from .capture import Capture as Capture
 from .capture import CaptureError as CaptureError
 from .capture import Trigger as Trigger
-from .limits import Gate as Gate
+from .gate import Gate as Gate
+from .home import Home as Home
 from .limits import LimitError as LimitError
 from .limits import Limits as Limits
-from .measurement import Channel as Channel
 from .measurement import measure as measure
 from .protocols import Capabilities as Capabilities
 from .protocols import Rig as Rig
 from .protocols import RigError as RigError
+from .recorded import Channel as Channel
 from .scpi import ScpiRig as ScpiRig
 from .virtual import VirtualRig as VirtualRig
 from .watching import WatchedRig as WatchedRig

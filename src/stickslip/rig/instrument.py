@@ -26,7 +26,8 @@ import numpy as np
 
 from .._version import __version__
 from ..units import QuantityError
-from .limits import Gate, LimitError, Limits
+from .gate import Gate
+from .limits import LimitError, Limits
 from .protocols import Rig, RigError
 
 QUEUE = 20  # errors that are remembered

@@ -1,18 +1,18 @@
-"""Limits, and the one gate that every output passes."""
+"""Limits of an output, and what of a drive they refuse."""
 
 from __future__ import annotations
 
 import math
-import time
 from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from ..records import Quantity, record
 from ..units import QuantityError, with_prefix
-from .protocols import Array, Capabilities, DriveOutput, RigError
+from .protocols import Array, Capabilities, RigError
 
 _INF = math.inf
+LONGEST_STOP = 10.0  # s that a ramp to 0 V may take, from the greatest voltage
 
 
 class LimitError(RigError):
@@ -21,11 +21,16 @@ class LimitError(RigError):
 
 @record
 class Limits(NamedTuple):
-    """What no output may pass, at the piezo.
+    """What no output may pass.
 
-    `max_duty` is the greatest share of a run in which the drive is away from 0 V, by more than a hundredth of
-    `max_voltage`; `min_position` and `max_position` are end stops of the end-effector's travel, watched while
-    it runs; `watchdog` is the longest silence of the rig. Stop is a ramp to 0 V at `stop_slew`.
+    Voltages hold at the piezo, within half a step of the converter. `max_slew` holds for the drive from one
+    update of the output to the next; between them the amplifier takes the converter's steps at its own
+    bandwidth, so at the piezo the slew over a time T is up to `max_slew` + step / T. `max_duty` is the greatest
+    share of a run in which the drive is away from 0 V, by more than a hundredth of `max_voltage`;
+    `min_position` and `max_position` are end stops of the end-effector, counted from home and watched while it
+    runs. `watchdog` is the longest silence of the rig, and of the program that runs it; `frozen` is how long
+    readings of the position may be the same, to the last bit, while the drive moves by 10 V or more. Stop is a
+    ramp to 0 V at `stop_slew`, which takes 10 s at most.
     """
 
     min_voltage: Annotated[float, Quantity("V", "u_min", "least voltage", maximum=0)] = 0.0
@@ -36,12 +41,19 @@ class Limits(NamedTuple):
     max_position: Annotated[float, Quantity("m", "x_max", "end stop", minimum=0, maximum=_INF)] = _INF
     watchdog: Annotated[float, Quantity("s", "T_w", "longest silence", above=0)] = 5.0
     stop_slew: Annotated[float, Quantity("V/s", "R_0", "slew of the ramp to 0 V", minimum=1)] = 1000.0
+    frozen: Annotated[float, Quantity("s", "T_f", "longest time without a change", above=0, maximum=_INF)] = 0.1
 
     def _check(self) -> None:
         if self.stop_slew > self.max_slew:
             raise QuantityError(
                 f"Limits.stop_slew = {self.stop_slew:g} V/s is out of range: it must be <= max_slew = "
                 f"{self.max_slew:g} V/s"
+            )
+        least = max(-self.min_voltage, self.max_voltage) / LONGEST_STOP
+        if self.stop_slew < least:
+            raise QuantityError(
+                f"Limits.stop_slew = {self.stop_slew:g} V/s is out of range: it must be >= {least:g} V/s, for a "
+                f"stop from the greatest voltage may take {LONGEST_STOP:g} s"
             )
 
     @property
@@ -75,50 +87,3 @@ def check_drive(volts: Array, limits: Limits, can: Capabilities) -> None:
             f"the drive is away from 0 V for {100 * duty:.3g} % of the run, more than the greatest duty "
             f"of {100 * limits.max_duty:.3g} %"
         )
-
-
-class Gate:
-    """The way to a rig's output: nothing is put out that the limits do not allow.
-
-    Limits hold for what is asked for; a converter then takes one of its steps beside it.
-    """
-
-    def __init__(self, output: DriveOutput, limits: Limits, capabilities: Capabilities) -> None:
-        self._output, self._limits, self._can = output, limits, capabilities
-        self._heard = 0.0
-
-    def load(self, volts: Array) -> None:
-        """Check the drive and hand it to the output; raises LimitError."""
-        check_drive(volts, self._limits, self._can)
-        self._output.load(volts)
-
-    def start(self) -> None:
-        """Start the output that was loaded, and the watchdog."""
-        self._heard = time.monotonic()
-        self._output.start()
-
-    def heard(self, samples: int) -> None:
-        """The rig gave so many samples; raises LimitError where it has been silent for too long."""
-        now = time.monotonic()
-        if samples:
-            self._heard = now
-        elif now - self._heard > self._limits.watchdog:
-            raise LimitError(
-                f"watchdog: nothing came from {self._can.name} for {with_prefix(now - self._heard, 's')}"
-            )
-
-    def watch(self, positions: Array) -> None:
-        """Positions [n] of the end-effector, m; raises LimitError where one is beyond an end stop."""
-        for value, limit, sign in (
-            (float(positions.min(initial=_INF)), self._limits.min_position, -1),
-            (float(positions.max(initial=-_INF)), self._limits.max_position, 1),
-        ):
-            if sign * (value - limit) > 0.0 and positions.size:
-                raise LimitError(
-                    f"the end-effector is at {with_prefix(value, 'm')}, beyond the end stop at "
-                    f"{with_prefix(limit, 'm')}: stopped"
-                )
-
-    def stop(self) -> None:
-        """A safe ramp to 0 V, from wherever the output is."""
-        self._output.stop(self._limits.stop_slew)

@@ -1,43 +1,33 @@
-"""One recording from any rig: put out a drive through the gate, record, calibrate, filter, trigger, cut."""
+"""One recording from any rig: put out a drive through the gate, watch what comes, record."""
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import xarray as xr
 
-from ..calibration import Calibration, CalibrationError
-from ..calibration.applying import calibration_attribute, calibration_chain
-from ..calibration.storage import to_text
-from ..electronics import Filter, filtered
-from ..recording import STANDARD_NAMES, make_recording
+from ..calibration import CalibrationError
+from ..calibration.applying import calibration_chain
+from ..recording import STANDARD_NAMES, save_recording
 from ..records import did_you_mean
 from ..units import QuantityError, with_prefix
 from ..waveform.signal import Waveform, value_at
-from .capture import Capture, CaptureError, find_trigger, picks, stride
-from .limits import Gate, LimitError, Limits, check_drive
-from .protocols import Array, Capabilities, Rig
+from .capture import Capture, CaptureError, find_trigger, stride
+from .gate import Gate, PositionInput
+from .home import Home
+from .limits import LimitError, Limits, check_drive
+from .protocols import Array, Capabilities, Rig, RigError
+from .recorded import Channel, Making
+from .samples import Samples
 
 DRIVE, POSITION = "drive", "end_effector_position"
 SETTLING = 0.01  # s before the pre-trigger, for filters to settle
-
-
-class Channel(NamedTuple):
-    """A variable of the recording: the rig's input, and what is done to it.
-
-    `calibration` is applied to the raw samples, one after the other; then the `filter`; `zero` takes off the
-    mean of what is before the trigger.
-    """
-
-    input: str
-    calibration: tuple[Calibration, ...] = ()
-    filter: Filter | None = None
-    zero: bool = False
 
 
 class Plan(NamedTuple):
@@ -58,9 +48,15 @@ def measure(
     *,
     title: str = "",
     notes: str = "",
+    attributes: Mapping[str, Any] | None = None,
     progress: Callable[[float], None] | None = None,
+    home: Home | None = None,
+    save: Path | None = None,
 ) -> xr.Dataset:
-    """A recording.
+    """A recording. However the run ends, the output ramps to 0 V.
+
+    Where it does not end as it should, the error has an attribute `recording`: what was recorded until then, or
+    None; its attribute `outcome` says why it ended, and is "complete" for a whole recording.
 
     Args:
         rig: virtual or real.
@@ -68,43 +64,71 @@ def measure(
         channels: by the name of the variable they become.
         capture: length, interval, trigger, averaging.
         limits: what the output may not pass.
-        title, notes: kept with the recording.
+        title, notes, attributes: kept with the recording.
         progress: called with the part done, from 0 to 1.
+        home: where positions count from; by default where the end-effector was when this rig was first used.
+            A `HostedRig` has a home of its own.
+        save: the file to save the recording to, NAME.nc. Room for it is taken before the first volt, and the
+            samples are kept beside it while the run goes on: should the program be killed, `samples.recover`
+            makes a recording of them.
 
     Raises:
         QuantityError: a channel, the drive or the capture does not fit the rig. Nothing was put out.
         LimitError: the drive was refused, or stopped.
         CaptureError: the trigger did not come.
         RigError: the rig does not answer as it should.
+        OSError: there is no room for the recording. Nothing was put out.
     """
     can = rig.capabilities
     units = channel_units(can, channels, limits)
     plan = plan_run(can, drive, channels, capture, limits)
-    inputs = tuple(dict.fromkeys(channel.input for channel in channels.values()))
+    texts = {"title": title, "notes": notes, **(attributes or {})}
+    shown = repr(drive)[:2000]
+    making = Making(can, channels, units, capture, limits, plan.begin, plan.wait, shown, texts)
+    home = _home_of(rig) if home is None else home
     total: dict[str, Array] = {}
-    for run in range(int(capture.average)):
-        raw = _run(rig, plan, inputs, channels, limits, partial(_tell, progress, run, capture))
-        full = {name: _processed(raw[inputs.index(c.input)], c, can) for name, c in channels.items()}
-        chosen = picks(capture, can.sample_rate, _trigger(full, capture, plan, can))
-        for name, channel in channels.items():
-            kept = full[name][chosen]
-            if channel.zero:
-                kept = kept - kept[: max(capture.before, 1)].mean()
-            total[name] = total.get(name, 0.0) + kept / capture.average
-    applied = {name: [to_text(c) for c in channel.calibration] for name, channel in channels.items()}
-    made = make_recording(
-        np.arange(capture.samples) * capture.interval,
-        {name: (values, units[name]) for name, values in total.items()},
-        title=title,
-        notes=notes,
-        source=can.name,
-        calibration=calibration_attribute(applied),
-        processing="; ".join(_steps(channels, capture, can)),
-    )
-    made.attrs["capture"] = json.dumps(_plain(capture))
-    made.attrs["limits"] = json.dumps({k: v for k, v in limits._asdict().items() if math.isfinite(v)})
-    made.attrs["drive"] = repr(drive)[:2000]
-    return made
+    samples = None if save is None else Samples(save, making, plan.samples)
+    try:
+        for run in range(int(capture.average)):
+            if samples is not None and run:
+                samples.restart()
+            raw, failure = _run(rig, plan, making, home, samples, partial(_tell, progress, run, capture))
+            if failure is None:
+                try:
+                    values = making.values(raw)
+                except CaptureError as missed:
+                    failure = missed
+            if failure is not None:
+                failure.recording = making.unfinished(raw, _why(failure)) if raw.size else None  # type: ignore[attr-defined]
+                raise failure
+            for name in channels:
+                total[name] = total.get(name, 0.0) + values[name] / capture.average
+        recording = making.recording(total, np.arange(capture.samples) * capture.interval)
+        if samples is not None and save is not None:
+            samples.make_room()
+            try:
+                save_recording(recording, save)
+            except BaseException:
+                samples.leave()
+                raise
+        return recording
+    finally:
+        if samples is not None:
+            samples.close()
+
+
+_HOMES: WeakKeyDictionary[Rig, Home] = WeakKeyDictionary()
+
+
+def _home_of(rig: Rig) -> Home:
+    try:
+        return _HOMES.setdefault(rig, Home())
+    except TypeError:  # somebody's rig that cannot be a key
+        return Home()
+
+
+def _why(failure: BaseException) -> str:
+    return str(failure) or {"KeyboardInterrupt": "interrupted"}.get(type(failure).__name__, type(failure).__name__)
 
 
 def _tell(progress: Callable[[float], None] | None, run: int, capture: Capture, part: float) -> None:
@@ -168,65 +192,6 @@ def _wait(
     return math.ceil((found / can.update_rate + 0.005) * can.sample_rate)
 
 
-def _run(
-    rig: Rig,
-    plan: Plan,
-    inputs: tuple[str, ...],
-    channels: Mapping[str, Channel],
-    limits: Limits,
-    progress: Callable[[float], None],
-) -> Array:
-    """One run: the raw samples [inputs, samples]. However it ends, the output ramps to 0 V."""
-    gate = Gate(rig, limits, rig.capabilities)
-    position = channels.get(POSITION) if limits.end_stops else None
-    home = None
-    gate.load(plan.volts)
-    rig.arm(inputs, plan.samples)
-    blocks, done = [], 0
-    try:
-        gate.start()
-        while done < plan.samples:
-            block = rig.fetch()
-            gate.heard(block.shape[1])
-            if position is not None and block.shape[1]:
-                at = _calibrated(block[inputs.index(position.input)], position)
-                home = at[: plan.begin].mean() if home is None else home
-                gate.watch(at - home)
-            blocks.append(block)
-            done += block.shape[1]
-            progress(done / plan.samples)
-    finally:
-        gate.stop()
-    return np.concatenate(blocks, axis=1)
-
-
-def _calibrated(raw: Array, channel: Channel) -> Array:
-    for calibration in channel.calibration:
-        raw = calibration(raw)
-    return raw
-
-
-def _processed(raw: Array, channel: Channel, can: Capabilities) -> Array:
-    values = _calibrated(raw, channel)
-    return values if channel.filter is None else filtered(channel.filter, values, can.sample_rate)
-
-
-def _trigger(full: Mapping[str, Array], capture: Capture, plan: Plan, can: Capabilities) -> int:
-    """The sample at which the recording is triggered."""
-    if capture.trigger is None:
-        return plan.begin
-    values = full[capture.trigger.signal]
-    found = find_trigger(values, capture.trigger, plan.begin - 1)
-    if found is None or found > plan.begin + plan.wait:
-        name, level, edge = capture.trigger
-        raise CaptureError(
-            f"no trigger: {name} did not pass {level:g} ({edge} edge) within "
-            f"{with_prefix(plan.wait / can.sample_rate, 's')}; it went from {values.min():.4g} to "
-            f"{values.max():.4g}"
-        )
-    return found
-
-
 def channel_units(can: Capabilities, channels: Mapping[str, Channel], limits: Limits) -> dict[str, str]:
     """The unit of each channel, calibrated; raises QuantityError for channels that the rig cannot record."""
     if not channels:
@@ -281,24 +246,41 @@ def _check_speed(can: Capabilities, drive: Waveform) -> None:
             )
 
 
-def _steps(channels: Mapping[str, Channel], capture: Capture, can: Capabilities) -> list[str]:
-    """What was done to the samples, in words."""
-    steps = [f"sampled at {with_prefix(can.sample_rate, 'Hz')}"]
-    for name, channel in channels.items():
-        if channel.filter is not None:
-            low = channel.filter
-            corner = with_prefix(low.corner, "Hz")
-            family = low.family if low.family == "elliptic" else low.family.capitalize()
-            steps.append(f"{name} behind a filter ({family}, order {low.order:g}, {corner})")
-        if channel.zero:
-            steps.append(f"{name} less its mean before the trigger")
-    if stride(capture, can.sample_rate) > 1:
-        steps.append(f"every {stride(capture, can.sample_rate)}th sample kept")
-    if capture.average > 1:
-        steps.append(f"mean of {capture.average:g} runs")
-    return steps
-
-
-def _plain(capture: Capture) -> dict[str, object]:
-    found = capture._asdict()
-    return {**found, "trigger": capture.trigger._asdict() if capture.trigger else None}
+def _run(
+    rig: Rig,
+    plan: Plan,
+    making: Making,
+    home: Home,
+    samples: Samples | None,
+    progress: Callable[[float], None],
+) -> tuple[Array, BaseException | None]:
+    """One run: the raw samples [inputs, n], and what ended it before all of them were there, if anything did."""
+    channel = making.channels.get(POSITION)
+    position = None if channel is None else PositionInput(channel.input, channel.calibration)
+    guard = getattr(rig, "guard", None)  # of a rig that watches all this itself, in a process of its own
+    if guard is not None:
+        guard(making.limits, position, plan.begin)
+    gate = Gate(rig, making.limits, making.can, home)
+    gate.load(plan.volts)
+    gate.arm(making.inputs, plan.samples, None if guard is not None else position, plan.begin)
+    blocks, done, failure = [np.zeros((len(making.inputs), 0))], 0, None
+    try:
+        gate.start()
+        while done < plan.samples:
+            block = rig.fetch()
+            blocks.append(block)
+            if samples is not None:
+                samples.add(block)
+            gate.take(block)
+            done += block.shape[1]
+            progress(done / plan.samples)
+    except BaseException as error:
+        failure = error
+    try:
+        gate.stop()
+    except RigError as error:
+        if failure is None:
+            failure = error
+        else:
+            failure.add_note(f"The stop failed too: {error}")
+    return np.concatenate(blocks, axis=1), failure

@@ -15,9 +15,10 @@ from ..simulation.trajectory import COMPLETE, follow
 from ..units import QuantityError
 from ..waveform.sampled import Sampled
 from .bench import Bench, Mounted
+from .limits import LONGEST_STOP
 from .protocols import Array, Capabilities, RigError
 
-BLOCK = 0.05  # s of samples per `fetch`
+BLOCK = 0.02  # s of samples per `fetch`: a stop waits for no more
 OVERSAMPLING = 4  # analogue signals are computed at so many times the sampling rate
 _COLUMN = {"stage": STAGE, "end_effector": SLIDER}  # of a trajectory
 _SETTLE = 1e-3  # s at 0 V after a stop, for the amplifier to get there
@@ -36,7 +37,8 @@ class VirtualRig:
         real_time: hand out samples no sooner than a real rig would.
         tolerance: m, of the simulation.
 
-    Each run begins with the end-effector at home, at rest.
+    Each run begins at rest, and its readings at zero, as those of a sensor that counts from its start do;
+    `origin` is how far the end-effector had come before, m.
     """
 
     def __init__(
@@ -61,6 +63,8 @@ class VirtualRig:
         half = 0.5 * bench.dac.step * bench.amplifier.gain if bench.dac.truncates else 0.0
         self._offset = bench.amplifier.offset - half
         self._runs = 0
+        self.origin = 0.0
+        self._slid = np.zeros(0)  # end-effector from stage at each sample of the run, m
         self._volts = np.zeros(0)
         self._inputs: tuple[str, ...] = ()
         self._samples = self._fetched = 0
@@ -125,9 +129,16 @@ class VirtualRig:
         return block
 
     def stop(self, slew: float) -> None:
-        """Ramp to 0 V from what the output is at by now: where the samples end that were handed out."""
+        """Ramp to 0 V from what the output is at by now: where the samples end that were handed out.
+
+        However slow it is asked for, it takes `limits.LONGEST_STOP` at most.
+        """
         if not self._running:
             return
+        if self._fetched and not self.actuator.clamped:  # it sticks to the stage as that goes back to 0 V
+            self.origin += float(self._slid[self._fetched - 1])
+        longest = float(np.abs(self._volts).max()) / LONGEST_STOP
+        slew = max(slew, longest) if math.isfinite(slew) else math.inf
         rate = self.bench.dac.update_rate
         played = max(1, math.ceil(self._fetched * rate / self.bench.sample_rate))
         volts = _held(self._volts, played)
@@ -171,6 +182,8 @@ class VirtualRig:
         )
         if moved.outcome != COMPLETE:
             raise RigError(f"the simulation of the actuator {moved.outcome}")
+        at = moved.samples[::OVERSAMPLING]
+        self._slid = at[:, SLIDER] - at[:, STAGE]
         rows = []
         for name in self._inputs:
             if name == "drive":

@@ -9,8 +9,11 @@ import numpy as np
 from scipy.signal import sosfilt, sosfilt_zi
 
 from ..electronics.filters import sections
-from .measurement import SETTLING, Channel
+from .gate import PositionInput
+from .limits import Limits
+from .measurement import SETTLING
 from .protocols import Array, Capabilities, Rig
+from .recorded import Channel
 
 
 class WatchedRig:
@@ -45,6 +48,16 @@ class WatchedRig:
     def capabilities(self) -> Capabilities:
         """Those of the rig."""
         return self._rig.capabilities
+
+    @property
+    def origin(self) -> float:
+        """That of the rig."""
+        return getattr(self._rig, "origin", 0.0)
+
+    @property
+    def guard(self) -> Callable[[Limits, PositionInput | None, int], None] | None:
+        """That of a rig which watches itself."""
+        return getattr(self._rig, "guard", None)
 
     def load(self, volts: Array) -> None:
         """Take the drive."""

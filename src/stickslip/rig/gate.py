@@ -1,0 +1,146 @@
+"""The one gate that every output passes, and what the rig says while it runs."""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import NamedTuple
+
+import numpy as np
+
+from ..calibration import Calibration
+from ..units import with_prefix
+from .home import Home
+from .limits import LimitError, Limits, check_drive
+from .protocols import Array, Capabilities, Rig
+
+FROZEN_DRIVE = 10.0  # V by which the drive must move for unchanged readings to be a fault
+_ANSWER = 0.01  # s in which a sensor answers to the drive
+
+
+class PositionInput(NamedTuple):
+    """The input that shows where the end-effector is, and the calibrations from its readings to metres."""
+
+    name: str
+    calibration: tuple[Calibration, ...]
+
+
+class Gate:
+    """The way to a rig's output: nothing is put out that the limits do not allow.
+
+    Voltages are checked as they are asked for; a converter then takes one of its steps beside it.
+
+    Args:
+        rig: what puts out and records.
+        limits: what it may not pass.
+        capabilities: those of the rig.
+        home: from where positions count; by default from the first reading.
+    """
+
+    def __init__(self, rig: Rig, limits: Limits, capabilities: Capabilities, home: Home | None = None) -> None:
+        self._rig, self._limits, self._can = rig, limits, capabilities
+        self._home = home or Home()
+        self._heard = 0.0
+        self._volts = np.zeros(1)
+        self._inputs: tuple[str, ...] = ()
+        self._position: PositionInput | None = None
+        self._rest = self._done = self._same = 0
+        self._origin, self._last = 0.0, math.nan
+        self.began: float | None = None
+
+    def load(self, volts: Array) -> None:
+        """Check the drive and hand it to the output; raises LimitError."""
+        check_drive(volts, self._limits, self._can)
+        self._volts = volts
+        self._rig.load(volts)
+
+    def arm(
+        self, inputs: tuple[str, ...], samples: int, position: PositionInput | None = None, rest: int = 0
+    ) -> None:
+        """Record these inputs; the first `rest` samples are before the drive."""
+        self._inputs, self._position, self._rest = inputs, position, rest
+        self._origin = getattr(self._rig, "origin", 0.0)
+        self._done = self._same = 0
+        self._last, self.began = math.nan, None
+        self._rig.arm(inputs, samples)
+
+    def start(self) -> None:
+        """Start the output that was loaded, and the watchdog."""
+        self._rig.start()
+        self._heard = time.monotonic()
+
+    def take(self, block: Array) -> None:
+        """Look at the samples [inputs, n] that the rig gave.
+
+        Raises:
+            LimitError: the rig was silent for too long; a reading is not finite, has not changed while the
+                drive moved, or is beyond an end stop.
+        """
+        self._hear(block.shape[1])
+        if not block.shape[1]:
+            return
+        self._check_finite(block)
+        if self._position is not None:
+            raw = block[self._inputs.index(self._position.name)]
+            self._check_moving(self._position.name, raw)
+            self._check_position(raw, self._position)
+        self._done += block.shape[1]
+
+    def stop(self) -> None:
+        """A safe ramp to 0 V, from wherever the output is."""
+        self._rig.stop(self._limits.stop_slew)
+
+    def _hear(self, samples: int) -> None:
+        now = time.monotonic()
+        if samples:
+            self._heard = now
+        elif now - self._heard > self._limits.watchdog:
+            raise LimitError(
+                f"watchdog: nothing came from {self._can.name} for {with_prefix(now - self._heard, 's')}"
+            )
+
+    def _check_finite(self, block: Array) -> None:
+        finite = np.isfinite(block)
+        if not finite.all():
+            row, column = np.argwhere(~finite)[0]
+            raise LimitError(
+                f"the input {self._inputs[row]!r} reads {block[row, column]} at sample {self._done + column}: "
+                "stopped"
+            )
+
+    def _check_moving(self, source: str, raw: Array) -> None:
+        changes = np.flatnonzero(np.diff(raw, prepend=self._last) != 0.0)
+        self._same = raw.size - int(changes[-1]) if changes.size else self._same + raw.size
+        self._last = float(raw[-1])
+        rate, end = self._can.sample_rate, self._done + raw.size
+        if self._same < max(self._limits.frozen * rate, 2.0):
+            return
+        span = np.array([end - self._same, end - _ANSWER * rate]) * (self._can.update_rate / rate)
+        low, high = np.clip(span.astype(int), 0, self._volts.size - 1)
+        moved = float(np.ptp(self._volts[low : high + 1])) if high > low else 0.0
+        if moved >= FROZEN_DRIVE:
+            raise LimitError(
+                f"the input {source!r} is frozen: it has read {self._last:.6g} for "
+                f"{with_prefix(self._same / rate, 's')} while the drive moved by "
+                f"{with_prefix(moved, 'V')}: stopped"
+            )
+
+    def _check_position(self, raw: Array, position: PositionInput) -> None:
+        home = self._home
+        if position.name not in home.readings:
+            rest = raw[: max(self._rest, 1)]
+            home.set(position.name, float(rest.mean()), self._origin)
+        at = home.positions(position.name, raw, position.calibration, self._origin)
+        if self.began is None:
+            self.began = float(at[: max(self._rest, 1)].mean())
+        home.position = float(at[-1])
+        for value, limit, sign in (
+            (float(at.min()), self._limits.min_position, -1),
+            (float(at.max()), self._limits.max_position, 1),
+        ):
+            if sign * (value - limit) > 0.0:
+                raise LimitError(
+                    f"the end-effector is at {with_prefix(value, 'm')} from home, beyond the end stop at "
+                    f"{with_prefix(limit, 'm')}: stopped"
+                )
+

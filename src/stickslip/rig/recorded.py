@@ -1,0 +1,207 @@
+"""From the raw samples of a rig to a recording: calibrated, filtered, triggered, cut."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from ..calibration import Calibration
+from ..calibration.applying import calibration_attribute
+from ..calibration.storage import from_text, to_text
+from ..electronics import Filter, filtered
+from ..recording import make_recording
+from ..units import with_prefix
+from .capture import Capture, CaptureError, Trigger, find_trigger, picks, stride
+from .home import calibrated
+from .limits import Limits
+from .protocols import Array, Capabilities
+
+COMPLETE = "complete"
+
+
+class Channel(NamedTuple):
+    """A variable of the recording: the rig's input, and what is done to it.
+
+    `calibration` is applied to the raw samples, one after the other; then the `filter`; `zero` takes off the
+    mean of what is before the trigger.
+    """
+
+    input: str
+    calibration: tuple[Calibration, ...] = ()
+    filter: Filter | None = None
+    zero: bool = False
+
+
+class Making(NamedTuple):
+    """All that makes a recording of raw samples: `begin` is the sample at which the drive begins, `wait` how
+    many samples later its trigger comes at the latest, `texts` the title, the notes and other attributes."""
+
+    can: Capabilities
+    channels: Mapping[str, Channel]
+    units: Mapping[str, str]
+    capture: Capture
+    limits: Limits
+    begin: int
+    wait: int
+    drive: str
+    texts: Mapping[str, Any]
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """What the rig records."""
+        return tuple(dict.fromkeys(channel.input for channel in self.channels.values()))
+
+    def values(self, raw: Array) -> dict[str, Array]:
+        """The channels of one whole run, raw samples [inputs, samples], at the samples that are kept.
+
+        Raises:
+            CaptureError: the trigger did not come.
+        """
+        full = self._processed(raw)
+        chosen = picks(self.capture, self.can.sample_rate, self._trigger(full))
+        return {name: self._zeroed(name, full[name][chosen], self.capture.before) for name in self.channels}
+
+    def recording(self, total: Mapping[str, Array], time: Array, outcome: str = COMPLETE) -> xr.Dataset:
+        """The recording of these values, and what was done to them; `outcome` says how the run ended."""
+        texts = {name: [to_text(c) for c in channel.calibration] for name, channel in self.channels.items()}
+        made = make_recording(
+            time,
+            {name: (values, self.units[name]) for name, values in total.items()},
+            source=self.can.name,
+            calibration=calibration_attribute(texts),
+            processing="; ".join(self._steps()),
+        )
+        made.attrs.update(self.texts)
+        made.attrs["capture"] = json.dumps(_plain(self.capture))
+        made.attrs["limits"] = json.dumps(
+            {k: v for k, v in self.limits._asdict().items() if math.isfinite(v)}
+        )
+        made.attrs["drive"] = self.drive
+        made.attrs["outcome"] = outcome
+        return made
+
+    def unfinished(self, raw: Array, why: str) -> xr.Dataset | None:
+        """What there is of a run that was not finished, up to the first reading that is no number; None for
+        less than two samples."""
+        broken = np.flatnonzero(~np.isfinite(raw).all(axis=0))
+        raw = raw[:, : broken[0]] if broken.size else raw
+        if raw.shape[1] < 2:
+            return None
+        full = self._processed(raw)
+        step = stride(self.capture, self.can.sample_rate)
+        try:
+            trigger = self._trigger(full)
+        except CaptureError:
+            trigger = self.begin
+        first = max(trigger - self.capture.before * step, 0)
+        if raw.shape[1] - first < step + 1:  # what is there is from before the recording's begin
+            first = 0
+        chosen = np.arange(first, raw.shape[1], step)[: self.capture.samples]
+        if chosen.size < 2:
+            return None
+        before = (trigger - first) // step
+        kept = {name: self._zeroed(name, full[name][chosen], before) for name in self.channels}
+        return self.recording(kept, np.arange(chosen.size) * self.capture.interval, f"stopped: {why}"[:1000])
+
+    def _zeroed(self, name: str, kept: Array, before: int) -> Array:
+        return kept - kept[: max(before, 1)].mean() if self.channels[name].zero else kept
+
+    def _processed(self, raw: Array) -> dict[str, Array]:
+        found = {}
+        for name, channel in self.channels.items():
+            values = calibrated(raw[self.inputs.index(channel.input)], channel.calibration)
+            if channel.filter is not None:
+                values = filtered(channel.filter, values, self.can.sample_rate)
+            found[name] = values
+        return found
+
+    def _trigger(self, full: Mapping[str, Array]) -> int:
+        """The sample at which the recording is triggered."""
+        if self.capture.trigger is None:
+            return self.begin
+        values = full[self.capture.trigger.signal]
+        found = find_trigger(values, self.capture.trigger, self.begin - 1)
+        if found is None or found > self.begin + self.wait:
+            name, level, edge = self.capture.trigger
+            raise CaptureError(
+                f"no trigger: {name} did not pass {level:g} ({edge} edge) within "
+                f"{with_prefix(self.wait / self.can.sample_rate, 's')}; it went from {values.min():.4g} to "
+                f"{values.max():.4g}"
+            )
+        return found
+
+    def _steps(self) -> list[str]:
+        """What was done to the samples, in words."""
+        capture, rate = self.capture, self.can.sample_rate
+        steps = [f"sampled at {with_prefix(rate, 'Hz')}"]
+        for name, channel in self.channels.items():
+            if channel.filter is not None:
+                low = channel.filter
+                corner = with_prefix(low.corner, "Hz")
+                family = low.family if low.family == "elliptic" else low.family.capitalize()
+                steps.append(f"{name} behind a filter ({family}, order {low.order:g}, {corner})")
+            if channel.zero:
+                steps.append(f"{name} less its mean before the trigger")
+        if stride(capture, rate) > 1:
+            steps.append(f"every {stride(capture, rate)}th sample kept")
+        if capture.average > 1:
+            steps.append(f"mean of {capture.average:g} runs")
+        return steps
+
+    def to_text(self) -> str:
+        """As JSON, for the samples that are kept while a run goes on."""
+        content = self._asdict() | {
+            "can": self.can._asdict(),
+            "channels": {name: channel_document(one) for name, one in self.channels.items()},
+            "units": dict(self.units),
+            "capture": _plain(self.capture),
+            "limits": self.limits._asdict(),
+            "texts": dict(self.texts),
+        }
+        return json.dumps(content)
+
+    @classmethod
+    def from_text(cls, text: str) -> Making:
+        """Of such a text; raises ValueError, LookupError or TypeError for another."""
+        content = json.loads(text)
+        trigger = content["capture"].pop("trigger")
+        return cls(
+            **content
+            | {
+                "can": Capabilities(**content["can"]),
+                "channels": {name: channel_of(one) for name, one in content["channels"].items()},
+                "capture": Capture(**content["capture"], trigger=Trigger(**trigger) if trigger else None),
+                "limits": Limits(**content["limits"]),
+            }
+        )
+
+
+def channel_document(channel: Channel) -> dict[str, Any]:
+    """A channel as JSON has it."""
+    return {
+        "input": channel.input,
+        "calibration": [to_text(one) for one in channel.calibration],
+        "filter": None if channel.filter is None else channel.filter._asdict(),
+        "zero": channel.zero,
+    }
+
+
+def channel_of(content: Mapping[str, Any]) -> Channel:
+    """The channel of what `channel_document` gives."""
+    low = content["filter"]
+    return Channel(
+        str(content["input"]),
+        tuple(from_text(one) for one in content["calibration"]),
+        None if low is None else Filter(**low),
+        bool(content["zero"]),
+    )
+
+
+def _plain(capture: Capture) -> dict[str, object]:
+    found = capture._asdict()
+    return {**found, "trigger": capture.trigger._asdict() if capture.trigger else None}

@@ -1,0 +1,148 @@
+"""The raw samples of a run on disk while it goes on: whoever dies, what was recorded is not lost.
+
+The file lies beside the recording to be and is as long as it can become before the first volt is put out, with
+room for the recording itself: a disk that is full refuses the run instead of losing it.
+
+    bytes 0-7     number of samples that are there, unsigned, lowest byte first
+    bytes 8-15    length of the description
+    then          the description, JSON (see `recorded.Making`)
+    then          float64, all inputs of a sample one after the other
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+import xarray as xr
+
+from ..recording import save_recording
+from ..recording.replacing import is_running
+from .protocols import Array
+from .recorded import Making
+
+_SUFFIX = ".samples"
+_HEAD = struct.Struct("<QQ")
+_OVERHEAD = 200_000  # bytes of a recording beside its samples
+KILLED = "the program was killed"
+
+
+class Samples:
+    """The file of one run; a context, at whose end it is gone.
+
+    Args:
+        target: the recording to be, NAME.nc.
+        making: what makes it.
+        samples: how many the run has.
+
+    Raises:
+        OSError: the folder cannot be written, or the disk has no room for all of it; names the target.
+    """
+
+    def __init__(self, target: Path, making: Making, samples: int) -> None:
+        self._path = target.with_name(f".{target.stem}.{os.getpid()}{_SUFFIX}")
+        self._width = len(making.inputs)
+        text = making.to_text().encode()
+        self._begin = _HEAD.size + len(text)
+        self._raw = self._begin + 8 * samples * self._width
+        recorded = 8 * making.capture.samples * (len(making.channels) + 1) + _OVERHEAD
+        self._count = 0
+        try:
+            self._file = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o644)
+            try:
+                _reserve(self._file, self._raw + recorded)
+                os.pwrite(self._file, _HEAD.pack(0, len(text)) + text, 0)
+            except OSError:
+                self.close()
+                raise
+        except OSError as error:
+            raise OSError(
+                error.errno, f"no room for {(self._raw + recorded) / 1e6:.3g} MB: {error.strerror}", str(target)
+            ) from error
+
+    def __enter__(self) -> Samples:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def restart(self) -> None:
+        """Another run of the same recording begins."""
+        self._count = 0
+        os.pwrite(self._file, struct.pack("<Q", 0), 0)
+
+    def add(self, block: Array) -> None:
+        """The next samples [inputs, n]."""
+        at = self._begin + 8 * self._count * self._width
+        os.pwrite(self._file, np.ascontiguousarray(block.T, dtype="<f8").tobytes(), at)
+        self._count += block.shape[1]
+        os.pwrite(self._file, struct.pack("<Q", self._count), 0)
+
+    def make_room(self) -> None:
+        """The run is over: give back what was kept for the recording."""
+        os.ftruncate(self._file, self._begin + 8 * self._count * self._width)
+
+    def close(self) -> None:
+        """Remove the file, unless it was left."""
+        os.close(self._file)
+        self._path.unlink(missing_ok=True)
+
+    def leave(self) -> None:
+        """Let the file lie, as that of a program that was killed: the recording could not be written."""
+        with suppress(OSError):
+            self._path.rename(self._path.with_name(self._path.name.replace(f".{os.getpid()}.", ".0.")))
+
+
+def _reserve(file: int, size: int) -> None:
+    if hasattr(os, "posix_fallocate"):
+        os.posix_fallocate(file, 0, size)
+    else:
+        os.truncate(file, size)
+
+
+def recover(folder: Path) -> list[Path]:
+    """Make recordings of the samples that killed programs left in a folder; their paths.
+
+    What cannot be read is left as it is.
+    """
+    made = []
+    for path in sorted(folder.glob(f".*{_SUFFIX}")):
+        name, process = path.name[1:].removesuffix(_SUFFIX).rpartition(".")[::2]
+        if not name or not process.isdecimal() or is_running(int(process)):
+            continue
+        with suppress(OSError, ValueError, LookupError, TypeError):
+            target = folder / f"{name}.nc"
+            saved = target.is_file() and target.stat().st_mtime >= path.stat().st_mtime
+            recording = None if saved else _read(path)
+            if recording is not None:
+                made.append(save_recording(recording, unfinished_path(target)))
+            path.unlink()
+    return made
+
+
+def unfinished_path(target: Path) -> Path:
+    """Where what there is of NAME.nc goes: unfinished/NAME.nc beside it, or with a number, none that is there."""
+    folder = target.parent / "unfinished"
+    folder.mkdir(exist_ok=True)
+    number, path = 1, folder / target.name
+    while path.exists():
+        number += 1
+        path = folder / f"{target.stem}-{number}.nc"
+    return path
+
+
+def _read(path: Path) -> xr.Dataset | None:
+    with path.open("rb") as file:
+        count, length = _HEAD.unpack(file.read(_HEAD.size))
+        if length > path.stat().st_size:
+            raise ValueError("damaged")
+        making = Making.from_text(file.read(length).decode())
+        width = len(making.inputs)
+        raw = np.frombuffer(file.read(8 * count * width), dtype="<f8").reshape(-1, width).T
+    return making.unfinished(np.array(raw), KILLED)
