@@ -157,7 +157,11 @@ def test_the_rig_stops_at_an_end_stop_and_keeps_what_was_recorded(tmp_path: Path
     content = {**SMALL, "limits": {"max_position": "5 um"}}
     with pytest.raises(LimitError, match="end stop"):
         run_experiment(written(tmp_path, content), tmp_path)
-    assert {path.stem for path in tmp_path.glob("*.nc")} == {"walk_35V_50Hz_1", "walk_35V_50Hz_2"}
+    # The second of two repeats begins where the first one ended, some 3 um from home.
+    assert {path.stem for path in tmp_path.glob("*.nc")} == {"walk_35V_50Hz_1"}
+    kept = open_recording(tmp_path / "unfinished" / "walk_35V_50Hz_2.nc")
+    assert "beyond the end stop at 5 µm" in kept.attrs["outcome"]
+    assert kept.sizes["time"] > 10
     assert "stopped: LimitError" in (tmp_path / "experiment.log").read_text()
 
 

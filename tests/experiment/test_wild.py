@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from stickslip.actuator import load_actuator
 from stickslip.experiment import run_experiment
-from stickslip.experiment.cells import VirtualLaboratory, limits_of
+from stickslip.experiment.cells import limits_of
+from stickslip.experiment.laboratory import VirtualLaboratory
 from stickslip.experiment.running import read_experiment
 from stickslip.input_file import InputFileError
 from stickslip.recording import open_recording

@@ -10,7 +10,7 @@ import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from .._version import __version__
 from ..actuator import Actuator, load_actuator
@@ -18,20 +18,7 @@ from ..calibration import load_calibration
 from ..electronics import Filter
 from ..readers import read_recording
 from ..records import did_you_mean
-from ..rig import (
-    Bench,
-    Capabilities,
-    Capture,
-    Channel,
-    Home,
-    Limits,
-    Rig,
-    RigError,
-    ScpiRig,
-    Trigger,
-    VirtualRig,
-    load_bench,
-)
+from ..rig import Capabilities, Capture, Channel, Limits, RigError, Trigger
 from ..rig.measurement import channel_units, plan_run
 from ..units import QuantityError, to_si
 from ..waveform import knots, multisine, periodic, shapes
@@ -39,6 +26,7 @@ from ..waveform.sampled import Sampled
 from ..waveform.sequence import Sequence
 from ..waveform.signal import Waveform
 from .file import ChannelSpec, ExperimentFile, PartSpec, RunSpec, ScpiRigSpec
+from .laboratory import Laboratory, own_file
 
 MOST_CELLS = 10_000
 _SHAPES = {**vars(periodic), **vars(shapes), **vars(multisine), **vars(knots)}
@@ -63,64 +51,6 @@ class Cell:
     seed: int
     bench: str
     key: str
-
-
-class Laboratory(Protocol):
-    """Where the cells of a file are recorded; `home` is where positions count from, in all of them."""
-
-    home: Home
-
-    def rig(self, actuator: Actuator, seed: int) -> Rig:
-        """A rig for a cell."""
-        ...
-
-    def close(self) -> None:
-        """Leave the rig as it was found."""
-        ...
-
-
-class VirtualLaboratory:
-    """A virtual rig for each cell, all on one bench."""
-
-    def __init__(self, bench: Bench, real_time: bool) -> None:
-        self._bench, self._real_time = bench, real_time
-        self.home = Home()
-        self._last: VirtualRig | None = None
-
-    def rig(self, actuator: Actuator, seed: int) -> Rig:
-        """A new rig, whose end-effector is where that of the one before was left."""
-        made = VirtualRig(actuator, self._bench, seed=seed, real_time=self._real_time)
-        if self._last is not None:
-            made.origin = self._last.origin
-        self._last = made
-        return made
-
-    def close(self) -> None:
-        """Nothing to do."""
-
-
-class ScpiLaboratory:
-    """One rig on the network for all cells; what actuator is on it, the file can only say."""
-
-    def __init__(self, rig: ScpiRig) -> None:
-        self._rig = rig
-        self.home = Home()
-
-    def rig(self, actuator: Actuator, seed: int) -> Rig:
-        """The rig."""
-        del actuator, seed
-        return self._rig
-
-    def close(self) -> None:
-        """Let go of the connection."""
-        self._rig.close()
-
-
-def open_laboratory(file: ExperimentFile, folder: Path) -> Laboratory:
-    """The laboratory that a file names; ParameterSetError: a wrong bench, RigError: no answer."""
-    if isinstance(file.rig, ScpiRigSpec):
-        return ScpiLaboratory(ScpiRig(file.rig.resource))
-    return VirtualLaboratory(load_bench(_own(file.rig.bench, folder, ".toml")), file.rig.real_time)
 
 
 def cells(file: ExperimentFile, folder: Path, laboratory: Laboratory) -> list[Cell]:
@@ -174,7 +104,7 @@ def _cell(
     seed = (getattr(file.rig, "seed", 0) << 32) + zlib.crc32(name.encode())
     named = {k: v for k, v in file.variables.items() if not isinstance(v, bool)} | axes
     actuator = _actuator(file, run, named, folder)
-    can = laboratory.rig(actuator, seed).capabilities
+    can = laboratory.capabilities(actuator)
     limits = limits_of(file, actuator)
     units = channel_units(can, channels, limits)
     capture = _capture(run, can, units)
@@ -195,7 +125,7 @@ def _cell(
         capture=capture,
         limits=limits,
         seed=seed,
-        bench="" if isinstance(file.rig, ScpiRigSpec) else str(_own(file.rig.bench, folder, ".toml")),
+        bench="" if isinstance(file.rig, ScpiRigSpec) else str(own_file(file.rig.bench, folder, ".toml")),
         key=key,
     )
 
@@ -204,11 +134,6 @@ def _in_name(value: float | str) -> str:
     """A value as it may stand in the name of a file: "65V", "0.5Hz", "-3"."""
     text = value if isinstance(value, str) else f"{value:g}"
     return re.sub(r"[^A-Za-z0-9.+-]", "", text)[:40].strip(".") or "x"
-
-
-def _own(name: str, folder: Path, suffix: str) -> str | Path:
-    """A file beside the experiment file, where a name ends like one."""
-    return folder / name if name.endswith(suffix) else name
 
 
 def _substituted(value: Any, axes: Mapping[str, float | str]) -> Any:
@@ -225,7 +150,7 @@ def _substituted(value: Any, axes: Mapping[str, float | str]) -> Any:
 
 
 def _actuator(file: ExperimentFile, run: RunSpec, axes: Mapping[str, float | str], folder: Path) -> Actuator:
-    actuator = load_actuator(_own(file.actuator.set, folder, ".toml"))
+    actuator = load_actuator(own_file(file.actuator.set, folder, ".toml"))
     friction = {k: _substituted(v, axes) for k, v in file.actuator.friction.items()}
     changes = {k: _substituted(v, axes) for k, v in {**file.actuator.change, **run.change}.items()}
     if "friction" in changes or "name" in changes:
@@ -244,7 +169,7 @@ def _channel(name: str, spec: ChannelSpec, folder: Path) -> Channel:
     try:
         return Channel(
             spec.input,
-            tuple(load_calibration(_own(text, folder, ".json")) for text in spec.calibration),
+            tuple(load_calibration(own_file(text, folder, ".json")) for text in spec.calibration),
             None if spec.filter is None else Filter(**spec.filter.model_dump()),
             spec.zero,
         )

@@ -19,8 +19,9 @@ from ..recording import RecordingError, open_recording, save_csv, save_matlab, s
 from ..recording.replacing import remove_leftovers
 from ..rig import Home, Rig, measure
 from ..rig.samples import recover, unfinished_path
-from .cells import Cell, Laboratory, cells, open_laboratory, variables_attribute
+from .cells import Cell, cells, variables_attribute
 from .file import ExperimentFile
+from .laboratory import Laboratory, open_laboratory
 
 Progress = Callable[[str, float], None]
 Watch = Callable[[Cell, Rig], Rig]
@@ -74,6 +75,8 @@ def record_experiment(
     *,
     label: str | os.PathLike[str] = "experiment",
     watch: Watch | None = None,
+    rigs: Path | None = None,
+    who: str = "",
 ) -> list[Recorded]:
     """As `run_experiment`, of a file that has been read.
 
@@ -83,10 +86,11 @@ def record_experiment(
         out, progress, each: as `run_experiment`.
         label: what errors call the file.
         watch: called with each cell and its rig; gives the rig to record from, a `WatchedRig` around it say.
+        rigs, who: as `open_laboratory`.
     """
     label, out = Path(label), Path(out)
     tell = progress or (lambda doing, done: None)
-    laboratory = _opened(label, file, folder)
+    laboratory = _opened(label, file, folder, rigs, who)
     try:
         wanted = _cells(label, file, folder, laboratory)
         out.mkdir(parents=True, exist_ok=True)
@@ -131,9 +135,9 @@ def check_experiment(content: dict[str, Any], path: str | os.PathLike[str] = "ex
         raise explain(path, error) from error
 
 
-def _opened(path: Path, file: ExperimentFile, folder: Path) -> Laboratory:
+def _opened(path: Path, file: ExperimentFile, folder: Path, rigs: Path | None, who: str) -> Laboratory:
     try:
-        return open_laboratory(file, folder)
+        return open_laboratory(file, folder, rigs, who)
     except ValueError as error:
         raise InputFileError(f"{path}: {error}") from error
 

@@ -8,6 +8,9 @@ from .capture import CaptureError as CaptureError
 from .capture import Trigger as Trigger
 from .gate import Gate as Gate
 from .home import Home as Home
+from .hosted import HostedRig as HostedRig
+from .hosted import Link as Link
+from .hosted import folder_of as folder_of
 from .limits import LimitError as LimitError
 from .limits import Limits as Limits
 from .measurement import measure as measure

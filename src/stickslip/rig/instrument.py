@@ -4,13 +4,13 @@
 |---|---|
 | ``*IDN?`` ``*RST`` ``*CLS`` ``*OPC?`` | as IEEE 488.2 has them; ``*RST`` stops the output |
 | ``SYSTem:ERRor?`` | the oldest error, and takes it from the queue |
-| ``SYSTem:CAPabilities?`` | what the rig can do: a block of JSON |
+| ``SYSTem:CAPabilities?`` | what the rig can do: a block of JSON; `origin`, m, is how far the end-effector had come |
 | ``SOURce:DATA <block>`` | the drive at the piezo, V, float64, lowest byte first |
 | ``SENSe:CONFigure <points>,<input>,...`` | what to record |
 | ``INITiate`` | arm |
 | ``*TRG`` | start |
 | ``FETCh?`` | the next samples: a block of float64, input after input |
-| ``OUTPut:STOP <slew>`` | ramp to 0 V at this slew, V/s |
+| ``OUTPut:STOP <slew>`` | ramp to 0 V at this slew, V/s: so fast that it takes 10 s at most, and up to `max_slew` |
 
 Capitals are the short form; case does not matter. Blocks are those of definite length of IEEE 488.2. Every
 output passes the gate of `stickslip.rig.limits`.
@@ -27,7 +27,7 @@ import numpy as np
 from .._version import __version__
 from ..units import QuantityError
 from .gate import Gate
-from .limits import LimitError, Limits
+from .limits import LONGEST_STOP, LimitError, Limits
 from .protocols import Rig, RigError
 
 QUEUE = 20  # errors that are remembered
@@ -63,7 +63,7 @@ class Instrument:
             "*OPC?": lambda text, data: b"1",
             "*TRG": self._start,
             "SYST:ERR?": self._error,
-            "SYST:CAP?": lambda text, data: block(json.dumps(rig.capabilities._asdict()).encode()),
+            "SYST:CAP?": self._capabilities,
             "SOUR:DATA": self._load,
             "SENS:CONF": self._configure,
             "INIT": self._arm,
@@ -112,6 +112,10 @@ class Instrument:
         number, words = self._errors.popleft() if self._errors else (0, "No error")
         return f'{number},"{words}"'.encode()
 
+    def _capabilities(self, text: str, data: bytes | None) -> bytes:
+        found = self._rig.capabilities._asdict() | {"origin": getattr(self._rig, "origin", 0.0)}
+        return block(json.dumps(found).encode())
+
     def _load(self, text: str, data: bytes | None) -> None:
         if data is None or len(data) % 8:
             raise CommandError(-161, "Invalid block data; a block of float64 is needed")
@@ -141,8 +145,11 @@ class Instrument:
             slew = float(text)
         except ValueError:
             raise CommandError(-104, "Data type error; a slew in V/s is needed") from None
-        if not 0.0 < slew <= self._limits.max_slew:
-            raise CommandError(-222, f"Data out of range; a slew up to {self._limits.max_slew:g} V/s")
+        least = max(-self._limits.min_voltage, self._limits.max_voltage) / LONGEST_STOP
+        if not least <= slew <= self._limits.max_slew:
+            raise CommandError(
+                -222, f"Data out of range; a slew from {least:g} to {self._limits.max_slew:g} V/s"
+            )
         self._rig.stop(slew)
         self.running = False
 

@@ -15,7 +15,7 @@ class ScpiRig:
 
     Args:
         resource: VISA resource, ``TCPIP::127.0.0.1::5025::SOCKET``.
-        timeout: s, for each answer.
+        timeout: s, for each answer. `patience`, the same by default, is that for samples.
         backend: of PyVISA: "@py" is pyvisa-py, which needs no driver.
 
     Raises:
@@ -36,8 +36,14 @@ class ScpiRig:
         except (*self._failures, ValueError) as error:
             raise RigError(f"{resource} cannot be opened: {error}") from None
         self._resource, self._inputs = resource, 0
-        found = json.loads(self._query_block("SYST:CAP?"))
-        self.capabilities = Capabilities(**found)
+        self.timeout = self.patience = timeout
+        self.origin = 0.0
+        try:
+            self._check()  # an instrument that another program holds says so
+            self.capabilities = self._asked_capabilities()
+        except RigError:
+            self.close()
+            raise
 
     def load(self, volts: Array) -> None:
         """Send the drive, V at the piezo, one value per update."""
@@ -47,6 +53,7 @@ class ScpiRig:
 
     def arm(self, inputs: tuple[str, ...], samples: int) -> None:
         """Record these inputs when the output starts."""
+        self._asked_capabilities()
         self._do(f"SENS:CONF {samples},{','.join(inputs)}")
         self._do("INIT")
         self._inputs = len(inputs)
@@ -57,7 +64,7 @@ class ScpiRig:
 
     def fetch(self) -> Array:
         """The next samples [inputs, n]."""
-        content = self._query_block("FETC?")
+        content = self._query_block("FETC?", self.patience)
         if not content:
             self._check()
         values = np.frombuffer(content, dtype="<f8")
@@ -74,6 +81,15 @@ class ScpiRig:
         self._link.close()
         self._manager.close()
 
+    def _asked_capabilities(self) -> Capabilities:
+        """What it says of itself; `origin` is in it where readings begin at zero with each run."""
+        try:
+            found = json.loads(self._query_block("SYST:CAP?"))
+            self.origin = float(found.pop("origin", 0.0))
+            return Capabilities(**found)
+        except (ValueError, TypeError) as error:
+            raise RigError(f"{self._resource}: its capabilities cannot be read: {error}") from None
+
     def _do(self, command: str) -> None:
         self._try(lambda: self._link.write(command))
         self._check()
@@ -86,8 +102,9 @@ class ScpiRig:
             self._try(lambda: self._link.write("*CLS"))
             raise RigError(f"{self._resource}: {words.strip().strip(chr(34))} ({number})")
 
-    def _query_block(self, command: str) -> bytes:
+    def _query_block(self, command: str, patience: float | None = None) -> bytes:
         def ask() -> bytes:
+            self._link.timeout = 1000.0 * (patience or self.timeout)
             self._link.write(command)
             digits = self._link.read_bytes(2)
             if digits[:1] != b"#" or not digits[1:].isdigit():
@@ -95,6 +112,7 @@ class ScpiRig:
             length = int(self._link.read_bytes(int(digits[1:])))
             content = self._link.read_bytes(length) if length else b""
             self._link.read_bytes(1)  # line feed
+            self._link.timeout = 1000.0 * self.timeout
             return content
 
         return self._try(ask)

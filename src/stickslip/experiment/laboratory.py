@@ -1,0 +1,165 @@
+"""Where the recordings of an experiment file are made: on which rig, in which process."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from pathlib import Path
+from typing import Protocol
+
+from ..actuator import Actuator
+from ..rig import Bench, Capabilities, Home, HostedRig, Link, Rig, RigError, VirtualRig, folder_of, load_bench
+from ..rig.devices import scpi_device, virtual_device
+from .file import ExperimentFile, ScpiRigSpec
+
+
+class Laboratory(Protocol):
+    """Where the cells of a file are recorded; `home` is where positions count from, in all of them."""
+
+    home: Home
+
+    def capabilities(self, actuator: Actuator) -> Capabilities:
+        """Of the rig for a cell; nothing is put out."""
+        ...
+
+    def rig(self, actuator: Actuator, seed: int) -> Rig:
+        """A rig for a cell."""
+        ...
+
+    def close(self) -> None:
+        """Leave the rig as it was found."""
+        ...
+
+
+class VirtualLaboratory:
+    """A virtual rig for each cell, all on one bench, computed in this process as fast as it can."""
+
+    def __init__(self, bench: Bench, real_time: bool = False) -> None:
+        self._bench, self._real_time = bench, real_time
+        self.home = Home()
+        self._last: VirtualRig | None = None
+
+    def capabilities(self, actuator: Actuator) -> Capabilities:
+        """Those of the bench."""
+        return VirtualRig(actuator, self._bench).capabilities
+
+    def rig(self, actuator: Actuator, seed: int) -> Rig:
+        """A new rig, whose end-effector is where that of the one before was left."""
+        made = VirtualRig(actuator, self._bench, seed=seed, real_time=self._real_time)
+        if self._last is not None:
+            made.origin = self._last.origin
+        self._last = made
+        return made
+
+    def close(self) -> None:
+        """Nothing to do."""
+
+
+class HostedVirtualLaboratory:
+    """The same in the process that owns the rig of a folder, from run to run and for all its clients."""
+
+    def __init__(self, bench: Bench, name: str, real_time: bool, link: Link, own: Path | None = None) -> None:
+        self._bench, self._name, self._real_time, self._link, self._own = bench, name, real_time, link, own
+        self.home = Home()
+
+    def capabilities(self, actuator: Actuator) -> Capabilities:
+        """Those of the bench."""
+        return VirtualRig(actuator, self._bench).capabilities
+
+    def rig(self, actuator: Actuator, seed: int) -> Rig:
+        """The rig; it is opened when it starts."""
+        device = virtual_device(actuator, self._name, seed, self._real_time)
+        return HostedRig(self._link, device, self.capabilities(actuator))
+
+    def close(self) -> None:
+        """Let go of the process; where it is of this laboratory only, of what it knew too."""
+        self._link.close()
+        if self._own is not None:
+            shutil.rmtree(self._own, ignore_errors=True)
+
+
+class ScpiLaboratory:
+    """One rig on the network for all cells, owned by a process; what actuator is on it, the file only says."""
+
+    def __init__(self, resource: str, link: Link) -> None:
+        self._device, self._link = scpi_device(resource), link
+        self.home = Home()
+        opened = HostedRig(link, self._device)
+        self._can = opened.capabilities
+        opened.stop(0.0)  # others may have it until something is recorded
+
+    def capabilities(self, actuator: Actuator) -> Capabilities:
+        """Those of the rig."""
+        del actuator
+        return self._can
+
+    def rig(self, actuator: Actuator, seed: int) -> Rig:
+        """The rig."""
+        del actuator, seed
+        return HostedRig(self._link, self._device, self._can)
+
+    def close(self) -> None:
+        """Let go of the process."""
+        self._link.close()
+
+
+def open_laboratory(file: ExperimentFile, folder: Path, rigs: Path | None = None, who: str = "") -> Laboratory:
+    """The laboratory that a file names.
+
+    What puts out voltages in real time belongs to a process of its own; a virtual rig that is computed as fast
+    as it can has no output, and stays in this one.
+
+    Args:
+        file: as read.
+        folder: that of the file, for the paths in it.
+        rigs: the folder of the process that owns the virtual rig, which then is never in this process; by
+            default a new one.
+        who: what others are told that find the rig held.
+
+    Raises:
+        ParameterSetError: a wrong bench.
+        RigError: no answer.
+    """
+    who = who or f"a program of {os.environ.get('USER', 'somebody')}"
+    if isinstance(file.rig, ScpiRigSpec):
+        link = Link(folder_of(file.rig.resource), who)
+        try:
+            return ScpiLaboratory(file.rig.resource, link)
+        except RigError:
+            link.close()
+            raise
+    named = str(own_file(file.rig.bench, folder, ".toml"))
+    bench = load_bench(named)
+    if rigs is None and not file.rig.real_time:
+        return VirtualLaboratory(bench)
+    own = Path(tempfile.mkdtemp(prefix="stickslip-rig-")) if rigs is None else None
+    link = Link(own or rigs or Path(), who)
+    return HostedVirtualLaboratory(bench, named, file.rig.real_time, link, own)
+
+
+def planning_laboratory(file: ExperimentFile, folder: Path, known: Capabilities | None) -> Laboratory | None:
+    """One that only plans, for a virtual rig; None for a real one whose capabilities are not known."""
+    if isinstance(file.rig, ScpiRigSpec):
+        return None if known is None else _Planned(known)
+    return VirtualLaboratory(load_bench(own_file(file.rig.bench, folder, ".toml")))
+
+
+class _Planned:
+    def __init__(self, known: Capabilities) -> None:
+        self._known, self.home = known, Home()
+
+    def capabilities(self, actuator: Actuator) -> Capabilities:
+        del actuator
+        return self._known
+
+    def rig(self, actuator: Actuator, seed: int) -> Rig:
+        raise RigError("this laboratory only plans")
+
+    def close(self) -> None:
+        pass
+
+
+def own_file(name: str, folder: Path, suffix: str) -> str | Path:
+    """A file beside the experiment file, where a name ends like one."""
+    return folder / name if name.endswith(suffix) else name

@@ -1,0 +1,225 @@
+"""The rig's process: owns the rig, its limits, home, watchdog and the ramp to 0 V; others are its clients.
+
+    python -m stickslip.rig.host FOLDER
+
+The folder keeps home.json (from where positions count), rig.json (port, token and number of the process, to be
+read by this user only) and rig.log. One process at a time has the lock of a folder. It ends when no client has
+been there for a few seconds; SIGTERM ends it with a ramp to 0 V. See `wire` for what it understands.
+"""
+
+from __future__ import annotations
+
+import hmac
+import json
+import os
+import secrets
+import signal
+import socket
+import sys
+import threading
+import time
+from contextlib import suppress
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from ..calibration.storage import from_text
+from .devices import open_device
+from .gate import PositionInput
+from .home import Home
+from .limits import Limits
+from .lock import locked
+from .protocols import Array, Capabilities, RigError
+from .supervisor import Order, Supervisor, state_of
+from .wire import WireError, receive, send
+
+LINGER = 5.0  # s without a client after which the process ends
+_GREETING = 2.0  # s in which a client must say who it is
+_MOST_CLIENTS = 32
+_LONGEST_WAIT = 1.0  # s
+
+
+class Host:
+    """The clients of one rig."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder, self.token = folder, secrets.token_hex(32)
+        home = folder / "home.json"
+        self.supervisor = Supervisor(Home.load(home), lambda: self.supervisor.home.save(home))
+        self._lock = threading.Lock()
+        self._clients: set[socket.socket] = set()
+        self._holder: tuple[socket.socket, str] | None = None
+        self._device: dict[str, Any] | None = None
+        self._left = time.monotonic()
+        self.ended = threading.Event()
+
+    def serve(self) -> None:
+        """Until nobody has been there for a while, or `ended`; the output is at 0 V then."""
+        listening = socket.create_server(("127.0.0.1", 0))
+        listening.settimeout(0.2)
+        self._tell(listening.getsockname()[1])
+        try:
+            while not self.ended.is_set():
+                with suppress(TimeoutError):
+                    self._welcome(listening.accept()[0])
+                with self._lock:
+                    alone = not self._clients and not self.supervisor.busy
+                if alone and time.monotonic() - self._left > LINGER:
+                    return
+        finally:
+            (self._folder / "rig.json").unlink(missing_ok=True)
+            listening.close()
+            self.supervisor.stop("the rig's process ends")
+            self.supervisor.join()
+
+    def _tell(self, port: int) -> None:
+        """Where clients find the process; whole or not at all, and for this user only."""
+        path = self._folder / "rig.json"
+        temporary = path.with_suffix(".part")
+        temporary.unlink(missing_ok=True)
+        file = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        with os.fdopen(file, "w", encoding="utf-8") as writing:
+            json.dump({"port": port, "token": self.token, "pid": os.getpid()}, writing)
+        os.replace(temporary, path)
+
+    def _welcome(self, link: socket.socket) -> None:
+        with self._lock:
+            if len(self._clients) >= _MOST_CLIENTS:
+                link.close()
+                return
+            self._clients.add(link)
+        threading.Thread(target=self._serve, args=(link,), daemon=True).start()
+
+    def _serve(self, link: socket.socket) -> None:
+        try:
+            with suppress(OSError, EOFError):
+                link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                link.settimeout(_GREETING)
+                said, _ = receive(link)
+                if not hmac.compare_digest(str(said.get("token", "")).encode(), self.token.encode()):
+                    return
+                name = f"{str(said.get('name', ''))[:60]} (process {said.get('pid')})"
+                send(link, {"pid": os.getpid()})
+                link.settimeout(None)
+                while True:
+                    asked, values = receive(link)
+                    answer, block = self._answer(link, name, asked, values)
+                    send(link, answer, block)
+        except WireError:
+            return
+        finally:
+            self._gone(link)
+
+    def _gone(self, link: socket.socket) -> None:
+        with self._lock:
+            self._clients.discard(link)
+            self._left = time.monotonic()
+            held = self._holder is not None and self._holder[0] is link
+        if held:
+            self.supervisor.stop("the program that ran it is gone")
+            self._release()
+        with suppress(OSError):
+            link.close()
+
+    def _release(self) -> None:
+        """The rig is free, once its run has ended."""
+        self.supervisor.join()
+        with self._lock:
+            self._holder = None
+
+    def _answer(
+        self, link: socket.socket, name: str, asked: dict[str, Any], values: Array
+    ) -> tuple[dict[str, Any], Array | None]:
+        try:
+            return self._done(link, name, asked, values)
+        except Exception as error:  # all of it is told: a client that does not know goes on as if all were well
+            return {"error": str(error), "kind": type(error).__name__, **self._progress()}, None
+
+    def _done(
+        self, link: socket.socket, name: str, asked: dict[str, Any], values: Array
+    ) -> tuple[dict[str, Any], Array | None]:
+        do = asked.get("do")
+        if do == "stop":
+            return {"stopped": self.supervisor.stop(str(asked.get("why", "stop"))[:200])}, None
+        if do == "state":
+            return state_of(self.supervisor, "" if self._holder is None else self._holder[1]), None
+        if do == "open":
+            self._hold(link, name)
+            return {"capabilities": self._open(asked["device"], bool(asked["again"]))._asdict()}, None
+        if self._holder is None or self._holder[0] is not link:
+            raise RigError(f"{do}: open the rig first")
+        if do == "fetch":
+            block = self.supervisor.fetch(min(float(asked["wait"]), _LONGEST_WAIT))
+            return self._progress(), block
+        if do == "run":
+            self.supervisor.run(_order(asked, values))
+            return self._progress(), None
+        if do == "home_here":
+            self.supervisor.home_here(_position(asked), Limits(stop_slew=float(asked["slew"])))
+            return self._progress(), None
+        if do == "close":
+            self.supervisor.stop("the rig was closed")
+            self._release()
+            return {}, None
+        raise RigError(f"{do!r} is no request")
+
+    def _progress(self) -> dict[str, Any]:
+        one = self.supervisor
+        return {
+            "phase": one.phase,
+            "position": one.home.position,
+            "began": one.began,
+            "ramp_after": one.ramp_after,
+        }
+
+    def _hold(self, link: socket.socket, name: str) -> None:
+        with self._lock:
+            if self._holder is not None and self._holder[0] is not link:
+                raise RigError(f"the rig is held by {self._holder[1]}")
+            since = datetime.now().strftime("%H:%M:%S")
+            self._holder = (link, f"{name}, since {since}")
+
+    def _open(self, device: dict[str, Any], again: bool) -> Capabilities:
+        one = self.supervisor
+        if one.busy:
+            raise RigError("a run is going on: stop it first")
+        # A virtual rig is a new one for each recording, for its noise is that of the recording's seed.
+        if device != self._device or one.rig is None or (device.get("kind") == "virtual" and not again):
+            one.let_go()
+            self._device = None
+            one.rig, self._device = open_device(device, one.home.origin), device
+        return one.rig.capabilities
+
+
+def _position(asked: dict[str, Any]) -> PositionInput:
+    return PositionInput(str(asked["input"]), tuple(from_text(one) for one in asked["calibration"]))
+
+
+def _order(asked: dict[str, Any], volts: Array) -> Order:
+    position = asked["position"]
+    return Order(
+        Limits(**asked["limits"]),
+        tuple(map(str, asked["inputs"])),
+        int(asked["samples"]),
+        int(asked["rest"]),
+        None if position is None else _position(position),
+        volts,
+    )
+
+
+def main(folder: Path) -> int:
+    """Own the rig of a folder until it is no longer needed; 3 where another process does already."""
+    folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    with locked(folder / "lock") as mine:
+        if not mine:
+            return 3
+        host = Host(folder)
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, lambda *_: host.ended.set())
+        sys.setswitchinterval(1e-3)
+        host.serve()
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(Path(sys.argv[1])))

@@ -1,0 +1,225 @@
+"""A rig in a process of its own, from the side of a program that uses it."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..calibration.storage import to_text
+from ..units import QuantityError
+from .gate import PositionInput
+from .limits import LimitError, Limits
+from .protocols import Array, Capabilities, RigError
+from .supervisor import StopRequested
+from .wire import receive, send
+
+STARTS = 30.0  # s that the process may take to be there
+_WAIT = 0.1  # s that a request for samples waits for some
+_STARTED: list[subprocess.Popen[bytes]] = []  # they outlive who started them; those that ended are waited for
+_KINDS: dict[str, type[Exception]] = {
+    one.__name__: one for one in (LimitError, RigError, StopRequested, QuantityError)
+}
+
+
+def folder_of(resource: str) -> Path:
+    """Where the process that owns a real rig keeps what it knows: one place for each rig and user, whoever
+    asks. The environment variable STICKSLIP_RIGS names another."""
+    given = os.environ.get("STICKSLIP_RIGS")
+    state = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
+    base = Path(given) if given else Path(state) / "stickslip" / "rigs"
+    return base / (re.sub(r"[^A-Za-z0-9.-]+", "-", resource)[:100].strip("-.") or "rig")
+
+
+class Link:
+    """One connection to the process that owns the rig of a folder; the process is started if there is none.
+
+    Args:
+        folder: see `host`.
+        name: who asks, for those who find the rig held.
+
+    Raises:
+        RigError: the process does not start.
+    """
+
+    def __init__(self, folder: Path, name: str) -> None:
+        self.folder = folder
+        self._lock = threading.Lock()
+        self._link = _connected(folder, name)
+
+    def ask(self, do: str, values: Array | None = None, **what: Any) -> tuple[dict[str, Any], Array]:
+        """The answer to a request, and the numbers with it.
+
+        Raises:
+            RigError, QuantityError: what the process says is wrong; RigError where it is gone.
+        """
+        try:
+            with self._lock:
+                send(self._link, {"do": do, **what}, values)
+                answer, block = receive(self._link)
+        except (OSError, EOFError) as error:
+            raise RigError(f"the rig's process has ended ({error})") from None
+        if "error" in answer:
+            raised = _KINDS.get(answer["kind"], RigError)(answer["error"])
+            raised.answer = answer  # type: ignore[attr-defined]
+            raise raised
+        return answer, block
+
+    def close(self) -> None:
+        """Let go; a run of this connection is stopped."""
+        self._link.close()
+
+
+class HostedRig:
+    """A rig; see `protocols.Rig`. Its process watches the limits, and stops when this program dies or stalls.
+
+    Args:
+        link: to the process.
+        device: what it is to open; see `devices`.
+        capabilities: of the rig, where they are known: then it is opened when it is first used.
+
+    Raises:
+        RigError: another program holds the rig, or it does not answer.
+    """
+
+    def __init__(self, link: Link, device: dict[str, Any], capabilities: Capabilities | None = None) -> None:
+        self._link, self._device, self._opened, self.phase = link, device, False, ""
+        self.capabilities = capabilities or self._open()
+        self._volts = np.zeros(0)
+        self._guard: dict[str, Any] = {}
+        self._first: Array | None = None  # samples that came while the start was awaited
+        self._inputs: tuple[str, ...] = ()
+        self._samples = 0
+        self.position: float | None = None
+        self.began: float | None = None
+        self.ramp_after: float | None = None
+
+    def guard(self, limits: Limits, position: PositionInput | None, rest: int) -> None:
+        """What the process is to watch in the next run."""
+        self._guard = {
+            "limits": limits._asdict(),
+            "rest": rest,
+            "position": None if position is None else position_document(position.name, position.calibration),
+        }
+
+    def load(self, volts: Array) -> None:
+        """Take the drive, V at the piezo, one value per update."""
+        self._volts = volts
+
+    def arm(self, inputs: tuple[str, ...], samples: int) -> None:
+        """Record these inputs when the output starts."""
+        self._inputs, self._samples = inputs, samples
+
+    def start(self) -> None:
+        """Start output and recording; returns when the output has begun."""
+        if not self._guard:
+            raise RigError("a hosted rig is started by `measure`, which says what to watch")
+        self._open()
+        self.ramp_after = None
+        self._ask("run", self._volts, inputs=self._inputs, samples=self._samples, **self._guard)
+        self._first = self._fetched()
+        while self.phase == "preparing":
+            self._first = self._fetched()
+
+    def fetch(self) -> Array:
+        """The next samples [inputs, n]."""
+        block, self._first = self._first, None
+        return self._fetched() if block is None else block
+
+    def _fetched(self) -> Array:
+        block = self._ask("fetch", wait=_WAIT)
+        return block if block.size else np.zeros((len(self._inputs), 0))
+
+    def stop(self, slew: float) -> None:
+        """Ramp to 0 V, at the slew that `guard` was told."""
+        del slew
+        try:
+            self._ask("close")
+        except RigError as error:
+            if str(error).startswith("close: open the rig first"):
+                return  # it never began
+            raise
+
+    def _open(self) -> Capabilities:
+        answer, _ = self._link.ask("open", device=self._device, again=self._opened)
+        self._opened = True
+        return Capabilities(**answer["capabilities"])
+
+    def _ask(self, do: str, values: Array | None = None, **what: Any) -> Array:
+        try:
+            answer, block = self._link.ask(do, values, **what)
+        except (RigError, QuantityError) as error:
+            self._take(getattr(error, "answer", {}))
+            raise
+        self._take(answer)
+        return block
+
+    def _take(self, answer: dict[str, Any]) -> None:
+        self.phase = answer.get("phase", "")
+        if "position" in answer:
+            self.position, self.began = answer["position"], answer["began"]
+            self.ramp_after = answer["ramp_after"]
+
+
+def position_document(name: str, calibration: Sequence[Any]) -> dict[str, Any]:
+    """What shows the position, as JSON."""
+    return {"input": name, "calibration": [to_text(one) for one in calibration]}
+
+
+def _connected(folder: Path, name: str) -> socket.socket:
+    process: subprocess.Popen[bytes] | None = None
+    end = time.monotonic() + STARTS
+    while True:
+        link = _greeted(folder, name)
+        if link is not None:
+            return link
+        if process is None or process.poll() is not None:
+            if process is not None and process.returncode not in (0, 3):
+                raise RigError(f"the rig's process ended at once; see {folder / 'rig.log'}")
+            process = _started(folder)
+        if time.monotonic() > end:
+            raise RigError(f"the rig's process does not answer; see {folder / 'rig.log'}")
+        time.sleep(0.02)
+
+
+def _started(folder: Path) -> subprocess.Popen[bytes]:
+    """A process of its own session: what ends the terminal, or a Ctrl-C in it, does not reach it."""
+    folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    with (folder / "rig.log").open("wb") as log:
+        made = subprocess.Popen(
+            [sys.executable, "-m", "stickslip.rig.host", str(folder)],
+            stdin=subprocess.DEVNULL,
+            stdout=log,
+            stderr=log,
+            start_new_session=True,
+        )
+    _STARTED[:] = [one for one in _STARTED if one.poll() is None] + [made]
+    return made
+
+
+def _greeted(folder: Path, name: str) -> socket.socket | None:
+    """A connection to the process that is there; None where none is."""
+    try:
+        known = json.loads((folder / "rig.json").read_text(encoding="utf-8"))
+        link = socket.create_connection(("127.0.0.1", int(known["port"])), timeout=5.0)
+    except (OSError, ValueError, LookupError):
+        return None
+    try:
+        link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        send(link, {"do": "hello", "token": known["token"], "name": name, "pid": os.getpid()})
+        receive(link)
+        link.settimeout(None)
+    except (OSError, EOFError):
+        link.close()
+        return None
+    return link

@@ -1,0 +1,208 @@
+"""What the rig's process does with its rig: runs that go on by themselves, and end safe whatever happens.
+
+A run is a thread that takes in what the rig gives, and looks at it, whether anybody asks for the samples or
+not. It ends by itself where the client that asked for it is silent or gone.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..units import with_prefix
+from .gate import Gate, PositionInput
+from .home import Home
+from .limits import LimitError, Limits
+from .protocols import Array, Rig, RigError
+
+HOMING = 0.02  # s of readings at 0 V that tell where home is
+_LOST = 1.0  # s beyond the watchdog after which a call of the rig counts as hanging
+
+
+class StopRequested(RigError):
+    """Somebody asked for a stop."""
+
+
+class Order(NamedTuple):
+    """A run: limits, inputs and samples to record, how many of them are before the drive, what shows the
+    position, and the drive, V."""
+
+    limits: Limits
+    inputs: tuple[str, ...]
+    samples: int
+    rest: int
+    position: PositionInput | None
+    volts: Array
+
+
+class Supervisor:
+    """The only one who talks to the rig.
+
+    Args:
+        home: from where positions count.
+        changed: called when a run has ended or home was set, to keep `home`.
+    """
+
+    def __init__(self, home: Home, changed: Callable[[], None]) -> None:
+        self.home, self._changed = home, changed
+        self.rig: Rig | None = None
+        self.phase = "idle"
+        self.began: float | None = None
+        self.ramp_after: float | None = None  # s from the request to stop to the begin of the ramp
+        self._news = threading.Condition()
+        self._blocks: deque[Array] = deque()
+        self._failure: BaseException | None = None
+        self._stop: tuple[str, float] | None = None
+        self._asked = self._alive = 0.0
+        self._limits = Limits()
+        self._thread: threading.Thread | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether a run is going on."""
+        return self.phase in ("preparing", "running", "stopping")
+
+    def run(self, order: Order) -> None:
+        """Begin; returns at once. RigError while another runs, or without a rig."""
+        if self.rig is None:
+            raise RigError("no rig is open")
+        with self._news:
+            if self.busy:
+                raise RigError("a run is going on: stop it first")
+            self.phase, self._stop, self._failure = "preparing", None, None
+            self.began = self.ramp_after = None
+            self._blocks.clear()
+            self._limits = order.limits
+            self._asked = self._alive = time.monotonic()
+        self._thread = threading.Thread(target=self._run, args=(self.rig, order), name="run")
+        self._thread.start()
+        threading.Thread(target=self._watch, args=(self.rig, self._thread), daemon=True).start()
+
+    def stop(self, why: str) -> bool:
+        """Ask the run to end with a ramp to 0 V; whether there was one."""
+        with self._news:
+            if not self.busy:
+                return False
+            if self._stop is None:
+                self._stop = (why, time.perf_counter())
+            return True
+
+    def join(self, most: float | None = None) -> None:
+        """Wait until the run has ended."""
+        if self._thread is not None:
+            self._thread.join(most)
+
+    def fetch(self, wait: float) -> Array | None:
+        """The samples since the last call [inputs, n]; None for none yet. Waits for some so long, s.
+
+        Raises:
+            RigError, QuantityError, ...: what ended the run, once all that came before was fetched.
+        """
+        self._asked = time.monotonic()
+        with self._news:
+            if not self._blocks and self.busy:
+                self._news.wait(wait)
+            if self._blocks:
+                blocks = list(self._blocks)
+                self._blocks.clear()
+                return np.concatenate(blocks, axis=1)
+            if self._failure is not None and not self.busy:
+                raise self._failure
+        return None
+
+    def home_here(self, position: PositionInput, limits: Limits) -> None:
+        """Call where the end-effector is now home: read the position while the output is at 0 V."""
+        if self.rig is None:
+            raise RigError("no rig is open")
+        can = self.rig.capabilities
+        samples = max(int(HOMING * can.sample_rate), 2)
+        home = Home()
+        volts = np.zeros(max(int(HOMING * can.update_rate), 2))
+        self.run(Order(limits, (position.name,), samples, samples, None, volts))
+        self.join()
+        readings = self.fetch(0.0)
+        if readings is None or not readings.size:
+            raise RigError("the rig gave no reading of the position")
+        home.set(position.name, float(readings.mean()), getattr(self.rig, "origin", 0.0))
+        self.home.readings, self.home.position = home.readings, 0.0
+        self._changed()
+
+    def _run(self, rig: Rig, order: Order) -> None:
+        gate = Gate(rig, order.limits, rig.capabilities, self.home)
+        if hasattr(rig, "patience"):
+            rig.patience = order.limits.watchdog
+        failure: BaseException | None = None
+        try:
+            gate.load(order.volts)
+            gate.arm(order.inputs, order.samples, order.position, order.rest)
+            self._go_on()
+            gate.start()  # a virtual rig computes before it puts out
+            self._asked = time.monotonic()
+            self.phase = "running"
+            done = 0
+            while done < order.samples:
+                self._go_on()
+                block = rig.fetch()
+                self._alive = time.monotonic()
+                gate.take(block)
+                done += block.shape[1]
+                with self._news:
+                    self._blocks.append(block)
+                    self.began = gate.began
+                    self._news.notify_all()
+        except BaseException as error:
+            failure = error
+        self.phase = "stopping"
+        if self._stop is not None:
+            self.ramp_after = time.perf_counter() - self._stop[1]
+        try:
+            gate.stop()
+        except BaseException as error:
+            failure = failure or error
+            self.let_go()  # which a device takes as a reason to stop by itself
+        with self._news:
+            self.home.origin = getattr(rig, "origin", 0.0)
+            self._failure = failure
+            with suppress(OSError):
+                self._changed()
+            self.phase = "idle"
+            self._news.notify_all()
+
+    def let_go(self) -> None:
+        """Close the rig."""
+        rig, self.rig = self.rig, None
+        close = getattr(rig, "close", None)
+        if close is not None:
+            with suppress(RigError, OSError):
+                close()
+
+    def _go_on(self) -> None:
+        """Raises what ends the run before its time."""
+        if self._stop is not None:
+            raise StopRequested(self._stop[0])
+        silent = time.monotonic() - self._asked
+        if self.phase == "running" and silent > self._limits.watchdog:
+            raise LimitError(
+                f"watchdog: the program that runs it has been silent for {with_prefix(silent, 's')}"
+            )
+
+    def _watch(self, rig: Rig, thread: threading.Thread) -> None:
+        """While a run goes on: a rig whose `fetch` hangs is told to stop from here."""
+        while thread.is_alive():
+            thread.join(0.2)
+            silent = time.monotonic() - self._alive
+            if self.phase == "running" and silent > self._limits.watchdog + _LOST:
+                with suppress(Exception):
+                    rig.stop(self._limits.stop_slew)
+                return
+
+
+def state_of(supervisor: Supervisor, holder: str) -> dict[str, Any]:
+    """What a client may know."""
+    return {"phase": supervisor.phase, "position": supervisor.home.position, "holder": holder}

@@ -1,0 +1,71 @@
+"""How the rig's process and its clients talk: JSON and numbers over a socket of this machine.
+
+A message is the length of its head (4 bytes, lowest first), the head, JSON with the shape of what follows as
+"shape", and that many float64. Every request has one answer; an answer with "error" says what is wrong, and
+"kind" of which class it is.
+
+| request | with | answer |
+|---|---|---|
+| hello | token, name, pid | who is there |
+| open | device, see `devices`; again: in the same recording | capabilities; refused while another client holds the rig |
+| close | | the rig is free |
+| run | limits, inputs, samples, rest, position; the drive [V] | begins |
+| fetch | wait [s] | phase, position, began [m], ramp_after [s]; the next samples [inputs, n] |
+| stop | why | whether a run was going on; from any client |
+| home_here | input, calibration, slew | calls the present position home |
+| state | | phase, position, holder |
+
+A client that runs something and does not fetch for `Limits.watchdog`, or goes, has its run stopped.
+"""
+
+from __future__ import annotations
+
+import json
+import socket
+import struct
+from typing import Any
+
+import numpy as np
+
+from .protocols import Array
+
+LARGEST_HEAD = 1_000_000  # bytes
+LARGEST_ARRAY = 60_000_000  # numbers
+
+
+class WireError(OSError):
+    """What came is no message."""
+
+
+def send(link: socket.socket, head: dict[str, Any], values: Array | None = None) -> None:
+    """Send a message."""
+    array = np.zeros(0) if values is None else np.ascontiguousarray(values, dtype="<f8")
+    text = json.dumps({**head, "shape": array.shape}).encode()
+    link.sendall(struct.pack("<I", len(text)) + text + array.tobytes())
+
+
+def receive(link: socket.socket) -> tuple[dict[str, Any], Array]:
+    """The next message; EOFError where the other side has gone, WireError for what is none."""
+    (length,) = struct.unpack("<I", _exactly(link, 4))
+    if length > LARGEST_HEAD:
+        raise WireError(f"a head of {length} bytes")
+    try:
+        head = json.loads(_exactly(link, length))
+        shape = tuple(int(n) for n in head.pop("shape"))
+    except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
+        raise WireError(f"no message: {error}") from None
+    count = int(np.prod(shape)) if all(0 <= n <= LARGEST_ARRAY for n in shape) and len(shape) < 3 else -1
+    if not 0 <= count <= LARGEST_ARRAY:
+        raise WireError(f"an array of the shape {shape}")
+    return head, np.frombuffer(_exactly(link, 8 * count), dtype="<f8").reshape(shape)
+
+
+def _exactly(link: socket.socket, count: int) -> bytes:
+    parts, left = [], count
+    while left:
+        part = link.recv(min(left, 1 << 20))
+        if not part:
+            raise EOFError("the other side has gone")
+        parts.append(part)
+        left -= len(part)
+    return b"".join(parts)
