@@ -6,9 +6,9 @@ import os
 import shutil
 import tempfile
 from pathlib import Path
-from typing import Protocol
+from typing import ClassVar, Protocol
 
-from ..actuator import Actuator
+from ..actuator import Actuator, load_actuator
 from ..rig import Bench, Capabilities, Home, HostedRig, Link, Rig, RigError, VirtualRig, folder_of, load_bench
 from ..rig.devices import scpi_device, virtual_device
 from .file import ExperimentFile, ScpiRigSpec
@@ -138,26 +138,40 @@ def open_laboratory(file: ExperimentFile, folder: Path, rigs: Path | None = None
     return HostedVirtualLaboratory(bench, named, file.rig.real_time, link, own)
 
 
-def planning_laboratory(file: ExperimentFile, folder: Path, known: Capabilities | None) -> Laboratory | None:
-    """One that only plans, for a virtual rig; None for a real one whose capabilities are not known."""
-    if isinstance(file.rig, ScpiRigSpec):
-        return None if known is None else _Planned(known)
-    return VirtualLaboratory(load_bench(own_file(file.rig.bench, folder, ".toml")))
+def rigs_of(file: ExperimentFile, virtual: Path) -> Path:
+    """The folder of the process that owns a file's rig, where that of a virtual one is given."""
+    return folder_of(file.rig.resource) if isinstance(file.rig, ScpiRigSpec) else virtual
 
 
-class _Planned:
-    def __init__(self, known: Capabilities) -> None:
-        self._known, self.home = known, Home()
+class PlanningLaboratory:
+    """One that only plans: the rig is asked once what it can do, and then left alone."""
+
+    _known: ClassVar[dict[str, Capabilities]] = {}
+
+    def __init__(self, file: ExperimentFile, folder: Path) -> None:
+        self.home = Home()
+        if isinstance(file.rig, ScpiRigSpec):
+            self._bench, resource = None, file.rig.resource
+            if resource not in self._known:
+                asked = open_laboratory(file, folder, None, "the panel")
+                try:
+                    self._known[resource] = asked.capabilities(load_actuator("kang2007"))
+                finally:
+                    asked.close()
+            self._can = self._known[resource]
+        else:
+            self._bench = load_bench(own_file(file.rig.bench, folder, ".toml"))
 
     def capabilities(self, actuator: Actuator) -> Capabilities:
-        del actuator
-        return self._known
+        """Of the rig for a cell."""
+        return self._can if self._bench is None else VirtualRig(actuator, self._bench).capabilities
 
     def rig(self, actuator: Actuator, seed: int) -> Rig:
+        """None."""
         raise RigError("this laboratory only plans")
 
     def close(self) -> None:
-        pass
+        """Nothing to do."""
 
 
 def own_file(name: str, folder: Path, suffix: str) -> str | Path:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import re
+import shutil
 import time
 from datetime import datetime
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,8 +19,9 @@ from numpy.typing import NDArray
 
 from ..experiment.running import check_experiment
 from ..input_file import Strict, yaml_text
+from ..rig import RigError
 from ..rig.measurement import DRIVE, POSITION
-from ..units import QuantityError, with_prefix
+from ..units import QuantityError, to_si, with_prefix
 from .control import Control
 from .document import Document
 from .folder import Folder
@@ -80,8 +85,8 @@ def bench_routes(
     hub.hears["emergency_stop"] = emergency
 
     @routes.post("/stop")
-    def stop() -> dict[str, bool]:
-        """Anybody may stop, in control or not."""
+    async def stop() -> dict[str, bool]:
+        """Anybody may stop, in control or not; it waits for no other request."""
         return {"stopped": runner.stop("stop")}
 
     @routes.post("/start")
@@ -89,20 +94,24 @@ def bench_routes(
         control.need(request.headers.get("x-client", ""))
         content = document.of_runs(asked.runs)
         title = f"{document.checked.file.title}: {', '.join(asked.runs)}"
-        stamp = datetime.now().strftime("%Y-%m-%d_%H%M%S")
-        name = f"recordings/{stamp}_{_slug('-'.join(asked.runs))}"
-        out = folder.path(name)
         file = check_experiment(content)
+        if runner.busy:
+            raise RigError("a run is going on: stop it first")
+        out = _new_folder(folder, _slug("-".join(asked.runs)))
         columns = document.described()["channels"]
 
         def finished() -> None:
             hub.tell("recordings")
 
         job = Job(title, file, folder.root, out, columns, finished=finished)
-        runner.start(job)
-        out.mkdir(parents=True, exist_ok=True)
-        (out / "experiment.yaml").write_text(yaml_text(content), encoding="utf-8")
-        return {"folder": name}
+        try:
+            (out / "experiment.yaml").write_text(yaml_text(content), encoding="utf-8")
+            runner.start(job)
+        except RigError:  # another start was first
+            (out / "experiment.yaml").unlink()
+            out.rmdir()
+            raise
+        return {"folder": folder.name(out)}
 
     @routes.post("/home")
     def home(request: Request) -> dict[str, float]:
@@ -115,7 +124,8 @@ def bench_routes(
         control.need(request.headers.get("x-client", ""))
         if runner.busy:
             raise QuantityError("a run is going on: home can be set when it has ended")
-        runner.home_here()
+        checked = document.checked
+        runner.home_here(checked.file, folder.root, checked.cells[0])
         return {"position": 0.0}
 
     @routes.post("/set")
@@ -158,6 +168,20 @@ def bench_routes(
     return routes
 
 
+def _new_folder(folder: Folder, slug: str) -> Path:
+    """A folder that was not there before, however many runs begin within the same second."""
+    stamp = datetime.now().strftime("%Y-%m-%d_%H%M%S")
+    for number in itertools.count(1):
+        made = folder.path(f"recordings/{stamp}_{slug}" + (f"_{number}" if number > 1 else ""))
+        made.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            made.mkdir()
+        except FileExistsError:
+            continue
+        return made
+    raise AssertionError
+
+
 def _slug(text: str) -> str:
     return re.sub(r"[^A-Za-z0-9-]+", "-", text)[:60].strip("-") or "run"
 
@@ -189,5 +213,14 @@ def _homing(folder: Folder, document: Document, position: float) -> Job:
             )
 
     shown = document.described()["channels"]
-    made = check_experiment({**content, "runs": [run], "save_as": []})
-    return Job("Home", made, folder.root, folder.path("recordings/home"), shown, goal=goal)
+    # Beyond an end stop there is a way back: one stroke farther out is allowed for it.
+    cell = document.checked.cells[0]
+    stroke = abs(position) + abs(cell.actuator.gain) * max(cell.limits.max_voltage, -cell.limits.min_voltage)
+    limits = dict(content.get("limits", {}))
+    for name, sign in (("max_position", 1.0), ("min_position", -1.0)):
+        if limits.get(name) is not None and sign * position > 0.0:
+            limits[name] = sign * max(sign * to_si(limits[name], "m", name), stroke)
+    made = check_experiment({**content, "runs": [run], "save_as": [], "limits": limits})
+    out = folder.root / ".rig" / "home"  # nobody wants a recording of it
+    remove = partial(shutil.rmtree, out, ignore_errors=True)
+    return Job("Home", made, folder.root, out, shown, goal=goal, finished=remove)

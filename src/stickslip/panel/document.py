@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ..actuator import Actuator
-from ..experiment.cells import Cell, cells, limits_of, open_laboratory
+from ..experiment.cells import Cell, cells, limits_of
 from ..experiment.file import ExperimentFile
+from ..experiment.laboratory import PlanningLaboratory
 from ..experiment.running import check_experiment
 from ..input_file import load_yaml, yaml_text
 from ..recording import STANDARD_NAMES
@@ -49,12 +50,9 @@ class Document:
         file = check_experiment(content)
         for name in _files(file):
             self._folder.path(name)
-        laboratory = open_laboratory(file, self._folder.root)
-        try:
-            found = cells(file, self._folder.root, laboratory)
-            can = laboratory.rig(found[0].actuator, 0).capabilities
-        finally:
-            laboratory.close()
+        laboratory = PlanningLaboratory(file, self._folder.root)
+        found = cells(file, self._folder.root, laboratory)
+        can = laboratory.capabilities(found[0].actuator)
         limits = limits_of(file, found[0].actuator)
         return Checked(content, file, found, channel_units(can, found[0].channels, limits))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,18 +15,17 @@ from numpy.typing import NDArray
 
 from ..experiment.cells import Cell
 from ..experiment.file import ExperimentFile
+from ..experiment.laboratory import open_laboratory, rigs_of
 from ..experiment.running import record_experiment
-from ..rig import Rig, RigError, WatchedRig
+from ..rig import HostedRig, Link, Rig, RigError, WatchedRig
+from ..rig.gate import PositionInput
 from ..rig.measurement import POSITION
+from ..rig.supervisor import StopRequested
 from .journal import Journal
 from .live import Live
 from .stream import Hub
 
 Sees = Callable[[dict[str, NDArray[np.float64]]], None]
-
-
-class StopRequested(RigError):
-    """Somebody pressed stop."""
 
 
 class Arrived(RigError):
@@ -49,17 +49,27 @@ class Job(NamedTuple):
 
 
 class Runner:
-    """Runs one job at a time. `position` is where the end-effector is, m from home, as far as was seen."""
+    """Runs one job at a time. `position` is where the end-effector is, m from home, as far as was seen.
 
-    def __init__(self, hub: Hub, live: Live, journal: Journal) -> None:
-        self._hub, self._live, self._journal = hub, live, journal
+    What is put out belongs to a process of its own, which stops by itself where this one dies or stalls; a stop
+    goes to it directly, whatever the run's thread is doing.
+
+    Args:
+        hub, live, journal: who is told.
+        rigs: the folder of the process that owns the panel's virtual rig.
+    """
+
+    def __init__(self, hub: Hub, live: Live, journal: Journal, rigs: Path) -> None:
+        self._hub, self._live, self._journal, self._rigs = hub, live, journal, rigs
+        self._control: Link | None = None
+        self._linking = threading.Lock()
+        self._delivered = 0.0  # s that a request to stop took to the rig's process
         self._lock = threading.Lock()
         self._thread: threading.Thread | None = None
         self._stop: tuple[str, float] | None = None
         self._told = 0.0
         self._busy = False
         self.position = 0.0
-        self._start = 0.0  # position at which the present recording began
         self.state: dict[str, Any] = {
             "number": 0,
             "phase": "idle",
@@ -94,22 +104,71 @@ class Runner:
         if self._stop is None:
             self._stop = (why, time.perf_counter())
             self._state(phase="stopping")
+            threading.Thread(target=self._halt, args=self._stop, daemon=True).start()
         return True
+
+    def _halt(self, why: str, asked: float) -> None:
+        control = self._control
+        if control is not None:
+            with suppress(RigError):
+                control.ask("stop", why=why)
+                self._delivered = time.perf_counter() - asked
+
+    def reach(self, folder: Path | None = None) -> Link:
+        """A connection to the rig's process, by default that of the virtual rig, which it starts if need be; for
+        all but runs."""
+        folder = folder or self._rigs
+        with self._linking:
+            if self._control is not None:
+                try:
+                    if self._control.folder == folder:
+                        self._control.ask("state")
+                        return self._control
+                except RigError:
+                    pass
+                self._control.close()
+                self._control = None
+            self._control = Link(folder, "the panel")
+            return self._control
+
+    def find_position(self) -> None:
+        """Take over what the rig's process knows of where the end-effector is."""
+        if not self.busy:
+            position = self.reach().ask("state")[0]["position"]
+            if position is not None:
+                self.position = position
+                self._state()
+
+    def close(self) -> None:
+        """Let go of the rig's process."""
+        if self._control is not None:
+            self._control.close()
 
     def join(self) -> None:
         """Wait for the end of the run."""
         if self._thread is not None:
             self._thread.join()
 
-    def home_here(self) -> None:
-        """Call the present position home."""
-        self.position = self._start = 0.0
+    def home_here(self, file: ExperimentFile, folder: Path, cell: Cell) -> None:
+        """Call the present position home, as the experiment's channel shows it."""
+        channel = cell.channels.get(POSITION)
+        if channel is None:
+            raise RigError(f"home is set by the channel {POSITION}, which is not recorded")
+        laboratory = open_laboratory(file, folder, self._rigs, "the panel")
+        try:
+            rig = laboratory.rig(cell.actuator, cell.seed)
+            if isinstance(rig, HostedRig):
+                rig.home_here(PositionInput(channel.input, channel.calibration), cell.limits.stop_slew)
+        finally:
+            laboratory.close()
+        self.position = 0.0
         self._state()
 
     def _run(self, job: Job) -> None:
         self._journal(f"{job.title}: started")
         phase = "failed"
         try:
+            self.reach(rigs_of(job.file, self._rigs))
             recorded = record_experiment(
                 job.file,
                 job.folder,
@@ -117,6 +176,8 @@ class Runner:
                 partial(self._progress, time.monotonic()),
                 label=job.title,
                 watch=partial(self._watched, job),
+                rigs=self._rigs,
+                who="the panel",
             )
             self._journal(f"{job.title}: finished, {_counted(len(recorded))} in {job.out.name}")
             phase = "done"
@@ -140,7 +201,6 @@ class Runner:
         rate = rig.capabilities.sample_rate
 
         def armed(samples: int, before: int) -> None:
-            self._start = self.position
             self._live.begin(f"{job.title}: {cell.name}", job.columns, rate, samples, before)
             self._state(phase="preparing", doing=cell.name)  # a virtual rig computes before it puts out
 
@@ -151,22 +211,25 @@ class Runner:
                 return
             if self.state["phase"] == "preparing":
                 self._state(phase="running")
-            position = block.get(POSITION)
-            if position is not None:
+            began = getattr(rig, "began", None)
+            if POSITION in block and began is not None:
                 if cell.channels[POSITION].zero:
-                    block = {**block, POSITION: position + self._start}
-                if not cell.actuator.clamped:
-                    self.position = float(block[POSITION][-1])
+                    block = {**block, POSITION: block[POSITION] + began}
+                self.position = getattr(rig, "position", self.position)
             self._live.add(block)
             if job.goal is not None:
                 job.goal(self.position, block)
 
         def stopping() -> None:
+            after = getattr(rig, "ramp_after", None)
             if self._stop is not None:
-                why, asked = self._stop
-                waited = f"{1e3 * (time.perf_counter() - asked):.1f} ms after the request"
-                ramp = "ramp to 0 V began" if self._live.begun else "before anything was put out,"
-                self._journal(f"{why}: {ramp} {waited}", "warning")
+                if after is None or not self._live.begun:
+                    self._journal(f"{self._stop[0]}: before anything was put out", "warning")
+                else:
+                    waited = 1e3 * (after + self._delivered)
+                    self._journal(
+                        f"{self._stop[0]}: ramp to 0 V began {waited:.1f} ms after the request", "warning"
+                    )
 
         return WatchedRig(rig, cell.channels, armed, sees, stopping)
 

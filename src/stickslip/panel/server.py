@@ -67,7 +67,7 @@ def create_app(
     control = Control(hub)
     journal = Journal(hub, files)
     live = Live(hub)
-    runner = Runner(hub, live, journal)
+    runner = Runner(hub, live, journal, files.root / ".rig")
     readiness = Readiness(hub)
     fitting = Fitting(files, hub, readiness)
 
@@ -83,13 +83,14 @@ def create_app(
         beating = asyncio.create_task(beat())
         # A thread that computes keeps the others waiting for so long; Python's 5 ms are a third of a picture.
         sys.setswitchinterval(1e-3)
-        end_warming = warm_up(hub, readiness, fitting)
+        end_warming = warm_up(hub, readiness, fitting, runner)
         yield
         beating.cancel()
         end_warming()
         fitting.close()
         if runner.stop("the panel closes"):
             await asyncio.to_thread(runner.join)
+        runner.close()
 
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None, lifespan=life)
     app.state.hub, app.state.live, app.state.fitting = hub, live, fitting

@@ -5,15 +5,18 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from typing import Any
 
 from ..actuator import load_actuator
 from ..friction import LuGre
+from ..rig import RigError
 from ..simulation import simulate, steady_step
 from ..solve.periods import integrate
 from ..waveform.periodic import Sawtooth
 from .fits import USUAL_LAW, Fitting
 from .readiness import Readiness
+from .running import Runner
 from .stream import Client, Hub, Message
 
 _WITHOUT_PAGE = 2.0  # s after which the solver is loaded though no page has come
@@ -42,7 +45,7 @@ def _simulate() -> None:
     simulate(load_actuator("kang2007"), Sawtooth(65.0, 5.0), 0.01)
 
 
-def warm_up(hub: Hub, readiness: Readiness, fitting: Fitting) -> Callable[[], None]:
+def warm_up(hub: Hub, readiness: Readiness, fitting: Fitting, runner: Runner) -> Callable[[], None]:
     """Begin, in threads; what is returned ends it."""
     page, solver, ended = threading.Event(), threading.Event(), threading.Event()
 
@@ -60,6 +63,12 @@ def warm_up(hub: Hub, readiness: Readiness, fitting: Fitting) -> Callable[[], No
             if not ended.is_set():
                 steady_step(load_actuator("kang2007"), Sawtooth(65.0, 5.0))
 
+    def rig() -> None:
+        page.wait()
+        if not ended.is_set():
+            with suppress(RigError):
+                runner.find_position()
+
     def fits() -> None:
         page.wait()
         solver.wait(_ABREAST)
@@ -71,6 +80,6 @@ def warm_up(hub: Hub, readiness: Readiness, fitting: Fitting) -> Callable[[], No
         page.set()
 
     hub.greetings.append(greet)
-    for work in (simulation, fits):
+    for work in (simulation, fits, rig):
         threading.Thread(target=work, daemon=True).start()
     return end

@@ -30,7 +30,7 @@ from .home import Home
 from .limits import Limits
 from .lock import locked
 from .protocols import Array, Capabilities, RigError
-from .supervisor import Order, Supervisor, state_of
+from .supervisor import ANOTHER, Order, Supervisor, state_of
 from .wire import WireError, receive, send
 
 LINGER = 5.0  # s without a client after which the process ends
@@ -160,7 +160,7 @@ class Host:
         if do == "close":
             self.supervisor.stop("the rig was closed")
             self._release()
-            return {}, None
+            return self._progress(), None
         raise RigError(f"{do!r} is no request")
 
     def _progress(self) -> dict[str, Any]:
@@ -208,11 +208,11 @@ def _order(asked: dict[str, Any], volts: Array) -> Order:
 
 
 def main(folder: Path) -> int:
-    """Own the rig of a folder until it is no longer needed; 3 where another process does already."""
+    """Own the rig of a folder until it is no longer needed; `ANOTHER` where another process does already."""
     folder.mkdir(parents=True, exist_ok=True, mode=0o700)
     with locked(folder / "lock") as mine:
         if not mine:
-            return 3
+            return ANOTHER
         host = Host(folder)
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda *_: host.ended.set())

@@ -6,7 +6,6 @@ import json
 import os
 import re
 import socket
-import subprocess
 import sys
 import threading
 import time
@@ -21,12 +20,11 @@ from ..units import QuantityError
 from .gate import PositionInput
 from .limits import LimitError, Limits
 from .protocols import Array, Capabilities, RigError
-from .supervisor import StopRequested
+from .supervisor import ANOTHER, StopRequested
 from .wire import receive, send
 
 STARTS = 30.0  # s that the process may take to be there
 _WAIT = 0.1  # s that a request for samples waits for some
-_STARTED: list[subprocess.Popen[bytes]] = []  # they outlive who started them; those that ended are waited for
 _KINDS: dict[str, type[Exception]] = {
     one.__name__: one for one in (LimitError, RigError, StopRequested, QuantityError)
 }
@@ -150,6 +148,14 @@ class HostedRig:
                 return  # it never began
             raise
 
+    def home_here(self, position: PositionInput, slew: float) -> None:
+        """Call where the end-effector is now home; the output is at 0 V while it is read."""
+        self._open()
+        try:
+            self._ask("home_here", **position_document(position.name, position.calibration), slew=slew)
+        finally:
+            self._ask("close")
+
     def _open(self) -> Capabilities:
         answer, _ = self._link.ask("open", device=self._device, again=self._opened)
         self._opened = True
@@ -177,34 +183,48 @@ def position_document(name: str, calibration: Sequence[Any]) -> dict[str, Any]:
 
 
 def _connected(folder: Path, name: str) -> socket.socket:
-    process: subprocess.Popen[bytes] | None = None
+    started: int | None = None
     end = time.monotonic() + STARTS
     while True:
         link = _greeted(folder, name)
         if link is not None:
             return link
-        if process is None or process.poll() is not None:
-            if process is not None and process.returncode not in (0, 3):
-                raise RigError(f"the rig's process ended at once; see {folder / 'rig.log'}")
-            process = _started(folder)
+        left = None if started is None else _left(started)
+        if left not in (None, 0, ANOTHER):
+            raise RigError(f"the rig's process ended at once ({left}); see {folder / 'rig.log'}")
+        if started is None or left is not None:
+            started = _started(folder)
         if time.monotonic() > end:
             raise RigError(f"the rig's process does not answer; see {folder / 'rig.log'}")
         time.sleep(0.02)
 
 
-def _started(folder: Path) -> subprocess.Popen[bytes]:
-    """A process of its own session: what ends the terminal, or a Ctrl-C in it, does not reach it."""
+def _started(folder: Path) -> int:
+    """The number of a new process, of a session of its own: what ends the terminal, or a Ctrl-C in it, does not
+    reach it."""
     folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-    with (folder / "rig.log").open("wb") as log:
-        made = subprocess.Popen(
-            [sys.executable, "-m", "stickslip.rig.host", str(folder)],
-            stdin=subprocess.DEVNULL,
-            stdout=log,
-            stderr=log,
-            start_new_session=True,
-        )
-    _STARTED[:] = [one for one in _STARTED if one.poll() is None] + [made]
-    return made
+    command = [sys.executable, "-m", "stickslip.rig.host", str(folder)]
+    writing = os.O_WRONLY | os.O_CREAT | os.O_TRUNC
+    return os.posix_spawn(
+        sys.executable,
+        command,
+        os.environ,
+        file_actions=[
+            (os.POSIX_SPAWN_OPEN, 0, os.devnull, os.O_RDONLY, 0),
+            (os.POSIX_SPAWN_OPEN, 1, str(folder / "rig.log"), writing, 0o600),
+            (os.POSIX_SPAWN_DUP2, 1, 2),
+        ],
+        setsid=True,
+    )
+
+
+def _left(process: int) -> int | None:
+    """With what a process that was started here has ended; None while it runs."""
+    try:
+        ended, status = os.waitpid(process, os.WNOHANG)
+    except ChildProcessError:
+        return 0
+    return os.waitstatus_to_exitcode(status) if ended else None
 
 
 def _greeted(folder: Path, name: str) -> socket.socket | None:

@@ -21,6 +21,7 @@ from .home import Home
 from .limits import LimitError, Limits
 from .protocols import Array, Rig, RigError
 
+ANOTHER = 3  # exit code of a process that finds the rig owned by another one
 HOMING = 0.02  # s of readings at 0 V that tell where home is
 _LOST = 1.0  # s beyond the watchdog after which a call of the rig counts as hanging
 
@@ -61,6 +62,7 @@ class Supervisor:
         self._stop: tuple[str, float] | None = None
         self._asked = self._alive = 0.0
         self._limits = Limits()
+        self._wanting = False  # somebody waits for samples
         self._thread: threading.Thread | None = None
 
     @property
@@ -107,7 +109,9 @@ class Supervisor:
         self._asked = time.monotonic()
         with self._news:
             if not self._blocks and self.busy:
-                self._news.wait(wait)
+                self._wanting = True
+                self._news.notify_all()
+                self._news.wait_for(lambda: self._blocks or not self.busy, wait)
             if self._blocks:
                 blocks = list(self._blocks)
                 self._blocks.clear()
@@ -145,13 +149,15 @@ class Supervisor:
             gate.start()  # a virtual rig computes before it puts out
             self._asked = time.monotonic()
             self.phase = "running"
-            done = 0
+            done, pause = 0, 0.0
             while done < order.samples:
+                self._keep_pace(pause)
                 self._go_on()
                 block = rig.fetch()
                 self._alive = time.monotonic()
                 gate.take(block)
                 done += block.shape[1]
+                pause = block.shape[1] / rig.capabilities.sample_rate
                 with self._news:
                     self._blocks.append(block)
                     self.began = gate.began
@@ -173,6 +179,12 @@ class Supervisor:
                 self._changed()
             self.phase = "idle"
             self._news.notify_all()
+
+    def _keep_pace(self, pause: float) -> None:
+        """A rig that is faster than real time waits for who takes its samples, so that a stop comes as early."""
+        with self._news:
+            self._news.wait_for(lambda: self._wanting or self._stop is not None, pause)
+            self._wanting = False
 
     def let_go(self) -> None:
         """Close the rig."""

@@ -26,7 +26,7 @@ class WatchedRig:
         armed: called with how many samples of a run will be seen, and how many of them are before the drive.
         sees: called with the next values of each channel [n], after those in which filters settle. What it
             raises ends the run, and the output ramps to 0 V.
-        stopping: called just before the output is told to ramp to 0 V.
+        stopping: called when the output has been told to ramp to 0 V.
     """
 
     def __init__(
@@ -90,8 +90,8 @@ class WatchedRig:
 
     def stop(self, slew: float) -> None:
         """Ramp to 0 V."""
-        self._stopping()
         self._rig.stop(slew)
+        self._stopping()
 
     def _shown(self, name: str, block: Array) -> Array:
         channel = self._channels[name]
