@@ -11,6 +11,10 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, Va
 
 from .units import QuantityError, to_si
 
+LARGEST = 1_000_000  # bytes
+MOST_VALUES = 1_000_000
+_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # ten times as fast
+
 
 class InputFileError(ValueError):
     """An input file that cannot be used; the message names the file and the field."""
@@ -41,17 +45,36 @@ def load_yaml(path: str | os.PathLike[str]) -> dict[str, Any]:
     Raises:
         InputFileError: it cannot be read, is no YAML, or is no mapping.
     """
+    path = Path(path)
     try:
-        found = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+        if path.exists() and not path.is_file():
+            raise InputFileError(f"{path}: no plain file")
+        if path.stat().st_size > LARGEST:
+            raise InputFileError(f"{path}: {path.stat().st_size / 1e6:.1f} MB; an input file has up to 1 MB")
+        found = yaml.load(path.read_text(encoding="utf-8"), Loader=_LOADER)
+        if _count(found, 0) > MOST_VALUES:
+            raise InputFileError(f"{path}: it stands for more than {MOST_VALUES} values")
     except OSError as error:
         raise InputFileError(f"{path}: {error.strerror or error}") from error
     except UnicodeDecodeError as error:
         raise InputFileError(f"{path}: {error}") from error
+    except InputFileError:
+        raise
     except (yaml.YAMLError, ValueError, RecursionError) as error:  # ValueError: a date that does not exist
         raise InputFileError(f"{path} is no YAML: {' '.join(str(error).split())}") from error
     if not isinstance(found, dict):
         raise InputFileError(f"{path}: the file must be a mapping, with 'title' and so on")
     return found
+
+
+def _count(node: Any, so_far: int) -> int:
+    """The values below a node: a file of ten lines that refer to each other can stand for more than there is
+    memory. Counted no further than `MOST_VALUES`."""
+    if so_far > MOST_VALUES or not isinstance(node, dict | list):
+        return so_far + 1
+    for value in node.values() if isinstance(node, dict) else node:
+        so_far = _count(value, so_far)
+    return so_far + 1
 
 
 def yaml_text(content: dict[str, Any]) -> str:

@@ -7,7 +7,7 @@ import itertools
 import json
 import re
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -53,13 +53,19 @@ class Cell:
     key: str
 
 
-def cells(file: ExperimentFile, folder: Path, laboratory: Laboratory) -> list[Cell]:
+Read = Callable[[Path], Any]
+
+
+def cells(
+    file: ExperimentFile, folder: Path, laboratory: Laboratory, read: Read = read_recording
+) -> list[Cell]:
     """The recordings that a file asks for, in order; nothing is put out.
 
     Args:
         file: as read.
         folder: that of the file, for the paths in it.
         laboratory: the rig.
+        read: reads the recordings that drives are taken from.
 
     Raises:
         ValueError: something in it is wrong; names the run and the field.
@@ -77,7 +83,7 @@ def cells(file: ExperimentFile, folder: Path, laboratory: Laboratory) -> list[Ce
             axes = dict(zip(run.matrix, values, strict=True))
             for repeat in range(1, run.repeats + 1):
                 try:
-                    cell = _cell(file, run, axes, repeat, channels, folder, laboratory)
+                    cell = _cell(file, run, axes, repeat, channels, folder, laboratory, read)
                 except (ValueError, RigError) as error:
                     shown = "".join(f", {axis} = {value}" for axis, value in axes.items())
                     kind = type(error) if isinstance(error, RigError) else QuantityError
@@ -98,6 +104,7 @@ def _cell(
     channels: dict[str, Channel],
     folder: Path,
     laboratory: Laboratory,
+    read: Read,
 ) -> Cell:
     parts = [run.name, *(_in_name(value) for value in axes.values())]
     name = "_".join(parts + ([str(repeat)] if run.repeats > 1 else []))
@@ -108,7 +115,7 @@ def _cell(
     limits = limits_of(file, actuator)
     units = channel_units(can, channels, limits)
     capture = _capture(run, can, units)
-    drive = drive_of(run.waveform, named, folder)
+    drive = drive_of(run.waveform, named, folder, read)
     plan = plan_run(can, drive, channels, capture, limits)
     made_of = repr(
         (__version__, can, file.rig, actuator, channels, capture, limits, seed, file.variables, axes)
@@ -190,12 +197,14 @@ def _capture(run: RunSpec, can: Capabilities, units: Mapping[str, str]) -> Captu
     return Capture(spec.length, interval, spec.pre_trigger, trigger, spec.average)
 
 
-def drive_of(parts: list[PartSpec], axes: Mapping[str, float | str], folder: Path) -> Waveform:
+def drive_of(
+    parts: list[PartSpec], axes: Mapping[str, float | str], folder: Path, read: Read = read_recording
+) -> Waveform:
     """The waveform of a run, one part after the other; raises QuantityError, naming the part."""
     made = []
     for i, part in enumerate(parts):
         try:
-            waveform = _waveform(part, axes, folder)
+            waveform = _waveform(part, axes, folder, read)
         except ValueError as error:
             raise QuantityError(f"waveform[{i}]: {error}") from None
         made.append(waveform if part.duration is None else (waveform, _substituted(part.duration, axes)))
@@ -204,14 +213,14 @@ def drive_of(parts: list[PartSpec], axes: Mapping[str, float | str], folder: Pat
     return Sequence(*made)
 
 
-def _waveform(part: PartSpec, axes: Mapping[str, float | str], folder: Path) -> Waveform:
+def _waveform(part: PartSpec, axes: Mapping[str, float | str], folder: Path, read: Read) -> Waveform:
     if (part.shape is None) == (part.file is None):
         raise QuantityError("a part has either a shape or a file")
     if part.shape is not None:
         return _SHAPES[part.shape](**{key: _substituted(v, axes) for key, v in part.fields.items()})
     if part.fields:
         raise QuantityError("a file takes no fields")
-    recording: Any = read_recording(folder / str(part.file))
+    recording = read(folder / str(part.file))
     return Sampled.from_recording(recording, part.variable)
 
 

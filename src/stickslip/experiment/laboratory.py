@@ -104,7 +104,9 @@ class ScpiLaboratory:
         self._link.close()
 
 
-def open_laboratory(file: ExperimentFile, folder: Path, rigs: Path | None = None, who: str = "") -> Laboratory:
+def open_laboratory(
+    file: ExperimentFile, folder: Path, rigs: Path | None = None, who: str = ""
+) -> Laboratory:
     """The laboratory that a file names.
 
     What puts out voltages in real time belongs to a process of its own; a virtual rig that is computed as fast

@@ -15,6 +15,7 @@ import xarray as xr
 from pydantic import ValidationError
 
 from ..input_file import InputFileError, explain, load_yaml
+from ..readers import read_recording
 from ..recording import RecordingError, open_recording, save_csv, save_matlab, save_recording
 from ..recording.replacing import remove_leftovers
 from ..rig import Home, Rig, measure
@@ -77,6 +78,7 @@ def record_experiment(
     watch: Watch | None = None,
     rigs: Path | None = None,
     who: str = "",
+    read: Callable[[Path], Any] = read_recording,
 ) -> list[Recorded]:
     """As `run_experiment`, of a file that has been read.
 
@@ -87,12 +89,13 @@ def record_experiment(
         label: what errors call the file.
         watch: called with each cell and its rig; gives the rig to record from, a `WatchedRig` around it say.
         rigs, who: as `open_laboratory`.
+        read: reads the recordings that the file takes drives from.
     """
     label, out = Path(label), Path(out)
     tell = progress or (lambda doing, done: None)
     laboratory = _opened(label, file, folder, rigs, who)
     try:
-        wanted = _cells(label, file, folder, laboratory)
+        wanted = _cells(label, file, folder, laboratory, read)
         out.mkdir(parents=True, exist_ok=True)
         log = _Log(out / "experiment.log")
         left, kept = remove_leftovers(out), recover(out)
@@ -142,9 +145,11 @@ def _opened(path: Path, file: ExperimentFile, folder: Path, rigs: Path | None, w
         raise InputFileError(f"{path}: {error}") from error
 
 
-def _cells(path: Path, file: ExperimentFile, folder: Path, laboratory: Laboratory) -> list[Cell]:
+def _cells(
+    path: Path, file: ExperimentFile, folder: Path, laboratory: Laboratory, read: Callable[[Path], Any]
+) -> list[Cell]:
     try:
-        return cells(file, folder, laboratory)
+        return cells(file, folder, laboratory, read)
     except ValueError as error:
         raise InputFileError(f"{path}: {error}") from error
 

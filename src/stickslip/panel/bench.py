@@ -27,6 +27,7 @@ from .document import Document
 from .folder import Folder
 from .journal import Journal
 from .live import Live
+from .reading import Reader
 from .running import Arrived, Job, Runner
 from .stream import Client, Hub
 
@@ -63,11 +64,11 @@ class Window(Strict):
 
 
 def bench_routes(
-    folder: Folder, hub: Hub, control: Control, journal: Journal, runner: Runner, live: Live
+    folder: Folder, hub: Hub, control: Control, journal: Journal, runner: Runner, live: Live, read: Reader
 ) -> APIRouter:
     """The routes of the Bench page."""
     routes = APIRouter(prefix="/bench")
-    document = Document(folder)
+    document = Document(folder, read)
 
     def described() -> str:
         return json.dumps({"kind": "experiment", **document.described()})

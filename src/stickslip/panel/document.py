@@ -22,6 +22,7 @@ from ..records import quantities
 from ..rig.measurement import channel_units
 from ..units import QuantityError, to_si
 from .folder import Folder
+from .reading import Reader
 
 DEFAULT = Path(__file__).parent / "experiment.yaml"
 _KEY_LIMIT = 8  # parts of a path into the content
@@ -39,8 +40,8 @@ class Checked(NamedTuple):
 class Document:
     """The experiment that is on the bench; `name` is that of its file, "" for one that was not saved."""
 
-    def __init__(self, folder: Folder) -> None:
-        self._folder = folder
+    def __init__(self, folder: Folder, read: Reader) -> None:
+        self._folder, self._read = folder, read
         self.name = ""
         self._lock = threading.Lock()  # a change is made to what the change before it left
         self.checked = self._check(load_yaml(DEFAULT))
@@ -51,7 +52,7 @@ class Document:
         for name in _files(file):
             self._folder.path(name)
         laboratory = PlanningLaboratory(file, self._folder.root)
-        found = cells(file, self._folder.root, laboratory)
+        found = cells(file, self._folder.root, laboratory, self._read)
         can = laboratory.capabilities(found[0].actuator)
         limits = limits_of(file, found[0].actuator)
         return Checked(content, file, found, channel_units(can, found[0].channels, limits))

@@ -8,19 +8,20 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import xarray as xr
 from fastapi import APIRouter, HTTPException, Response
 from fastapi.responses import FileResponse
 
 from ..identify.position_channel import OBSERVED
 from ..input_file import Strict
 from ..parameters import ParameterSetError, available_sets
-from ..readers import read_recording
 from ..recording import RecordingError
 from ..rig import load_bench
 from ..units import QuantityError
 from .fits import REPORTS, RUNNING, Fitting
 from .fitting import FitRequest
 from .folder import Folder
+from .reading import Reader
 from .sliders import LAW_TYPES
 
 SUFFIXES = (".nc", ".csv", ".mat", ".npz")
@@ -34,17 +35,25 @@ class Law(Strict):
     law: str
 
 
-def identify_routes(folder: Folder, fitting: Fitting) -> APIRouter:
+def identify_routes(folder: Folder, fitting: Fitting, read: Reader) -> APIRouter:
     """The routes, to be included by the application; pages hear of the fit by the stream ("fit",
     "fit_traces")."""
     routes = APIRouter(prefix="/api/identify")
+
+    @lru_cache(maxsize=2000)
+    def described(path: Path, changed: int) -> dict[str, Any]:
+        del changed  # part of the key
+        try:
+            return read(path, _described)
+        except (RecordingError, OSError) as error:
+            return {"problem": str(error).removeprefix(f"{path}: ")}
 
     @routes.get("/recordings")
     def recordings() -> list[dict[str, Any]]:
         found = []
         for name in folder.files(*SUFFIXES):
             path = folder.path(name)
-            found.append({"name": name, **_described(path, path.stat().st_mtime_ns)})
+            found.append({"name": name, **described(path, path.stat().st_mtime_ns)})
         return found
 
     @routes.get("/state")
@@ -88,14 +97,8 @@ def identify_routes(folder: Folder, fitting: Fitting) -> APIRouter:
     return routes
 
 
-@lru_cache(maxsize=2000)
-def _described(path: Path, changed: int) -> dict[str, Any]:
-    """What a file holds, and whether a walk can be fitted to it ("problem" says why not)."""
-    del changed  # part of the key
-    try:
-        recording = read_recording(path)
-    except (RecordingError, OSError) as error:
-        return {"problem": str(error).removeprefix(f"{path}: ")}
+def _described(recording: xr.Dataset) -> dict[str, Any]:
+    """What a recording holds, and whether a walk can be fitted to it ("problem" says why not)."""
     time_ = recording["time"].values
     missing = [name for name in (OBSERVED, "drive_voltage") if name not in recording]
     return {

@@ -16,11 +16,11 @@ from fastapi.responses import FileResponse
 from starlette.background import BackgroundTask
 
 from ..input_file import Strict
-from ..readers import read_recording
-from ..recording import open_recording, save_csv, save_matlab, save_recording
+from ..recording import save_csv, save_matlab, save_recording
 from .control import Control
 from .decimation import window
 from .folder import Folder, FolderError
+from .reading import Reader
 from .stream import Hub, packed
 
 MOST_OPEN = 6  # recordings kept in memory for zooming
@@ -48,8 +48,8 @@ class Renaming(Strict):
 class Shelf:
     """Recordings that were opened last, by name and time of change."""
 
-    def __init__(self, folder: Folder) -> None:
-        self._folder = folder
+    def __init__(self, folder: Folder, read: Reader) -> None:
+        self._folder, self._read = folder, read
         self._open: OrderedDict[tuple[str, float], xr.Dataset] = OrderedDict()
         self._lock = Lock()
 
@@ -63,7 +63,7 @@ class Shelf:
             if key in self._open:
                 self._open.move_to_end(key)
                 return self._open[key]
-        found = open_recording(path) if path.suffix == ".nc" else read_recording(path)
+        found = self._read(path)
         with self._lock:
             self._open[key] = found
             while len(self._open) > MOST_OPEN:
@@ -71,10 +71,10 @@ class Shelf:
         return found
 
 
-def recording_routes(folder: Folder, hub: Hub, control: Control) -> APIRouter:
+def recording_routes(folder: Folder, hub: Hub, control: Control, read: Reader) -> APIRouter:
     """The routes of the recordings."""
     routes = APIRouter(prefix="/recordings")
-    shelf = Shelf(folder)
+    shelf = Shelf(folder, read)
 
     @routes.get("")
     def listed() -> list[dict[str, Any]]:

@@ -23,6 +23,7 @@ from ..rig.measurement import POSITION
 from ..rig.supervisor import StopRequested
 from .journal import Journal
 from .live import Live
+from .reading import Reader
 from .stream import Hub
 
 Sees = Callable[[dict[str, NDArray[np.float64]]], None]
@@ -57,10 +58,11 @@ class Runner:
     Args:
         hub, live, journal: who is told.
         rigs: the folder of the process that owns the panel's virtual rig.
+        read: reads the files that an experiment names.
     """
 
-    def __init__(self, hub: Hub, live: Live, journal: Journal, rigs: Path) -> None:
-        self._hub, self._live, self._journal, self._rigs = hub, live, journal, rigs
+    def __init__(self, hub: Hub, live: Live, journal: Journal, rigs: Path, read: Reader) -> None:
+        self._hub, self._live, self._journal, self._rigs, self._read = hub, live, journal, rigs, read
         self._control: Link | None = None
         self._linking = threading.Lock()
         self._delivered = 0.0  # s that a request to stop took to the rig's process
@@ -178,6 +180,7 @@ class Runner:
                 watch=partial(self._watched, job),
                 rigs=self._rigs,
                 who="the panel",
+                read=self._read,
             )
             self._journal(f"{job.title}: finished, {_counted(len(recorded))} in {job.out.name}")
             phase = "done"

@@ -29,6 +29,7 @@ from .identifying import identify_routes
 from .journal import Journal
 from .live import Live
 from .readiness import Readiness
+from .reading import Reader
 from .recordings import recording_routes
 from .running import Runner
 from .stream import Hub
@@ -67,7 +68,8 @@ def create_app(
     control = Control(hub)
     journal = Journal(hub, files)
     live = Live(hub)
-    runner = Runner(hub, live, journal, files.root / ".rig")
+    read = Reader()
+    runner = Runner(hub, live, journal, files.root / ".rig", read)
     readiness = Readiness(hub)
     fitting = Fitting(files, hub, readiness)
 
@@ -91,19 +93,20 @@ def create_app(
         if runner.stop("the panel closes"):
             await asyncio.to_thread(runner.join)
         runner.close()
+        read.close()
 
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None, lifespan=life)
     app.state.hub, app.state.live, app.state.fitting = hub, live, fitting
 
-    app.include_router(bench_routes(files, hub, control, journal, runner, live))
-    app.include_router(recording_routes(files, hub, control))
+    app.include_router(bench_routes(files, hub, control, journal, runner, live, read))
+    app.include_router(recording_routes(files, hub, control, read))
 
     @app.websocket("/stream")
     async def stream(socket: WebSocket) -> None:
         await hub.serve(socket)
 
     app.include_router(explore_routes())
-    app.include_router(identify_routes(files, fitting))
+    app.include_router(identify_routes(files, fitting, read))
 
     @app.post("/quantity")
     def quantity(asked: Text) -> dict[str, float]:

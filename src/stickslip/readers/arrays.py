@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,11 @@ class Leaf(NamedTuple):
 
     shape: tuple[int, ...]
     load: Callable[[], np.ndarray]
+
+
+def total_bytes(leaves: Iterable[Leaf]) -> int:
+    """What arrays take as float64, bytes."""
+    return sum(8 * math.prod(leaf.shape) for leaf in leaves)
 
 
 class Part(NamedTuple):

@@ -26,8 +26,10 @@ def find_format(path: Path) -> Format:
     """
     if path.is_dir():
         raise RecordingError("is a folder, not a file")
-    if not path.is_file():
+    if not path.exists():
         raise RecordingError("there is no such file")
+    if not path.is_file():
+        raise RecordingError("no plain file: a pipe or a device")
     with path.open("rb") as file:
         head = file.read(1 << 16)
     if not head:

@@ -7,6 +7,10 @@ every array of real numbers is a `Leaf`. The names of channels are written as in
 
 from __future__ import annotations
 
+import math
+import os
+import struct
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +20,12 @@ import scipy.io
 
 from ..recording import RecordingError
 from . import dspace
-from .arrays import Leaf, Part, array_parts, array_source
+from .arrays import Leaf, Part, array_parts, array_source, total_bytes
+from .sizes import allowed_bytes, check_size
 from .source import Channel, Source
+
+_HEADER, _COMPRESSED, _PART = 128, 15, 1 << 20  # bytes, the type of a compressed variable, bytes
+_MOST_NODES = 100_000
 
 
 def read_matlab(path: Path) -> Source:
@@ -29,13 +37,18 @@ def read_matlab(path: Path) -> Source:
     try:
         hdf5 = h5py.is_hdf5(path)
         tree = _tree_of_hdf5(path) if hdf5 else _tree_of_v5(path)
+    except RecordingError:
+        raise
     except Exception as error:  # both libraries report damage in a dozen ways, down to zlib.error
         raise RecordingError(f"not a readable MAT file (cut off or damaged?): {error}") from error
     version = "matlab v7.3" if hdf5 else "matlab v5"
     capture = dspace.find_capture(tree)
     if capture is not None:
-        return array_source(f"dspace, {version}", *capture)
-    return array_source(version, *_plain(tree))
+        leaves, channels = capture
+    else:
+        leaves, channels = _plain(tree)
+    check_size(path, total_bytes(leaves.values()))
+    return array_source(version if capture is None else f"dspace, {version}", leaves, channels)
 
 
 def _plain(tree: dict[str, Any]) -> tuple[dict[str, Leaf], list[tuple[Part, Channel]]]:
@@ -70,8 +83,31 @@ def matlab_name(part: Part) -> str:
 
 
 def _tree_of_v5(path: Path) -> dict[str, Any]:
+    check_size(path, _unpacked(path), "compressed variables")
     variables = scipy.io.loadmat(path, appendmat=False)
     return {name: _v5_node(value) for name, value in variables.items() if not name.startswith("__")}
+
+
+def _unpacked(path: Path) -> int:
+    """Bytes that the compressed variables of a MAT 5 file unpack to; counted no further than they may be."""
+    most, total = allowed_bytes(path), 0
+    with path.open("rb") as file:
+        head = file.read(_HEADER)
+        order = {b"IM": "<", b"MI": ">"}.get(head[126:128])
+        if order is None:
+            return 0  # version 4 is not compressed
+        while total <= most and len(tag := file.read(8)) == 8:
+            kind, length = struct.unpack(f"{order}II", tag)
+            if kind != _COMPRESSED:
+                file.seek(length, os.SEEK_CUR)
+                continue
+            unpack, end = zlib.decompressobj(), file.tell() + length
+            while total <= most and (part := file.read(min(_PART, end - file.tell()))):
+                while part and total <= most:
+                    total += len(unpack.decompress(part, _PART))
+                    part = unpack.unconsumed_tail
+            file.seek(end)
+    return total
 
 
 def _v5_node(value: Any) -> Any:
@@ -90,7 +126,25 @@ def _v5_node(value: Any) -> Any:
 
 def _tree_of_hdf5(path: Path) -> dict[str, Any]:
     with h5py.File(path, "r") as file:
+        check_size(path, _declared(file))
         return {name: _hdf5_node(path, file, item) for name, item in file.items() if not name.startswith("#")}
+
+
+def _declared(file: h5py.File) -> int:
+    """Bytes of all arrays in the file, as it says."""
+    total = count = 0
+
+    def add(name: str, item: Any) -> None:
+        nonlocal total, count
+        del name
+        count += 1
+        if isinstance(item, h5py.Dataset):
+            total += math.prod(item.shape or (0,)) * max(item.dtype.itemsize, 8)
+        if count > _MOST_NODES:
+            raise RecordingError(f"the file has more than {_MOST_NODES} arrays")
+
+    file.visititems(add)
+    return total
 
 
 def _hdf5_node(path: Path, file: h5py.File, item: Any) -> Any:

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from ..recording import RecordingError
-from .arrays import Leaf, array_parts, array_source
+from .arrays import Leaf, array_parts, array_source, total_bytes
+from .sizes import check_size
 from .source import Channel, Source
 
 
@@ -24,9 +25,9 @@ def read_npy(path: Path) -> Source:
     """
     try:
         array = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (ValueError, OSError, EOFError) as error:
+    except Exception as error:  # the header is a piece of Python, which is wrong in a dozen ways
         raise RecordingError(f"not a readable NPY file (cut off or damaged?): {error}") from error
-    return _source("npy", {"": Leaf(array.shape, lambda: array)})
+    return _source(path, "npy", {"": Leaf(array.shape, lambda: array)})
 
 
 def read_npz(path: Path) -> Source:
@@ -36,9 +37,15 @@ def read_npz(path: Path) -> Source:
         RecordingError: the file is damaged or holds objects.
     """
     try:
+        with zipfile.ZipFile(path) as archive:
+            declared = sum(one.file_size for one in archive.infolist())
+    except Exception as error:
+        raise RecordingError(f"not a readable NPZ file (cut off or damaged?): {error}") from error
+    check_size(path, declared)
+    try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
             members = {name: archive[name] for name in archive.files}
-    except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
+    except Exception as error:  # from zlib.error to a header that is no Python
         raise RecordingError(f"not a readable NPZ file (cut off or damaged?): {error}") from error
     # NumPy hands over the bytes of what it did not write; a workbook (.xlsx) is such an archive too.
     arrays = {name: array for name, array in members.items() if isinstance(array, np.ndarray)}
@@ -47,10 +54,11 @@ def read_npz(path: Path) -> Source:
     leaves = {
         name: Leaf(array.shape, lambda array=array: array) for name, array in arrays.items() if array.ndim
     }
-    return _source("npz", leaves)
+    return _source(path, "npz", leaves)
 
 
-def _source(reader: str, leaves: dict[str, Leaf]) -> Source:
+def _source(path: Path, reader: str, leaves: dict[str, Leaf]) -> Source:
+    check_size(path, total_bytes(leaves.values()))
     channels = []
     for name, leaf in leaves.items():
         if not leaf.shape or 0 in leaf.shape:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from pathlib import Path
 
@@ -10,6 +11,8 @@ import xarray as xr
 
 from .replacing import replaced_whole
 from .schema import RecordingError, validate_recording, with_schema
+
+_ALWAYS, _RATIO = 256 * 2**20, 20  # bytes that a file may unpack to, and times its own size
 
 
 def save_recording(recording: xr.Dataset, path: str | os.PathLike[str]) -> Path:
@@ -48,7 +51,7 @@ def open_recording(path: str | os.PathLike[str]) -> xr.Dataset:
     """
     path = Path(path)
     if not path.is_file():
-        raise RecordingError(f"{path}: there is no such file")
+        raise RecordingError(f"{path}: there is no such file, or it is none")
     try:
         recording = _stored(path)
     except Exception as error:  # HDF5 reports a damaged file in half a dozen ways
@@ -69,6 +72,11 @@ def _stored(path: Path) -> xr.Dataset:
     import h5netcdf  # not by those who only simulate
 
     with h5netcdf.File(path, "r") as file:
+        declared = sum(math.prod(one.shape) * one.dtype.itemsize for one in file.variables.values())
+        if declared > max(_ALWAYS, _RATIO * path.stat().st_size):
+            raise RecordingError(
+                f"it says that it holds {declared / 1e6:.0f} MB, which such a small file cannot"
+            )
         variables = {
             name: (one.dimensions, one[...], dict(one.attrs)) for name, one in file.variables.items()
         }

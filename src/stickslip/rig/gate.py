@@ -37,7 +37,9 @@ class Gate:
         home: from where positions count; by default from the first reading.
     """
 
-    def __init__(self, rig: Rig, limits: Limits, capabilities: Capabilities, home: Home | None = None) -> None:
+    def __init__(
+        self, rig: Rig, limits: Limits, capabilities: Capabilities, home: Home | None = None
+    ) -> None:
         self._rig, self._limits, self._can = rig, limits, capabilities
         self._home = home or Home()
         self._heard = 0.0
@@ -143,4 +145,3 @@ class Gate:
                     f"the end-effector is at {with_prefix(value, 'm')} from home, beyond the end stop at "
                     f"{with_prefix(limit, 'm')}: stopped"
                 )
-

@@ -132,7 +132,9 @@ class Host:
     ) -> tuple[dict[str, Any], Array | None]:
         try:
             return self._done(link, name, asked, values)
-        except Exception as error:  # all of it is told: a client that does not know goes on as if all were well
+        except (
+            Exception
+        ) as error:  # all of it is told: a client that does not know goes on as if all were well
             return {"error": str(error), "kind": type(error).__name__, **self._progress()}, None
 
     def _done(

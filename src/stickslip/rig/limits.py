@@ -8,7 +8,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from ..records import Quantity, record
-from ..units import QuantityError, with_prefix
+from ..units import QuantityError
 from .protocols import Array, Capabilities, RigError
 
 _INF = math.inf
@@ -41,7 +41,9 @@ class Limits(NamedTuple):
     max_position: Annotated[float, Quantity("m", "x_max", "end stop", minimum=0, maximum=_INF)] = _INF
     watchdog: Annotated[float, Quantity("s", "T_w", "longest silence", above=0)] = 5.0
     stop_slew: Annotated[float, Quantity("V/s", "R_0", "slew of the ramp to 0 V", minimum=1)] = 1000.0
-    frozen: Annotated[float, Quantity("s", "T_f", "longest time without a change", above=0, maximum=_INF)] = 0.1
+    frozen: Annotated[float, Quantity("s", "T_f", "longest time without a change", above=0, maximum=_INF)] = (
+        0.1
+    )
 
     def _check(self) -> None:
         if self.stop_slew > self.max_slew:

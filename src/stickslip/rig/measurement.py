@@ -128,7 +128,9 @@ def _home_of(rig: Rig) -> Home:
 
 
 def _why(failure: BaseException) -> str:
-    return str(failure) or {"KeyboardInterrupt": "interrupted"}.get(type(failure).__name__, type(failure).__name__)
+    return str(failure) or {"KeyboardInterrupt": "interrupted"}.get(
+        type(failure).__name__, type(failure).__name__
+    )
 
 
 def _tell(progress: Callable[[float], None] | None, run: int, capture: Capture, part: float) -> None:

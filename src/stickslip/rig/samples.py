@@ -61,7 +61,9 @@ class Samples:
                 raise
         except OSError as error:
             raise OSError(
-                error.errno, f"no room for {(self._raw + recorded) / 1e6:.3g} MB: {error.strerror}", str(target)
+                error.errno,
+                f"no room for {(self._raw + recorded) / 1e6:.3g} MB: {error.strerror}",
+                str(target),
             ) from error
 
     def __enter__(self) -> Samples:
