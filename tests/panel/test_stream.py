@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stickslip.panel.control import Control, ControlError
+from stickslip.panel.control import Control, ControlError, shown
 from stickslip.panel.decimation import extremes, window
 from stickslip.panel.live import Live
 from stickslip.panel.stream import MOST_WAITING, Client, Hub, packed
@@ -137,6 +137,8 @@ def test_control_is_held_by_one_page_and_handed_over() -> None:
     control.watch()
     assert control.holder == ""
     control.need("first")
-    assert json.loads(hub.told[-1])["holder"] == "first"
+    told = json.loads(hub.told[-1])
+    assert told["holder"] == shown("first")
+    assert "first" not in hub.told[-1], "nobody is told the secret of a page"
     with pytest.raises(ControlError, match="X-Client"):
         control.need("")

@@ -56,7 +56,7 @@ def test_what_cannot_be_replaced_stays_and_nothing_half_written_is_left(tmp_path
 def test_a_disk_that_fills_up_leaves_the_old_report_whole(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The last file no longer fits: the ones before it must not be there either."""
+    """The last file no longer fits: the ones before it must not be there either, but for the numbers."""
     write_report(sample(), tmp_path)
     before = contents(tmp_path)
     left = [len(before) - 1]
@@ -71,7 +71,21 @@ def test_a_disk_that_fills_up_leaves_the_old_report_whole(
     monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(OSError, match="No space left"):
         write_report(replace(sample(), title="New"), tmp_path)
-    assert contents(tmp_path) == before
+    after = contents(tmp_path)
+    assert b'"title": "New"' in after.pop("results.json"), "the numbers come first"
+    del before["results.json"]
+    assert after == before
+
+
+def test_numbers_are_there_though_a_picture_cannot_be_drawn(tmp_path: Path) -> None:
+    def draw() -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    document = replace(sample(), title="New")
+    object.__setattr__(document, "pictures", draw)
+    with pytest.raises(OSError, match="No space left"):
+        write_report(document, tmp_path)
+    assert b'"title": "New"' in contents(tmp_path)["results.json"]
 
 
 def test_files_are_readable_as_any_other(tmp_path: Path) -> None:

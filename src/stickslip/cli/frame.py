@@ -36,6 +36,8 @@ app = typer.Typer(
 )
 
 
+ROOM = 4_000_000  # bytes that must be there for a report before any work is done
+
 Out = Annotated[
     Path, typer.Option(help="Folder for results.json and report.html; other files in it are kept.")
 ]
@@ -117,8 +119,21 @@ def check_output(out: Path) -> None:
     existing = next(folder for folder in (out, *out.absolute().parents) if folder.exists())
     if not existing.is_dir():
         raise ValueError(f"--out {out}: {existing} is a file, not a folder")
-    if not os.access(existing, os.W_OK):
-        raise ValueError(f"--out {out}: {existing} cannot be written to")
+    probe = out / f".room.{os.getpid()}.part"
+    new = [folder for folder in (out, *out.parents) if not folder.exists()]
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        try:
+            with probe.open("wb") as file:  # what the system says of permissions is not what it then does
+                file.write(bytes(ROOM))
+                file.flush()
+                os.fsync(file.fileno())
+        finally:
+            probe.unlink(missing_ok=True)
+            for folder in new:  # nothing is there before there is something to keep
+                folder.rmdir()
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, f"--out {out}") from None
 
 
 class RequirementError(Exception):

@@ -36,13 +36,19 @@ def record(
         from ..experiment import run_experiment
         from ..experiment.running import read_experiment
         from ..report.recordings import recordings_document
+        from ..rig.hosted import stop_all
+        from .interruption import Interruption
 
-        # Whoever asks to end gets a safe ramp of the output to 0 V first.
-        signal.signal(signal.SIGTERM, signal.default_int_handler)
-        with progress_bar() as progress:
-            recorded = run_experiment(file, out, progress)
-        document = recordings_document(read_experiment(file).title, recorded, out / "experiment.log")
-        write(document, out, begun)
+        with Interruption(at_once=stop_all) as interruption:
+            with progress_bar() as progress:
+
+                def tell(doing: str, done: float) -> None:
+                    interruption.check()
+                    progress(doing, done)
+
+                recorded = run_experiment(file, out, tell)
+            document = recordings_document(read_experiment(file).title, recorded, out / "experiment.log")
+            write(document, out, begun)
 
 
 @app.command()

@@ -37,6 +37,7 @@ def panel(
         import uvicorn
 
         from ..panel import create_app
+        from ..panel.connections import server_config
         from ..panel.guard import LOOPBACK
         from ..panel.warming import compile_solver, solver_kept
 
@@ -64,16 +65,8 @@ def panel(
         typer.echo(f"Panel: {address}")
         if browser:
             _open(address)
-        config = uvicorn.Config(
-            served,
-            log_level="warning",
-            ws_max_size=2**17,
-            ws_per_message_deflate=False,
-            timeout_graceful_shutdown=2,
-            server_header=False,
-        )
         with suppress(KeyboardInterrupt):  # the way in which a panel ends
-            uvicorn.Server(config).run(sockets=[listening])
+            uvicorn.Server(server_config(served)).run(sockets=[listening])
 
 
 def _open(address: str) -> None:

@@ -1,7 +1,12 @@
-"""Who holds control of the rig: one page; the others watch, and may ask for it. Anybody may stop the rig."""
+"""Who holds control of the rig: one page; the others watch, and may ask for it. Anybody may stop the rig.
+
+A page is known by a secret of its own, which only itself and the server have; others know it by what `shown` makes
+of that.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import json
 import threading
 import time
@@ -74,4 +79,11 @@ class Control:
         self._hub.send(self._message())
 
     def _message(self) -> Message:
-        return json.dumps({"kind": "control", "holder": self.holder, "asking": self.asking})
+        return json.dumps(
+            {"kind": "control", "holder": shown(self.holder), "asking": shown(self.asking)}
+        )
+
+
+def shown(identity: str) -> str:
+    """What others know a page by; "" for nobody."""
+    return hashlib.sha256(identity.encode()).hexdigest()[:16] if identity else ""

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 import hmac
 import ipaddress
+from collections import Counter
 from collections.abc import Awaitable, Callable, MutableMapping
 from http.cookies import CookieError, SimpleCookie
 from typing import Any
@@ -17,6 +19,8 @@ Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 
 LOOPBACK = frozenset({"127.0.0.1", "localhost", "[::1]"})
 LARGEST_BODY = 32 * 2**20  # bytes of a request; an uploaded recording is the largest
+PENALTY = 1.0  # s that the answer to a wrong token takes
+MOST_WRONG = 5  # of them at a time from one address; more are not even looked at
 _COOKIE = "stickslip_panel"
 # The page's own files only: no inline script or style, no eval, no other host.
 _HEADERS = {
@@ -51,6 +55,7 @@ class Guard:
     ) -> None:
         self._app, self._hosts, self._any_address = app, hosts, any_address
         self._token, self._largest = token, largest_body
+        self._wrong: Counter[str] = Counter()  # wrong tokens that wait for their answer, by address
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket"):
@@ -59,12 +64,28 @@ class Guard:
         headers = {name.decode("latin-1"): value.decode("latin-1") for name, value in scope["headers"]}
         refused = self._refused(scope, headers)
         if refused:
+            if refused[0] == 401:
+                refused = await self._slowly(scope, headers, refused)
             await _answer(scope, receive, send, *refused)
             return
         if scope["type"] == "websocket":
             await self._app(scope, receive, send)
             return
         await self._http(scope, receive, send)
+
+    async def _slowly(self, scope: Scope, headers: dict[str, str], refused: tuple[int, str]) -> tuple[int, str]:
+        """The same answer, late where a wrong token was shown."""
+        if not any(self._tokens(scope, headers)):
+            return refused
+        address = (scope.get("client") or ("",))[0]
+        self._wrong[address] += 1
+        try:
+            await asyncio.sleep(PENALTY)
+        finally:
+            self._wrong[address] -= 1
+            if not self._wrong[address]:
+                del self._wrong[address]
+        return refused
 
     async def _http(self, scope: Scope, receive: Receive, send: Send) -> None:
         if self._token is not None and scope["path"] == "/" and b"token=" in scope["query_string"]:
@@ -101,6 +122,8 @@ class Guard:
         origin = headers.get("origin")
         if origin is not None and origin.lower() not in (f"http://{host}", f"https://{host}"):
             return 403, "a page of another origin may not use this panel"
+        if self._wrong.get((scope.get("client") or ("",))[0], 0) >= MOST_WRONG and self._token is not None:
+            return 429, "too many wrong tokens: wait a moment"  # before the token is looked at
         if self._token is not None and not self._shown(scope, headers):
             return 401, "the panel needs its token: open the address that the command printed"
         length = headers.get("content-length", "0")
@@ -121,6 +144,11 @@ class Guard:
         return True
 
     def _shown(self, scope: Scope, headers: dict[str, str]) -> bool:
+        secret = str(self._token).encode()
+        return any(hmac.compare_digest(one.encode(), secret) for one in self._tokens(scope, headers))
+
+    def _tokens(self, scope: Scope, headers: dict[str, str]) -> list[str]:
+        """What a client shows as the token."""
         shown = [headers.get("authorization", "").removeprefix("Bearer ")]
         if scope["path"] == "/":
             shown += parse_qs(scope["query_string"].decode("latin-1")).get("token", [])
@@ -128,8 +156,7 @@ class Guard:
             cookie = SimpleCookie(headers.get("cookie", "")).get(_COOKIE)
         except CookieError:
             cookie = None
-        shown += [cookie.value] if cookie else []
-        return any(hmac.compare_digest(one.encode(), str(self._token).encode()) for one in shown)
+        return shown + ([cookie.value] if cookie else [])
 
 
 async def _answer(

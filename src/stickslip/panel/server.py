@@ -20,7 +20,7 @@ from starlette.exceptions import HTTPException
 from ..input_file import Strict
 from ..units import to_si
 from .bench import bench_routes
-from .control import Control
+from .control import Control, shown
 from .explore import explore_routes
 from .fits import Fitting
 from .folder import Folder
@@ -64,7 +64,9 @@ def create_app(
     files = Folder(folder)
     hub = Hub()
     boot = secrets.token_hex(8)
-    hub.greetings.append(lambda client, said: [json.dumps({"kind": "hello", "boot": boot})])
+    hub.greetings.append(
+        lambda client, said: [json.dumps({"kind": "hello", "boot": boot, "you": shown(client.identity)})]
+    )
     control = Control(hub)
     journal = Journal(hub, files)
     live = Live(hub)

@@ -1,11 +1,11 @@
-"""A report on disk: results.json, report.html and the figures, replaced together once all are written."""
+"""A report on disk: results.json first; report.html and the figures, replaced together once all are written."""
 
 from __future__ import annotations
 
 import os
 from pathlib import Path
 
-from ..recording.replacing import part_of
+from ..recording.replacing import part_of, replaced_whole
 from .circumstances import circumstances
 from .document import Document
 from .html import report_html
@@ -17,9 +17,9 @@ def write_report(
 ) -> Path:
     """Write ``report.html``, ``results.json`` and ``figures/NAME.svg`` into a folder, made if missing.
 
-    Everything is put together before the first file is written, and the files take their names only when all
-    of them are whole on disk: a full disk leaves the report that was there. Other files in the folder are
-    left alone.
+    The numbers are written first, before any picture is drawn: whatever happens to those, they are kept. The
+    other files take their names only when all of them are whole on disk: a full disk leaves the report that was
+    there. Other files in the folder are left alone.
 
     Args:
         document: what to write.
@@ -35,10 +35,13 @@ def write_report(
         OSError: the folder or a file cannot be written.
     """
     made = circumstances(command, elapsed)
-    texts = {f"figures/{picture.name}.svg": _file_of(picture.svg) for picture in document.pictures()}
-    texts["results.json"] = results_json(document, made)
-    texts["report.html"] = report_html(document, made)
     folder = Path(folder)
+    numbers = folder / "results.json"
+    with replaced_whole(numbers) as temporary:
+        folder.mkdir(parents=True, exist_ok=True)
+        temporary.write_text(results_json(document, made), encoding="utf-8", newline="\n")
+    texts = {f"figures/{picture.name}.svg": _file_of(picture.svg) for picture in document.pictures()}
+    texts["report.html"] = report_html(document, made)
     written: dict[Path, Path] = {}
     try:
         for name, text in texts.items():

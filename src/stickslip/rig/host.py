@@ -122,8 +122,12 @@ class Host:
             link.close()
 
     def _release(self) -> None:
-        """The rig is free, once its run has ended."""
-        self.supervisor.join()
+        """The rig is free, once its run has ended: which may take longer than anybody wants to wait, while a
+        virtual rig computes."""
+        self.supervisor.join(_LONGEST_WAIT)
+        if self.supervisor.busy:
+            threading.Thread(target=self._release, daemon=True).start()
+            return
         with self._lock:
             self._holder = None
 

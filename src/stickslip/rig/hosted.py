@@ -9,9 +9,10 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
+from weakref import WeakSet
 
 import numpy as np
 
@@ -54,6 +55,7 @@ class Link:
         self.folder = folder
         self._lock = threading.Lock()
         self._link = _connected(folder, name)
+        _LINKS.add(self)
 
     def ask(self, do: str, values: Array | None = None, **what: Any) -> tuple[dict[str, Any], Array]:
         """The answer to a request, and the numbers with it.
@@ -76,6 +78,27 @@ class Link:
     def close(self) -> None:
         """Let go; a run of this connection is stopped."""
         self._link.close()
+
+
+_LINKS: WeakSet[Link] = WeakSet()
+
+
+def stop_all(most: float = 3.0) -> None:
+    """Have every rig of this program ramped to 0 V, and wait for it, so long at most, s."""
+    end = time.monotonic() + most
+    for folder in {link.folder for link in list(_LINKS)}:
+        other = _greeted(folder, "a stop")
+        if other is None:
+            continue
+        try:
+            other.settimeout(1.0)
+            while time.monotonic() < end:
+                send(other, {"do": "stop", "why": "the program ends"})
+                if not receive(other)[0].get("stopped"):
+                    break
+                time.sleep(0.01)
+        except (OSError, EOFError):
+            continue
 
 
 class HostedRig:
@@ -101,6 +124,7 @@ class HostedRig:
         self.position: float | None = None
         self.began: float | None = None
         self.ramp_after: float | None = None
+        self.waiting: Callable[[], object] = lambda: None  # called again and again while a start is awaited
 
     def guard(self, limits: Limits, position: PositionInput | None, rest: int) -> None:
         """What the process is to watch in the next run."""
@@ -127,6 +151,7 @@ class HostedRig:
         self._ask("run", self._volts, inputs=self._inputs, samples=self._samples, **self._guard)
         self._first = self._fetched()
         while self.phase == "preparing":
+            self.waiting()
             self._first = self._fetched()
 
     def fetch(self) -> Array:

@@ -21,6 +21,7 @@ from ..waveform.signal import Waveform, value_at
 from .capture import Capture, CaptureError, find_trigger, stride
 from .gate import Gate, PositionInput
 from .home import Home
+from .hosted import HostedRig
 from .limits import LimitError, Limits, check_drive
 from .protocols import Array, Capabilities, Rig, RigError
 from .recorded import Channel, Making
@@ -95,15 +96,14 @@ def measure(
             raw, failure = _run(rig, plan, making, home, samples, partial(_tell, progress, run, capture))
             if failure is None:
                 try:
-                    values = making.values(raw)
+                    for name, values in making.values(raw).items():
+                        total[name] = total.get(name, 0.0) + values / capture.average
                 except CaptureError as missed:
                     failure = missed
             if failure is not None:
                 failure.recording = making.unfinished(raw, _why(failure)) if raw.size else None  # type: ignore[attr-defined]
                 raise failure
-            for name in channels:
-                total[name] = total.get(name, 0.0) + values[name] / capture.average
-        recording = making.recording(total, np.arange(capture.samples) * capture.interval)
+        recording = making.recording(total, making.times(capture.samples))
         if samples is not None and save is not None:
             samples.make_room()
             try:
@@ -267,6 +267,8 @@ def _run(
     gate.arm(making.inputs, plan.samples, None if guard is not None else position, plan.begin)
     blocks, done, failure = [np.zeros((len(making.inputs), 0))], 0, None
     try:
+        if isinstance(rig, HostedRig):
+            rig.waiting = partial(progress, 0.0)
         gate.start()
         while done < plan.samples:
             block = rig.fetch()

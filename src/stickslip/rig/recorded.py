@@ -66,6 +66,10 @@ class Making(NamedTuple):
         chosen = picks(self.capture, self.can.sample_rate, self._trigger(full))
         return {name: self._zeroed(name, full[name][chosen], self.capture.before) for name in self.channels}
 
+    def times(self, count: int) -> Array:
+        """Of so many samples, s from the first."""
+        return np.arange(count, dtype=float) * self.capture.interval
+
     def recording(self, total: Mapping[str, Array], time: Array, outcome: str = COMPLETE) -> xr.Dataset:
         """The recording of these values, and what was done to them; `outcome` says how the run ended."""
         texts = {name: [to_text(c) for c in channel.calibration] for name, channel in self.channels.items()}
@@ -106,7 +110,7 @@ class Making(NamedTuple):
             return None
         before = (trigger - first) // step
         kept = {name: self._zeroed(name, full[name][chosen], before) for name in self.channels}
-        return self.recording(kept, np.arange(chosen.size) * self.capture.interval, f"stopped: {why}"[:1000])
+        return self.recording(kept, self.times(chosen.size), f"stopped: {why}"[:1000])
 
     def _zeroed(self, name: str, kept: Array, before: int) -> Array:
         return kept - kept[: max(before, 1)].mean() if self.channels[name].zero else kept

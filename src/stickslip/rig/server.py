@@ -73,7 +73,7 @@ class _Session(socketserver.StreamRequestHandler):
     """One program. When it goes, or is silent for too long while a run goes on, the output stops."""
 
     disable_nagle_algorithm = True
-    server: InstrumentServer
+    server: InstrumentServer  # type: ignore[assignment]
 
     def setup(self) -> None:
         super().setup()

@@ -20,6 +20,7 @@ from .gate import Gate, PositionInput
 from .home import Home
 from .limits import LimitError, Limits
 from .protocols import Array, Rig, RigError
+from .scpi import ScpiRig
 
 ANOTHER = 3  # exit code of a process that finds the rig owned by another one
 HOMING = 0.02  # s of readings at 0 V that tell where home is
@@ -139,7 +140,7 @@ class Supervisor:
 
     def _run(self, rig: Rig, order: Order) -> None:
         gate = Gate(rig, order.limits, rig.capabilities, self.home)
-        if hasattr(rig, "patience"):
+        if isinstance(rig, ScpiRig):
             rig.patience = order.limits.watchdog
         failure: BaseException | None = None
         try:

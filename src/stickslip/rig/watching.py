@@ -10,6 +10,7 @@ from scipy.signal import sosfilt, sosfilt_zi
 
 from ..electronics.filters import sections
 from .gate import PositionInput
+from .hosted import HostedRig
 from .limits import Limits
 from .measurement import SETTLING
 from .protocols import Array, Capabilities, Rig
@@ -76,7 +77,10 @@ class WatchedRig:
 
     def start(self) -> None:
         """Run, unless the watcher raises first."""
-        self._sees({name: np.zeros(0) for name in self._channels})
+        nothing = {name: np.zeros(0) for name in self._channels}
+        self._sees(nothing)
+        if isinstance(self._rig, HostedRig):
+            self._rig.waiting = lambda: self._sees(nothing)
         self._rig.start()
 
     def fetch(self) -> Array:

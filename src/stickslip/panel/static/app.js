@@ -62,6 +62,8 @@ function identity() {
 
 export const app = { request, notify, client: identity(), control: { holder: "", mine: false, asking: "" } };
 app.stream = openStream(app.client);
+app.you = ""; // what other pages know this one by; `client` is its secret
+app.stream.on("hello", (message) => (app.you = message.you));
 
 let unmount = () => {};
 let shown = "";
@@ -144,12 +146,12 @@ function boot() {
   app.stream.on("notice", ({ text, level }) => notify(text, level));
   const control = byId("control");
   app.stream.on("control", (state) => {
-    app.control = { ...state, mine: state.holder === app.client };
+    app.control = { ...state, mine: Boolean(app.you) && state.holder === app.you };
     const asked = app.control.mine && state.asking;
     control.textContent = asked ? "Hand over control" : app.control.mine ? "In control" : state.holder ? "Ask for control" : "Take control";
     control.title = app.control.mine && !asked ? "Only one page controls the rig: this one; press to let go of it" : "Only one page controls the rig; every page sees it";
     control.dataset.state = asked ? "asked" : app.control.mine ? "mine" : state.holder ? "other" : "free";
-    if (asked && state.asking !== app.client) notify("Another page asks for control.", "warning");
+    if (asked && state.asking !== app.you) notify("Another page asks for control.", "warning");
     document.body.classList.toggle("watching", Boolean(state.holder) && !app.control.mine);
     window.dispatchEvent(new Event("controlchange"));
   });

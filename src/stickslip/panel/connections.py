@@ -1,0 +1,66 @@
+"""Connections of the panel's server: bounded in number, and in how long they may say nothing."""
+
+from __future__ import annotations
+
+from asyncio import TimerHandle
+from typing import Any
+
+import uvicorn
+from uvicorn.protocols.http.h11_impl import H11Protocol
+
+MOST_CONNECTIONS = 400
+PATIENCE = 10.0  # s in which a request must be there, from its first byte to the last of its head
+_BODY = 6  # times as long for the rest of it, and for the answer to be taken
+
+
+class BoundedConnection(H11Protocol):
+    """HTTP as uvicorn speaks it. Who says nothing, or half a request, is let go; and at once where somebody
+    else wants the place."""
+
+    _timer: TimerHandle | None = None
+    _served: Any = None  # the request at the last look
+    _looks = 0
+
+    def connection_made(self, transport: Any) -> None:
+        """A client is there."""
+        super().connection_made(transport)
+        if len(self.connections) > MOST_CONNECTIONS:
+            waiting = (one for one in self.connections if isinstance(one, BoundedConnection) and one.idle)
+            oldest = min(waiting, key=lambda one: one.since, default=self)
+            oldest.transport.abort()
+        self.since = self.loop.time()
+        self._timer = self.loop.call_later(PATIENCE, self._look)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """The client is gone."""
+        if self._timer is not None:
+            self._timer.cancel()
+        super().connection_lost(exc)
+
+    @property
+    def idle(self) -> bool:
+        """Whether no request is being answered."""
+        return self.cycle is None or self.cycle.response_complete
+
+    def _look(self) -> None:
+        if self.transport.is_closing() or self.transport.get_protocol() is not self:  # it is a stream now
+            return
+        self._looks = self._looks + 1 if self.cycle is self._served else 0
+        if (self.idle and (self.cycle is None or self._looks)) or self._looks >= _BODY:
+            self.transport.abort()
+            return
+        self._served = self.cycle
+        self._timer = self.loop.call_later(PATIENCE, self._look)
+
+
+def server_config(app: Any) -> uvicorn.Config:
+    """How the panel is served."""
+    return uvicorn.Config(
+        app,
+        http=BoundedConnection,
+        log_level="warning",
+        ws_max_size=2**17,
+        ws_per_message_deflate=False,
+        timeout_graceful_shutdown=2,
+        server_header=False,
+    )
