@@ -45,7 +45,7 @@ def client_of(app: FastAPI, host: str = "", **headers: str) -> Iterator[httpx.Cl
 
 @contextmanager
 def streaming(
-    client: httpx.Client, headers: dict[str, str] | None = None, **said: Any
+    client: httpx.Client, headers: dict[str, str] | None = None, /, **said: Any
 ) -> Iterator[ClientConnection]:
     """The stream of a server, after the page said who it is."""
     address = str(client.base_url).replace("http", "ws") + "/stream"

@@ -24,11 +24,11 @@ class BoundedConnection(H11Protocol):
     def connection_made(self, transport: Any) -> None:
         """A client is there."""
         super().connection_made(transport)
+        self.since = self.loop.time()
         if len(self.connections) > MOST_CONNECTIONS:
             waiting = (one for one in self.connections if isinstance(one, BoundedConnection) and one.idle)
             oldest = min(waiting, key=lambda one: one.since, default=self)
             oldest.transport.abort()
-        self.since = self.loop.time()
         self._timer = self.loop.call_later(PATIENCE, self._look)
 
     def connection_lost(self, exc: Exception | None) -> None:

@@ -19,6 +19,7 @@ from starlette.exceptions import HTTPException
 
 from ..input_file import Strict
 from ..units import to_si
+from ..rig.samples import recover
 from .bench import bench_routes
 from .control import Control, shown
 from .explore import explore_routes
@@ -71,7 +72,10 @@ def create_app(
     journal = Journal(hub, files)
     live = Live(hub)
     read = Reader()
+    recovered = [one for made in sorted(files.root.glob("recordings/*/")) for one in recover(made)]
     runner = Runner(hub, live, journal, files.root / ".rig", read)
+    for one in recovered:
+        journal(f"{files.name(one)}: kept of a run that was killed", "warning")
     readiness = Readiness(hub)
     fitting = Fitting(files, hub, readiness)
 

@@ -148,7 +148,7 @@ class Supervisor:
             gate.arm(order.inputs, order.samples, order.position, order.rest)
             self._go_on()
             gate.start()  # a virtual rig computes before it puts out
-            self._asked = time.monotonic()
+            self._asked = self._alive = time.monotonic()
             self.phase = "running"
             done, pause = 0, 0.0
             while done < order.samples:

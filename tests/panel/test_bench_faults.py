@@ -1,0 +1,261 @@
+"""A bench as a lab meets it: damaged files, full folders, restarts, many at once; real processes and sockets."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import os
+import signal
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import httpx
+import pytest
+import uvicorn
+
+from stickslip import open_recording
+from stickslip.panel import connections, create_app
+from stickslip.panel.connections import server_config
+
+from damaged import hanging
+
+from .conftest import Panel
+from .serving import client_of, heard, serving, streaming
+from .test_bench_routes import FAST, ME, change, ran
+
+
+@pytest.fixture(scope="module")
+def panel(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Panel]:
+    """The command, in a process of its own."""
+    served = Panel(tmp_path_factory.mktemp("faults"))
+    yield served
+    served.end()
+
+
+def running(client: httpx.Client) -> None:
+    """Start a walk in real time, and wait until it is put out."""
+    with streaming(client) as stream:
+        heard(stream, "run")
+        client.post("/bench/start", json={"runs": ["walk"]}).raise_for_status()
+        while heard(stream, "run", 120.0)["phase"] != "running":
+            pass
+
+
+def stopped_after(client: httpx.Client) -> float:
+    """What an emergency stop by the stream takes until the ramp begins, as the log says it, s."""
+    with streaming(client) as stream:
+        stream.send(json.dumps({"kind": "emergency_stop"}))
+        while True:
+            for line in heard(stream, "log", 20.0)["entries"]:
+                if "ramp to 0 V began" in line["text"] and line["text"].startswith("emergency stop"):
+                    return float(line["text"].split("began ")[1].split(" ms")[0]) / 1e3
+
+
+def test_a_damaged_file_holds_up_neither_the_page_nor_a_stop(panel: Panel) -> None:
+    hanging(panel.folder / "damaged.nc")
+    (panel.folder / "note.nc").write_bytes(b"no recording")
+    with httpx.Client(base_url=panel.url.rstrip("/"), headers=ME, timeout=60.0) as client:
+        running(client)
+        found: list[list[dict]] = []
+        watcher = threading.Thread(
+            target=lambda: found.append(httpx.get(f"{panel.url}api/identify/recordings", timeout=90.0).json())
+        )
+        watcher.start()
+        time.sleep(1.5)
+        assert watcher.is_alive(), "it is being read"
+        begun = time.perf_counter()
+        assert client.get("/static/icon.svg").status_code == 200
+        assert time.perf_counter() - begun < 1.0
+        assert stopped_after(client) < 0.05
+        watcher.join(60.0)
+        problems = {one["name"]: one["problem"] for one in found[0]}
+        assert "could not be read within" in problems["damaged.nc"]
+        assert "note.nc" in problems
+        begun = time.perf_counter()
+        again = client.post("/recordings/show", json={"name": "damaged.nc"})
+        assert again.status_code == 400
+        assert time.perf_counter() - begun < 1.0, "it is not tried again"
+
+
+def test_pipes_and_large_files_are_refused_at_once(panel: Panel) -> None:
+    os.mkfifo(panel.folder / "pipe.yaml")
+    os.mkfifo(panel.folder / "pipe.csv")
+    (panel.folder / "large.yaml").write_text("title: x\n" + "# 0123456789\n" * 3_000_000)
+    bomb = "a: &a [x, x, x, x, x, x, x, x, x, x]\n" + "".join(
+        f"{b}: &{b} [{', '.join([f'*{a}'] * 10)}]\n" for a, b in zip("abcdefghij", "bcdefghijk", strict=False)
+    )
+    (panel.folder / "bomb.yaml").write_text(bomb)
+    with httpx.Client(base_url=panel.url.rstrip("/"), headers=ME, timeout=60.0) as client:
+        for name, said in [("pipe", "no plain file"), ("large", "up to 1 MB"), ("bomb", "more than 1000000")]:
+            begun = time.perf_counter()
+            with ThreadPoolExecutor(45) as pool:
+                ask = [pool.submit(client.post, "/bench/load", json={"name": f"{name}.yaml"}) for _ in range(45)]
+                answers = [one.result() for one in ask]
+            assert {one.status_code for one in answers} == {400}
+            assert said in answers[0].json()["error"]
+            assert time.perf_counter() - begun < (20.0 if name == "bomb" else 3.0)
+        answer = client.get("/recordings/export", params={"name": "pipe.csv"})
+        assert answer.status_code == 400
+
+
+def test_end_stops_count_from_home_over_runs_and_restarts(tmp_path: Path) -> None:
+    seen = []
+    for _ in range(2):  # the second server is another one, on the same folder
+        with client_of(create_app(tmp_path), **ME) as client:
+            change(client, *FAST.values()).raise_for_status()
+            change(client, ["limits", "max_position"], "30 um").raise_for_status()
+            for last in (["done", "failed"], ["failed", "failed"])[len(seen) // 2]:
+                seen.append(ran(client, "/bench/start", {"runs": ["forward"]}, last)["position"])
+            back = ran(client, "/bench/home", {})["position"] if len(seen) == 4 else None
+    assert 15e-6 < seen[0] < 25e-6
+    assert max(seen) < 34e-6, "a block beyond the stop, no more"
+    assert back is not None
+    assert abs(back) < 5e-6, "from beyond an end stop there is a way home"
+    outcomes = [open_recording(path).attrs["outcome"] for path in tmp_path.glob("recordings/*/unfinished/*.nc")]
+    assert len(outcomes) == 3
+    assert all("beyond the end stop at 30 µm" in one for one in outcomes)
+
+
+def test_repeats_walk_on_and_are_stopped(tmp_path: Path) -> None:
+    with client_of(create_app(tmp_path), **ME) as client:
+        change(client, *FAST.values()).raise_for_status()
+        change(client, ["limits", "max_position"], "50 um").raise_for_status()
+        change(client, ["runs", 1, "repeats"], 4).raise_for_status()
+        ran(client, "/bench/start", {"runs": ["forward"]}, "failed")
+    assert sorted(path.name for path in tmp_path.glob("recordings/*/*.nc")) == ["forward_1.nc", "forward_2.nc"]
+
+
+def test_starts_within_a_second_have_a_folder_each(tmp_path: Path) -> None:
+    with client_of(create_app(tmp_path), **ME) as client:
+        change(client, *FAST.values()).raise_for_status()
+        change(client, ["runs", 1, "capture", "length"], "0.15 s").raise_for_status()
+        answers: list[httpx.Response] = []
+        end = time.monotonic() + 60.0
+        while sum(one.status_code == 200 for one in answers) < 10 and time.monotonic() < end:
+            with ThreadPoolExecutor(5) as pool:
+                ask = [pool.submit(client.post, "/bench/start", json={"runs": ["forward"]}) for _ in range(5)]
+                answers += [one.result() for one in ask]
+        begun = [one.json()["folder"] for one in answers if one.status_code == 200]
+        refused = [one.json()["error"] for one in answers if one.status_code != 200]
+        while client.get("/recordings").json().__len__() < len(begun) and time.monotonic() < end:
+            time.sleep(0.1)
+    assert len(set(begun)) == len(begun) >= 10
+    assert set(refused) == {"a run is going on: stop it first"}
+    assert sorted(os.listdir(tmp_path / "recordings")) == sorted(name.split("/")[1] for name in begun)
+    for name in begun:
+        assert (tmp_path / name / "forward.nc").is_file()
+        assert "kept" not in (tmp_path / name / "experiment.log").read_text()
+
+
+def test_a_watcher_cannot_pass_for_the_holder(tmp_path: Path) -> None:
+    with client_of(create_app(tmp_path)) as client, streaming(client, client="a secret of one page") as holding:
+        you = heard(holding, "hello")["you"]
+        holding.send(json.dumps({"kind": "ask_control"}))
+        while heard(holding, "control")["holder"] != you:
+            pass
+        with streaming(client, client="a watcher") as watching:
+            told = [watching.recv(timeout=5.0) for _ in range(6)]
+            assert not any("a secret" in one for one in told if isinstance(one, str))
+            holder = next(json.loads(one)["holder"] for one in told if isinstance(one, str) and '"control"' in one)
+            assert holder == you
+            for said in (holder, "a watcher"):
+                answer = client.post("/bench/home", headers={"X-Client": said})
+                assert "another page controls" in answer.json()["error"]
+            watching.send(json.dumps({"kind": "hand_over"}))
+        answer = client.post("/bench/set", json={"path": ["title"], "value": "Mine"}, headers={"X-Client": holder})
+        assert answer.status_code == 400
+        own = {"X-Client": "a secret of one page"}
+        assert client.post("/bench/set", json={"path": ["title"], "value": "Mine"}, headers=own).status_code == 200
+
+
+def test_connections_that_say_nothing_are_let_go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connections, "PATIENCE", 1.0)
+    monkeypatch.setattr(connections, "MOST_CONNECTIONS", 100)
+    listening = socket.create_server(("127.0.0.1", 0))
+    server = uvicorn.Server(server_config(create_app(tmp_path)))
+    thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})
+    thread.start()
+    port = listening.getsockname()[1]
+    try:
+        half = [b"", b"GET / HTTP/1.1\r\nHost: 127.0", b"POST /bench/stop HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 9\r\n\r\n{"]
+        links = [socket.create_connection(("127.0.0.1", port), timeout=20.0) for _ in range(200)]
+        for i, link in enumerate(links):
+            link.sendall(half[i % 3])
+        begun = time.perf_counter()
+        assert httpx.get(f"http://127.0.0.1:{port}/static/icon.svg").status_code == 200, "there is room"
+        assert time.perf_counter() - begun < 1.0
+        open_ = [link for link in links if b"" == _last(link)]
+        assert len(open_) == 200
+        assert time.perf_counter() - begun < 15.0
+    finally:
+        server.should_exit = True
+        thread.join(30)
+        listening.close()
+
+
+def _last(link: socket.socket) -> bytes:
+    """What comes last, b"" where the other side has ended it."""
+    try:
+        while part := link.recv(4096):
+            pass
+    except ConnectionResetError:
+        part = b""
+    link.close()
+    return part
+
+
+def test_wrong_tokens_are_answered_slowly(tmp_path: Path) -> None:
+    token = "a-token-of-some-length"
+    with serving(create_app(tmp_path, token=token)) as port:
+        end = time.monotonic() + 3.0
+        tried: list[int] = []
+
+        def guess(which: int) -> None:
+            link = http.client.HTTPConnection("127.0.0.1", port, timeout=20.0)
+            while time.monotonic() < end:
+                link.request("GET", "/recordings", headers={"Authorization": f"Bearer {which}-{len(tried)}"})
+                answer = link.getresponse()
+                answer.read()
+                tried.append(answer.status)
+            link.close()
+
+        threads = [threading.Thread(target=guess, args=(i,)) for i in range(20)]
+        for one in threads:
+            one.start()
+        for one in threads:
+            one.join()
+        assert 5 <= tried.count(401) <= 5 * 4, "five a second are looked at"
+        assert set(tried) <= {401, 429}
+        time.sleep(1.1)
+        right = httpx.get(f"http://127.0.0.1:{port}/recordings", headers={"Authorization": f"Bearer {token}"})
+        assert right.status_code == 200
+
+
+def test_a_panel_that_is_killed_or_frozen_leaves_no_voltage(tmp_path: Path) -> None:
+    """The rig's process goes on without it, ramps to 0 V and says why; what was recorded is kept."""
+    for sign in (signal.SIGKILL, signal.SIGSTOP):
+        panel = Panel(tmp_path)
+        try:
+            with httpx.Client(base_url=panel.url.rstrip("/"), headers=ME, timeout=60.0) as client:
+                change(client, ["limits", "watchdog"], "0.5 s").raise_for_status()
+                running(client)
+                time.sleep(0.3)
+                rig = json.loads((tmp_path / ".rig" / "rig.json").read_text())["pid"]
+                panel.process.send_signal(sign)
+            home = tmp_path / ".rig" / "home.json"
+            before, end = home.stat().st_mtime_ns if home.exists() else 0, time.monotonic() + 5.0
+            while not home.exists() or home.stat().st_mtime_ns == before:  # written when a run has ended
+                assert time.monotonic() < end
+                time.sleep(0.01)
+            os.kill(rig, 0)
+        finally:
+            panel.process.kill()
+            panel.end()
+    with client_of(create_app(tmp_path), **ME):
+        names = {path.name for path in tmp_path.glob("recordings/*/unfinished/*.nc")}
+    assert names == {"walk.nc"}
+    assert len(list(tmp_path.glob("recordings/*/unfinished/*.nc"))) == 2

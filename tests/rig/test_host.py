@@ -1,0 +1,213 @@
+"""The rig's process: what it does when its clients die, stall or meet, and when it dies itself. All real processes."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import stat
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stickslip.recording import open_recording
+from stickslip.rig import Capture, HostedRig, LimitError, Limits, Link, RigError, VirtualRig, measure
+from stickslip.rig.devices import scpi_device, virtual_device
+from stickslip.rig.samples import recover
+from stickslip.waveform.periodic import Sawtooth
+
+from rig.laboratory import ACTUATOR, BENCH, CHANNELS, IDEAL  # isort: skip
+
+DRIVE, CAPTURE = Sawtooth(65.0, 20.0), Capture(0.3, 1e-3, 0.02)
+LONG = Capture(6.0, 1e-3, 0.02)
+
+CLIENT = """
+import sys
+from pathlib import Path
+sys.path.insert(0, "tests")
+from rig.test_host import DRIVE, LONG, device
+from rig.laboratory import IDEAL
+from stickslip.rig import HostedRig, Limits, Link, measure
+limits = Limits(watchdog=1.0)
+rig = HostedRig(Link(Path(sys.argv[1]), "a script"), device(True))
+measure(rig, DRIVE, IDEAL, LONG, limits, save=Path(sys.argv[2]), progress=lambda done: print(done, flush=True))
+"""
+
+
+def device(real_time: bool = False, seed: int = 3) -> dict:
+    return virtual_device(ACTUATOR, "kang2007-bench", seed, real_time)
+
+
+@pytest.fixture
+def link(tmp_path: Path) -> Iterator[Link]:
+    made = Link(tmp_path / "rig", "a test")
+    yield made
+    made.close()
+
+
+@contextmanager
+def client(folder: Path, target: Path) -> Iterator[subprocess.Popen[str]]:
+    """A program that runs a long recording; gives it once samples come."""
+    with subprocess.Popen(
+        [sys.executable, "-c", CLIENT, str(folder), str(target)], stdout=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            assert process.stdout is not None
+            while float(process.stdout.readline() or "nan") <= 0.03:
+                pass
+            yield process
+        finally:
+            process.kill()
+
+
+def idle(link: Link, within: float) -> float:
+    """How long it takes until nothing runs, s."""
+    begun = time.monotonic()
+    while link.ask("state")[0]["phase"] != "idle":
+        assert time.monotonic() - begun < within, "it goes on"
+        time.sleep(0.005)
+    return time.monotonic() - begun
+
+
+def number_of(link: Link) -> int:
+    return json.loads((link.folder / "rig.json").read_text())["pid"]
+
+
+def test_what_it_records_is_what_the_rig_itself_does_bit_for_bit(link: Link) -> None:
+    capture = CAPTURE._replace(average=2)
+    far = measure(HostedRig(link, device()), DRIVE, CHANNELS, capture, Limits())
+    near = measure(VirtualRig(ACTUATOR, BENCH, seed=3), DRIVE, CHANNELS, capture, Limits())
+    for name in CHANNELS:
+        np.testing.assert_array_equal(far[name], near[name])
+
+
+def test_a_program_that_is_killed_has_its_run_stopped_and_its_samples_kept(link: Link, tmp_path: Path) -> None:
+    target = tmp_path / "long.nc"
+    with client(link.folder, target) as program:
+        assert link.ask("state")[0]["holder"].startswith(f"a script (process {program.pid})")
+        program.kill()
+        assert idle(link, 5.0) < 0.5
+    recovered = recover(tmp_path)
+    assert [path.relative_to(tmp_path).as_posix() for path in recovered] == ["unfinished/long.nc"]
+    kept = open_recording(recovered[0])
+    assert kept.attrs["outcome"] == "stopped: the program was killed"
+    assert kept.sizes["time"] > 100
+    assert not target.exists()
+    assert recover(tmp_path) == []
+    link.ask("open", device=device(), again=False)  # and others may have the rig
+
+
+def test_a_program_that_stalls_has_its_run_stopped(link: Link, tmp_path: Path) -> None:
+    with client(link.folder, tmp_path / "long.nc") as program:
+        program.send_signal(signal.SIGSTOP)
+        assert 0.3 < idle(link, 5.0) < 2.0, "the watchdog of 1 s"
+        program.send_signal(signal.SIGCONT)
+        program.wait(20)
+    kept = list((tmp_path).glob(".long.*"))
+    assert program.returncode == 1
+    assert not kept
+
+
+def test_a_program_whose_rig_dies_keeps_what_it_has(link: Link) -> None:
+    def kill(done: float) -> None:
+        if done > 0.03:
+            os.kill(number_of(link), signal.SIGKILL)
+
+    with pytest.raises(RigError, match="the rig's process has ended") as caught:
+        measure(HostedRig(link, device(True)), DRIVE, IDEAL, LONG, Limits(), progress=kill)
+    kept = caught.value.recording  # type: ignore[attr-defined]
+    assert kept.sizes["time"] > 100
+    again = Link(link.folder, "a test")  # another one takes its place
+    measure(HostedRig(again, device()), DRIVE, IDEAL, CAPTURE, Limits())
+    again.close()
+
+
+def test_home_is_known_to_the_next_process(link: Link) -> None:
+    limits = Limits(max_position=30e-6)
+    rig = HostedRig(link, device())
+    measure(rig, DRIVE, IDEAL, CAPTURE, limits)
+    assert rig.position is not None
+    assert 10e-6 < rig.position < 30e-6
+    # Killed: what is known was written when the run ended, and the end-effector is where it is.
+    os.kill(number_of(link), signal.SIGKILL)
+    again = Link(link.folder, "a test")
+    assert again.ask("state")[0]["position"] == rig.position
+    with pytest.raises(LimitError, match=r"at 3\d\.\d+ µm from home"):
+        for _ in range(3):
+            measure(HostedRig(again, device()), DRIVE, IDEAL, CAPTURE, limits)
+    again.close()
+
+
+def test_two_programs_and_a_stop_by_whoever_is_there(link: Link, tmp_path: Path) -> None:
+    with client(link.folder, tmp_path / "long.nc") as program:
+        with pytest.raises(RigError, match=rf"held by a script \(process {program.pid}\), since \d\d:"):
+            HostedRig(link, device())
+        begun = time.perf_counter()
+        assert link.ask("stop", why="the other operator")[0]["stopped"]
+        idle(link, 1.0)
+        assert time.perf_counter() - begun < 0.2
+        assert program.wait(20) == 1
+    assert not (tmp_path / "long.nc").exists()
+
+
+def test_only_who_has_the_token_is_heard(link: Link) -> None:
+    known = link.folder / "rig.json"
+    assert stat.S_IMODE(known.stat().st_mode) == 0o600
+    said = json.loads(known.read_text())
+    for token in ("", "0" * 64, None):
+        with socket.create_connection(("127.0.0.1", said["port"]), timeout=5.0) as other:
+            text = json.dumps({"do": "hello", "token": token, "shape": [0]}).encode()
+            other.sendall(len(text).to_bytes(4, "little") + text)
+            assert other.recv(100) == b""
+    silent = [socket.create_connection(("127.0.0.1", said["port"]), timeout=5.0) for _ in range(60)]
+    time.sleep(2.5)
+    assert all(one.recv(1) == b"" for one in silent), "silent ones are let go"
+    Link(link.folder, "another").close()
+    for one in silent:
+        one.close()
+
+
+def test_it_ends_when_nobody_is_there(tmp_path: Path) -> None:
+    link = Link(tmp_path / "rig", "a test")
+    process = number_of(link)
+    link.close()
+    end = time.monotonic() + 15.0
+    while (tmp_path / "rig" / "rig.json").exists():
+        assert time.monotonic() < end
+        time.sleep(0.1)
+    with pytest.raises(ProcessLookupError):
+        for _ in range(100):
+            os.waitpid(process, os.WNOHANG)
+            time.sleep(0.05)
+            os.kill(process, 0)
+
+
+def test_nonsense_is_refused_and_it_stays(link: Link) -> None:
+    for do, what in [
+        ("sing", {}),
+        ("open", {"device": {"kind": "hammer"}, "again": False}),
+        ("open", {"device": {}, "again": False}),
+        ("fetch", {"wait": "long"}),
+        ("run", {"limits": {"max_voltage": "much"}, "inputs": [], "samples": 0, "rest": 0, "position": None}),
+        ("open", {"device": scpi_device("TCPIP::127.0.0.1::1::SOCKET"), "again": False}),
+    ]:
+        with pytest.raises((RigError, ValueError)):
+            link.ask(do, np.zeros(3), **what)
+    measure(HostedRig(link, device()), DRIVE, IDEAL, CAPTURE, Limits())
+
+
+def test_it_is_a_limit_that_refuses_not_the_client(link: Link) -> None:
+    """A client that asks for more than the limits it names: the process looks itself."""
+    link.ask("open", device=device(), again=False)
+    order = {"limits": Limits(max_voltage=50.0)._asdict(), "inputs": ["drive"], "samples": 100, "rest": 0}
+    link.ask("run", np.full(100, 60.0), position=None, **order)
+    with pytest.raises(LimitError, match="reaches 60 V"):
+        while True:
+            link.ask("fetch", wait=0.5)
