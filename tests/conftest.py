@@ -8,10 +8,13 @@ from __future__ import annotations
 
 import os
 import signal
+import tempfile
 
 from hypothesis import settings
 
 os.environ["MPLBACKEND"] = "Agg"  # here and in commands that tests start: no display
+# What is known of real rigs, from where positions count, is not the user's.
+os.environ["STICKSLIP_RIGS"] = tempfile.mkdtemp(prefix="stickslip-rigs-")
 
 # A shell starts what runs in the background with Ctrl-C ignored, and that is inherited: commands that tests
 # interrupt would not notice.

@@ -168,3 +168,105 @@ def test_instrument() -> None:
         process.send_signal(signal.SIGINT)
         process.communicate(timeout=60)
     assert process.returncode == 130
+
+
+RECORD = [sys.executable, "-m", "stickslip", "record"]
+
+
+def in_report(process: subprocess.Popen[str], out: Path) -> None:
+    """Wait until a command is in its report: the recordings are there, the report is not."""
+    end = time.monotonic() + 60.0
+    while "complete" not in (
+        text := (out / "experiment.log").read_text() if (out / "experiment.log").exists() else ""
+    ):
+        assert process.poll() is None, text
+        assert time.monotonic() < end
+        time.sleep(0.002)
+
+
+@pytest.mark.parametrize("wait", [0.0, 0.05, 0.15, 0.3])
+def test_an_interruption_in_the_report_is_not_lost(tmp_path: Path, wait: float) -> None:
+    out = tmp_path / "out"
+    with subprocess.Popen(
+        [*RECORD, str(small(tmp_path)), "--out", str(out)], stderr=subprocess.PIPE, text=True
+    ) as process:
+        in_report(process, out)
+        time.sleep(wait)
+        process.send_signal(signal.SIGINT)
+        said = process.communicate(timeout=60)[1]
+    assert process.returncode == 130, said
+    assert "interrupted; what was finished is kept" in said
+    assert {path.stem for path in out.glob("*.nc")} == {"walk_35V", "walk_65V"}
+
+
+def test_a_second_interruption_ends_at_once_with_the_output_at_zero(tmp_path: Path) -> None:
+    """The rig is an instrument of another process, which is asked afterwards."""
+    environment = {**os.environ, "PYTHONUNBUFFERED": "1", "STICKSLIP_RIGS": str(tmp_path / "rigs")}
+    command = [sys.executable, "-m", "stickslip", "instrument", "--port", "0"]
+    with (
+        subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as instrument,
+        contextlib.ExitStack() as at_last,
+    ):
+        at_last.callback(instrument.kill)
+        assert instrument.stdout is not None
+        resource = instrument.stdout.readline().strip()
+        long = {"length": 10.0, "interval": 1e-3, "pre_trigger": 0.01}
+        content = yaml.safe_load(small(tmp_path).read_text())
+        content["runs"][0]["capture"] = long
+        path, out = (
+            small(tmp_path, runs=content["runs"], rig={"kind": "scpi", "resource": resource}),
+            tmp_path / "out",
+        )
+        with subprocess.Popen(
+            [*RECORD, str(path), "--out", str(out)], stderr=subprocess.PIPE, text=True, env=environment
+        ) as process:
+            at_last.callback(process.kill)
+            samples = out / "unfinished"
+            end = time.monotonic() + 60.0
+            while not [
+                one for one in out.glob(".walk*.samples") if int.from_bytes(one.read_bytes()[:8], "little")
+            ]:
+                assert time.monotonic() < end
+                time.sleep(0.01)
+            # Both at once: the first has no time to be heard in the run.
+            process.send_signal(signal.SIGINT)
+            time.sleep(0.001)
+            process.send_signal(signal.SIGINT)
+            begun = time.monotonic()
+            process.communicate(timeout=30)
+            assert process.returncode == 130
+            assert time.monotonic() - begun < 3.0
+        with socket.create_connection(("127.0.0.1", int(resource.split("::")[2])), timeout=20.0) as link:
+            link.sendall(b"FETC?\nSYST:ERR?\n")
+            told = link.recv(1000)
+        assert b"nothing is running" in told or b"held by" in told, told
+        assert not samples.exists() or list(samples.iterdir())
+
+
+def test_an_output_that_cannot_be_written_is_found_before_the_work(tmp_path: Path) -> None:
+    """For root, too, to whom the system says that everything can be written."""
+    path = small(tmp_path)
+    for out in ("/proc/stickslip", "/dev/full/out"):
+        begun = time.perf_counter()
+        done = run("record", str(path), "--out", out)
+        assert done.exit_code == (2 if "full" in out else 1)
+        assert f"--out {out}" in done.stderr
+        assert "checking" not in done.stderr
+        assert time.perf_counter() - begun < 2.0
+
+
+def test_a_disk_without_room_is_found_before_the_work(tmp_path: Path) -> None:
+    """A limit on the size of files stands for the disk."""
+    program = (
+        "import resource, signal, sys; signal.signal(signal.SIGXFSZ, signal.SIG_IGN); "
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (1_000_000, 1_000_000)); "
+        "sys.argv[0] = 'stickslip'; from stickslip.cli import app; app()"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program, "record", str(small(tmp_path)), "--out", str(tmp_path / "out")],
+        capture_output=True, text=True, env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}, timeout=60,
+    )  # fmt: skip
+    assert done.returncode == 1
+    assert "File too large" in done.stderr
+    assert "checking" not in done.stderr
+    assert not (tmp_path / "out").exists()

@@ -93,7 +93,9 @@ def test_pipes_and_large_files_are_refused_at_once(panel: Panel) -> None:
         for name, said in [("pipe", "no plain file"), ("large", "up to 1 MB"), ("bomb", "more than 1000000")]:
             begun = time.perf_counter()
             with ThreadPoolExecutor(45) as pool:
-                ask = [pool.submit(client.post, "/bench/load", json={"name": f"{name}.yaml"}) for _ in range(45)]
+                ask = [
+                    pool.submit(client.post, "/bench/load", json={"name": f"{name}.yaml"}) for _ in range(45)
+                ]
                 answers = [one.result() for one in ask]
             assert {one.status_code for one in answers} == {400}
             assert said in answers[0].json()["error"]
@@ -115,7 +117,9 @@ def test_end_stops_count_from_home_over_runs_and_restarts(tmp_path: Path) -> Non
     assert max(seen) < 34e-6, "a block beyond the stop, no more"
     assert back is not None
     assert abs(back) < 5e-6, "from beyond an end stop there is a way home"
-    outcomes = [open_recording(path).attrs["outcome"] for path in tmp_path.glob("recordings/*/unfinished/*.nc")]
+    outcomes = [
+        open_recording(path).attrs["outcome"] for path in tmp_path.glob("recordings/*/unfinished/*.nc")
+    ]
     assert len(outcomes) == 3
     assert all("beyond the end stop at 30 µm" in one for one in outcomes)
 
@@ -126,7 +130,10 @@ def test_repeats_walk_on_and_are_stopped(tmp_path: Path) -> None:
         change(client, ["limits", "max_position"], "50 um").raise_for_status()
         change(client, ["runs", 1, "repeats"], 4).raise_for_status()
         ran(client, "/bench/start", {"runs": ["forward"]}, "failed")
-    assert sorted(path.name for path in tmp_path.glob("recordings/*/*.nc")) == ["forward_1.nc", "forward_2.nc"]
+    assert sorted(path.name for path in tmp_path.glob("recordings/*/*.nc")) == [
+        "forward_1.nc",
+        "forward_2.nc",
+    ]
 
 
 def test_starts_within_a_second_have_a_folder_each(tmp_path: Path) -> None:
@@ -152,7 +159,10 @@ def test_starts_within_a_second_have_a_folder_each(tmp_path: Path) -> None:
 
 
 def test_a_watcher_cannot_pass_for_the_holder(tmp_path: Path) -> None:
-    with client_of(create_app(tmp_path)) as client, streaming(client, client="a secret of one page") as holding:
+    with (
+        client_of(create_app(tmp_path)) as client,
+        streaming(client, client="a secret of one page") as holding,
+    ):
         you = heard(holding, "hello")["you"]
         holding.send(json.dumps({"kind": "ask_control"}))
         while heard(holding, "control")["holder"] != you:
@@ -160,16 +170,23 @@ def test_a_watcher_cannot_pass_for_the_holder(tmp_path: Path) -> None:
         with streaming(client, client="a watcher") as watching:
             told = [watching.recv(timeout=5.0) for _ in range(6)]
             assert not any("a secret" in one for one in told if isinstance(one, str))
-            holder = next(json.loads(one)["holder"] for one in told if isinstance(one, str) and '"control"' in one)
+            holder = next(
+                json.loads(one)["holder"] for one in told if isinstance(one, str) and '"control"' in one
+            )
             assert holder == you
             for said in (holder, "a watcher"):
                 answer = client.post("/bench/home", headers={"X-Client": said})
                 assert "another page controls" in answer.json()["error"]
             watching.send(json.dumps({"kind": "hand_over"}))
-        answer = client.post("/bench/set", json={"path": ["title"], "value": "Mine"}, headers={"X-Client": holder})
+        answer = client.post(
+            "/bench/set", json={"path": ["title"], "value": "Mine"}, headers={"X-Client": holder}
+        )
         assert answer.status_code == 400
         own = {"X-Client": "a secret of one page"}
-        assert client.post("/bench/set", json={"path": ["title"], "value": "Mine"}, headers=own).status_code == 200
+        assert (
+            client.post("/bench/set", json={"path": ["title"], "value": "Mine"}, headers=own).status_code
+            == 200
+        )
 
 
 def test_connections_that_say_nothing_are_let_go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -181,7 +198,11 @@ def test_connections_that_say_nothing_are_let_go(tmp_path: Path, monkeypatch: py
     thread.start()
     port = listening.getsockname()[1]
     try:
-        half = [b"", b"GET / HTTP/1.1\r\nHost: 127.0", b"POST /bench/stop HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 9\r\n\r\n{"]
+        half = [
+            b"",
+            b"GET / HTTP/1.1\r\nHost: 127.0",
+            b"POST /bench/stop HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 9\r\n\r\n{",
+        ]
         links = [socket.create_connection(("127.0.0.1", port), timeout=20.0) for _ in range(200)]
         for i, link in enumerate(links):
             link.sendall(half[i % 3])

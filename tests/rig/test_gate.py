@@ -134,4 +134,6 @@ def test_samples_are_beside_the_recording_while_it_is_made_and_gone_after(tmp_pa
     )
     assert min(seen) > 2 * 8 * 20_000
     assert [file.name for file in tmp_path.iterdir()] == ["walk.nc"]
-    np.testing.assert_array_equal(open_recording(tmp_path / "walk.nc")["drive_voltage"], made["drive_voltage"])
+    np.testing.assert_array_equal(
+        open_recording(tmp_path / "walk.nc")["drive_voltage"], made["drive_voltage"]
+    )

@@ -88,7 +88,9 @@ def test_what_it_records_is_what_the_rig_itself_does_bit_for_bit(link: Link) -> 
         np.testing.assert_array_equal(far[name], near[name])
 
 
-def test_a_program_that_is_killed_has_its_run_stopped_and_its_samples_kept(link: Link, tmp_path: Path) -> None:
+def test_a_program_that_is_killed_has_its_run_stopped_and_its_samples_kept(
+    link: Link, tmp_path: Path
+) -> None:
     target = tmp_path / "long.nc"
     with client(link.folder, target) as program:
         assert link.ask("state")[0]["holder"].startswith(f"a script (process {program.pid})")

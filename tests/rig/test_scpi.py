@@ -235,3 +235,71 @@ def test_nothing_that_is_sent_kills_it(served: Served, sent: list[bytes]) -> Non
 def test_capabilities_are_those_of_the_rig(served: Served) -> None:
     answer = served.says(b"SYST:CAP?\n")
     assert json.loads(answer[2 + int(answer[1:2]) :])["update_rate"] == 20e3
+
+
+def test_a_stop_is_short_whatever_slew_is_asked_for(served: Served) -> None:
+    """An ask for a ramp of hours is refused, and what stops is as fast as the limits say."""
+    served.says(b"*RST\n*CLS\n")
+    drive = np.full(2000, 79.0, dtype="<f8").tobytes()
+    begin = (
+        b"SOUR:DATA #5" + str(len(drive)).encode() + drive + b"\nSENS:CONF 2000,drive\nINIT\n*TRG\nFETC?\n"
+    )
+    begun = time.perf_counter()
+    told = served.says(begin + b"OUTP:STOP 0.01\nSYST:ERR?\n")
+    assert b'-222,"Data out of range; a slew from 15 to inf V/s"' in told
+    assert time.perf_counter() - begun < 5.0
+    times, volts = served.rig.output()  # the connection has ended, and so the output
+    assert times[-1] < 0.3
+    assert abs(volts[-1]) < 0.1
+    for slew in (1e-9, float("nan"), 0.0, -5.0):  # nor does the rig itself take forever
+        served.rig.load(np.full(200, 79.0))
+        served.rig.arm(("drive",), 2000)
+        served.rig.start()
+        served.rig.fetch()
+        served.rig.stop(slew)
+        times, volts = served.rig.output()
+        assert times[-1] < 10.5
+        assert abs(volts[-1]) < 0.1
+
+
+def test_a_second_program_is_told_who_holds_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    served = Served()
+    first = ScpiRig(served.resource)
+    begun = time.perf_counter()
+    with pytest.raises(RigError, match=r"held by 127\.0\.0\.1:\d+, heard \d s ago"):
+        ScpiRig(served.resource)
+    assert time.perf_counter() - begun < 3.0
+    silent = [socket.create_connection(("127.0.0.1", served.port)) for _ in range(30)]  # bounded, too
+    monkeypatch.setattr("stickslip.rig.server.TAKEN", 0.2)
+    for one in silent:
+        one.close()
+    time.sleep(0.5)
+    second = ScpiRig(served.resource)  # the first has been silent, and nothing runs
+    assert second.capabilities == first.capabilities
+    with pytest.raises(RigError):
+        first.load(np.zeros(5))
+    second.close()
+    first.close()
+    served.close()
+
+
+def test_home_counts_over_runs_of_a_rig_on_the_network(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The whole way: program, the process that owns the rig, the instrument; a second program goes on there."""
+    monkeypatch.setenv("STICKSLIP_RIGS", str(tmp_path / "rigs"))
+    fresh = Served()
+    content = {
+        **SMALL,
+        "rig": {"kind": "scpi", "resource": fresh.resource},
+        "channels": {"drive_voltage": {"input": "drive"}, "end_effector_position": {"input": "ideal"}},
+        "limits": {"max_position": "14 um"},
+    }
+    content["runs"] = [
+        {**SMALL["runs"][0], "matrix": {"voltage": ["65 V"], "frequency": [100.0]}, "repeats": 1}
+    ]
+    done = 0
+    with pytest.raises(LimitError, match="beyond the end stop at 14 µm"):
+        for i in range(8):
+            run_experiment(written(tmp_path, content), tmp_path / f"out{i}")
+            done += 1
+    assert done >= 1
+    fresh.close()

@@ -118,6 +118,9 @@ class Host:
         if held:
             self.supervisor.stop("the program that ran it is gone")
             self._release()
+        with self._lock:
+            if not self._clients and not self.supervisor.busy:
+                self.supervisor.let_go()  # others than our clients may want the device
         with suppress(OSError):
             link.close()
 
