@@ -162,3 +162,22 @@ def test_constant_zero_stays_at_zero() -> None:
     used = rig()
     measure(used, Constant(0.0), IDEAL, SHORT, Limits(max_voltage=0.0))
     assert np.abs(used.output()[1]).max() <= 0.5 * CAN.step
+
+
+@settings(max_examples=60)
+@given(st.floats(50.0, 1e5), st.floats(5.0, 100.0), st.floats(1e-5, 0.02), st.randoms(use_true_random=False))
+def test_the_slew_holds_at_the_piezo_over_time_within_a_step(slew, amplitude, span, random) -> None:
+    """Not for every instant: a ramp of 1000 V/s goes in steps of 78 mV, at the amplifier's bandwidth."""
+    used = rig()
+    rise = amplitude / slew
+    stop = min(random.uniform(0.1, 1.0) * slew, 1e4)
+    allowed = Limits(max_slew=slew, stop_slew=max(stop, 15.0))
+    length = min(max(2.0 * rise, 0.05), 1.0)
+    measure(used, Ramp(slew * (1 - 1e-9), rise_time=rise), IDEAL, Capture(length, 1e-3, 0.02), allowed)
+    times, volts = used.output()
+    begin = np.linspace(0.0, times[-1] - span, 2000)
+    moved = np.abs(np.interp(begin + span, times, volts) - np.interp(begin, times, volts))
+    assert moved.max() <= slew * (span + 1.0 / CAN.update_rate) + 1.01 * CAN.step
+    if slew < 2000.0 and amplitude > 20.0:  # which is why the limit says where it holds
+        inside = np.diff(times) > 1e-9
+        assert np.max(np.abs(np.diff(volts)[inside] / np.diff(times)[inside])) > slew

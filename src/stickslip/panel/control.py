@@ -79,9 +79,7 @@ class Control:
         self._hub.send(self._message())
 
     def _message(self) -> Message:
-        return json.dumps(
-            {"kind": "control", "holder": shown(self.holder), "asking": shown(self.asking)}
-        )
+        return json.dumps({"kind": "control", "holder": shown(self.holder), "asking": shown(self.asking)})
 
 
 def shown(identity: str) -> str:

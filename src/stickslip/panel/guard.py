@@ -73,7 +73,9 @@ class Guard:
             return
         await self._http(scope, receive, send)
 
-    async def _slowly(self, scope: Scope, headers: dict[str, str], refused: tuple[int, str]) -> tuple[int, str]:
+    async def _slowly(
+        self, scope: Scope, headers: dict[str, str], refused: tuple[int, str]
+    ) -> tuple[int, str]:
         """The same answer, late where a wrong token was shown."""
         if not any(self._tokens(scope, headers)):
             return refused

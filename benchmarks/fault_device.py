@@ -1,0 +1,122 @@
+"""The device of the fault study: the virtual rig in real time, as an instrument in a process of its own, which
+fails when it is told to and writes down what came out of its amplifier.
+
+python -m benchmarks.fault_device FOLDER
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+
+from stickslip.actuator import load_actuator
+from stickslip.rig import Limits, VirtualRig, load_bench
+from stickslip.rig.instrument import Instrument
+from stickslip.rig.server import InstrumentServer
+
+# What the device allows by itself; a program's limits are narrower.
+OWN = Limits(min_voltage=0.0, max_voltage=150.0, watchdog=0.5, stop_slew=1000.0)
+
+
+class FailingRig(VirtualRig):
+    """Fails as the file `fault.json` says, in one run after it was written; each run is a line of `runs.jsonl`."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(
+            load_actuator("kang2007").replace(stage_reaction=False),
+            load_bench("kang2007-bench"),
+            real_time=True,
+        )
+        self.folder, self.server = folder, None
+        self._lock = threading.RLock()  # a connection that hangs and the next one
+        self._fault: dict = {}
+        self._failed: float | None = None
+        self._held: np.ndarray | None = None
+
+    def start(self) -> None:
+        path = self.folder / "fault.json"
+        self._fault = json.loads(path.read_text()) if path.exists() else {}
+        self._failed = self._held = None
+        super().start()
+        (self.folder / "started").touch()
+
+    def fetch(self) -> np.ndarray:
+        before = self._fetched
+        block = super().fetch().copy()
+        fault, rate = self._fault, self.bench.sample_rate
+        if not fault or self._fetched < fault["at"] * rate:
+            return block
+        first = max(int(fault["at"] * rate) - before, 0)
+        row = self._inputs.index("ideal")
+        if self._failed is None:
+            self._failed = time.monotonic()
+            (self.folder / "fault.json").unlink(missing_ok=True)
+            if fault["kind"] == "late":
+                time.sleep(fault["seconds"])
+            if fault["kind"] == "gone":
+                assert self.server is not None
+                self.server.drop()
+        if fault["kind"] == "nan":
+            block[row, first:] = np.nan
+        elif fault["kind"] == "jump":
+            block[row, first:] += 1e-3
+        elif fault["kind"] == "frozen":
+            self._held = block[row, first] if self._held is None else self._held
+            block[row, first:] = self._held
+        return block
+
+    def stop(self, slew: float) -> None:
+        if not self._running:
+            return
+        asked, fetched = time.monotonic(), self._fetched / self.bench.sample_rate
+        super().stop(slew)
+        times, volts = self.output()
+        at = float(np.interp(fetched, times, volts))
+        step = self.capabilities.step
+        away = np.flatnonzero(np.abs(volts) > 1.5 * step)
+        zero = float(times[away[-1]]) if away.size else 0.0
+        updates = np.interp(np.arange(int(times[-1] * 20e3)) / 20e3, times, volts)
+        line = {
+            "stopped": asked,
+            "began": self._began,
+            "failed": self._failed,
+            "fetched": fetched,
+            "volts": at,
+            "ramp": max(zero - fetched, 0.0),
+            "end": float(volts[-1]),
+            "least": float(volts.min()),
+            "greatest": float(volts.max()),
+            "slew": float(np.abs(np.diff(updates)).max(initial=0.0) * 20e3),
+            "step": step,
+            "slid": self.origin,
+        }
+        with (self.folder / "runs.jsonl").open("a") as file:
+            file.write(json.dumps(line) + "\n")
+
+
+class Server(InstrumentServer):
+    """An instrument whose cable can be pulled."""
+
+    def drop(self) -> None:
+        """Pull it."""
+        holder = self._holder
+        if holder is not None:
+            holder.hang_up()
+
+
+def main(folder: Path) -> None:
+    """Serve until the process is ended."""
+    rig = FailingRig(folder)
+    with Server(Instrument(rig, OWN), port=0) as server:
+        rig.server = server
+        (folder / "port").write_text(str(server.server_address[1]))
+        server.serve_forever(poll_interval=0.1)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
