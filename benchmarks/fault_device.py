@@ -1,5 +1,5 @@
-"""The device of the fault study: the virtual rig in real time, as an instrument in a process of its own, which
-fails when it is told to and writes down what came out of its amplifier.
+"""The device of the fault study: the virtual rig in real time, as an instrument in a process of its own,
+which fails when it is told to and writes down what came out of its amplifier.
 
 python -m benchmarks.fault_device FOLDER
 """
@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +25,8 @@ OWN = Limits(min_voltage=0.0, max_voltage=150.0, watchdog=0.5, stop_slew=1000.0)
 
 
 class FailingRig(VirtualRig):
-    """Fails as the file `fault.json` says, in one run after it was written; each run is a line of `runs.jsonl`."""
+    """Fails as the file `fault.json` says, in one run after it was written; each run is a line of
+    `runs.jsonl`."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__(
@@ -32,7 +34,8 @@ class FailingRig(VirtualRig):
             load_bench("kang2007-bench"),
             real_time=True,
         )
-        self.folder, self.server = folder, None
+        self.folder = folder
+        self.server: Any = None
         self._lock = threading.RLock()  # a connection that hangs and the next one
         self._fault: dict = {}
         self._failed: float | None = None

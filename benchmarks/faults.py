@@ -2,10 +2,11 @@
 
 python -m benchmarks.faults [COUNT] [--seed S] [--workers N]
 
-Each trial records from a rig as a lab has it: a program (a process), the process that owns the rig, and the device,
-a third process with an amplifier whose output is written down. Drive, limits, fault and its instant are random. The
-program is killed, stalls, has its disk full or its clock set back; the rig's process is killed or stalls; the sensor
-gives NaN, freezes, jumps; samples come late; the device's connection drops; a second operator comes, or presses stop.
+Each trial records from a rig as a lab has it: a program (a process), the process that owns the rig, and the
+device, a third process with an amplifier whose output is written down. Drive, limits, fault and its instant
+are random. The program is killed, stalls, has its disk full or its clock set back; the rig's process is
+killed or stalls; the sensor gives NaN, freezes, jumps; samples come late; the device's connection drops; a
+second operator comes, or presses stop.
 """
 
 from __future__ import annotations
@@ -40,8 +41,8 @@ WATCHDOG = 0.4  # s
 BLOCK = 0.02  # s in which a fault is seen
 GRACE = 0.25  # s for the processes of a machine that does other things besides
 FAULTS = (
-    "program killed", "program stalls", "rig's process killed", "rig's process stalls", "nan", "frozen", "jump",
-    "late", "gone", "disk full", "clock set back", "second operator", "stop", "none",
+    "program killed", "program stalls", "rig's process killed", "rig's process stalls", "nan", "frozen",
+    "jump", "late", "gone", "disk full", "clock set back", "second operator", "stop", "none",
 )  # fmt: skip
 # What has to pass until somebody notices, s, besides a block.
 NOTICED = {
@@ -54,8 +55,8 @@ NOTICED = {
 
 
 class Trial(NamedTuple):
-    """What became of one: `late` is the time from the fault to 0 V less the stated ramp, s, None where the fault
-    came when nothing was put out; `wrong` what should not have been."""
+    """What became of one: `late` is the time from the fault to 0 V less the stated ramp, s, None where the
+    fault came when nothing was put out; `wrong` what should not have been."""
 
     fault: str
     late: float | None
@@ -322,9 +323,7 @@ def main() -> int:
     parser.add_argument("--workers", type=int, default=2)
     asked = parser.parse_args()
     found = study(asked.count, asked.seed, asked.workers)
-    print(
-        "| fault | trials | hit an output | ramp began after, median | at most | finished | unfinished, listed | wrong |"
-    )
+    print("| fault | trials | hit an output | ramp after, median | at most | finished | unfinished | wrong |")
     print("|---|---|---|---|---|---|---|---|")
     for fault in FAULTS:
         here = [one for one in found if one.fault == fault]

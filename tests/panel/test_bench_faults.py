@@ -1,4 +1,5 @@
-"""A bench as a lab meets it: damaged files, full folders, restarts, many at once; real processes and sockets."""
+"""A bench as a lab meets it: damaged files, full folders, restarts, many at once; real processes and
+sockets."""
 
 from __future__ import annotations
 
@@ -17,11 +18,10 @@ import httpx
 import pytest
 import uvicorn
 
+from damaged import hanging
 from stickslip import open_recording
 from stickslip.panel import connections, create_app
 from stickslip.panel.connections import server_config
-
-from damaged import hanging
 
 from .conftest import Panel
 from .serving import client_of, heard, serving, streaming
@@ -209,7 +209,7 @@ def test_connections_that_say_nothing_are_let_go(tmp_path: Path, monkeypatch: py
         begun = time.perf_counter()
         assert httpx.get(f"http://127.0.0.1:{port}/static/icon.svg").status_code == 200, "there is room"
         assert time.perf_counter() - begun < 1.0
-        open_ = [link for link in links if b"" == _last(link)]
+        open_ = [link for link in links if _last(link) == b""]
         assert len(open_) == 200
         assert time.perf_counter() - begun < 15.0
     finally:

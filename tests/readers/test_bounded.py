@@ -1,7 +1,9 @@
-"""Files that hold far more than they look like, or end in the middle: one clear error, little memory, little time."""
+"""Files that hold far more than they look like, or end in the middle: one clear error, little memory, little
+time."""
 
 from __future__ import annotations
 
+import contextlib
 import io
 import os
 import random
@@ -157,10 +159,13 @@ except RecordingError as error:
         for i, content in enumerate(damaged):
             bad = folder / f"{i}{path.suffix}"
             bad.write_bytes(content)
-            try:
-                read_recording(bad)
-            except RecordingError as error:
-                assert str(bad) in str(error)
+            said = str(bad)
+            with contextlib.suppress(RecordingError):
+                try:
+                    read_recording(bad)
+                except RecordingError as error:
+                    said = str(error)
+            assert str(bad) in said
     assert time.perf_counter() - begun < 200.0
 
 

@@ -284,7 +284,8 @@ def test_a_second_program_is_told_who_holds_it(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_home_counts_over_runs_of_a_rig_on_the_network(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The whole way: program, the process that owns the rig, the instrument; a second program goes on there."""
+    """The whole way: program, the process that owns the rig, the instrument; a second program goes on
+    there."""
     monkeypatch.setenv("STICKSLIP_RIGS", str(tmp_path / "rigs"))
     fresh = Served()
     content = {
@@ -296,10 +297,12 @@ def test_home_counts_over_runs_of_a_rig_on_the_network(tmp_path, monkeypatch: py
     content["runs"] = [
         {**SMALL["runs"][0], "matrix": {"voltage": ["65 V"], "frequency": [100.0]}, "repeats": 1}
     ]
-    done = 0
+    path = written(tmp_path, content)
+    run_experiment(path, tmp_path / "first")
+    content["runs"][0]["repeats"] = 8
     with pytest.raises(LimitError, match="beyond the end stop at 14 µm"):
-        for i in range(8):
-            run_experiment(written(tmp_path, content), tmp_path / f"out{i}")
-            done += 1
-    assert done >= 1
+        run_experiment(written(tmp_path, content), tmp_path / "second")
+    recorded = [*(tmp_path / "second").glob("*.nc")]
+    walked = float(open_recording(tmp_path / "first" / "walk_65V_100.nc")["end_effector_position"][-1])
+    assert (len(recorded) + 1) * walked < 14e-6, "the first experiment's walk counts"
     fresh.close()

@@ -1,7 +1,7 @@
 """Ctrl-C as a wish that is heard at the next safe moment, and cannot get lost on the way.
 
-An exception that a signal raises somewhere in a library may be swallowed there. So the first one sets a flag; the
-second ends the program at once, after the rig's process has been told to stop.
+An exception that a signal raises somewhere in a library may be swallowed there. So the first one sets a flag;
+the second ends the program at once, after the rig's process has been told to stop.
 """
 
 from __future__ import annotations

@@ -80,7 +80,8 @@ class HostedVirtualLaboratory:
 
 
 class ScpiLaboratory:
-    """One rig on the network for all cells, owned by a process; what actuator is on it, the file only says."""
+    """One rig on the network for all cells, owned by a process; what actuator is on it, the file only
+    says."""
 
     def __init__(self, resource: str, link: Link) -> None:
         self._device, self._link = scpi_device(resource), link
@@ -109,8 +110,8 @@ def open_laboratory(
 ) -> Laboratory:
     """The laboratory that a file names.
 
-    What puts out voltages in real time belongs to a process of its own; a virtual rig that is computed as fast
-    as it can has no output, and stays in this one.
+    What puts out voltages in real time belongs to a process of its own; a virtual rig that is computed as
+    fast as it can has no output, and stays in this one.
 
     Args:
         file: as read.

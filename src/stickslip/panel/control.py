@@ -1,7 +1,7 @@
 """Who holds control of the rig: one page; the others watch, and may ask for it. Anybody may stop the rig.
 
-A page is known by a secret of its own, which only itself and the server have; others know it by what `shown` makes
-of that.
+A page is known by a secret of its own, which only itself and the server have; others know it by what `shown`
+makes of that.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Reads files for the panel in a process that can be ended: a damaged file may keep a library busy for ever, and
-its interpreter with it."""
+"""Reads files for the panel in a process that can be ended: a damaged file may keep a library busy for ever,
+and its interpreter with it."""
 
 from __future__ import annotations
 

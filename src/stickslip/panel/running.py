@@ -52,8 +52,8 @@ class Job(NamedTuple):
 class Runner:
     """Runs one job at a time. `position` is where the end-effector is, m from home, as far as was seen.
 
-    What is put out belongs to a process of its own, which stops by itself where this one dies or stalls; a stop
-    goes to it directly, whatever the run's thread is doing.
+    What is put out belongs to a process of its own, which stops by itself where this one dies or stalls; a
+    stop goes to it directly, whatever the run's thread is doing.
 
     Args:
         hub, live, journal: who is told.
@@ -117,8 +117,8 @@ class Runner:
                 self._delivered = time.perf_counter() - asked
 
     def reach(self, folder: Path | None = None) -> Link:
-        """A connection to the rig's process, by default that of the virtual rig, which it starts if need be; for
-        all but runs."""
+        """A connection to the rig's process, by default that of the virtual rig, which it starts if need be;
+        for all but runs."""
         folder = folder or self._rigs
         with self._linking:
             if self._control is not None:

@@ -18,8 +18,8 @@ from fastapi.staticfiles import StaticFiles
 from starlette.exceptions import HTTPException
 
 from ..input_file import Strict
-from ..units import to_si
 from ..rig.samples import recover
+from ..units import to_si
 from .bench import bench_routes
 from .control import Control, shown
 from .explore import explore_routes

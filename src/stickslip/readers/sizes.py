@@ -31,6 +31,6 @@ def check_size(path: Path, declared: int, what: str = "arrays") -> None:
     allowed = allowed_bytes(path)
     if declared > allowed:
         raise RecordingError(
-            f"its {what} would take {declared / 2**20:,.0f} MiB; a file of {path.stat().st_size:,} bytes may hold "
-            f"{allowed / 2**20:,.0f} MiB ({RATIO} times its size, and 256 MiB in any case)"
+            f"its {what} would take {declared / 2**20:,.0f} MiB; a file of {path.stat().st_size:,} bytes "
+            f"may hold {allowed / 2**20:,.0f} MiB ({RATIO} times its size, and 256 MiB in any case)"
         )

@@ -1,4 +1,5 @@
-"""A report on disk: results.json first; report.html and the figures, replaced together once all are written."""
+"""A report on disk: results.json first; report.html and the figures, replaced together once all are
+written."""
 
 from __future__ import annotations
 
@@ -18,8 +19,8 @@ def write_report(
     """Write ``report.html``, ``results.json`` and ``figures/NAME.svg`` into a folder, made if missing.
 
     The numbers are written first, before any picture is drawn: whatever happens to those, they are kept. The
-    other files take their names only when all of them are whole on disk: a full disk leaves the report that was
-    there. Other files in the folder are left alone.
+    other files take their names only when all of them are whole on disk: a full disk leaves the report that
+    was there. Other files in the folder are left alone.
 
     Args:
         document: what to write.

@@ -106,8 +106,8 @@ class Gate:
         if not finite.all():
             row, column = np.argwhere(~finite)[0]
             raise LimitError(
-                f"the input {self._inputs[row]!r} reads {block[row, column]} at sample {self._done + column}: "
-                "stopped"
+                f"the input {self._inputs[row]!r} reads {block[row, column]} at sample "
+                f"{self._done + column}: stopped"
             )
 
     def _check_moving(self, source: str, raw: Array) -> None:

@@ -2,9 +2,9 @@
 
     python -m stickslip.rig.host FOLDER
 
-The folder keeps home.json (from where positions count), rig.json (port, token and number of the process, to be
-read by this user only) and rig.log. One process at a time has the lock of a folder. It ends when no client has
-been there for a few seconds; SIGTERM ends it with a ramp to 0 V. See `wire` for what it understands.
+The folder keeps home.json (from where positions count), rig.json (port, token and number of the process, to
+be read by this user only) and rig.log. One process at a time has the lock of a folder. It ends when no client
+has been there for a few seconds; SIGTERM ends it with a ramp to 0 V. See `wire` for what it understands.
 """
 
 from __future__ import annotations

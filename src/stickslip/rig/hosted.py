@@ -225,8 +225,8 @@ def _connected(folder: Path, name: str) -> socket.socket:
 
 
 def _started(folder: Path) -> int:
-    """The number of a new process, of a session of its own: what ends the terminal, or a Ctrl-C in it, does not
-    reach it."""
+    """The number of a new process, of a session of its own: what ends the terminal, or a Ctrl-C in it, does
+    not reach it."""
     folder.mkdir(parents=True, exist_ok=True, mode=0o700)
     command = [sys.executable, "-m", "stickslip.rig.host", str(folder)]
     writing = os.O_WRONLY | os.O_CREAT | os.O_TRUNC

@@ -4,13 +4,13 @@
 |---|---|
 | ``*IDN?`` ``*RST`` ``*CLS`` ``*OPC?`` | as IEEE 488.2 has them; ``*RST`` stops the output |
 | ``SYSTem:ERRor?`` | the oldest error, and takes it from the queue |
-| ``SYSTem:CAPabilities?`` | what the rig can do: a block of JSON; `origin`, m, is how far the end-effector had come |
+| ``SYSTem:CAPabilities?`` | what the rig can do: a block of JSON; see `protocols.Capabilities` |
 | ``SOURce:DATA <block>`` | the drive at the piezo, V, float64, lowest byte first |
 | ``SENSe:CONFigure <points>,<input>,...`` | what to record |
 | ``INITiate`` | arm |
 | ``*TRG`` | start |
 | ``FETCh?`` | the next samples: a block of float64, input after input |
-| ``OUTPut:STOP <slew>`` | ramp to 0 V at this slew, V/s: so fast that it takes 10 s at most, and up to `max_slew` |
+| ``OUTPut:STOP <slew>`` | ramp to 0 V at this slew, V/s, in 10 s at most |
 
 Capitals are the short form; case does not matter. Blocks are those of definite length of IEEE 488.2. Every
 output passes the gate of `stickslip.rig.limits`.

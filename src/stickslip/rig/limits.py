@@ -24,15 +24,15 @@ class Limits(NamedTuple):
     """What no output may pass.
 
     Voltages hold at the piezo, within half a step of the converter. `max_slew` holds for the drive from one
-    update of the output to the next; the converter rounds it to its steps, which the amplifier takes at its own
-    bandwidth. So at the piezo it holds over time, not for every instant: within a time T the voltage changes by
-    `max_slew` (T + one update) + one step at most. `max_duty` is the greatest share of a run in which the drive
-    is away from 0 V, by more than a hundredth of `max_voltage`.
+    update of the output to the next; the converter rounds it to its steps, which the amplifier takes at its
+    own bandwidth. So at the piezo it holds over time, not for every instant: within a time T the voltage
+    changes by `max_slew` (T + one update) + one step at most. `max_duty` is the greatest share of a run in
+    which the drive is away from 0 V, by more than a hundredth of `max_voltage`.
 
-    `min_position` and `max_position` are end stops of the end-effector, counted from home and watched while it
-    runs; `watchdog` is the longest silence of the rig, and of the program that runs it; `frozen` is how long the
-    position may read the same, to the last bit, while the drive moves by 10 V or more. Stop is a ramp to 0 V at
-    `stop_slew`, so fast that it takes 10 s at most.
+    `min_position` and `max_position` are end stops of the end-effector, counted from home and watched while
+    it runs; `watchdog` is the longest silence of the rig, and of the program that runs it; `frozen` is how
+    long the position may read the same, to the last bit, while the drive moves by 10 V or more. Stop is a
+    ramp to 0 V at `stop_slew`, so fast that it takes 10 s at most.
     """
 
     min_voltage: Annotated[float, Quantity("V", "u_min", "least voltage", maximum=0)] = 0.0
@@ -56,8 +56,8 @@ class Limits(NamedTuple):
         least = max(-self.min_voltage, self.max_voltage) / LONGEST_STOP
         if self.stop_slew < least:
             raise QuantityError(
-                f"Limits.stop_slew = {self.stop_slew:g} V/s is out of range: it must be >= {least:g} V/s, for "
-                f"a stop from the greatest voltage may take {LONGEST_STOP:g} s"
+                f"Limits.stop_slew = {self.stop_slew:g} V/s is out of range: it must be >= {least:g} V/s, "
+                f"for a stop from the greatest voltage may take {LONGEST_STOP:g} s"
             )
 
     @property

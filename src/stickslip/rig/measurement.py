@@ -56,8 +56,8 @@ def measure(
 ) -> xr.Dataset:
     """A recording. However the run ends, the output ramps to 0 V.
 
-    Where it does not end as it should, the error has an attribute `recording`: what was recorded until then, or
-    None; its attribute `outcome` says why it ended, and is "complete" for a whole recording.
+    Where it does not end as it should, the error has an attribute `recording`: what was recorded until then,
+    or None; its attribute `outcome` says why it ended, and is "complete" for a whole recording.
 
     Args:
         rig: virtual or real.
@@ -256,7 +256,8 @@ def _run(
     samples: Samples | None,
     progress: Callable[[float], None],
 ) -> tuple[Array, BaseException | None]:
-    """One run: the raw samples [inputs, n], and what ended it before all of them were there, if anything did."""
+    """One run: the raw samples [inputs, n], and what ended it before all of them were there, if anything
+    did."""
     channel = making.channels.get(POSITION)
     position = None if channel is None else PositionInput(channel.input, channel.calibration)
     guard = getattr(rig, "guard", None)  # of a rig that watches all this itself, in a process of its own

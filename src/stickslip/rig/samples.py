@@ -1,7 +1,7 @@
 """The raw samples of a run on disk while it goes on: whoever dies, what was recorded is not lost.
 
-The file lies beside the recording to be and is as long as it can become before the first volt is put out, with
-room for the recording itself: a disk that is full refuses the run instead of losing it.
+The file lies beside the recording to be and is as long as it can become before the first volt is put out,
+with room for the recording itself: a disk that is full refuses the run instead of losing it.
 
     bytes 0-7     number of samples that are there, unsigned, lowest byte first
     bytes 8-15    length of the description
@@ -129,7 +129,8 @@ def recover(folder: Path) -> list[Path]:
 
 
 def unfinished_path(target: Path) -> Path:
-    """Where what there is of NAME.nc goes: unfinished/NAME.nc beside it, or with a number, none that is there."""
+    """Where what there is of NAME.nc goes: unfinished/NAME.nc beside it, or with a number, none that is
+    there."""
     folder = target.parent / "unfinished"
     folder.mkdir(exist_ok=True)
     number, path = 1, folder / target.name

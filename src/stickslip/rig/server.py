@@ -1,4 +1,5 @@
-"""The TCP server of an instrument: one program at a time, messages and connections of bounded number and size."""
+"""The TCP server of an instrument: one program at a time, messages and connections of bounded number and
+size."""
 
 from __future__ import annotations
 

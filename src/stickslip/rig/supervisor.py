@@ -182,7 +182,8 @@ class Supervisor:
             self._news.notify_all()
 
     def _keep_pace(self, pause: float) -> None:
-        """A rig that is faster than real time waits for who takes its samples, so that a stop comes as early."""
+        """A rig that is faster than real time waits for who takes its samples, so that a stop comes as
+        early."""
         with self._news:
             self._news.wait_for(lambda: self._wanting or self._stop is not None, pause)
             self._wanting = False

@@ -7,7 +7,7 @@ A message is the length of its head (4 bytes, lowest first), the head, JSON with
 | request | with | answer |
 |---|---|---|
 | hello | token, name, pid | who is there |
-| open | device, see `devices`; again: in the same recording | capabilities; refused while another client holds the rig |
+| open | device, see `devices`; again: in the same recording | capabilities; or who holds the rig |
 | close | | the rig is free |
 | run | limits, inputs, samples, rest, position; the drive [V] | begins |
 | fetch | wait [s] | phase, position, began [m], ramp_after [s]; the next samples [inputs, n] |
