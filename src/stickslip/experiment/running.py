@@ -16,10 +16,10 @@ from pydantic import ValidationError
 
 from ..input_file import InputFileError, explain, load_yaml
 from ..readers import read_recording
-from ..recording import RecordingError, open_recording, save_csv, save_matlab, save_recording
+from ..recording import RecordingError, open_recording, save_csv, save_matlab
 from ..recording.replacing import remove_leftovers
 from ..rig import Home, Rig, measure
-from ..rig.samples import recover, unfinished_path
+from ..rig.samples import recover
 from .cells import Cell, cells, variables_attribute
 from .file import ExperimentFile
 from .laboratory import Laboratory, open_laboratory
@@ -174,7 +174,9 @@ def _recorded(
         try:
             recording = _measured(file, cell, rig, laboratory.home, path, progress)
         except BaseException as error:
-            _keep_unfinished(getattr(error, "recording", None), path, log)
+            kept_path = getattr(error, "kept", None)
+            if kept_path is not None:
+                log(f"unfinished/{kept_path.name}: what there is of {path.name}")
             raise
         log(f"{path.name}: recorded in {time.perf_counter() - begun:.2f} s")
     else:
@@ -188,18 +190,6 @@ def _recorded(
         else:
             save_matlab(recording, target, "trace" if kind == "mat" else "controldesk")
     return Recorded(cell, path, kept), recording
-
-
-def _keep_unfinished(recording: xr.Dataset | None, path: Path, log: _Log) -> None:
-    """What there is of a recording that was not finished, under a name of its own."""
-    if recording is None:
-        return
-    try:
-        kept = save_recording(recording, unfinished_path(path))
-    except OSError as error:
-        log(f"{path.name}: what there is of it could not be kept: {error}")
-    else:
-        log(f"unfinished/{kept.name}: {recording.sizes['time']} samples kept, {recording.attrs['outcome']}")
 
 
 def _measured(

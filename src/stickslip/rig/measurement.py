@@ -25,7 +25,7 @@ from .hosted import HostedRig
 from .limits import LimitError, Limits, check_drive
 from .protocols import Array, Capabilities, Rig, RigError
 from .recorded import Channel, Making
-from .samples import Samples
+from .samples import Samples, unfinished_path
 
 DRIVE, POSITION = "drive", "end_effector_position"
 SETTLING = 0.01  # s before the pre-trigger, for filters to settle
@@ -71,7 +71,8 @@ def measure(
             A `HostedRig` has a home of its own.
         save: the file to save the recording to, NAME.nc. Room for it is taken before the first volt, and the
             samples are kept beside it while the run goes on: should the program be killed, `samples.recover`
-            makes a recording of them.
+            makes a recording of them. What there is of a run that ended early goes to unfinished/NAME.nc; the
+            error's attribute `kept` is that path.
 
     Raises:
         QuantityError: a channel, the drive or the capture does not fit the rig. Nothing was put out.
@@ -101,7 +102,7 @@ def measure(
                 except CaptureError as missed:
                     failure = missed
             if failure is not None:
-                failure.recording = making.unfinished(raw, _why(failure)) if raw.size else None  # type: ignore[attr-defined]
+                _keep(failure, making.unfinished(raw, _why(failure)) if raw.size else None, save)
                 raise failure
         recording = making.recording(total, making.times(capture.samples))
         if samples is not None and save is not None:
@@ -118,6 +119,17 @@ def measure(
 
 
 _HOMES: WeakKeyDictionary[Rig, Home] = WeakKeyDictionary()
+
+
+def _keep(failure: BaseException, recording: xr.Dataset | None, save: Path | None) -> None:
+    """What there is of a run goes with the error that ended it; to a file, too, while its samples are there."""
+    failure.recording = recording  # type: ignore[attr-defined]
+    if recording is None or save is None:
+        return
+    try:
+        failure.kept = save_recording(recording, unfinished_path(save))  # type: ignore[attr-defined]
+    except OSError as error:
+        failure.add_note(f"What there is of {save.name} could not be kept: {error}")
 
 
 def _home_of(rig: Rig) -> Home:

@@ -12,6 +12,7 @@ with room for the recording itself: a disk that is full refuses the run instead 
 from __future__ import annotations
 
 import os
+import re
 import struct
 from contextlib import suppress
 from pathlib import Path
@@ -120,7 +121,10 @@ def recover(folder: Path) -> list[Path]:
             continue
         with suppress(OSError, ValueError, LookupError, TypeError):
             target = folder / f"{name}.nc"
-            saved = target.is_file() and target.stat().st_mtime >= path.stat().st_mtime
+            last = path.stat().st_mtime
+            own = re.compile(re.escape(name) + r"(-\d+)?\.nc")
+            others = [target, *(one for one in folder.glob("unfinished/*.nc") if own.fullmatch(one.name))]
+            saved = any(one.is_file() and one.stat().st_mtime >= last for one in others)
             recording = None if saved else _read(path)
             if recording is not None:
                 made.append(save_recording(recording, unfinished_path(target)))
