@@ -65,6 +65,7 @@ class Runner:
         self._hub, self._live, self._journal, self._rigs, self._read = hub, live, journal, rigs, read
         self._control: Link | None = None
         self._linking = threading.Lock()
+        self._using = threading.Lock()  # the rig: a run, or setting home
         self._delivered = 0.0  # s that a request to stop took to the rig's process
         self._lock = threading.Lock()
         self._thread: threading.Thread | None = None
@@ -156,13 +157,14 @@ class Runner:
         channel = cell.channels.get(POSITION)
         if channel is None:
             raise RigError(f"home is set by the channel {POSITION}, which is not recorded")
-        laboratory = open_laboratory(file, folder, self._rigs, "the panel")
-        try:
-            rig = laboratory.rig(cell.actuator, cell.seed)
-            if isinstance(rig, HostedRig):
-                rig.home_here(PositionInput(channel.input, channel.calibration), cell.limits.stop_slew)
-        finally:
-            laboratory.close()
+        with self._using:
+            laboratory = open_laboratory(file, folder, self._rigs, "the panel")
+            try:
+                rig = laboratory.rig(cell.actuator, cell.seed)
+                if isinstance(rig, HostedRig):
+                    rig.home_here(PositionInput(channel.input, channel.calibration), cell.limits.stop_slew)
+            finally:
+                laboratory.close()
         self.position = 0.0
         self._state()
 
@@ -170,18 +172,19 @@ class Runner:
         self._journal(f"{job.title}: started")
         phase = "failed"
         try:
-            self.reach(rigs_of(job.file, self._rigs))
-            recorded = record_experiment(
-                job.file,
-                job.folder,
-                job.out,
-                partial(self._progress, time.monotonic()),
-                label=job.title,
-                watch=partial(self._watched, job),
-                rigs=self._rigs,
-                who="the panel",
-                read=self._read,
-            )
+            with self._using:
+                self.reach(rigs_of(job.file, self._rigs))
+                recorded = record_experiment(
+                    job.file,
+                    job.folder,
+                    job.out,
+                    partial(self._progress, time.monotonic()),
+                    label=job.title,
+                    watch=partial(self._watched, job),
+                    rigs=self._rigs,
+                    who="the panel",
+                    read=self._read,
+                )
             self._journal(f"{job.title}: finished, {_counted(len(recorded))} in {job.out.name}")
             phase = "done"
         except Arrived as arrived:

@@ -37,6 +37,7 @@ LINGER = 5.0  # s without a client after which the process ends
 _GREETING = 2.0  # s in which a client must say who it is
 _MOST_CLIENTS = 32
 _LONGEST_WAIT = 1.0  # s
+_LEAVING = 0.3  # s in which the one who holds it may be about to leave
 
 
 class Host:
@@ -182,11 +183,18 @@ class Host:
         }
 
     def _hold(self, link: socket.socket, name: str) -> None:
+        end = time.monotonic() + _LEAVING
+        while self._held_by_other(link) and time.monotonic() < end:
+            time.sleep(0.01)
         with self._lock:
             if self._holder is not None and self._holder[0] is not link:
                 raise RigError(f"the rig is held by {self._holder[1]}")
             since = datetime.now().strftime("%H:%M:%S")
             self._holder = (link, f"{name}, since {since}")
+
+    def _held_by_other(self, link: socket.socket) -> bool:
+        with self._lock:
+            return self._holder is not None and self._holder[0] is not link
 
     def _open(self, device: dict[str, Any], again: bool) -> Capabilities:
         one = self.supervisor

@@ -122,7 +122,7 @@ _HOMES: WeakKeyDictionary[Rig, Home] = WeakKeyDictionary()
 
 
 def _keep(failure: BaseException, recording: xr.Dataset | None, save: Path | None) -> None:
-    """What there is of a run goes with the error that ended it; to a file, too, while its samples are there."""
+    """What there is of a run goes with the error that ended it, and to a file while its samples are there."""
     failure.recording = recording  # type: ignore[attr-defined]
     if recording is None or save is None:
         return
