@@ -33,7 +33,7 @@ BUILT = {".pyc", ".so", ".o", ".nbi", ".nbc", ".coverage", ".egg-info", ".whl"}
 OWNERS = {
     "numba": {"_jit", "solve/cuda"},
     "pint": {"units"},
-    "pandas": {"readers/csv", "recording/schema"},
+    "pandas": {"readers/csv", "recording/schema", "history/table"},
     "matplotlib": {"figures"},
     "jinja2": {"report"},
     "pooch": {"datasets"},

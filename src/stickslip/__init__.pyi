@@ -29,6 +29,7 @@ from .friction import ResetIntegrator as ResetIntegrator
 from .friction import StictionCoulombViscous as StictionCoulombViscous
 from .friction import Stribeck as Stribeck
 from .friction import register_law as register_law
+from .history import runs as runs
 from .identify.bayes import Posterior as Posterior
 from .identify.bayes import posterior as posterior
 from .identify.compare import compare_laws as compare_laws
@@ -75,8 +76,10 @@ from .recording import validate_recording as validate_recording
 from .rig import Bench as Bench
 from .rig import Capture as Capture
 from .rig import Channel as Channel
+from .rig import HostedRig as HostedRig
 from .rig import LimitError as LimitError
 from .rig import Limits as Limits
+from .rig import Link as Link
 from .rig import RigError as RigError
 from .rig import ScpiRig as ScpiRig
 from .rig import Trigger as Trigger

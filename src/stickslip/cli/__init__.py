@@ -9,5 +9,6 @@ from .frame import app as app  # first: it says so where typer is missing
 # isort: split
 from . import commands as commands
 from . import export as export
+from . import history as history
 from . import laboratory as laboratory
 from . import panel as panel

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from ..experiment.running import check_experiment
 from ..input_file import Strict, yaml_text
+from ..readers.process import Reader
 from ..rig import RigError
 from ..rig.measurement import DRIVE, POSITION
 from ..units import QuantityError, to_si, with_prefix
@@ -27,7 +28,6 @@ from .document import Document
 from .folder import Folder
 from .journal import Journal
 from .live import Live
-from .reading import Reader
 from .running import Arrived, Job, Runner
 from .stream import Client, Hub
 

@@ -16,13 +16,13 @@ from ..experiment.file import ExperimentFile
 from ..experiment.laboratory import PlanningLaboratory
 from ..experiment.running import check_experiment
 from ..input_file import load_yaml, yaml_text
+from ..readers.process import Reader
 from ..recording import STANDARD_NAMES
 from ..recording.replacing import replaced_whole
 from ..records import quantities
 from ..rig.measurement import channel_units
 from ..units import QuantityError, to_si
 from .folder import Folder
-from .reading import Reader
 
 DEFAULT = Path(__file__).parent / "experiment.yaml"
 _KEY_LIMIT = 8  # parts of a path into the content

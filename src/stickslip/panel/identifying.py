@@ -15,13 +15,13 @@ from fastapi.responses import FileResponse
 from ..identify.position_channel import OBSERVED
 from ..input_file import Strict
 from ..parameters import ParameterSetError, available_sets
+from ..readers.process import Reader
 from ..recording import RecordingError
 from ..rig import load_bench
 from ..units import QuantityError
 from .fits import REPORTS, RUNNING, Fitting
 from .fitting import FitRequest
 from .folder import Folder
-from .reading import Reader
 from .sliders import LAW_TYPES
 
 SUFFIXES = (".nc", ".csv", ".mat", ".npz")

@@ -16,11 +16,11 @@ from fastapi.responses import FileResponse
 from starlette.background import BackgroundTask
 
 from ..input_file import Strict
+from ..readers.process import Reader
 from ..recording import save_csv, save_matlab, save_recording
 from .control import Control
 from .decimation import window
 from .folder import Folder, FolderError
-from .reading import Reader
 from .stream import Hub, packed
 
 MOST_OPEN = 6  # recordings kept in memory for zooming

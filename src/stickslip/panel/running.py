@@ -17,13 +17,13 @@ from ..experiment.cells import Cell
 from ..experiment.file import ExperimentFile
 from ..experiment.laboratory import open_laboratory, rigs_of
 from ..experiment.running import record_experiment
+from ..readers.process import Reader
 from ..rig import HostedRig, Link, Rig, RigError, WatchedRig
 from ..rig.gate import PositionInput
 from ..rig.measurement import POSITION
 from ..rig.supervisor import StopRequested
 from .journal import Journal
 from .live import Live
-from .reading import Reader
 from .stream import Hub
 
 Sees = Callable[[dict[str, NDArray[np.float64]]], None]

@@ -18,6 +18,7 @@ from fastapi.staticfiles import StaticFiles
 from starlette.exceptions import HTTPException
 
 from ..input_file import Strict
+from ..readers.process import Reader
 from ..rig.samples import recover
 from ..units import to_si
 from .bench import bench_routes
@@ -30,7 +31,6 @@ from .identifying import identify_routes
 from .journal import Journal
 from .live import Live
 from .readiness import Readiness
-from .reading import Reader
 from .recordings import recording_routes
 from .running import Runner
 from .stream import Hub

@@ -1,12 +1,14 @@
-"""Reads files for the panel in a process that can be ended: a damaged file may keep a library busy for ever,
+"""Reads files in a process that can be ended: a damaged file may keep a library busy for ever,
 and its interpreter with it."""
 
 from __future__ import annotations
 
 import faulthandler
-import multiprocessing
 import os
 import signal
+import socket
+import subprocess
+import sys
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
@@ -15,10 +17,10 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from ..readers import read_recording
-from ..readers.sizes import allowed_bytes, check_regular
 from ..recording import RecordingError
 from ..units import QuantityError
+from .reading import read_recording
+from .sizes import allowed_bytes, check_regular
 
 PATIENCE = 8.0  # s for a file
 SLOWEST = 5e6  # bytes of a file per second, beyond that
@@ -66,6 +68,8 @@ class Reader:
         """End the process."""
         if self._process is not None:
             self._process.kill()
+            self._process.wait()
+            self._connection.close()
             self._process = None
 
     def _read(self, path: Path, patience: float, use: Any, key: tuple[str, int, int]) -> Any:
@@ -88,13 +92,18 @@ class Reader:
         return answer
 
     def _ready(self) -> None:
-        if self._process is not None and self._process.is_alive():
+        if self._process is not None and self._process.poll() is None:
             return
-        context = multiprocessing.get_context("spawn")
-        self._connection, there = context.Pipe()
-        self._process = context.Process(target=work, args=(there,), daemon=True)
-        self._process.start()
-        there.close()
+        self.close()
+        here, there = socket.socketpair()
+        with there:
+            # Not by multiprocessing, which would run a user's script once more in the new process.
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "stickslip.readers.process", str(there.fileno())],
+                pass_fds=[there.fileno()],
+                stdin=subprocess.DEVNULL,
+            )
+        self._connection = Connection(here.detach())
         if not self._connection.poll(_STARTS):
             self.close()
             raise RecordingError("the process that reads files does not start")
@@ -144,3 +153,7 @@ class _memory_of:  # used as a context
             import resource
 
             resource.setrlimit(resource.RLIMIT_AS, self._before)
+
+
+if __name__ == "__main__":
+    work(Connection(int(sys.argv[1])))

@@ -1,0 +1,79 @@
+"""The command on a lab's history."""
+
+from __future__ import annotations
+
+import json
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from .frame import Traceback, app, errors_in_one_line
+
+
+@app.command()
+def runs(
+    folder: Annotated[Path, typer.Argument(help="With recordings and fits, its own folders too.")] = Path(
+        "out"
+    ),
+    search: Annotated[str, typer.Option(help="Words that must all stand somewhere in a row.")] = "",
+    where: Annotated[
+        list[str], typer.Option(metavar="COLUMN=TEXT", help="Rows whose column begins so: outcome=stopped.")
+    ] = [],  # noqa: B006  # typer copies it
+    compare: Annotated[list[str], typer.Option(metavar="NAME", help="Say what differs between these.")] = [],  # noqa: B006
+    to_bin: Annotated[list[str], typer.Option(metavar="NAME", help="Move these to the bin.")] = [],  # noqa: B006
+    notes: Annotated[str, typer.Option(metavar="NAME=TEXT", help="Write a recording's notes.")] = "",
+    tags: Annotated[str, typer.Option(metavar="NAME=A,B", help="Write a recording's tags.")] = "",
+    rebuild: Annotated[bool, typer.Option("--rebuild", help="Read every file anew.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print all columns, as JSON.")] = False,
+    show_traceback: Traceback = False,
+) -> None:
+    """List recordings and fits of a folder: finished, stopped, unreadable; search, compare, tag, delete."""
+    with errors_in_one_line(show_traceback):
+        from ..history import Index, differences
+        from ..history.describing import annotate
+
+        with Index(folder) as index:
+            for name in to_bin:
+                typer.echo(f"{name} -> {index.to_bin(name).relative_to(index.folder)}")
+            for text, what in ((notes, "notes"), (tags, "tags")):
+                name, equals, value = text.partition("=")
+                if text and not equals:
+                    raise ValueError(f"--{what} {text}: write NAME=TEXT")
+                if text:
+                    new: dict[str, Any] = {what: value.split(",") if what == "tags" else value}
+                    annotate(index.folder / name, **new)
+            if rebuild:
+                index.rebuild()
+            equal = dict(_pair(one) for one in where)
+            found = index.rows(search, **equal)
+            if compare:
+                named = {row["name"]: row for row in index.rows()}
+                for name in compare:
+                    if name not in named:
+                        raise ValueError(f"--compare {name}: there is no such run")
+                table = differences([named[name] for name in compare])
+                typer.echo(json.dumps({"name": compare, **table}, indent=1, ensure_ascii=False))
+                return
+        if as_json:
+            typer.echo(json.dumps(found, indent=1, ensure_ascii=False))
+            return
+        for row in found:
+            typer.echo(_line(row))
+        typer.echo(f"{len(found)} in {folder}")
+
+
+def _pair(text: str) -> tuple[str, str]:
+    column, equals, value = text.partition("=")
+    if not equals:
+        raise ValueError(f"--where {text}: write COLUMN=TEXT")
+    return column, value
+
+
+def _line(row: dict[str, Any]) -> str:
+    when = datetime.fromtimestamp(row["changed"]).strftime("%Y-%m-%d %H:%M:%S")
+    said = row["problem"] or row["outcome"] or "-"
+    shown = f"{when}  {row['kind']:9}  {row['name']}  {said}"
+    more = " · ".join(one for one in (row["title"], row["operator"], row["tags"]) if one)
+    return f"{shown}  {more}".rstrip()

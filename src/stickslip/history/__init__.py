@@ -1,0 +1,5 @@
+"""A lab's history: an index of the recordings and fits in a folder; the files stay the truth."""
+
+from .comparing import differences as differences
+from .index import Index as Index
+from .table import runs as runs

@@ -1,0 +1,170 @@
+"""The index: one table in SQLite beside the files, brought up to date with them whenever it is asked."""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+import stat
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+from ..readers.process import Reader
+from ..recording import RecordingError
+from .describing import RECORDINGS, described, described_fit
+
+VERSION = 1
+COLUMNS = (
+    "name", "kind", "changed", "bytes", "begun", "title", "notes", "tags", "operator", "rig", "parameter_set",
+    "outcome", "seconds", "samples", "channels", "settings", "links", "problem",
+)  # fmt: skip
+_NUMBERS = {"changed": "REAL", "bytes": "INTEGER", "seconds": "REAL", "samples": "INTEGER"}
+BIN = ".bin"
+_FOLDER = ".stickslip"
+
+
+class Index:
+    """The recordings and fits of a folder and of those in it; hidden ones are left out.
+
+    Args:
+        folder: the lab's.
+        read: reads a file, and gives what a function makes of it; by default a process that can be ended.
+
+    Raises:
+        OSError: the folder is missing. (Where it cannot be written, the index is kept in memory.)
+    """
+
+    def __init__(self, folder: str | os.PathLike[str], read: Callable[..., Any] | None = None) -> None:
+        self.folder = Path(folder).resolve()
+        if not self.folder.is_dir():
+            raise NotADirectoryError(20, "there is no such folder", str(folder))
+        self._own = Reader() if read is None else None
+        self._read: Callable[..., Any] = read or self._own  # type: ignore[assignment]
+
+    def __enter__(self) -> Index:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the process that reads."""
+        if self._own is not None:
+            self._own.close()
+
+    def rebuild(self) -> None:
+        """Forget what is known; the next question reads every file anew."""
+        (self.folder / _FOLDER / "runs.sqlite").unlink(missing_ok=True)
+
+    def rows(self, search: str = "", **equal: str) -> list[dict[str, Any]]:
+        """What is there, the newest first.
+
+        Args:
+            search: words that must all stand somewhere in a row, case does not matter.
+            equal: columns and the text that they must begin with: ``outcome="stopped"``.
+
+        Raises:
+            ValueError: there is no such column.
+        """
+        for column in equal:
+            if column not in COLUMNS:
+                raise ValueError(f"there is no column {column!r}; there are {', '.join(COLUMNS)}")
+        with closing(self._opened()) as database:
+            self._update(database)
+            where, given = ["1"], list[str]()
+            for column, text in equal.items():
+                where.append(f"substr({column}, 1, ?) = ?")
+                given += [str(len(text)), text]
+            for word in search.split():
+                where.append(
+                    "instr(lower(" + " || ' ' || ".join(f"coalesce({c}, '')" for c in COLUMNS) + "), ?)"
+                )
+                given.append(word.lower())
+            chosen = f"SELECT * FROM runs WHERE {' AND '.join(where)} ORDER BY changed DESC, name"
+            return [dict(row) for row in database.execute(chosen, given)]
+
+    def to_bin(self, name: str) -> Path:
+        """Move a file, or a fit's folder, to the bin, `.bin` in the folder; where it is now.
+
+        Raises:
+            ValueError: there is no such run.
+        """
+        source = self.folder / name
+        if not source.exists() or not source.resolve().is_relative_to(self.folder) or name.startswith("."):
+            raise ValueError(f"{name!r} is no run of {self.folder}")
+        target, number = self.folder / BIN / name, 1
+        while target.exists():
+            number += 1
+            target = self.folder / BIN / f"{name}.{number}"
+        target.parent.mkdir(parents=True, exist_ok=True)
+        source.rename(target)
+        return target
+
+    def _opened(self) -> sqlite3.Connection:
+        path = self.folder / _FOLDER / "runs.sqlite"
+        columns = ", ".join(f"{one} {_NUMBERS.get(one, 'TEXT')}" for one in COLUMNS)
+        for place in (str(path), str(path), ":memory:"):
+            try:
+                if place != ":memory:":
+                    path.parent.mkdir(exist_ok=True)
+                database = sqlite3.connect(place, timeout=10.0)
+                database.row_factory = sqlite3.Row
+                if database.execute("PRAGMA user_version").fetchone()[0] != VERSION:
+                    database.execute("DROP TABLE IF EXISTS runs")
+                database.execute(f"CREATE TABLE IF NOT EXISTS runs ({columns}, PRIMARY KEY (name))")
+                database.execute(f"PRAGMA user_version = {VERSION}")
+                database.commit()
+                return database
+            except (sqlite3.DatabaseError, OSError):  # damaged, or a folder that cannot be written
+                if path.is_file() and os.access(path, os.W_OK):
+                    path.unlink()
+        raise OSError(f"no index can be made of {self.folder}")
+
+    def _update(self, database: sqlite3.Connection) -> None:
+        """Read what is new or was changed, forget what is gone."""
+        known = {
+            row["name"]: (row["changed"], row["bytes"]) for row in database.execute("SELECT * FROM runs")
+        }
+        found = dict(self._files())
+        gone = [(name,) for name in known.keys() - found.keys()]
+        database.executemany("DELETE FROM runs WHERE name = ?", gone)
+        for name, size in found.items():
+            if known.get(name) == size:
+                continue
+            row = {"name": name, "changed": size[0], "bytes": size[1], **self._row(name)}
+            values = [row.get(column, "") for column in COLUMNS]
+            marks = ", ".join("?" * len(COLUMNS))
+            database.execute(f"INSERT OR REPLACE INTO runs VALUES ({marks})", values)
+            database.commit()
+        database.commit()
+
+    def _row(self, name: str) -> dict[str, Any]:
+        path = self.folder / name
+        try:
+            if path.is_dir():
+                return {"kind": "fit", **described_fit(path)}
+            return {"kind": "recording", **self._read(path, described)}
+        except (RecordingError, OSError, ValueError, LookupError, AttributeError) as error:
+            problem = " ".join(str(error).removeprefix(f"{path}: ").split())
+            return {"kind": "fit" if path.is_dir() else "recording", "problem": problem}
+
+    def _files(self) -> Iterator[tuple[str, tuple[float, int]]]:
+        """Names of recordings and of folders of fits, with time of change and size."""
+        for folder, folders, names in os.walk(self.folder):
+            folders[:] = sorted(one for one in folders if not one.startswith("."))
+            if "results.json" in names and "report.html" in names and "experiment.log" not in names:
+                one = Path(folder, "results.json").stat()
+                if Path(folder) != self.folder:
+                    yield Path(folder).relative_to(self.folder).as_posix(), (one.st_mtime, one.st_size)
+            for name in names:
+                path = Path(folder, name)
+                if path.suffix.lower() not in RECORDINGS or name.startswith("."):
+                    continue
+                try:
+                    real = path.resolve()
+                    one = real.stat()
+                except OSError:
+                    continue
+                if stat.S_ISREG(one.st_mode) and real.is_relative_to(self.folder):
+                    yield path.relative_to(self.folder).as_posix(), (one.st_mtime, one.st_size)

@@ -1,0 +1,40 @@
+"""The history of a folder as a table."""
+
+from __future__ import annotations
+
+import json
+import os
+from typing import TYPE_CHECKING
+
+from .index import COLUMNS, Index
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def runs(folder: str | os.PathLike[str], search: str = "", **equal: str) -> pd.DataFrame:
+    """The recordings and fits of a folder and of those in it, the newest first, as a table of pandas.
+
+    Columns: name (the path in the folder), kind (recording or fit), changed (time), bytes, begun, title,
+    notes, tags, operator, rig, parameter_set, outcome ("complete", or why it was stopped), seconds, samples,
+    channels, settings (a dictionary: variables, capture, limits, drive, actuator; of a fit its numbers),
+    links (of a fit: the recordings fitted and verified), problem (why a file cannot be read). An index beside the
+    files (``.stickslip/runs.sqlite``) spares reading them again; it may be deleted at any time.
+
+    Args:
+        folder: the lab's.
+        search: words that must all stand somewhere in a row.
+        equal: columns and the text that they must begin with: ``outcome="stopped"``, ``operator="Kang"``.
+
+    Raises:
+        OSError: there is no such folder.
+        ValueError: there is no such column.
+    """
+    import pandas as pd
+
+    with Index(folder) as index:
+        found = pd.DataFrame(index.rows(search, **equal), columns=pd.Index(COLUMNS))
+    for column in ("settings", "links"):
+        found[column] = [json.loads(text) if text else {} for text in found[column]]
+    found["changed"] = pd.to_datetime(found["changed"], unit="s", utc=True)
+    return found
