@@ -280,3 +280,18 @@ def test_a_panel_that_is_killed_or_frozen_leaves_no_voltage(tmp_path: Path) -> N
         names = {path.name for path in tmp_path.glob("recordings/*/unfinished/*.nc")}
     assert names == {"walk.nc"}
     assert len(list(tmp_path.glob("recordings/*/unfinished/*.nc"))) == 2
+
+
+def test_the_history_of_the_folder(tmp_path: Path) -> None:
+    with client_of(create_app(tmp_path), **ME) as client:
+        change(client, *FAST.values()).raise_for_status()
+        ran(client, "/bench/start", {"runs": ["forward"]})
+        change(client, ["limits", "max_position"], "25 um").raise_for_status()
+        ran(client, "/bench/start", {"runs": ["forward"]}, "failed")
+        listed = client.get("/recordings").json()
+        found = client.get("/recordings/history", params={"search": "forward"}).json()
+        stopped = client.get("/recordings/history", params={"outcome": "stopped"}).json()
+        assert client.get("/recordings/history", params={"search": "%00'"}).json() == []
+    assert [one["unfinished"] for one in listed] == [True, False]
+    assert [one["outcome"].split(":")[0] for one in found] == ["stopped", "complete"]
+    assert [one["name"] for one in stopped] == [listed[0]["name"]]

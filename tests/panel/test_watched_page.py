@@ -60,6 +60,22 @@ def test_an_experiment_without_a_mouse(page: Page, panel: Panel) -> None:
     expect(dialog).to_have_count(0)
 
 
+def test_escape_closes_a_dialog_and_stops_only_where_none_is_open(page: Page, panel: Panel) -> None:
+    page.goto(panel.url)
+    expect(page.locator("#start")).to_be_enabled(timeout=SLOW)
+    page.select_option("#run-choice", "walk")
+    page.click("#start")
+    expect(page.locator("#phase")).to_have_text("Running", timeout=SLOW)
+    page.get_by_role("button", name="Save…").click()
+    expect(page.get_by_role("dialog")).to_be_visible()
+    page.keyboard.press("Escape")
+    expect(page.get_by_role("dialog")).to_have_count(0)
+    page.wait_for_timeout(200)
+    expect(page.locator("#phase")).to_have_text("Running")
+    page.keyboard.press("Escape")
+    expect(page.locator("#phase")).to_have_text("Stopped", timeout=SLOW)
+
+
 @pytest.mark.parametrize("name", ["bench", "identify", "explore"])
 def test_tab_reaches_everything_and_everything_has_a_name(page: Page, panel: Panel, name: str) -> None:
     wait = {

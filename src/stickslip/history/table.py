@@ -18,8 +18,8 @@ def runs(folder: str | os.PathLike[str], search: str = "", **equal: str) -> pd.D
     Columns: name (the path in the folder), kind (recording or fit), changed (time), bytes, begun, title,
     notes, tags, operator, rig, parameter_set, outcome ("complete", or why it was stopped), seconds, samples,
     channels, settings (a dictionary: variables, capture, limits, drive, actuator; of a fit its numbers),
-    links (of a fit: the recordings fitted and verified), problem (why a file cannot be read). An index beside the
-    files (``.stickslip/runs.sqlite``) spares reading them again; it may be deleted at any time.
+    links (of a fit: the recordings fitted and verified), problem (why a file cannot be read). An index beside
+    the files (``.stickslip/runs.sqlite``) spares reading them again; it may be deleted at any time.
 
     Args:
         folder: the lab's.

@@ -15,6 +15,7 @@ from fastapi import APIRouter, Request, Response
 from fastapi.responses import FileResponse
 from starlette.background import BackgroundTask
 
+from ..history import Index
 from ..input_file import Strict
 from ..readers.process import Reader
 from ..recording import save_csv, save_matlab, save_recording
@@ -78,7 +79,14 @@ def recording_routes(folder: Folder, hub: Hub, control: Control, read: Reader) -
 
     @routes.get("")
     def listed() -> list[dict[str, Any]]:
-        return [_described(folder, name) for name in folder.files(".nc")[:500]]
+        return [_described(folder, name) for name in folder.files(".nc")]
+
+    @routes.get("/history")
+    def history(search: str = "", kind: str = "", outcome: str = "") -> list[dict[str, Any]]:
+        """What the index has of the folder: recordings, whole or not, of any format, and fits."""
+        equal = {name: text for name, text in (("kind", kind), ("outcome", outcome)) if text}
+        with Index(folder.root, read) as index:
+            return index.rows(search[:200], **equal)
 
     @routes.post("/show")
     def show(asked: Shown) -> Response:
@@ -137,7 +145,8 @@ def recording_routes(folder: Folder, hub: Hub, control: Control, read: Reader) -
 
 def _described(folder: Folder, name: str) -> dict[str, Any]:
     status = folder.path(name).stat()
-    return {"name": name, "changed": status.st_mtime, "bytes": status.st_size}
+    found = {"name": name, "changed": status.st_mtime, "bytes": status.st_size}
+    return {**found, "unfinished": "/unfinished/" in name}
 
 
 def _remove(path: Path) -> None:

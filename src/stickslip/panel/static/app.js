@@ -122,8 +122,8 @@ function boot() {
   };
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => window.dispatchEvent(new Event("themechange")));
   byId("stop").onclick = emergencyStop;
-  // Before everything else that listens for Esc, and whatever has the focus.
-  window.addEventListener("keydown", (event) => event.key === "Escape" && emergencyStop(), { capture: true });
+  // Before everything else that listens for Esc, and whatever has the focus; but an open dialog is closed first.
+  window.addEventListener("keydown", (event) => event.key === "Escape" && !document.querySelector("dialog[open]") && emergencyStop(), { capture: true });
 
   const lamp = byId("connection");
   app.stream.on("connection", ({ state, missed }) => {

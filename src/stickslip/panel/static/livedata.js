@@ -66,7 +66,7 @@ export async function showRecording(app, name, view, points) {
 
 /** "walk 11-21 17:39:09" for a recording of the bench; others by their folder and name. */
 export const shortName = (name) => {
-  const parts = name.replace(/\.nc$/, "").split("/");
+  const parts = name.replace(/\.nc$/, "").split("/").filter((part) => part !== "unfinished");
   const stamp = /^\d{4}-(\d\d-\d\d)_(\d\d)(\d\d)(\d\d)/.exec(parts.at(-2) ?? "");
   return stamp ? `${parts.at(-1)} ${stamp[1]} ${stamp[2]}:${stamp[3]}:${stamp[4]}` : parts.slice(-2).join("/");
 };

@@ -3,12 +3,14 @@
 import { h, openDialog } from "./dom.js";
 import { shortName } from "./livedata.js";
 
+const MOST_SHOWN = 300;
 const KINDS = [["nc", "NetCDF"], ["mat", "MAT"], ["controldesk", "MAT, as ControlDesk"], ["csv", "CSV"]];
 
 export function makeRecordings(bench) {
   const list = h("ul", { class: "recordings" });
   const back = h("button", { type: "button", class: "small", hidden: true, onclick: () => bench.show({ live: true, recordings: [] }) }, "Show the live run");
-  const element = h("div", {}, back, list);
+  const search = h("input", { type: "search", placeholder: "find a recording", "aria-label": "Find a recording", oninput: update });
+  const element = h("div", {}, back, search, list);
   let found = [];
 
   async function build() {
@@ -23,16 +25,21 @@ export function makeRecordings(bench) {
     const { live, recordings } = bench.shown;
     back.hidden = live && !recordings.length;
     const open = document.activeElement?.dataset?.recording;
-    list.replaceChildren(...found.map(({ name, bytes }) => {
+    const words = search.value.toLowerCase().split(/\s+/);
+    search.hidden = found.length < 6;
+    const wanted = found.filter(({ name }) => words.every((word) => name.toLowerCase().includes(word)));
+    list.replaceChildren(...wanted.slice(0, MOST_SHOWN).map(({ name, bytes, unfinished }) => {
       const shown = recordings.includes(name);
       const compare = h("input", { type: "checkbox", checked: shown, "aria-label": `Compare ${shortName(name)}`, onchange: () =>
         bench.show({ recordings: shown ? recordings.filter((one) => one !== name) : [...recordings, name].slice(-5), live: live || (shown && recordings.length === 1) }) });
       return h("li", { class: shown ? "shown" : "" },
         h("label", { class: "compare", title: "Compare: show it with the others" }, compare),
-        h("button", { type: "button", class: "small quiet name", title: `${name}, ${(bytes / 1000).toFixed(0)} kB`, "data-recording": name, onclick: () => bench.show({ live: false, recordings: [name] }) }, shortName(name)),
+        h("button", { type: "button", class: "small quiet name", title: `${name}, ${(bytes / 1000).toFixed(0)} kB`, "data-recording": name, onclick: () => bench.show({ live: false, recordings: [name] }) }, shortName(name), unfinished ? h("span", { class: "soft" }, " · stopped") : null),
         h("button", { type: "button", class: "small quiet", "aria-label": `Rename ${shortName(name)}`, title: "Rename", onclick: () => renameDialog(name) }, "✎"),
         h("button", { type: "button", class: "small quiet", "aria-label": `Export ${shortName(name)}`, title: "Export", onclick: () => exportDialog(name) }, "⤓"));
     }));
+    if (wanted.length > MOST_SHOWN) list.append(h("li", { class: "soft" }, `${wanted.length - MOST_SHOWN} more: search for them.`));
+    if (found.length && !wanted.length) list.append(h("li", { class: "soft" }, "None is called so."));
     if (!found.length) list.append(h("li", { class: "soft" }, "None yet: press Start."));
     if (open) list.querySelector(`[data-recording="${CSS.escape(open)}"]`)?.focus();
   }
