@@ -47,6 +47,7 @@ class FailingRig(VirtualRig):
         self._failed = self._held = None
         super().start()
         (self.folder / "started").touch()
+        (self.folder / "running").touch()
 
     def fetch(self) -> np.ndarray:
         before = self._fetched
@@ -100,6 +101,7 @@ class FailingRig(VirtualRig):
         }
         with (self.folder / "runs.jsonl").open("a") as file:
             file.write(json.dumps(line) + "\n")
+        (self.folder / "running").unlink(missing_ok=True)
 
 
 class Server(InstrumentServer):

@@ -221,6 +221,11 @@ def trial(number: int, random: random.Random, folder: Path, port: str) -> Trial:
         time.sleep(0.005)
     time.sleep(0.05)
     settled(rigs, wrong)
+    while (folder / "running").exists():  # a device that is late is so after the others have given it up
+        if time.monotonic() > end:
+            wrong.append("the device goes on")
+            break
+        time.sleep(0.005)
     (folder / "fault.json").unlink(missing_ok=True)
     runs = [json.loads(line) for line in log.read_text().splitlines()] if log.exists() else []
     late, said = judge(fault, struck, runs, limits)
@@ -233,7 +238,10 @@ def settled(rigs: Path, wrong: list[str]) -> None:
     try:
         link = Link(rigs, "the study")
         end = time.monotonic() + 10.0
-        while link.ask("state")[0]["phase"] != "idle" and time.monotonic() < end:
+        while time.monotonic() < end:
+            state = link.ask("state")[0]
+            if state["phase"] == "idle" and not state["holder"]:
+                break
             time.sleep(0.01)
         if time.monotonic() > end:
             wrong.append("the run goes on")

@@ -110,6 +110,26 @@ def test_a_program_that_is_killed_has_its_run_stopped_and_its_samples_kept(
     link.ask("open", device=device(), again=False)  # and others may have the rig
 
 
+def test_a_program_that_is_killed_while_samples_are_under_way_loses_none(link: Link, tmp_path: Path) -> None:
+    """It stops taking them in, then dies: the rig's process stores what it had not."""
+    target = tmp_path / "long.nc"
+    with client(link.folder, target) as program:
+        program.send_signal(signal.SIGSTOP)
+        (samples,) = tmp_path.glob(".long.*.samples")
+        before = int.from_bytes(samples.read_bytes()[:8], "little")
+        time.sleep(0.5)
+        program.kill()
+        program.wait()
+        while link.ask("state")[0]["holder"]:
+            time.sleep(0.01)
+    assert int.from_bytes(samples.read_bytes()[:8], "little") > before + 8000
+    kept = open_recording(*recover(tmp_path))
+    near = measure(VirtualRig(ACTUATOR, BENCH, seed=3), DRIVE, IDEAL, LONG, Limits())
+    count = kept.sizes["time"]
+    for name in IDEAL:
+        np.testing.assert_array_equal(kept[name], near[name][:count])
+
+
 def test_a_program_that_stalls_has_its_run_stopped(link: Link, tmp_path: Path) -> None:
     with client(link.folder, tmp_path / "long.nc") as program:
         program.send_signal(signal.SIGSTOP)

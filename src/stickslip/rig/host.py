@@ -118,20 +118,22 @@ class Host:
             held = self._holder is not None and self._holder[0] is link
         if held:
             self.supervisor.stop("the program that ran it is gone")
-            self._release()
+            self._release(gone=True)
         with self._lock:
             if not self._clients and not self.supervisor.busy:
                 self.supervisor.let_go()  # others than our clients may want the device
         with suppress(OSError):
             link.close()
 
-    def _release(self) -> None:
+    def _release(self, gone: bool = False) -> None:
         """The rig is free, once its run has ended: which may take longer than anybody wants to wait, while a
         virtual rig computes."""
         self.supervisor.join(_LONGEST_WAIT)
         if self.supervisor.busy:
-            threading.Thread(target=self._release, daemon=True).start()
+            threading.Thread(target=self._release, args=(gone,), daemon=True).start()
             return
+        if gone:
+            self.supervisor.complete()
         with self._lock:
             self._holder = None
 
@@ -221,6 +223,7 @@ def _order(asked: dict[str, Any], volts: Array) -> Order:
         int(asked["rest"]),
         None if position is None else _position(position),
         volts,
+        None if asked.get("keep") is None else Path(str(asked["keep"])),
     )
 
 

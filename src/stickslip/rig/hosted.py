@@ -126,11 +126,15 @@ class HostedRig:
         self.ramp_after: float | None = None
         self.waiting: Callable[[], object] = lambda: None  # called again and again while a start is awaited
 
-    def guard(self, limits: Limits, position: PositionInput | None, rest: int) -> None:
-        """What the process is to watch in the next run."""
+    def guard(
+        self, limits: Limits, position: PositionInput | None, rest: int, keep: Path | None = None
+    ) -> None:
+        """What the process is to watch in the next run, and the file of samples that it completes should this
+        program be killed."""
         self._guard = {
             "limits": limits._asdict(),
             "rest": rest,
+            "keep": None if keep is None else str(keep.resolve()),
             "position": None if position is None else position_document(position.name, position.calibration),
         }
 

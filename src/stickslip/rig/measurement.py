@@ -274,7 +274,7 @@ def _run(
     position = None if channel is None else PositionInput(channel.input, channel.calibration)
     guard = getattr(rig, "guard", None)  # of a rig that watches all this itself, in a process of its own
     if guard is not None:
-        guard(making.limits, position, plan.begin)
+        guard(making.limits, position, plan.begin, None if samples is None else samples.path)
     gate = Gate(rig, making.limits, making.can, home)
     gate.load(plan.volts)
     gate.arm(making.inputs, plan.samples, None if guard is not None else position, plan.begin)

@@ -45,7 +45,7 @@ class Samples:
     """
 
     def __init__(self, target: Path, making: Making, samples: int) -> None:
-        self._path = target.with_name(f".{target.stem}.{os.getpid()}{_SUFFIX}")
+        self.path = target.with_name(f".{target.stem}.{os.getpid()}{_SUFFIX}")
         self._width = len(making.inputs)
         text = making.to_text().encode()
         self._begin = _HEAD.size + len(text)
@@ -53,7 +53,7 @@ class Samples:
         recorded = 8 * making.capture.samples * (len(making.channels) + 1) + _OVERHEAD
         self._count = 0
         try:
-            self._file = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o644)
+            self._file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o644)
             try:
                 _reserve(self._file, self._raw + recorded)
                 os.pwrite(self._file, _HEAD.pack(0, len(text)) + text, 0)
@@ -94,12 +94,12 @@ class Samples:
     def close(self) -> None:
         """Remove the file, unless it was left."""
         os.close(self._file)
-        self._path.unlink(missing_ok=True)
+        self.path.unlink(missing_ok=True)
 
     def leave(self) -> None:
         """Let the file lie, as that of a program that was killed: the recording could not be written."""
         with suppress(OSError):
-            self._path.rename(self._path.with_name(self._path.name.replace(f".{os.getpid()}.", ".0.")))
+            self.path.rename(self.path.with_name(self.path.name.replace(f".{os.getpid()}.", ".0.")))
 
 
 def _reserve(file: int, size: int) -> None:
@@ -107,6 +107,21 @@ def _reserve(file: int, size: int) -> None:
         os.posix_fallocate(file, 0, size)
     else:
         os.truncate(file, size)
+
+
+def complete(path: Path, before: int, values: Array) -> None:
+    """Add what a program that is gone had not stored: values [inputs, n] that begin at the sample `before`.
+
+    Raises:
+        OSError: the file is gone, and so nothing was missing.
+    """
+    with path.open("r+b") as file:
+        count, length = _HEAD.unpack(file.read(_HEAD.size))
+        new = values[:, max(count - before, 0) :]
+        file.seek(_HEAD.size + length + 8 * count * values.shape[0])
+        file.write(np.ascontiguousarray(new.T, dtype="<f8").tobytes())
+        file.seek(0)
+        file.write(struct.pack("<Q", count + new.shape[1]))
 
 
 def recover(folder: Path) -> list[Path]:

@@ -6,11 +6,13 @@ not. It ends by itself where the client that asked for it is silent or gone.
 
 from __future__ import annotations
 
+import struct
 import threading
 import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,6 +22,7 @@ from .gate import Gate, PositionInput
 from .home import Home
 from .limits import LimitError, Limits
 from .protocols import Array, Rig, RigError
+from .samples import complete
 from .scpi import ScpiRig
 
 ANOTHER = 3  # exit code of a process that finds the rig owned by another one
@@ -33,7 +36,7 @@ class StopRequested(RigError):
 
 class Order(NamedTuple):
     """A run: limits, inputs and samples to record, how many of them are before the drive, what shows the
-    position, and the drive, V."""
+    position, the drive, V, and the file to which the program stores its samples, if it does."""
 
     limits: Limits
     inputs: tuple[str, ...]
@@ -41,6 +44,7 @@ class Order(NamedTuple):
     rest: int
     position: PositionInput | None
     volts: Array
+    keep: Path | None = None
 
 
 class Supervisor:
@@ -59,6 +63,9 @@ class Supervisor:
         self.ramp_after: float | None = None  # s from the request to stop to the begin of the ramp
         self._news = threading.Condition()
         self._blocks: deque[Array] = deque()
+        self._sent: list[Array] = []  # to a program that has not asked for more since
+        self._stored = 0  # samples before those
+        self._keep: Path | None = None
         self._failure: BaseException | None = None
         self._stop: tuple[str, float] | None = None
         self._asked = self._alive = 0.0
@@ -81,6 +88,7 @@ class Supervisor:
             self.phase, self._stop, self._failure = "preparing", None, None
             self.began = self.ramp_after = None
             self._blocks.clear()
+            self._sent, self._stored, self._keep = [], 0, order.keep
             self._limits = order.limits
             self._asked = self._alive = time.monotonic()
         self._thread = threading.Thread(target=self._run, args=(self.rig, order), name="run")
@@ -109,17 +117,29 @@ class Supervisor:
         """
         self._asked = time.monotonic()
         with self._news:
+            self._stored += sum(block.shape[1] for block in self._sent)
+            self._sent = []
             if not self._blocks and self.busy:
                 self._wanting = True
                 self._news.notify_all()
                 self._news.wait_for(lambda: self._blocks or not self.busy, wait)
             if self._blocks:
-                blocks = list(self._blocks)
+                self._sent = list(self._blocks)
                 self._blocks.clear()
-                return np.concatenate(blocks, axis=1)
+                return np.concatenate(self._sent, axis=1)
             if self._failure is not None and not self.busy:
                 raise self._failure
         return None
+
+    def complete(self) -> None:
+        """The program is gone, and its run has ended: store what it had not stored."""
+        with self._news:
+            blocks, keep = [*self._sent, *self._blocks], self._keep
+            self._sent, self._keep = [], None
+            self._blocks.clear()
+        if blocks and keep is not None:
+            with suppress(OSError, ValueError, struct.error):
+                complete(keep, self._stored, np.concatenate(blocks, axis=1))
 
     def home_here(self, position: PositionInput, limits: Limits) -> None:
         """Call where the end-effector is now home: read the position while the output is at 0 V."""

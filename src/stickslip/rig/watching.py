@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
 import numpy as np
 from scipy.signal import sosfilt, sosfilt_zi
@@ -56,7 +57,7 @@ class WatchedRig:
         return getattr(self._rig, "origin", 0.0)
 
     @property
-    def guard(self) -> Callable[[Limits, PositionInput | None, int], None] | None:
+    def guard(self) -> Callable[[Limits, PositionInput | None, int, Path | None], None] | None:
         """That of a rig which watches itself."""
         return getattr(self._rig, "guard", None)
 

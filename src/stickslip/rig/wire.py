@@ -9,7 +9,7 @@ A message is the length of its head (4 bytes, lowest first), the head, JSON with
 | hello | token, name, pid | who is there |
 | open | device, see `devices`; again: in the same recording | capabilities; or who holds the rig |
 | close | | the rig is free |
-| run | limits, inputs, samples, rest, position; the drive [V] | begins |
+| run | limits, inputs, samples, rest, position, keep (see `samples`); the drive [V] | begins |
 | fetch | wait [s] | phase, position, began [m], ramp_after [s]; the next samples [inputs, n] |
 | stop | why | whether a run was going on; from any client |
 | home_here | input, calibration, slew | calls the present position home |
