@@ -16,6 +16,7 @@ same while |v| grows.
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, NamedTuple
 
 from .._jit import compiled
@@ -31,6 +32,8 @@ ON_LIMIT = 1.0 - 1e-12
 STICKS, FOLLOWS, DRAWN = 0, 1, 2
 # How far the spring stays behind a rising strength, relative.
 LAG = 1e-8
+# ... and within a step, which is not cut for what its end makes good.
+STRAYS = 1e-3
 
 
 @record
@@ -91,43 +94,47 @@ def element_rate(law, v, z):
 
 
 @compiled
-def limit_at(law, speed):
-    """Deflection at which it slides, m."""
-    return stribeck_curve(speed, law.strength, law.stiction, law.stribeck_velocity, 2.0) / law.stiffness
+def over_limit(law, speed, growth, z):
+    """How far its deflection is over that at which it slides, relative; and how fast that grows, over the
+    speed: above 1 the spring cannot follow."""
+    fall = (law.stiction - law.strength) * math.exp(-((speed / law.stribeck_velocity) ** 2))
+    slope = 2.0 * fall / (law.stiffness * law.stribeck_velocity**2)
+    return z * law.stiffness / (law.strength + fall) - 1.0, -slope * growth
 
 
 def element_choose(law, speed, growth, z):
     if law.stiction <= law.strength:  # elastic-perfectly-plastic: its bound does it
         return STICKS
-    over = z / limit_at(law, speed) - 1.0
-    if over < -4.0 * LAG:
-        return STICKS
+    over, rises = over_limit(law, speed, growth, z)
     falls = growth > LAG * law.attraction_rate * law.stribeck_velocity
-    return DRAWN if over > LAG or (over > -1e-3 * LAG and falls) else FOLLOWS
+    if over > LAG or (over > -1e-3 * LAG and falls):
+        return DRAWN
+    return STICKS if over < -80.0 * LAG or rises > 1.0 else FOLLOWS
 
 
 def element_branch_rate(law, speed, z, branch):
-    limit, dz = limit_at(law, speed), speed
+    over = over_limit(law, speed, 0.0, z)[0]
+    dz = speed
     if law.stiction <= law.strength:
-        dz = 0.0 if z >= limit * ON_LIMIT else speed
+        dz = 0.0 if over >= ON_LIMIT - 1.0 else speed
     elif branch == FOLLOWS:
-        dz = speed / LAG * (1.0 - z / limit)
+        dz = -speed * over / LAG
     elif branch == DRAWN:
-        dz = law.attraction_rate * law.strength / law.stiffness * (1.0 - z / limit)
+        dz = -law.attraction_rate * law.strength / law.stiffness * over
     return law.stiffness * z + law.sigma_2 * speed, dz
 
 
 def element_left(law, speed, growth, z, branch):
     if law.stiction <= law.strength:
         return 1.0
-    over = z / limit_at(law, speed) - 1.0
+    over, rises = over_limit(law, speed, growth, z)
     if branch == STICKS:
-        return LAG - over
+        return 3.0 * LAG - over
     if branch == DRAWN:
-        return over + 2.0 * LAG
+        return over + 0.1 * LAG
     # Above its strength only where that falls faster than a growing normal force relaxes the spring.
     falls = growth > 2.0 * LAG * law.attraction_rate * law.stribeck_velocity and over > 0.0
-    return -1.0 if falls else over + 5.0 * LAG
+    return -1.0 if falls or rises > 1.001 else over + STRAYS
 
 
 def element_bound(law, z):

@@ -218,7 +218,8 @@ def follow(
 def _final(run: Followed, by: str) -> State:
     last = run.samples[-1].tolist()
     resume = tuple(run.resume.tolist())
-    return State(float(run.times[-1]), *last[:4], tuple(last[5:]), run.error, resume, by)
+    y, w, x, s = last[:4]
+    return State(float(run.times[-1]), y, w, x, s, tuple(last[5:]), run.error, resume, by)
 
 
 def _distance(one: Followed, other: Followed) -> float:
