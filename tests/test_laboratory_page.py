@@ -14,8 +14,18 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = (ROOT / "docs" / "laboratory.md").read_text(encoding="utf-8")
 
 
+def test_the_rig_in_a_process_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    names: dict = {}
+    exec(re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)[0], names)
+    try:
+        assert names["rig"].capabilities.inputs
+    finally:
+        names["link"].close()
+
+
 def test_the_program_on_the_page() -> None:
-    program, _ = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    _, program, _ = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
     names: dict = {}
     exec(program, names)
     recording = names["recording"]
@@ -26,7 +36,7 @@ def test_the_program_on_the_page() -> None:
 
 
 def test_the_frequency_response_on_the_page() -> None:
-    _, program = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    _, _, program = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
     names: dict = {}
     exec(program, names)
     assert names["fit"].values["natural_frequency_1"] == pytest.approx(3303.1, rel=1e-4)
