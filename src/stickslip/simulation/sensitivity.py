@@ -159,7 +159,7 @@ def _drives(waveform: Any, waveforms: list[Any], names: Sequence[str], end: floa
         QuantityError: one has other segments than the waveform itself, so that there is no derivative.
     """
     tables = [w.drive(LONGER * max(end, 2.0 * (getattr(w, "period", None) or 0.0))) for w in waveforms]
-    itself = waveform.drive(end)
+    itself = waveform.drive(max(end, 2.0 * (getattr(waveform, "period", None) or 0.0)))
     for name, table in zip(names, tables, strict=True):
         n = itself.start.size
         alike = table.start.size >= n and np.array_equal(table.first[: n + 1], itself.first[: n + 1])
