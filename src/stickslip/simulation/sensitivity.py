@@ -40,8 +40,8 @@ REFERENCE = Contact()
 DIFFERENCE = 1e-6
 # How much longer the tables of neighbours are, whose breaks may be later.
 LONGER = 1.01
-# How far their breaks may be from the trajectory's own, over its length.
-MOST_LATE = 1e-4
+# How far their breaks may be from the trajectory's own, over its length; and their formulas, relative.
+MOST_APART = 1e-4
 # The initial state: entry of the plant's state after the first of the body, unit, and a difference that is
 # small against what moves.
 INITIAL = {
@@ -163,7 +163,10 @@ def _drives(waveform: Any, waveforms: list[Any], names: Sequence[str], end: floa
     for name, table in zip(names, tables, strict=True):
         n = itself.start.size
         alike = table.start.size >= n and np.array_equal(table.first[: n + 1], itself.first[: n + 1])
-        if not alike or np.max(np.abs(table.start[:n] - itself.start)) > MOST_LATE * end:
+        if alike:
+            apart = np.abs(table.polynomial[:n] - itself.polynomial).max(axis=0)
+            alike = np.all(apart <= MOST_APART * np.abs(itself.polynomial).max(axis=0) + 1e-9)
+        if not alike or np.max(np.abs(table.start[:n] - itself.start)) > MOST_APART * end:
             raise QuantityError(
                 f"no derivative by {name!r} at {waveform_value(waveform, name):g}: the drive has a jump or a "
                 "kink there that appears or vanishes"
