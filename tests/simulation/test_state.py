@@ -118,6 +118,20 @@ def test_another_drive_goes_on_from_the_state_itself() -> None:
     assert float(rest.bristle_deflection[0]) == end.bristle_deflections[0]
 
 
+def test_a_drive_that_was_another_before_goes_on_from_the_state_itself() -> None:
+    """Two drives of many samples look alike when printed; they differ just before the state."""
+    t = np.linspace(0.0, 0.2, 4001)
+    values = 20.0 + 10.0 * np.sin(40.0 * t)
+    bent = values.copy()
+    bent[1900:2100] += 20.0 * np.hanning(200)
+    first = ss.simulate(KANG, ss.Sampled(t, values), 0.1)
+    state, drive = ss.final_state(first), ss.Sampled(t, bent)
+    found = ss.simulate(KANG, drive, 0.05, initial_state=first)
+    expected = ss.simulate(KANG, drive, 0.05, initial_state=state._replace(resume=()))
+    np.testing.assert_array_equal(found.end_effector_position, expected.end_effector_position)
+    assert float(found.end_effector_position[0]) == state.end_effector_position
+
+
 def test_energy_of_a_state() -> None:
     first = ss.simulate(KANG, ss.Sine(40.0, 50.0, offset=60.0), 0.033)
     d = ss.simulate(

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..actuator import Actuator
 from ..friction import elements
-from ..plant.system import state_size, values_of
+from ..plant.system import values_of
 from ..records import did_you_mean, quantities
 from ..solve.neighbours import neighbours
 from ..solve.outcome import DONE
@@ -22,6 +22,7 @@ from ..waveform.members import Drives, stacked
 from ..waveform.signal import Waveform
 from .errors import SimulationError
 from .models import Contact, System, checked_drive, contact_load
+from .state import row_of
 from .steady import endless, periodic_drive, steady_orbit
 from .trajectory import sample_times
 from .varied import (
@@ -42,14 +43,13 @@ DIFFERENCE = 1e-6
 LONGER = 1.01
 # How far their breaks may be from the trajectory's own, over its length; and their formulas, relative.
 MOST_APART = 1e-4
-# The initial state: entry of the plant's state after the first of the body, unit, and a difference that is
-# small against what moves.
+# Parts of the initial state: unit, and a difference that is small against what moves.
 INITIAL = {
-    "initial_stage_position": ("stage", 0, "m", 1e-12),
-    "initial_stage_velocity": ("stage", 1, "m/s", 1e-9),
-    "initial_end_effector_position": ("slider", 0, "m", 1e-12),
-    "initial_end_effector_velocity": ("slider", 1, "m/s", 1e-9),
-    "initial_bristle_deflection": ("bristle", 0, "m", 1e-13),
+    "initial_stage_position": ("m", 1e-12),
+    "initial_stage_velocity": ("m/s", 1e-9),
+    "initial_end_effector_position": ("m", 1e-12),
+    "initial_end_effector_velocity": ("m/s", 1e-9),
+    "initial_bristle_deflection": ("m", 1e-13),
 }
 
 
@@ -69,9 +69,7 @@ class Moved(NamedTuple):
 
 def initial_row(of: System, name: str) -> int | None:
     """Where in the plant's state a part of the initial state stands; None if this plant has no such part."""
-    body, offset, _, _ = INITIAL[name]
-    first = {"stage": of.stage, "slider": of.slider, "bristle": 2 * len(of.plant.modes)}[body]
-    return first + offset if first is not None and first + offset < state_size(of.plant) else None
+    return row_of(of, name.removeprefix("initial_"))
 
 
 def moved(
@@ -110,7 +108,7 @@ def moved(
             if before is not None:
                 own = contact.rest(of, drive.drive(end).before)
         elif name in INITIAL:
-            step = INITIAL[name][3]
+            step = INITIAL[name][1]
             own[initial_row(of, name)] += step
         else:
             value = _value(model, name)
@@ -318,7 +316,7 @@ def _value(model: Actuator, name: str) -> float:
 
 def _unit(model: Actuator, waveform: Waveform, name: str) -> str:
     if name in INITIAL:
-        return INITIAL[name][2]
+        return INITIAL[name][0]
     if name in waveform_names(waveform) and name not in free_names(model):
         quantity = quantities(type(waveform))[waveform_field(waveform, name)[0]]
         return quantity.unit.replace("V", waveform.unit)

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import json
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ..plant.system import state_size
+from ..plant.system import layout_of, state_size, values_of
 from ..units import QuantityError
+from ..waveform.drive import Drive
 from .models import Contact, System
 
 
@@ -55,17 +56,33 @@ def as_text(state: State) -> str:
     return json.dumps(state._asdict())
 
 
-def maker(*inputs: Any) -> str:
-    """A mark of what a trajectory was made with."""
-    return hashlib.sha256(repr(inputs).encode()).hexdigest()[:16]
+def maker(of: System, drive: Drive, load: Drive, tolerance: float, until: float) -> str:
+    """A mark of all that a trajectory up to a time [s] was computed from."""
+    found = hashlib.sha256(repr((layout_of(of.plant), tolerance)).encode())
+    found.update(values_of(of.plant).tobytes())
+    for table in (drive, load):
+        n = int(np.searchsorted(table.start, until))
+        parts = (table.start[:n], table.polynomial[:n], table.harmonic[: table.first[n]])
+        for part in (np.array(table.before), *parts):
+            found.update(np.ascontiguousarray(part).tobytes())
+    return found.hexdigest()[:16]
 
 
-_PARTS = (
-    ("stage_position", 0, "stage"),
-    ("stage_velocity", 1, "stage"),
-    ("end_effector_position", 0, "slider"),
-    ("end_effector_velocity", 1, "slider"),
-)
+# Of whom, and which entry of the plant's state after the first of that.
+PARTS = {
+    "stage_position": ("stage", 0),
+    "stage_velocity": ("stage", 1),
+    "end_effector_position": ("slider", 0),
+    "end_effector_velocity": ("slider", 1),
+    "bristle_deflection": ("bristle", 0),
+}
+
+
+def row_of(of: System, part: str) -> int | None:
+    """Where in the plant's state a part stands; None if this plant has no such part."""
+    body, offset = PARTS[part]
+    first = {"stage": of.stage, "slider": of.slider, "bristle": 2 * len(of.plant.modes)}[body]
+    return first + offset if first is not None and first + offset < state_size(of.plant) else None
 
 
 def placed(state: State, of: System, contact: Contact, before: float) -> NDArray[np.float64]:
@@ -75,10 +92,10 @@ def placed(state: State, of: System, contact: Contact, before: float) -> NDArray
         QuantityError: a number that is not finite, or another number of bristles than the law has.
     """
     q = contact.rest(of, before)
-    for name, offset, body in _PARTS:
-        value, first = getattr(state, name), of.stage if body == "stage" else of.slider
-        if value is not None and first is not None:
-            q[first + offset] = value
+    for name in PARTS:
+        value, row = getattr(state, name, None), row_of(of, name)
+        if value is not None and row is not None:
+            q[row] = value
     inner = slice(2 * len(of.plant.modes), state_size(of.plant))
     if state.bristle_deflections is not None and of.plant.elements:
         if len(state.bristle_deflections) != of.internal:

@@ -198,13 +198,18 @@ def follow(
         raise QuantityError(f"tolerance = {tolerance} m must be > 0 m")
     if energy and not isinstance(model, Actuator):
         raise QuantityError("the energy account is kept for an Actuator only")
-    begin, by = begin or State(), maker(model, waveform, load, tolerance)
+    begin = begin or State()
     if times[0] < begin.time:
         raise QuantityError(
             f"times [s] begin at {times[0]:g} s, before the initial state at {begin.time:g} s"
         )
     resume = np.zeros(row_size(len(of.plant.elements), state_size(of.plant)))
-    if begin.made_by == by and not energy:  # the account begins at the state itself
+    # The energy account begins at the state itself.
+    if (
+        begin.resume
+        and not energy
+        and begin.made_by == maker(of, table, contact.drive, tolerance, begin.time)
+    ):
         resume[:] = begin.resume
     start = placed(begin, of, contact, table.before)
     task = _Task(of, table, contact, start, times, energy, max_steps, begin.time, resume)
@@ -212,7 +217,9 @@ def follow(
         return task.run(float(tolerance))
     found = refined(task.run, _distance, lambda run: run.steps + run.rejected, float(tolerance))
     made = found.run._replace(error=found.error + begin.error_estimate)
-    return made._replace(final=_final(made, by)) if made.outcome == COMPLETE else made
+    if made.outcome != COMPLETE:
+        return made
+    return made._replace(final=_final(made, maker(of, table, contact.drive, tolerance, end)))
 
 
 def _final(run: Followed, by: str) -> State:
