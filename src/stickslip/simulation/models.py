@@ -14,6 +14,7 @@ from ..friction import breakaway, elements, rate
 from ..friction import element as element_of
 from ..mechanism import Mechanism
 from ..plant.system import Element, Mode, Plant, state_size
+from ..solve.periods import LONGEST_CYCLE
 from ..units import QuantityError
 from ..waveform.drive import Drive, constant, evaluate, segment_at, value_slope_curvature
 from ..waveform.signal import Waveform
@@ -251,13 +252,16 @@ def checked_drive(model: Actuator | PulledSlider, waveform: Waveform, end: float
     refuse_no_waveform(waveform)
     if waveform.unit != unit:
         raise QuantityError(f"the drive of an {type(model).__name__} is in {unit}, not in {waveform.unit}")
-    # Of a periodic one two periods, that it can be seen to be.
-    table = waveform.drive(end if periodic else max(end, 2.0 * (getattr(waveform, "period", None) or 0.0)))
+    table = waveform.drive(end)
     if isinstance(model, Actuator):
         low, high = waveform.range()
         if low < model.min_voltage or high > model.max_voltage:
             raise QuantityError(out_of_range(model, low, high, model.min_voltage, model.max_voltage))
-        refuse_jumps(model, waveform.drive(end), end if periodic else None)
+        if model.static:
+            refuse_jumps(model, table, end if periodic else None)
+    period = getattr(waveform, "period", None) or 0.0
+    if not periodic and end < 2.0 * period and table.start.size <= LONGEST_CYCLE:
+        table = waveform.drive(2.0 * period)  # two periods, that it can be seen to be periodic
     # For an array of another layout all kernels would be compiled anew.
     return table._replace(polynomial=np.ascontiguousarray(table.polynomial))
 
@@ -272,7 +276,7 @@ def out_of_range(model: Actuator, low: float, high: float, minimum: float, maxim
 
 def refuse_jumps(model: Actuator, table: Drive, period: float | None) -> None:
     """Raise QuantityError for a drive, of this period if it has one, that would tear a static stage along."""
-    if model.static and not model.clamped and elements(model.friction) > 0 and _jumps(table, period):
+    if not model.clamped and elements(model.friction) > 0 and _jumps(table, period):
         raise QuantityError(
             "a static stage would follow a jump of the voltage at infinite speed, at which a presliding "
             "friction law has no meaning: give the waveform a finite fall (rise_fraction < 1), or the stage "
