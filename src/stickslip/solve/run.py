@@ -55,8 +55,8 @@ ENOUGH = 1e-8
 STILL = 1e-12
 # What has let go is not held again for rounding.
 LETS_GO = 1.0 - 1e-9
-# How often within a step the force of a held contact is looked at.
-HELD_CHECKS = 8
+# How often within a step the force of a held contact, and the branches, are looked at.
+CHECKS = 8
 # What ends a step early.
 NOTHING, SLOWS, STOPS, BREAKS = 0, 1, 2, 3
 # Columns of the log: a step's start, its length, where it ends, the fraction of it that counts; then the
@@ -149,26 +149,6 @@ def _overloaded(plant, drive, i, load, j, t, theta, h, sides, q, new, rows):
 
 
 @fused
-def _released(plant, drive, i, load, j, t, h, sides, q, new, rows):
-    """Fraction of the step at which the first held contact lets go, 2 if none does."""
-    low, high = 0.0, 2.0
-    for c in range(1, HELD_CHECKS + 1):
-        theta = c / HELD_CHECKS
-        if _overloaded(plant, drive, i, load, j, t, theta, h, sides, q, new, rows):
-            high = theta
-            break
-        low = theta
-    if high <= 1.0:
-        for _ in range(52):
-            theta = 0.5 * (low + high)
-            if _overloaded(plant, drive, i, load, j, t, theta, h, sides, q, new, rows):
-                high = theta
-            else:
-                low = theta
-    return high
-
-
-@fused
 def _cut(plant, h, sides, q, new, rows, u, fast, local):
     """Where a contact ends the step: fraction, which one, why; or a contact that slid to the other side from
     the start (its fraction is negative)."""
@@ -216,23 +196,31 @@ def _branches_hold(plant, drive, i, load, j, t, theta, h, sides, q, new, rows):
 
 
 @fused
-def _branch_ends(plant, drive, i, load, j, t, h, sides, q, new, rows, cut):
-    """Fraction of the step at which a law leaves its branch; `cut` if none does before."""
-    low, high = 0.0, -1.0
-    for c in range(1, HELD_CHECKS + 1):
-        theta = c * cut / HELD_CHECKS
-        if not _branches_hold(plant, drive, i, load, j, t, theta, h, sides, q, new, rows):
+def _ended(plant, drive, i, load, j, t, theta, h, sides, q, new, rows, held):
+    """Whether the held contacts (`held`), or the branches, have ended at a fraction of the step."""
+    if held:
+        return _overloaded(plant, drive, i, load, j, t, theta, h, sides, q, new, rows)
+    return not _branches_hold(plant, drive, i, load, j, t, theta, h, sides, q, new, rows)
+
+
+@fused
+def _first_end(plant, drive, i, load, j, t, h, sides, q, new, rows, held, most):
+    """Fraction of the step, up to `most`, at which the first held contact lets go (`held`), or the first law
+    leaves its branch; 2 if none does."""
+    low, high = 0.0, 2.0
+    for c in range(1, CHECKS + 1):
+        theta = c * most / CHECKS
+        if _ended(plant, drive, i, load, j, t, theta, h, sides, q, new, rows, held):
             high = theta
             break
         low = theta
-    if high < 0.0:
-        return cut
-    for _ in range(52):
-        theta = 0.5 * (low + high)
-        if _branches_hold(plant, drive, i, load, j, t, theta, h, sides, q, new, rows):
-            low = theta
-        else:
-            high = theta
+    if high <= 1.0:
+        for _ in range(52):
+            theta = 0.5 * (low + high)
+            if _ended(plant, drive, i, load, j, t, theta, h, sides, q, new, rows, held):
+                high = theta
+            else:
+                low = theta
     return high
 
 
@@ -334,12 +322,12 @@ def run(plant, drive, load, state, sides, t, h, fresh, t_end, local, max_steps, 
         if forced < 0:
             for e in range(len(sides)):
                 if statics(plant)[e] != 0.0 and sides[e] == 0.0:
-                    theta = _released(plant, drive, i, load, j, t, h_now, sides, state, new, rows)
+                    theta = _first_end(plant, drive, i, load, j, t, h_now, sides, state, new, rows, True, 1.0)
                     if theta < cut:
                         cut, why = theta, BREAKS
                     break
         if branched(plant):
-            theta = _branch_ends(plant, drive, i, load, j, t, h_now, sides, state, new, rows, cut)
+            theta = _first_end(plant, drive, i, load, j, t, h_now, sides, state, new, rows, False, cut)
             if theta < cut:
                 cut, why = theta, SLOWS
         accepted += 1
