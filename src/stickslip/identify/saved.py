@@ -19,6 +19,7 @@ from ..estimate.problem import FitError
 from ..estimate.result import Fit
 from ..estimate.saved import packed, unpacked
 from ..friction import LAWS
+from ..recording.replacing import replaced_whole
 from .loops import LoopPrediction
 from .modal import ModalModel
 from .prediction import Predictor
@@ -42,7 +43,8 @@ def save_fit(fit: Fit, path: str | os.PathLike[str]) -> None:
         text = json.dumps({"format": FORMAT, "version": __version__, "fit": packed(fit)})
     except TypeError as error:
         raise FitError(f"{path}: {error}") from error
-    Path(path).write_text(text, encoding="utf-8")
+    with replaced_whole(Path(path)) as temporary:
+        temporary.write_text(text, encoding="utf-8")
 
 
 def load_fit(path: str | os.PathLike[str]) -> Fit:
