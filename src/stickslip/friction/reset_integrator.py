@@ -18,7 +18,7 @@ from ..records import Quantity, record
 from .law import Branches, register
 
 # A bristle on its limit slides, though rounding may put it just below.
-ON_LIMIT = 1.0 - 1e-7
+ON_LIMIT = 1.0 - 1e-12
 # How far it stays behind its limit under a growing normal force, relative.
 LAG = 1e-8
 # Branches: the bristle takes up the motion, or stands still on its limit, whatever a growing normal force
@@ -46,7 +46,7 @@ def reset_integrator(law, v, z):
 
 
 def choose(law, speed, growth, z):
-    return SLIDES if z >= law.breakaway_deflection * ON_LIMIT else STICKS
+    return SLIDES if z >= law.breakaway_deflection * (1.0 - 10.0 * LAG) else STICKS
 
 
 def rate_of(law, speed, z, branch):
