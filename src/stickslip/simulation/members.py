@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..actuator import Actuator
 from ..plant.generated import with_values as plant_with
-from ..plant.system import Plant, state_size, values_of
+from ..plant.system import Plant, values_of
 from ..records import did_you_mean, quantities
 from ..units import QuantityError
 from ..waveform.drive import Drive
@@ -164,7 +164,7 @@ def prepared(
     own_load = contact._replace(normal=contact.normal * columns.get("load", 1.0))
     of = contact.system(model)
     table = _values(own_load.system(members), columns, count)
-    states = np.zeros((count, state_size(of.plant)))
+    states = np.zeros((count, of.states))
     if np.any(drives.before) or np.any(members.axial_force):
         for m in (m for m, reason in enumerate(reasons) if not reason):
             one = of._replace(plant=plant_with(of.plant, table[m]))

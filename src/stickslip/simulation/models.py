@@ -13,7 +13,7 @@ from ..actuator import Actuator, PulledSlider
 from ..friction import breakaway, elements, rate
 from ..friction import element as element_of
 from ..mechanism import Mechanism
-from ..plant.system import Element, Mode, Plant, state_size
+from ..plant.system import Element, Mode, Plant
 from ..solve.periods import LONGEST_CYCLE
 from ..units import QuantityError
 from ..waveform.drive import Drive, constant, evaluate, segment_at, value_slope_curvature
@@ -92,6 +92,16 @@ class System(NamedTuple):
     axial: float = 0.0
     mass: float = 0.0
 
+    @property
+    def bodies(self) -> int:
+        """Where the states of the law begin."""
+        return 2 * len(self.plant.modes)
+
+    @property
+    def states(self) -> int:
+        """How many numbers the plant's state has."""
+        return self.bodies + (self.internal if self.plant.elements else 0)
+
 
 def system(model: Actuator | PulledSlider, *, normal: float = 1.0, loaded: bool = False) -> System:
     """The plant of a model [kang2007, eq. 3.20-3.25]; see `plant.system`.
@@ -143,7 +153,7 @@ class Contact(NamedTuple):
 def resting_state(of: System, before: float, load: float = 1.0) -> NDArray[np.float64]:
     """The state at rest under the drive value `before` and the constant forces, with the normal force `load`
     times the plant's; where no deflection of the contact holds them, it begins at its bound."""
-    q = np.zeros(state_size(of.plant))
+    q = np.zeros(of.states)
     held = _held(of, q, load)
     for m, mode in enumerate(of.plant.modes):
         if mode.stiffness > 0.0:
@@ -169,7 +179,7 @@ def _held(of: System, q: NDArray[np.float64], load: float) -> float:
         return 0.0
     if elements(contact.law) == 0:
         return float(np.clip(held, -breakaway(contact.law) * normal, breakaway(contact.law) * normal))
-    q[2 * len(of.plant.modes) :] = z = strained(contact.law, held / normal)
+    q[of.bodies :] = z = strained(contact.law, held / normal)
     ones = [element_of(contact.law, e) for e in range(len(z))]
     return normal * sum(rate(one, 0.0, d)[0] for one, d in zip(ones, z, strict=True))
 
@@ -210,11 +220,11 @@ def classic(
 ) -> NDArray[np.float64]:
     """Samples of the solver as [times, 5 + internal states]: position and velocity of the stage, then of the
     end-effector, friction force, internal states; whatever the plant's layout."""
-    n = state_size(of.plant)
+    n = of.states
     made = np.zeros((times.size, 5 + of.internal))
     made[:, 2:4] = samples[:, of.slider : of.slider + 2]
     if of.plant.elements:
-        made[:, 5:] = samples[:, 2 * len(of.plant.modes) : n]
+        made[:, 5:] = samples[:, of.bodies : n]
     made[:, 4] = samples[:, n] if of.plant.elements else 0.0
     if of.stage is not None:
         made[:, 0:2] = samples[:, of.stage : of.stage + 2]

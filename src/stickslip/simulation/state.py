@@ -10,7 +10,6 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ..plant.system import layout_of, state_size, values_of
 from ..units import QuantityError
 from ..waveform.drive import Drive
 from .models import Contact, System
@@ -32,6 +31,9 @@ class State(NamedTuple):
     error_estimate: float = 0.0
     resume: tuple[float, ...] = ()
     made_by: str = ""
+
+
+REST = State()
 
 
 def final_state(trajectory: xr.Dataset) -> State:
@@ -58,8 +60,7 @@ def as_text(state: State) -> str:
 
 def maker(of: System, drive: Drive, load: Drive, tolerance: float, until: float) -> str:
     """A mark of all that a trajectory up to a time [s] was computed from."""
-    found = hashlib.sha256(repr((layout_of(of.plant), tolerance)).encode())
-    found.update(values_of(of.plant).tobytes())
+    found = hashlib.sha256(repr((of.plant, tolerance)).encode())
     for table in (drive, load):
         n = int(np.searchsorted(table.start, until))
         parts = (table.start[:n], table.polynomial[:n], table.harmonic[: table.first[n]])
@@ -81,8 +82,8 @@ PARTS = {
 def row_of(of: System, part: str) -> int | None:
     """Where in the plant's state a part stands; None if this plant has no such part."""
     body, offset = PARTS[part]
-    first = {"stage": of.stage, "slider": of.slider, "bristle": 2 * len(of.plant.modes)}[body]
-    return first + offset if first is not None and first + offset < state_size(of.plant) else None
+    first = {"stage": of.stage, "slider": of.slider, "bristle": of.bodies}[body]
+    return first + offset if first is not None and first + offset < of.states else None
 
 
 def placed(state: State, of: System, contact: Contact, before: float) -> NDArray[np.float64]:
@@ -92,18 +93,19 @@ def placed(state: State, of: System, contact: Contact, before: float) -> NDArray
         QuantityError: a number that is not finite, or another number of bristles than the law has.
     """
     q = contact.rest(of, before)
+    if state is REST:
+        return q
     for name in PARTS:
         value, row = getattr(state, name, None), row_of(of, name)
         if value is not None and row is not None:
             q[row] = value
-    inner = slice(2 * len(of.plant.modes), state_size(of.plant))
     if state.bristle_deflections is not None and of.plant.elements:
         if len(state.bristle_deflections) != of.internal:
             raise QuantityError(
                 f"initial_state has {len(state.bristle_deflections)} bristle deflections [m]; the law has "
                 f"{of.internal}"
             )
-        q[inner] = state.bristle_deflections
+        q[of.bodies :] = state.bristle_deflections
     if not (np.all(np.isfinite(q)) and np.isfinite(state.time) and state.time >= 0.0):
         raise QuantityError(f"initial_state must be of finite numbers, from 0 s or later: {state}")
     return q

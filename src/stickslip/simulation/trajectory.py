@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..actuator import Actuator, PulledSlider
 from ..friction import elements
-from ..plant.system import state_size
 from ..recording import make_recording
 from ..solve.log import TERMS
 from ..solve.outcome import DONE, STEP_TOO_SMALL
@@ -24,7 +23,7 @@ from ..waveform.signal import Waveform
 from .errors import SimulationError, SimulationWarning
 from .models import SLIDER, STAGE, Contact, System, checked_drive, classic, contact_load, refuse_no_waveform
 from .refinement import refined
-from .state import State, as_text, final_state, maker, placed
+from .state import REST, State, as_text, final_state, maker, placed
 
 COMPLETE = "complete"
 _OUTCOMES = {STEP_TOO_SMALL: "the step size fell below what floating point can resolve"}
@@ -119,7 +118,8 @@ class Followed(NamedTuple):
     """A trajectory without labels, up to where it could be followed; `outcome` is COMPLETE or says why not.
 
     `samples` [times, states + 1]: stage position and velocity, end-effector's position and velocity, friction
-    force, bristles; `work` see `solve.log`; `start`, the state before; `drive`, the segment table;
+    force, bristles; `work` see `solve.log`; `start`, the state before,
+    with the energy account; `drive`, the segment table;
     `error`, how far the end-effector may be off, m, where it was estimated; `final`, the last state, and
     `resume`, from where it can be taken up again (`solve.resume`).
     """
@@ -137,6 +137,18 @@ class Followed(NamedTuple):
     final: State | None = None
 
 
+class _Run(NamedTuple):
+    """What the solver made of a task: its samples in the plant's own layout, and the rest as `Followed`."""
+
+    samples: NDArray[np.float64]
+    work: NDArray[np.float64]
+    outcome: int
+    reached: float
+    steps: int
+    rejected: int
+    resume: NDArray[np.float64]
+
+
 class _Task(NamedTuple):
     """A trajectory to be followed; `start`, its state before, at the time `begins`, or `resume` (see
     `solve.resume`)."""
@@ -151,29 +163,42 @@ class _Task(NamedTuple):
     begins: float
     resume: NDArray[np.float64]
 
-    def run(self, tolerance: float) -> Followed:
+    def run(self, tolerance: float) -> _Run:
         """With steps whose local errors are in proportion to the tolerance."""
-        times, table, plant = self.times, self.drive, self.of.plant
-        q = self.start.copy()
-        samples = np.full((times.size, q.size + max(len(plant.elements), 1)), np.nan)
+        times, q = self.times, self.start.copy()
+        samples = np.full((times.size, q.size + max(len(self.of.plant.elements), 1)), np.nan)
         work = np.zeros((times.size if self.energy else 0, TERMS))
         solve, account = (integrate_account, (work,)) if self.energy else (integrate, ())
         span, resume = np.array([self.begins, times[-1]]), self.resume.copy()
         outcome, reached, steps, rejected = solve(
-            *(plant, table, self.contact.drive, q, span, tolerance, self.max_steps, times, samples),
-            *(resume, *account),
+            *(self.of.plant, self.drive, self.contact.drive, q, span, tolerance, self.max_steps, times),
+            *(samples, resume, *account),
         )
-        samples, text = classic(self.of, samples, table, times), COMPLETE
-        if outcome != DONE:
-            reason = _OUTCOMES.get(outcome, f"more than {self.max_steps} steps were needed")
+        return _Run(samples, work, outcome, reached, steps, rejected, resume)
+
+    def distance(self, one: _Run, other: _Run) -> float:
+        """The largest difference of the end-effector's position, m; NaN where one does not reach the end."""
+        if one.outcome != DONE or other.outcome != DONE:
+            return math.nan
+        column = self.of.slider
+        return float(np.abs(one.samples[:, column] - other.samples[:, column]).max())
+
+    def followed(self, run: _Run, error: float = math.nan) -> Followed:
+        """As far as it goes, with what it may be off."""
+        samples, work = classic(self.of, run.samples, self.drive, self.times), run.work
+        times, start, text = self.times, np.zeros(0), COMPLETE
+        if run.outcome != DONE:
+            reason = _OUTCOMES.get(run.outcome, f"more than {self.max_steps} steps were needed")
             end = with_prefix(times[-1], "s")
-            text = f"stopped at t = {with_prefix(reached, 's')} of {end}: {reason}"
+            text = f"stopped at t = {with_prefix(run.reached, 's')} of {end}: {reason}"
             keep = np.isfinite(samples[:, SLIDER])
             times, samples, work = times[keep], samples[keep], work[keep] if self.energy else work
-        before = np.full((1, samples.shape[1]), 0.0)
-        before[0, : q.size] = self.start
-        start = classic(self.of, before, table, np.array([self.begins or -1.0]))[0]
-        return Followed(times, samples, work, start, table, text, steps, rejected, resume)
+        if self.energy:
+            before = np.zeros((1, run.samples.shape[1]))
+            before[0, : self.start.size] = self.start
+            start = classic(self.of, before, self.drive, np.array([self.begins or -1.0]))[0]
+        counts = run.steps, run.rejected, run.resume, error
+        return Followed(times, samples, work, start, self.drive, text, *counts)
 
 
 def follow(
@@ -198,12 +223,12 @@ def follow(
         raise QuantityError(f"tolerance = {tolerance} m must be > 0 m")
     if energy and not isinstance(model, Actuator):
         raise QuantityError("the energy account is kept for an Actuator only")
-    begin = begin or State()
+    begin = begin or REST
     if times[0] < begin.time:
         raise QuantityError(
             f"times [s] begin at {times[0]:g} s, before the initial state at {begin.time:g} s"
         )
-    resume = np.zeros(row_size(len(of.plant.elements), state_size(of.plant)))
+    resume = np.zeros(row_size(len(of.plant.elements), of.states))
     # The energy account begins at the state itself.
     if (
         begin.resume
@@ -214,9 +239,9 @@ def follow(
     start = placed(begin, of, contact, table.before)
     task = _Task(of, table, contact, start, times, energy, max_steps, begin.time, resume)
     if not check:
-        return task.run(float(tolerance))
-    found = refined(task.run, _distance, lambda run: run.steps + run.rejected, float(tolerance))
-    made = found.run._replace(error=found.error + begin.error_estimate)
+        return task.followed(task.run(float(tolerance)))
+    found = refined(task.run, task.distance, lambda run: run.steps + run.rejected, float(tolerance))
+    made = task.followed(found.run, found.error + begin.error_estimate)
     if made.outcome != COMPLETE:
         return made
     return made._replace(final=_final(made, maker(of, table, contact.drive, tolerance, end)))
@@ -227,13 +252,6 @@ def _final(run: Followed, by: str) -> State:
     resume = tuple(run.resume.tolist())
     y, w, x, s = last[:4]
     return State(float(run.times[-1]), y, w, x, s, tuple(last[5:]), run.error, resume, by)
-
-
-def _distance(one: Followed, other: Followed) -> float:
-    """The largest difference of the end-effector's position, m; NaN where one does not reach the end."""
-    if one.outcome != COMPLETE or other.outcome != COMPLETE:
-        return math.nan
-    return float(np.max(np.abs(one.samples[:, SLIDER] - other.samples[:, SLIDER])))
 
 
 def sample_times(
