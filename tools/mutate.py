@@ -53,6 +53,7 @@ LAWS = tuple(
 )
 MOTION = ("tests/test_mechanism.py",)
 ONE_SIDE = ("tests/friction/test_one_side.py",)
+BRANCHES = (*LAWS, "tests/friction/test_branches.py")
 # The first row that fits a file counts.
 TARGETS = (
     Target(
@@ -60,6 +61,9 @@ TARGETS = (
         (*LAWS, *ONE_SIDE),
         ("force", "smooth_rate", "law_slopes", "reversal_kink", "bounded"),
     ),
+    Target("friction/exponential.py", ("tests/friction/test_exponential.py",)),
+    Target("friction/maxwell_slip.py", BRANCHES),
+    Target("friction/reset_integrator.py", BRANCHES),
     Target("friction/*.py", LAWS),
     Target("mechanism.py", MOTION),
     Target("simulation/models.py", MOTION, ("mechanism", "system", "resting_state", "_held")),

@@ -15,6 +15,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import inspect
+import math
 import os
 import shutil
 import sys
@@ -26,7 +27,10 @@ from pathlib import Path
 from typing import Any
 
 import numba
+from llvmlite import ir
+from numba import types
 from numba.core import event
+from numba.extending import intrinsic
 from numba.extending import overload as _numba_overload
 
 _UNUSED = 30 * 24 * 3600.0  # s, after which kernels of other sources are removed
@@ -162,6 +166,32 @@ def overload(function: Callable[..., Any]) -> Any:
     """What `function` becomes inside kernels: the decorated function gets types and returns an
     implementation."""
     return _numba_overload(function, jit_options=_OPTIONS, strict=False, target="generic")  # type: ignore[arg-type]
+
+
+# 2^52 + 2^51: added to a number, it leaves its nearest integer in the last bits.
+SHIFT = 6755399441055744.0
+
+
+def two_to(shifted: float) -> float:
+    """2^k of the number k + SHIFT."""
+    return math.ldexp(1.0, int(shifted - SHIFT)) if shifted == shifted else shifted
+
+
+@intrinsic
+def _with_exponent(typing: Any, shifted: Any) -> Any:
+    """The last bits become the exponent."""
+
+    def bits(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        word = ir.IntType(64)
+        k = builder.shl(builder.bitcast(arguments[0], word), word(52))
+        return builder.bitcast(builder.add(k, word(1023 << 52)), ir.DoubleType())
+
+    return types.float64(types.float64), bits
+
+
+@overload_with(two_to, FUSED)
+def _two_to(shifted: Any) -> Any:
+    return lambda shifted: _with_exponent(shifted)  # pyright: ignore[reportCallIssue]
 
 
 def record_class(numba_type: Any) -> type | None:

@@ -1,4 +1,4 @@
-"""Branches of the laws whose rate jumps where the state meets a curve: chosen, continued and left as stated."""
+"""Branches of the laws whose rate jumps where the state meets a curve: chosen and left as stated."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def test_a_reset_integrator_sticks_inside_its_limit(z: float) -> None:
 
 
 def test_a_reset_integrator_slides_on_its_limit_and_does_not_leave_it() -> None:
-    """Whatever a growing normal force takes from its deflection, it comes back; without stiction or damping."""
+    """What a growing normal force takes from its deflection comes back; there is no stiction or damping."""
     for z in (5e-7, 5e-7 * (1.0 - 5e-8), 5.1e-7):
         assert resetting.choose(RESET, 1e-3, 1.0, z) == resetting.SLIDES
         assert resetting.left(RESET, 1e-3, 1.0, z, resetting.SLIDES) > 0.0

@@ -27,7 +27,7 @@ from plants import (
     weights_and_rates,
 )
 from stickslip._jit import compiled
-from stickslip.friction import MaxwellSlip
+from stickslip.friction import Elastoplastic, LuGre, MaxwellSlip
 from stickslip.plant import generated
 from stickslip.plant.system import Element, Mode, Plant, layout_of, state_size, values_of
 
@@ -120,6 +120,16 @@ def unloaded(plant, q, factors):
 @compiled
 def state_from(plant, values):
     return generated.state_of(plant, values)
+
+
+@compiled
+def branches(plant, sides, q, v, dv):
+    return (
+        generated.branched(plant),
+        generated.on_branches(plant, sides, q, v, dv),
+        generated.branches_hold(plant, sides, q, v, dv),
+        generated.in_lanes(plant),
+    )
 
 
 @compiled
@@ -254,6 +264,26 @@ def test_bodies_of_held_contacts_ride_on_each_other(case: Case) -> None:
     found = riding(case.plant, sides, tuple(q), U, tuple(begun), u_begun)
     expected = plants.riding(case.plant, sides, q, U, begun, u_begun)
     np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-18)
+
+
+def test_sides_tell_the_branches_of_the_states(case: Case) -> None:
+    """Of Maxwell elements that are drawn down to a strength that falls; of a held contact the side stays."""
+    plant, q, sides = case.plant, state_of(case), sides_of(case)
+    bodies = q[: 2 * len(plant.modes)]
+    v = np.array([input_of(e, bodies, U, [0.0] * i) for i, e in enumerate(plant.elements)])
+    of_maxwell = [isinstance(element.law, MaxwellSlip) for element in plant.elements]
+    plain = tuple(
+        math.copysign(1.0, s) if m else s for s, m in zip(sides, [*of_maxwell, False], strict=False)
+    )
+    faster = tuple(np.sign(v)) or (0.0,)
+    has, found, holds, lanes = branches(plant, plain, tuple(q), tuple(v) or (0.0,), faster)
+    assert has == any(of_maxwell)
+    assert lanes == all(
+        isinstance(element.law, LuGre | Elastoplastic | MaxwellSlip) for element in plant.elements
+    )
+    np.testing.assert_array_equal(found, sides)
+    assert branches(plant, sides, tuple(q), tuple(v) or (0.0,), faster)[2]
+    assert holds == (found == plain)  # what is over its strength sticks no longer
 
 
 def test_rest_is_exact() -> None:

@@ -58,6 +58,18 @@ def test_derivatives_are_central_differences_of_simulations(law: str) -> None:
         np.testing.assert_allclose(derivative, expected, rtol=0, atol=3e-3 * np.abs(expected).max())
 
 
+@pytest.mark.parametrize("law", ["LuGre", "Elastoplastic"])
+def test_derivatives_side_by_side_are_those_alone(law: str) -> None:
+    """Five together, of which four take their steps in one loop and the fifth by itself."""
+    friction, _ = CASES[law]
+    model, names = MODEL.replace(friction=friction), ["sigma_0", *SYSTEM[:4]]
+    together = sensitivities(model, DRIVE, times=TIMES, parameters=names)["derivative"]
+    for name in names:
+        alone = sensitivities(model, DRIVE, times=TIMES, parameters=[name])["derivative"].values[0]
+        found = together.sel(parameter=name).values
+        np.testing.assert_allclose(found, alone, rtol=0, atol=1e-7 * np.abs(alone).max())
+
+
 def test_the_position_is_that_of_the_simulation_and_units_are_told() -> None:
     found = sensitivities(MODEL, DRIVE, times=TIMES, parameters=["sigma_0", "initial_stage_velocity"])
     alone = follow(MODEL, DRIVE, TIMES).samples[:, SLIDER]

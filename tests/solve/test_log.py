@@ -66,7 +66,14 @@ CASES = {
         np.array([3e-7, 2e-4, -2e-7, 1e-4, 3e-7, -1e-4, 1e-7, -2e-7, 1e-7]),
     ),
     "held, then sliding": Case(
-        Plant((STAGE, FREE), (Element(Coulomb(0.5), (1.0, -1.0), (-10.0, 7.7), 1.2, 1.0),), RATE),
+        Plant(
+            (STAGE, FREE),
+            (
+                Element(Coulomb(0.5), (1.0, -1.0), (-10.0, 7.7), 1.2, 1.0),
+                Element(Coulomb(0.2), (None, 1.0), (None, -5.0)),
+            ),
+            RATE,
+        ),
         np.array(
             [
                 [3.1e-6, 2.3e-3, 1.7e-6, 2.1e-3],
@@ -75,7 +82,7 @@ CASES = {
                 [4.9e-6, 2.2e-3, 1.9e-6, 1.4e-3],
             ]
         ),
-        ((0.0,), (-1.0,), (0.0,)),
+        ((0.0, -1.0), (-1.0, 0.0), (0.0, -1.0)),
         np.array([3e-7, 2e-4, -2e-7, 1e-4]),
     ),
     "stage that follows the drive": Case(

@@ -103,13 +103,15 @@ def over_limit(law, speed, growth, z):
 
 
 def element_choose(law, speed, growth, z):
-    if law.stiction <= law.strength:  # elastic-perfectly-plastic: its bound does it
-        return STICKS
-    over, rises = over_limit(law, speed, growth, z)
-    falls = growth > LAG * law.attraction_rate * law.stribeck_velocity
-    if over > LAG or (over > -1e-3 * LAG and falls):
-        return DRAWN
-    return STICKS if over < -80.0 * LAG or rises > 1.0 else FOLLOWS
+    branch = STICKS  # of an elastic-perfectly-plastic one always: its bound does the rest
+    if law.stiction > law.strength:
+        over, rises = over_limit(law, speed, growth, z)
+        falls = growth > LAG * law.attraction_rate * law.stribeck_velocity
+        if over > LAG or (over > -1e-3 * LAG and falls):
+            branch = DRAWN
+        elif over >= -80.0 * LAG and rises <= 1.0:
+            branch = FOLLOWS
+    return branch
 
 
 def element_branch_rate(law, speed, z, branch):
@@ -148,4 +150,5 @@ register(
     element_rate,
     project=element_bound,
     branches=Branches(element_choose, element_branch_rate, element_left),
+    lanes=True,
 )

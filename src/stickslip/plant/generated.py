@@ -208,6 +208,11 @@ def branched(plant: Any) -> Any:
 
 
 @_generated
+def in_lanes(plant: Any) -> Any:
+    """Whether steps of several such plants are quicker side by side (see `friction.law.register`)."""
+
+
+@_generated
 def on_branches(plant: Any, sides: Any, q: Any, v: Any, dv: Any) -> Any:
     """The sides with the branches on which the states are, at speeds `v` that change by `dv`."""
 
@@ -249,8 +254,8 @@ def with_values(plant: Any, values: Any) -> Any:
     return made(plant)
 
 
-@overload_with(with_values, FUSED)
-def _with_values(plant: Any, values: Any) -> Any:
+def record_maker(plant: Any, arguments: str, number: str) -> Callable[..., Any]:
+    """The function of a plant's Numba type that makes such a plant; `number`, the text of its k-th number."""
     names: dict[str, Any] = {}
     count = itertools.count()
 
@@ -262,9 +267,14 @@ def _with_values(plant: Any, values: Any) -> Any:
             name = f"Record{len(names)}"
             names[name] = record_class(kind)
             return f"{name}({inner.rstrip(',')})"
-        return "None" if str(kind) == "none" else f"values[{next(count)}]"
+        return "None" if str(kind) == "none" else number.format(k=next(count))
 
-    return eval(f"lambda plant, values: {text(plant)}", names)
+    return eval(f"lambda {arguments}: {text(plant)}", names)
+
+
+@overload_with(with_values, FUSED)
+def _with_values(plant: Any, values: Any) -> Any:
+    return record_maker(plant, "plant, values", "values[{k}]")
 
 
 @functools.cache

@@ -201,6 +201,10 @@ def branched(layout: Layout) -> Text:
     return Text([], str(any(shape.branched for shape in layout.elements)))
 
 
+def in_lanes(layout: Layout) -> Text:
+    return Text([], str(all(shape.lanes for shape in layout.elements)))
+
+
 def on_branches(layout: Layout) -> Text:
     lines, made = [], []
     for e, shape in enumerate(layout.elements):
@@ -268,6 +272,7 @@ SOURCES: dict[str, Callable[[Layout], Text]] = {
         unrest,
         moves_freely,
         branched,
+        in_lanes,
         on_branches,
         branches_hold,
         sampled,

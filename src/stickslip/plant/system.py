@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._jit import record_class
-from ..friction.law import elements, has_branches, is_sampled, is_smooth, is_static
+from ..friction.law import elements, has_branches, is_sampled, is_smooth, is_static, pays_in_lanes
 
 
 class Mode(NamedTuple):
@@ -84,6 +84,7 @@ class Shape(NamedTuple):
     smooth: bool
     sampled: bool
     branched: bool
+    lanes: bool
     velocity: tuple[bool, ...]
     push: tuple[bool, ...]
     loaded: bool
@@ -128,6 +129,7 @@ def _shape_of_record(element: Element) -> Shape:
         is_smooth(type(law)),
         is_sampled(type(law)),
         has_branches(law),
+        pays_in_lanes(law),
         there(element.velocity),
         there(element.push),
         element.loaded is not None,
@@ -161,6 +163,13 @@ def state_size(plant: Plant) -> int:
     return layout_of(plant).first[-1]
 
 
+def numbers_of(plant: Any) -> int:
+    """How many numbers a plant has, or one of its Numba type."""
+    if hasattr(plant, "types") or hasattr(plant, "count") or isinstance(plant, tuple):
+        return sum(numbers_of(inner) for inner in plant)
+    return 0 if plant is None or str(plant) == "none" else 1
+
+
 def values_of(plant: Plant, count: int = 1) -> NDArray[np.float64]:
     """All numbers of a plant in the order that `generated.with_values` takes them, [count, numbers]; where a
     number is an array of `count`, each row has its own."""
@@ -171,7 +180,10 @@ def values_of(plant: Plant, count: int = 1) -> NDArray[np.float64]:
             for inner in value:
                 walk(inner)
         elif value is not None:
-            found.append(np.broadcast_to(np.asarray(value, dtype=float), count))
+            found.append(value)
 
     walk(plant)
-    return np.column_stack(found)
+    made = np.empty((count, len(found)))
+    for k, value in enumerate(found):
+        made[:, k] = value
+    return made

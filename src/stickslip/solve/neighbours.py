@@ -2,8 +2,8 @@
 
 Their difference, divided by what they differ in, is a derivative. Because steps, cuts and sides of v = 0 are
 those of the trajectory itself, nothing of the error control is left in it: it is as smooth as the equations,
-with differences of a millionth, whatever the tolerance. A neighbour costs less than a step of its own would,
-for it chooses nothing.
+with differences of a millionth, whatever the tolerance. Several take a step at once, in the vector registers
+of the processor (see `plant.lanes`).
 """
 
 from __future__ import annotations
@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._jit import compiled, fused
-from ..plant.generated import gone, settled, state_of, with_values
+from ..plant.generated import gone, in_lanes, settled, state_of, with_values
+from ..plant.lanes import LANES, lane_plant, lane_state, lane_step, put_state, put_step, room_size
 from ..waveform.members import member_of
 from .channels import at_nodes, segment_of
 from .log import _sides_of
@@ -72,10 +73,23 @@ def _own_step(drive, near, drives, p, i, t, h):
 @compiled
 def replay(plant, drive, load, log, rows, local, near, drives):
     """Take the logged steps with every neighbour; `drives`, the neighbours' own."""
-    if rows == 0:
-        return
+    if rows > 0:
+        room = np.empty(room_size(plant))
+        for first in range(0, near.states.shape[0], LANES):
+            _replay(plant, drive, load, log, rows, local, near, drives, first, room)
+
+
+@compiled
+def _replay(plant, drive, load, log, rows, local, near, drives, first, room):
+    """As `replay`, with those from `first` on that a room holds; it is filled up with the last one."""
     i, j = segment_of(drive, log[0, START]), segment_of(load, log[0, START])
     states, traces, c = near.states, near.traces, near.column
+    count = min(LANES, states.shape[0] - first)
+    for p in range(LANES):
+        m = first + min(p, count - 1)
+        for k in range(near.values.shape[1]):
+            room[k * LANES + p] = near.values[m, k]
+        put_state(plant, room, p, state_of(plant, states[m]))
     for row in range(rows):
         t, h, fraction = log[row, START], log[row, LENGTH], log[row, FRACTION]
         sides = _sides_of(plant, log, row)
@@ -83,22 +97,36 @@ def replay(plant, drive, load, log, rows, local, near, drives):
             i += 1
         while j + 1 < load.start.size and load.start[j + 1] <= t:
             j += 1
-        u, n = at_nodes(drive, i, t, h), at_nodes(load, j, t, h)
-        for p in range(states.shape[0]):
-            own_h = h
-            if drives is not None:
-                own_t, own_h = _own_step(drive, near, drives, p, i, t, h)
-                u, n = at_nodes(member_of(drives, p), i, own_t, own_h), at_nodes(load, j, own_t, own_h)
-                traces[p, row, 5], traces[p, row, 6] = own_t, own_h
-            own = with_values(plant, near.values[p])
-            q = state_of(plant, states[p])
-            new, dense, _, _ = take(own, sides, own_h, q, u, n)
-            traces[p, row, 0], traces[p, row, 1] = q[c], new[c]
-            traces[p, row, 2], traces[p, row, 3] = dense[0][c], dense[1][c]
-            traces[p, row, 4] = dense[2][c]
+        u, n, own_h = at_nodes(drive, i, t, h), at_nodes(load, j, t, h), h
+        if in_lanes(plant) and drives is None and count > 1:
+            for p in range(LANES):
+                own, q = lane_plant(plant, room, p), lane_state(plant, room, p)
+                new, dense, _, _ = take(own, sides, h, q, u, n)
+                put_step(plant, room, p, new, dense)
+        else:
+            for p in range(count):
+                if drives is not None:
+                    own_t, own_h = _own_step(drive, near, drives, first + p, i, t, h)
+                    traces[first + p, row, 5], traces[first + p, row, 6] = own_t, own_h
+                    u = at_nodes(member_of(drives, first + p), i, own_t, own_h)
+                    n = at_nodes(load, j, own_t, own_h)
+                own, q = with_values(plant, near.values[first + p]), lane_state(plant, room, p)
+                new, dense, _, _ = take(own, sides, own_h, q, u, n)
+                put_step(plant, room, p, new, dense)
+        for p in range(count):
+            own, q = lane_plant(plant, room, p), lane_state(plant, room, p)
+            new, dense = lane_step(plant, room, p)
+            trace = traces[first + p, row]
+            trace[0], trace[1] = q[c], new[c]
+            trace[2], trace[3], trace[4] = dense[0][c], dense[1][c], dense[2][c]
             end = settled(own, new if fraction == 1.0 else at(fraction, q, new, dense), local)
-            for s in range(len(q)):
-                states[p, s] = end[s]
+            put_state(plant, room, p, end)
+        for p in range(count, LANES):
+            put_state(plant, room, p, lane_state(plant, room, count - 1))
+    for p in range(count):
+        end = lane_state(plant, room, p)
+        for s in range(len(end)):
+            states[first + p, s] = end[s]
 
 
 @compiled
