@@ -57,6 +57,16 @@ def on_stage(law: Any, side: float) -> Case:
 CASES = {
     **{f"{name} forward": on_stage(law, 1.0) for name, law in LAWS.items()},
     **{f"{name} backward": on_stage(law, -1.0) for name, law in LAWS.items()},
+    # Its bristle relaxes many times within the step, so that the defect in the middle counts; it is larger.
+    "stiff": Case(
+        Plant(
+            (STAGE, SLIDER),
+            (Element(LuGre(2e8, 100.0, 0.7, 0.54, 0.7, 1e-3), (1.0, -1.0), (-5.0, 10.0), loaded=1.0),),
+            RATE,
+        ),
+        (1e-6, 1e-2, 2e-7, 1e-3, 2.4e-9),
+        (1.0,),
+    ),
     "from the drive": Case(
         Plant((SLIDER,), (Element(LAWS["LuGre"], (-1.0,), (10.0,), drive_rate=1e-7),), RATE),
         (2e-7, 3e-3, -2e-7),
@@ -82,7 +92,7 @@ CASES = {
     ),
 }
 # Compiled, some are enough: the text is the same.
-COMPILED = ("LuGre forward", "MaxwellSlip backward", "held to the drive")
+COMPILED = ("LuGre forward", "stiff", "MaxwellSlip backward", "held to the drive")
 NAMES = tuple(CASES) if numba.config.DISABLE_JIT else COMPILED  # type: ignore[attr-defined]
 
 
@@ -154,8 +164,10 @@ def rosenbrock(case: Case, theta: float) -> tuple[Array, Array, float]:
         quartic(fractions, column, 4).deriv()(0.5) for column in np.array([extension(s) for s in fractions]).T
     ]
     defect = np.linalg.solve(W, f(0.5, extension(0.5)) - np.array(turn) / H)
-    weights = np.array([1.0, 1.0 / RATE] * len(plant.modes) + weights_and_rates(plant, sides, q, u, load)[0])
-    return new, extension(theta), max(np.max(np.abs(e) * weights) for e in (U[-1], defect))
+    of_elements, rates = weights_and_rates(plant, sides, q, u, load)
+    weights = np.array([1.0, 1.0 / RATE] * len(plant.modes) + of_elements)
+    errors = (U[-1], defect) if H * max(rates) >= 1.0 else U[-1:]
+    return new, extension(theta), max(np.max(np.abs(e) * weights) for e in errors)
 
 
 @pytest.fixture(params=NAMES)
@@ -167,7 +179,9 @@ def step(case: Case, theta: float):
     return taken(case.plant, case.sides, DRIVE, LOAD, T, H, case.q, theta)
 
 
-def test_step_and_continuous_extension_are_the_solution(case: Case) -> None:
+@pytest.mark.parametrize("name", [name for name in NAMES if name != "stiff"])
+def test_step_and_continuous_extension_are_the_solution(name: str) -> None:
+    case = CASES[name]
     new, middle, error, _ = step(case, 0.3)
     expected, end = exact(case, [0.3, 1.0])
     change = np.abs(end - np.array(case.q))

@@ -26,6 +26,18 @@ def sum_of(a, k):
     return plus(plus(plus(plus(first, a[4], k[4]), a[5], k[5]), a[6], k[6]), a[7], k[7])
 
 
+# From how many times that it relaxes within a step on a bristle is stiff: below, the embedded error sees it.
+STIFF = 1.0
+
+
+@fused
+def _largest(row):
+    most = row[0]
+    for e in range(1, len(row)):
+        most = max(most, row[e])
+    return most
+
+
 @fused
 def take(plant, sides, h, q, u, n):
     """Advance the state q by h.
@@ -35,9 +47,8 @@ def take(plant, sides, h, q, u, n):
     element h over the time that its fastest state takes to relax.
 
     Two errors are looked at: the embedded one, and the defect of the continuous extension in the middle of
-    the step,
-    brought to the scale of the state by W: the first alone is blind where a stiff bristle softens within one
-    step (sliding that slows through the Stribeck range).
+    the step, brought to the scale of the state by W: the first alone is blind where a stiff bristle softens
+    within one step (sliding that slows through the Stribeck range).
     """
     per_h = 1.0 / h
     w, t, weights, fast = factor(plant, sides, q, u[0], n[0], h * GAMMA)
@@ -73,10 +84,13 @@ def take(plant, sides, h, q, u, n):
 
     k = (k0, k1, k2, k3, k4, k5, k6, k7)
     rows = (sum_of(H[0], k), sum_of(H[1], k), sum_of(H[2], k))
+    error, fast = size(plant, k7, weights), times(h, fast)
+    if _largest(fast) < STIFF:
+        return new, rows, error, fast
     middle = at(0.5, q, new, rows)
     change = plus(plus(plus(new, -1.0, q), 0.25, rows[1]), 0.25, rows[2])
     defect = solved(plant, sides, w, plus(slope(plant, sides, middle, u[6], n[6])[0], -per_h, change))
-    return new, rows, max(size(plant, k7, weights), size(plant, defect, weights)), times(h, fast)
+    return new, rows, max(error, size(plant, defect, weights)), fast
 
 
 @fused
