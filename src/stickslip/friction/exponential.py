@@ -7,8 +7,10 @@ C library for one number after the other would be.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any
 
-from .._jit import SHIFT, fused, two_to
+from .._jit import FUSED, SHIFT, overload_with, two_to
 
 PER_LN_2 = 1.4426950408889634
 # ln 2 in two parts, the first of 32 bits: its multiples are exact.
@@ -18,9 +20,18 @@ LARGEST = 708.0
 _, _, C2, C3, C4, C5, C6, C7, C8, C9, C10, C11, C12, C13 = (1.0 / math.factorial(n) for n in range(14))
 
 
-@fused
-def decay(x):
-    """e^-x for x >= 0, within two units in the last place: 2^k e^r, and e^r by its series up to r^13."""
+def decay(x: float) -> float:
+    """e^-x for x >= 0, within two units in the last place."""
+    return _series(x)
+
+
+@overload_with(decay, FUSED)
+def _decay(x: Any) -> Callable[..., Any]:
+    return _series
+
+
+def _series(x):
+    """2^k e^r, and e^r up to r^13."""
     x = LARGEST if x > LARGEST else x
     shifted = SHIFT - PER_LN_2 * x
     k = shifted - SHIFT
