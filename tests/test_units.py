@@ -232,7 +232,7 @@ def test_with_prefix(value: float, unit: str, shown: str) -> None:
 
 def test_with_prefix_digits() -> None:
     assert with_prefix(25.565959e-6, "m", 7) == "25.56596 µm"
-    assert with_prefix(25.565959e-6, "m", 1) == "3e+01 µm"
+    assert with_prefix(25.565959e-6, "m", 1) == "30 µm"
 
 
 @given(st.floats(1e-11, 1e11) | st.floats(-1e11, -1e-11), st.integers(3, 9))

@@ -155,4 +155,5 @@ def with_prefix(value: float, unit: str, digits: int = 4) -> str:
         return f"{value:.{digits}g} {unit}".strip()
     rounded = f"{value:.{digits - 1}e}"  # first round, then choose: 999.99 nm to four digits is 1 µm
     exponent = min(max(3 * (int(rounded.partition("e")[2]) // 3), -12), 9)
-    return f"{float(rounded) / 10.0**exponent:.{digits}g} {_PREFIXES[exponent]}{unit}"
+    # At least the three digits before the point: "130 nm", never "1.3e+02 nm".
+    return f"{float(rounded) / 10.0**exponent:.{max(digits, 3)}g} {_PREFIXES[exponent]}{unit}"

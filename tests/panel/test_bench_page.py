@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Page, WebSocket, expect
+from playwright.sync_api import Browser, Locator, Page, WebSocket, expect
 
 from stickslip import open_recording
 
@@ -46,6 +46,22 @@ def press(page: Page, button: str, phase: str) -> None:
 def run(page: Page, name: str) -> None:
     page.select_option("#run-choice", name)
     press(page, "#start", "Done")
+
+
+def drag(page: Page, handle: Locator, target: Locator | None = None, by: float = 0.0) -> None:
+    """Drag a handle to the middle of something, or so many pixels to the right."""
+    box = handle.bounding_box()
+    assert box is not None
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.down()
+    if target is not None:
+        to = target.bounding_box()
+        assert to is not None
+        page.mouse.move(to["x"] + to["width"] / 2, to["y"] + to["height"] / 2, steps=4)
+    else:
+        page.mouse.move(x + by, y, steps=4)
+    page.mouse.up()
 
 
 def reading(page: Page, name: str) -> float:
@@ -344,16 +360,32 @@ def test_instruments_are_added_bound_arranged_and_kept(page: Page, panel: Panel)
     card.locator("input").press("Enter")
     expect(card.locator("input")).to_have_value("500 mN")
     page.click("text=Arrange")
-    page.get_by_role("button", name="Earlier: Friction").click()
+    page.get_by_role("button", name="Move Friction: place").focus()
+    page.keyboard.press("ArrowLeft")
     expect(page.locator(".instrument").nth(count - 1)).to_have_attribute("aria-label", "Friction")
-    page.get_by_role("button", name="Wider: Friction").click()
+    expect(page.get_by_role("button", name=f"Move Friction: place {count} of")).to_be_focused()
+    corner = page.get_by_role("button", name="Size of Friction")
+    corner.focus()
+    page.keyboard.press("ArrowRight")
+    expect(corner).to_have_attribute("aria-label", re.compile("4 of 12 wide"))
+    expect(corner).to_be_focused()
+    drag(
+        page,
+        page.get_by_role("button", name="Move Friction: place"),
+        page.get_by_role("article", name="Drive"),
+    )
+    expect(page.locator(".instrument").nth(3)).to_have_attribute("aria-label", "Friction")
+    desk = page.locator(".instruments").bounding_box()
+    assert desk is not None
+    drag(page, corner, by=2.2 * desk["width"] / 12)
+    expect(corner).to_have_attribute("aria-label", re.compile("[56] of 12 wide"))
     shot(page, "bench-arrange")
     page.click("text=Save…")
     page.get_by_label(re.compile("^Name, with")).fill("mine")
     page.get_by_role("button", name="Save", exact=True).click()
     expect(page.locator("#experiment")).to_contain_text("mine.yaml")
     assert "Friction" in (panel.folder / "mine.yaml").read_text()
-    page.get_by_role("button", name="Take away: Friction").click()
+    page.get_by_role("button", name="Remove Friction").click()
     expect(page.get_by_role("article", name="Friction")).to_have_count(0)
     page.click("text=Arrange")
     page.click("text=Load…")

@@ -11,7 +11,7 @@ import pytest
 
 import stickslip as ss
 from stickslip.panel import exploration
-from stickslip.panel.exploration import State, motion, python, sample_times, step_curves
+from stickslip.panel.exploration import State, mean_speed, motion, python, sample_times, step_curves
 from stickslip.panel.explore import field_of
 from stickslip.panel.sliders import LAW_TYPES, SHAPES, choices
 
@@ -112,6 +112,16 @@ def test_steps_over_voltage_and_frequency(monkeypatch: pytest.MonkeyPatch) -> No
     # Waited for instead of solved for: the step of the last period.
     late = float(walk.sel(time=3.0, method="nearest") - walk.sel(time=2.8, method="nearest"))
     assert kang["step"][0] == pytest.approx(late, rel=2e-3)
+
+
+def test_the_mean_speed_is_that_of_whole_periods() -> None:
+    """However much of a period, which the contact takes back, the experiment has beside them."""
+    speeds = [mean_speed(one, motion(one)) for one in (state(duration=2.0), state(duration=2.19))]
+    step = step_curves(state(duration=1.0))["step"][0]
+    assert speeds[0] == pytest.approx(5.0 * step, rel=0.02)
+    assert speeds[1] == pytest.approx(speeds[0], rel=1e-6)
+    short = state(duration=0.3)
+    assert mean_speed(short, motion(short)) is None
 
 
 def test_a_drive_that_does_not_repeat_has_no_step() -> None:

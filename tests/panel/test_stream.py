@@ -87,6 +87,9 @@ def test_the_live_run_is_told_in_blocks_and_again_to_who_comes_late() -> None:
     np.testing.assert_array_equal(pairs.max(axis=2), expected.max(axis=2))
     np.testing.assert_array_equal(pairs[..., 0] > pairs[..., 1], expected[..., 0] > expected[..., -1])
 
+    live.triggered(260)  # 10 ms after the drive began
+    assert json.loads(hub.told[-1])["zero"] == pytest.approx(0.01)
+
     late = [message for greet in hub.greetings for message in greet(Client("x", ""), {})]
     said, arrays = unpacked(late[1])  # type: ignore[arg-type]
     np.testing.assert_array_equal(np.array(arrays), came)

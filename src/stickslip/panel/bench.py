@@ -42,6 +42,12 @@ class Change(Strict):
     value: Any = None
 
 
+class Undo(Strict):
+    """Take the last change of the experiment back, or make it `again`."""
+
+    again: bool = False
+
+
 class Runs(Strict):
     """Runs of the experiment, by name."""
 
@@ -135,6 +141,13 @@ def bench_routes(
         document.change(asked.path, asked.value)
         hub.send(described())
         return {"name": document.name}
+
+    @routes.post("/undo")
+    def undo(asked: Undo, request: Request) -> dict[str, bool]:
+        control.need(request.headers.get("x-client", ""))
+        done = document.undo(asked.again)
+        hub.send(described())
+        return {"done": done}
 
     @routes.get("/experiments")
     def experiments() -> list[str]:

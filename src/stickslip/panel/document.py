@@ -25,6 +25,7 @@ from ..units import QuantityError, to_si
 from .folder import Folder
 
 DEFAULT = Path(__file__).parent / "experiment.yaml"
+MOST_KEPT = 200  # changes that can be taken back
 _KEY_LIMIT = 8  # parts of a path into the content
 
 
@@ -44,6 +45,8 @@ class Document:
         self._folder, self._read = folder, read
         self.name = ""
         self._lock = threading.Lock()  # a change is made to what the change before it left
+        self._before: list[Checked] = []
+        self._undone: list[Checked] = []
         self.checked = self._check(load_yaml(DEFAULT))
 
     def _check(self, content: dict[str, Any]) -> Checked:
@@ -60,7 +63,21 @@ class Document:
     def change(self, path: list[str | int], value: Any) -> None:
         """Set one place of the content, null takes it away; raises as `replace`, and nothing is changed."""
         with self._lock:
-            self.checked = self._check(self._changed(path, value))
+            made = self._check(self._changed(path, value))
+            if made.content == self.checked.content:
+                return
+            self._before = [*self._before, self.checked][-MOST_KEPT:]
+            self.checked, self._undone = made, []
+
+    def undo(self, again: bool = False) -> bool:
+        """Take the last change back, or make it `again`; whether there was one."""
+        with self._lock:
+            source, target = (self._undone, self._before) if again else (self._before, self._undone)
+            if not source:
+                return False
+            target.append(self.checked)
+            self.checked = source.pop()
+            return True
 
     def _changed(self, path: list[str | int], value: Any) -> dict[str, Any]:
         content = copy.deepcopy(self.checked.content)
@@ -87,6 +104,7 @@ class Document:
         """Put another experiment on the bench; raises ValueError or RigError where it cannot be recorded."""
         with self._lock:
             self.checked, self.name = self._check(content), name
+            self._before, self._undone = [], []
 
     def load(self, name: str) -> None:
         """Load an experiment file of the folder."""
@@ -118,6 +136,8 @@ class Document:
             "panel": [one.model_dump() for one in file.panel],
             "channels": [_channel(name, unit) for name, unit in units.items()],
             "variables": list(self._variables()),
+            "undo": bool(self._before),
+            "redo": bool(self._undone),
         }
 
     def _variables(self) -> Iterator[dict[str, Any]]:

@@ -179,6 +179,23 @@ def motion(state: State) -> Motion:
     return Motion(found.times, drive, y, x, force, (int(first), int(after)), problem)
 
 
+def mean_speed(state: State, found: Motion) -> float | None:
+    """From the end of the first period to that of the last whole one, m/s; None where there are not two.
+
+    Both are at the same phase of the drive, so that what springs back by the end does not count. Of a drive
+    that does not repeat, from begin to end.
+    """
+    _, waveform, _ = state.experiment()
+    period, time, position = _period(waveform), found.time, found.end_effector_position
+    if period is None:
+        return float((position[-1] - position[0]) / (time[-1] - time[0]))
+    whole = math.floor(time[-1] / period * (1 + 1e-12))
+    if whole < 2:
+        return None
+    first, last = np.interp([period, whole * period], time, position)
+    return float((last - first) / ((whole - 1) * period))
+
+
 def step_curves(state: State) -> dict[str, Array]:
     """The steady step per period [m] over the amplitude [V] and over the frequency [Hz] of the drive.
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from ..simulation import SimulationError
 from ..units import QuantityError
-from .exploration import State, motion, python, step_curves
+from .exploration import State, mean_speed, motion, python, step_curves
 from .sliders import LAW_TYPES, SHAPES, choices
 from .stream import packed
 
@@ -46,7 +46,7 @@ def explore_routes() -> APIRouter:
         net = float(found.end_effector_position[-1] - found.end_effector_position[0])
         numbers = {
             "net_displacement": {"value": net, "unit": "m"},
-            "mean_speed": {"value": net / float(found.time[-1]), "unit": "m/s"},
+            "mean_speed": {"value": mean_speed(state, found), "unit": "m/s"},
         }
         header = {"loop": found.loop, "problem": found.problem, "numbers": numbers}
         return _binary(header, {name: getattr(found, name) for name in SHOWN})

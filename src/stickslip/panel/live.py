@@ -33,10 +33,17 @@ class Live:
         self._filled = self._sent = 0
         self._bucket = 1
         self._rate = 1.0
+        self._pre_trigger = 0.0
         hub.greetings.append(self._so_far)
 
     def begin(
-        self, title: str, columns: list[dict[str, str]], rate: float, samples: int, before: int
+        self,
+        title: str,
+        columns: list[dict[str, str]],
+        rate: float,
+        samples: int,
+        before: int,
+        pre_trigger: float = 0.0,
     ) -> None:
         """A run begins.
 
@@ -46,6 +53,8 @@ class Live:
             rate: Hz.
             samples: how many each channel will have.
             before: how many of them come before the drive: time 0 is after them.
+            pre_trigger: s that the recording begins before its trigger, which is taken to be at time 0 until
+                `triggered` says otherwise.
         """
         if samples * len(columns) > self._largest:
             raise MemoryError(f"{samples} samples of {len(columns)} channels are too many to show")
@@ -55,17 +64,28 @@ class Live:
             self._rate = rate
             self._values = np.zeros((len(columns), samples), np.float32)
             self._filled = self._sent = 0
+            self._pre_trigger = pre_trigger
             self._header = {
                 "kind": "trace",
                 "trace": self._number,
                 "title": title,
                 "columns": columns,
                 "begin": -before / rate,
+                "zero": -pre_trigger,
                 "interval": 1 / rate,
                 "samples": samples,
                 "bucket": self._bucket,
             }
             self._hub.send(json.dumps(self._header))
+
+    def triggered(self, sample: int) -> None:
+        """The recording's trigger is this sample: pages show the run on the recording's clock."""
+        with self._lock:
+            if self._header is None:
+                return
+            zero = self._header["begin"] + sample / self._rate - self._pre_trigger
+            self._header = {**self._header, "zero": zero}
+            self._hub.tell("clock", trace=self._number, zero=zero)
 
     @property
     def begun(self) -> bool:

@@ -19,6 +19,7 @@ from ..experiment.laboratory import open_laboratory, rigs_of
 from ..experiment.running import record_experiment
 from ..readers.process import Reader
 from ..rig import HostedRig, Link, Rig, RigError, WatchedRig
+from ..rig.capture import Capture, find_trigger
 from ..rig.gate import PositionInput
 from ..rig.measurement import POSITION
 from ..rig.supervisor import StopRequested
@@ -205,9 +206,12 @@ class Runner:
 
     def _watched(self, job: Job, cell: Cell, rig: Rig) -> Rig:
         rate = rig.capabilities.sample_rate
+        seek = _TriggerSeeker(cell.capture, self._live)
 
         def armed(samples: int, before: int) -> None:
-            self._live.begin(f"{job.title}: {cell.name}", job.columns, rate, samples, before)
+            pre_trigger = cell.capture.before * cell.capture.interval
+            self._live.begin(f"{job.title}: {cell.name}", job.columns, rate, samples, before, pre_trigger)
+            seek.begin(before)
             self._state(phase="preparing", doing=cell.name)  # a virtual rig computes before it puts out
 
         def sees(block: dict[str, NDArray[np.float64]]) -> None:
@@ -217,6 +221,7 @@ class Runner:
                 return
             if self.state["phase"] == "preparing":
                 self._state(phase="running")
+            seek(block)
             began = getattr(rig, "began", None)
             if POSITION in block and began is not None:
                 if cell.channels[POSITION].zero:
@@ -251,6 +256,31 @@ class Runner:
     def _state(self, **changes: Any) -> None:
         self.state = {**self.state, **changes}
         self._hub.tell("run", **self.state, position=self.position)
+
+
+class _TriggerSeeker:
+    """Finds the sample at which the recording of a run is triggered, in the blocks as they come."""
+
+    def __init__(self, capture: Capture, live: Live) -> None:
+        self._trigger, self._live = capture.trigger, live
+        self._open = False
+
+    def begin(self, before: int) -> None:
+        """A run begins, so many samples before its drive."""
+        self._seen, self._before = np.zeros(0), before
+        self._passed = 0
+        self._open = self._trigger is not None
+
+    def __call__(self, block: dict[str, NDArray[np.float64]]) -> None:
+        if not self._open or self._trigger is None:
+            return
+        values = np.append(self._seen, block[self._trigger.signal])
+        found = find_trigger(values, self._trigger, self._before - self._passed)
+        if found is not None:
+            self._open = False
+            self._live.triggered(self._passed + found)
+        self._passed += values.size - 1
+        self._seen = values[-1:]
 
 
 def _counted(count: int) -> str:

@@ -8,7 +8,8 @@ export function makeArrangement(bench) {
   let made = [];
   let key = "";
   let arranging = false;
-  let dragged = -1;
+  let dragged = -1; // the instrument that a pointer moves
+  let focus = null; // [index, "move" or "size"]: who works by the keyboard stays where they were
 
   const specs = () => bench.experiment.panel;
   const store = (list) => bench.set(["panel"], list).catch((error) => bench.app.notify(error.message, "error"));
@@ -32,15 +33,66 @@ export function makeArrangement(bench) {
     return store(list);
   }
 
+  /** Above each instrument: a handle to move it by, a corner to size it by, for a pointer or for the arrow keys. */
   function handles(spec, index) {
-    const button = (text, label, act) => h("button", { type: "button", class: "small", "aria-label": `${label}: ${spec.title || spec.kind}`, title: label, onclick: act }, text);
-    const size = (name, by) => () => changed(index, { [name]: Math.min(Math.max(spec[name] + by, 1), 12) });
-    return h("div", { class: "handles" },
-      button("←", "Earlier", () => move(index, index - 1)), button("→", "Later", () => move(index, index + 1)),
-      button("⇤", "Narrower", size("width", -1)), button("⇥", "Wider", size("width", 1)),
-      button("−", "Lower", size("height", -1)), button("+", "Higher", size("height", 1)),
-      button("✎", "Variables", () => addDialog(null, spec, index)),
-      button("✕", "Take away", () => store(specs().filter((_, i) => i !== index))));
+    const called = spec.title || spec.kind;
+    const sized = (width, height) => changed(index, { width: Math.min(Math.max(width, 1), 12), height: Math.min(Math.max(height, 1), 12) });
+    const keys = (what, act) => (event) => {
+      const way = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
+      if (!way) return;
+      event.preventDefault();
+      focus = [what === "move" ? Math.min(Math.max(index + way[0] + way[1], 0), specs().length - 1) : index, what];
+      act(...way);
+    };
+    const grip = h("button", { type: "button", class: "small grip", "data-grip": `${index} move`, title: "Drag it to another place; or arrow keys",
+      "aria-label": `Move ${called}: place ${index + 1} of ${specs().length}; arrow keys`, onkeydown: keys("move", (x, y) => move(index, index + x + y)),
+      onpointerdown: (event) => drag(event, index) }, "⠿ ", called);
+    const corner = h("button", { type: "button", class: "corner", "data-grip": `${index} size`, title: "Drag to another size; or arrow keys",
+      "aria-label": `Size of ${called}: ${spec.width} of 12 wide, ${spec.height} high; arrow keys`, onkeydown: keys("size", (x, y) => sized(spec.width + x, spec.height + y)),
+      onpointerdown: (event) => stretch(event, spec, sized) });
+    return [h("div", { class: "handles" }, grip, h("span", { class: "grow" }),
+      h("button", { type: "button", class: "small", "aria-label": `Change ${called}`, onclick: () => addDialog(null, spec, index) }, "Change…"),
+      h("button", { type: "button", class: "small", "aria-label": `Remove ${called}`, onclick: () => store(specs().filter((_, i) => i !== index)) }, "Remove")), corner];
+  }
+  /** What a pointer does from when it came down on a handle. */
+  function follow(event, moved, ended) {
+    if (event.button) return;
+    const { currentTarget: on, pointerId } = event;
+    on.setPointerCapture(pointerId);
+    on.onpointermove = moved;
+    on.onpointerup = on.onpointercancel = (last) => {
+      on.onpointermove = on.onpointerup = on.onpointercancel = null;
+      ended(last);
+    };
+  }
+  function drag(event, index) {
+    const cards = [...element.querySelectorAll(".instrument")];
+    const under = (at) => cards.findIndex((card) => {
+      const box = card.getBoundingClientRect();
+      return at.clientX >= box.left && at.clientX <= box.right && at.clientY >= box.top && at.clientY <= box.bottom;
+    });
+    dragged = index;
+    follow(event, (at) => {
+      const to = under(at);
+      cards.forEach((card, i) => { card.classList.toggle("dragged", i === index); card.classList.toggle("target", i === to && i !== index); });
+    }, (at) => {
+      const to = at.type === "pointerup" ? under(at) : -1;
+      dragged = -1;
+      cards.forEach((card) => card.classList.remove("dragged", "target"));
+      if (to >= 0 && to !== index) move(index, to);
+    });
+  }
+  function stretch(event, spec, sized) {
+    const card = event.currentTarget.closest(".instrument"), from = card.getBoundingClientRect();
+    const unit = element.clientWidth / 12, high = from.height / spec.height;
+    const to = (at) => [Math.round((from.width + at.clientX - event.clientX) / unit), Math.round((from.height + at.clientY - event.clientY) / high)];
+    follow(event, (at) => {
+      const [width, height] = to(at);
+      card.dataset.size = `${Math.min(Math.max(width, 1), 12)} × ${Math.min(Math.max(height, 1), 12)}`;
+    }, (at) => {
+      delete card.dataset.size;
+      if (at.type === "pointerup") sized(...to(at));
+    });
   }
 
   /** Rows of up to twelve twelfths, as high as their highest instrument. */
@@ -65,13 +117,8 @@ export function makeArrangement(bench) {
       const height = Math.max(...members.map((i) => specs()[i].height));
       const row = h("div", { class: "instrument-row" }, ...members.map((i) => {
         const spec = specs()[i];
-        const card = h("article", { class: `card instrument ${spec.kind}-card`, "aria-label": spec.title || spec.kind, draggable: arranging }, arranging ? handles(spec, i) : null, made[i].element);
+        const card = h("article", { class: `card instrument ${spec.kind}-card`, "aria-label": spec.title || spec.kind }, ...(arranging ? handles(spec, i) : []), made[i].element);
         card.style.flex = `${spec.width} 1 0`;
-        if (arranging) {
-          card.addEventListener("dragstart", () => (dragged = i));
-          card.addEventListener("dragover", (event) => event.preventDefault());
-          card.addEventListener("drop", (event) => { event.preventDefault(); if (dragged >= 0 && dragged !== i) move(dragged, i); dragged = -1; });
-        }
         return card;
       }));
       row.classList.toggle("tall", height > 1);
@@ -79,6 +126,8 @@ export function makeArrangement(bench) {
       row.style.setProperty("--height", height);
       return row;
     }));
+    element.classList.toggle("arranging", arranging);
+    if (focus && arranging) element.querySelector(`[data-grip="${focus.join(" ")}"]`)?.focus();
     if (!made.length) element.append(h("p", { class: "soft" }, "No instruments yet: add one."));
   }
 

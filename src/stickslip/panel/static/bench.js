@@ -45,7 +45,7 @@ export async function mount(element, app) {
   const whole = (...inside) => h("fieldset", { class: "bare" }, ...inside);
   const watching = h("p", { class: "watching", hidden: true }, "Another page is in control: ask it at the top. Stop works from here too.");
   const choice = whole(h("div", { class: "field" }, h("label", { htmlFor: "run-choice" }, "Run"), select));
-  const values = whole(h("h3", {}, "Inputs"), inputs);
+  const values = whole(h("h2", {}, "Inputs"), inputs);
   const controls = h("div", { class: "bare" }, watching, choice, h("div", { class: "row" }, start, halt, home), values);
   const capture = makeCapture(bench);
   const recordings = makeRecordings(bench);
@@ -57,9 +57,19 @@ export async function mount(element, app) {
     h("div", { class: "card tabs" }, tabs));
 
   // --- experiment file and instruments
-  const name = h("strong", { id: "experiment" });
+  const name = h("h1", { id: "experiment" });
+  const undo = h("button", { type: "button", class: "small", title: "Take the last change back (Ctrl+Z)", onclick: () => bench.act("/bench/undo") }, "Undo");
+  const redo = h("button", { type: "button", class: "small", title: "Make it again (Ctrl+Shift+Z)", onclick: () => bench.act("/bench/undo", { again: true }) }, "Redo");
+  function keys(event) {
+    if (!(event.ctrlKey || event.metaKey) || event.target.matches?.("textarea, dialog *")) return;
+    const key = event.key.toLowerCase();
+    if (key !== "z" && key !== "y") return;
+    event.preventDefault();
+    bench.act("/bench/undo", { again: key === "y" || event.shiftKey });
+  }
+  window.addEventListener("keydown", keys);
   const arrangement = makeArrangement(bench);
-  const tools = h("div", { class: "row tools" }, name, h("span", { class: "grow" }),
+  const tools = h("div", { class: "row tools" }, name, h("span", { class: "grow" }), undo, redo,
     h("button", { type: "button", class: "small", onclick: loadDialog }, "Load…"),
     h("button", { type: "button", class: "small", onclick: saveDialog }, "Save…"),
     ...arrangement.buttons);
@@ -115,6 +125,7 @@ export async function mount(element, app) {
     capture.build();
     variables.build();
     arrangement.build();
+    showControl();
   }
   function showRun() {
     const { run: now } = bench;
@@ -135,6 +146,8 @@ export async function mount(element, app) {
     watching.hidden = !other;
     for (const one of [choice, values, ...tools.querySelectorAll("button")]) one.disabled = other;
     start.disabled = home.disabled = here.disabled = busy || other;
+    undo.disabled = other || !bench.experiment.undo;
+    redo.disabled = other || !bench.experiment.redo;
   }
   const offs = [
     app.stream.on("experiment", (message) => { bench.experiment = message; showExperiment(); }),
@@ -150,6 +163,7 @@ export async function mount(element, app) {
   return () => {
     offs.forEach((off) => off());
     window.removeEventListener("controlchange", showControl);
+    window.removeEventListener("keydown", keys);
     bench.live.destroy();
     arrangement.destroy();
     log.destroy();

@@ -335,7 +335,7 @@ export async function mount(element, app) {
     }
   }
   function keys(event) {
-    if (!(event.ctrlKey || event.metaKey) || event.target.matches?.("input[type=text], textarea")) return;
+    if (!(event.ctrlKey || event.metaKey) || event.target.matches?.("textarea")) return;
     const key = event.key.toLowerCase();
     if (key === "z" && !event.shiftKey) go(history.undo());
     else if (key === "y" || (key === "z" && event.shiftKey)) go(history.redo());

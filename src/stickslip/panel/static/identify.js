@@ -33,9 +33,14 @@ export async function mount(element, app) {
   const canvas = make("div", { className: "identify-canvas empty" });
   const live = make("dl", { className: "explore-numbers identify-live" });
   const results = make("div", { className: "identify-results" });
+  const first = make("section", { className: "card identify-first", hidden: true }, make("h2", { textContent: "What comes here" }),
+    make("ol", {},
+      make("li", {}, "Record a walk, and a step with the end-effector clamped if you can, on the ", make("a", { href: "#bench", textContent: "Bench page" }), ", or bring your own file on the ", make("a", { href: "#history", textContent: "History page" }), "."),
+      make("li", { textContent: "Tick them at the left: steps, walks to fit, walks to predict. Of the bench's own recordings the newest are ticked already." }),
+      make("li", { textContent: "Press Start fit: measured and model move together here while it runs. Then come the estimates with their intervals, how well the walks that were not fitted are predicted, and a report." })));
   const head = make("div", { className: "identify-head" }, make("h2", { textContent: "Fit" }), which, make("span", { className: "grow" }), status, bar);
   const right = make("div", { className: "identify-right" },
-    make("section", { className: "card identify-picture" }, head, fault, live, canvas), results);
+    make("section", { className: "card identify-picture" }, head, fault, live, canvas), first, results);
   element.append(make("h1", { className: "visually-hidden", textContent: "Identify" }), make("div", { className: "identify" }, form.element, right));
   const plot = makePlot(canvas, {
     label: "Measured position, the model, and the residuals",
@@ -104,6 +109,7 @@ export async function mount(element, app) {
       which.selectedIndex = Math.min(shown, options.length - 1);
     }
     which.hidden = options.length < 2;
+    first.hidden = state.phase !== "none";
     results.replaceChildren(...(state.fit ? resultCards() : []));
   }
   function liveNumbers(step) {

@@ -26,13 +26,17 @@ function display(bench, spec) {
   const parts = spec.variables.map((name) => {
     const to = bound(bench, name);
     const value = h("output", { class: "reading number" });
-    return { to, value, element: h("div", { class: "display" }, h("span", { class: "soft" }, spec.variables.length === 1 && spec.title ? spec.title : to.label), value) };
+    const when = h("span", { class: "when" });
+    const title = h("span", {}, spec.variables.length === 1 && spec.title ? spec.title : to.label);
+    return { to, value, when, element: h("div", { class: "display" }, h("span", { class: "soft" }, title, when), value) };
   });
   const element = h("div", { class: "displays" }, ...parts.map((part) => part.element));
   const update = () => {
     parts.forEach(({ to, value }) => (value.textContent = formatQuantity(to.value(), to.unit)));
-    // Nothing is measured while the output ramps down: what is shown is older than that.
-    element.classList.toggle("stale", bench.run.phase === "stopped" && bench.live.data.filled > 0);
+    // Nothing is measured once the output ramps down: what is shown is older than that. Where it is, is known.
+    const old = bench.live.data.filled > 0 ? { stopped: " at stop", failed: " at end", done: " at end" }[bench.run.phase] ?? "" : "";
+    parts.forEach(({ to, when }) => (when.textContent = to.name === "position" ? "" : old));
+    element.classList.toggle("stale", Boolean(old) && parts.some(({ to }) => to.name !== "position"));
   };
   const off = bench.live.listen(update);
   update();
@@ -49,7 +53,7 @@ function input(bench, spec) {
   return { element: titled(spec, h("div", { class: "inputs" }, ...fields.map(({ field }) => field.element))), update, destroy() {} };
 }
 
-const titled = (spec, content) => (spec.title ? h("div", { class: "titled" }, h("h3", { class: "soft" }, spec.title), content) : content);
+const titled = (spec, content) => (spec.title ? h("div", { class: "titled" }, h("h2", { class: "soft" }, spec.title), content) : content);
 
 /** A field for a variable of the experiment; the server checks the whole experiment with the new value. */
 export function variableField(bench, variable, label = variable.label) {
@@ -83,7 +87,7 @@ function plotter(bench, spec) {
     if (key === made) return;
     made = key;
     offView();
-    const view = plot?.view ?? null;
+    const view = plot?.view ?? null, cursors = { ...plot?.marks.at };
     plot?.destroy();
     const several = from.length > 1;
     const series = from.flatMap((source, s) => spec.variables.map((name, v) => {
@@ -91,22 +95,21 @@ function plotter(bench, spec) {
       const label = several ? `${to.label} · ${source === "live" ? "this run" : shortName(source)}` : to.label;
       return { label, unit: to.unit, strip: name, color: `--series-${((several ? s : colour(name, v)) % 6) + 1}`, dash: several && s ? [[9, 4], [3, 3], [12, 3, 3, 3]][(s - 1) % 3] : [] };
     }));
-    plot = makePlot(box, { series, label: spec.title || "Plotter" });
+    plot = makePlot(box, { series, label: spec.title || "Plotter", empty: "Press Start: the run is drawn here as it goes on. Recordings that are ticked are drawn here too." });
     offView = plot.onView(() => later());
     if (view) plot.setView(view);
+    plot.setCursors(cursors);
   }
-  async function columns(source, view, alone) {
+  async function columns(source, view) {
     if (source !== "live") {
       const { header, x, columns: found } = await showRecording(bench.app, source, view, 2 * plot.pixels);
       return [x, ...spec.variables.map((name) => found[header.columns.findIndex((one) => one.name === name)] ?? new Float32Array(x.length))];
     }
     const { header } = bench.live.data;
-    // Recordings count their time from the first sample, the run from the begin of its drive.
-    const begin = alone ? 0 : header?.begin ?? 0;
-    const [x, ...values] = !header || !view || header.bucket === 1 ? bench.live.whole(spec.variables)
-      : await bench.live.window(spec.variables, view.map((t) => t + begin), 2 * plot.pixels);
-    return [begin ? x.map((t) => t - begin) : x, ...values];
+    return !header || !view || header.bucket === 1 ? bench.live.whole(spec.variables) : bench.live.window(spec.variables, view, 2 * plot.pixels);
   }
+  /** What the legend says of the live run is what the tiles say. */
+  const present = (from) => from.flatMap((source) => spec.variables.map((name) => (source === "live" ? bench.live.latest(name) : undefined)));
   async function refresh() {
     if (busy) { again = true; return; }
     busy = true;
@@ -115,9 +118,10 @@ function plotter(bench, spec) {
     try {
       const from = sources();
       const view = plot.view && [plot.view[0] - 0.05 * (plot.view[1] - plot.view[0]), plot.view[1] + 0.05 * (plot.view[1] - plot.view[0])];
-      const tables = await Promise.all(from.map((source) => columns(source, view, from.length === 1)));
+      const tables = await Promise.all(from.map((source) => columns(source, view)));
       if (mine === asked && plot) {
         plot.setExtent(from.length === 1 && from[0] === "live" ? bench.live.extent() : null);
+        plot.setPresent(present(from));
         plot.setData(tables.length === 1 ? tables[0] : joined(tables));
       }
     } catch (error) {
@@ -133,9 +137,11 @@ function plotter(bench, spec) {
     timer = setTimeout(() => { timer = 0; refresh(); }, 40);
   }
   const off = bench.live.listen((what) => {
+    if (what === "trace") plot?.follow();
     const simple = sources().length === 1 && bench.shown.live && plot && (!plot.view || bench.live.data.header?.bucket === 1);
     if (what === "block" && simple && made) {
       plot.setExtent(bench.live.extent());
+      plot.setPresent(present(["live"]));
       plot.setData(bench.live.whole(spec.variables));
     } else if (what === "block") timer ||= setTimeout(() => { timer = 0; refresh(); }, 150);
     else refresh();

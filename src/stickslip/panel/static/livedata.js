@@ -4,20 +4,31 @@ import { unpack } from "./stream.js";
 
 export function makeLiveData(app) {
   const listeners = new Set();
-  const data = { header: null, x: new Float64Array(0), columns: [], filled: 0, latest: [] };
+  // `zero` is where the recording's clock begins, on that of the drive: the trigger less what is kept before it.
+  const data = { header: null, x: new Float64Array(0), columns: [], filled: 0, latest: [], zero: 0 };
   const tell = (what) => listeners.forEach((act) => act(what));
+  function clock(zero) {
+    const { header, columns } = data;
+    const per = header.bucket === 1 ? 1 : 2, step = header.interval * header.bucket, begin = header.begin - zero;
+    data.zero = zero;
+    data.x = Float64Array.from({ length: columns[0]?.length ?? 0 }, (_, i) =>
+      begin + (per === 1 ? i * step : Math.floor(i / 2) * step + (i % 2 ? step - header.interval : 0)));
+  }
   const offs = [
     app.stream.on("trace", (header) => {
       const per = header.bucket === 1 ? 1 : 2;
       const count = Math.floor(header.samples / header.bucket);
-      const step = header.interval * header.bucket;
       data.header = header;
-      data.x = Float64Array.from({ length: per * count }, (_, i) =>
-        header.begin + (per === 1 ? i * step : Math.floor(i / 2) * step + (i % 2 ? step - header.interval : 0)));
       data.columns = header.columns.map(() => new Float32Array(per * count));
       data.filled = 0;
       data.latest = [];
+      clock(header.zero);
       tell("trace");
+    }),
+    app.stream.on("clock", ({ trace, zero }) => {
+      if (trace !== data.header?.trace) return;
+      clock(zero);
+      tell("clock");
     }),
     app.stream.on("block", (header, arrays) => {
       if (header.trace !== data.header?.trace) return;
@@ -43,14 +54,14 @@ export function makeLiveData(app) {
       return i < 0 ? undefined : data.latest[i];
     },
     extent() {
-      const { header } = data;
-      return header && [header.begin, header.begin + header.samples * header.interval];
+      const { header, zero } = data;
+      return header && [header.begin - zero, header.begin - zero + header.samples * header.interval];
     },
     /** Full resolution, or as much as there are points: [x, column of each name] in a window. */
     async window(names, [begin, end], points) {
-      const { header } = data;
-      const { header: got, arrays } = unpack(await app.request("/bench/window", { trace: header.trace, begin, end, points }));
-      const x = Float64Array.from(arrays[0], (t) => got.from + t);
+      const { header, zero } = data;
+      const { header: got, arrays } = unpack(await app.request("/bench/window", { trace: header.trace, begin: begin + zero, end: end + zero, points }));
+      const x = Float64Array.from(arrays[0], (t) => got.from - zero + t);
       return [x, ...names.map((name) => arrays[1 + header.columns.findIndex((one) => one.name === name)] ?? [])];
     },
     destroy() { offs.forEach((off) => off()); },

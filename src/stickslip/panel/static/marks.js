@@ -14,6 +14,7 @@ export function valueAt(column, index) {
 
 export function makeMarks({ root, strips, drawn, time, values, range, enabled }) {
   const at = { A: null, B: null };
+  let read = {}; // what a cursor read while its samples were there: a zoom elsewhere has only those of its window
   const table = document.createElement("table");
   table.className = "plot-cursors";
   table.hidden = true;
@@ -90,10 +91,12 @@ export function makeMarks({ root, strips, drawn, time, values, range, enabled })
     const within = (t) => t !== null && x.length && t >= x[0] - near && t <= x[x.length - 1] + near;
     const index = { A: within(at.A) ? nearest(x, at.A) : null, B: within(at.B) ? nearest(x, at.B) : null };
     const rows = [[time.label, at.A, at.B, time.unit]];
-    for (const one of drawn) {
-      const value = (name) => (index[name] === null ? null : valueAt(data[one.index], index[name]));
-      rows.push([one.label, value("A"), value("B"), one.unit]);
-    }
+    const valuesOf = (name) => {
+      if (index[name] !== null) read[name] = { t: at[name], values: drawn.map((one) => valueAt(data[one.index], index[name])) };
+      return read[name]?.t === at[name] ? read[name].values : [];
+    };
+    const [a, b] = [valuesOf("A"), valuesOf("B")];
+    drawn.forEach((one, i) => rows.push([one.label, a[i] ?? null, b[i] ?? null, one.unit]));
     const cell = (tag, text) => {
       const made = document.createElement(tag);
       made.textContent = text;
@@ -117,6 +120,7 @@ export function makeMarks({ root, strips, drawn, time, values, range, enabled })
     table,
     place,
     at,
+    forget() { read = {}; },
     /** Set a cursor where the mouse is, else to a third of the view. */
     set(name, plot) {
       const [from, to] = range();

@@ -20,9 +20,9 @@ let plots = 0;
  *   stand below each other over the same horizontal axis.
  * time: { label, unit, log } of that axis.
  * xy: the curves need not run from left to right; setData then takes [x1, y1, x2, y2, ...].
- * tools: buttons for autoscale, freeze and cursors.
+ * tools: buttons for autoscale, freeze and cursors. empty: what is said while there is nothing to draw.
  */
-export function makePlot(element, { series, time = { label: "time", unit: "s" }, xy = false, tools = true, label = "Plot" }) {
+export function makePlot(element, { series, time = { label: "time", unit: "s" }, xy = false, tools = true, label = "Plot", empty = "" }) {
   const root = document.createElement("div");
   root.className = "plot";
   root.tabIndex = 0;
@@ -41,6 +41,7 @@ export function makePlot(element, { series, time = { label: "time", unit: "s" },
   let frozen = false;
   let view = null; // [from, to], or null: everything
   let extent = null; // what "everything" is at least
+  let present = []; // values that legends show where no cursor is
   const viewers = new Set();
 
   const everything = () => {
@@ -158,7 +159,7 @@ export function makePlot(element, { series, time = { label: "time", unit: "s" },
     const idx = xy ? null : strip.plot.cursor.idx;
     strip.members.forEach((one, i) => {
       const column = xy ? data[one.index]?.[1] : data[one.index];
-      const value = valueAt(column, idx ?? (column?.length ?? 0) - 1);
+      const value = idx == null && present[one.index] !== undefined ? present[one.index] : valueAt(column, idx ?? (column?.length ?? 0) - 1);
       strip.outputs[i].children[2].textContent = xy ? "" : formatQuantity(value, one.unit);
     });
   }
@@ -166,6 +167,7 @@ export function makePlot(element, { series, time = { label: "time", unit: "s" },
   // --- drawing
   function draw() {
     const [from, to] = shownRange();
+    nothing.hidden = !empty || data.some((one) => one.length && (!xy || one[0].length));
     for (const strip of strips) {
       const rows = strip.members.map((one) => data[one.index] ?? []);
       strip.plot.batch(() => {
@@ -242,7 +244,9 @@ export function makePlot(element, { series, time = { label: "time", unit: "s" },
     }
     root.append(bar);
   }
-  root.append(stripsBox, marks.table);
+  const nothing = document.createElement("p");
+  Object.assign(nothing, { className: "plot-empty soft", textContent: empty, hidden: true });
+  root.append(stripsBox, nothing, marks.table);
   root.addEventListener("keydown", (event) => {
     if (event.target !== root || event.ctrlKey || event.metaKey || event.altKey) return;
     const acts = {
@@ -290,6 +294,18 @@ export function makePlot(element, { series, time = { label: "time", unit: "s" },
     setExtent(range) {
       if (frozen) heldExtent = range;
       else { extent = range; later(); }
+    },
+    /** What legends show of each series while no cursor is over the plot; undefined: its last point. */
+    setPresent(values) { if (!frozen) present = values; },
+    /** Other curves come: the vertical axes follow them, and what cursors had read is forgotten. */
+    follow() {
+      if (frozen) return;
+      for (const strip of strips) strip.yView = null;
+      marks.forget();
+    },
+    setCursors(at) {
+      Object.assign(marks.at, at);
+      buttons.cursors?.setAttribute("aria-pressed", String(marks.at.A !== null || marks.at.B !== null));
     },
     setView, zoom, pan, autoscale, freeze,
     get view() { return view; },

@@ -79,9 +79,8 @@ export function makeQuantity({ label, unit = "", value, app, change, hint = "" }
   element.append(name, input, fault);
 
   let current = value;
-  const show = () => {
-    input.value = current === null || current === undefined ? "" : formatQuantity(current, unit, 9);
-  };
+  const holds = () => (current === null || current === undefined ? "" : formatQuantity(current, unit, 9));
+  const show = () => (input.value = holds());
   const say = (text) => {
     fault.textContent = text;
     input.setAttribute("aria-invalid", text ? "true" : "false");
@@ -105,6 +104,18 @@ export function makeQuantity({ label, unit = "", value, app, change, hint = "" }
   input.addEventListener("change", commit);
   input.addEventListener("keydown", (event) => {
     if (event.key === "Enter") commit();
+    // Undo takes back what was typed; with nothing typed it is the page's, which undoes what holds.
+    if (!(event.ctrlKey || event.metaKey) || !["z", "y"].includes(event.key.toLowerCase())) return;
+    event.preventDefault();
+    if (input.value === holds()) return;
+    event.stopPropagation();
+    asked++;
+    say("");
+    show();
+  });
+  // A browser's own undo, from its menu, brings back a text that does not hold.
+  input.addEventListener("input", (event) => {
+    if (/^history/.test(event.inputType)) show();
   });
   show();
   return {
@@ -113,8 +124,9 @@ export function makeQuantity({ label, unit = "", value, app, change, hint = "" }
     /** Show another value, unless somebody is typing one. */
     set(next) {
       if (next === current) return;
+      const typing = input.value !== holds() && (document.activeElement === input || input.getAttribute("aria-invalid") === "true");
       current = next;
-      if (document.activeElement !== input && input.getAttribute("aria-invalid") !== "true") show();
+      if (!typing) show();
     },
     get: () => current,
     disable: (off) => (input.disabled = off),

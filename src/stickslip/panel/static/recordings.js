@@ -12,6 +12,14 @@ export function makeRecordings(bench) {
   const search = h("input", { type: "search", placeholder: "find a recording", "aria-label": "Find a recording", oninput: update });
   const element = h("div", {}, back, search, list);
   let found = [];
+  /** What is ticked is what is shown: the live run too is ticked, or not. */
+  function tick(name, on) {
+    const others = bench.shown.recordings.filter((one) => one !== name);
+    const recordings = on ? [...others, name].slice(-5) : others;
+    const first = on && !others.length && bench.shown.live && !busy();
+    bench.show({ recordings, live: recordings.length ? bench.shown.live && !first : true });
+  }
+  const busy = () => ["preparing", "running", "stopping"].includes(bench.run.phase);
 
   async function build() {
     try {
@@ -30,14 +38,17 @@ export function makeRecordings(bench) {
     const wanted = found.filter(({ name }) => words.every((word) => name.toLowerCase().includes(word)));
     list.replaceChildren(...wanted.slice(0, MOST_SHOWN).map(({ name, bytes, unfinished }) => {
       const shown = recordings.includes(name);
-      const compare = h("input", { type: "checkbox", checked: shown, "aria-label": `Compare ${shortName(name)}`, onchange: () =>
-        bench.show({ recordings: shown ? recordings.filter((one) => one !== name) : [...recordings, name].slice(-5), live: live || (shown && recordings.length === 1) }) });
+      const compare = h("input", { type: "checkbox", checked: shown, "aria-label": `Compare ${shortName(name)}`, onchange: () => tick(name, !shown) });
       return h("li", { class: shown ? "shown" : "" },
         h("label", { class: "compare", title: "Compare: show it with the others" }, compare),
         h("button", { type: "button", class: "small quiet name", title: `${name}, ${(bytes / 1000).toFixed(0)} kB`, "data-recording": name, onclick: () => bench.show({ live: false, recordings: [name] }) }, shortName(name), unfinished ? h("span", { class: "soft" }, " · stopped") : null),
         h("button", { type: "button", class: "small quiet", "aria-label": `Rename ${shortName(name)}`, title: "Rename", onclick: () => renameDialog(name) }, "✎"),
         h("button", { type: "button", class: "small quiet", "aria-label": `Export ${shortName(name)}`, title: "Export", onclick: () => exportDialog(name) }, "⤓"));
     }));
+    if (recordings.length && bench.live.data.filled) {
+      const box = h("input", { type: "checkbox", checked: live, "aria-label": "Compare with the live run", onchange: () => bench.show({ live: !live }) });
+      list.prepend(h("li", { class: live ? "shown" : "" }, h("label", { class: "compare" }, box), h("span", { class: "name small" }, "The live run, or the last one")));
+    }
     if (wanted.length > MOST_SHOWN) list.append(h("li", { class: "soft" }, `${wanted.length - MOST_SHOWN} more: search for them.`));
     if (found.length && !wanted.length) list.append(h("li", { class: "soft" }, "None is called so."));
     if (!found.length) list.append(h("li", { class: "soft" }, "None yet: press Start."));

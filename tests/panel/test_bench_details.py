@@ -1,0 +1,162 @@
+"""Details of the Bench page that once misled: what a field, a tile, a legend, a clock and a cursor say."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from playwright.sync_api import Page, expect
+
+from stickslip import open_recording
+
+from .conftest import PATIENCE, Panel, until
+from .test_bench_page import opened, press, run, si
+
+pytestmark = pytest.mark.browser
+FIELD = "forward voltage"
+
+
+def server_says(page: Page, name: str) -> str:
+    """What the server has for a variable, of the experiment as it would be saved."""
+    return page.evaluate(
+        """async (name) => new Promise((done) => {
+          const socket = new WebSocket(location.href.replace("http", "ws").split("#")[0] + "stream");
+          socket.onopen = () => socket.send(JSON.stringify({ client: "looks" }));
+          socket.onmessage = ({ data }) => {
+            const said = typeof data === "string" ? JSON.parse(data) : {};
+            if (said.kind === "experiment") done(said.content.variables[name]);
+          };
+        })""",
+        name,
+    )
+
+
+def test_undo_in_a_field_shows_what_the_server_has(page: Page, panel: Panel) -> None:
+    field = opened(page, panel).get_by_label(FIELD, exact=True).first
+    before = field.input_value()
+    field.fill("12 V")
+    field.press("Enter")
+    until(page, "document.activeElement.value === '12 V'")
+    expect(page.get_by_role("button", name="Undo")).to_be_enabled()
+    field.press("Control+z")
+    expect(field).to_have_value(before)
+    assert si(server_says(page, "forward_voltage")) == si(before)
+    field.press("Control+Shift+z")
+    expect(field).to_have_value("12 V")
+    assert server_says(page, "forward_voltage") == "12 V"
+    field.fill("99")
+    field.press("Control+z")  # what was typed, and only that
+    expect(field).to_have_value("12 V")
+    field.fill("13")
+    page.evaluate("document.execCommand('undo')")  # as from the browser's menu
+    expect(field).to_have_value("12 V")
+    page.get_by_role("button", name="Undo").click()
+    expect(field).to_have_value(before)
+
+
+def test_a_refusal_moves_nothing(page: Page, panel: Panel) -> None:
+    opened(page, panel)
+    field = page.get_by_label(FIELD, exact=True).first
+    places = "['#start', '#phase', '#inputs .field:last-child', '.tabs'].map((one) => "
+    places += "document.querySelector(one).getBoundingClientRect().y)"
+    before = page.evaluate(places)
+    field.fill("165 V")
+    field.press("Enter")
+    expect(page.locator("#inputs .fault:not(:empty)")).to_be_visible()
+    assert page.evaluate(places) == before
+    field.press("Control+z")
+    expect(page.locator("#inputs .fault:not(:empty)")).to_have_count(0)
+
+
+def test_after_a_run_tiles_legend_and_clock_say_what_is(page: Page, panel: Panel) -> None:
+    opened(page, panel)
+    run(page, "step")  # ends at its voltage, which is then ramped down
+    drive = page.get_by_role("article", name="Drive")
+    expect(drive).to_contain_text("at end")
+    expect(page.get_by_role("article", name="Position")).not_to_contain_text("at end")
+    assert si(drive.locator("output").inner_text()) > 50.0
+
+    page.mouse.move(0, 0)
+    for title, label in [("Drive", "drive voltage"), ("Strain gauge", "piezo elongation")]:
+        tile = page.get_by_role("article", name=title).locator("output").inner_text()
+        assert page.locator(".plot-key", has_text=label).locator("output").inner_text() == tile
+
+    # The same edge at the same time, live and recorded.
+    made = max((panel.folder / "recordings").rglob("step.nc"), key=lambda path: path.stat().st_mtime)
+    recording = open_recording(made)
+    volts = recording["drive_voltage"].values
+    edge = float(recording["time"][int(np.argmax(volts > 30.0))])
+    page.locator(".plotter .plot").focus()
+    shown = page.evaluate(
+        """async () => {
+          const { makeLiveData } = await import("/static/livedata.js");
+          const { openStream } = await import("/static/stream.js");
+          const stream = openStream("looks");
+          const live = makeLiveData({ stream });
+          while (!live.data.filled) await new Promise((done) => setTimeout(done, 20));
+          const [x, volts] = live.whole(["drive_voltage"]);
+          return x[volts.findIndex((one) => one > 30)];
+        }"""
+    )
+    assert shown == pytest.approx(edge, abs=1e-3)  # one bucket of what is drawn
+    expect(page.locator("#tab-log li").first).not_to_contain_text(re.compile(r"\de[+-]\d"))
+
+
+def test_two_ticked_recordings_are_two_and_cursors_keep_their_values(page: Page, panel: Panel) -> None:
+    opened(page, panel)
+    for _ in range(2):
+        run(page, "step")
+    items = page.locator("#tab-recordings li:has([data-recording])")
+    expect(items.nth(1)).to_be_visible()
+    for i in range(2):
+        items.nth(i).get_by_role("checkbox").check()
+    expect(page.locator(".plot-key")).to_have_count(6)
+    page.get_by_label("Compare with the live run").check()
+    expect(page.locator(".plot-key")).to_have_count(9)
+    page.get_by_role("button", name="Show the live run").click()
+    expect(page.locator(".plot-key")).to_have_count(3)
+
+    page.get_by_role("button", name="Cursors").click()
+    table = page.locator(".plot-cursors")
+    before = table.inner_text()
+    assert before.count("–") == 0
+    page.locator(".plotter .plot").focus()
+    with page.expect_response("**/bench/window"):
+        for _ in range(4):
+            page.keyboard.press("+")
+    page.wait_for_timeout(300)
+    assert table.inner_text() == before, "zoomed to between the cursors, their values stay"
+
+
+def test_the_vertical_axis_follows_the_next_run(page: Page, panel: Panel) -> None:
+    opened(page, panel)
+    run(page, "step")
+    over = page.locator(".plotter .u-over").first
+    box = over.bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + 100, box["y"] + 0.75 * box["height"])
+    page.mouse.down()
+    page.mouse.move(box["x"] + 400, box["y"] + 0.75 * box["height"] - 50, steps=5)
+    page.mouse.up()
+    page.wait_for_timeout(200)
+    zoomed = page.locator(".plotter canvas").first.screenshot()
+    page.locator(".plotter .plot").focus()
+    page.mouse.move(0, 0)
+    press(page, "#start", "Done")
+    page.wait_for_timeout(300)
+    assert page.locator(".plotter canvas").first.screenshot() != zoomed
+
+
+@pytest.mark.parametrize("name", ["bench", "identify", "explore"])
+def test_every_page_has_one_heading_and_says_what_comes(page: Page, panel: Panel, name: str) -> None:
+    page.goto(f"{panel.url}#{name}")
+    wait = {"bench": "#start", "identify": ".identify[data-phase]", "explore": ".explore[data-curves]"}
+    page.locator(wait[name]).wait_for(timeout=PATIENCE * 1e3)
+    expect(page.locator("h1")).to_have_count(1)
+    levels = page.evaluate(
+        "[...document.querySelectorAll('h1, h2, h3')].map((one) => Number(one.tagName[1]))"
+    )
+    assert all(after - before <= 1 for before, after in zip(levels, levels[1:], strict=False))
+    if name == "identify":
+        expect(page.get_by_text("What comes here")).to_be_visible()
