@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 
 import numpy as np
@@ -148,15 +149,16 @@ def test_the_vertical_axis_follows_the_next_run(page: Page, panel: Panel) -> Non
     assert page.locator(".plotter canvas").first.screenshot() != zoomed
 
 
-@pytest.mark.parametrize("name", ["bench", "identify", "explore"])
+@pytest.mark.parametrize("name", ["bench", "identify", "explore", "history"])
 def test_every_page_has_one_heading_and_says_what_comes(page: Page, panel: Panel, name: str) -> None:
     page.goto(f"{panel.url}#{name}")
     wait = {"bench": "#start", "identify": ".identify[data-phase]", "explore": ".explore[data-curves]"}
+    wait["history"] = ".history"
     page.locator(wait[name]).wait_for(timeout=PATIENCE * 1e3)
     expect(page.locator("h1")).to_have_count(1)
     levels = page.evaluate(
         "[...document.querySelectorAll('h1, h2, h3')].map((one) => Number(one.tagName[1]))"
     )
-    assert all(after - before <= 1 for before, after in zip(levels, levels[1:], strict=False))
+    assert all(after - before <= 1 for before, after in itertools.pairwise(levels))
     if name == "identify":
         expect(page.get_by_text("What comes here")).to_be_visible()

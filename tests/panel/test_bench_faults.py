@@ -289,9 +289,9 @@ def test_the_history_of_the_folder(tmp_path: Path) -> None:
         change(client, ["limits", "max_position"], "25 um").raise_for_status()
         ran(client, "/bench/start", {"runs": ["forward"]}, "failed")
         listed = client.get("/recordings").json()
-        found = client.get("/recordings/history", params={"search": "forward"}).json()
-        stopped = client.get("/recordings/history", params={"outcome": "stopped"}).json()
-        assert client.get("/recordings/history", params={"search": "%00'"}).json() == []
+        found = client.get("/history", params={"search": "forward"}).json()["rows"]
+        stopped = client.get("/history", params={"outcome": "bad"}).json()["rows"]
+        assert client.get("/history", params={"search": "%00'"}).json()["rows"] == []
     assert [one["unfinished"] for one in listed] == [True, False]
     assert [one["outcome"].split(":")[0] for one in found] == ["stopped", "complete"]
     assert [one["name"] for one in stopped] == [listed[0]["name"]]

@@ -50,6 +50,7 @@ def run(page: Page, name: str) -> None:
 
 def drag(page: Page, handle: Locator, target: Locator | None = None, by: float = 0.0) -> None:
     """Drag a handle to the middle of something, or so many pixels to the right."""
+    handle.scroll_into_view_if_needed()
     box = handle.bounding_box()
     assert box is not None
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
@@ -197,7 +198,7 @@ def test_emergency_stop_by_key_ramps_at_the_next_block(page: Page, panel: Panel)
     assert "running" not in told[stopping:]
     # What is shown is from before the ramp and says so; beyond it there is nothing to read.
     expect(page.locator("#notices")).to_contain_text("ramped to 0 V")
-    expect(page.locator(".displays.stale")).to_have_count(4)
+    expect(page.locator(".displays.stale")).to_have_count(3)  # not where it is, which is known
     page.get_by_role("button", name="Cursors").click()
     expect(page.locator(".plot-cursors tr").nth(1).locator("td").nth(1)).not_to_have_text("–")
     expect(page.locator(".plot-cursors tr").nth(2).locator("td").nth(1)).to_have_text("–")

@@ -1,5 +1,7 @@
 """A lab's history: an index of the recordings and fits in a folder; the files stay the truth."""
 
+from .acts import note_act as note_act
+from .acts import read_acts as read_acts
 from .comparing import differences as differences
 from .index import Index as Index
 from .table import runs as runs

@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import xarray as xr
 
+from ..parameters.load import load_set
 from ..recording import RecordingError, open_recording
+from ..recording.replacing import replaced_whole
 from ..recording.storage import save_recording
 
 RECORDINGS = (".nc", ".csv", ".mat", ".npz", ".npy", ".tsv", ".txt")
+
+
+NOTES = ("notes.json", "links.json")  # in a fit's folder: somebody's words, and what it was made of
 
 
 def described(recording: xr.Dataset) -> dict[str, Any]:
@@ -39,6 +45,8 @@ def described(recording: xr.Dataset) -> dict[str, Any]:
         "samples": int(time.size),
         "channels": ", ".join(str(name) for name in recording.data_vars),
         "settings": json.dumps(settings, ensure_ascii=False),
+        **({"kind": "prediction"} if attrs.get("links") else {}),
+        "links": str(attrs.get("links", "")),
     }
 
 
@@ -56,10 +64,17 @@ def described_fit(path: Path) -> dict[str, Any]:
         "verified": request.get("others", []),
         "steps": request.get("steps", []),
     }
+    linked, said = (
+        json.loads((path / one).read_text(encoding="utf-8")) if (path / one).is_file() else {}
+        for one in ("links.json", "notes.json")
+    )
+    links |= linked.get("links", {})
     return {
+        "kind": str(linked.get("kind", "fit")),
         "begun": str(results.get("created", "")),
         "title": str(results.get("title", "")),
-        "notes": " ".join(str(results.get("summary", "")).split())[:500],
+        "notes": str(said.get("notes") or " ".join(str(results.get("summary", "")).split())[:500]),
+        "tags": str(said.get("tags", "")),
         "parameter_set": str(request.get("set", "")),
         "outcome": str(state.get("phase", "complete")).replace("done", "complete"),
         "settings": json.dumps(results.get("numbers", {}), ensure_ascii=False),
@@ -74,17 +89,45 @@ def _read(text: object) -> Any:
         return str(text)
 
 
-def annotate(path: Path, notes: str | None = None, tags: list[str] | None = None) -> None:
-    """Change the notes or the tags that a recording keeps; the file is replaced as a whole.
+def described_set(path: Path) -> dict[str, Any]:
+    """The columns of a parameter set that a fit was saved as; `links` is that fit."""
+    found = load_set(path)
+    entries = found.entries()
+    fits = {one.source.removeprefix("fit ") for one in entries.values() if one.source.startswith("fit ")}
+    settings = {name: f"{one.value} {one.unit}".strip() for name, one in entries.items()}
+    return {
+        "title": found.title,
+        "parameter_set": path.stem,
+        "outcome": "complete",
+        "settings": json.dumps(settings, ensure_ascii=False),
+        "links": json.dumps({"fit": sorted(fits)}) if fits else "",
+    }
+
+
+def annotate(
+    path: Path,
+    notes: str | None = None,
+    tags: list[str] | None = None,
+    read: Callable[[Path], xr.Dataset] = open_recording,
+) -> None:
+    """Change the notes or the tags that a recording, or the folder of a fit, keeps; all of it or nothing.
 
     Raises:
-        RecordingError: it is no .nc file, or cannot be read.
+        RecordingError: it is neither a .nc file nor a fit, or cannot be read.
     """
+    new: dict[str, str] = {}
+    if notes is not None:
+        new["notes"] = notes
+    if tags is not None:
+        new["tags"] = ", ".join(sorted({tag.strip() for tag in tags} - {""}))
+    if (path / "results.json").is_file():
+        kept = path / NOTES[0]
+        said = json.loads(kept.read_text(encoding="utf-8")) if kept.is_file() else {}
+        with replaced_whole(kept) as temporary:
+            temporary.write_text(json.dumps({**said, **new}, ensure_ascii=False), encoding="utf-8")
+        return
     if path.suffix != ".nc":
         raise RecordingError(f"{path}: notes and tags are kept in .nc files; save it as one first")
-    recording = open_recording(path)
-    if notes is not None:
-        recording.attrs["notes"] = notes
-    if tags is not None:
-        recording.attrs["tags"] = ", ".join(sorted({tag.strip() for tag in tags} - {""}))
+    recording = read(path)
+    recording.attrs |= new
     save_recording(recording, path)

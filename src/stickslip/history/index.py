@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import sqlite3
 import stat
@@ -12,15 +13,17 @@ from typing import Any
 
 from ..readers.process import Reader
 from ..recording import RecordingError
-from .describing import RECORDINGS, described, described_fit
+from .acts import present_names, read_acts
+from .describing import NOTES, RECORDINGS, described, described_fit, described_set
 
-VERSION = 1
+VERSION = 2
 COLUMNS = (
     "name", "kind", "changed", "bytes", "begun", "title", "notes", "tags", "operator", "rig", "parameter_set",
     "outcome", "seconds", "samples", "channels", "settings", "links", "problem",
 )  # fmt: skip
 _NUMBERS = {"changed": "REAL", "bytes": "INTEGER", "seconds": "REAL", "samples": "INTEGER"}
 BIN = ".bin"
+SETS = "parameters"  # the folder of parameter sets that fits were saved as
 _FOLDER = ".stickslip"
 
 
@@ -81,8 +84,43 @@ class Index:
                     "instr(lower(" + " || ' ' || ".join(f"coalesce({c}, '')" for c in COLUMNS) + "), ?)"
                 )
                 given.append(word.lower())
-            chosen = f"SELECT * FROM runs WHERE {' AND '.join(where)} ORDER BY changed DESC, name"
-            return [dict(row) for row in database.execute(chosen, given)]
+            # When a run began; of somebody's own file, when it was changed last.
+            made = "coalesce(nullif(begun, ''), strftime('%Y-%m-%dT%H:%M:%S', changed, 'unixepoch'))"
+            chosen = (
+                f"SELECT * FROM runs WHERE {' AND '.join(where)} ORDER BY {made} DESC, changed DESC, name"
+            )
+            rows = [dict(row) for row in database.execute(chosen, given)]
+        acts = [one for one in read_acts(self.folder) if one["act"] == "renamed"]
+        for row in rows if acts else []:
+            row["links"] = _renamed(row["links"], acts)
+        return rows
+
+    def binned(self) -> list[str]:
+        """Names of what is in the bin, the last one first."""
+        root = self.folder / BIN
+        moved = [path.parent for path in root.rglob("results.json")]
+        moved += [p for p in root.rglob("*") if p.is_file() and not any(p.is_relative_to(m) for m in moved)]
+        return [
+            path.relative_to(root).as_posix()
+            for path in sorted(moved, key=lambda one: one.stat().st_ctime_ns, reverse=True)
+        ]
+
+    def restore(self, name: str) -> str:
+        """Take something out of the bin again; its name, which nothing else has.
+
+        Raises:
+            ValueError: there is no such thing in the bin, or another one has its place.
+        """
+        root = self.folder / BIN
+        source = root / name
+        if not source.resolve().is_relative_to(root.resolve()) or name not in self.binned():
+            raise ValueError(f"{name!r} is not in the bin of {self.folder}")
+        target = self.folder / name
+        if target.exists():
+            raise ValueError(f"{name!r} is there already: rename it, then restore the other")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        source.rename(target)
+        return name
 
     def to_bin(self, name: str) -> Path:
         """Move a file, or a fit's folder, to the bin, `.bin` in the folder; where it is now.
@@ -96,7 +134,8 @@ class Index:
         target, number = self.folder / BIN / name, 1
         while target.exists():
             number += 1
-            target = self.folder / BIN / f"{name}.{number}"
+            called = Path(name)
+            target = self.folder / BIN / called.with_name(f"{called.stem}_{number}{called.suffix}")
         target.parent.mkdir(parents=True, exist_ok=True)
         source.rename(target)
         return target
@@ -144,6 +183,8 @@ class Index:
         try:
             if path.is_dir():
                 return {"kind": "fit", **described_fit(path)}
+            if path.suffix == ".toml":
+                return {"kind": "parameters", **described_set(path)}
             return {"kind": "recording", **self._read(path, described)}
         except (RecordingError, OSError, ValueError, LookupError, AttributeError) as error:
             problem = " ".join(str(error).removeprefix(f"{path}: ").split())
@@ -154,12 +195,14 @@ class Index:
         for folder, folders, names in os.walk(self.folder):
             folders[:] = sorted(one for one in folders if not one.startswith("."))
             if "results.json" in names and "report.html" in names and "experiment.log" not in names:
-                one = Path(folder, "results.json").stat()
+                parts = [Path(folder, one).stat() for one in ("results.json", *NOTES) if one in names]
                 if Path(folder) != self.folder:
-                    yield Path(folder).relative_to(self.folder).as_posix(), (one.st_mtime, one.st_size)
+                    size = max(one.st_mtime for one in parts), sum(one.st_size for one in parts)
+                    yield Path(folder).relative_to(self.folder).as_posix(), size
             for name in names:
                 path = Path(folder, name)
-                if path.suffix.lower() not in RECORDINGS or name.startswith("."):
+                own = path.suffix == ".toml" and path.parent == self.folder / SETS
+                if (not own and path.suffix.lower() not in RECORDINGS) or name.startswith("."):
                     continue
                 try:
                     real = path.resolve()
@@ -168,3 +211,10 @@ class Index:
                     continue
                 if stat.S_ISREG(one.st_mode) and real.is_relative_to(self.folder):
                     yield path.relative_to(self.folder).as_posix(), (one.st_mtime, one.st_size)
+
+
+def _renamed(links: str, acts: list[dict[str, Any]]) -> str:
+    if not links:
+        return links
+    found = {kind: present_names(names, acts) for kind, names in json.loads(links).items()}
+    return json.dumps(found, ensure_ascii=False)

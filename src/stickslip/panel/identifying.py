@@ -19,7 +19,7 @@ from ..readers.process import Reader
 from ..recording import RecordingError
 from ..rig import load_bench
 from ..units import QuantityError
-from .fits import REPORTS, RUNNING, Fitting
+from .fits import RUNNING, Fitting
 from .fitting import FitRequest
 from .folder import Folder
 from .sliders import LAW_TYPES
@@ -87,9 +87,9 @@ def identify_routes(folder: Folder, fitting: Fitting, read: Reader) -> APIRouter
         fitting.cancel()
         return {"phase": str(fitting.state["phase"])}
 
-    @routes.get("/report/{name}")
+    @routes.get("/report/{name:path}")
     def report(name: str) -> Response:
-        path = folder.path(f"{REPORTS}/{name}/report.html")
+        path = folder.path(f"{name}/report.html")
         if not path.is_file():
             raise HTTPException(404, "there is no such report")
         return FileResponse(path, headers={"content-security-policy": _REPORT_POLICY})

@@ -15,7 +15,7 @@ from fastapi import APIRouter, Request, Response
 from fastapi.responses import FileResponse
 from starlette.background import BackgroundTask
 
-from ..history import Index
+from ..history import note_act
 from ..input_file import Strict
 from ..readers.process import Reader
 from ..recording import save_csv, save_matlab, save_recording
@@ -81,13 +81,6 @@ def recording_routes(folder: Folder, hub: Hub, control: Control, read: Reader) -
     def listed() -> list[dict[str, Any]]:
         return [_described(folder, name) for name in folder.files(".nc")]
 
-    @routes.get("/history")
-    def history(search: str = "", kind: str = "", outcome: str = "") -> list[dict[str, Any]]:
-        """What the index has of the folder: recordings, whole or not, of any format, and fits."""
-        equal = {name: text for name, text in (("kind", kind), ("outcome", outcome)) if text}
-        with Index(folder.root, read) as index:
-            return index.rows(search[:200], **equal)
-
     @routes.post("/show")
     def show(asked: Shown) -> Response:
         recording = shelf.recording(asked.name)
@@ -122,6 +115,7 @@ def recording_routes(folder: Folder, hub: Hub, control: Control, read: Reader) -
         except FileExistsError:
             raise FolderError(f"{asked.to} is there already") from None
         source.unlink()
+        note_act(folder.root, "renamed", asked.to, was=asked.name)
         hub.tell("recordings")
         return {"name": asked.to}
 
@@ -129,6 +123,7 @@ def recording_routes(folder: Folder, hub: Hub, control: Control, read: Reader) -
     def export(name: str, kind: Kind = "nc") -> FileResponse:
         recording = shelf.recording(name)
         stem = Path(name).stem
+        note_act(folder.root, "exported", name, kind=kind)
         if kind == "nc" and name.endswith(".nc"):
             return FileResponse(folder.path(name), filename=f"{stem}.nc")
         made = Path(tempfile.mkdtemp(prefix="stickslip-")) / f"{stem}{_SUFFIX[kind]}"

@@ -27,6 +27,7 @@ from .explore import explore_routes
 from .fits import Fitting
 from .folder import Folder
 from .guard import LARGEST_BODY, LOOPBACK, Guard
+from .historical import history_routes
 from .identifying import identify_routes
 from .journal import Journal
 from .live import Live
@@ -106,6 +107,7 @@ def create_app(
 
     app.include_router(bench_routes(files, hub, control, journal, runner, live, read))
     app.include_router(recording_routes(files, hub, control, read))
+    app.include_router(history_routes(files, hub, control, read))
 
     @app.websocket("/stream")
     async def stream(socket: WebSocket) -> None:

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..recording import RecordingError
 from ..units import QuantityError
@@ -30,6 +30,14 @@ _MARGIN = 256 * 2**20  # bytes over what a file may hold
 _REMEMBERED = 500  # files that could not be read in time
 
 Kind = type[Exception]
+
+
+class _Whole(NamedTuple):
+    """A use that takes the path of the file."""
+
+    act: Callable[[Path], Any]
+
+
 _KINDS: dict[str, Kind] = {one.__name__: one for one in (RecordingError, QuantityError, MemoryError)}
 
 
@@ -44,7 +52,7 @@ class Reader:
         self._connection: Any = None
         self._given_up: OrderedDict[tuple[str, int, int], str] = OrderedDict()
 
-    def __call__(self, path: str | os.PathLike[str], use: Callable[[Any], Any] | None = None) -> Any:
+    def __call__(self, path: str | os.PathLike[str], use: Any = None) -> Any:
         """The recording of a file, or what `use`, a function of a module, makes of it.
 
         Raises:
@@ -63,6 +71,11 @@ class Reader:
                 return self._read(path, PATIENCE + status.st_size / SLOWEST, use, key)
         finally:
             self._places.release()
+
+    def apply(self, act: Callable[[Path], Any], path: str | os.PathLike[str]) -> Any:
+        """What a function of a module, or a partial of one, makes of a file that may be no recording yet; as
+        a call otherwise."""
+        return self(path, _Whole(act))
 
     def close(self) -> None:
         """End the process."""
@@ -123,8 +136,11 @@ def work(connection: Connection) -> None:
         faulthandler.dump_traceback_later(patience, exit=True, file=nowhere)  # needs no interpreter
         try:
             with _memory_of(Path(path)):
-                recording = read_recording(path)
-                answer = recording.load() if use is None else use(recording)
+                if isinstance(use, _Whole):
+                    answer = use.act(Path(path))
+                else:
+                    recording = read_recording(path)
+                    answer = recording.load() if use is None else use(recording)
             kind = ""
         except MemoryError:
             kind, answer = "RecordingError", f"{path}: it takes more memory than such a file may"
@@ -156,4 +172,7 @@ class _memory_of:  # used as a context
 
 
 if __name__ == "__main__":
-    work(Connection(int(sys.argv[1])))
+    # By its name, for what is sent to it says so too.
+    from stickslip.readers import process
+
+    process.work(Connection(int(sys.argv[1])))

@@ -84,8 +84,7 @@ export function makeArrangement(bench) {
   }
   function stretch(event, spec, sized) {
     const card = event.currentTarget.closest(".instrument"), from = card.getBoundingClientRect();
-    const unit = element.clientWidth / 12, high = from.height / spec.height;
-    const to = (at) => [Math.round((from.width + at.clientX - event.clientX) / unit), Math.round((from.height + at.clientY - event.clientY) / high)];
+    const to = (at) => [Math.round(spec.width * (1 + (at.clientX - event.clientX) / from.width)), Math.round(spec.height * (1 + (at.clientY - event.clientY) / from.height))];
     follow(event, (at) => {
       const [width, height] = to(at);
       card.dataset.size = `${Math.min(Math.max(width, 1), 12)} × ${Math.min(Math.max(height, 1), 12)}`;

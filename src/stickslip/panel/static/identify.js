@@ -143,7 +143,7 @@ export async function mount(element, app) {
     const seen = [...goodness(state.stage?.recordings ?? {}, "step"), ...goodness(fit.recordings, "fitted"), ...goodness(state.verification?.recordings ?? {}, "predicted")];
     const links = make("p", { className: "identify-links" });
     if (state.report) {
-      const report = make("a", { textContent: "Report", href: `/api/identify/report/${state.report.split("/")[1]}`, target: "_blank", rel: "noopener" });
+      const report = make("a", { textContent: "Report", href: `/api/identify/report/${state.report.replace(/\/report\.html$/, "")}`, target: "_blank", rel: "noopener" });
       links.append(report, make("span", { className: "soft", textContent: state.report }));
     }
     links.append(make("a", { textContent: "Explore this model", href: exploreLink() }));

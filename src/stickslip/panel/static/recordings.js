@@ -10,7 +10,8 @@ export function makeRecordings(bench) {
   const list = h("ul", { class: "recordings" });
   const back = h("button", { type: "button", class: "small", hidden: true, onclick: () => bench.show({ live: true, recordings: [] }) }, "Show the live run");
   const search = h("input", { type: "search", placeholder: "find a recording", "aria-label": "Find a recording", oninput: update });
-  const element = h("div", {}, back, search, list);
+  const own = h("label", { class: "choice", hidden: true }, h("input", { type: "checkbox", onchange: (event) => bench.show({ live: event.target.checked }) }), h("span", {}, "Compare with the live run"));
+  const element = h("div", {}, back, own, search, list);
   let found = [];
   /** What is ticked is what is shown: the live run too is ticked, or not. */
   function tick(name, on) {
@@ -42,41 +43,41 @@ export function makeRecordings(bench) {
       return h("li", { class: shown ? "shown" : "" },
         h("label", { class: "compare", title: "Compare: show it with the others" }, compare),
         h("button", { type: "button", class: "small quiet name", title: `${name}, ${(bytes / 1000).toFixed(0)} kB`, "data-recording": name, onclick: () => bench.show({ live: false, recordings: [name] }) }, shortName(name), unfinished ? h("span", { class: "soft" }, " · stopped") : null),
-        h("button", { type: "button", class: "small quiet", "aria-label": `Rename ${shortName(name)}`, title: "Rename", onclick: () => renameDialog(name) }, "✎"),
+        h("button", { type: "button", class: "small quiet", "aria-label": `Rename ${shortName(name)}`, title: "Rename", onclick: () => renameDialog(bench, name, (to) => { bench.show({ recordings: bench.shown.recordings.map((one) => (one === name ? to : one)) }); build(); }) }, "✎"),
         h("button", { type: "button", class: "small quiet", "aria-label": `Export ${shortName(name)}`, title: "Export", onclick: () => exportDialog(name) }, "⤓"));
     }));
-    if (recordings.length && bench.live.data.filled) {
-      const box = h("input", { type: "checkbox", checked: live, "aria-label": "Compare with the live run", onchange: () => bench.show({ live: !live }) });
-      list.prepend(h("li", { class: live ? "shown" : "" }, h("label", { class: "compare" }, box), h("span", { class: "name small" }, "The live run, or the last one")));
-    }
+    own.hidden = !recordings.length || !bench.live.data.filled;
+    own.querySelector("input").checked = live;
     if (wanted.length > MOST_SHOWN) list.append(h("li", { class: "soft" }, `${wanted.length - MOST_SHOWN} more: search for them.`));
     if (found.length && !wanted.length) list.append(h("li", { class: "soft" }, "None is called so."));
     if (!found.length) list.append(h("li", { class: "soft" }, "None yet: press Start."));
     if (open) list.querySelector(`[data-recording="${CSS.escape(open)}"]`)?.focus();
   }
-  function renameDialog(name) {
-    openDialog("Rename the recording", (close) => {
-      const parts = name.split("/");
-      const field = h("input", { id: "rename", value: parts.at(-1).replace(/\.nc$/, ""), spellcheck: false });
-      const rename = async (event) => {
-        event.preventDefault();
-        const to = [...parts.slice(0, -1), `${field.value.replace(/\.nc$/, "")}.nc`].join("/");
-        if (to === name) return close();
-        if (await bench.act("/recordings/rename", { name, to })) {
-          close();
-          bench.show({ recordings: bench.shown.recordings.map((one) => (one === name ? to : one)) });
-          build();
-        }
-      };
-      return h("form", { onsubmit: rename }, h("div", { class: "field" }, h("label", { htmlFor: "rename" }, `Name in ${parts.slice(0, -1).join("/") || "the folder"}`), field),
-        h("div", { class: "row end" }, h("button", { type: "button", onclick: close }, "Cancel"), h("button", { class: "primary" }, "Rename")));
-    });
-  }
-  function exportDialog(name) {
-    openDialog(`Export ${shortName(name)}`, (close) => h("div", {},
-      h("div", { class: "choices" }, ...KINDS.map(([kind, text]) =>
-        h("a", { class: "button", href: `/recordings/export?${new URLSearchParams({ name, kind })}`, download: "", onclick: () => setTimeout(close) }, text))),
-      h("div", { class: "row end" }, h("button", { type: "button", onclick: close }, "Cancel"))));
-  }
   return { element, build, update };
+}
+
+/** Ask for another name; `renamed(to)` when it has it. */
+export function renameDialog(bench, name, renamed) {
+  openDialog("Rename the recording", (close) => {
+    const parts = name.split("/");
+    const field = h("input", { id: "rename", value: parts.at(-1).replace(/\.nc$/, ""), spellcheck: false });
+    const rename = async (event) => {
+      event.preventDefault();
+      const to = [...parts.slice(0, -1), `${field.value.replace(/\.nc$/, "")}.nc`].join("/");
+      if (to === name) return close();
+      if (await bench.act("/recordings/rename", { name, to })) {
+        close();
+        renamed(to);
+      }
+    };
+    return h("form", { onsubmit: rename }, h("div", { class: "field" }, h("label", { htmlFor: "rename" }, `Name in ${parts.slice(0, -1).join("/") || "the folder"}`), field),
+      h("div", { class: "row end" }, h("button", { type: "button", onclick: close }, "Cancel"), h("button", { class: "primary" }, "Rename")));
+  });
+}
+
+export function exportDialog(name) {
+  openDialog(`Export ${shortName(name)}`, (close) => h("div", {},
+    h("div", { class: "choices" }, ...KINDS.map(([kind, text]) =>
+      h("a", { class: "button", href: `/recordings/export?${new URLSearchParams({ name, kind })}`, download: "", onclick: () => setTimeout(close) }, text))),
+    h("div", { class: "row end" }, h("button", { type: "button", onclick: close }, "Cancel"))));
 }

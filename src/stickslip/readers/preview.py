@@ -1,0 +1,112 @@
+"""A look at a file before it is taken: its columns, their first values, and what they might be."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..recording import STANDARD_NAMES, RecordingError
+from ..recording.conversion import to_si_unit
+from ..units import QuantityError
+from .csv import read_csv
+from .formats import find_format
+from .matlab import read_matlab
+from .npy import read_npy, read_npz
+from .source import Channel, Rows, Source, is_clock
+
+SHOWN = 8  # values of a column
+MOST_COLUMNS = 200
+_LOOKED_AT = 20_000  # samples from which ranges and units are guessed
+# Words of a column's name, and what it then is; the first that is found.
+_MEANINGS = (
+    (r"strain|elongation|stage|piezo (pos|disp)", "stage_position"),
+    (r"volt|drive|\bu\b|\bhv\b|excitation|command|input", "drive_voltage"),
+    (r"sliding", "sliding_displacement"),
+    (r"friction", "friction_force"),
+    (r"velocity|speed", "end_effector_velocity"),
+    (r"force|load cell", "force"),
+    (r"pos|disp|slider|runner|effector|interferometer|\bx\b|\by\b", "end_effector_position"),
+)
+
+
+def look(path: Path) -> dict[str, Any]:
+    """What is in a file that `read_recording` reads.
+
+    Returns:
+        reader, samples, and columns: index, name, numeric, first (values as in the file), low, high, clock
+        (whether it is a time), unit (as the file says it; "" where it does not), guess (the name that we give
+        to such a quantity; "" for none), guessed_unit (from the range of values, where the file says none).
+
+    Raises:
+        RecordingError: it is of no known format, damaged, or has no columns.
+    """
+    kind = find_format(path)
+    if kind == "nc":
+        raise RecordingError(f"{path.name} is a recording of ours already: it needs no columns or units")
+    readers: dict[str, Any] = {"npy": read_npy, "npz": read_npz, "mat": read_matlab}
+    source: Source = read_csv(path, None, None, 0) if kind == "text" else readers[kind](path)
+    numeric = [i for i, one in enumerate(source.channels[:MOST_COLUMNS]) if one.numeric]
+    if not numeric:
+        raise RecordingError(f"{path.name} has no columns of numbers")
+    arrays = dict(zip(numeric, source.read(numeric, Rows(0, _LOOKED_AT)), strict=True))
+    columns = [_described(i, one, arrays.get(i)) for i, one in enumerate(source.channels[:MOST_COLUMNS])]
+    taken: set[str] = set()
+    for one in columns:  # a name is given once
+        if one["guess"] in taken:
+            one["guess"] = ""
+        taken.add(one["guess"])
+    return {"reader": source.reader, "samples": max(a.size for a in arrays.values()), "columns": columns}
+
+
+def _described(i: int, channel: Channel, values: np.ndarray | None) -> dict[str, Any]:
+    found: dict[str, Any] = {
+        "index": i, "name": channel.shown, "numeric": channel.numeric, "unit": channel.unit, "guess": "",
+        "guessed_unit": "", "first": [], "low": None, "high": None,
+    }  # fmt: skip
+    found["clock"] = clock = is_clock(channel) or channel.clock == i
+    if values is None or not values.size:
+        return found
+    real = values[np.isfinite(values)]
+    found["first"] = [float(f"{one:.6g}") if np.isfinite(one) else None for one in values[:SHOWN]]
+    if not real.size:
+        return found
+    found["low"], found["high"] = float(real.min()), float(real.max())
+    name = "time" if clock else _meaning(channel)
+    found["guess"] = name
+    if not channel.unit:
+        found["guessed_unit"] = _unit(name, real)
+    return found
+
+
+def _meaning(channel: Channel) -> str:
+    text = re.sub(r"[_\W]+", " ", channel.name.lower()).strip()
+    whole = text.replace(" ", "_")
+    if whole in STANDARD_NAMES:
+        return whole
+    said = _dimension(channel.unit)
+    for pattern, name in _MEANINGS:
+        if re.search(pattern, text) and said in ("", STANDARD_NAMES[name].unit):
+            return name
+    return {"V": "drive_voltage", "m": "end_effector_position", "N": "force"}.get(said, "")
+
+
+def _dimension(unit: str) -> str:
+    try:
+        return to_si_unit(unit).unit if unit else ""
+    except QuantityError:
+        return ""
+
+
+def _unit(name: str, values: np.ndarray) -> str:
+    """A unit in which such values are likely: of a time by its step, of a position by its range."""
+    if name == "time":
+        step = float(np.median(np.abs(np.diff(values)))) if values.size > 1 else 0.0
+        return "s" if step < 0.02 else "ms" if step < 20.0 else "us"
+    unit = STANDARD_NAMES[name].unit if name else ""
+    if unit != "m":
+        return unit
+    span = float(values.max() - values.min())
+    return "m" if span < 2e-3 else "um" if span < 2e3 else "nm"
