@@ -90,9 +90,16 @@ class Index:
                 f"SELECT * FROM runs WHERE {' AND '.join(where)} ORDER BY {made} DESC, changed DESC, name"
             )
             rows = [dict(row) for row in database.execute(chosen, given)]
-        acts = [one for one in read_acts(self.folder) if one["act"] == "renamed"]
-        for row in rows if acts else []:
-            row["links"] = _renamed(row["links"], acts)
+        acts = read_acts(self.folder)
+        of = {one["name"]: str(one["of"]) for one in acts if "of" in one}
+        renamed = [one for one in acts if one["act"] == "renamed"]
+        for row in rows:
+            links = json.loads(row["links"] or "{}")
+            if row["name"] in of:
+                links["prediction"] = [of[row["name"]]]
+            for kind, names in links.items():
+                links[kind] = present_names(names, renamed)
+            row["links"] = json.dumps(links, ensure_ascii=False) if links else ""
         return rows
 
     def binned(self) -> list[str]:
@@ -211,10 +218,3 @@ class Index:
                     continue
                 if stat.S_ISREG(one.st_mode) and real.is_relative_to(self.folder):
                     yield path.relative_to(self.folder).as_posix(), (one.st_mtime, one.st_size)
-
-
-def _renamed(links: str, acts: list[dict[str, Any]]) -> str:
-    if not links:
-        return links
-    found = {kind: present_names(names, acts) for kind, names in json.loads(links).items()}
-    return json.dumps(found, ensure_ascii=False)

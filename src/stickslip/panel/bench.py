@@ -18,8 +18,8 @@ from fastapi import APIRouter, Request, Response
 from numpy.typing import NDArray
 
 from ..experiment.running import check_experiment
+from ..history import note_act
 from ..input_file import Strict, yaml_text
-from ..readers.process import Reader
 from ..rig import RigError
 from ..rig.measurement import DRIVE, POSITION
 from ..units import QuantityError, to_si, with_prefix
@@ -28,6 +28,7 @@ from .document import Document
 from .folder import Folder
 from .journal import Journal
 from .live import Live
+from .path import predicted_of
 from .running import Arrived, Job, Runner
 from .stream import Client, Hub
 
@@ -70,11 +71,16 @@ class Window(Strict):
 
 
 def bench_routes(
-    folder: Folder, hub: Hub, control: Control, journal: Journal, runner: Runner, live: Live, read: Reader
+    folder: Folder,
+    hub: Hub,
+    control: Control,
+    journal: Journal,
+    runner: Runner,
+    live: Live,
+    document: Document,
 ) -> APIRouter:
     """The routes of the Bench page."""
     routes = APIRouter(prefix="/bench")
-    document = Document(folder, read)
 
     def described() -> str:
         return json.dumps({"kind": "experiment", **document.described()})
@@ -108,6 +114,10 @@ def bench_routes(
         columns = document.described()["channels"]
 
         def finished() -> None:
+            for run in content["runs"]:
+                prediction = predicted_of(run)
+                for path in out.rglob(f"{run['name']}*.nc") if prediction else ():
+                    note_act(folder.root, "recorded", folder.name(path), of=prediction)
             hub.tell("recordings")
 
         job = Job(title, file, folder.root, out, columns, finished=finished)

@@ -9,6 +9,7 @@ import math
 import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from ..actuator import Actuator
+from ..chain import Chain
 from ..estimate.result import Fit
 from ..estimate.search import Progress
 from ..identify.displacement import Displacement
@@ -27,6 +29,7 @@ from ..identify.walks import Varied, observed
 from ..readers import read_recording
 from ..recording import RecordingError
 from ..report import write_report
+from ..report.fits import chain_numbers
 from ..units import QuantityError, to_si
 from ..verification import verify
 from .exploration import Model, Value
@@ -113,6 +116,10 @@ def fit_recordings(request: FitRequest, folder: Folder, out: str, say: Say) -> N
         walks |= {str(r.title): Walk("verify", r) for r in unseen}
         notes = "" if stage is None else _said_of(stage, request.steps)
         document = walk_document("Identification", fit, actuator, walks, notes)
+        # What `stickslip verify` needs beside the model: the amplifier's slew rate is no part of a fit.
+        known = math.inf if rate is None else rate
+        chain = Chain(fit.values.get("delay", 0.0), fit.values.get("offset", 0.0), slew_rate=known)
+        document = replace(document, numbers={**document.numbers, "signal_chain": chain_numbers(chain)})
         write_report(document, folder.path(out), command="stickslip panel")
     said = dict.fromkeys(" ".join(str(w.message).split()) for w in caught)
     say("report", {"report": f"{out}/report.html", "notes": list(said)}, [])

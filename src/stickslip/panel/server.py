@@ -23,6 +23,7 @@ from ..rig.samples import recover
 from ..units import to_si
 from .bench import bench_routes
 from .control import Control, shown
+from .document import Document
 from .explore import explore_routes
 from .fits import Fitting
 from .folder import Folder
@@ -31,6 +32,7 @@ from .historical import history_routes
 from .identifying import identify_routes
 from .journal import Journal
 from .live import Live
+from .path import path_routes
 from .readiness import Readiness
 from .recordings import recording_routes
 from .running import Runner
@@ -77,6 +79,7 @@ def create_app(
     runner = Runner(hub, live, journal, files.root / ".rig", read)
     for one in recovered:
         journal(f"{files.name(one)}: kept of a run that was killed", "warning")
+    document = Document(files, read)
     readiness = Readiness(hub)
     fitting = Fitting(files, hub, readiness)
 
@@ -105,7 +108,8 @@ def create_app(
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None, lifespan=life)
     app.state.hub, app.state.live, app.state.fitting = hub, live, fitting
 
-    app.include_router(bench_routes(files, hub, control, journal, runner, live, read))
+    app.include_router(bench_routes(files, hub, control, journal, runner, live, document))
+    app.include_router(path_routes(files, hub, control, journal, document, read))
     app.include_router(recording_routes(files, hub, control, read))
     app.include_router(history_routes(files, hub, control, read))
 

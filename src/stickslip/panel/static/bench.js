@@ -18,7 +18,7 @@ export async function mount(element, app) {
     run: { phase: "idle", position: 0 },
     live: makeLiveData(app),
     shown: { live: true, recordings: [] },
-    chosen: null, // the run that Start starts
+    chosen: new URLSearchParams(location.hash.split("?")[1] ?? "").get("run"), // the run that Start starts
     /** Change one place of the experiment; the server refuses what cannot be recorded. */
     set: (path, value) => app.request("/bench/set", { path, value }),
     act(path, body = {}) {

@@ -4,6 +4,7 @@ import { exportDialog, renameDialog } from "./recordings.js";
 import { h } from "./dom.js";
 import { KIND, whenOf } from "./history.js";
 import { calledShortly, showRecording } from "./livedata.js";
+import { pathCard } from "./path.js";
 import { makePlot } from "./plot.js";
 import { formatQuantity } from "./quantity.js";
 
@@ -54,6 +55,11 @@ export async function showRun(element, app, name, acts) {
     recorded ? canvas : null, form,
     h("div", { class: "history-parts" }, part("Made of", of, "of nothing else here"), part("Made of it", made, "nothing yet"), part("Done with it", done, "nothing yet")),
     settings.length ? h("details", {}, h("summary", {}, "Settings and numbers"), h("div", { class: "history-table" }, h("table", {}, h("tbody", {}, ...settings)))) : null));
+  if (run.kind === "fit" && !run.problem) {
+    const way = pathCard(app, name);
+    element.append(way);
+    return () => way.destroy();
+  }
   return recorded ? draw(canvas, app, name) : () => {};
 }
 

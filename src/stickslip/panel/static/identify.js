@@ -4,6 +4,7 @@ import { button, make, styled } from "./elements.js";
 import { begin, toLink, withLaw } from "./explore_state.js";
 import { fitForm } from "./identify_form.js";
 import { calledShortly } from "./livedata.js";
+import { pathCard } from "./path.js";
 import { makePlot } from "./plot.js";
 import { formatQuantity } from "./quantity.js";
 import { unpack } from "./stream.js";
@@ -32,6 +33,9 @@ export async function mount(element, app) {
   });
   const canvas = make("div", { className: "identify-canvas empty" });
   const live = make("dl", { className: "explore-numbers identify-live" });
+  const next = make("div", {});
+  let further = null; // the way on, from the fit of this folder
+  let on = "";
   const results = make("div", { className: "identify-results" });
   const first = make("section", { className: "card identify-first", hidden: true }, make("h2", { textContent: "What comes here" }),
     make("ol", {},
@@ -40,7 +44,7 @@ export async function mount(element, app) {
       make("li", { textContent: "Press Start fit: measured and model move together here while it runs. Then come the estimates with their intervals, how well the walks that were not fitted are predicted, and a report." })));
   const head = make("div", { className: "identify-head" }, make("h2", { textContent: "Fit" }), which, make("span", { className: "grow" }), status, bar);
   const right = make("div", { className: "identify-right" },
-    make("section", { className: "card identify-picture" }, head, fault, live, canvas), first, results);
+    make("section", { className: "card identify-picture" }, head, fault, live, canvas), first, results, next);
   element.append(make("h1", { className: "visually-hidden", textContent: "Identify" }), make("div", { className: "identify" }, form.element, right));
   const plot = makePlot(canvas, {
     label: "Measured position, the model, and the residuals",
@@ -111,6 +115,13 @@ export async function mount(element, app) {
     which.hidden = options.length < 2;
     first.hidden = state.phase !== "none";
     results.replaceChildren(...(state.fit ? resultCards() : []));
+    const fit = state.phase === "done" && state.report ? state.report.replace(/\/report\.html$/, "") : "";
+    if (fit !== on) {
+      on = fit;
+      further?.destroy();
+      further = fit ? pathCard(app, fit) : null;
+      next.replaceChildren(...(further ? [further] : []));
+    }
   }
   function liveNumbers(step) {
     if (!step) return [];
@@ -185,6 +196,7 @@ export async function mount(element, app) {
   return () => {
     ending.forEach((end) => end());
     plot.destroy();
+    further?.destroy();
   };
 }
 

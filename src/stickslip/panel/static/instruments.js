@@ -25,7 +25,7 @@ export function makeInstrument(bench, spec) {
 function display(bench, spec) {
   const parts = spec.variables.map((name) => {
     const to = bound(bench, name);
-    const value = h("output", { class: "reading number" });
+    const value = h("output", { class: "reading number", "aria-live": "off" });
     const when = h("span", { class: "when" });
     const title = h("span", {}, spec.variables.length === 1 && spec.title ? spec.title : to.label);
     return { to, value, when, element: h("div", { class: "display" }, h("span", { class: "soft" }, title, when), value) };

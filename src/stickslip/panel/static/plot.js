@@ -94,7 +94,7 @@ export function makePlot(element, { series, time = { label: "time", unit: "s" },
     const outputs = members.map((one) => {
       const item = document.createElement("span");
       item.className = "plot-key";
-      item.innerHTML = '<svg viewBox="0 0 22 8" aria-hidden="true"><line x1="0" y1="4" x2="22" y2="4" stroke-width="3"/></svg><span></span><output></output>';
+      item.innerHTML = '<svg viewBox="0 0 22 8" aria-hidden="true"><line x1="0" y1="4" x2="22" y2="4" stroke-width="3"/></svg><span></span><output aria-live="off"></output>';
       item.children[1].textContent = one.label;
       head.append(item);
       return item;

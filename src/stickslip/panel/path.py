@@ -1,0 +1,261 @@
+"""Routes of the way on from a fit: saved as a parameter set, a prediction, its drive on the bench, verified.
+
+Each step leaves a file with its links, which the history shows; the page asks for them again at any time.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from fastapi import APIRouter, Request
+from pydantic import Field
+
+from ..actuator import Actuator, load_actuator
+from ..history import Index, note_act
+from ..history.index import SETS
+from ..input_file import Strict
+from ..parameters.writing import parameter_text, write_parameters
+from ..readers.process import Reader
+from ..recording import make_recording, save_recording
+from ..report.fits import model_of
+from ..simulation import simulate, steady_step
+from ..units import QuantityError, to_si, with_prefix
+from .control import Control
+from .document import Document
+from .exploration import SHAPES
+from .folder import Folder, FolderError
+from .journal import Journal
+from .stream import Hub
+
+PREDICTED = "predicted"  # the run of the bench that a drive is sent as
+SAID = "As predicted in "  # what its notes begin with
+_SAMPLES = 4000  # of a prediction
+_LONGEST = 60.0  # s of a prediction
+_REST = 0.2  # s that the bench records after the drive
+_PATIENCE = 300.0  # s for a verification
+
+
+class Save(Strict):
+    """A fit (its folder) and the name of the parameter set to be."""
+
+    fit: str
+    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_. -]{0,59}$")
+
+
+class Prediction(Strict):
+    """A parameter set of the folder and a periodic drive."""
+
+    parameters: str
+    shape: str = Field(pattern="^(Sawtooth|ReverseSawtooth|Triangle|Cycloid|Sine)$")
+    amplitude: float | str
+    frequency: float | str
+    periods: int = Field(ge=1, le=1000)
+
+
+class Sent(Strict):
+    """A prediction whose drive the bench shall have."""
+
+    prediction: str
+
+
+class Check(Strict):
+    """A fit, and recordings for it to predict."""
+
+    fit: str
+    recordings: list[str] = Field(min_length=1, max_length=20)
+
+
+def path_routes(
+    folder: Folder, hub: Hub, control: Control, journal: Journal, document: Document, read: Reader
+) -> APIRouter:
+    """The routes, of the Identify page and of the history."""
+    routes = APIRouter(prefix="/path")
+
+    def linked(name: str) -> dict[str, Any]:
+        """What was made of a fit so far: parameter sets, predictions, recordings, verifications."""
+        with Index(folder.root, read) as index:
+            rows = index.rows()
+        links = {row["name"]: json.loads(row["links"] or "{}") for row in rows}
+
+        def of(kind: str, key: str, sources: list[str]) -> list[str]:
+            named = {row["name"] for row in rows if row["kind"] == kind}
+            return [one for one in links if one in named and set(links[one].get(key, [])) & {*sources}]
+
+        sets = of("parameters", "fit", [name])
+        predictions = of("prediction", "parameters", sets)
+        seen = {*links.get(name, {}).get("fitted", []), *links.get(name, {}).get("steps", [])}
+        others = [r["name"] for r in rows if r["kind"] == "recording" and not r["problem"]]
+        return {
+            "sets": sets,
+            "predictions": predictions,
+            "recordings": of("recording", "prediction", predictions),
+            "others": [one for one in others if one not in seen][:100],
+            "verifications": of("verification", "fit", [name]),
+        }
+
+    @routes.get("")
+    def state(fit: str) -> dict[str, Any]:
+        folder.path(fit)
+        return linked(fit)
+
+    @routes.post("/save")
+    def save(asked: Save) -> dict[str, str]:
+        numbers = _numbers(folder, asked.fit)
+        model = model_of(numbers.get("model", {}))
+        errors = {k: float(p["standard_error"]) for k, p in _parameters(numbers).items() if _known(p)}
+        text = parameter_text(model, asked.name, f"fit {asked.fit}", errors)
+        path = folder.path(f"{SETS}/{asked.name}.toml")
+        try:
+            write_parameters(path, text)
+        except FileExistsError:
+            raise QuantityError(
+                f"there is a parameter set {asked.name!r} already: give another name"
+            ) from None
+        return _made(folder.name(path), f"{asked.fit}: saved as the parameter set {asked.name}")
+
+    @routes.post("/predict")
+    def predict(asked: Prediction) -> dict[str, Any]:
+        actuator = load_actuator(folder.path(asked.parameters))
+        made, numbers = _predicted(actuator, asked)
+        made.attrs["links"] = json.dumps({"parameters": [asked.parameters]})
+        name = f"predictions/{datetime.now():%Y-%m-%d_%H%M%S_%f}.nc"
+        folder.path(name).parent.mkdir(exist_ok=True)
+        save_recording(made, folder.path(name))
+        return {**_made(name, f"{name}: predicted with {asked.parameters}"), "numbers": numbers}
+
+    @routes.post("/send")
+    def send(asked: Sent, request: Request) -> dict[str, str]:
+        control.need(request.headers.get("x-client", ""))
+        recording = read(folder.path(asked.prediction))
+        try:
+            drive = json.loads(str(recording.attrs["variables"]))
+        except (KeyError, ValueError):
+            raise QuantityError(f"{asked.prediction} is no prediction: it names no drive") from None
+        runs = [one for one in document.checked.content["runs"] if one["name"] != PREDICTED]
+        document.change(["runs"], [*runs, _run(asked.prediction, drive, runs)])
+        hub.send(json.dumps({"kind": "experiment", **document.described()}))
+        note_act(folder.root, "drive sent to the bench", asked.prediction)
+        journal(f"{asked.prediction}: its drive is on the bench, as the run {PREDICTED}")
+        return {"run": PREDICTED}
+
+    @routes.post("/verify")
+    def verify(asked: Check) -> dict[str, Any]:
+        _numbers(folder, asked.fit)
+        out = f"verifications/{datetime.now():%Y-%m-%d_%H%M%S_%f}"
+        _verified(folder, asked, folder.path(out))
+        links = {"kind": "verification", "links": {"fit": [asked.fit], "of": asked.recordings}}
+        folder.path(f"{out}/links.json").write_text(json.dumps(links), encoding="utf-8")
+        results = json.loads(folder.path(f"{out}/results.json").read_text(encoding="utf-8"))
+        return {**_made(out, f"{asked.fit}: verified"), "summary": str(results.get("summary", ""))}
+
+    def _made(name: str, said: str) -> dict[str, str]:
+        journal(said)
+        hub.tell("recordings")
+        return {"name": name}
+
+    return routes
+
+
+def predicted_of(run: dict[str, Any]) -> str | None:
+    """The prediction whose drive a run of the experiment has, if any."""
+    found = re.match(re.escape(SAID) + r"(predictions/[\w.-]+\.nc)", str(run.get("notes", "")))
+    return found[1] if found else None
+
+
+def _numbers(folder: Folder, fit: str) -> dict[str, Any]:
+    path = folder.path(f"{fit}/results.json")
+    if not path.is_file():
+        raise FolderError(f"{fit[:60]!r} is no fit")
+    return json.loads(path.read_text(encoding="utf-8"))["numbers"]
+
+
+def _parameters(numbers: dict[str, Any]) -> dict[str, Any]:
+    found = numbers.get("parameters", {})
+    return {name: one for name, one in found.items() if isinstance(one, dict)}
+
+
+def _known(parameter: dict[str, Any]) -> bool:
+    return isinstance(parameter.get("standard_error"), int | float)
+
+
+def _predicted(actuator: Actuator, asked: Prediction) -> tuple[Any, dict[str, Any]]:
+    amplitude, frequency = (
+        to_si(asked.amplitude, "V", "amplitude"),
+        to_si(asked.frequency, "Hz", "frequency"),
+    )
+    forever = SHAPES[asked.shape](amplitude=amplitude, frequency=frequency)
+    duration = asked.periods / forever.frequency
+    if duration > _LONGEST:
+        raise QuantityError(
+            f"{asked.periods} periods at {with_prefix(frequency, 'Hz')} take {duration:.3g} s; a prediction "
+            f"has at most {_LONGEST:g} s"
+        )
+    drive = forever._replace(periods=float(asked.periods))
+    moved = simulate(actuator, drive, duration=duration + _REST, sample_rate=_SAMPLES / (duration + _REST))
+    channels = {
+        name: (moved[name].values, str(moved[name].attrs["units"]))
+        for name in ("drive_voltage", "stage_position", "end_effector_position")
+    }
+    title = f"{asked.periods} periods of {asked.shape}, {amplitude:g} V, {frequency:g} Hz"
+    made = make_recording(
+        moved["time"].values,
+        channels,
+        title=title,
+        notes=f"Simulated with {asked.parameters}.",
+        source="simulation",
+        epoch=datetime.now().astimezone().isoformat(timespec="seconds"),
+    )
+    fields = {"amplitude": amplitude, "frequency": frequency, "periods": asked.periods}
+    made.attrs["variables"] = json.dumps({"shape": asked.shape, **fields})
+    made.attrs["outcome"] = "complete"
+    position = moved["end_effector_position"].values
+    step = steady_step(actuator, forever)
+    return made, {"net_displacement": float(position[-1] - position[0]), "steady_step": step}
+
+
+def _run(prediction: str, drive: dict[str, Any], runs: list[dict[str, Any]]) -> dict[str, Any]:
+    """A run of the experiment with that drive, sampled as the others are."""
+    duration = drive["periods"] / drive["frequency"]
+    capture = runs[0]["capture"] if runs else {}
+    kept = {name: capture[name] for name in ("interval", "down_sampling") if name in capture}
+    level = f"{min(1.0, 0.05 * abs(drive['amplitude']))} V"
+    fields = {"amplitude": f"{drive['amplitude']} V", "frequency": f"{drive['frequency']} Hz"}
+    return {
+        "name": PREDICTED,
+        "notes": f"{SAID}{prediction}.",
+        "waveform": [{"shape": drive["shape"], "fields": {**fields, "periods": drive["periods"]}}],
+        "capture": {
+            "length": f"{duration + 2 * _REST:.6g} s",
+            **(kept or {"down_sampling": 1}),
+            "pre_trigger": "0.1 s",
+            "trigger": {"signal": "drive_voltage", "level": level},
+        },
+    }
+
+
+def _verified(folder: Folder, asked: Check, out: Path) -> None:
+    """As the command does it, in a process of its own: it draws, and reads files."""
+    paths = [folder.path(name) for name in asked.recordings]
+    missing = [name for name, path in zip(asked.recordings, paths, strict=True) if not path.is_file()]
+    if missing:
+        raise FolderError(f"{missing[0][:60]!r} is no recording")
+    command = [sys.executable, "-m", "stickslip", "verify", str(folder.path(f"{asked.fit}/results.json"))]
+    try:
+        done = subprocess.run(
+            [*command, *map(str, paths), "--out", str(out)],
+            capture_output=True,
+            text=True,
+            timeout=_PATIENCE,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        raise QuantityError(f"the verification took more than {_PATIENCE:g} s, and was ended") from None
+    if done.returncode or not (out / "results.json").is_file():
+        said = (done.stderr.strip() or done.stdout.strip() or "it ended without a word").splitlines()[-1]
+        raise QuantityError(said.removeprefix("stickslip: "))

@@ -1,0 +1,78 @@
+"""Write an actuator as a parameter set, which `load_actuator` reads back as it is."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from ..records import quantities
+from .load import load_set
+
+
+def parameter_text(
+    record: Any, title: str, source: str, errors: Mapping[str, float] | None = None, kind: str = "actuator"
+) -> str:
+    """The TOML text of a parameter set.
+
+    Args:
+        record: an actuator, of floats in SI.
+        title: in words.
+        source: where the values come from, said of each.
+        errors: standard errors in SI by field, "sigma_0" for friction too; they become notes.
+        kind: that of the set.
+    """
+    law = type(record.friction).__name__
+    lines = [f"title = {_text(title)}", "citations = []", f"kind = {_text(kind)}", ""]
+    lines += _tables(record, "", source, errors or {})
+    lines += ["[friction]", f"law = {_text(law)}", ""]
+    lines += _tables(record.friction, "friction.", source, errors or {})
+    return "\n".join(lines)
+
+
+def _tables(record: Any, prefix: str, source: str, errors: Mapping[str, float]) -> Iterator[str]:
+    known = quantities(type(record))
+    for field, value in record._asdict().items():
+        if isinstance(value, bool):
+            shown, unit, symbol = str(value).lower(), None, ""
+        elif field in known and _finite(value):
+            shown = repr([float(one) for one in value]) if isinstance(value, tuple) else repr(float(value))
+            unit, symbol = known[field].unit, known[field].symbol
+        else:  # a name, the friction, what is left out or infinite, which are the defaults
+            continue
+        yield f"[{prefix}{field}]"
+        yield f"value = {shown}"
+        if unit is not None:
+            yield f"unit = {_text(unit)}"
+            yield f"symbol = {_text(symbol)}"
+        yield f"source = {_text(source)}"
+        if field in errors and math.isfinite(errors[field]):
+            yield f"note = {_text(f'standard error {errors[field]:.3g} {unit}'.strip())}"
+        yield ""
+
+
+def _finite(value: Any) -> bool:
+    values = value if isinstance(value, tuple) else (value,)
+    return all(isinstance(one, int | float) and math.isfinite(one) for one in values)
+
+
+def _text(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False)  # a basic string of TOML is one of JSON
+
+
+def write_parameters(path: str | os.PathLike[str], text: str) -> Path:
+    """Write the text of a set to a new file, and read it once.
+
+    Raises:
+        FileExistsError: there is one of that name.
+        ParameterSetError: it cannot be read back.
+    """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("x", encoding="utf-8") as file:
+        file.write(text)
+    load_set(path)
+    return path
