@@ -60,6 +60,10 @@ class Document:
         limits = limits_of(file, found[0].actuator)
         return Checked(content, file, found, channel_units(can, found[0].channels, limits))
 
+    def check(self, content: dict[str, Any]) -> Checked:
+        """As `change` would; but nothing is changed."""
+        return self._check(content)
+
     def change(self, path: list[str | int], value: Any) -> None:
         """Set one place of the content, null takes it away; raises as `replace`, and nothing is changed."""
         with self._lock:

@@ -25,6 +25,7 @@ from ..rig.measurement import POSITION
 from ..rig.supervisor import StopRequested
 from .journal import Journal
 from .live import Live
+from .statistics import Statistics, drive_channel
 from .stream import Hub
 
 Sees = Callable[[dict[str, NDArray[np.float64]]], None]
@@ -60,10 +61,15 @@ class Runner:
         hub, live, journal: who is told.
         rigs: the folder of the process that owns the panel's virtual rig.
         read: reads the files that an experiment names.
+        statistics: sees what is measured; may ask for a stop.
     """
 
-    def __init__(self, hub: Hub, live: Live, journal: Journal, rigs: Path, read: Reader) -> None:
+    def __init__(
+        self, hub: Hub, live: Live, journal: Journal, rigs: Path, read: Reader, statistics: Statistics
+    ) -> None:
         self._hub, self._live, self._journal, self._rigs, self._read = hub, live, journal, rigs, read
+        self._statistics = statistics
+        self.also_stop: list[Callable[[], bool]] = []  # what else ends then; whether it went on
         self._control: Link | None = None
         self._linking = threading.Lock()
         self._using = threading.Lock()  # the rig: a run, or setting home
@@ -102,9 +108,10 @@ class Runner:
             self._thread.start()
 
     def stop(self, why: str) -> bool:
-        """Ask the run to end with a ramp to 0 V; at once, whoever asks. Whether there was one."""
+        """Ask the run to end with a ramp to 0 V; at once, whoever asks. Whether anything went on."""
+        also = [act() for act in self.also_stop]
         if not self.busy:
-            return False
+            return any(also)
         if self._stop is None:
             self._stop = (why, time.perf_counter())
             self._state(phase="stopping")
@@ -148,10 +155,10 @@ class Runner:
         if self._control is not None:
             self._control.close()
 
-    def join(self) -> None:
-        """Wait for the end of the run."""
+    def join(self, most: float | None = None) -> None:
+        """Wait for the end of the run, `most` seconds."""
         if self._thread is not None:
-            self._thread.join()
+            self._thread.join(most)
 
     def home_here(self, file: ExperimentFile, folder: Path, cell: Cell) -> None:
         """Call the present position home, as the experiment's channel shows it."""
@@ -199,10 +206,17 @@ class Runner:
             said = str(error) if known else f"unexpected {type(error).__name__}"
             self._journal(f"{job.title}: {said}", "error")
         finally:
+            self._statistics.end(self.position)
             if job.finished is not None:
-                job.finished()
+                self._finish(job.finished)
             self._busy = False  # before it is told: who hears of the end may start again
             self._state(phase=phase, doing="", done=float(phase == "done"), remaining=None)
+
+    def _finish(self, finished: Callable[[], None]) -> None:
+        try:
+            finished()
+        except (ValueError, OSError) as error:  # the recordings are there; the next run is not to wait for it
+            self._journal(f"after the run: {error}", "error")
 
     def _watched(self, job: Job, cell: Cell, rig: Rig) -> Rig:
         rate = rig.capabilities.sample_rate
@@ -212,6 +226,7 @@ class Runner:
             pre_trigger = cell.capture.before * cell.capture.interval
             self._live.begin(f"{job.title}: {cell.name}", job.columns, rate, samples, before, pre_trigger)
             seek.begin(before)
+            self._statistics.begin(job.columns, drive_channel(cell.channels))
             self._state(phase="preparing", doing=cell.name)  # a virtual rig computes before it puts out
 
         def sees(block: dict[str, NDArray[np.float64]]) -> None:
@@ -228,6 +243,9 @@ class Runner:
                     block = {**block, POSITION: block[POSITION] + began}
                 self.position = getattr(rig, "position", self.position)
             self._live.add(block)
+            why = self._statistics.add(block, self.position)
+            if why:
+                self.stop(why)
             if job.goal is not None:
                 job.goal(self.position, block)
 

@@ -36,6 +36,9 @@ from .path import path_routes
 from .readiness import Readiness
 from .recordings import recording_routes
 from .running import Runner
+from .sequence import Sequencer, sequence_routes
+from .starting import Starter
+from .statistics import Statistics, statistics_routes
 from .stream import Hub
 from .warming import warm_up
 
@@ -76,10 +79,13 @@ def create_app(
     live = Live(hub)
     read = Reader()
     recovered = [one for made in sorted(files.root.glob("recordings/*/")) for one in recover(made)]
-    runner = Runner(hub, live, journal, files.root / ".rig", read)
+    statistics = Statistics(hub, journal, files.root)
+    runner = Runner(hub, live, journal, files.root / ".rig", read, statistics)
     for one in recovered:
         journal(f"{files.name(one)}: kept of a run that was killed", "warning")
     document = Document(files, read)
+    starter = Starter(files, hub, journal, document, runner, read)
+    sequencer = Sequencer(hub, document, runner, starter)
     readiness = Readiness(hub)
     fitting = Fitting(files, hub, readiness)
 
@@ -102,13 +108,16 @@ def create_app(
         fitting.close()
         if runner.stop("the panel closes"):
             await asyncio.to_thread(runner.join)
+        await asyncio.to_thread(sequencer.join)
         runner.close()
         read.close()
 
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None, lifespan=life)
     app.state.hub, app.state.live, app.state.fitting = hub, live, fitting
 
-    app.include_router(bench_routes(files, hub, control, journal, runner, live, document))
+    app.include_router(bench_routes(files, hub, control, journal, runner, live, document, starter))
+    app.include_router(sequence_routes(control, sequencer))
+    app.include_router(statistics_routes(control, statistics))
     app.include_router(path_routes(files, hub, control, journal, document, read))
     app.include_router(recording_routes(files, hub, control, read))
     app.include_router(history_routes(files, hub, control, read))

@@ -8,6 +8,8 @@ import { makeLiveData } from "./livedata.js";
 import { makeLog, makeVariables } from "./tables.js";
 import { makeRecordings } from "./recordings.js";
 import { formatQuantity } from "./quantity.js";
+import { makeSequence } from "./sequence.js";
+import { makeStatistics } from "./statistics.js";
 
 const PHASES = { idle: "Ready", preparing: "Preparing", running: "Running", stopping: "Stopping: ramp to 0 V", done: "Done", stopped: "Stopped", failed: "Failed" };
 
@@ -47,13 +49,24 @@ export async function mount(element, app) {
   const choice = whole(h("div", { class: "field" }, h("label", { htmlFor: "run-choice" }, "Run"), select));
   const values = whole(h("h2", {}, "Inputs"), inputs);
   const controls = h("div", { class: "bare" }, watching, choice, h("div", { class: "row" }, start, halt, home), values);
+  const words = h("input", { "aria-label": "A note on this run", placeholder: "Note on this run, with the time", maxLength: 2000 });
+  const note = h("form", { class: "note", onsubmit: async (event) => {
+    event.preventDefault();
+    if (!words.value.trim()) return;
+    const kept = await bench.act("/bench/note", { text: words.value });
+    if (!kept) return;
+    words.value = "";
+    app.notify(kept.kept ? "Noted, with the recording." : "Noted in the log: there is no run of this panel yet.");
+  } }, words, h("button", { class: "small" }, "Note"));
   const capture = makeCapture(bench);
   const recordings = makeRecordings(bench);
   const variables = makeVariables(bench);
   const log = makeLog(app);
-  const tabs = makeTabs([["Recordings", recordings.element], ["Capture", capture.element], ["Variables", variables.element], ["Log", log.element]]);
+  const sequence = makeSequence(bench);
+  const statistics = makeStatistics(bench);
+  const tabs = makeTabs([["Recordings", recordings.element], ["Capture", capture.element], ["Sequence", sequence.element], ["Statistics", statistics.element], ["Variables", variables.element], ["Log", log.element]]);
   const side = h("section", { class: "side", "aria-label": "Run" },
-    h("div", { class: "card" }, controls, h("div", { class: "status", role: "status" }, h("div", { class: "row" }, phase, h("span", { class: "grow" }), here), bar, doing)),
+    h("div", { class: "card" }, controls, h("div", { class: "status", role: "status" }, h("div", { class: "row" }, phase, h("span", { class: "grow" }), here), bar, doing, note)),
     h("div", { class: "card tabs" }, tabs));
 
   // --- experiment file and instruments
@@ -124,6 +137,7 @@ export async function mount(element, app) {
     for (const [called, field] of fields) field.set(own.find((one) => one.name === called).value);
     capture.build();
     variables.build();
+    sequence.build();
     arrangement.build();
     showControl();
   }
@@ -167,6 +181,8 @@ export async function mount(element, app) {
     bench.live.destroy();
     arrangement.destroy();
     log.destroy();
+    sequence.destroy();
+    statistics.destroy();
   };
 }
 

@@ -1,0 +1,232 @@
+"""A queue of runs: matrices of variables, repeats, rests, conditions; one after the other."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import threading
+import time
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from fastapi import APIRouter, Request
+from pydantic import Field
+
+from ..input_file import Strict
+from ..rig import RigError
+from ..units import QuantityError, to_si
+from .control import Control
+from .document import Document
+from .running import Runner
+from .starting import Starter
+from .stream import Client, Hub
+
+MOST_STEPS = 1000
+_OVERHEAD = 1.0  # s that a run takes beside its capture, until one was seen
+_ENDS = 600.0  # s after which a run that does not end is given up
+
+
+class Item(Strict):
+    """A run of the experiment, for each combination of the values of its variables, so many times."""
+
+    run: str
+    matrix: dict[str, list[str]] = Field(default_factory=dict, max_length=6)
+    repeats: int = Field(default=1, ge=1, le=1000)
+    rest: str | float = "0 s"
+
+
+class Sequence(Strict):
+    """What is queued, and on which conditions.
+
+    `order` "given": all repeats of a combination together; "rounds": all combinations, then all again.
+    """
+
+    items: list[Item] = Field(min_length=1, max_length=50)
+    order: str = Field(default="given", pattern="^(given|rounds)$")
+    home_first: bool = False
+    go_on: bool = False
+
+
+class Step(NamedTuple):
+    """One run: its content, its name, s that its capture takes, s of rest after it."""
+
+    content: dict[str, Any]
+    title: str
+    seconds: float
+    rest: float
+
+
+class Sequencer:
+    """Runs one sequence at a time, in a thread; a stop of the run ends it too."""
+
+    def __init__(self, hub: Hub, document: Document, runner: Runner, starter: Starter) -> None:
+        self._hub, self._document, self._runner, self._starter = hub, document, runner, starter
+        self._lock = threading.Lock()
+        self._ending = threading.Event()  # now
+        self._last = False  # after the run that goes on
+        self._thread: threading.Thread | None = None
+        self.state: dict[str, Any] = {
+            "phase": "idle",
+            "at": 0,
+            "count": 0,
+            "title": "",
+            "left": None,
+            "said": "",
+        }
+        runner.also_stop.append(self._stopped)
+        hub.greetings.append(self._greet)
+
+    def steps(self, asked: Sequence) -> list[Step]:
+        """Every run of a sequence, checked as if it began now; nothing is put out.
+
+        Raises:
+            ValueError, RigError: one of them cannot be recorded; names it.
+        """
+        found: list[Step] = []
+        for item in asked.items:
+            rest = to_si(item.rest, "s", "rest")
+            if not 0.0 <= rest <= 86400.0:
+                raise QuantityError(f"rest = {item.rest} is out of range: from 0 s to a day")
+            count = item.repeats
+            for values in item.matrix.values():
+                count *= max(len(values), 1)
+            if len(found) + count > MOST_STEPS:
+                raise QuantityError(f"{len(found) + count} runs are more than the {MOST_STEPS} of a sequence")
+            combinations = list(itertools.product(*(values or [""] for values in item.matrix.values())))
+            made = [self._step(item, dict(zip(item.matrix, one, strict=True)), rest) for one in combinations]
+            again = range(item.repeats)
+            found += [s for s in made for _ in again] if asked.order == "given" else made * item.repeats
+        return found
+
+    def _step(self, item: Item, values: dict[str, str], rest: float) -> Step:
+        content = self._document.of_runs([item.run])
+        unknown = [name for name in values if name not in content.get("variables", {})]
+        if unknown:
+            raise QuantityError(f"{unknown[0]!r} is no variable of the experiment")
+        shown = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in values.items())
+        title = f"{item.run}{f' at {shown}' if shown else ''}"
+        content = {**content, "variables": {**content.get("variables", {}), **values}}
+        try:
+            checked = self._document.check(content)
+        except (ValueError, RigError) as error:
+            raise type(error)(f"{title}: {error}") from None
+        seconds = sum(one.capture.length * one.capture.average for one in checked.cells)
+        return Step(content, title, seconds, rest)
+
+    def start(self, asked: Sequence) -> int:
+        """Begin; how many runs there are. Raises as `steps`, and RigError where something runs already."""
+        steps = self.steps(asked)
+        with self._lock:
+            if self.state["phase"] == "running" or self._runner.busy:
+                raise RigError("a run or a sequence is going on: stop it first")
+            self._ending.clear()
+            self._last = False
+            self._tell(phase="running", at=0, count=len(steps), title="", said="", left=_left(steps, 0.0))
+            self._thread = threading.Thread(target=self._go, args=(steps, asked), name="sequence")
+            self._thread.start()
+        return len(steps)
+
+    def end_after(self) -> None:
+        """No further run after the one that goes on."""
+        self._last = True
+        self._tell(said="ends after this run")
+
+    def join(self) -> None:
+        """End it, and wait for that."""
+        self._ending.set()
+        if self._thread is not None:
+            self._thread.join()
+
+    def _stopped(self) -> bool:
+        running = self.state["phase"] == "running"
+        self._ending.set()
+        return running
+
+    def _go(self, steps: list[Step], asked: Sequence) -> None:
+        phase, said = "done", f"{len(steps)} runs"
+        overhead, failed = _OVERHEAD, 0
+        for i, step in enumerate(steps):
+            if self._ending.is_set() or self._last:
+                phase, said = "ended", f"ended after {i} of {len(steps)}"
+                break
+            self._tell(at=i + 1, title=step.title, left=_left(steps[i:], overhead))
+            begun = time.monotonic()
+            outcome = self._one(step, i, len(steps), asked)
+            overhead += 0.5 * (time.monotonic() - begun - step.seconds - overhead)
+            if outcome == "done":
+                rest = step.rest if i + 1 < len(steps) else 0.0
+                self._tell(left=_left(steps[i + 1 :], overhead) + rest)
+                self._ending.wait(rest)
+                continue
+            failed += 1
+            if not (asked.go_on and outcome == "failed") or self._ending.is_set():
+                phase, said = "ended", f"{step.title}: {outcome}; ended after {i} of {len(steps)}"
+                break
+        if phase == "done" and failed:
+            said = f"{len(steps)} runs, {failed} of them failed"
+        self._tell(phase=phase, said=said, left=None)
+
+    def _one(self, step: Step, i: int, count: int, asked: Sequence) -> str:
+        """Run a step, after the way home where that is asked for; its phase at the end."""
+        try:
+            if asked.home_first and abs(self._runner.position) > 0.0:
+                outcome = self._ended(self._starter.home)
+                if outcome != "done":
+                    return outcome
+            (run,) = step.content["runs"]
+            notes = f"{run.get('notes', '')} Sequence, {i + 1} of {count}.".strip()
+            content = {**step.content, "runs": [{**run, "notes": notes}]}
+            title = f"{i + 1} of {count}: {step.title}"
+            return self._ended(lambda: self._starter.start(content, title, step.title))
+        except (ValueError, RigError, OSError) as error:
+            self._hub.tell("notice", text=f"{step.title}: {error}", level="error")
+            return "failed"
+
+    def _ended(self, begin: Callable[[], Any]) -> str:
+        if self._ending.is_set():
+            return "stopped"
+        begin()
+        if self._ending.is_set():  # a stop that came between two runs holds for the next one too
+            self._runner.stop("stop")
+        self._runner.join(_ENDS)
+        return str(self._runner.state["phase"])
+
+    def _tell(self, **changes: Any) -> None:
+        self.state = {**self.state, **changes}
+        self._hub.tell("sequence", **self.state)
+
+    def _greet(self, client: Client, said: dict[str, Any]) -> list[str]:
+        return [json.dumps({"kind": "sequence", **self.state})]
+
+
+def _left(steps: list[Step], overhead: float) -> float:
+    """s that these runs will take, with the rests between them."""
+    return sum(one.seconds + overhead for one in steps) + sum(one.rest for one in steps[:-1])
+
+
+def sequence_routes(control: Control, sequencer: Sequencer) -> APIRouter:
+    """The routes of the sequence."""
+    routes = APIRouter(prefix="/sequence")
+
+    @routes.post("/check")
+    def check(asked: Sequence) -> dict[str, Any]:
+        steps = sequencer.steps(asked)
+        return {
+            "count": len(steps),
+            "seconds": _left(steps, _OVERHEAD),
+            "titles": [one.title for one in steps[:200]],
+        }
+
+    @routes.post("/start")
+    def start(asked: Sequence, request: Request) -> dict[str, int]:
+        control.need(request.headers.get("x-client", ""))
+        return {"count": sequencer.start(asked)}
+
+    @routes.post("/end")
+    def end(request: Request) -> dict[str, str]:
+        """No further run; the one that goes on is finished."""
+        control.need(request.headers.get("x-client", ""))
+        sequencer.end_after()
+        return {"phase": str(sequencer.state["phase"])}
+
+    return routes

@@ -1,0 +1,190 @@
+"""What begins a run: of the experiment on the bench, with a folder of its own, and the way home."""
+
+from __future__ import annotations
+
+import itertools
+import re
+import secrets
+import shutil
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from datetime import datetime
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..experiment.running import check_experiment
+from ..history import note_act
+from ..history.describing import annotate
+from ..input_file import yaml_text
+from ..readers.process import Reader
+from ..recording import RecordingError
+from ..rig import RigError
+from ..rig.measurement import DRIVE, POSITION
+from ..units import QuantityError, to_si, with_prefix
+from .document import Document
+from .folder import Folder
+from .journal import Journal
+from .path import predicted_of
+from .running import Arrived, Job, Runner
+from .stream import Hub
+
+_HOMING = 10.0  # s that a way home may take
+_LONGEST_NOTE = 2000  # characters
+
+
+class Starter:
+    """Starts runs; keeps what somebody notes meanwhile with their recordings."""
+
+    def __init__(
+        self, folder: Folder, hub: Hub, journal: Journal, document: Document, runner: Runner, read: Reader
+    ) -> None:
+        self._folder, self._hub, self._journal, self._read = folder, hub, journal, read
+        self._document, self._runner = document, runner
+        self._notes: list[str] = []
+        self._out: Path | None = None
+        self._lock = threading.Lock()
+
+    def start(
+        self, content: dict[str, Any], title: str, slug: str, ended: Callable[[], None] | None = None
+    ) -> str:
+        """Start all runs of a content; the name of the folder of its recordings.
+
+        Raises:
+            ValueError, RigError: it cannot be recorded, or a run is going on.
+        """
+        content = _with_own_noise(content)
+        file = check_experiment(content)
+        if self._runner.busy:
+            raise RigError("a run is going on: stop it first")
+        out = _new_folder(self._folder, _slug(slug))
+
+        def finished() -> None:
+            self._link(content, out)
+            self._keep_notes(out)
+            self._hub.tell("recordings")
+            if ended is not None:
+                ended()
+
+        job = Job(
+            title, file, self._folder.root, out, self._document.described()["channels"], finished=finished
+        )
+        try:
+            (out / "experiment.yaml").write_text(yaml_text(content), encoding="utf-8")
+            with self._lock:
+                self._runner.start(job)
+                self._out, self._notes = out, []
+        except RigError:  # another start was first
+            (out / "experiment.yaml").unlink()
+            out.rmdir()
+            raise
+        return self._folder.name(out)
+
+    def home(self) -> None:
+        """Start the walk home."""
+        self._runner.start(homing(self._folder, self._document, self._runner.position))
+
+    def note(self, text: str) -> str:
+        """Keep a line with the run that is going on, or was the last; which one that is, "" for none."""
+        text = " ".join(text.split())[:_LONGEST_NOTE]
+        if not text:
+            raise QuantityError("a note has words")
+        self._journal(f"note: {text}")
+        with self._lock:
+            out = self._out
+            if out is None:
+                return ""
+            self._notes.append(f"[{datetime.now():%H:%M:%S}] {text}")
+        if not self._runner.busy:
+            self._keep_notes(out)
+            self._hub.tell("recordings")
+        return self._folder.name(out)
+
+    def _keep_notes(self, out: Path) -> None:
+        with self._lock:
+            if out != self._out or not self._notes:
+                return
+            said, self._notes = " ".join(self._notes), []
+        for path in out.rglob("*.nc"):
+            with suppress(RecordingError, OSError):
+                before = str(self._read(path).attrs.get("notes", ""))
+                annotate(path, f"{before} {said}".strip(), read=self._read)
+
+    def _link(self, content: dict[str, Any], out: Path) -> None:
+        for run in content["runs"]:
+            prediction = predicted_of(run)
+            for path in out.rglob(f"{run['name']}*.nc") if prediction else ():
+                with suppress(OSError):
+                    note_act(self._folder.root, "recorded", self._folder.name(path), of=prediction)
+
+
+def _with_own_noise(content: dict[str, Any]) -> dict[str, Any]:
+    """The noise of a virtual rig is another one in every run, as it is of a real one; the seed is kept with
+    the recordings."""
+    rig = content.get("rig", {})
+    if rig.get("kind", "virtual") != "virtual":
+        return content
+    return {**content, "rig": {**rig, "seed": secrets.randbelow(2**31)}}
+
+
+def _new_folder(folder: Folder, slug: str) -> Path:
+    """A folder that was not there before, however many runs begin within the same second."""
+    stamp = datetime.now().strftime("%Y-%m-%d_%H%M%S")
+    for number in itertools.count(1):
+        made = folder.path(f"recordings/{stamp}_{slug}" + (f"_{number}" if number > 1 else ""))
+        made.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            made.mkdir()
+        except FileExistsError:
+            continue
+        return made
+    raise AssertionError
+
+
+def _slug(text: str) -> str:
+    return re.sub(r"[^A-Za-z0-9-]+", "-", text)[:60].strip("-") or "run"
+
+
+def homing(folder: Folder, document: Document, position: float) -> Job:
+    """Walk towards home until the end-effector is there while the drive is at 0 V."""
+    content, file, _, units = document.checked
+    walk = {"forward_voltage", "reverse_voltage", "frequency"}
+    if not walk <= file.variables.keys() or POSITION not in units:
+        raise QuantityError(
+            f"the way home needs the variables {', '.join(sorted(walk))} and the channel {POSITION}"
+        )
+    shape, voltage = (
+        ("ReverseSawtooth", "$reverse_voltage") if position > 0 else ("Sawtooth", "$forward_voltage")
+    )
+    waveform = {"shape": shape, "fields": {"amplitude": voltage, "frequency": "$frequency"}}
+    run = {"name": "home", "waveform": [waveform], "capture": {"length": _HOMING, "down_sampling": 1}}
+    drive = next((name for name, one in file.channels.items() if one.input == DRIVE), None)
+    begun = time.monotonic()
+
+    def goal(now: float, block: dict[str, NDArray[np.float64]]) -> None:
+        at = block[POSITION]
+        if drive is not None:
+            volts = block[drive]
+            at = at[np.abs(volts) < 0.03 * max(float(np.abs(volts).max()), 1.0)]
+        if at.size and (float(at[-1]) <= 0.0 if position > 0 else float(at[-1]) >= 0.0):
+            raise Arrived(
+                f"home, to {with_prefix(float(at[-1]), 'm', 2)}, after {time.monotonic() - begun:.1f} s"
+            )
+
+    shown = document.described()["channels"]
+    # Beyond an end stop there is a way back: one stroke farther out is allowed for it.
+    cell = document.checked.cells[0]
+    stroke = abs(position) + abs(cell.actuator.gain) * max(cell.limits.max_voltage, -cell.limits.min_voltage)
+    limits = dict(content.get("limits", {}))
+    for name, sign in (("max_position", 1.0), ("min_position", -1.0)):
+        if limits.get(name) is not None and sign * position > 0.0:
+            limits[name] = sign * max(sign * to_si(limits[name], "m", name), stroke)
+    made = check_experiment({**content, "runs": [run], "save_as": [], "limits": limits})
+    out = folder.root / ".rig" / "home"  # nobody wants a recording of it
+    remove = partial(shutil.rmtree, out, ignore_errors=True)
+    return Job("Home", made, folder.root, out, shown, goal=goal, finished=remove)

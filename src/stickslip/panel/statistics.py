@@ -1,0 +1,220 @@
+"""Live statistics of a run: rms and range of each channel, the step, its drift; and alarms on them."""
+
+from __future__ import annotations
+
+import json
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from fastapi import APIRouter, Request
+from numpy.typing import NDArray
+from pydantic import Field
+
+from ..input_file import Strict
+from ..recording.replacing import replaced_whole
+from ..rig.measurement import DRIVE, POSITION
+from ..units import QuantityError, to_si, with_prefix
+from .control import Control
+from .journal import Journal
+from .stream import Client, Hub
+
+PAUSE = 0.2  # s between two messages
+STEPS = 50  # that the drift is taken over
+_LEAST_SWING = 1.0  # V of a drive that makes steps
+ALARMS = ".stickslip/alarms.json"
+
+
+class Alarm(Strict):
+    """A statistic, and what it may not leave; texts with units, or None."""
+
+    statistic: str = Field(max_length=80)
+    low: str | float | None = None
+    high: str | float | None = None
+    stop: bool = False
+
+
+class Alarms(Strict):
+    """All of them."""
+
+    alarms: list[Alarm] = Field(max_length=40)
+
+
+class Statistics:
+    """Of the run that goes on, or was the last.
+
+    A step is how much farther the end-effector is each time the drive rises through the middle of its swing:
+    the same phase, so that what is elastic does not count. The drift is the slope of a straight line through
+    the last steps, m per step.
+    """
+
+    def __init__(self, hub: Hub, journal: Journal, folder: Path) -> None:
+        self._hub, self._journal, self._file = hub, journal, folder / ALARMS
+        self._lock = threading.Lock()
+        self.alarms = self._kept()
+        self._columns: list[dict[str, str]] = []
+        self._drive = ""
+        self.values: dict[str, dict[str, Any]] = {}
+        self._raised: set[str] = set()
+        hub.greetings.append(self._greet)
+
+    def begin(self, columns: list[dict[str, str]], drive: str) -> None:
+        """A run begins; `drive` is the name of the channel that shows it, "" for none."""
+        with self._lock:
+            self._columns, self._drive = columns, drive
+            self._sums = {one["name"]: np.zeros(3) for one in columns}
+            self._ends = {one["name"]: [math.inf, -math.inf] for one in columns}
+            self._low, self._high = math.inf, -math.inf
+            self._above = True  # until it was below the middle: no rise yet
+            self._at: float | None = None
+            self._steps: deque[float] = deque(maxlen=STEPS)
+            self._count = 0
+            self._raised, self._next = set(), 0.0
+
+    def add(self, block: Mapping[str, NDArray[np.float64]], position: float) -> str:
+        """The next samples, and where the end-effector is [m from home]; why the run is to be stopped, ""
+        for not."""
+        with self._lock:
+            for name, values in block.items():
+                if values.size and name in self._sums:
+                    self._sums[name] += (values.size, values.sum(), np.square(values).sum())
+                    ends = self._ends[name]
+                    ends[:] = min(ends[0], float(values.min())), max(ends[1], float(values.max()))
+            if self._drive in block and POSITION in block:
+                self._walk(block[self._drive], block[POSITION])
+            now = time.monotonic()
+            if now < self._next:
+                return ""
+            self._next = now + PAUSE
+            return self._tell(position)
+
+    def end(self, position: float) -> None:
+        """The run has ended."""
+        with self._lock:
+            if self._columns:
+                self._tell(position)
+
+    def _walk(self, volts: NDArray[np.float64], at: NDArray[np.float64]) -> None:
+        self._low, self._high = min(self._low, float(volts.min())), max(self._high, float(volts.max()))
+        swing = self._high - self._low
+        if swing < _LEAST_SWING:
+            return
+        middle, margin = 0.5 * (self._low + self._high), 0.2 * swing
+        state = np.where(volts > middle, 1, np.where(volts < middle - margin, -1, 0))
+        known = np.flatnonzero(state)
+        turns = np.flatnonzero(np.diff(state[known], prepend=1 if self._above else -1))
+        for i in known[turns]:
+            self._above = bool(state[i] > 0)
+            if not self._above:
+                continue
+            if self._at is not None:
+                self._steps.append(float(at[i]) - self._at)
+                self._count += 1
+            self._at = float(at[i])
+
+    def _tell(self, position: float) -> str:
+        made: dict[str, dict[str, Any]] = {"position": _value("position from home", position, "m")}
+        for one in self._columns:
+            name, (count, total, squares) = one["name"], self._sums[one["name"]]
+            if not count:
+                continue
+            mean = total / count
+            spread = math.sqrt(max(squares / count - mean**2, 0.0))
+            label, unit = one["label"], one["unit"]
+            made[f"rms of {name}"] = _value(f"{label}, rms", math.sqrt(squares / count), unit)
+            made[f"deviation of {name}"] = _value(f"{label}, rms about its mean", spread, unit)
+            low, high = self._ends[name]
+            made[f"range of {name}"] = _value(f"{label}, peak to peak", high - low, unit)
+        if self._steps:
+            steps = np.array(self._steps)
+            made["steps"] = _value("steps so far", self._count, "")
+            made["step"] = _value("last step", float(steps[-1]), "m")
+            made["mean step"] = _value("mean step", float(steps.mean()), "m")
+            if steps.size > 2:
+                slope = float(np.polyfit(np.arange(steps.size), steps, 1)[0])
+                made["drift of the step"] = _value("drift of the step, a step", slope, "m")
+        self.values = made
+        why = self._watch()
+        self._hub.send(self._message())
+        return why
+
+    def _watch(self) -> str:
+        """Raise alarms that were not raised in this run; why the run is to be stopped."""
+        stop = ""
+        for alarm in self.alarms:
+            value = self.values.get(alarm.statistic)
+            if value is None:
+                continue
+            low, high = (
+                None if limit is None else to_si(limit, value["unit"], alarm.statistic)
+                for limit in (alarm.low, alarm.high)
+            )
+            beyond = (low is not None and value["value"] < low) or (
+                high is not None and value["value"] > high
+            )
+            value["alarm"] = beyond
+            if beyond and alarm.statistic not in self._raised:
+                self._raised.add(alarm.statistic)
+                shown = with_prefix(value["value"], value["unit"])
+                below = low is not None and value["value"] < low
+                limit = f"below {alarm.low}" if below else f"above {alarm.high}"
+                said = f"alarm: {value['label']} is {shown}, {limit}"
+                self._journal(said, "error")
+                stop = said if alarm.stop else stop
+        return stop
+
+    def set_alarms(self, alarms: list[Alarm]) -> None:
+        """Other alarms from now on, kept in the folder; raises QuantityError for a limit of another unit."""
+        for one in alarms:
+            unit = self.values.get(one.statistic, {}).get("unit")
+            for limit in (one.low, one.high):
+                if limit is not None and unit is not None:
+                    to_si(limit, unit, one.statistic)
+            if one.low is None and one.high is None:
+                raise QuantityError(f"{one.statistic}: an alarm has a low or a high limit")
+        with self._lock:
+            self.alarms, self._raised = alarms, set()
+            self._file.parent.mkdir(exist_ok=True)
+            with replaced_whole(self._file) as temporary:
+                temporary.write_text(Alarms(alarms=alarms).model_dump_json(), encoding="utf-8")
+        self._hub.send(self._message())
+
+    def _kept(self) -> list[Alarm]:
+        try:
+            return Alarms.model_validate_json(self._file.read_text(encoding="utf-8")).alarms
+        except (OSError, ValueError):
+            return []
+
+    def _message(self) -> str:
+        alarms = [one.model_dump() for one in self.alarms]
+        return json.dumps({"kind": "statistics", "values": self.values, "alarms": alarms})
+
+    def _greet(self, client: Client, said: dict[str, Any]) -> list[str]:
+        return [self._message()]
+
+
+def _value(label: str, value: float, unit: str) -> dict[str, Any]:
+    return {"label": label, "value": value, "unit": unit}
+
+
+def drive_channel(channels: Mapping[str, Any]) -> str:
+    """The channel of a cell that shows its drive, "" for none."""
+    return next((name for name, one in channels.items() if one.input == DRIVE), "")
+
+
+def statistics_routes(control: Control, statistics: Statistics) -> APIRouter:
+    """The route of the alarms."""
+    routes = APIRouter(prefix="/statistics")
+
+    @routes.post("/alarms")
+    def alarms(asked: Alarms, request: Request) -> dict[str, int]:
+        control.need(request.headers.get("x-client", ""))
+        statistics.set_alarms(asked.alarms)
+        return {"alarms": len(asked.alarms)}
+
+    return routes
