@@ -26,6 +26,7 @@ from .stream import Client, Hub
 
 PAUSE = 0.2  # s between two messages
 STEPS = 50  # that the drift is taken over
+_GROWN = 1.05  # times its swing: a drive of another amplitude
 _LEAST_SWING = 1.0  # V of a drive that makes steps
 ALARMS = ".stickslip/alarms.json"
 
@@ -70,6 +71,7 @@ class Statistics:
             self._sums = {one["name"]: np.zeros(3) for one in columns}
             self._ends = {one["name"]: [math.inf, -math.inf] for one in columns}
             self._low, self._high = math.inf, -math.inf
+            self._swing = 0.0  # to which the middle of the drive belongs
             self._above = True  # until it was below the middle: no rise yet
             self._at: float | None = None
             self._steps: deque[float] = deque(maxlen=STEPS)
@@ -104,6 +106,8 @@ class Statistics:
         swing = self._high - self._low
         if swing < _LEAST_SWING:
             return
+        if swing > _GROWN * self._swing:  # rises were seen at another phase until now
+            self._swing, self._above, self._at = swing, True, None
         middle, margin = 0.5 * (self._low + self._high), 0.2 * swing
         state = np.where(volts > middle, 1, np.where(volts < middle - margin, -1, 0))
         known = np.flatnonzero(state)
@@ -119,6 +123,14 @@ class Statistics:
 
     def _tell(self, position: float) -> str:
         made: dict[str, dict[str, Any]] = {"position": _value("position from home", position, "m")}
+        if self._steps:
+            steps = np.array(self._steps)
+            made["steps"] = _value("steps so far", self._count, "")
+            made["step"] = _value("last step", float(steps[-1]), "m")
+            made["mean step"] = _value("mean step", float(steps.mean()), "m")
+            if steps.size > 2:
+                slope = float(np.polyfit(np.arange(steps.size), steps, 1)[0])
+                made["drift of the step"] = _value("drift of the step, a step", slope, "m")
         for one in self._columns:
             name, (count, total, squares) = one["name"], self._sums[one["name"]]
             if not count:
@@ -130,14 +142,6 @@ class Statistics:
             made[f"deviation of {name}"] = _value(f"{label}, rms about its mean", spread, unit)
             low, high = self._ends[name]
             made[f"range of {name}"] = _value(f"{label}, peak to peak", high - low, unit)
-        if self._steps:
-            steps = np.array(self._steps)
-            made["steps"] = _value("steps so far", self._count, "")
-            made["step"] = _value("last step", float(steps[-1]), "m")
-            made["mean step"] = _value("mean step", float(steps.mean()), "m")
-            if steps.size > 2:
-                slope = float(np.polyfit(np.arange(steps.size), steps, 1)[0])
-                made["drift of the step"] = _value("drift of the step, a step", slope, "m")
         self.values = made
         why = self._watch()
         self._hub.send(self._message())

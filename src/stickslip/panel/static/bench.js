@@ -49,7 +49,7 @@ export async function mount(element, app) {
   const choice = whole(h("div", { class: "field" }, h("label", { htmlFor: "run-choice" }, "Run"), select));
   const values = whole(h("h2", {}, "Inputs"), inputs);
   const controls = h("div", { class: "bare" }, watching, choice, h("div", { class: "row" }, start, halt, home), values);
-  const words = h("input", { "aria-label": "A note on this run", placeholder: "Note on this run, with the time", maxLength: 2000 });
+  const words = h("input", { "aria-label": "A note on this run", placeholder: "Note on this run", maxLength: 2000 });
   const note = h("form", { class: "note", onsubmit: async (event) => {
     event.preventDefault();
     if (!words.value.trim()) return;

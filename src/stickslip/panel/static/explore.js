@@ -233,14 +233,14 @@ export async function mount(element, app) {
         ],
       }),
       loop: makePlot(place("loop", "Friction loop"), {
-        label: "Friction force over sliding displacement", xy: true, tools: false, time: { label: "sliding displacement", unit: "m" },
+        label: "Friction force over sliding displacement", xy: true, tools: "save", time: { label: "sliding displacement", unit: "m" },
         series: [{ label: "friction force", unit: "N", color: "--series-3" }, ...extra("N")],
       }),
       amplitude: makePlot(place("amplitude", "Step over voltage"), {
-        label: "Step over voltage", xy: true, tools: false, time: { label: "amplitude", unit: "V" }, series: step("this drive"),
+        label: "Step over voltage", xy: true, tools: "save", time: { label: "amplitude", unit: "V" }, series: step("this drive"),
       }),
       frequency: makePlot(place("frequency", "Step over frequency"), {
-        label: "Step over frequency", xy: true, tools: false, time: { label: "frequency", unit: "Hz", log: true }, series: step("this drive"),
+        label: "Step over frequency", xy: true, tools: "save", time: { label: "frequency", unit: "Hz", log: true }, series: step("this drive"),
       }),
     };
     draw();

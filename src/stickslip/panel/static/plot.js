@@ -4,6 +4,7 @@
 import uPlot from "./vendor/uplot.js";
 import { attachGestures } from "./gestures.js";
 import { makeMarks, valueAt } from "./marks.js";
+import { saveTools } from "./plot_export.js";
 import { formatQuantity, prefixed, prefixPower } from "./quantity.js";
 
 /** Tables [x, y, ...] over different x as one, with gaps that the lines cross. */
@@ -20,7 +21,7 @@ let plots = 0;
  *   stand below each other over the same horizontal axis.
  * time: { label, unit, log } of that axis.
  * xy: the curves need not run from left to right; setData then takes [x1, y1, x2, y2, ...].
- * tools: buttons for autoscale, freeze and cursors. empty: what is said while there is nothing to draw.
+ * tools: buttons for autoscale, freeze and cursors; "save": only those that save. empty: what is said while there is nothing to draw.
  */
 export function makePlot(element, { series, time = { label: "time", unit: "s" }, xy = false, tools = true, label = "Plot", empty = "" }) {
   const root = document.createElement("div");
@@ -234,14 +235,16 @@ export function makePlot(element, { series, time = { label: "time", unit: "s" },
       bar.append(button);
       buttons[name] = button;
     };
-    add("autoscale", "Autoscale", "Show everything (0, or a double click)", autoscale);
-    add("in", "+", "Zoom in (+, or drag a rectangle)", () => zoom(0.5));
-    add("out", "−", "Zoom out (-)", () => zoom(2));
-    add("freeze", "Freeze", "Hold the picture; the recording goes on (F)", () => freeze(!frozen), true);
-    if (!xy) {
+    const all = tools !== "save";
+    if (all) add("autoscale", "Autoscale", "Show everything (0, or a double click)", autoscale);
+    if (all) add("in", "+", "Zoom in (+, or drag a rectangle)", () => zoom(0.5));
+    if (all) add("out", "−", "Zoom out (-)", () => zoom(2));
+    if (all) add("freeze", "Freeze", "Hold the picture; the recording goes on (F)", () => freeze(!frozen), true);
+    if (all && !xy) {
       add("cursors", "Cursors", "Two cursors and their differences (A, B)", () => buttons.cursors.setAttribute("aria-pressed", String(marks.toggle())), true);
       buttons.cursors.setAttribute("aria-pressed", "false");
     }
+    saveTools(bar, label, () => ({ strips, drawn, x, data, xy, time, css, range: shownRange() }));
     root.append(bar);
   }
   const nothing = document.createElement("p");
