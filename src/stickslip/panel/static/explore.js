@@ -70,7 +70,7 @@ export async function mount(element, app) {
     };
     const sliders = (key, fields) => fields.map((field) => control(key, field));
     const lawFields = choices.laws[state.law].flatMap((field) => elementsOf(field, state.friction));
-    const sets = Object.entries(choices.sets).map(([name, set]) => [name, `${set.title} (${name})`]);
+    const sets = Object.entries(choices.sets).map(([name, set]) => [name, `${name}: ${set.title}`]);
     const plain = (names) => names.map((name) => [name, name.replace(/(?<=[a-z])(?=[A-Z][a-z]{3})/g, " ")]);
     panel.replaceChildren(
       section("drive", "Drive",

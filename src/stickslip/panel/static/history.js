@@ -130,9 +130,9 @@ export async function mount(element, app) {
   return () => { offs.forEach((off) => off()); clearTimeout(timer); leave(); };
 }
 
-/** "22 Nov 12:46" of a row. */
+/** "2026-11-22 12:46" of a row. */
 export function whenOf(row) {
-  const date = row.begun ? new Date(row.begun) : new Date(1000 * row.changed);
-  const text = Number.isNaN(date.getTime()) ? new Date(1000 * row.changed) : date;
-  return text.toLocaleString([], { year: "2-digit", month: "2-digit", day: "2-digit", hour: "2-digit", minute: "2-digit", hourCycle: "h23" });
+  const told = new Date(row.begun);
+  const date = Number.isNaN(told.getTime()) ? new Date(1000 * row.changed) : told;
+  return date.toLocaleString("sv-SE", { dateStyle: "short", timeStyle: "short" });
 }

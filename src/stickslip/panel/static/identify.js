@@ -159,7 +159,7 @@ export async function mount(element, app) {
     }
     links.append(make("a", { textContent: "Explore this model", href: exploreLink() }));
     const good = make("section", { className: "card" }, make("h2", { textContent: "Goodness of fit and verification" }),
-      table("r² about each recording's own mean", ["recording", "", "r²", "rms residual", "samples"], seen), links);
+      table("r² about each recording's own mean", ["recording", "use", "r²", "rms residual", "samples"], seen), links);
     return [found, good];
   }
   function exploreLink() {

@@ -118,7 +118,7 @@ export async function fitForm(app, choices, last, start, cancel) {
     const stage = choices.model.filter((one) => !one.switch && !["external_force", "incline"].includes(one.name));
     known = new Map([...law, ...stage, ...CHANNEL].map((one) => [one.name, one]));
     const plain = Object.keys(choices.laws).map((name) => [name, name.replace(/(?<=[a-z])(?=[A-Z][a-z]{3})/g, " ")]);
-    const sets = Object.entries(choices.sets).map(([name, set]) => [name, `${set.title} (${name})`]);
+    const sets = Object.entries(choices.sets).map(([name, set]) => [name, `${name}: ${set.title}`]);
     const reaction = makeSwitch(choices.model.find((one) => one.name === "stage_reaction"), state.model.stage_reaction, {
       drag(on) { own = true; state = changed(choices, state, "model", "stage_reaction", on); }, settle() {},
     });

@@ -104,7 +104,7 @@ export function makeMarks({ root, strips, drawn, time, values, range, enabled })
       return made;
     };
     const head = document.createElement("tr");
-    for (const text of ["", "A", "B", "B − A"]) head.append(cell("th", text));
+    for (const text of ["", "A", "B", "B − A"]) head.append(cell(text ? "th" : "td", text));
     for (const th of [...head.children].slice(1)) th.className = "number";
     table.replaceChildren(head, ...rows.map(([label, a, b, unit], i) => {
       const row = document.createElement("tr");

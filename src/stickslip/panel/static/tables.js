@@ -42,17 +42,18 @@ export function makeVariables(bench) {
 const label = (one, kind) => h("td", {}, h("div", {}, one.label), h("div", { class: "soft name" }, `${one.name}${one.unit ? ` [${one.unit}]` : ""} · ${kind}`));
 
 export function makeLog(app) {
-  const element = h("ol", { class: "log" });
+  const lines = h("ol", { class: "log" });
+  const element = h("div", {}, lines);
   const known = new Set();
   const off = app.stream.on("log", ({ entries }) => {
     for (const entry of entries) {
       if (known.has(entry.id)) continue;
       known.add(entry.id);
-      element.prepend(h("li", { "data-level": entry.level }, h("time", { dateTime: entry.time, class: "soft number" }, new Date(entry.time).toLocaleTimeString([], { hourCycle: "h23" })), " ", entry.text));
+      lines.prepend(h("li", { "data-level": entry.level }, h("time", { dateTime: entry.time, class: "soft number" }, new Date(entry.time).toLocaleTimeString([], { hourCycle: "h23" })), " ", entry.text));
       if (entry.level === "error") app.notify(entry.text, "error");
     }
-    while (element.children.length > 500) element.lastChild.remove();
+    while (lines.children.length > 500) lines.lastChild.remove();
   });
-  const reset = app.stream.on("connection", ({ restarted }) => { if (restarted) { known.clear(); element.replaceChildren(); } });
+  const reset = app.stream.on("connection", ({ restarted }) => { if (restarted) { known.clear(); lines.replaceChildren(); } });
   return { element, destroy() { off(); reset(); } };
 }

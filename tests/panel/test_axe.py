@@ -1,0 +1,192 @@
+"""Every page, state and dialog as axe sees it: no findings, light and dark."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from importlib.resources import files
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from .conftest import PATIENCE, Panel
+from .test_history_page import FIT, ONE, TWO, walk
+
+pytestmark = pytest.mark.browser
+SLOW = PATIENCE * 1e3  # ms
+AXE = (files("axe_playwright_python") / "axe.min.js").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Panel]:
+    """A panel with recordings, a fit that the Identify page shows, and something in the bin."""
+    folder = tmp_path_factory.mktemp("axe")
+    walk(folder, ONE, 65.0)
+    walk(folder, TWO, 70.0)
+    walk(folder, ".bin/recordings/gone.nc", 70.0)
+    (folder / "recordings" / "broken.nc").write_bytes(b"no recording")
+    (folder / "mine.yaml").write_text("")
+    parameter = {"value": 1e6, "unit": "N/m", "standard_error": 1e4, "interval": [0.9e6, 1.1e6]}
+    goodness = {ONE: {"r_squared": 0.999, "rmse": 1e-8, "n_data": 100}}
+    fit = {
+        "parameters": {"sigma_0": parameter},
+        "recordings": goodness,
+        "undetermined": ["sigma_0 is hardly determined."],
+        "lack_of_fit": [],
+        "converged": False,
+        "message": "too few evaluations",
+    }
+    friction = {"sigma_0": 1e6, "sigma_1": 30.0, "sigma_2": 0.0, "coulomb_force": 0.5, "stiction_force": 0.5}
+    friction |= {"stribeck_velocity": 1e-3, "damping_velocity": "inf"}
+    model = {"set": "kang2007", "law": "LuGre", "model": {}, "friction": friction}
+    shown = {
+        "phase": "done",
+        "elapsed": 3.0,
+        "names": [ONE],
+        "fit": fit,
+        "model": model,
+        "notes": ["a note"],
+        "report": f"{FIT}/report.html",
+        "request": {**model, "recordings": [ONE], "others": [], "steps": [], "free": ["sigma_0"]},
+    }
+    place = folder / FIT
+    place.mkdir(parents=True)
+    for name, text in (("report.html", "<title>r</title>"), ("results.json", "{}")):
+        (place / name).write_text(text)
+    (place / "shown.json").write_text(json.dumps(shown))
+    served = Panel(folder)
+    yield served
+    served.end()
+
+
+def findings(page: Page) -> list[str]:
+    """What axe finds: the rule, and the first element that breaks it."""
+    if not page.evaluate("'axe' in window"):
+        page.evaluate(f"{AXE};0")
+    found = page.evaluate("axe.run(document)")["violations"]
+    return [
+        f"{one['id']}: {one['nodes'][0]['html'][:200]} {one['nodes'][0]['failureSummary']}" for one in found
+    ]
+
+
+def bench(page: Page) -> Iterator[str]:
+    expect(page.locator("#start")).to_be_enabled(timeout=SLOW)
+    yield "as it opens"
+    for name in ("Capture", "Sequence", "Statistics", "Variables", "Log"):
+        page.get_by_role("tab", name=name).click()
+        yield name
+    page.get_by_role("tab", name="Sequence").click()
+    page.get_by_role("button", name="Another variable").click()
+    page.get_by_role("button", name="Start the sequence").click()
+    page.get_by_label("Values of variable 1 of run 1").wait_for()
+    expect(page.locator("#phase")).to_have_text("Running", timeout=SLOW)
+    yield "a sequence that runs"
+    page.locator("#stop").click()
+    expect(page.locator("#phase")).to_have_text("Stopped", timeout=SLOW)
+    yield "stopped"
+    page.get_by_role("tab", name="Statistics").click()
+    page.locator(".statistics tbody button").first.click()
+    yield "the dialog of an alarm"
+    page.get_by_label("Not above").fill("-1 m")
+    page.get_by_role("button", name="Set", exact=True).click()
+    page.get_by_role("button", name="Cursors").click()
+    page.get_by_role("button", name="Save as…").click()
+    yield "with an alarm, cursors and what saves"
+    page.get_by_role("tab", name="Recordings").click()
+    page.locator("#tab-recordings [data-recording]").first.click()
+    page.get_by_role("button", name="Arrange").click()
+    yield "a recording, arranging"
+    field = page.get_by_label("forward voltage", exact=True).first
+    field.fill("165 V")
+    field.press("Enter")
+    expect(page.locator("#inputs .fault:not(:empty)")).to_be_visible()
+    yield "a field that refuses"
+    for name in ("Load…", "Save…", "Add instrument…"):
+        page.get_by_role("button", name=name).click()
+        yield name
+        page.keyboard.press("Escape")
+    for title in ("Rename", "Export"):
+        page.locator("#tab-recordings li").first.get_by_title(title).click()
+        yield title
+        page.keyboard.press("Escape")
+
+
+def identify(page: Page) -> Iterator[str]:
+    page.locator(".identify[data-phase=done]").wait_for(timeout=SLOW)
+    expect(page.get_by_label("The way on")).to_be_visible()
+    yield "a fit and the way on"
+    page.get_by_text("Notes on the recordings").click()
+    page.get_by_role("button", name="Save as parameter set").click()
+    expect(page.get_by_label("The way on").get_by_role("alert")).not_to_be_empty()
+    yield "a step that is refused"
+
+
+def explore(page: Page) -> Iterator[str]:
+    page.locator(".explore[data-curves]").wait_for(timeout=SLOW)
+    yield "as it opens"
+    page.get_by_role("button", name="Pin").click()
+    page.locator(".explore-motion").get_by_role("button", name="Save as…").click()
+    yield "with a pin"
+    page.get_by_label("Amplitude").first.fill("999 V")
+    page.get_by_label("Amplitude").first.press("Enter")
+    expect(page.locator(".explore .fault:not(:empty)").first).to_be_visible()
+    yield "a value that is refused"
+    page.get_by_role("button", name="Open in Python").click()
+    page.locator("pre.code").wait_for()
+    yield "the dialog with Python"
+
+
+def history(page: Page) -> Iterator[str]:
+    page.locator("[data-run]").first.wait_for(timeout=SLOW)
+    yield "as it opens"
+    page.locator(f"[data-run='{ONE}']").click()
+    page.locator(".history-run .plot").wait_for()
+    page.get_by_text("Settings and numbers").click()
+    yield "a recording"
+    page.locator(f"[data-run='{FIT}']").click()
+    page.locator(".history-right .path").wait_for()
+    yield "a fit"
+    for name in (ONE, TWO):
+        page.locator(f"tr:has([data-run='{name}']) input").check()
+    page.get_by_role("button", name="Compare 2").click()
+    page.locator(".history-run .plot").wait_for()
+    yield "a comparison"
+    page.get_by_role("button", name="Bin…").click()
+    page.get_by_role("button", name="Restore").wait_for()
+    yield "the bin"
+    page.keyboard.press("Escape")
+    page.get_by_role("button", name="Take in a file").click()
+    csv = b"t,volts,where\n0,1,2\n0.1,2,3\n0.2,3,4\n"
+    page.set_input_files("#upload-file", {"name": "own.csv", "mimeType": "text/csv", "buffer": csv})
+    page.get_by_role("button", name="Take it in").wait_for()
+    yield "a file that is looked at"
+    page.keyboard.press("Escape")
+    page.get_by_label("Search the history").fill("nothing is called so")
+    expect(page.locator("[data-run]")).to_have_count(0)
+    yield "nothing found"
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("states", [bench, identify, explore, history], ids=lambda one: one.__name__)
+def test_no_findings(
+    lab: Panel, browser: Browser, states: Callable[[Page], Iterator[str]], scheme: str
+) -> None:
+    context = browser.new_context(
+        viewport={"width": 1280, "height": 800}, color_scheme=scheme, reduced_motion="reduce"
+    )  # type: ignore[arg-type]
+    context.add_init_script("sessionStorage.setItem('client', 'axe')")
+    page = context.new_page()
+    page.goto(f"{lab.url}#{states.__name__}")
+    expect(page.locator("#connection")).to_have_text("connected")
+    found = {name: findings(page) for name in states(page)}
+    context.close()
+    assert {name: said for name, said in found.items() if said} == {}
+    assert len(found) >= 2
+
+
+def test_it_finds_what_is_wrong(lab: Panel, page: Page) -> None:
+    page.goto(f"{lab.url}#explore")
+    page.evaluate(
+        "document.body.append(Object.assign(document.createElement('img'), { src: '/static/icon.svg' }))"
+    )
+    assert any(one.startswith("image-alt") for one in findings(page))
