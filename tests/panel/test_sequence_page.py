@@ -79,6 +79,8 @@ def test_a_stop_ends_the_sequence_too(page: Page, panel: Panel) -> None:
     expect(page.locator("#phase")).to_have_text("Running", timeout=SLOW)
     expect(page.locator("#phase")).to_have_text("Done", timeout=SLOW)  # it rests
     expect(state).to_contain_text(re.compile(r"1 of 3.*min"))
+    page.click("#start")
+    expect(page.locator("#notices")).to_contain_text("a sequence is going on")
     page.keyboard.press("Escape")
     expect(state).to_contain_text("Sequence ended: ended after 1 of 3")
     assert len(recordings(panel, "step")) == count + 1

@@ -98,6 +98,7 @@ def bench_routes(
     @routes.post("/start")
     def start(asked: Runs, request: Request) -> dict[str, str]:
         control.need(request.headers.get("x-client", ""))
+        starter.need_free()
         content = document.of_runs(asked.runs)
         named = ", ".join(asked.runs)
         return {
@@ -107,6 +108,7 @@ def bench_routes(
     @routes.post("/home")
     def home(request: Request) -> dict[str, float]:
         control.need(request.headers.get("x-client", ""))
+        starter.need_free()
         starter.home()
         return {"position": runner.position}
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 from collections import OrderedDict
+from contextlib import suppress
 from pathlib import Path
 from threading import Lock
 from typing import Any, Literal
@@ -123,7 +124,8 @@ def recording_routes(folder: Folder, hub: Hub, control: Control, read: Reader) -
     def export(name: str, kind: Kind = "nc") -> FileResponse:
         recording = shelf.recording(name)
         stem = Path(name).stem
-        note_act(folder.root, "exported", name, kind=kind)
+        with suppress(OSError):  # a folder that cannot be written can be exported from
+            note_act(folder.root, "exported", name, kind=kind)
         if kind == "nc" and name.endswith(".nc"):
             return FileResponse(folder.path(name), filename=f"{stem}.nc")
         made = Path(tempfile.mkdtemp(prefix="stickslip-")) / f"{stem}{_SUFFIX[kind]}"

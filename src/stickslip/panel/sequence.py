@@ -121,6 +121,7 @@ class Sequencer:
                 raise RigError("a run or a sequence is going on: stop it first")
             self._ending.clear()
             self._last = False
+            self._starter.queued = True
             self._tell(phase="running", at=0, count=len(steps), title="", said="", left=_left(steps, 0.0))
             self._thread = threading.Thread(target=self._go, args=(steps, asked), name="sequence")
             self._thread.start()
@@ -143,12 +144,19 @@ class Sequencer:
         return running
 
     def _go(self, steps: list[Step], asked: Sequence) -> None:
-        phase, said = "done", f"{len(steps)} runs"
+        phase, said = "failed", "it ended by itself"
+        try:
+            phase, said = self._all(steps, asked)
+        finally:
+            self._starter.queued = False
+            self._tell(phase=phase, said=said, left=None)
+
+    def _all(self, steps: list[Step], asked: Sequence) -> tuple[str, str]:
+        """One after the other; the phase in which it ended, and what is said of it."""
         overhead, failed = _OVERHEAD, 0
         for i, step in enumerate(steps):
             if self._ending.is_set() or self._last:
-                phase, said = "ended", f"ended after {i} of {len(steps)}"
-                break
+                return "ended", f"ended after {i} of {len(steps)}"
             self._tell(at=i + 1, title=step.title, left=_left(steps[i:], overhead))
             begun = time.monotonic()
             outcome = self._one(step, i, len(steps), asked)
@@ -160,11 +168,8 @@ class Sequencer:
                 continue
             failed += 1
             if not (asked.go_on and outcome == "failed") or self._ending.is_set():
-                phase, said = "ended", f"{step.title}: {outcome}; ended after {i} of {len(steps)}"
-                break
-        if phase == "done" and failed:
-            said = f"{len(steps)} runs, {failed} of them failed"
-        self._tell(phase=phase, said=said, left=None)
+                return "ended", f"{step.title}: {outcome}; ended after {i} of {len(steps)}"
+        return "done", f"{len(steps)} runs" + (f", {failed} of them failed" if failed else "")
 
     def _one(self, step: Step, i: int, count: int, asked: Sequence) -> str:
         """Run a step, after the way home where that is asked for; its phase at the end."""

@@ -46,6 +46,7 @@ class Starter:
     ) -> None:
         self._folder, self._hub, self._journal, self._read = folder, hub, journal, read
         self._document, self._runner = document, runner
+        self.queued = False  # whether a sequence says what runs next
         self._notes: list[str] = []
         self._out: Path | None = None
         self._lock = threading.Lock()
@@ -84,6 +85,11 @@ class Starter:
             out.rmdir()
             raise
         return self._folder.name(out)
+
+    def need_free(self) -> None:
+        """Raises RigError while a sequence says what runs next."""
+        if self.queued:
+            raise RigError("a sequence is going on: stop it, or let it end")
 
     def home(self) -> None:
         """Start the walk home."""
