@@ -43,6 +43,7 @@ OWNERS = {
     "pydantic": {"input_file", "study", "experiment", "campaign", "panel"},
     "yaml": {"input_file"},
     "pyvisa": {"rig/scpi"},
+    "asammdf": {"readers/mdf"},
     "typer": {"cli"},
     "fastapi": {"panel"},
     "dask": {"design/sweep"},

@@ -15,7 +15,7 @@ from ..recording import RecordingError, open_recording
 from ..recording.replacing import replaced_whole
 from ..recording.storage import save_recording
 
-RECORDINGS = (".nc", ".csv", ".mat", ".npz", ".npy", ".tsv", ".txt")
+RECORDINGS = (".nc", ".csv", ".mat", ".npz", ".npy", ".tsv", ".txt", ".mf4")
 
 
 NOTES = ("notes.json", "links.json")  # in a fit's folder: somebody's words, and what it was made of

@@ -34,7 +34,7 @@ MOST_ROWS = 500  # of an answer; more are counted, and found by a search
 MOST_COMPARED = 8
 UPLOADS = ".uploads"
 _KEPT = 3600.0  # s that an upload waits to be taken
-_SUFFIXES = (".csv", ".txt", ".tsv", ".mat", ".npy", ".npz", ".dat", ".lvm", ".nc")
+_SUFFIXES = (".csv", ".txt", ".tsv", ".mat", ".npy", ".npz", ".dat", ".lvm", ".mf4", ".nc")
 _LEFT_OUT = ("settings", "channels", "bytes")  # of a row in the list
 
 

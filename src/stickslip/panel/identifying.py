@@ -24,7 +24,7 @@ from .fitting import FitRequest
 from .folder import Folder
 from .sliders import LAW_TYPES
 
-SUFFIXES = (".nc", ".csv", ".mat", ".npz")
+SUFFIXES = (".nc", ".csv", ".mat", ".npz", ".mf4")
 # A report is a page of its own: it may style itself, and do nothing else.
 _REPORT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox"
 

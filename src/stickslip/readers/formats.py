@@ -8,9 +8,9 @@ from typing import Literal
 
 from ..recording import RecordingError
 
-Format = Literal["text", "npy", "npz", "mat", "nc"]
+Format = Literal["text", "npy", "npz", "mat", "mdf", "nc"]
 
-_EXTENSIONS: dict[str, Format] = {".npy": "npy", ".npz": "npz", ".mat": "mat", ".nc": "nc"}
+_EXTENSIONS: dict[str, Format] = {".npy": "npy", ".npz": "npz", ".mat": "mat", ".nc": "nc", ".mf4": "mdf"}
 _EXTENSIONS |= dict.fromkeys((".csv", ".tsv", ".txt", ".dat", ".asc", ".prn", ".lvm"), "text")
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
@@ -37,7 +37,7 @@ def find_format(path: Path) -> Format:
     named = _EXTENSIONS.get(path.suffix.lower())
     found = _content(head, named)
     if found is None:
-        raise RecordingError("the content is neither text nor NPY, NPZ, MAT or NetCDF 4")
+        raise RecordingError("the content is neither text nor NPY, NPZ, MAT, MDF or NetCDF 4")
     if named is not None and named != found:
         raise RecordingError(f"the name says {named}, but the content is {found}")
     return found
@@ -46,6 +46,8 @@ def find_format(path: Path) -> Format:
 def _content(head: bytes, named: Format | None) -> Format | None:
     if head.startswith(b"\x93NUMPY"):
         return "npy"
+    if head.startswith((b"MDF     ", b"UnFinMF ")):
+        return "mdf"
     if head.startswith(b"PK\x03\x04"):
         return "npz"
     if head.startswith(b"MATLAB 5.0 MAT-file") or head[_MAT_V73_BLOCK:].startswith(_HDF5):

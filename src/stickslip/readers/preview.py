@@ -14,6 +14,7 @@ from ..units import QuantityError
 from .csv import read_csv
 from .formats import find_format
 from .matlab import read_matlab
+from .mdf import read_mdf
 from .npy import read_npy, read_npz
 from .source import Channel, Rows, Source, is_clock
 
@@ -46,7 +47,7 @@ def look(path: Path) -> dict[str, Any]:
     kind = find_format(path)
     if kind == "nc":
         raise RecordingError(f"{path.name} is a recording of ours already: it needs no columns or units")
-    readers: dict[str, Any] = {"npy": read_npy, "npz": read_npz, "mat": read_matlab}
+    readers: dict[str, Any] = {"npy": read_npy, "npz": read_npz, "mat": read_matlab, "mdf": read_mdf}
     source: Source = read_csv(path, None, None, 0) if kind == "text" else readers[kind](path)
     numeric = [i for i, one in enumerate(source.channels[:MOST_COLUMNS]) if one.numeric]
     if not numeric:

@@ -173,6 +173,6 @@ class _memory_of:  # used as a context
 
 if __name__ == "__main__":
     # By its name, for what is sent to it says so too.
-    from stickslip.readers import process
+    from . import process
 
     process.work(Connection(int(sys.argv[1])))

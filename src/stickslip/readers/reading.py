@@ -23,11 +23,17 @@ from .clocks import Clocked, complete_samples, onto_one_clock, without_empty_end
 from .csv import read_csv
 from .formats import find_format
 from .matlab import read_matlab
+from .mdf import read_mdf
 from .npy import read_npy, read_npz
 from .selection import Selection, Variable, select
 from .source import Column, Rows, Source
 
-_BINARY: dict[str, Callable[[Path], Source]] = {"npy": read_npy, "npz": read_npz, "mat": read_matlab}
+_BINARY: dict[str, Callable[[Path], Source]] = {
+    "npy": read_npy,
+    "npz": read_npz,
+    "mat": read_matlab,
+    "mdf": read_mdf,
+}
 
 # No recording runs for three years: a clock beyond this counts from 1970.
 _SINCE_1970 = 1e8
@@ -51,7 +57,7 @@ def read_recording(
     notes: str = "",
     calibration: str = "",
 ) -> xr.Dataset:
-    r"""A recording from a text, NPY, NPZ, MAT or dSPACE file, or from our own ``.nc``.
+    r"""A recording from a text, NPY, NPZ, MAT, MDF 4 or dSPACE file, or from our own ``.nc``.
 
     Args:
         path: the file. Its content decides how it is read; its extension must not contradict.

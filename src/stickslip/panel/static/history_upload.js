@@ -4,7 +4,7 @@ import { h, openDialog } from "./dom.js";
 import { formatQuantity } from "./quantity.js";
 
 const NAMES = ["time", "drive_voltage", "end_effector_position", "stage_position", "sliding_displacement", "end_effector_velocity", "friction_force", "force", "position", "displacement", "voltage"];
-const KINDS = ".csv,.txt,.tsv,.dat,.lvm,.mat,.npy,.npz,.nc";
+const KINDS = ".csv,.txt,.tsv,.dat,.lvm,.mat,.npy,.npz,.mf4,.nc";
 
 export function uploadDialog(app, taken) {
   const dialog = openDialog("Take in a file", (close) => {
@@ -24,7 +24,7 @@ export function uploadDialog(app, taken) {
         fault.textContent = error.message;
       }
     }
-    return h("div", {}, h("div", { class: "field" }, h("label", { htmlFor: "upload-file" }, "CSV or other text, MAT, NPY, NPZ, or a recording (.nc)"), choose), fault, place,
+    return h("div", {}, h("div", { class: "field" }, h("label", { htmlFor: "upload-file" }, "CSV or other text, MAT, MDF 4, NPY, NPZ, or a recording (.nc)"), choose), fault, place,
       h("div", { class: "row end" }, h("button", { type: "button", onclick: close }, "Cancel")));
   });
   return dialog;

@@ -1,0 +1,104 @@
+"""MDF 4 (.mf4), as measurement systems of the automotive world write it; by asammdf, extra stickslip[mdf]."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..recording import RecordingError
+from .sizes import check_size
+from .source import Channel, Rows, Source
+
+_NUMBERS = range(6)  # data types of the standard: integers and reals of either byte order
+_TEXTS = range(7, 12)  # conversions whose result is text
+
+
+class _Place(NamedTuple):
+    """A channel in its file: group, index in it, and whether it is the group's time."""
+
+    group: int
+    channel: int
+    master: bool
+
+
+def read_mdf(path: Path) -> Source:
+    """The channels of an MDF 4 file: each group's own time is the clock of its channels.
+
+    Raises:
+        RecordingError: asammdf is not installed, the file is damaged, of version 3, or has no samples.
+    """
+    file = _opened(path)
+    try:
+        places, channels, declared = _listed(file)
+    except Exception as error:
+        raise RecordingError(f"not a readable MDF file (cut off or damaged?): {error}") from error
+    finally:
+        file.close()
+    if not channels:
+        raise RecordingError("the MDF file has no channel with samples")
+    check_size(path, declared, "channels")
+    return Source("MDF 4", tuple(channels), lambda wanted, rows: _read(path, places, channels, wanted, rows))
+
+
+def _opened(path: Path) -> Any:
+    try:
+        from asammdf import MDF
+    except ImportError:
+        raise RecordingError("MDF files need asammdf: pip install 'stickslip[mdf]'") from None
+    try:
+        file = MDF(path)
+    except Exception as error:  # it has exceptions of its own, and lets others through
+        raise RecordingError(f"not a readable MDF file (cut off or damaged?): {error}") from error
+    if not str(file.version).startswith("4"):
+        file.close()
+        raise RecordingError(f"an MDF file of version {file.version}; 4 is read")
+    return file
+
+
+def _listed(file: Any) -> tuple[list[_Place], list[Channel], int]:
+    places: list[_Place] = []
+    channels: list[Channel] = []
+    declared = 0
+    for number, group in enumerate(file.groups):
+        cycles = int(group.channel_group.cycles_nr)
+        master = file.masters_db.get(number)
+        if not cycles or master is None:
+            continue
+        order = [master, *(i for i in range(len(group.channels)) if i != master)]
+        clock = len(channels)
+        for i in order:
+            one = group.channels[i]
+            changed = one.conversion.conversion_type if one.conversion is not None else 0
+            numeric = one.data_type in _NUMBERS and changed not in _TEXTS
+            unit = str(one.unit or (one.conversion.unit if one.conversion is not None else "") or "")
+            places.append(_Place(number, i, i == master))
+            channels.append(Channel(str(one.name), unit, (number, i), clock, numeric))
+        declared += 8 * cycles * len(order)
+    return places, channels, declared
+
+
+def _read(
+    path: Path, places: Sequence[_Place], channels: Sequence[Channel], wanted: Sequence[int], rows: Rows
+) -> list[np.ndarray]:
+    file = _opened(path)
+    try:
+        found = []
+        for i in wanted:
+            place = places[i]
+            if place.master:
+                values = file.get_master(place.group)
+            else:
+                values = file.get(group=place.group, index=place.channel).samples
+            if values.ndim != 1 or values.dtype.kind not in "iufb":
+                raise RecordingError(f"the channel {channels[i].name!r} holds no plain numbers")
+            found.append(np.array(values[rows.start : rows.stop], np.float64))
+        return found
+    except RecordingError:
+        raise
+    except Exception as error:
+        raise RecordingError(f"not a readable MDF file (cut off or damaged?): {error}") from error
+    finally:
+        file.close()
