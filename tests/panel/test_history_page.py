@@ -259,3 +259,13 @@ def test_the_bin_replaces_nothing(tmp_path: Path) -> None:
             with pytest.raises(ValueError, match="not in the bin"):
                 index.restore(name)
     assert open_recording(tmp_path / "recordings" / "a.nc").attrs["title"] == "walk at 1 V"
+
+
+def test_the_newest_comes_first_in_whatever_zone_it_was_written(tmp_path: Path) -> None:
+    for name, epoch in [
+        ("b", "2026-01-01T12:00:00+02:00"),
+        ("a", "2026-01-01T11:00:00+00:00"),
+        ("c", "2025-12-31T22:30:00-12:00"),
+    ]:
+        walk(tmp_path, f"{name}.nc", 1.0, epoch=epoch)
+    assert list(ss.runs(tmp_path)["name"]) == ["a.nc", "c.nc", "b.nc"]

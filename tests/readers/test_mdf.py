@@ -1,4 +1,4 @@
-"""MDF 4 files as asammdf writes them: clocks of their groups, units, texts, damage; a look before they are taken."""
+"""MDF 4 files as asammdf writes them: clocks, units, texts, damage; a look before they are taken."""
 
 from __future__ import annotations
 

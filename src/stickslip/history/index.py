@@ -85,7 +85,7 @@ class Index:
                 )
                 given.append(word.lower())
             # When a run began; of somebody's own file, when it was changed last.
-            made = "coalesce(nullif(begun, ''), strftime('%Y-%m-%dT%H:%M:%S', changed, 'unixepoch'))"
+            made = "coalesce(CAST(strftime('%s', nullif(begun, '')) AS REAL), changed)"
             chosen = (
                 f"SELECT * FROM runs WHERE {' AND '.join(where)} ORDER BY {made} DESC, changed DESC, name"
             )
