@@ -114,7 +114,7 @@ def test_the_page_is_small(panel: Panel, page: Page) -> None:
     page.goto(panel.url, wait_until="networkidle")
     for name in ("Identify", "Explore", "History"):
         page.get_by_role("link", name=name, exact=True).click()
-        page.wait_for_load_state("networkidle")
+        page.locator(f".{name.lower()}").wait_for()
     static = {url: size for url, size in sizes.items() if "/static/" in url or url == panel.url}
     assert len(static) == len(list(STATIC.rglob("*.*"))) - UNUSED + 1, "all of them, and the page"
     assert sum(static.values()) < 350_000, static

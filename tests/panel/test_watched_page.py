@@ -76,12 +76,13 @@ def test_escape_closes_a_dialog_and_stops_only_where_none_is_open(page: Page, pa
     expect(page.locator("#phase")).to_have_text("Stopped", timeout=SLOW)
 
 
-@pytest.mark.parametrize("name", ["bench", "identify", "explore"])
+@pytest.mark.parametrize("name", ["bench", "identify", "explore", "history"])
 def test_tab_reaches_everything_and_everything_has_a_name(page: Page, panel: Panel, name: str) -> None:
     wait = {
         "bench": "#start:enabled",
         "identify": ".identify[data-phase]",
         "explore": ".explore[data-curves]",
+        "history": ".history",
     }
     page.goto(f"{panel.url}#{name}")
     page.locator(wait[name]).wait_for(timeout=SLOW)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import re
-import secrets
 import shutil
 import threading
 import time
@@ -59,7 +58,7 @@ class Starter:
         Raises:
             ValueError, RigError: it cannot be recorded, or a run is going on.
         """
-        content = _with_own_noise(content)
+        content = _with_own_noise(content, len(list(self._folder.root.glob("recordings/*"))))
         file = check_experiment(content)
         if self._runner.busy:
             raise RigError("a run is going on: stop it first")
@@ -129,13 +128,13 @@ class Starter:
                     note_act(self._folder.root, "recorded", self._folder.name(path), of=prediction)
 
 
-def _with_own_noise(content: dict[str, Any]) -> dict[str, Any]:
-    """The noise of a virtual rig is another one in every run, as it is of a real one; the seed is kept with
-    the recordings."""
+def _with_own_noise(content: dict[str, Any], runs: int) -> dict[str, Any]:
+    """The noise of a virtual rig is another one in every run, as it is of a real one: its seed counts on with
+    the runs of the folder, and is kept with the recordings."""
     rig = content.get("rig", {})
     if rig.get("kind", "virtual") != "virtual":
         return content
-    return {**content, "rig": {**rig, "seed": secrets.randbelow(2**31)}}
+    return {**content, "rig": {**rig, "seed": rig.get("seed", 0) + runs}}
 
 
 def _new_folder(folder: Folder, slug: str) -> Path:

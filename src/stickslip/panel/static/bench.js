@@ -159,7 +159,8 @@ export async function mount(element, app) {
     const busy = !halt.disabled;
     watching.hidden = !other;
     for (const one of [choice, values, ...tools.querySelectorAll("button")]) one.disabled = other;
-    start.disabled = home.disabled = here.disabled = busy || other;
+    // Until the server has said what there is to run, nothing can be started.
+    start.disabled = home.disabled = here.disabled = busy || other || !bench.experiment.content.runs.length;
     undo.disabled = other || !bench.experiment.undo;
     redo.disabled = other || !bench.experiment.redo;
   }
