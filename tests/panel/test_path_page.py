@@ -68,6 +68,7 @@ def test_from_a_walk_to_a_verified_model(page: Page, panel: Panel) -> None:
     )
 
     page.click("text=Identify")
+    expect(page.locator(".identify-list tbody tr")).to_have_count(2)  # no prediction among what can be fitted
     way = page.get_by_label("The way on")
     expect(way.get_by_label("Recording to verify on")).to_have_value(made)
     expect(way.get_by_label("Recording to verify on").locator(f"option[value='{walk}']")).to_have_count(0)

@@ -22,6 +22,7 @@ from ..units import QuantityError
 from .fits import RUNNING, Fitting
 from .fitting import FitRequest
 from .folder import Folder
+from .path import PREDICTIONS
 from .sliders import LAW_TYPES
 
 SUFFIXES = (".nc", ".csv", ".mat", ".npz", ".mf4")
@@ -52,6 +53,8 @@ def identify_routes(folder: Folder, fitting: Fitting, read: Reader) -> APIRouter
     def recordings() -> list[dict[str, Any]]:
         found = []
         for name in folder.files(*SUFFIXES):
+            if name.startswith(f"{PREDICTIONS}/"):  # made by a fit: none is made of it
+                continue
             path = folder.path(name)
             found.append({"name": name, **described(path, path.stat().st_mtime_ns)})
         return found

@@ -33,6 +33,7 @@ from .folder import Folder, FolderError
 from .journal import Journal
 from .stream import Hub
 
+PREDICTIONS = "predictions"  # the folder
 PREDICTED = "predicted"  # the run of the bench that a drive is sent as
 SAID = "As predicted in "  # what its notes begin with
 _SAMPLES = 4000  # of a prediction
@@ -124,7 +125,7 @@ def path_routes(
         actuator = load_actuator(folder.path(asked.parameters))
         made, numbers = _predicted(actuator, asked)
         made.attrs["links"] = json.dumps({"parameters": [asked.parameters]})
-        name = f"predictions/{datetime.now():%Y-%m-%d_%H%M%S_%f}.nc"
+        name = f"{PREDICTIONS}/{datetime.now():%Y-%m-%d_%H%M%S_%f}.nc"
         folder.path(name).parent.mkdir(exist_ok=True)
         save_recording(made, folder.path(name))
         return {**_made(name, f"{name}: predicted with {asked.parameters}"), "numbers": numbers}

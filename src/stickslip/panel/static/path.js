@@ -17,7 +17,11 @@ export function pathCard(app, fit) {
   const card = h("section", { class: "card", "aria-label": "The way on" }, h("h2", {}, "The way on"), steps, fault, said, canvas);
   let plot = null;
   let gone = false;
-  const options = (names) => names.map((name) => h("option", { value: name }, calledShortly(name).replace(/^parameters\/(.*)\.toml$/, "$1").replace(/^predictions\/(.*)\.nc$/, "$1")));
+  const called = (name) => {
+    const stamp = /^predictions\/\d{4}-(\d\d-\d\d)_(\d\d)(\d\d)(\d\d)/.exec(name);
+    return stamp ? `${stamp[1]} ${stamp[2]}:${stamp[3]}:${stamp[4]}` : calledShortly(name).replace(/^parameters\/(.*)\.toml$/, "$1");
+  };
+  const options = (names) => names.map((name) => h("option", { value: name }, called(name)));
   const field = (label, control) => { control.setAttribute("aria-label", label); return control; };
   const name = field("Name of the parameter set", h("input", { value: `fit ${fit.split("/").at(-1)}`, spellcheck: false }));
   const set = field("Parameter set", h("select"));

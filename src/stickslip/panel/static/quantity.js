@@ -52,6 +52,7 @@ export const prefixed = (exponent, unit) => `${SHOWN[exponent]}${unit}`;
 export function formatQuantity(value, unit, digits = 4) {
   if (value === Infinity) return `∞ ${unit}`.trim();
   if (value === null || value === undefined || !Number.isFinite(value)) return "–";
+  if (Math.abs(value) < 1e-16 && PREFIXED.test(unit)) return `0 ${unit}`; // what arithmetic leaves of nothing
   const exponent = prefixPower(Number(value.toPrecision(digits)), unit);
   const number = Number((value / 10 ** exponent).toPrecision(digits));
   return `${number} ${prefixed(exponent, unit)}`.trim();

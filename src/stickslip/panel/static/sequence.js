@@ -63,7 +63,7 @@ export function makeSequence(bench) {
     fault.textContent = said.textContent = "";
     try {
       const found = await bench.app.request(path, asked());
-      if (path.endsWith("check")) said.textContent = `${found.count} runs, ${duration(found.seconds)}: ${found.titles.slice(0, 6).join("; ")}${found.count > 6 ? " …" : ""}`;
+      if (path.endsWith("check")) said.textContent = `${found.count} ${found.count === 1 ? "run" : "runs"}, ${duration(found.seconds)}: ${found.titles.slice(0, 6).join("; ")}${found.count > 6 ? " …" : ""}`;
       else bench.show({ live: true });
     } catch (error) {
       fault.textContent = error.message;
