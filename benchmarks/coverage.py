@@ -27,8 +27,8 @@ from stickslip.actuator import Actuator, load_actuator
 from stickslip.calibration import load_calibration
 from stickslip.electronics import Filter, InductiveSensor, filtered
 from stickslip.electronics.noise import random_walk, white_noise
-from stickslip.identify.friction import identify_friction
-from stickslip.identify.step_fit import identify_step
+from stickslip.identify.step.fit import identify_step
+from stickslip.identify.walk.friction import identify_friction
 from stickslip.recording import RecordingWarning
 from stickslip.rig import Capture, Channel, Limits, VirtualRig, load_bench, measure
 from stickslip.waveform.periodic import Sawtooth

@@ -19,9 +19,9 @@ import numpy as np
 from stickslip.actuator import Actuator
 from stickslip.estimate.result import Fit
 from stickslip.friction import Elastoplastic, MaxwellSlip
-from stickslip.identify.drives import Slewed
-from stickslip.identify.explained import explained
-from stickslip.identify.friction import identify_friction
+from stickslip.identify.recorded.drives import Slewed
+from stickslip.identify.walk.explained import explained
+from stickslip.identify.walk.friction import identify_friction
 from stickslip.recording import RecordingWarning
 from stickslip.simulation import simulate
 from stickslip.waveform.periodic import Sawtooth

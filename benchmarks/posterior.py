@@ -15,8 +15,8 @@ from collections.abc import Callable
 import numpy as np
 
 from stickslip.actuator import load_actuator
-from stickslip.identify.likelihood import Misfit
-from stickslip.identify.position_channel import CHANNEL
+from stickslip.identify.walk.likelihood import Misfit
+from stickslip.identify.walk.position_channel import CHANNEL
 from stickslip.simulation import simulate
 from stickslip.simulation.varied import with_values
 from stickslip.waveform.periodic import ReverseSawtooth, Sawtooth

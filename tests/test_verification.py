@@ -16,7 +16,7 @@ from stickslip.estimate.fit import fit_least_squares
 from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.problem import Residuals
 from stickslip.estimate.result import Fit
-from stickslip.identify.prediction import Predictor
+from stickslip.identify.walk.prediction import Predictor
 from stickslip.recording import RecordingError, make_recording
 from stickslip.simulation import simulate
 from stickslip.units import QuantityError
@@ -143,6 +143,6 @@ def test_an_actuator_predicts_as_simulate_does(monkeypatch: pytest.MonkeyPatch) 
     later = verify(Predictor(model, Chain(delay=5e-3, offset=1e-6)), recording, drive=drive)
     delayed = np.interp(recording["time"] - 5e-3, recording["time"], recording["end_effector_position"])
     np.testing.assert_allclose(later.predictions[0]["predicted"], delayed + 1e-6, atol=1e-9)
-    monkeypatch.setattr("stickslip.identify.displacement.MAX_STEPS", 20)
+    monkeypatch.setattr("stickslip.identify.walk.displacement.MAX_STEPS", 20)
     with pytest.raises(RecordingError, match="cannot predict end_effector_position"):
         verify(Predictor(model), recording, drive=drive)

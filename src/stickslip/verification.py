@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from .estimate.goodness import Goodness, goodness
 from .estimate.result import Fit
-from .identify.channels import channel, drives_of, names_of, recordings_of, same_number
-from .identify.drives import periodic_part
-from .identify.prediction import Predictor
+from .identify.recorded.channels import channel, drives_of, names_of, recordings_of, same_number
+from .identify.recorded.drives import periodic_part
+from .identify.walk.prediction import Predictor
 from .recording import RecordingError, make_recording
 from .records import did_you_mean
 from .units import QuantityError, to_si, with_prefix

@@ -14,7 +14,7 @@ from stickslip.estimate.fit import fit_least_squares
 from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.problem import Residuals
 from stickslip.friction import Coulomb
-from stickslip.identify.friction import identify_friction
+from stickslip.identify.walk.friction import identify_friction
 from stickslip.simulation import simulate
 from stickslip.simulation.varied import with_values
 from stickslip.study.alignment import Aligned

@@ -16,9 +16,9 @@ from stickslip.estimate.goodness import Goodness
 from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.problem import Residuals
 from stickslip.figures.posterior import posterior_corner
-from stickslip.identify.bayes import sample
-from stickslip.identify.compare import Comparison
-from stickslip.identify.compare_walk import walk_candidates
+from stickslip.identify.candidates import Comparison
+from stickslip.identify.walk.bayes import sample
+from stickslip.identify.walk.compare import walk_candidates
 from stickslip.recording import make_recording
 from stickslip.report import Number
 from stickslip.study.alignment import Aligned

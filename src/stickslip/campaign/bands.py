@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from ..estimate.result import Fit
-from ..identify.displacement import Displacement, has_slopes
-from ..identify.position_channel import CHANNEL
-from ..identify.step_formulas import step_tests
+from ..identify.step.formulas import step_tests
+from ..identify.walk.displacement import Displacement, has_slopes
+from ..identify.walk.position_channel import CHANNEL
 from ..study.alignment import Aligned
 from .budget import LEVEL, STAGE, Inherited
 

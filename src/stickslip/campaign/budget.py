@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..estimate.result import Fit
-from ..identify.displacement import Displacement, has_slopes
-from ..identify.position_channel import CHANNEL
+from ..identify.walk.displacement import Displacement, has_slopes
+from ..identify.walk.position_channel import CHANNEL
 from ..study.alignment import POSITION, Aligned
 from .gathering import Scale
 

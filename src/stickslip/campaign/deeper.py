@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from ..estimate.result import Fit
-from ..identify.bayes import Posterior, posterior
-from ..identify.compare import Candidate, Comparison
-from ..identify.compare_walk import compare_walks, walk_candidates
-from ..identify.intervals import profile_interval
-from ..identify.position_channel import CHANNEL
+from ..identify.candidates import Candidate, Comparison
+from ..identify.walk.bayes import Posterior, posterior
+from ..identify.walk.compare import compare_walks, walk_candidates
+from ..identify.walk.intervals import profile_interval
+from ..identify.walk.position_channel import CHANNEL
 from ..records import did_you_mean
 from ..study.alignment import Aligned
 from ..units import QuantityError

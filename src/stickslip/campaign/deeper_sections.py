@@ -10,9 +10,9 @@ import numpy as np
 from ..figures.identification import law_ranking
 from ..figures.posterior import posterior_corner
 from ..figures.style import svg
-from ..identify.bayes import Posterior
-from ..identify.compare import Comparison
-from ..identify.position_channel import CHANNEL
+from ..identify.candidates import Comparison
+from ..identify.walk.bayes import Posterior
+from ..identify.walk.position_channel import CHANNEL
 from ..report import Column, Number, Picture, Section, Table
 from .evaluation import Found
 from .stage import unit_of

@@ -12,10 +12,10 @@ from ..actuator import Actuator, load_actuator
 from ..chain import Chain
 from ..electronics import Filter
 from ..estimate.result import Fit
-from ..identify.explained import explained
-from ..identify.friction import identify_friction
-from ..identify.prediction import Predictor
-from ..identify.step_fit import identify_step, step_formula_errors
+from ..identify.step.fit import identify_step, step_formula_errors
+from ..identify.walk.explained import explained
+from ..identify.walk.friction import identify_friction
+from ..identify.walk.prediction import Predictor
 from ..study.alignment import Aligned
 from ..verification import Requirement, Verification, verify
 from .budget import Budget, Inherited, budget, inherited

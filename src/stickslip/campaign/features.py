@@ -8,7 +8,7 @@ from typing import Any
 
 import xarray as xr
 
-from ..identify.sawtooth import sawtooth_features
+from ..identify.events.sawtooth import sawtooth_features
 from ..recording import RecordingError
 from ..report import Column, Number, Section, Table
 from ..study.alignment import Aligned

@@ -13,7 +13,7 @@ import xarray as xr
 
 from ..experiment import Recorded, run_experiment
 from ..experiment.cells import drive_of
-from ..identify.channels import channel
+from ..identify.recorded.channels import channel
 from ..input_file import InputFileError
 from ..recording import RecordingError
 from ..study.alignment import POSITION, Aligned, aligned

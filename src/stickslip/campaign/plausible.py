@@ -8,7 +8,7 @@ import warnings
 import numpy as np
 
 from ..actuator import Actuator
-from ..identify.channels import channel
+from ..identify.recorded.channels import channel
 from ..recording import RecordingError, RecordingWarning
 from ..study.alignment import POSITION, Aligned
 from ..units import with_prefix

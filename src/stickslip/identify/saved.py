@@ -20,11 +20,11 @@ from ..estimate.result import Fit
 from ..estimate.saved import packed, unpacked
 from ..friction import LAWS
 from ..recording.replacing import replaced_whole
-from .loops import LoopPrediction
-from .modal import ModalModel
-from .prediction import Predictor
-from .static_walk import StaticPrediction
-from .step_fit import StepPrediction
+from .frequency.modal import ModalModel
+from .loops.fit import LoopPrediction
+from .step.fit import StepPrediction
+from .walk.prediction import Predictor
+from .walk.static import StaticPrediction
 
 FORMAT = "stickslip fit"
 _TYPES: tuple[type, ...] = (

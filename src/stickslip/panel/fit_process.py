@@ -91,7 +91,7 @@ def prepare(law: str) -> None:
     What only fits need comes first: on a first start the server compiles at the same time what runs need.
     """
     from ..comparison.laws import example_laws
-    from ..identify.friction import identify_friction
+    from ..identify.walk.friction import identify_friction
     from ..simulation import sensitivities, simulate
     from ..study.walk import Walk, walk_document
     from ..verification import verify

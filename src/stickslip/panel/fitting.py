@@ -21,11 +21,11 @@ from ..actuator import Actuator
 from ..chain import Chain
 from ..estimate.result import Fit
 from ..estimate.search import Progress
-from ..identify.displacement import Displacement
-from ..identify.friction import identify_friction
-from ..identify.position_channel import CHANNEL, OBSERVED
-from ..identify.step_fit import STAGE, identify_step
-from ..identify.walks import Varied, observed
+from ..identify.step.fit import STAGE, identify_step
+from ..identify.walk.displacement import Displacement
+from ..identify.walk.friction import identify_friction
+from ..identify.walk.position_channel import CHANNEL, OBSERVED
+from ..identify.walk.walks import Varied, observed
 from ..readers import read_recording
 from ..recording import RecordingError
 from ..report import write_report

@@ -12,7 +12,7 @@ import xarray as xr
 from fastapi import APIRouter, HTTPException, Response
 from fastapi.responses import FileResponse
 
-from ..identify.position_channel import OBSERVED
+from ..identify.walk.position_channel import OBSERVED
 from ..input_file import Strict
 from ..parameters import ParameterSetError, available_sets
 from ..readers.process import Reader

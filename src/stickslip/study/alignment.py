@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from ..identify.channels import channel, refuse_clipped
-from ..identify.drives import Slewed, begin_of, refuse_sampling
+from ..identify.recorded.channels import channel, refuse_clipped
+from ..identify.recorded.drives import Slewed, begin_of, refuse_sampling
 from ..recording import RecordingError
 from ..waveform.sequence import Sequence
 from ..waveform.shapes import Rest

@@ -16,9 +16,9 @@ from ..figures.frequency import Response
 from ..figures.frequency import frequency_response as frequency_response_figure
 from ..figures.identification import Estimates, parameter_intervals
 from ..figures.style import svg
-from ..identify.frequency import frequency_response
-from ..identify.modal import identify_frequency, modal_response, steady_response
-from ..identify.modal_time import identify_in_time
+from ..identify.frequency.in_time import identify_in_time
+from ..identify.frequency.modal import identify_frequency, modal_response, steady_response
+from ..identify.frequency.response import frequency_response
 from ..input_file import Hertz, Strict
 from ..parameters import cite
 from ..report import Column, Document, Number, Picture, Section, Table

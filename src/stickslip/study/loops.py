@@ -12,7 +12,8 @@ from pydantic import Field
 from ..figures.identification import fit_with_residuals, friction_loop, law_ranking
 from ..figures.style import svg
 from ..friction import LAWS
-from ..identify.compare import Candidate, Comparison, compare_laws
+from ..identify.candidates import Candidate, Comparison
+from ..identify.loops.compare import compare_laws
 from ..input_file import Strict, quantity
 from ..parameters import cite
 from ..report import Column, Document, Number, Picture, Section, Table

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..figures.events import event_prediction
 from ..figures.style import svg
-from ..identify.pulled import Rig, identify_pulled_slider, simulated_force, slider, slip_events
+from ..identify.events.pulled import Rig, identify_pulled_slider, simulated_force, slider, slip_events
 from ..input_file import quantity
 from ..parameters import cite
 from ..report import Column, Document, Number, Picture, Section, Table

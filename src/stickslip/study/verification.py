@@ -16,7 +16,7 @@ from ..actuator import Actuator, load_actuator
 from ..chain import Chain
 from ..figures.identification import fit_with_residuals
 from ..figures.style import svg
-from ..identify.prediction import Predictor
+from ..identify.walk.prediction import Predictor
 from ..input_file import Seconds, explain, load_yaml
 from ..recording.drive import named_drive
 from ..report import Column, Document, Number, Picture, Section, Table

@@ -14,8 +14,8 @@ from ..estimate.goodness import goodness
 from ..estimate.result import Fit
 from ..figures.identification import fit_with_residuals
 from ..figures.style import svg
-from ..identify.friction import identify_friction
-from ..identify.position_channel import walked
+from ..identify.walk.friction import identify_friction
+from ..identify.walk.position_channel import walked
 from ..input_file import Strict, quantity
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import estimates, fit_numbers, model_numbers, parameter_table

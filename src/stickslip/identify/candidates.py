@@ -1,0 +1,111 @@
+"""Candidates for what describes recordings, fitted alike and judged on recordings that none has seen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from ..estimate.goodness import Goodness, goodness
+from ..estimate.result import Fit
+from .free import Bounds
+from .recorded.channels import channel, names_of, recordings_of
+
+
+class Candidate(NamedTuple):
+    """A law with its start values, what is free in it, bounds where the usual ones do not do, and how many
+    searches to begin within them."""
+
+    label: str
+    model: Any
+    free: tuple[str, ...]
+    bounds: Bounds
+    starts: int = 1  # more for a law whose sum of squares has several valleys
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Laws fitted to the same recordings; `fits` and `verifications` by label, in their order."""
+
+    fits: Mapping[str, Fit]
+    verifications: Mapping[str, Goodness]
+
+    @property
+    def best(self) -> str:
+        """The label of the law with the highest r^2 on the verification part."""
+        return max(self.verifications, key=lambda label: self.verifications[label].r_squared)
+
+    @property
+    def table(self) -> xr.Dataset:
+        """Figures of merit over "law"."""
+        fits, seen = list(self.fits.values()), list(self.verifications.values())
+        columns = {
+            "r_squared": ([f.r_squared for f in fits], ""),
+            "verification_r_squared": ([g.r_squared for g in seen], ""),
+            "rmse": ([f.rmse for f in fits], seen[0].unit),
+            "verification_rmse": ([g.rmse for g in seen], seen[0].unit),
+            "aic": ([f.aic for f in fits], ""),
+            "bic": ([f.bic for f in fits], ""),
+            "n_parameters": ([len(f.parameters) for f in fits], ""),
+            "converged": ([f.converged for f in fits], ""),
+        }
+        return xr.Dataset(
+            {name: ("law", values, {"units": unit}) for name, (values, unit) in columns.items()},
+            coords={"law": list(self.fits)},
+        )
+
+    def report(self) -> str:
+        """The table as text, AIC and BIC as differences from the lowest."""
+        lowest_aic = min(f.aic for f in self.fits.values())
+        lowest_bic = min(f.bic for f in self.fits.values())
+        width = max(map(len, self.fits))
+        lines = [
+            f"{'law':{width}}  {'r^2 fit':9}  {'r^2 unseen':10}  {'rmse unseen':11}  "
+            f"{'dAIC':>9}  {'dBIC':>9}  parameters"
+        ]
+        for label, fit in self.fits.items():
+            g = self.verifications[label]
+            state = f"  {fit.doubt}" if fit.doubt else ""
+            lines.append(
+                f"{label:{width}}  {fit.r_squared:9.6f}  {g.r_squared:10.6f}  {g.rmse:9.4g} {g.unit}  "
+                f"{fit.aic - lowest_aic:9.1f}  {fit.bic - lowest_bic:9.1f}  {len(fit.parameters)}{state}"
+            )
+        return "\n".join(lines)
+
+
+def compared(
+    laws: Sequence[Candidate],
+    fit: Callable[[Candidate], Fit],
+    unseen: xr.Dataset | Sequence[xr.Dataset],
+    drives: Sequence[Any] | None,
+    observed: tuple[str, str],
+    progress: Callable[[str, int, int], None] | None,
+) -> Comparison:
+    """Fit each law, and predict what none has seen.
+
+    Args:
+        laws: the candidates.
+        fit: of one of them.
+        unseen: to judge by, predicted with nothing fitted again.
+        drives: waveform of each of them; None where the recordings are all that a prediction needs.
+        observed: the channel that is predicted, and its unit.
+        progress: called before each law with its label, number and how many there are.
+    """
+    recordings = recordings_of(unseen)
+    given = [()] * len(recordings) if drives is None else [(drive,) for drive in drives]
+    measured = [channel(r, observed[0], n) for r, n in zip(recordings, names_of(recordings), strict=True)]
+    fits, seen = {}, {}
+    for i, law in enumerate(laws, start=1):
+        if progress is not None:
+            progress(law.label, i, len(laws))
+        found = fit(law)
+        assert found.predict is not None  # all of them predict
+        residuals = [found.predict(r, *w) - m for r, w, m in zip(recordings, given, measured, strict=True)]
+        parts = [goodness(r, m) for r, m in zip(residuals, measured, strict=True)]
+        whole = goodness(np.concatenate(residuals), np.concatenate(measured), "verification", observed[1])
+        fits[law.label] = found
+        seen[law.label] = whole._replace(sst=sum(g.sst for g in parts))
+    return Comparison(fits, seen)

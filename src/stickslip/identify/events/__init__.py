@@ -1,0 +1,1 @@
+"""Slips and stick-slip events, without a model and with one."""

@@ -1,0 +1,206 @@
+r"""Stick-slip of a slider that is pulled through a spring: events, friction from them, and what another speed
+will do.
+
+While the slider rests, the spring force grows by k V per second; when it exceeds stiction the slider slips
+and the force drops. So the mean highest and lowest force of the events and their period say what static and
+dynamic friction are. The same feature extraction serves the measurement and the simulation; forces are given
+over the slider's weight.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+from scipy.signal import find_peaks
+
+from ...actuator import STANDARD_GRAVITY, PulledSlider
+from ...estimate.fit import fit_least_squares
+from ...estimate.parameter import Parameter
+from ...estimate.problem import FitError, Residuals
+from ...estimate.result import Fit
+from ...friction import StictionCoulombViscous
+from ...simulation import simulate
+from ...units import with_prefix
+from ...waveform.shapes import Ramp
+
+# A drop counts as an event if it is larger than this part of the mean force: the noise of the force channels
+# in view is below a third of it after the median filter.
+_EVENT = 0.08
+# Free periods between events, below which there is hardly any rest between the swings.
+INERTIAL = 2.0
+# A mean period is shorter than the free one where it is by this share and so many standard errors.
+QUICKER, SURE = 0.02, 3.0
+# The stationary part of a simulation: that many events, after as many.
+_EVENTS = 12
+
+
+class Rig(NamedTuple):
+    """How the slider was pulled: mass [kg], stiffness of the spring [N/m], speed of its far end [m/s]."""
+
+    mass: float
+    stiffness: float
+    speed: float
+
+    @property
+    def weight(self) -> float:
+        """m g, N."""
+        return self.mass * STANDARD_GRAVITY
+
+    @property
+    def loading_rate(self) -> float:
+        """By how much the spring force over the weight grows per second while the slider rests."""
+        return self.stiffness * self.speed / self.weight
+
+    @property
+    def natural_frequency(self) -> float:
+        """sqrt(k/m), rad/s."""
+        return math.sqrt(self.stiffness / self.mass)
+
+
+@dataclass(frozen=True)
+class Events:
+    """Stick-slip events of one recording: forces over the weight at the top and at the bottom of each, and
+    the periods between the tops [s]. `sticking` is the part of the time in which the force grows as at
+    rest; `free_period` [s] that of the slider on its spring without friction."""
+
+    top: NDArray[np.float64]
+    bottom: NDArray[np.float64]
+    period: NDArray[np.float64]
+    sticking: float
+    free_period: float
+
+    @property
+    def regime(self) -> str:
+        """What the motion is: "stick-slip", "inertial" (oscillating, with hardly any rest) or "steady".
+
+        A slip lasts at most a free period; so the slider rests most of the time where events come further
+        apart than two of them.
+        """
+        if self.period.size == 0:
+            return "steady"
+        return "stick-slip" if float(np.mean(self.period)) > INERTIAL * self.free_period else "inertial"
+
+    @property
+    def impossible(self) -> str:
+        """A sentence where events come quicker than the slider could swing on its spring; else empty.
+
+        Friction only delays: a slider with rests between its swings is never quicker than without friction.
+        """
+        if self.period.size < 3:
+            return ""
+        mean = float(np.mean(self.period))
+        error = float(np.std(self.period, ddof=1)) / math.sqrt(self.period.size)
+        if mean + SURE * error >= (1.0 - QUICKER) * self.free_period:
+            return ""
+        return (
+            f"events come every {with_prefix(mean, 's', 3)}, quicker than the free period "
+            f"{with_prefix(self.free_period, 's', 3)} of this mass and stiffness: one of them is wrong, "
+            f"stiffness over mass by a factor of {(self.free_period / mean) ** 2:.3g} or more"
+        )
+
+    def summary(self) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+        """Mean top, bottom and period, and the standard errors of these means."""
+        parts = (self.top, self.bottom, self.period)
+        means = np.array([np.mean(a) for a in parts])
+        return means, np.array([np.std(a, ddof=1) / math.sqrt(a.size) for a in parts])
+
+
+def slip_events(recording: xr.Dataset, rig: Rig, channel: str = "force_ratio") -> Events:
+    """The events in a recording of the spring force over the weight.
+
+    A median filter as long as an eighth of the slip takes out the impulsive noise; an event is a fall of more
+    than 8 % of the mean force; tops closer than half a natural period apart are one.
+
+    Raises:
+        FitError: the recording is sampled too coarsely for the slips (fewer than 16 samples in half a natural
+            period), or does not have the channel.
+    """
+    if channel not in recording:
+        raise FitError(f"the recording has no channel {channel!r}; it has {', '.join(map(str, recording))}")
+    time, force = recording["time"].values, recording[channel].values
+    interval = float(np.median(np.diff(time)))
+    half_period = math.pi / rig.natural_frequency
+    free = 2.0 * half_period
+    if half_period < 16 * interval:
+        raise FitError(
+            f"{channel} is sampled every {interval:g} s, too coarse for slips that last {half_period:g} s"
+        )
+    smooth = median_filter(force, size=int(half_period / interval / 4) | 1, mode="nearest")
+    tops, _ = find_peaks(smooth, prominence=_EVENT * np.mean(force), distance=int(half_period / interval))
+    if tops.size < 3:
+        nothing = np.empty(0)
+        return Events(nothing, nothing, nothing, 0.0, free)
+    bottoms = np.array([a + np.argmin(smooth[a:b]) for a, b in pairwise(tops)])
+    period = np.diff(time[tops])
+    # At rest the force climbs from the bottom to the next top at the loading rate; a slider in motion takes
+    # longer.
+    climb = (smooth[tops[1:]] - smooth[bottoms]) / rig.loading_rate
+    sticking = float(np.sum(np.minimum(climb, time[tops[1:]] - time[bottoms])) / np.sum(period))
+    return Events(smooth[tops[:-1]], smooth[bottoms], period, sticking, free)
+
+
+def slider(rig: Rig, static: float, dynamic: float, damping: float = 0.0) -> PulledSlider:
+    """The pulled slider with the given friction coefficients and damping [N s/m] by the air and the
+    spring."""
+    law = StictionCoulombViscous(dynamic * rig.weight, static * rig.weight, damping)
+    return PulledSlider(rig.mass, rig.stiffness, 0.0, law)
+
+
+def simulated_force(model: PulledSlider, rig: Rig) -> xr.Dataset:
+    """The stationary spring force over the weight (`force_ratio`), some ten events of it, of the model when
+    pulled at the speed of the rig; its attribute `period` [s] is how long an event takes at most."""
+    law = model.friction
+    rise = 2.0 * (law.stiction_force - law.coulomb_force) / (rig.stiffness * rig.speed)
+    period = rise + 2.0 * math.pi / rig.natural_frequency
+    start = law.stiction_force / (rig.stiffness * rig.speed)
+    duration = start + 2 * _EVENTS * period
+    rate = max(200.0 / period, 64.0 * rig.natural_frequency / math.pi)
+    found = simulate(model, Ramp(rate=rig.speed, unit="m"), duration, sample_rate=rate)
+    late = found.sel(time=slice(start + _EVENTS * period, None))
+    return late.assign(force_ratio=late["spring_force"] / rig.weight).assign_attrs(period=period)
+
+
+def simulate_events(model: PulledSlider, rig: Rig) -> Events:
+    """The stationary events of the model, pulled at the speed of the rig."""
+    return slip_events(simulated_force(model, rig), rig)
+
+
+def identify_pulled_slider(recording: xr.Dataset, rig: Rig, channel: str = "force_ratio") -> Fit:
+    """Static and dynamic friction coefficients from the events of one recording.
+
+    Least squares on the mean top, bottom and period, each weighted by its standard error, against the
+    simulated slider; `slider` makes the model from the values.
+
+    Raises:
+        FitError: see `slip_events`; or there are fewer than ten events.
+    """
+    events = slip_events(recording, rig, channel)
+    if events.period.size < 10:
+        raise FitError(f"only {events.period.size} stick-slip events: at least 10 are needed")
+    means, errors = events.summary()
+
+    def residuals(values: dict[str, float]) -> NDArray[np.floating]:
+        static = values["dynamic_coefficient"] + values["stiction_excess"]
+        found = simulate_events(slider(rig, static, values["dynamic_coefficient"]), rig)
+        if found.period.size == 0:
+            raise ValueError("no stick-slip")
+        return np.subtract(found.summary()[0], means)
+
+    middle, half = 0.5 * (means[0] + means[1]), 0.5 * (means[0] - means[1])
+    return fit_least_squares(
+        [Residuals(residuals, means, errors, "mean top, bottom and period of the events")],
+        (
+            Parameter("dynamic_coefficient", middle, 0.2 * middle, 3.0 * middle),
+            Parameter("stiction_excess", half, 0.05 * half, 10.0 * half),
+        ),
+        noise_known=True,
+        difference_step=1e-3,
+        tolerance=1e-6,
+    )

@@ -1,0 +1,237 @@
+"""What sawtooth walks show without a model: steps, scatter, drift, vibration [kang2007, app. 8, 9]."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+from scipy.optimize import least_squares
+
+from ..recorded.channels import channel, names_of, refuse_clipped
+from .slips import Slips, slips_of
+
+POSITION = "end_effector_position"
+# Of the slow part of a period: what is used to tell the position just before a slip, and after one.
+BEFORE, AFTER = (0.65, 0.97), (0.25, 0.6)
+# Of a period, after a slip: where vibration is looked for.
+VIBRATION = 0.25
+VIBRATION_NAMES = ("vibration_amplitude", "vibration_frequency", "vibration_decay")
+# A vibration this many times its standard error is one.
+SIGNIFICANT = 4.0
+
+Array = NDArray[np.float64]
+
+
+def sawtooth_features(recording: xr.Dataset, *, smoothing: int = 1, observed: str = POSITION) -> xr.Dataset:
+    """Steps, scatter, drift, asymmetry and residual vibration of walks under a sawtooth.
+
+    Everything is found from the data: the slips by the jumps of drive_voltage and the delay behind them, or
+    without that channel by the position alone. The position just before a slip (the peak) and after it is
+    that of a line through part of the slow motion, extrapolated to the slip.
+
+    Args:
+        recording: with end_effector_position [m], and drive_voltage [V] if there is one.
+        smoothing: samples of a running mean over the position; the thesis takes 3.
+        observed: name of the position channel.
+
+    Returns:
+        Over "slip" `slip_time` [s], `walk_number`, `peak` and `valley` [m], `up_step` (from the valley
+        before to the peak) and `down_step` (peak to valley), both [m], positive along the walk, NaN where
+        there is none before. Over "walk": `direction`, `n_slips`, `missing` (periods without a slip), `start`
+        [s], `bias` [m]; `up` and `down` [m], the thesis's a and b (a - b is the mean difference of peaks,
+        N a - (N-1) b the last peak; of a walk that begins with a jump, medians of up_step and down_step);
+        `net_step` [m] of a slip with its standard error `net_step_error`, `scatter` [m] of the net steps,
+        their `drift` [m per slip]; `period` [s] with its `jitter` [s]. Over "frequency" [Hz]: `spectrum` [m]
+        of what follows the slips. In `attrs`: period [s], delay [s], inverted, asymmetry (net step backward
+        over forward, less one), vibration_amplitude [m], vibration_frequency [Hz], vibration_decay [1/s].
+
+    Raises:
+        RecordingError: the channel is missing, empty, constant, clipped, too short or too coarsely sampled,
+            or no slips are found.
+    """
+    where = names_of([recording])[0]
+    x = channel(recording, observed, where, varies=True)
+    refuse_clipped(x, observed, where)
+    u = channel(recording, "drive_voltage", where) if "drive_voltage" in recording else None
+    t = recording["time"].values
+    x = uniform_filter1d(x, smoothing, mode="nearest") if smoothing > 1 else x
+    slips = slips_of(t, x, u, where)
+    steps = _steps(t, x, slips)
+    walks = [_walk(t, x, slips, steps, w) for w in np.unique(slips.walk)]
+    units = {"peak": "m", "valley": "m", "up_step": "m", "down_step": "m", "slip_time": "s", "walk": ""}
+    found = xr.Dataset({name: ("slip", steps[name], {"units": unit}) for name, unit in units.items()}).rename(
+        walk="walk_number"
+    )
+    for name, unit in WALK_UNITS.items():
+        found[name] = ("walk", [walk[name] for walk in walks], {"units": unit})
+    frequency, spectrum, vibration = _vibration(t, x, slips)
+    found = found.assign_coords(frequency=("frequency", frequency, {"units": "Hz"}))
+    found["spectrum"] = ("frequency", spectrum, {"units": "m"})
+    found.attrs = {
+        "period": slips.period,
+        "delay": slips.delay,
+        "inverted": int(slips.inverted),
+        "asymmetry": _asymmetry(walks),
+        **vibration,
+    }
+    return found
+
+
+WALK_UNITS = {
+    "direction": "",
+    "n_slips": "",
+    "missing": "",
+    "start": "s",
+    "bias": "m",
+    "up": "m",
+    "down": "m",
+    "net_step": "m",
+    "net_step_error": "m",
+    "scatter": "m",
+    "drift": "m",
+    "period": "s",
+    "jitter": "s",
+}
+
+
+def _line(t: Array, x: Array, first: float, last: float, at: float) -> float:
+    """The value at a time of the line through the samples between two others; NaN where there are few."""
+    i, j = np.searchsorted(t, (first, last))
+    if j - i < 3 or first < t[0]:
+        return math.nan
+    apart = t[i:j] - t[i:j].mean()
+    slope = float(apart @ x[i:j]) / float(apart @ apart)
+    return float(x[i:j].mean() + slope * (at - t[i:j].mean()))
+
+
+def _mean(t: Array, x: Array, first: float, last: float) -> float:
+    i, j = np.searchsorted(t, (max(first, t[0]), last))
+    return float(x[i:j].mean()) if j > i else math.nan
+
+
+def _steps(t: Array, x: Array, slips: Slips) -> dict[str, Any]:
+    """Peak, valley and steps of each slip."""
+    p = slips.period
+    ends = np.append(slips.time[1:], t[-1])
+    peak = np.array([_line(t, x, s - (1 - BEFORE[0]) * p, s - (1 - BEFORE[1]) * p, s) for s in slips.time])
+    valley = np.array(
+        [
+            _line(t, x, s + AFTER[0] * p, min(s + AFTER[1] * p, end), s) if end - s > 0.5 * p else math.nan
+            for s, end in zip(slips.time, ends, strict=True)
+        ]
+    )
+    along = -slips.sign
+    up = np.full(peak.size, math.nan)
+    follows = (np.diff(slips.time) < 1.5 * p) & (np.diff(slips.walk) == 0)
+    up[1:][follows] = (along[1:] * (peak[1:] - valley[:-1]))[follows]
+    return {
+        "slip_time": slips.time,
+        "walk": slips.walk.astype(float),
+        "peak": peak,
+        "valley": valley,
+        "up_step": up,
+        "down_step": along * (peak - valley),
+    }
+
+
+def _walk(t: Array, x: Array, slips: Slips, steps: dict[str, Array], number: int) -> dict[str, float]:
+    """One walk's numbers."""
+    own = slips.walk == number
+    time, peak, p = slips.time[own], steps["peak"][own], slips.period
+    along = -float(slips.sign[own][0])
+    places = np.concatenate([[0], np.cumsum(np.maximum(1, np.round(np.diff(time) / p)))])
+    before = _mean(t, x, time[0] - 1.5 * p, time[0] - 1.05 * p)
+    # A forward sawtooth rises before it falls; a reverse one begins with a jump.
+    down = float(np.nanmedian(steps["down_step"][own]))
+    slip_first = not along * (peak[0] - before) > 0.5 * down
+    start = time[0] if slip_first else time[0] - p
+    bias = _mean(t, x, start - 0.5 * p, start)
+    known = np.isfinite(peak)
+    found = {
+        "direction": along,
+        "n_slips": float(time.size),
+        "missing": float(places[-1] + 1 - time.size),
+        "start": float(start),
+        "bias": bias,
+        "period": float(np.median(np.diff(time) / np.diff(places))) if time.size > 1 else math.nan,
+    }
+    if np.count_nonzero(known) < 2:
+        return found | dict.fromkeys(
+            ("up", "down", "net_step", "net_step_error", "scatter", "drift", "jitter"), math.nan
+        )
+    d = along * (peak[known] - bias)
+    # A period without a slip moved nothing, or moved unseen.
+    usual = float(np.median(np.diff(d)))
+    moves = np.clip(np.round(np.diff(d) / (usual or 1.0)), 1, np.diff(places[known]))
+    k = np.concatenate([[0.0], np.cumsum(moves)]) + np.flatnonzero(known)[0]
+    n, steps_ = k[-1] + 1, np.diff(d) / moves
+    line = np.polynomial.Polynomial.fit(k, d, 1)
+    left = d - line(k)
+    spread = math.sqrt(float(left @ left) / max(k.size - 2, 1))
+    net = float(line.convert().coef[1]) if k.size > 2 else float(steps_[0])
+    c1, c2 = float((d[-1] - d[0]) / (k[-1] - k[0])), float(d[-1])
+    jitter = np.diff(time) - found["period"] * np.diff(places)
+    return found | {
+        "up": float(np.nanmedian(steps["up_step"][own])) if slip_first else c2 - (n - 1) * c1,
+        "down": float(np.nanmedian(steps["down_step"][own])) if slip_first else c2 - n * c1,
+        "net_step": net,
+        "net_step_error": spread / math.sqrt(float(np.sum((k - k.mean()) ** 2))) if k.size > 2 else math.nan,
+        "scatter": float(steps_.std(ddof=1)) if steps_.size > 1 else math.nan,
+        "drift": float(np.polyfit(np.arange(steps_.size), steps_, 1)[0]) if steps_.size > 2 else math.nan,
+        "jitter": float(jitter.std()) if jitter.size > 1 else 0.0,
+    }
+
+
+def _asymmetry(walks: list[dict[str, float]]) -> float:
+    forward = [w["net_step"] for w in walks if w["direction"] > 0]
+    backward = [w["net_step"] for w in walks if w["direction"] < 0]
+    if not forward or not backward:
+        return math.nan
+    return float(np.mean(backward) / np.mean(forward)) - 1.0
+
+
+def _vibration(t: Array, x: Array, slips: Slips) -> tuple[Any, Any, dict[str, float]]:
+    """Spectrum of the motion after the slips, and the decaying oscillation in it, the mean over all slips."""
+    interval = float(np.median(np.diff(t)))
+    count = max(8, int(VIBRATION * slips.period / interval))
+    pieces = []
+    for s, sign in zip(slips.time, slips.sign, strict=True):
+        i = int(np.searchsorted(t, s + 2.0 * interval))
+        if i + count <= t.size:
+            piece = sign * x[i : i + count]
+            n = np.arange(count)
+            pieces.append(piece - np.polyval(np.polyfit(n[count // 2 :], piece[count // 2 :], 1), n))
+    none: dict[str, float] = dict.fromkeys(VIBRATION_NAMES, math.nan)
+    frequency = np.fft.rfftfreq(count, interval)
+    if len(pieces) < 2:
+        return frequency, np.full(frequency.size, math.nan), none
+    mean = np.mean(pieces, axis=0)
+    noise = float(np.std(np.asarray(pieces) - mean)) / math.sqrt(len(pieces) - 1)
+    spectrum = np.abs(np.fft.rfft(mean)) * 2.0 / count
+    best = 1 + int(np.argmax(spectrum[1:]))
+    time = np.arange(count) * interval
+
+    def basis(q: Array) -> Array:
+        decay = np.exp(-q[1] * time)
+        return np.stack([decay * np.cos(q[0] * time), decay * np.sin(q[0] * time)], axis=1)
+
+    def residuals(q: Array) -> Array:
+        b = basis(q)
+        return (b @ np.linalg.lstsq(b, mean, rcond=None)[0] - mean) / (noise or 1.0)
+
+    top = math.pi / interval
+    begin = [2.0 * math.pi * frequency[best], 4.0 / time[-1]]
+    fit = least_squares(residuals, begin, bounds=([0.0, 0.0], [top, 1.0 / interval]), x_scale=begin)
+    c = np.linalg.lstsq(basis(fit.x), mean, rcond=None)[0]
+    amplitude = float(np.hypot(*c))
+    b = basis(fit.x)
+    error = noise * math.sqrt(float(np.trace(np.linalg.pinv(b.T @ b))))
+    at_end = fit.x[0] > 0.95 * top or fit.x[1] > 0.9 / interval  # more than the samples can show
+    if at_end or not amplitude > SIGNIFICANT * error:
+        return frequency, spectrum, none
+    found = dict(zip(none, (amplitude, float(fit.x[0]) / (2.0 * math.pi), float(fit.x[1])), strict=True))
+    return frequency, spectrum, found

@@ -1,0 +1,136 @@
+"""When the drive lets the end-effector slip: from the jumps of drive_voltage, or from the position alone."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter, uniform_filter1d
+from scipy.signal import find_peaks
+
+from ...recording import RecordingError
+from ..recorded.drives import refuse_coarse
+
+# A jump of the drive is at least this share of its range.
+JUMP = 0.3
+# Slips further apart than this many periods belong to different walks.
+APART = 4.5
+# A slip of the position stands this far above the noise of what looks for it.
+ABOVE_NOISE = 5.0
+# Of a period, how irregular slips may come.
+IRREGULAR = 0.25
+
+Array = NDArray[np.float64]
+
+
+class Slips(NamedTuple):
+    """Instants [s] of slips in the position, ascending; +1 or -1, where the position jumps; when each walk's
+    number; the period [s], and how late the position is behind the drive [s] (NaN without a drive)."""
+
+    time: Array
+    sign: NDArray[np.int64]
+    walk: NDArray[np.int64]
+    period: float
+    delay: float
+    inverted: bool
+
+
+def slips_of(t: Array, x: Array, u: Array | None, where: str) -> Slips:
+    """The slips of a recording: time [n] s, position [n] m and, if it is known, drive [n] V."""
+    if u is None:
+        time, sign, period = _in_position(t, x, where)
+        return Slips(time, sign, _walks(time, sign, period), period, np.nan, False)
+    change = np.diff(u)
+    at = np.flatnonzero(np.abs(change) > JUMP * np.ptp(u))
+    at = at[np.diff(at, prepend=-2) > 1] + 1
+    if at.size < 2:
+        raise RecordingError(
+            f"drive_voltage [V] of {where} jumps {at.size} times: it is no sawtooth, or too short; at "
+            "least 2 jumps are needed"
+        )
+    jump = np.sign(change[at - 1]).astype(int)
+    walk = _walks(t[at], jump, float(np.median(np.diff(t[at]))))
+    period = float(np.median(np.concatenate([np.diff(t[at][walk == w]) for w in np.unique(walk)])))
+    refuse_coarse(t, period, where)
+    delay, side = _delay(t, x, t[at], jump, period)
+    kept = t[at] + delay < t[-1]
+    return Slips(t[at][kept] + delay, side * jump[kept], walk[kept], period, delay, side < 0)
+
+
+def _walks(time: Array, sign: NDArray[np.int64], period: float) -> NDArray[np.int64]:
+    """The number of the walk of each slip: a new one after a long pause, or where the direction changes."""
+    new = (np.diff(time) > APART * period) | (np.diff(sign) != 0)
+    return np.concatenate([[0], np.cumsum(new)])
+
+
+def _edges(x: Array, half: int) -> Array:
+    """The mean of `half` samples from each sample on, less that of those before it, [n]."""
+    mean = uniform_filter1d(x, half, mode="nearest", origin=0)
+    after, before = np.roll(mean, -(half // 2)), np.roll(mean, half - half // 2)
+    found = after - before
+    found[: 2 * half] = found[-2 * half :] = 0.0
+    return found
+
+
+def _delay(t: Array, x: Array, jumps: Array, sign: NDArray[np.int64], period: float) -> tuple[float, int]:
+    """How late the slips come [s], and whether they go with the jumps (+1) or against them (-1).
+
+    The edges of the position, added up over all jumps, are greatest then; a parabola tells between samples.
+    """
+    interval = float(np.median(np.diff(t)))
+    half = max(3, min(int(0.05 * period / interval), 40))
+    edges = _edges(x, half)
+    lags = np.arange(-2, max(4, int(0.2 * period / interval)))
+    at = np.searchsorted(t, jumps)[:, None] + lags
+    total = (sign[:, None] * edges[np.clip(at, 0, t.size - 1)]).sum(axis=0)
+    best = int(np.argmax(np.abs(total)))
+    side = 1 if total[best] > 0.0 else -1
+    best = int(np.clip(best, 1, lags.size - 2))
+    a, b, c = (side * total[best + k] for k in (-1, 0, 1))
+    bend = a - 2.0 * b + c
+    shift = 0.5 * (a - c) / bend if bend < 0.0 else 0.0
+    return float((lags[best] + np.clip(shift, -0.5, 0.5)) * interval), side
+
+
+def _in_position(t: Array, x: Array, where: str) -> tuple[Array, NDArray[np.int64], float]:
+    """Slips, their signs and their period, by the position alone: at the width of edges at which they stand
+    out of the noise most clearly."""
+    best = 0.0, np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+    half = 2
+    while half < x.size // 20:
+        clearness, peaks, sign = _stand_out(x, half)
+        if clearness > best[0]:
+            best = clearness, peaks, sign
+        half = int(1.5 * half) + 1
+    clearness, peaks, sign = best
+    if clearness < ABOVE_NOISE * peaks.size or not peaks.size:
+        raise RecordingError(f"no slips stand out of the noise in the position of {where}")
+    period = float(np.median(np.diff(t[peaks])))
+    refuse_coarse(t, period, where)
+    return t[peaks], sign, period
+
+
+def _stand_out(x: Array, half: int) -> tuple[float, NDArray[np.int64], NDArray[np.int64]]:
+    """How clearly (summed), where and how edges stand out; 0 where they do not come regularly."""
+    edges = _edges(x, half)
+    slow = edges - median_filter(edges, 8 * half + 1, mode="nearest")
+    size = np.abs(slow)
+    peaks = find_peaks(size, height=0.5 * float(size.max()), distance=2 * half)[0]
+    none = (0.0, peaks, np.zeros(0, dtype=np.int64))
+    if peaks.size < 4:
+        return none
+    apart = np.diff(peaks)
+    period = float(np.median(apart))
+    regular = np.mean(np.abs(apart / period - np.maximum(1, np.round(apart / period))) < IRREGULAR)
+    away = np.ones(x.size, dtype=bool)
+    for p in peaks:
+        away[max(p - 2 * half, 0) : p + 2 * half] = False
+    if regular < 0.7 or half > 0.3 * period or np.count_nonzero(away) < 10:
+        return none
+    noise = float(np.sqrt(np.mean(slow[away] ** 2)))
+    return (
+        peaks.size * float(np.median(size[peaks])) / (noise or 1e-300),
+        peaks,
+        np.sign(slow[peaks]).astype(int),
+    )

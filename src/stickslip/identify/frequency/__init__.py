@@ -1,0 +1,1 @@
+"""Frequency responses and modal models."""

@@ -1,0 +1,163 @@
+"""Modal models against recordings in time: simulated freely from the drive, and fitted to the response.
+
+Each mode is a state-space system of two states, advanced exactly over a sample in which the drive is held
+(zero-order hold, as a DAC does). The hold is half a sample of delay by itself, so the delay here is that much
+shorter than with frequency responses, which take the drive to have no power above half the sample rate; close
+to that frequency the two assumptions part further.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+from scipy.linalg import expm
+from scipy.signal import lfilter
+
+from ...estimate.blas import single_threaded
+from ...estimate.parameter import Values
+from ...estimate.problem import FitError
+from ...estimate.result import Fit
+from ...estimate.search import Progress
+from ...estimate.separable import Design, Linear, fit_separable
+from .modal import ModalModel, pole_parameters
+
+
+def held_response(
+    model: ModalModel, drive: np.ndarray, sample_rate: float, *, periodic: bool = False
+) -> np.ndarray:
+    """Free response to a drive that is held between samples, shape (samples, outputs, ...).
+
+    Args:
+        drive: shape (samples, inputs, ...).
+        sample_rate: Hz.
+        periodic: the drive is one period, the response the steady one; otherwise it begins at rest.
+    """
+    u, sample = np.moveaxis(drive, 0, -1), 1 / sample_rate
+    found = np.einsum("oi,i...->o...", model.remainder, _held_delay(u, model.delay, sample, periodic))
+    for omega, zeta, *gains in zip(*model[:2], model.gain, model.rate_gain, strict=True):
+        parts = _held_mode(u, omega, zeta, model.delay, sample, periodic)
+        for gain, part in zip(gains, parts, strict=True):
+            found += np.einsum("oi,i...->o...", gain, part)
+    return np.moveaxis(found, -1, 0)
+
+
+def _held_mode(
+    drive: np.ndarray, omega: float, zeta: float, delay: float, sample: float, periodic: bool
+) -> np.ndarray:
+    """Response with unit gain and with unit rate gain to a drive (..., samples); shape (2, ..., samples).
+
+    The delay need not be a multiple of the sample: a held drive is known at every instant within it.
+    """
+    A = np.array([[0.0, 1.0, 0.0], [-(omega**2), -2 * zeta * omega, omega**2], [0.0, 0.0, 0.0]])
+    step, within = expm(A * sample), expm(A * (sample - delay % sample))
+    (a, b, p), (c, d, q) = step[:2]
+    poles = [1.0, -(a + d), a * d - b * c]
+    delayed = _held_delay(drive, delay, sample, periodic)
+    found = []
+    for x, v, u in within[:2]:
+        zeros = [u, x * p + v * q + u * poles[1], x * (b * q - d * p) + v * (c * p - a * q) + u * poles[2]]
+        begin = np.zeros((*drive.shape[:-1], 2))
+        if periodic:
+            # The state that a period leads back to itself, for the filter's two states in SciPy's form.
+            period = np.linalg.matrix_power([[-poles[1], 1.0], [-poles[2], 0.0]], drive.shape[-1])
+            _, end = lfilter(zeros, poles, delayed, zi=begin)
+            begin = end @ np.linalg.inv(np.eye(2) - period).T
+        found.append(lfilter(zeros, poles, delayed, zi=begin)[0])
+    return np.stack([found[0], found[1] / omega])
+
+
+def _held_delay(drive: np.ndarray, delay: float, sample: float, periodic: bool) -> np.ndarray:
+    """The value held in that sample in which each instant, less the delay, lies; shape (..., samples)."""
+    n = math.floor(delay / sample) + 1
+    late = np.roll(drive, n, axis=-1)
+    if not periodic:
+        late[..., :n] = 0.0
+    return late
+
+
+@single_threaded
+def identify_in_time(
+    drive: np.ndarray,
+    response: np.ndarray,
+    sample_rate: float,
+    start: ModalModel,
+    *,
+    periodic: bool = False,
+    unit: str = "m/V",
+    correlated: bool = True,
+    progress: Callable[[Progress], None] | None = None,
+) -> Fit:
+    """Fit a modal model to recordings by free simulation; all recordings and channels share poles and delay.
+
+    Args:
+        drive: shape (samples, inputs, recordings).
+        response: shape (samples, outputs, recordings).
+        sample_rate: Hz.
+        start: poles to start from, and the delay, which is kept: within a sample, gain and rate gain can
+            stand for it. The gains are solved for.
+        periodic: the recordings are one period of a steady state; otherwise they begin at rest.
+        unit: of response by drive.
+        correlated: allow for errors that are correlated in time, as those of a model always are.
+        progress: called after each evaluation.
+
+    Returns:
+        As `identify_frequency`, without the delay. Every sample counts alike: it follows what moves most.
+
+    Raises:
+        FitError: the shapes do not fit.
+    """
+    if drive.ndim != 3 or response.ndim != 3 or drive.shape[::2] != response.shape[::2]:
+        raise FitError(f"drive {drive.shape}, response {response.shape}: not (samples, channels, recordings)")
+    n_samples, n_inputs, _ = drive.shape
+    n_outputs, n_modes, sample = response.shape[1], len(start.natural_frequency), 1 / sample_rate
+    u = np.moveaxis(drive, 0, -1)
+    delay = max(start.delay - sample / 2, 0.0)
+
+    def in_rows(simulated: np.ndarray) -> np.ndarray:
+        """(..., channels, recordings, samples) as (..., channels, rows)."""
+        return simulated.reshape(*simulated.shape[:-2], -1)
+
+    direct = in_rows(_held_delay(u, delay, sample, periodic))
+
+    def mode(omega: float, zeta: float) -> np.ndarray:
+        return in_rows(_held_mode(u, omega, zeta, delay, sample, periodic))
+
+    def designs(values: Values) -> list[Design]:
+        poles = list(values.values())
+        pairs = list(zip(poles[0::2], poles[1::2], strict=True))
+        modes = np.stack([mode(w, z) for w, z in pairs])
+
+        @cache
+        def slopes() -> list[np.ndarray]:
+            h, found = 1e-6, []
+            for unmoved, (w, z) in zip(modes, pairs, strict=True):
+                found.append((mode(w * (1 + h), z) - unmoved) / (h * w))
+                found.append((mode(w, z * (1 + h)) - unmoved) / (h * z))
+            return found
+
+        def tangent(x: np.ndarray) -> np.ndarray:
+            gains = x[: 2 * n_modes * n_inputs].reshape(n_modes, 2, n_inputs)
+            return np.stack([np.tensordot(gains[i // 2], d, 2) for i, d in enumerate(slopes())], axis=1)
+
+        return [Design(np.concatenate([modes.reshape(-1, direct.shape[-1]), direct]).T, tangent)] * n_outputs
+
+    names = [f"{kind}_{m}" for m in range(1, n_modes + 1) for kind in ("gain", "rate_gain")]
+    recordings = []
+    for o, measured in enumerate(in_rows(np.moveaxis(response, 0, -1)), 1):
+        channels = [""] if n_inputs * n_outputs == 1 else [f"[{o},{i}]" for i in range(1, n_inputs + 1)]
+        coefficients = tuple((name + channel, unit) for name in [*names, "remainder"] for channel in channels)
+        recordings.append(Linear(measured, None, coefficients, f"output {o}", unit.split("/")[0]))
+    poles = list(zip(start.natural_frequency, start.damping_ratio, strict=True))
+    parameters = pole_parameters(poles, (np.pi / (n_samples * sample), np.pi * sample_rate))
+    fit = fit_separable(
+        recordings, designs, parameters, tolerance=1e-8, correlated=correlated, progress=progress
+    )
+    searched, found = np.split(np.array(list(fit.values.values())), [2 * n_modes])
+    found = found.reshape(n_outputs, 2 * n_modes + 1, n_inputs)
+    gain, rate_gain = found[:, :-1].reshape(n_outputs, n_modes, 2, n_inputs).transpose(2, 1, 0, 3)
+    model = ModalModel(searched[0::2], searched[1::2], delay, gain, rate_gain, found[:, -1])
+    return replace(fit, model=model)

@@ -1,0 +1,254 @@
+r"""Modal models: second-order modes that share their poles over all channels, and a delay.
+
+.. math:: G(s) = e^{-s\tau}\Big[D + \sum_m \Big(A_m + B_m \frac{s}{\omega_m}\Big)
+          \frac{\omega_m^2}{s^2 + 2\zeta_m\omega_m s + \omega_m^2}\Big]
+
+One mode with B = D = 0 is the stage of [kang2007, eq. 3.18]. A_m is a mode's static gain; B_m, its rate gain,
+is zero if the damping is proportional (real mode shapes); D stands for the modes above the band. Every matrix
+is (outputs, inputs).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import product
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from ...estimate.blas import single_threaded
+from ...estimate.parameter import Parameter, Values
+from ...estimate.problem import FitError
+from ...estimate.result import Fit
+from ...estimate.search import Progress
+from ...estimate.separable import Design, Linear, fit_separable
+
+# Damping ratios among which a further mode is looked for.
+TRIAL_DAMPING = (0.005, 0.01, 0.02, 0.05, 0.2)
+LINES_IN_SEARCH = 1000
+LEAST_DAMPING, MOST_DAMPING = 1e-4, 3.0
+
+
+class ModalModel(NamedTuple):
+    """Poles, delay and gains; see the module for the equation.
+
+    Attributes:
+        natural_frequency: shape (modes,), rad/s.
+        damping_ratio: shape (modes,).
+        delay: s.
+        gain: A, shape (modes, outputs, inputs), response by drive.
+        rate_gain: B, same shape and unit.
+        remainder: D, shape (outputs, inputs), same unit.
+    """
+
+    natural_frequency: np.ndarray
+    damping_ratio: np.ndarray
+    delay: float
+    gain: np.ndarray
+    rate_gain: np.ndarray
+    remainder: np.ndarray
+
+
+def modal_response(model: ModalModel, frequency: np.ndarray) -> np.ndarray:
+    """The frequency response at the frequencies [Hz], shape (frequencies, outputs, inputs), complex."""
+    s = 2j * np.pi * np.asarray(frequency)
+    modes, rates = _modes(s, model.natural_frequency, model.damping_ratio)
+    summed = np.tensordot(modes, model.gain, 1) + np.tensordot(rates, model.rate_gain, 1) + model.remainder
+    return summed * np.exp(-s * model.delay)[:, None, None]
+
+
+def steady_response(model: ModalModel, drive: np.ndarray, sample_rate: float) -> np.ndarray:
+    """Steady response to a periodic drive, shape (samples of a period, outputs, ...).
+
+    Multiplied line by line in the frequency domain. That is exact for a drive without power above half the
+    sample rate, and assumes nothing else about how it runs between samples.
+
+    Args:
+        drive: one period, shape (samples, inputs, ...).
+        sample_rate: Hz.
+    """
+    G = modal_response(model, np.fft.rfftfreq(len(drive), 1 / sample_rate))
+    return np.fft.irfft(np.einsum("foi,fi...->fo...", G, np.fft.rfft(drive, axis=0)), len(drive), axis=0)
+
+
+@single_threaded
+def identify_frequency(
+    response: xr.Dataset,
+    modes: int | Sequence[tuple[float, float]] = 1,
+    *,
+    complex_modes: bool = True,
+    remainder: bool = True,
+    noise_known: bool = False,
+    correlated: bool = False,
+    progress: Callable[[Progress], None] | None = None,
+) -> Fit:
+    """Fit a modal model to measured frequency responses; all channels share poles and delay.
+
+    Args:
+        response: as `frequency_response` gives it, or a selection of its outputs, inputs or frequencies. Each
+            line weighs by its `deviation`; a model of too few modes may want equal ones, to follow what moves
+            most rather than what is best known.
+        modes: how many, or the start of each: natural frequency [Hz] and damping ratio. By their number, they
+            are found one after the other, each where it explains most of what is left.
+        complex_modes: fit rate gains (B) as well.
+        remainder: fit the remainder (D).
+        noise_known: take the deviations in `response` as they are; by default the misfit sets their level.
+        correlated: allow for errors correlated from line to line: those of a model with too few modes, and of
+            lines by `welch_frequency_response`.
+        progress: called after each evaluation.
+
+    Returns:
+        A `Fit` with natural_frequency_1 [rad/s], damping_ratio_1, ..., delay [s], gain_1, rate_gain_1, ...,
+        remainder; with several channels gain_1[o,i] for output o and input i. Its `model` is a `ModalModel`.
+
+    Raises:
+        FitError: no deviations in `response`, or too few frequencies for so many modes.
+    """
+    missing = [d for d in ("output", "input") if d not in response["response"].dims]
+    response = response.expand_dims(missing).transpose("frequency", "output", "input")
+    if not np.all(response["deviation"] > 0):
+        raise FitError("the responses have no deviations: they need more realisations or periods")
+    kind = _Kind(complex_modes, remainder)
+    starts, delay = _found(response, modes, kind) if isinstance(modes, int) else (list(modes), 0.0)
+    options: dict[str, Any] = {"noise_known": noise_known, "correlated": correlated, "progress": progress}
+    fit = _fit(response, sorted(starts), delay, kind, **options)
+    frequencies, dampings, delay = fit.model[:3]
+    if np.any(np.diff(frequencies) < 0):  # modes have passed each other: number them anew
+        starts = sorted(zip(frequencies / (2 * np.pi), dampings, strict=True))
+        fit = _fit(response, starts, delay, kind, **options)
+    return fit
+
+
+def _found(response: xr.Dataset, n_modes: int, kind: _Kind) -> tuple[list[tuple[float, float]], float]:
+    """Starts of so many modes, and of the delay: each mode explains most of what those before it left.
+
+    All lines count alike here: weighed by their deviations, quiet bands would be served before large motion.
+    """
+    response = response.assign(deviation=xr.ones_like(response["deviation"]))
+    every = max(1, response.sizes["frequency"] // LINES_IN_SEARCH)
+    response = response.isel(frequency=slice(None, None, every))
+    frequency = response["frequency"].to_numpy()
+    measured = response["response"].to_numpy()
+    trial = np.array([(f, zeta) for zeta in TRIAL_DAMPING for f in frequency[::2]])
+    shapes, _ = _modes(2j * np.pi * frequency, 2 * np.pi * trial[:, 0], trial[:, 1])
+    shapes = (shapes / np.linalg.norm(shapes, axis=0)).conj().T
+    starts: list[tuple[float, float]] = []
+    delay, left = 0.0, measured
+    for _ in range(n_modes):
+        undelayed = left.reshape(frequency.size, -1) * np.exp(2j * np.pi * frequency * delay)[:, None]
+        explained = np.sum(np.abs(shapes @ undelayed) ** 2, axis=1)
+        starts.append(tuple(trial[np.argmax(explained)]))
+        model = _fit(response, starts, delay, kind, tolerance=1e-4).model
+        starts = list(zip(model.natural_frequency / (2 * np.pi), model.damping_ratio, strict=True))
+        delay, left = model.delay, measured - modal_response(model, frequency)
+    return starts, delay
+
+
+class _Kind(NamedTuple):
+    complex_modes: bool
+    remainder: bool
+
+    def names(self, n_modes: int) -> list[str]:
+        """Of the coefficients of a channel, in the order of the design's columns."""
+        kinds = ["gain", "rate_gain"] if self.complex_modes else ["gain"]
+        names = [f"{kind}_{m}" for kind in kinds for m in range(1, n_modes + 1)]
+        return [*names, "remainder"] if self.remainder else names
+
+
+def _fit(
+    response: xr.Dataset, starts: Sequence[tuple[float, float]], delay: float, kind: _Kind, **options: Any
+) -> Fit:
+    frequency = response["frequency"].to_numpy()
+    outputs, inputs = response["output"].to_numpy(), response["input"].to_numpy()
+    single = outputs.size * inputs.size == 1
+    unit = response["response"].attrs["units"]
+    limits = (np.pi * frequency[0], 4 * np.pi * frequency[-1])
+    longest = 10 / frequency[-1]
+    poles = [(2 * np.pi * f, zeta) for f, zeta in starts]
+    parameters = pole_parameters(poles, limits)
+    parameters.append(Parameter("delay", delay, -longest, longest, "s", log=False))
+    recordings = []
+    for o, i in product(range(outputs.size), range(inputs.size)):
+        channel = "" if single else f"[{outputs[o]},{inputs[i]}]"
+        measured = response["response"].to_numpy()[:, o, i]
+        deviation = response["deviation"].to_numpy()[:, o, i]
+        recordings.append(
+            Linear(
+                _real_over_imaginary(measured),
+                np.tile(deviation / math.sqrt(2), 2),
+                tuple((name + channel, unit) for name in kind.names(len(starts))),
+                f"response{channel}",
+                unit,
+            )
+        )
+
+    def designs(values: Values) -> list[Design]:
+        return [_design(frequency, np.array(list(values.values())), kind)] * len(recordings)
+
+    fit = fit_separable(recordings, designs, parameters, **options)
+    return replace(fit, model=_model(fit, outputs.size, inputs.size, kind))
+
+
+def pole_parameters(starts: Sequence[tuple[float, float]], limits: tuple[float, float]) -> list[Parameter]:
+    """Natural frequency [rad/s], within the limits, and damping ratio of each mode."""
+    parameters = []
+    for m, (omega, zeta) in enumerate(starts, 1):
+        inside = min(max(omega, limits[0]), limits[1])
+        parameters.append(Parameter(f"natural_frequency_{m}", inside, *limits, "rad/s"))
+        parameters.append(Parameter(f"damping_ratio_{m}", zeta, LEAST_DAMPING, MOST_DAMPING))
+    return parameters
+
+
+def _model(fit: Fit, n_outputs: int, n_inputs: int, kind: _Kind) -> ModalModel:
+    values = np.array(list(fit.values.values()))
+    n_modes = sum(name.startswith("natural_frequency") for name in fit.values)
+    poles, delay, rest = values[: 2 * n_modes], values[2 * n_modes], values[2 * n_modes + 1 :]
+    coefficients = np.moveaxis(rest.reshape(n_outputs, n_inputs, -1), -1, 0)
+    zero = np.zeros((n_modes, n_outputs, n_inputs))
+    return ModalModel(
+        poles[0::2],
+        poles[1::2],
+        float(delay),
+        coefficients[:n_modes],
+        coefficients[n_modes : 2 * n_modes] if kind.complex_modes else zero,
+        coefficients[-1] if kind.remainder else zero.sum(axis=0),
+    )
+
+
+def _modes(s: np.ndarray, omega: np.ndarray, zeta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Each mode's response with unit gain and with unit rate gain, shape (frequencies, modes)."""
+    s = s[:, None]
+    mode = omega**2 / (s**2 + 2 * zeta * omega * s + omega**2)
+    return mode, mode * s / omega
+
+
+def _real_over_imaginary(values: np.ndarray) -> np.ndarray:
+    return np.concatenate([np.real(values), np.imag(values)])
+
+
+def _design(frequency: np.ndarray, values: np.ndarray, kind: _Kind) -> Design:
+    """Real over imaginary parts of the modes' responses, and their derivatives by poles and delay."""
+    omega, zeta, delay = values[0:-1:2], values[1:-1:2], values[-1]
+    s = 2j * np.pi * frequency
+    phase = np.exp(-s * delay)[:, None]
+    mode, rate = _modes(s, omega, zeta)
+    columns = [mode, rate] if kind.complex_modes else [mode]
+    basis = phase * np.concatenate([*columns, np.ones((s.size, int(kind.remainder)))], axis=1)
+    s = s[:, None]
+    by_omega = phase * (2 * mode / omega - mode**2 * (2 * omega + 2 * zeta * s) / omega**2)
+    by_zeta = phase * (-2 * mode * rate)
+    rate_by_omega = by_omega * s / omega - phase * rate / omega
+
+    def tangent(x: np.ndarray) -> np.ndarray:
+        a = x[: omega.size]
+        b = x[omega.size : 2 * omega.size] if kind.complex_modes else np.zeros(omega.size)
+        slopes = np.empty((frequency.size, values.size), dtype=complex)
+        slopes[:, 0:-1:2] = a * by_omega + b * rate_by_omega
+        slopes[:, 1:-1:2] = by_zeta * (a + b * s / omega)
+        slopes[:, -1] = -s[:, 0] * (basis @ x)
+        return _real_over_imaginary(slopes)
+
+    return Design(_real_over_imaginary(basis), tangent)

@@ -1,0 +1,207 @@
+r"""Frequency responses of linear systems from recordings of what drives them and how they answer.
+
+The measured answer is the best linear approximation plus what it does not explain. For periodic drives the
+noise shows as differences between periods, and noise together with nonlinear distortion as differences
+between realisations [pintelon2012, ch. 4]: with a piezo the second is often twenty times the first, and is
+then the true uncertainty of the response. What instruments do to drive and response is in it too: see
+`instruments`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike
+from scipy import signal
+from scipy.ndimage import uniform_filter1d
+
+from ...estimate.blas import single_threaded
+
+# A line is excited if its drive is above this share of the strongest one.
+EXCITED = 0.01
+
+
+class ResponseError(ValueError):
+    """A frequency response that these recordings cannot give."""
+
+
+@single_threaded
+def frequency_response(
+    drive: ArrayLike,
+    response: ArrayLike,
+    sample_rate: float,
+    *,
+    band: tuple[float, float] = (0.0, np.inf),
+    smoothing: int = 21,
+    units: tuple[str, str] = ("V", "m"),
+) -> xr.Dataset:
+    """The response to a periodic drive (multisine), from whole periods in the steady state.
+
+    Least squares over all realisations at each excited line, so the realisations need not be orthogonal.
+
+    Args:
+        drive: as the mechanism gets it (see `applied_voltage` where it is a command), shape (samples of a
+            period, inputs, realisations, periods); axes at the end may be left out.
+        response: the same with outputs for inputs.
+        sample_rate: Hz.
+        band: frequencies to keep, Hz.
+        smoothing: number of neighbouring lines over which variances are averaged: each has few realisations.
+        units: of drive and response.
+
+    Returns:
+        Over "frequency" [Hz], "output" and "input" `response`, complex; `deviation`, its standard deviation
+        by noise and nonlinear distortion, from realisations beyond the number of inputs (if there are none:
+        by noise alone); `noise_deviation`, that by noise, from the periods. Each is sqrt(E|error|^2), and NaN
+        without the repetitions. Over "frequency" and "output": `coherence`, the share of the power explained.
+
+    Raises:
+        ResponseError: the shapes do not fit, or the inputs cannot be told apart.
+    """
+    u, y = _four_axes(drive, "drive"), _four_axes(response, "response")
+    if (u.shape[0], *u.shape[2:]) != (y.shape[0], *y.shape[2:]):
+        raise ResponseError(
+            f"drive {u.shape} and response {y.shape} differ in samples, realisations or periods"
+        )
+    n_inputs, n_realisations, n_periods = u.shape[1:]
+    if n_realisations < n_inputs:
+        raise ResponseError(f"{n_inputs} inputs need as many realisations; there are {n_realisations}")
+    frequency = np.fft.rfftfreq(u.shape[0], 1 / sample_rate)
+    # Amplitudes, (lines, channels, realisations), of the mean over the periods.
+    U = np.fft.rfft(u.mean(axis=3), axis=0) * 2 / u.shape[0]
+    Y = np.fft.rfft(y, axis=0) * 2 / u.shape[0]
+    power = np.sqrt(np.mean(np.abs(U) ** 2, axis=(1, 2)))
+    power[0] = 0.0
+    lines = (power > EXCITED * power.max()) & (frequency >= band[0]) & (frequency <= band[1])
+    U, Y = U[lines], Y[lines]
+    if np.linalg.cond(U).max() > 1e3:
+        raise ResponseError("the realisations do not tell the inputs apart: drive them independently")
+
+    gram = np.linalg.inv(U @ _adjoint(U))
+    mean = Y.mean(axis=3)
+    G = mean @ _adjoint(U) @ gram
+    factor = np.real(np.diagonal(gram, axis1=1, axis2=2))[:, None, :]
+    unexplained = np.sum(np.abs(mean - G @ U) ** 2, axis=2)
+    total = _variance(unexplained, n_realisations - n_inputs, smoothing)
+    scatter = np.sum(np.abs(Y - mean[..., None]) ** 2, axis=(2, 3))
+    noise = _variance(scatter, n_realisations * (n_periods - 1), smoothing) / n_periods
+    worst = np.where(np.isnan(total), noise, total)
+    coherence = np.clip(1 - worst / np.mean(np.abs(mean) ** 2, axis=2), 0, 1)
+    return _labelled(
+        frequency[lines],
+        G,
+        np.sqrt(worst[:, :, None] * factor),
+        np.sqrt(noise[:, :, None] * factor),
+        coherence,
+        units,
+    )
+
+
+@single_threaded
+def welch_frequency_response(
+    drive: ArrayLike,
+    response: ArrayLike,
+    sample_rate: float,
+    *,
+    segment: int,
+    band: tuple[float, float] = (0.0, np.inf),
+    units: tuple[str, str] = ("V", "m"),
+) -> xr.Dataset:
+    """The response to any other persistent drive (noise, sweeps), by Welch's method with Hann's window.
+
+    Leakage biases it by about 20 (T/L)^2, with a mode's decay time T and the length L of a segment, however
+    long the record. Neighbouring lines share their window, so their errors go together: identify with
+    `correlated=True`. A drive that repeats (a chirp too) has neither fault in `frequency_response`, where the
+    result is explained. Noise and distortion cannot be told apart, so `noise_deviation` is NaN.
+
+    Args:
+        drive: shape (samples,) or (samples, inputs).
+        response: shape (samples,) or (samples, outputs).
+        sample_rate: Hz.
+        segment: samples in a segment; they overlap by half.
+        band: frequencies to keep, Hz.
+        units: of drive and response.
+
+    Raises:
+        ResponseError: the shapes do not fit, or the record is too short for as many segments as inputs.
+    """
+    u, y = _four_axes(drive, "drive")[:, :, 0, 0].T, _four_axes(response, "response")[:, :, 0, 0].T
+    averages = 2 * u.shape[1] // segment - 1
+    if u.shape[1] != y.shape[1]:
+        raise ResponseError(f"drive and response differ in length: {u.shape[1]} and {y.shape[1]}")
+    if averages <= 2 * len(u):
+        raise ResponseError(f"{u.shape[1]} samples are too few for segments of {segment}")
+
+    def spectra(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """(lines, channels of a, channels of b); SciPy conjugates its first argument."""
+        _, s = signal.csd(b[None, :], a[:, None], sample_rate, nperseg=segment)
+        return np.moveaxis(s, -1, 0)
+
+    frequency = np.fft.rfftfreq(segment, 1 / sample_rate)
+    lines = (frequency > 0) & (frequency >= band[0]) & (frequency <= band[1])
+    uu, yu, yy = spectra(u, u)[lines], spectra(y, u)[lines], spectra(y, y)[lines]
+    inverse = np.linalg.inv(uu)
+    G = yu @ inverse
+    measured = np.real(np.diagonal(yy, axis1=1, axis2=2))
+    explained = np.real(np.diagonal(G @ _adjoint(yu), axis1=1, axis2=2))
+    # Hann segments that overlap by half are worth 18/19 of as many independent ones [welch1967].
+    freedom = averages * 18 / 19 - len(u)
+    rest = np.maximum(measured - explained, 0) * averages / freedom
+    factor = np.real(np.diagonal(inverse, axis1=1, axis2=2))[:, None, :] / averages * 19 / 18
+    nothing = np.full(G.shape, np.nan)
+    coherence = np.clip(explained / measured, 0, 1)
+    return _labelled(frequency[lines], G, np.sqrt(rest[:, :, None] * factor), nothing, coherence, units)
+
+
+def mean_gain(response: xr.Dataset, band: tuple[float, float]) -> xr.Dataset:
+    """Mean magnitude of the response over a band [Hz], weighted by its deviations, and its standard error.
+
+    Over "output" and "input": `gain`, `standard_error`. Below the first resonance this is the quasi-static
+    gain, which in a piezo rises with amplitude and falls a little with frequency (creep).
+    """
+    lines = response.sel(frequency=slice(*band))
+    weights = lines["deviation"] ** -2
+    unit = {"units": response["response"].attrs["units"]}
+    gain = (abs(lines["response"]) * weights).sum("frequency") / weights.sum("frequency")
+    # Half of the variance of a line turns its phase and leaves its magnitude alone.
+    error = (2 * weights.sum("frequency")) ** -0.5
+    return xr.Dataset({"gain": gain.assign_attrs(unit), "standard_error": error.assign_attrs(unit)})
+
+
+def _four_axes(data: ArrayLike, name: str) -> np.ndarray:
+    array = np.asarray(data, dtype=float)
+    if not 1 <= array.ndim <= 4:
+        raise ResponseError(f"{name} has {array.ndim} axes: (samples, channels, realisations, periods)")
+    if not np.all(np.isfinite(array)):
+        raise ResponseError(f"{name} holds values that are not finite")
+    return array.reshape(array.shape + (1,) * (4 - array.ndim))
+
+
+def _adjoint(matrices: np.ndarray) -> np.ndarray:
+    return np.conj(np.swapaxes(matrices, -1, -2))
+
+
+def _variance(squares: np.ndarray, freedom: int, smoothing: int) -> np.ndarray:
+    if freedom < 1:
+        return np.full(squares.shape, np.nan)
+    return uniform_filter1d(squares / freedom, smoothing, axis=0, mode="nearest")
+
+
+def _labelled(frequency, response, deviation, noise_deviation, coherence, units) -> xr.Dataset:
+    full, unit = ("frequency", "output", "input"), f"{units[1]}/{units[0]}"
+    return xr.Dataset(
+        {
+            "response": (full, response, {"units": unit, "long_name": "frequency response"}),
+            "deviation": (full, deviation, {"units": unit, "long_name": "standard deviation"}),
+            "noise_deviation": (
+                full,
+                noise_deviation,
+                {"units": unit, "long_name": "standard deviation by noise"},
+            ),
+            "coherence": (full[:2], coherence, {"units": "1", "long_name": "coherence"}),
+        },
+        coords={
+            "frequency": ("frequency", frequency, {"units": "Hz", "long_name": "frequency"}),
+            "output": np.arange(1, response.shape[1] + 1),
+            "input": np.arange(1, response.shape[2] + 1),
+        },
+    )

@@ -1,0 +1,1 @@
+"""Friction loops and driven masses: force and motion are measured."""

@@ -1,0 +1,260 @@
+r"""Friction of a contact whose motion and force are measured: a tribometer, prescribed motion.
+
+The force channel is not the contact, and a contact is more than an odd law in proportion to its load. Both
+are identified with the law:
+
+.. math:: F_{meas} = b + \left(\frac{N}{N_0}\right)^p \left( 1 + c\,(t - t_0) \right)
+          \left( q + F + a |F| + h F^2 \right), \qquad F = F_{law}
+
+bias b [N] of the channel, what it shows without a contact; of the contact the exponent p of its load (1:
+Amontons; 2/3: one elastic asperity), the drift c [1/s] of its strength, as in running-in, and what differs
+forward and backward, which no odd law does: a part q [N] of its force that does not turn with the motion, a
+share a of strength, a curvature h [1/N]. Each is 0 (p: 1) unless it is free. Under a constant load b and q
+are the same; samples without load tell which it is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ...estimate.fit import fit_least_squares
+from ...estimate.parameter import Parameter, Values
+from ...estimate.problem import Residuals
+from ...estimate.result import Fit
+from ...estimate.score import ASKED, gain, step
+from ...estimate.search import Progress
+from ...simulation import SimulationError, friction_response
+from ...simulation.varied import free_names, with_values
+from ..free import Bounds, check_names, parameter
+from ..quantised import with_steps
+from ..recorded.channels import channel, names_of, recordings_of
+from ..recorded.known_noise import converter_step
+from .starts import loop_starts
+
+OBSERVED = "friction_force"
+# Besides the law, with units; those that are not of the channel are the contact's.
+CHANNEL = {
+    "bias": "N",
+    "contact_offset": "N",
+    "asymmetry": "",
+    "curvature": "1/N",
+    "drift": "1/s",
+    "load_exponent": "",
+}
+# Of the reference, below which a normal force carries nothing: the contact begins relaxed.
+UNLOADED = 0.02
+# What is noticed where it is not free, and how it is said of a share or a force.
+NOTICED = ("drift", "asymmetry", "contact_offset")
+LOAD_EXPONENTS = (0.2, 2.0)
+# Relative; the response to it is far above the error of a simulation at 1e-9 m.
+DIFFERENCE_STEP = 1e-3
+
+
+def identify_loops(
+    recordings: xr.Dataset | Sequence[xr.Dataset],
+    model: Any,
+    free: Sequence[str],
+    *,
+    reference_normal_force: float | None = None,
+    bounds: Bounds | None = None,
+    noise: float | None = None,
+    starts: int = 1,
+    seed: int = 0,
+    tolerance: float = 1e-9,
+    correlated: bool = True,
+    max_evaluations: int = 3000,
+    progress: Callable[[Progress], None] | None = None,
+) -> Fit:
+    """Fit a friction law to friction loops: position prescribed, force measured.
+
+    Every recording is one free-running prediction from its first sample, where all elements of the law are
+    taken as equally deflected, so that they carry the measured force (their true state is not known).
+
+    Args:
+        recordings: with position [m] and friction_force [N], positive when the driving body moves towards +x.
+        model: law record; its values are the start, and its forces hold at `reference_normal_force`.
+        free: what to fit: scalar fields of the law, elements ("stiffness_2"), "stiction_ratio" and
+            "breakaway_share" (see `identify_friction`), and "bias", "contact_offset", "asymmetry",
+            "curvature", "drift" and "load_exponent" (see above).
+        reference_normal_force: N; the recordings then have normal_force [N], and the law's forces follow it,
+            in proportion unless load_exponent is free. Left out, the normal force is taken as constant.
+        bounds: of free parameters, in SI or as strings, else a factor 30 either side of the start and of
+            what the sizes of the loops say; of the channel's and contact's: the largest force, half its
+            inverse, and the inverse of the length in time.
+        noise: standard deviation of the force, N; left out, it is estimated from the residuals.
+        starts, seed, max_evaluations, progress: as `identify_friction`.
+        tolerance: m, on the deflections.
+        correlated: allow for residuals correlated in time in the uncertainty: here they are model error.
+
+    Returns:
+        A fit whose `model` is the law with the values put in, and whose ``predict(recording)`` is the force
+        that the channel shows, free-running from the first sample.
+
+    Raises:
+        RecordingError: a channel is missing, too short or constant.
+        QuantityError: a name that cannot be free, or bounds that do not fit.
+        FitError: see `fit_least_squares`.
+    """
+    found = recordings_of(recordings)
+    names = names_of(found)
+    bounds = bounds or {}
+    check_names(free, [*free_names(model), *CHANNEL], bounds)
+    measured = [channel(r, OBSERVED, name, varies=True) for r, name in zip(found, names, strict=True)]
+    origin = float(found[0]["time"].values[0])
+    settings = (reference_normal_force, origin, tolerance)
+    responses = [_response(r, name, *settings) for r, name in zip(found, names, strict=True)]
+    largest = max(float(np.max(np.abs(force))) for force in measured)
+    span = max(float(r["time"].values[-1]) for r in found) - origin
+    reach = {
+        "bias": largest,
+        "contact_offset": largest,
+        "asymmetry": 0.9,
+        "curvature": 0.5 / largest,
+        "drift": 1.0 / span,
+    }
+    parameters = [
+        _of_channel(name, reach.get(name, 0.0), bounds) if name in CHANNEL else parameter(model, name, bounds)
+        for name in free
+    ]
+    parameters, begins = loop_starts(parameters, found, measured, bounds)
+
+    def residuals(response: Callable[..., Any], force: NDArray[np.float64]) -> Any:
+        def of(values: Values) -> NDArray[np.float64]:
+            return response(model, values) - force
+
+        return of
+
+    fit = fit_least_squares(
+        [
+            Residuals(residuals(response, force), force, noise, name, "N")
+            for response, force, name in zip(responses, measured, names, strict=True)
+        ],
+        parameters,
+        begins=begins,
+        noise_known=noise is not None,
+        correlated=correlated,
+        starts=starts,
+        seed=seed,
+        difference_step=DIFFERENCE_STEP,
+        tolerance=1e-7,
+        max_evaluations=max_evaluations,
+        progress=progress,
+    )
+
+    positions = [channel(r, "position", name) for r, name in zip(found, names, strict=True)]
+
+    def at(moved: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+        shown = [
+            _response(r.assign(position=("time", x)), name, *settings)(model, fit.values)
+            for r, x, name in zip(found, moved, names, strict=True)
+        ]
+        return np.concatenate(shown) - np.concatenate(measured)
+
+    fit = with_steps(fit, positions, [converter_step(x) for x in positions], at, "position", "m")
+    noticed = [
+        said
+        for name in NOTICED
+        if name not in free and not (name == "contact_offset" and "bias" in free)
+        for said in [_noticed(fit, name, responses, model, reach[name], span)]
+        if said
+    ]
+    return replace(
+        fit,
+        model=with_values(model, _own(fit.values)),
+        observed=OBSERVED,
+        predict=LoopPrediction(model, fit.values, *settings).predict,
+        remarks=(*fit.remarks, *noticed),
+    )
+
+
+class LoopPrediction(NamedTuple):
+    """What the force channel shows by a law with values; settings as for `identify_loops`, `origin` [s]."""
+
+    law: Any
+    values: Values
+    reference_normal_force: float | None
+    origin: float
+    tolerance: float
+
+    def predict(self, recording: xr.Dataset) -> NDArray[np.float64]:
+        """N, free-running from the first sample."""
+        return _response(recording, names_of([recording])[0], *self[2:])(self.law, self.values)
+
+
+def _noticed(
+    fit: Fit, name: str, responses: Sequence[Callable[..., Any]], model: Any, reach: float, span: float
+) -> str:
+    """A sentence where a modifier that is not free would lower the sum of squares by more than noise does."""
+    h = DIFFERENCE_STEP * reach
+    sides = [
+        np.concatenate([response(model, {**fit.values, name: x}) for response in responses]) for x in (h, -h)
+    ]
+    slopes = (sides[0] - sides[1]) / (2.0 * h)
+    if gain(fit, slopes) <= ASKED:
+        return ""
+    found = step(fit, slopes)
+    said = {
+        "drift": f"friction {'rose' if found > 0 else 'fell'} by {abs(100.0 * found * span):.2g} % during "
+        "the recordings",
+        "asymmetry": f"friction differs forward and backward by {abs(200.0 * found):.2g} %",
+        "contact_offset": f"{abs(found):.3g} N of the force do not turn with the motion",
+    }[name]
+    return f"{said}, which the model does not have: {name} can be free"
+
+
+def _own(values: Values) -> Values:
+    return {name: value for name, value in values.items() if name not in CHANNEL}
+
+
+def _of_channel(name: str, reach: float, bounds: Bounds) -> Parameter:
+    if name == "load_exponent":
+        low, high = (float(limit) for limit in bounds.get(name, LOAD_EXPONENTS))
+        return Parameter(name, min(max(1.0, low), high), low, high, "", log=False)
+    low, high = (float(limit) for limit in bounds.get(name, (-reach, reach)))
+    return Parameter(name, min(max(0.0, low), high), low, high, CHANNEL[name], log=False)
+
+
+def _response(
+    recording: xr.Dataset, name: str, reference: float | None, origin: float, tolerance: float
+) -> Callable[[Any, Values], NDArray[np.float64]]:
+    """From a law and values to what the force channel shows."""
+    time = recording["time"].values
+    position = channel(recording, "position", name, varies=True)
+    first = float(channel(recording, OBSERVED, name)[0])
+    load = np.ones(time.size)
+    if reference is not None:  # a measured one, with noise: no contact is pulled
+        load = np.maximum(channel(recording, "normal_force", name) / reference, 0.0)
+
+    def response(model: Any, values: Values) -> NDArray[np.float64]:
+        strength = load ** values.get("load_exponent", 1.0) * (
+            1.0 + values.get("drift", 0.0) * (time - origin)
+        )
+        bias, begin = values.get("bias", 0.0), 0.0
+        if load[0] > UNLOADED and strength[0] > 0.0:
+            begin = _odd_part((first - bias) / strength[0], values)
+        try:
+            found = friction_response(
+                with_values(model, _own(values)), time, position, initial_force=begin, tolerance=tolerance
+            )
+        except SimulationError as error:  # to a fit, a trial point without a model
+            raise ArithmeticError(str(error)) from error
+        force = found[OBSERVED].values
+        uneven = values.get("asymmetry", 0.0) * np.abs(force) + values.get("curvature", 0.0) * force**2
+        return bias + strength * (values.get("contact_offset", 0.0) + force + uneven)
+
+    return response
+
+
+def _odd_part(shown: float, values: Values) -> float:
+    """The force F of the law that shows as q + F + a|F| + h F^2."""
+    rest = shown - values.get("contact_offset", 0.0)
+    side = 1.0 + math.copysign(values.get("asymmetry", 0.0), rest * values.get("asymmetry", 0.0))
+    curvature = values.get("curvature", 0.0)
+    return 2.0 * rest / (side + math.sqrt(max(0.0, side**2 + 4.0 * curvature * rest)))

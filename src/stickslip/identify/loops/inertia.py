@@ -1,0 +1,155 @@
+r"""Mass and friction of a body from the force that drives it and its motion, also in closed loop.
+
+.. math:: F = m \ddot x + c\,\dot x + F_C \operatorname{sign} \dot x + F_0
+
+Multiplied by smooth windows :math:`\varphi` that vanish with their slope at both ends and integrated by parts
+[shinbrot1957], the recorded position is never differentiated:
+
+.. math:: \int \varphi F = m \int \ddot\varphi x - c \int \dot\varphi x
+          + F_C \int \varphi \operatorname{sign} \dot x + F_0 \int \varphi
+
+which is linear in what is looked for. The force is the recorded one, so that a controller makes no
+difference. A body that turns has an angle [rad] and a torque [N m], and then m is a moment of inertia.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+from ...estimate.coloured import with_inherited
+from ...estimate.fit import fit_least_squares
+from ...estimate.parameter import Parameter, Values
+from ...estimate.problem import FitError, Residuals
+from ...estimate.result import Fit
+from ..recorded.channels import channel, names_of, recordings_of
+
+# Windows begin twice in the length of one: so they share hardly any noise, and leave hardly any unused.
+OVERLAP = 2
+# The velocity whose sign counts is that over so many parts of a window; and how many deviations of its noise
+# it must be to have a sign.
+SMOOTHED, AT_REST = 32, 3.0
+FEWEST = 16  # samples of a window
+
+Array = NDArray[np.float64]
+# What turns, by the unit of its motion: units of inertia, viscous and Coulomb friction.
+UNITS = {"m": ("kg", "N s/m", "N"), "rad": ("kg m^2", "N m s/rad", "N m")}
+
+
+def identify_inertia(
+    recordings: xr.Dataset | Sequence[xr.Dataset],
+    *,
+    window: float,
+    position: str = "position",
+    force: str = "force",
+) -> Fit:
+    """Mass, viscous and Coulomb friction and an offset of the force, from force and motion.
+
+    Args:
+        recordings: with the position [m or rad] and the force [N or N m] that drives the body, at equal
+            intervals.
+        window: s, over which all is averaged: short against the changes of the motion, long against its
+            noise; a quarter of the motion's period is a good choice.
+        position, force: names of the channels.
+
+    Returns:
+        A fit of mass [kg or kg m^2], viscous [N s/m or N m s/rad], coulomb_force and offset [N or N m]; the
+        residuals are of the averaged force. The noise of the position counts in the uncertainty.
+
+    Raises:
+        RecordingError: a channel is missing, too short or constant.
+        FitError: the window has fewer than 16 samples, or is longer than a recording.
+    """
+    found = recordings_of(recordings)
+    parts, moved = [], []
+    for recording, name in zip(found, names_of(found), strict=True):
+        x = channel(recording, position, name, varies=True)
+        f = channel(recording, force, name)
+        averages = _Averages(recording["time"].values, window, name)
+        parts.append((averages.design(x), averages.of(f), name))
+        moved.append((averages, x))
+    unit = str(found[0][position].attrs.get("units", "m")) or "m"
+    kilograms, viscous, newtons = UNITS.get(unit, UNITS["m"])
+    names = ("mass", "viscous", "coulomb_force", "offset")
+    begin = np.linalg.lstsq(
+        np.concatenate([d for d, _, _ in parts]), np.concatenate([y for _, y, _ in parts]), rcond=None
+    )[0]
+    free = [
+        Parameter(name, float(b), -np.inf, np.inf, u, log=False)
+        for name, b, u in zip(names, begin, (kilograms, viscous, newtons, newtons), strict=True)
+    ]
+
+    def residuals(design: Array, y: Array) -> Any:
+        return lambda values: design @ _vector(values) - y
+
+    fit = fit_least_squares(
+        [Residuals(residuals(d, y), y, None, name, newtons) for d, y, name in parts],
+        free,
+        jacobian=lambda values: np.concatenate([d for d, _, _ in parts]),
+    )
+    return _with_noise_of_position(fit, moved)
+
+
+def _vector(values: Values) -> Array:
+    return np.array(list(values.values()))
+
+
+def _with_noise_of_position(fit: Fit, moved: Sequence[tuple[_Averages, Array]]) -> Fit:
+    """The fit with what the noise of the position, seen in its fourth differences, leaves open."""
+    random, vector, draws = np.random.default_rng(0), _vector(fit.values), 16
+    columns = []
+    for _ in range(draws):
+        changed = []
+        for averages, x in moved:
+            noisy = x + _noise(x) * random.standard_normal(x.size)
+            changed.append((averages.design(noisy) - averages.design(x)) @ vector)
+        columns.append(np.concatenate(changed))
+    return replace(with_inherited(fit, np.column_stack(columns), np.eye(draws) / draws), observed="force")
+
+
+def _noise(position: Array) -> float:
+    """Standard deviation of its noise: fourth differences leave nothing of what is smooth."""
+    return float(np.median(np.abs(np.diff(position, 4)))) / (0.6745 * np.sqrt(70.0))
+
+
+class _Averages:
+    """Integrals over windows of one recording, each over the integral of the window."""
+
+    def __init__(self, time: Array, window: float, where: str) -> None:
+        interval = float(time[-1] - time[0]) / (time.size - 1)
+        size = round(window / interval)
+        if size < FEWEST or size > time.size:
+            raise FitError(
+                f"a window of {window:g} s has {size} samples of the {time.size} of {where}: it needs at "
+                f"least {FEWEST}, and no more than there are"
+            )
+        s = np.arange(size + 1) / size
+        shape = s**4 * (1.0 - s) ** 4
+        slope = 4.0 * s**3 * (1.0 - s) ** 3 * (1.0 - 2.0 * s)
+        bend = 12.0 * s**2 * (1 - s) ** 2 * (1 - 2 * s) ** 2 - 8.0 * s**3 * (1 - s) ** 3
+        whole = float(shape.sum())
+        length = size * interval
+        self.size, self.smooth = size + 1, max(3, size // SMOOTHED) | 1
+        self.shape, self.slope, self.bend = shape / whole, slope / whole / length, bend / whole / length**2
+        self.begins = np.arange(0, time.size - size, max(1, size // OVERLAP))
+
+    def _windows(self, values: Array) -> Array:
+        return values[self.begins[:, None] + np.arange(self.size)]
+
+    def of(self, values: Array) -> Array:
+        """Averages of a channel [windows]."""
+        return self._windows(values) @ self.shape
+
+    def design(self, position: Array) -> Array:
+        """Of acceleration, velocity, its sign, and one: [windows, 4]."""
+        x = self._windows(position)
+        velocity = uniform_filter1d(np.gradient(position), self.smooth, mode="nearest")
+        least = AT_REST * _noise(position) / self.smooth
+        sign = np.where(np.abs(velocity) > least, np.sign(velocity), 0.0)
+        return np.column_stack([x @ self.bend, -x @ self.slope, self.of(sign), np.ones(self.begins.size)])

@@ -1,0 +1,58 @@
+"""Where fits of friction loops begin: from the sizes of the loops, wherever the user starts."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Sequence
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ...estimate.parameter import Parameter, Values
+from ..free import REACH
+
+# Of the stroke, over which a contact may yield: from what the sampling hardly shows to all of it.
+YIELDS = (1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0)
+
+Array = NDArray[np.float64]
+
+
+def loop_starts(
+    parameters: Sequence[Parameter],
+    recordings: Sequence[xr.Dataset],
+    measured: Sequence[Array],
+    given: Container[str],
+) -> tuple[list[Parameter], list[Values]]:
+    """The parameters, within bounds that hold what the loops may be, and points to begin at besides.
+
+    Half the range of the force is its Coulomb friction. What the contact yields over is some share of the
+    stroke: a stiffness for each of `YIELDS`. Of a law of several elements all stiffnesses, or strengths, keep
+    their ratios.
+
+    Args:
+        parameters: as the user starts them.
+        recordings: with position [m].
+        measured: the force of each, N.
+        given: names whose bounds are the user's.
+    """
+    force = 0.5 * max(float(np.ptp(x)) for x in measured)
+    stroke = max(float(np.ptp(r["position"].values)) for r in recordings)
+    forces = [p for p in parameters if p.unit == "N" and p.log]
+    stiff = [p for p in parameters if p.unit == "N/m" and p.log]
+    if not (forces or stiff) or not (force > 0.0 and stroke > 0.0):
+        return list(parameters), []
+    total = {id(group): sum(p.start for p in group) for group in (forces, stiff) if group}
+    begins = []
+    for share in YIELDS:
+        begin = {p.name: p.start for p in parameters}
+        begin |= {p.name: force * p.start / total[id(forces)] for p in forces}
+        begin |= {p.name: force / (share * stroke) * p.start / total[id(stiff)] for p in stiff}
+        begins.append(begin)
+    wide = []
+    for p in parameters:
+        if p.name not in given and p in (*forces, *stiff):
+            values = [begin[p.name] for begin in begins]
+            p = p._replace(lower=min(p.lower, min(values) / REACH), upper=max(p.upper, max(values) * REACH))
+        wide.append(p)
+    limits = {p.name: (p.lower, p.upper) for p in wide}
+    return wide, [{n: float(np.clip(v, *limits[n])) for n, v in begin.items()} for begin in begins]

@@ -1,0 +1,1 @@
+"""What every identification asks of a recording: its channels, its drive, what it shows of its noise."""

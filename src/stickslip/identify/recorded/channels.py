@@ -1,0 +1,119 @@
+"""The channels of recordings that an identification needs, checked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ...recording import STANDARD_NAMES, RecordingError
+from ...waveform.signal import Waveform
+
+FEWEST_SAMPLES = 10
+# As many samples in a row that are exactly the greatest or the least are no chance.
+FEWEST_CLIPPED = 5
+
+
+def recordings_of(recordings: xr.Dataset | Sequence[xr.Dataset]) -> list[xr.Dataset]:
+    """One recording, or several, as a list.
+
+    Raises:
+        RecordingError: there is none, or one of them is no recording.
+    """
+    found = [recordings] if isinstance(recordings, xr.Dataset) else list(recordings)
+    if not found:
+        raise RecordingError("there is no recording")
+    for i, recording in enumerate(found, start=1):
+        if not isinstance(recording, xr.Dataset):
+            raise RecordingError(f"recording {i} is a {type(recording).__name__}, not an xarray.Dataset")
+    return found
+
+
+def names_of(recordings: Sequence[xr.Dataset]) -> list[str]:
+    """What to call each: its title where that is one of its own, else its number."""
+    titles = [str(r.attrs.get("title", "")) for r in recordings]
+    if all(titles) and len(set(titles)) == len(titles):
+        return titles
+    return [f"recording {i}" for i in range(1, len(recordings) + 1)]
+
+
+def channel(recording: xr.Dataset, name: str, where: str, varies: bool = False) -> NDArray[np.float64]:
+    """The values of a channel.
+
+    Args:
+        recording: over "time".
+        name: of the channel.
+        where: what to call the recording in errors.
+        varies: refuse a channel that is constant.
+
+    Raises:
+        RecordingError: it is missing, empty, too short, not finite, or constant.
+    """
+    meaning = STANDARD_NAMES.get(name)
+    unit = f" [{meaning.unit}]" if meaning else ""
+    if name not in recording:
+        there = ", ".join(map(str, recording.data_vars)) or "no channel"
+        raise RecordingError(f"{where} has no {name}{unit}; it has {there}")
+    values = np.ascontiguousarray(recording[name].values, dtype=float)
+    if "time" not in recording.coords or values.shape != recording["time"].shape:
+        raise RecordingError(f"{name}{unit} of {where} is not a channel over time [s]")
+    if not values.size:
+        raise RecordingError(
+            f"{name}{unit} of {where} is empty; at least {FEWEST_SAMPLES} samples are needed"
+        )
+    if values.size < FEWEST_SAMPLES:
+        raise RecordingError(
+            f"{name}{unit} of {where} has {values.size} samples; at least {FEWEST_SAMPLES} are needed"
+        )
+    if not np.all(np.isfinite(values)):
+        raise RecordingError(f"{name}{unit} of {where} is not finite everywhere")
+    if varies and not np.ptp(values) > 0.0:
+        raise RecordingError(
+            f"{name}{unit} of {where} is {values[0]:g} throughout: a constant says nothing about friction"
+        )
+    return values
+
+
+def same_number(items: Sequence[Any] | None, recordings: Sequence[xr.Dataset], what: str) -> list[Any]:
+    """The items, one for each recording; None for each if none are given."""
+    if items is None:
+        return [None] * len(recordings)
+    if len(items) != len(recordings):
+        raise RecordingError(f"there are {len(items)} {what} for {len(recordings)} recordings")
+    return list(items)
+
+
+def drives_of(
+    drive: Waveform | Sequence[Waveform | None] | None, recordings: Sequence[xr.Dataset]
+) -> list[Waveform | None]:
+    """The waveform of each recording; one stands for all."""
+    # A waveform is a tuple too, so it is known by its method.
+    given: Any = [drive] * len(recordings) if hasattr(drive, "drive") else drive
+    return same_number(given, recordings, "drives")
+
+
+def refuse_clipped(values: NDArray[np.float64], name: str, where: str) -> None:
+    """Raise `RecordingError` if a channel stands at its greatest or least value as a saturated one does.
+
+    That is: it comes to it in full motion and stays there exactly, for `FEWEST_CLIPPED` samples.
+    """
+    meaning = STANDARD_NAMES.get(name)
+    unit = f" [{meaning.unit}]" if meaning else ""
+    change = np.abs(np.diff(values))
+    moving = change[change > 0.0]
+    if not moving.size:
+        return
+    for end, what in ((values.max(), "greatest"), (values.min(), "least")):
+        at = np.flatnonzero(np.diff(np.concatenate([[0], (values == end).astype(int), [0]])))
+        for first, last in zip(at[::2], at[1::2], strict=True):
+            # The last change is cut off itself.
+            before = change[max(first - 2, 0) : first].max(initial=0.0)
+            if last - first >= FEWEST_CLIPPED and before >= 0.5 * np.median(moving):
+                raise RecordingError(
+                    f"{name}{unit} of {where} is clipped: it stays at its {what} value, {end:g}, for "
+                    f"{last - first} samples from sample {first} on; it must be recorded within the sensor's "
+                    "and the converter's range"
+                )

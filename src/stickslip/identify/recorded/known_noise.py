@@ -1,0 +1,57 @@
+"""What a walk shows of its noise besides what a model leaves: rest, periods, and the steps of a converter."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ...estimate.lack import KnownNoise
+from ...waveform.signal import Waveform
+from .drives import periodic_part
+
+# A converter is seen where so few of the samples differ, and their distances are whole steps within a share.
+MOST_LEVELS, WHOLE = 0.25, 0.05
+# Of its range: a drive_voltage further from its first sample has begun.
+BEGUN = 0.02
+
+Array = NDArray[np.float64]
+
+
+def known_noise(recording: xr.Dataset, values: Array, drive: Waveform | None) -> KnownNoise:
+    """Of a channel's values [n] under a drive in the recording's time; None: its channel drive_voltage."""
+    time, step = recording["time"].values, converter_step(values)
+    interval = float(time[-1] - time[0]) / (time.size - 1)
+    if drive is None:
+        return KnownNoise(at_rest=_first_change(recording), step=step)
+    begin, periodic = periodic_part(drive)
+    if periodic is None:
+        return KnownNoise(step=step)
+    first = (begin - float(time[0])) / interval
+    lasts = float(periodic.duration) / interval + min(first, 0.0)
+    period = float(periodic.period) / interval
+    return KnownNoise(
+        at_rest=int(np.count_nonzero(time < begin)),
+        period=(max(first, 0.0), period, lasts) if lasts > 0.0 else (0.0, 0.0, 0.0),
+        step=step,
+    )
+
+
+def _first_change(recording: xr.Dataset) -> int:
+    """How many samples come before drive_voltage leaves its first level."""
+    if "drive_voltage" not in recording:
+        return 0
+    u = recording["drive_voltage"].values
+    moved = np.abs(u - u[0]) > BEGUN * np.ptp(u)
+    return int(np.argmax(moved)) if np.any(moved) else 0
+
+
+def converter_step(values: Array) -> float:
+    """The step between the levels that the values [n] stand at, in their unit; 0 where they stand at none."""
+    levels = np.unique(values)
+    if levels.size < 2 or levels.size > MOST_LEVELS * values.size:
+        return 0.0
+    apart = np.diff(levels)
+    step = float(apart[apart > 1e-6 * (levels[-1] - levels[0])].min())
+    steps = apart / step
+    return step if float(np.max(np.abs(steps - np.round(steps)))) < WHOLE else 0.0

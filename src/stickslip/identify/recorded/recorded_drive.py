@@ -1,0 +1,319 @@
+"""The drive between its samples, from a recorded channel: smooth but for its jumps and kinks.
+
+A fit depends on it. Over a simulated walk at 1 kHz with a bristle stiffness of 1.40e6 N/m, the jumps of a
+5 Hz sawtooth drawn out over one interval gave 0.62e6 N/m, a 20 Hz triangle without its corners 0.84e6 N/m.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections import Counter
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import median_filter
+
+from ...recording import RecordingWarning
+from ...waveform.drive import Drive
+from ...waveform.pieces import cut
+from ...waveform.signal import Waveform, breaks_within, slope_at, value_at
+from .channels import channel
+
+# A change from one sample to the next is a jump, and a change of slope a kink, where it is so many times what
+# is usual on either side (the median over half of AROUND), and no less than a share of the range.
+ABOVE, AROUND = 8.0, 21
+LEAST_JUMP, LEAST_KINK = 1e-2, 1e-4
+# Beside a jump, nothing else: else it is a flank over several intervals.
+ALONE = 3.0
+# Samples on either side of a jump that say how the drive goes up to it.
+BESIDE = 5
+# Deviations of the noise by which the least of many samples may be off.
+SURELY = 5.0
+# In intervals: how far noise may move a point out of its interval, and what is no distance at all.
+MARGIN, TOUCHING = 0.05, 1e-6
+# Of the range: what a line may miss, a converter's steps; and how many samples it must join to be one.
+STRAIGHT, FEWEST_STRAIGHT = 3e-3, 20
+
+TIMED = "as jumps at the instants to which the slopes beside them point"
+HELD = "as jumps at the sample after them"
+DRAWN = "as lines between the samples"
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedDrive:
+    """A waveform in cubic pieces: piece i is u = sum_k polynomial[i, k] (t - start[i])^k, in V.
+
+    Fields: `start` [n], s, ascending from 0; `polynomial` [n, 4]; `duration`, s; the `least` and `greatest` V
+    that it surely has, for a sample below may be noise. Before and after it, the value at its ends holds.
+    """
+
+    start: Array
+    polynomial: Array
+    duration: float
+    least: float
+    greatest: float
+    unit: str = "V"
+
+    value, slope, breaks = value_at, slope_at, breaks_within
+
+    @property
+    def period(self) -> None:
+        """None: it happens once."""
+
+    def range(self) -> tuple[float, float]:
+        """Of the samples: what was measured is checked against an actuator's limits, not what is inferred."""
+        return self.least, self.greatest
+
+    def drive(self, duration: float) -> Drive:
+        """The segment table for 0 <= t < duration [s]."""
+        none = np.zeros(self.start.size + 1, dtype=np.int64)
+        table = Drive(float(self.polynomial[0, 0]), self.start, self.polynomial, none, np.zeros((0, 4)))
+        return cut(table, duration)
+
+
+class Knot(NamedTuple):
+    """A jump, a kink or an end: the time, and the values just before and after it."""
+
+    time: float
+    before: float
+    after: float
+
+
+class Line(NamedTuple):
+    """u = level + slope (t - time), which samples follow to `scatter` (rms)."""
+
+    time: float
+    level: float
+    slope: float
+    scatter: float
+
+    def at(self, t: float) -> float:
+        """u at t."""
+        return self.level + self.slope * (t - self.time)
+
+
+def recorded_drive(recording: xr.Dataset, where: str, slew_rate: float | None = None) -> RecordedDrive:
+    """The drive_voltage [V] of a recording as a waveform, timed from its first sample.
+
+    A cubic spline through the samples, broken at jumps and kinks. What changes within one interval is a jump:
+    at the instant at which the line on one side of it is at the level at rest (that of the first sample), or
+    at that on the other side of the other jumps, as with a sawtooth; else at the sample after it, as a
+    converter holds its value. A kink between samples is where the lines beside it meet. What is too fast for
+    either stays lines between the samples. Between them, what is straight but for a converter's steps is one
+    line.
+
+    Args:
+        recording: with drive_voltage.
+        where: what to call it in messages.
+        slew_rate: V/s at which the amplifier follows a jump; left out, at once.
+
+    Raises:
+        RecordingError: the channel is missing, too short or not finite.
+
+    Warns:
+        RecordingWarning: it changes faster than its samples show; the message says what was assumed.
+    """
+    u = channel(recording, "drive_voltage", where)
+    t = recording["time"].values - float(recording["time"][0])
+    jumps, rounding = _jumps(u), _rounding(u)
+    assumed: Counter[str] = Counter()
+    knots = []
+    ends = [-1, *jumps, u.size - 1]
+    lines = [
+        (_line(t, u, max(a + 1, i - BESIDE + 1), i), _line(t, u, i + 1, min(b, i + BESIDE)))
+        for a, i, b in zip(ends[:-2], jumps, ends[2:], strict=True)
+    ]
+    for i, (left, right), instant in zip(jumps, lines, _instants(t, jumps, lines, float(u[0])), strict=True):
+        at = t[i + 1] if instant is None else instant
+        knots.append(Knot(at, left.at(at), right.at(at)))
+        assumed[HELD if instant is None else TIMED] += 1
+    hidden = jumps[:1]
+    for a, b in pairwise(ends):
+        for group in _bends(u, a + 1, b, rounding):
+            kinks = _kinks(t, u, group)
+            if not kinks:
+                kinks = [Knot(t[j], u[j], u[j]) for j in group]
+                assumed[DRAWN] += 1
+                hidden.append(group[0])
+            knots += kinks
+    if hidden:
+        taken = ", ".join(f"{count} {what}" for what, count in assumed.items())
+        warnings.warn(
+            f"drive_voltage [V] of {where} changes too fast for its samples {assumed.total()} times, first "
+            f"after {recording['time'].values[min(hidden)]:g} s, and a fit depends on how. Taken: {taken}. "
+            "If the waveform is known, give it as drive=",
+            RecordingWarning,
+            stacklevel=4,
+        )
+    return _splines(t, u, sorted(knots), slew_rate)
+
+
+def drive_over(
+    recording: xr.Dataset, drive: Waveform | None, where: str, slew_rate: float | None = None
+) -> tuple[Waveform, Array]:
+    """The drive of a recording, from its own channel if none is given, and the times of its samples in it."""
+    time = recording["time"].values
+    if drive is not None:
+        return drive, time
+    return recorded_drive(recording, where, slew_rate), time - time[0]
+
+
+def _usual(changes: Array) -> Array:
+    """What is usual on either side: the greater of the medians to the left and to the right."""
+    sides = (AROUND // 2, -(AROUND // 2))
+    return np.max([median_filter(changes, AROUND, mode="nearest", origin=side) for side in sides], axis=0)
+
+
+def _jumps(u: Array) -> list[int]:
+    """The intervals (i: after sample i) with a jump."""
+    change = np.abs(np.diff(u))
+    usual, range_ = _usual(change), float(np.ptp(u))
+    fast = np.pad(change > np.maximum(ALONE * usual, 0.1 * LEAST_JUMP * range_), 1)
+    alone = ~(fast[:-2] | fast[2:])
+    return np.flatnonzero((change > np.maximum(ABOVE * usual, LEAST_JUMP * range_)) & alone).tolist()
+
+
+def _rounding(u: Array) -> float:
+    """The step of a converter, V, if all samples are whole steps apart; else 0."""
+    change = np.abs(np.diff(u, 2))
+    some = change[change > 1e-9 * np.ptp(u)]
+    step = float(some.min()) if some.size else 0.0
+    if step < 1e-5 * np.ptp(u) or some.size < 0.05 * change.size:  # kinks of a drawn waveform are few
+        return 0.0
+    steps = some / step
+    return step if np.all(np.abs(steps - np.round(steps)) < 0.02) else 0.0
+
+
+def _bends(u: Array, first: int, last: int, rounding: float) -> list[list[int]]:
+    """Groups of neighbouring samples within first..last at which the slope changes more than usual."""
+    if last - first < 2:
+        return []
+    change = np.abs(np.diff(u[first : last + 1], 2))
+    least = max(LEAST_KINK * float(np.ptp(u)), 2.5 * rounding)
+    bent = change > np.maximum(ABOVE * _usual(change), least)
+    samples = np.flatnonzero(bent) + first + 1
+    groups = np.split(samples, np.flatnonzero(np.diff(samples) > 1) + 1)
+    return [group.tolist() for group in groups if group.size]
+
+
+def _kinks(t: Array, u: Array, group: list[int]) -> list[Knot]:
+    """One kink at a sample, one between two, or two between four (a short flank); of others, none."""
+    if len(group) == 1:
+        return [Knot(t[group[0]], u[group[0]], u[group[0]])]
+    if len(group) not in (2, 4) or group[0] < 1 or group[-1] + 1 >= u.size:
+        return []
+    kinks = []
+    for i in group[::2]:
+        left, right = _line(t, u, i - 1, i), _line(t, u, i + 1, i + 2)
+        turn = right.slope - left.slope
+        at = right.time + (left.at(right.time) - right.level) / turn if turn else np.inf
+        interval = t[i + 1] - t[i]
+        if not t[i] - MARGIN * interval <= at <= t[i + 1] + MARGIN * interval:
+            return []
+        kinks.append(Knot(at, left.at(at), left.at(at)))
+    return kinks
+
+
+def _line(t: Array, u: Array, first: int, last: int) -> Line:
+    """The line through the samples first..last; level where that is one."""
+    times, values = t[first : last + 1], u[first : last + 1]
+    time, level = float(times.mean()), float(values.mean())
+    apart = times - time
+    slope = float(apart @ values) / float(apart @ apart) if times.size > 1 else 0.0
+    return Line(time, level, slope, float(np.sqrt(np.mean((values - level - slope * apart) ** 2))))
+
+
+def _straight(t: Array, u: Array, most: float) -> Line | None:
+    """The line through many samples that follow it but for rounding; None if they do not.
+
+    What is rounded differs from a line by no more than from sample to sample; what is curved, by far more.
+    """
+    if t.size < FEWEST_STRAIGHT:
+        return None
+    line = _line(t, u, 0, t.size - 1)
+    left = float(np.max(np.abs(u - line.level - line.slope * (t - line.time))))
+    return line if left < most and left <= 2.0 * float(np.max(np.abs(np.diff(u, 2)))) else None
+
+
+def _instants(t: Array, jumps: list[int], lines: list[tuple[Line, Line]], rest: float) -> list[float | None]:
+    """When the jumps are, by the level they come from or go to: first that at rest, then the one on the other
+    side of those so found. None where a line meets neither."""
+    found: list[float | None] = [None] * len(jumps)
+    level: float | None = rest
+    for _ in range(2):
+        for k, (i, pair) in enumerate(zip(jumps, lines, strict=True)):
+            if found[k] is None and level is not None:
+                found[k] = next((at for line in pair if (at := _met(t, i, line, level)) is not None), None)
+        others = [
+            max((line.at(at) for line in pair), key=lambda u: abs(u - rest))
+            for at, pair in zip(found, lines, strict=True)
+            if at is not None
+        ]
+        level = float(np.median(others)) if others else None
+    return found
+
+
+def _met(t: Array, i: int, line: Line, level: float) -> float | None:
+    """When, in interval i, a line clearly goes through a level."""
+    interval = t[i + 1] - t[i]
+    if abs(line.slope) * interval <= 10.0 * line.scatter + 1e-9 * abs(line.level):
+        return None
+    at = line.time + (level - line.level) / line.slope
+    near = t[i] - MARGIN * interval <= at <= t[i + 1] + MARGIN * interval
+    return float(np.clip(at, t[i], t[i + 1])) if near else None
+
+
+def _splines(t: Array, u: Array, knots: list[Knot], slew_rate: float | None) -> RecordedDrive:
+    """From knot to knot a cubic spline through the samples between them."""
+    ends = [Knot(t[0], u[0], u[0]), *knots, Knot(t[-1], u[-1], u[-1])]
+    touching = TOUCHING * float(np.median(np.diff(t)))
+    straight = STRAIGHT * float(np.ptp(u))
+    start, polynomial = [], []
+    for a, b in pairwise(ends):
+        if b.time - a.time <= touching:
+            continue
+        inside = (t > a.time + touching) & (t < b.time - touching)
+        begin = a.time
+        if slew_rate is not None and a.after != a.before:
+            begin = min(a.time + abs(a.after - a.before) / slew_rate, 0.5 * (a.time + b.time))
+            start.append([a.time])
+            polynomial.append([[a.before, (a.after - a.before) / (begin - a.time), 0.0, 0.0]])
+        inside &= t > begin + touching
+        times, values = [a.time, *t[inside], b.time], [a.after, *u[inside], b.before]
+        line = _straight(np.array(times), np.array(values), straight)
+        if line is not None:
+            start.append([begin])
+            polynomial.append([[line.at(begin), line.slope, 0.0, 0.0]])
+            continue
+        times[0] = begin
+        spline = CubicSpline(times, values)
+        start.append(spline.x[:-1])
+        polynomial.append(spline.c[::-1].T)
+    start.append(t[-1:])
+    polynomial.append([[u[-1], 0.0, 0.0, 0.0]])
+    within = SURELY * _noise(u)
+    least, greatest = float(u.min()) + within, float(u.max()) - within
+    middle = 0.5 * (least + greatest)
+    return RecordedDrive(
+        np.concatenate(start),
+        np.concatenate(polynomial),
+        float(t[-1]),
+        min(least, middle),
+        max(greatest, middle),
+    )
+
+
+def _noise(u: Array) -> float:
+    """Standard deviation of the samples' noise, V: by fourth differences, which leave nothing of what is
+    smooth; their median is not moved by jumps and kinks.
+    """
+    change = np.abs(np.diff(u, 4))
+    return float(np.median(change)) / (0.6745 * math.sqrt(70.0)) if change.size else 0.0

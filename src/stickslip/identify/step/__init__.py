@@ -1,0 +1,1 @@
+"""Steps: the stage with the end-effector fixed to it."""

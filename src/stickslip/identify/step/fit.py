@@ -1,0 +1,221 @@
+"""Damping, natural frequency, gain, delay and sensor lag from all samples of all step responses at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ...actuator import Actuator
+from ...electronics import Filter
+from ...estimate.coloured import coloured, with_coloured_noise
+from ...estimate.fit import fit_least_squares
+from ...estimate.lack import KnownNoise
+from ...estimate.parameter import Parameter, Values
+from ...estimate.problem import Residuals
+from ...estimate.result import Fit
+from ..recorded.channels import recordings_of
+from ..recorded.known_noise import converter_step
+from .formulas import POSITION, THESIS, StepTest, Timing, classical, second_order, step_tests
+from .linear import filter_zeros_poles, second_order_poles, step_response
+
+# The window, in peak times before and after the step: what comes later only says how the sensor drifts.
+WINDOW = 8.0
+# Of the response time, below which a lag is none.
+LEAST_LAG = 1e-6
+STAGE = ("damping_ratio", "natural_frequency", "gain")
+
+Array = NDArray[np.float64]
+
+
+def identify_step(
+    recordings: xr.Dataset | Sequence[xr.Dataset],
+    model: Actuator | None = None,
+    *,
+    voltages: Sequence[float] | None = None,
+    start: float | None = None,
+    filter: Filter | None = None,
+    slew_rate: float | None = None,
+    lag: bool = True,
+    window: float | None = None,
+    timing: Timing = THESIS,
+    observed: str = POSITION,
+) -> Fit:
+    """Fit a second-order system, seen through a sensor with delay and lag, to step responses.
+
+    The model is exact (a sum of exponentials). The noise of a filtered sensor remembers; the intervals allow
+    for it (see `coloured`).
+
+    Args:
+        recordings: with end_effector_position [m], the end-effector fixed to the stage, and drive_voltage [V]
+            unless voltages and start are given.
+        model: an actuator into which the result is put.
+        voltages: height of each step, V.
+        start: instant of the steps in the time of the recordings, s.
+        filter: low-pass filter that the position went through, if it is known; its analogue counterpart is
+            part of the model. Unknown, delay and lag stand in for it.
+        slew_rate: V/s that the amplifier rises at, if it is known: the current limit into the piezo. Unknown,
+            the step is taken as one.
+        lag: fit a first-order lag of the sensor.
+        window: s before and after the step that are fitted; left out, eight peak times.
+        timing: for the classical numbers, from which the fit starts.
+        observed: name of the position channel.
+
+    Returns:
+        A fit of damping_ratio, natural_frequency [rad/s], gain [m/V], delay [s], lag [s] and the offset of
+        each recording [m]; `predict(recording)` gives the position without its offset. The delay is how late
+        the sensor is in all, the lag included, counted from the sample after the step of drive_voltage.
+
+    Raises:
+        RecordingError: a channel is missing, empty, constant, clipped, too short or too coarsely sampled.
+        FitError: as `fit_least_squares`.
+    """
+    tests = step_tests(recordings, voltages, start, observed)
+    first = [classical(test, timing) for test in tests]
+    reach = WINDOW * float(np.mean([row["peak_time"] for row in first])) if window is None else window
+    kept = [_within(test, -reach, reach) for test in tests]
+    response = _response(filter, slew_rate)
+
+    def residuals(test: StepTest, number: int) -> Callable[[Values], Array]:
+        def of(values: Values) -> Array:
+            offset = values[f"offset_{number}"]
+            return response(test.time, test.voltage, values) + offset - test.position
+
+        return of
+
+    parts = [
+        Residuals(residuals(test, i), test.position, None, test.name, "m", _known(test))
+        for i, test in enumerate(kept, start=1)
+    ]
+    fit = fit_least_squares(parts, _parameters(first, lag))
+    # What is before the window says as much about the noise as what is in it.
+    until = [_within(test, -np.inf, reach) for test in tests]
+    left = [residuals(test, i)(fit.values) for i, test in enumerate(until, start=1)]
+    fit = with_coloured_noise(fit, coloured(left))
+
+    voltage = None if voltages is None else float(voltages[0])
+    return replace(
+        fit,
+        model=model and model.replace(**{name: fit.values[name] for name in STAGE}),
+        observed=observed,
+        predict=StepPrediction(fit.values, filter, slew_rate, voltage, start, observed).predict,
+    )
+
+
+class StepPrediction(NamedTuple):
+    """A step response by the values of a fit; the others as for `identify_step`, `voltage` of its step."""
+
+    values: Values
+    filter: Filter | None
+    slew_rate: float | None
+    voltage: float | None
+    start: float | None
+    observed: str
+
+    def predict(self, recording: xr.Dataset, drive: Any = None) -> Array:
+        """m, without the offset; the step is the recording's own."""
+        del drive
+        voltages = None if self.voltage is None else [self.voltage]
+        (test,) = step_tests(recording, voltages, self.start, self.observed)
+        return _response(self.filter, self.slew_rate)(test.time, test.voltage, self.values)
+
+
+def _known(test: StepTest) -> KnownNoise:
+    return KnownNoise(at_rest=int(np.count_nonzero(test.time < 0.0)), step=converter_step(test.position))
+
+
+def _within(test: StepTest, first: float, last: float) -> StepTest:
+    kept = (test.time >= first) & (test.time <= last)
+    return test._replace(time=test.time[kept], position=test.position[kept])
+
+
+def _parameters(first: Sequence[dict[str, float]], lag: bool) -> list[Parameter]:
+    mean = {name: float(np.mean([row[name] for row in first])) for name in first[0]}
+    zeta, omega = mean["damping_ratio"], mean["natural_frequency"]
+    if not np.isfinite(zeta):  # no overshoot: the peak is where the noise put it
+        zeta, omega = 1.0, 5.0 / mean["peak_time"]
+    length = mean["peak_time"]
+    found = [
+        Parameter("damping_ratio", zeta, zeta / 30, zeta * 30, ""),
+        Parameter("natural_frequency", omega, omega / 30, omega * 30, "rad/s"),
+        Parameter("gain", mean["gain"], -np.inf, np.inf, "m/V", log=False),
+        Parameter("delay", mean["delay"], mean["delay"] - length, mean["delay"] + length, "s", log=False),
+    ]
+    if lag:
+        found.append(Parameter("lag", 0.05 / omega, 0.0, 2.0 / omega, "s", log=False, square=True))
+    offsets = enumerate((row["bias"] for row in first), start=1)
+    return [*found, *(Parameter(f"offset_{i}", b, -np.inf, np.inf, "m", log=False) for i, b in offsets)]
+
+
+def _response(filter: Filter | None, slew_rate: float | None) -> Callable[[Array, float, Values], Array]:
+    """What the position channel shows of a step, from rest at 0."""
+    zeros, known = filter_zeros_poles(filter) if filter else ([], [])
+
+    def of(time: Array, voltage: float, values: Values) -> Array:
+        poles = [*known, *second_order_poles(values["damping_ratio"], values["natural_frequency"])]
+        lag = values.get("lag", 0.0)
+        if lag > LEAST_LAG / values["natural_frequency"]:
+            poles.append(complex(-1.0 / lag))
+        rise = abs(voltage) / slew_rate if slew_rate else 0.0
+        shape = step_response(time - values["delay"] + lag, poles, zeros, rise)
+        return values["gain"] * voltage * shape
+
+    return of
+
+
+def step_formula_errors(
+    fit: Fit,
+    recordings: xr.Dataset | Sequence[xr.Dataset],
+    *,
+    voltages: Sequence[float] | None = None,
+    start: float | None = None,
+    timing: Timing = THESIS,
+    n: int = 200,
+    seed: int = 0,
+) -> xr.Dataset:
+    """How far the classical formulas are from the truth if the fit is the truth, and why.
+
+    The fit's own response is read by the same formulas, without noise: what is wrong then is the work of the
+    sensor (lag, filter, the onset that is not seen). And again with noise, the recordings' own residuals
+    begun elsewhere each time: what is wrong on average beyond that is the work of the noise, of that on the
+    peak above all, for the greatest of many noisy samples is too great, and seldom the right one.
+
+    Args:
+        fit: of `identify_step`.
+        recordings: those of the fit.
+        voltages, start, timing: as for the fit.
+        n: noisy repetitions.
+        seed: of them.
+
+    Returns:
+        Over "parameter" `fitted`, `by_sensor` and `by_noise` (both formula minus truth, in the parameter's
+        unit), and `scatter`, the standard deviation of the formula's result.
+    """
+    tests = step_tests(recordings, voltages, start, fit.observed)
+    assert fit.predict is not None  # identify_step always gives it
+    clean = [fit.predict(r) for r in recordings_of(recordings)]
+    random = np.random.default_rng(seed)
+
+    def read(noisy: bool) -> list[float]:
+        rows = []
+        for test, x in zip(tests, clean, strict=True):
+            noise = test.position - x
+            moved = np.roll(noise - noise.mean(), int(random.integers(noise.size))) if noisy else 0.0
+            rows.append(classical(test._replace(position=x + moved), timing))
+        mean = {key: float(np.mean([row[key] for row in rows])) for key in rows[0]}
+        return [*second_order(mean["overshoot"], mean["peak_time"]), mean["gain"]]
+
+    exact = np.array(read(False))
+    noisy = np.array([read(True) for _ in range(n)])
+    truth = np.array([fit.values[name] for name in STAGE])
+    columns = {
+        "fitted": truth,
+        "by_sensor": exact - truth,
+        "by_noise": np.nanmean(noisy, axis=0) - exact,
+        "scatter": np.nanstd(noisy, axis=0),
+    }
+    return xr.Dataset({k: ("parameter", v) for k, v in columns.items()}, coords={"parameter": list(STAGE)})

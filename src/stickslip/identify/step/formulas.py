@@ -1,0 +1,233 @@
+"""The classical numbers of step responses: peak, steady value and what follows [kang2007, app. 5]."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ...recording import RecordingError
+from ..recorded.channels import channel, names_of, recordings_of, refuse_clipped, same_number
+
+POSITION = "end_effector_position"
+# Samples from the rise to the peak below which neither can be told.
+FEWEST_TO_PEAK = 6
+# Samples until it has settled, below which there is no rise to look at: two or three natural periods.
+FEWEST_IN_RISE = 8
+
+Array = NDArray[np.float64]
+
+
+class StepTest(NamedTuple):
+    """One recording of a step: the step itself, and the samples."""
+
+    name: str
+    time: Array  # s, from the step on
+    position: Array  # m
+    voltage: float  # V, height of the step
+
+
+class Timing(NamedTuple):
+    """Where the classical numbers are read, s after the rise; the bias is that of the two samples before."""
+
+    steady_after: float = 4e-3
+    steady_over: float = 1e-3
+    peak_within: float = 5e-3
+
+
+THESIS = Timing()
+
+
+def step_tests(
+    recordings: xr.Dataset | Sequence[xr.Dataset],
+    voltages: Sequence[float] | None = None,
+    start: float | None = None,
+    observed: str = POSITION,
+) -> list[StepTest]:
+    """The steps of recordings: height and instant from drive_voltage [V], unless they are given.
+
+    Raises:
+        RecordingError: a channel is missing, too short, constant or clipped, or its drive is no single step.
+    """
+    found = recordings_of(recordings)
+    tests = []
+    for recording, name, volts in zip(
+        found, names_of(found), same_number(voltages, found, "voltages"), strict=True
+    ):
+        position = channel(recording, observed, name, varies=True)
+        refuse_clipped(position, observed, name)
+        time = recording["time"].values
+        if volts is None or start is None:
+            instant, height = _step_of(channel(recording, "drive_voltage", name, varies=True), time, name)
+            volts = height if volts is None else volts
+        else:
+            instant = start
+        if not volts:
+            raise RecordingError(f"the step of {name} has the height 0 V")
+        if not time[0] < instant < time[-1]:
+            raise RecordingError(f"the step of {name}, at {instant:g} s, is not within the recording")
+        tests.append(StepTest(name, time - instant, position, float(volts)))
+    return tests
+
+
+def _step_of(u: Array, time: Array, where: str) -> tuple[float, float]:
+    """Instant (the sample after it: a converter holds its value) [s] and height [V] of the one step."""
+    at = int(np.argmax(np.abs(np.diff(u)))) + 1
+    before, after = u[:at], u[at:]
+    height = float(np.median(after) - np.median(before))
+    rest = max(float(np.ptp(before)), float(np.percentile(np.abs(after - np.median(after)), 95)))
+    if rest > 0.2 * abs(height):
+        raise RecordingError(f"drive_voltage [V] of {where} is not one step from one level to another")
+    return float(time[at]), height
+
+
+def classical(test: StepTest, timing: Timing, delay: float | None = None) -> dict[str, float]:
+    """Delay, bias, steady value, peak time, overshoot and what follows; NaN without overshoot."""
+    t, x, sign = test.time, test.position, math.copysign(1.0, test.voltage)
+    if t[-1] < timing.steady_after + timing.steady_over:
+        raise RecordingError(
+            f"end_effector_position [m] of {test.name} is too short: it ends {t[-1]:g} s after "
+            f"its step; {timing.steady_after + timing.steady_over:g} s are needed for the steady value"
+        )
+    interval = float(np.median(np.diff(t)))
+    if timing.steady_after < FEWEST_IN_RISE * interval:
+        raise RecordingError(
+            f"end_effector_position [m] of {test.name} is too coarsely sampled: one sample every "
+            f"{interval:.3g} s; at least {FEWEST_IN_RISE} are needed until it has settled, "
+            f"{timing.steady_after:g} s after its step"
+        )
+    delay = _onset(t, x, test.name, timing) if delay is None else delay
+    begin = int(np.searchsorted(t, delay - 1e-9))
+    bias = float(x[max(begin - 1, 0) : begin + 1].mean())
+    since = t - delay
+    level = (since >= timing.steady_after) & (since <= timing.steady_after + timing.steady_over)
+    if not level.any():
+        raise RecordingError(f"{test.name} has no sample {timing.steady_after:g} s after its rise")
+    steady = float(x[level].mean()) - bias
+    window = (since >= 0.0) & (since <= timing.peak_within)
+    peak = int(np.flatnonzero(window)[np.argmax(sign * x[window])])
+    peak_time = float(since[peak])
+    if np.count_nonzero((since > 0.0) & (since <= peak_time)) < FEWEST_TO_PEAK:
+        raise RecordingError(
+            f"end_effector_position [m] of {test.name} is too coarsely sampled: one sample every "
+            f"{interval:.3g} s; at least {FEWEST_TO_PEAK} are needed from rise to peak, {peak_time:.3g} s"
+        )
+    overshoot = (float(x[peak]) - bias - steady) / steady
+    zeta, omega = second_order(overshoot, peak_time)
+    return {
+        "voltage": test.voltage,
+        "delay": delay,
+        "bias": bias,
+        "steady_value": steady,
+        "peak_time": peak_time,
+        "overshoot": overshoot,
+        "damping_ratio": zeta,
+        "natural_frequency": omega,
+        "gain": steady / test.voltage,
+    }
+
+
+def second_order(overshoot: float, peak_time: float) -> tuple[float, float]:
+    """Damping ratio and natural frequency [rad/s] from overshoot (a fraction) and peak time [s].
+
+    NaN without an overshoot.
+    """
+    if not (0.0 < overshoot < 1.0 and peak_time > 0.0):
+        return math.nan, math.nan
+    log = math.log(overshoot)
+    zeta = -log / math.hypot(math.pi, log)
+    return zeta, math.pi / (peak_time * math.sqrt(1.0 - zeta**2))
+
+
+def _onset(t: Array, x: Array, where: str, timing: Timing) -> float:
+    """When the rise begins: it is first a parabola, so the times to 5 and 20 % are as 1 to 2."""
+    before = x[t <= 0.0]
+    level = x[(t >= timing.steady_after) & (t <= timing.steady_after + timing.steady_over)]
+    if not before.size or not level.size:
+        raise RecordingError(f"{where} has no samples before its step, or none where it has settled")
+    rest, rise = float(before.mean()), float(level.mean() - before.mean())
+    if abs(rise) < 4.0 * float(before.std()):
+        raise RecordingError(f"{where}: the rise of {rise:g} m drowns in the noise, {before.std():g} m")
+    share = (x - rest) / rise
+    half = int(np.flatnonzero((t > 0.0) & (share >= 0.5))[0])
+    times = []
+    for part in (0.2, 0.05):  # the last crossing before the rise proper, so that noise makes none
+        below = int(np.flatnonzero(share[:half] < part)[-1])
+        times.append(float(np.interp(part, share[below : below + 2], t[below : below + 2])))
+    return 2.0 * times[1] - times[0]
+
+
+def step_features(
+    recordings: xr.Dataset | Sequence[xr.Dataset],
+    *,
+    voltages: Sequence[float] | None = None,
+    start: float | None = None,
+    delay: float | None = None,
+    timing: Timing = THESIS,
+    observed: str = POSITION,
+) -> xr.Dataset:
+    """Delay, bias, steady value, peak time and overshoot of steps, and the second-order system they make.
+
+    The formulas trust one sample, the peak, and know no sensor: `step_formula_errors` says what that costs.
+
+    Args:
+        recordings: with end_effector_position [m], and drive_voltage [V] unless voltages and start are given.
+        voltages: height of each step, V.
+        start: instant of the step in the time of the recordings, s.
+        delay: of the sensor, s; left out, each recording's own, from its rise.
+        timing: where the numbers are read.
+        observed: name of the position channel.
+
+    Returns:
+        Over "recording"; in `attrs` damping_ratio, natural_frequency and gain from the mean overshoot and the
+        mean peak time, as the thesis averages them, and r_squared of that model. `r_squared` of each is over
+        `peak_within` of its own numbers.
+
+    Raises:
+        RecordingError: a channel is missing, empty, constant, clipped, too short or too coarsely sampled.
+    """
+    tests = step_tests(recordings, voltages, start, observed)
+    rows = [classical(test, timing, delay) for test in tests]
+    units = {
+        "voltage": "V",
+        "delay": "s",
+        "bias": "m",
+        "steady_value": "m",
+        "peak_time": "s",
+        "overshoot": "",
+        "damping_ratio": "",
+        "natural_frequency": "rad/s",
+        "gain": "m/V",
+    }
+    table = xr.Dataset(
+        {name: ("recording", [row[name] for row in rows], {"units": unit}) for name, unit in units.items()},
+        coords={"recording": [test.name for test in tests]},
+    )
+    zeta, omega = second_order(float(table["overshoot"].mean()), float(table["peak_time"].mean()))
+    own = [
+        _r_squared(test, row, row["damping_ratio"], row["natural_frequency"], timing)
+        for test, row in zip(tests, rows, strict=True)
+    ]
+    table["r_squared"] = ("recording", own, {"units": ""})
+    averaged = [_r_squared(test, row, zeta, omega, timing) for test, row in zip(tests, rows, strict=True)]
+    table.attrs = {
+        "damping_ratio": zeta,
+        "natural_frequency": omega,
+        "gain": float(table["gain"].mean()),
+        "r_squared": float(np.mean(averaged)),
+    }
+    return table
+
+
+def _r_squared(test: StepTest, row: dict[str, float], zeta: float, omega: float, timing: Timing) -> float:
+    since = test.time - row["delay"]
+    window = (since >= 0.0) & (since <= timing.peak_within)
+    t, y = since[window], test.position[window] - row["bias"]
+    root = math.sqrt(1.0 - zeta**2) if math.isfinite(zeta) else math.nan
+    shape = np.cos(omega * root * t) + zeta / root * np.sin(omega * root * t)
+    r = row["steady_value"] * (1.0 - np.exp(-zeta * omega * t) * shape) - y
+    return 1.0 - float(r @ r) / float(np.sum((y - y.mean()) ** 2))

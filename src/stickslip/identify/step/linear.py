@@ -1,0 +1,76 @@
+r"""The exact step response of a linear system given by zeros and poles, also to a step that rises as a ramp.
+
+.. math:: y(t) = 1 + \sum_i c_i e^{p_i t}, \qquad
+          c_i = \frac{\prod_j (-p_j)}{\prod_j (-z_j)}
+                \frac{\prod_j (p_i - z_j)}{p_i \prod_{j \ne i} (p_i - p_j)}
+"""
+
+from __future__ import annotations
+
+import cmath
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import signal
+
+from ...electronics import Filter
+
+# Poles nearer than this, relative, are taken apart by it: a double pole has no such sum.
+APART = 1e-5
+
+
+def second_order_poles(damping_ratio: float, natural_frequency: float) -> list[complex]:
+    """The two poles, rad/s."""
+    root = cmath.sqrt(damping_ratio**2 - 1.0)
+    return [natural_frequency * (-damping_ratio + root), natural_frequency * (-damping_ratio - root)]
+
+
+def filter_zeros_poles(low: Filter) -> tuple[list[complex], list[complex]]:
+    """Zeros and poles, rad/s, of the analogue counterpart of a low-pass filter."""
+    omega = 2.0 * np.pi * low.corner
+    order = int(low.order)
+    designs = {
+        "butterworth": lambda: signal.buttap(order),
+        "bessel": lambda: signal.besselap(order, norm="mag"),
+        "chebyshev": lambda: signal.cheb1ap(order, low.ripple),
+        "elliptic": lambda: signal.ellipap(order, low.ripple, low.attenuation),
+    }
+    zeros, poles, _ = designs[low.family]()
+    return [complex(omega * z) for z in zeros], [complex(omega * p) for p in poles]
+
+
+def step_response(
+    t: ArrayLike, poles: list[complex], zeros: list[complex] | None = None, rise: float = 0.0
+) -> NDArray[np.float64]:
+    """The response [n] at times t [s] to a unit step at 0, or to a ramp from 0 to 1 within `rise` s.
+
+    Args:
+        t: shape (n,).
+        poles: rad/s, with negative real parts.
+        zeros: rad/s.
+        rise: s.
+    """
+    time = np.asarray(t, dtype=float)
+    p = np.array(poles, dtype=complex)
+    for i in range(1, p.size):
+        while np.min(np.abs(p[:i] - p[i])) < 0.5 * APART * abs(p[i]):
+            p[i] *= 1.0 + APART
+    z = np.array(zeros or [], dtype=complex)
+    scale = np.prod(-p) / np.prod(-z)
+    away = p[:, None] - p + np.eye(p.size)
+    c = scale * np.prod(p[:, None] - z, axis=1) / (p * np.prod(away, axis=1))
+    if rise <= 0.0:
+        return _sum(time, c, p, 0)
+    return (_sum(time, c, p, 1) - _sum(time - rise, c, p, 1)) / rise
+
+
+def _sum(t: NDArray[np.float64], c: NDArray, p: NDArray, integrals: int) -> NDArray[np.float64]:
+    """The step response, or its integral; 0 before the step."""
+    later = t > 0.0
+    decay = np.exp(np.outer(p, t[later]))
+    found = np.zeros(t.size)
+    if integrals:
+        found[later] = t[later] + np.real((c / p) @ (decay - 1.0))
+    else:
+        found[later] = 1.0 + np.real(c @ decay)
+    return found

@@ -1,0 +1,146 @@
+"""Which model describes a walk best: each fitted alike, and judged on walks it has not seen.
+
+The candidates are all friction laws on the dynamic stage [kang2007, 3.2], that of Chang and Li among them
+(Coulomb friction [changli1999]), and Pohl's static model [pohl1987].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import xarray as xr
+
+from ...actuator import Actuator
+from ...estimate.result import Fit
+from ...friction import (
+    Coulomb,
+    CoulombViscous,
+    Dahl,
+    Elastoplastic,
+    LuGre,
+    MaxwellSlip,
+    ResetIntegrator,
+    StictionCoulombViscous,
+    Stribeck,
+)
+from ..candidates import Candidate, Comparison, compared
+from ..free import Bounds
+from ..recorded.channels import drives_of, recordings_of
+from .friction import identify_friction
+from .position_channel import CHANNEL, OBSERVED
+from .static import identify_static_walk
+
+POHL, CHANG_LI = "Pohl: static", "Coulomb (Chang & Li)"
+
+
+def walk_candidates(coulomb_force: float, sigma_0: float, sigma_1: float, starts: int = 8) -> list[Candidate]:
+    """All models of a walk, from the same Coulomb force [N], stiffness [N/m] and damping [N s/m].
+
+    Without a friction law of its own (`model` None): Pohl's static model.
+
+    Two laws have a sum of squares with several valleys and are searched for from several `starts`: the
+    Stribeck curve as a static law, of which a slip shows little more than one mean force, and Maxwell slip,
+    whose contact rings on until an element slips once more or once less.
+    """
+    f, k, viscous = coulomb_force, sigma_0, 0.1 * sigma_1
+    sigma_2: Bounds = {"sigma_2": (0.0, 20.0 * sigma_1)}
+    damping: Bounds = {"sigma_1": (0.0, 20.0 * sigma_1)}
+    two = MaxwellSlip((0.7 * k, 0.3 * k), (0.5 * f, 0.5 * f), viscous)
+    return [
+        Candidate(POHL, None, ("gain",), {}),
+        Candidate(CHANG_LI, Coulomb(f), ("coulomb_force",), {}),
+        Candidate("CoulombViscous", CoulombViscous(f, viscous), ("coulomb_force", "sigma_2"), sigma_2),
+        Candidate(
+            "StictionCoulombViscous",
+            StictionCoulombViscous(f, 1.1 * f, viscous),
+            ("coulomb_force", "sigma_2", "stiction_ratio"),
+            sigma_2,
+        ),
+        Candidate(
+            "Stribeck",
+            Stribeck(f, 1.1 * f, 1e-3),
+            ("coulomb_force", "stiction_ratio", "stribeck_velocity"),  # sigma_2 does what a longer fall does
+            {"coulomb_force": (f / 3.0, 3.0 * f), "stribeck_velocity": (1e-4, 1e-2)},
+            starts,
+        ),
+        Candidate("Dahl", Dahl(k, f), ("sigma_0", "coulomb_force"), {}),
+        Candidate(
+            "ResetIntegrator",
+            ResetIntegrator(k, f / k, 0.0, sigma_1),
+            ("sigma_0", "breakaway_deflection", "sigma_2"),  # which damps the bristle only
+            sigma_2,
+        ),
+        Candidate("LuGre", LuGre(k, sigma_1, 0.0, f, f), ("sigma_0", "sigma_1", "coulomb_force"), damping),
+        Candidate(
+            "LuGre with Stribeck curve",
+            LuGre(k, sigma_1, 0.0, f, 1.05 * f, 1e-3),
+            ("sigma_0", "sigma_1", "coulomb_force", "stiction_ratio", "stribeck_velocity"),
+            damping,
+        ),
+        Candidate(
+            "Elastoplastic",
+            Elastoplastic(k, sigma_1, 0.0, f, f, 0.5 * f / k),
+            ("sigma_0", "sigma_1", "coulomb_force", "breakaway_share"),
+            damping,
+        ),
+        Candidate(
+            "MaxwellSlip, 2 elements",
+            two,
+            ("stiffness_1", "stiffness_2", "strength_1", "strength_2", "sigma_2"),
+            {
+                **{f"stiffness_{i}": (0.2 * k, 2.0 * k) for i in (1, 2)},
+                **{f"strength_{i}": (0.05 * f, f) for i in (1, 2)},
+                "sigma_2": (0.0, 3.0 * sigma_1),
+            },
+            -(-starts // 4),  # each takes ten times as long
+        ),
+    ]
+
+
+def compare_walks(
+    recordings: xr.Dataset | Sequence[xr.Dataset],
+    verification: xr.Dataset | Sequence[xr.Dataset],
+    model: Actuator,
+    laws: Sequence[Candidate],
+    *,
+    channel_free: Sequence[str] = ("delay", "offset"),
+    bounds: Any = None,
+    unseen_drive: Any = None,
+    progress: Callable[[str, int, int], None] | None = None,
+    **options: Any,
+) -> Comparison:
+    """Fit each model to walks of an actuator and judge it on walks that it has not seen.
+
+    Args:
+        recordings: to fit, as for `identify_friction`.
+        verification: to judge by, predicted with nothing fitted again.
+        model: the actuator; its law is replaced.
+        laws: the candidates: `walk_candidates`, or one's own.
+        channel_free: what is free of the position channel, for all laws alike.
+        bounds: of what is free in all laws.
+        unseen_drive: waveform of each recording for verification (one: of all), if drive= gives those of
+            the others.
+        progress: called before each with its label, number and how many there are.
+        options: of `identify_friction`.
+
+    Raises:
+        RecordingError, QuantityError, FitError: as `identify_friction`.
+    """
+
+    def fit(law: Candidate) -> Fit:
+        known = {k: v for k, v in (bounds or {}).items() if k in (*law.free, *channel_free, *CHANNEL)}
+        if law.model is None:
+            own = {k: v for k, v in options.items() if k in ("drive", "slew_rate")}
+            return identify_static_walk(recordings, model, bounds=known, **own)
+        return identify_friction(
+            recordings,
+            model.replace(friction=law.model),
+            law.free,
+            channel=channel_free,
+            bounds={**law.bounds, **known},
+            **{"starts": law.starts, **options},
+        )
+
+    drives = drives_of(unseen_drive, recordings_of(verification))
+    return compared(laws, fit, verification, drives, (OBSERVED, "m"), progress)

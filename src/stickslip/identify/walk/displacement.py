@@ -1,0 +1,113 @@
+"""The end-effector's position in a recording as a function of the actuator: what a fit asks again and again.
+
+The drive is tabulated once, and nothing is labelled: a call costs little more than the solver.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ...actuator import Actuator
+from ...friction import elements
+from ...simulation import SimulationError
+from ...simulation.models import Contact, checked_drive, classic
+from ...simulation.sensitivity import follow_moved, moved
+from ...solve.outcome import DONE
+from ...solve.periods import integrate
+from ...solve.resume import NO_RESUME
+from ...waveform.drive import evaluate
+from ...waveform.signal import Waveform
+from ..recorded.recorded_drive import drive_over
+
+# A model that needs more for one recording is none: a trial point with a contact far too stiff.
+MAX_STEPS = 200_000
+LOAD = Contact()
+
+
+class Displacement:
+    """One recording's motion, from rest. A model that cannot be followed raises ArithmeticError."""
+
+    def __init__(
+        self,
+        recording: xr.Dataset,
+        drive: Waveform | None,
+        name: str,
+        model: Actuator,
+        tolerance: float,
+        slew_rate: float | None = None,
+        max_steps: int | None = None,
+    ) -> None:
+        drive, self.time = drive_over(recording, drive, name, slew_rate)
+        self.tolerance, self.max_steps = tolerance, max_steps or MAX_STEPS
+        self.drive = checked_drive(model, drive, float(self.time[-1]), periodic=False)
+        self._known: tuple[Any, NDArray[np.float64]] = (None, np.zeros(0))
+        self._slopes: tuple[Any, NDArray[np.float64]] = (None, np.zeros(0))
+
+    def stroke(self, model: Actuator) -> float:
+        """How far the stage goes under the drive, m, as far as the samples show it."""
+        return model.gain * float(np.ptp(evaluate(self.drive, self.time)[0]))
+
+    def _times(self, delay: float) -> tuple[int, NDArray[np.float64]]:
+        """How many samples come before the motion begins, and the times of the others in the model."""
+        later = self.time - delay > 0.0
+        return int(np.count_nonzero(~later)), np.append(0.0, self.time[later] - delay)
+
+    def position(self, model: Actuator, delay: float) -> NDArray[np.float64]:
+        """m, at the recording's samples. The last result is kept: an offset costs no new simulation."""
+        if self._known[0] != (model, delay):
+            early, times = self._times(delay)
+            of = LOAD.system(model)
+            state = LOAD.rest(of, self.drive.before)
+            samples = np.full((times.size, state.size + 1), np.nan)
+            span = np.array([0.0, times[-1]])
+            outcome, reached, _, _ = integrate(
+                *(
+                    of.plant,
+                    self.drive,
+                    LOAD.drive,
+                    state,
+                    span,
+                    self.tolerance,
+                    self.max_steps,
+                    times,
+                    samples,
+                ),
+                NO_RESUME,
+            )
+            if outcome != DONE:  # to a fit, a trial point without a model
+                raise ArithmeticError(f"the motion cannot be followed beyond t = {reached:.6g} s")
+            self._known = ((model, delay), _held(classic(of, samples, self.drive, times)[:, 2], early))
+        return self._known[1]
+
+    def slopes(self, model: Actuator, delay: float, names: list[str]) -> NDArray[np.float64]:
+        """Derivatives of `position` by values of the model, then by the delay: [samples, names + 1].
+
+        The last are kept, and the position with them: asked for first, they make the position free.
+        """
+        if self._slopes[0] == (model, delay, names):
+            return self._slopes[1]
+        early, times = self._times(delay)
+        state = LOAD.rest(LOAD.system(model), self.drive.before)
+        of = moved(model, names, state, self.drive.before)
+        try:
+            samples, by, _ = follow_moved(of, self.drive, state, times, self.tolerance, self.max_steps)
+        except SimulationError as error:
+            raise ArithmeticError(str(error)) from error
+        columns = np.column_stack([by, -samples[:, of.of.slider + 1]])
+        self._known = ((model, delay), _held(samples[:, of.of.slider], early))
+        self._slopes = ((model, delay, names), _held(columns, early))
+        return self._slopes[1]
+
+
+def _held(samples: NDArray[np.float64], early: int) -> NDArray[np.float64]:
+    """The samples after the first, which stands for those before the motion begins."""
+    return np.concatenate([np.repeat(samples[:1], early, axis=0), samples[1:]])
+
+
+def has_slopes(model: Actuator) -> bool:
+    """Whether `Displacement.slopes` takes the model."""
+    return elements(model.friction) == 1 and not model.static and not model.clamped

@@ -1,0 +1,69 @@
+"""Which experiment would determine what: expected standard errors of walks that have not been made."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from ...actuator import Actuator
+from ...recording import make_recording
+from ...waveform.signal import Waveform
+from ..free import parameter
+from .displacement import Displacement
+
+
+class Walk(NamedTuple):
+    """An experiment: the drive, how long and at what rate the position is sampled, the noise of a sample,
+    and how often all is repeated."""
+
+    drive: Waveform
+    duration: float  # s
+    sample_rate: float  # Hz
+    noise: float  # m
+    repeats: int = 1
+
+
+def expected_errors(model: Actuator, free: Sequence[str], experiments: Mapping[str, Walk]) -> xr.Dataset:
+    """The standard errors that experiments can be expected to leave, by their Fisher information.
+
+    White noise, values near those of the model; with the offset and the delay of the position free too, as
+    they are in practice.
+
+    Args:
+        model: an actuator with a law of one internal state.
+        free: its values that are to be determined.
+        experiments: candidates by name.
+
+    Returns:
+        Over "experiment" and "parameter" `standard_error` as a share of the value; infinite where an
+        experiment says nothing.
+    """
+    values = np.array([parameter(model, name, {}).start for name in free])
+    rows = []
+    for name, walk in experiments.items():
+        t = np.arange(round(walk.duration * walk.sample_rate) + 1) / walk.sample_rate
+        blank = make_recording(t, {"end_effector_position": np.zeros(t.size)}, title=name)
+        j = Displacement(blank, walk.drive, name, model, 1e-11).slopes(model, 0.0, list(free))
+        j = np.column_stack([j[:, :-1] * values, j[:, -1], np.ones(t.size)])
+        norms = np.linalg.norm(j, axis=0)
+        norms[norms == 0.0] = 1.0
+        _, s, vt = np.linalg.svd(j / norms, full_matrices=False)
+        with np.errstate(divide="ignore"):
+            variance = np.sum((vt / s[:, None]) ** 2, axis=0) / norms**2 * walk.noise**2 / walk.repeats
+        rows.append(np.sqrt(variance[: len(free)]))
+    return xr.Dataset(
+        {"standard_error": (("experiment", "parameter"), np.array(rows), {"units": ""})},
+        coords={"experiment": list(experiments), "parameter": list(free)},
+    )
+
+
+def advice(errors: xr.Dataset, name: str) -> str:
+    """A sentence: which of the experiments determines a value best, and how well."""
+    of = errors["standard_error"].sel(parameter=name)
+    best, worst = str(of.idxmin("experiment").item()), str(of.idxmax("experiment").item())
+    least, most = float(of.min()), float(of.max())
+    against = f"against {100 * most:.2g} % by {worst}"
+    return f"{name} would be determined best by {best}: to {100 * least:.2g} %, {against}"

@@ -1,0 +1,183 @@
+r"""Where a fit of friction begins: from what the actuator itself says of the sizes of its friction.
+
+Let A be the stroke of the stage under the drive. Friction moves the end-effector (mass m) along with the slow
+stage and loses it at a jump, where the stage accelerates by up to A omega_n^2: it is below m A omega_n^2, and
+not by many decades. It loses it only if the contact deflects by less than A before it slides. And the
+contact, a spring and a damper between the masses, is neither undamped nor rigid:
+
+.. math::
+
+    F_C < m A \omega_n^2, \qquad F_C / \sigma_0 < A, \qquad
+    \zeta_c = \frac{\sigma_1}{2 \sqrt{\sigma_0 m}} \sim 10^{-2} \ldots 10^{0}
+
+So three decades of force and of deflection hold the truth, wherever the user starts. They are filled with
+points, with a damping in the middle, which shows least; the first periods of a recording choose among them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Container, Sequence
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+from scipy.stats import qmc
+
+from ...actuator import Actuator
+from ...estimate.fit import fit_least_squares
+from ...estimate.parameter import Parameter, Values
+from ...estimate.problem import FitError, Residuals
+from ...waveform.signal import Waveform
+from ..free import REACH
+from ..recorded.drives import periodic_part
+from .position_channel import CHANNEL
+
+NAMES = ("coulomb_force", "sigma_0", "sigma_1")
+# Of the greatest force, of the stroke, and of the contact's damping ratio.
+FORCE, DEFLECTION, DAMPING = (1e-3, 1.0), (1e-3, 1.0), 0.1
+PERIODS = 3
+# Of a value to a bound, as a factor: nearer, the bound is none that was meant.
+NEAR = 3.0
+# Points tried, how many of them are looked at closer, and for how many evaluations.
+TRIED, LOOKED_AT, LOOK = 64, 10, 6
+# Of them, so many are begun from, those whose values differ by more than this factor.
+BEGINS, VALLEY = 4, 1.25
+
+Array = NDArray[np.float64]
+
+
+def plausible(model: Actuator, stroke: float) -> Callable[[Array], dict[str, Array]]:
+    """Values of the law for points of the unit square [n, 2], each [n], in SI; `stroke` is A in m.
+
+    What the law does not have is left out; a stiffness is that of the deflection and the force.
+    """
+    law, mass = model.friction, model.end_effector_mass
+    greatest = mass * stroke * model.natural_frequency**2
+
+    def of(square: Array) -> dict[str, Array]:
+        force, deflection = (
+            low * (high / low) ** part
+            for (low, high), part in zip((FORCE, DEFLECTION), square.T, strict=True)
+        )
+        force = force * greatest
+        stiffness = force / (deflection * stroke)
+        found = {
+            "coulomb_force": force,
+            "sigma_0": stiffness,
+            "sigma_1": 2.0 * DAMPING * np.sqrt(stiffness * mass),
+        }
+        return {name: values for name, values in found.items() if name in law._fields}
+
+    return of
+
+
+def beginning(recording: xr.Dataset, drive: Waveform | None) -> xr.Dataset:
+    """The first periods of a recording, as far as its drive is known to have some."""
+    begin, periodic = (0.0, None) if drive is None else periodic_part(drive)
+    if periodic is None:
+        return recording
+    return recording.isel(time=recording["time"].values <= begin + PERIODS * float(periodic.period))
+
+
+def first_guess(
+    residuals: Residuals,
+    time: Array,
+    jacobian: Callable[[Values], NDArray] | None,
+    parameters: Sequence[Parameter],
+    model: Actuator,
+    stroke: float,
+    given: Container[str] = (),
+    seed: int = 0,
+) -> tuple[list[Parameter], list[Values]]:
+    """The parameters within bounds wide enough, and where to begin: first where a short part of a recording
+    is described best, then other valleys of it, at most `BEGINS`.
+
+    Args:
+        residuals: of that part, with the positions that were measured.
+        time: of its samples, s.
+        jacobian: its derivatives, as `fit_least_squares` takes them.
+        parameters: with the user's start, which is one of the points tried.
+        model: the actuator.
+        stroke: of the stage under the drive, m.
+        given: whose bounds are the user's; those of others are widened to all that is plausible.
+        seed: of the points.
+    """
+    names = [p.name for p in parameters if p.name in NAMES]
+    if not names or not 0.0 < stroke * model.natural_frequency < math.inf:
+        return list(parameters), [{p.name: p.start for p in parameters}]
+    square = qmc.LatinHypercube(2, rng=np.random.default_rng(seed)).random(TRIED)
+    found = plausible(model, stroke)(square)
+    wide = [
+        p._replace(
+            lower=min(p.lower, 0.1 * found[p.name].min()), upper=max(p.upper, 10 * found[p.name].max())
+        )
+        if p.name in names and p.name not in given
+        else p
+        for p in parameters
+    ]
+    measured = np.asarray(residuals.measured)
+    limits = {p.name: (p.lower, p.upper) for p in wide}
+    start = {p.name: p.start for p in parameters}
+    tried = [{name: float(np.clip(found[name][i], *limits[name])) for name in names} for i in range(TRIED)]
+    at = [p for p in parameters if p.name in CHANNEL]
+
+    def cost(point: Values) -> tuple[float, Values]:
+        """Mean square of what is left at the best delay and offset, and the point with them."""
+        try:
+            r = np.asarray(residuals.function(point), dtype=float)
+        except (ValueError, ArithmeticError):
+            return math.inf, point
+        if not np.all(np.isfinite(r)):
+            return math.inf, point
+        moved = {"delay": -np.gradient(r + measured, time), "offset": np.ones(r.size)}
+        columns = np.column_stack([moved[p.name] for p in at]) if at else np.zeros((r.size, 1))
+        step = np.linalg.lstsq(columns, -r, rcond=None)[0]
+        found = {
+            p.name: min(max(point[p.name] + s, p.lower), p.upper) for p, s in zip(at, step, strict=False)
+        }
+        return float(np.mean((r + columns @ step) ** 2)), point | found
+
+    def with_slopes(values: Values) -> ArrayLike:
+        if jacobian is not None:
+            jacobian(values)  # simulated together
+        return residuals.function(values)
+
+    def look(point: Values) -> tuple[float, Values]:
+        begun = [p._replace(start=point[p.name]) for p in wide]
+        searched = residuals._replace(function=with_slopes)
+        try:
+            fit = fit_least_squares([searched], begun, jacobian=jacobian, max_evaluations=LOOK)
+        except (FitError, np.linalg.LinAlgError):
+            return math.inf, start
+        return fit.reduced_chi_squared, fit.values
+
+    costs = sorted(map(cost, [start, *(start | values for values in tried)]), key=lambda pair: pair[0])
+    looks = sorted((look(point) for _, point in costs[:LOOKED_AT]), key=lambda pair: pair[0])
+    begins: list[Values] = []
+    for _, values in looks:
+        if all(_far(values, known, names) for known in begins):
+            begins.append(values)
+    return wide, begins[:BEGINS]
+
+
+def _far(one: Values, other: Values, names: Sequence[str]) -> bool:
+    """Whether two points are in different valleys, as far as a short search tells."""
+    return any(abs(math.log(one[name] / other[name])) > math.log(VALLEY) for name in names)
+
+
+def beside(parameters: Sequence[Parameter], values: Values, given: Container[str] = ()) -> list[Parameter]:
+    """The parameters where a search within wide bounds ended, with their own bounds again.
+
+    Bounds that are nobody's wish are widened where a value stands out of them, or near them.
+    """
+
+    def at(p: Parameter) -> Parameter:
+        value = values[p.name]
+        if p.name in NAMES and p.name not in given and p.log:
+            low = p.lower if value > p.lower * NEAR else value / REACH
+            high = p.upper if value < p.upper / NEAR else value * REACH
+            return p._replace(start=value, lower=low, upper=high)
+        return p._replace(start=min(max(value, p.lower), p.upper))
+
+    return [at(p) for p in parameters]

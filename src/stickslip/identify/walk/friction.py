@@ -1,0 +1,255 @@
+"""Friction parameters of an actuator from its own motion: the displacement of the end-effector under a known
+drive [kang2007, 5.3]."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ...actuator import Actuator
+from ...chain import Chain
+from ...estimate.identifiability import loosest
+from ...estimate.marginal import integrated
+from ...estimate.parameter import Parameter, Values
+from ...estimate.problem import Residuals
+from ...estimate.result import Fit
+from ...estimate.search import Progress
+from ...estimate.several import lowest
+from ...estimate.whiteness import white
+from ...simulation.varied import free_names, with_values
+from ...waveform.signal import Waveform
+from ..free import Bounds, check_names, parameter
+from ..quantised import with_steps
+from ..recorded.channels import drives_of, names_of, recordings_of
+from ..recorded.known_noise import known_noise
+from .displacement import Displacement, has_slopes
+from .first_guess import beginning, first_guess
+from .needed import asked_for, said_free, shown_at_rest
+from .position_channel import CHANNEL, OBSERVED, of_channel, walked, warn_of_unseen_slips
+from .prediction import Predictor
+from .several import from_several, straightened
+from .walks import Search, Varied, Walks, observed, own_values, slopes_of
+
+# Of the stroke, and steps, of the simulations that only tell where to begin.
+GUESS_TOLERANCE, GUESS_STEPS = 1e-3, 5_000
+
+
+def identify_friction(
+    recordings: xr.Dataset | Sequence[xr.Dataset],
+    model: Actuator,
+    free: Sequence[str],
+    *,
+    drive: Waveform | Sequence[Waveform | None] | None = None,
+    slew_rate: float | None = None,
+    stage: Fit | None = None,
+    bounds: Bounds | None = None,
+    channel: Sequence[str] | None = None,
+    begin: Values | None = None,
+    noise: float | None = None,
+    starts: int = 1,
+    hops: int = 6,
+    seed: int = 0,
+    tolerance: float | None = None,
+    correlated: bool | None = None,
+    loss: str = "linear",
+    loss_scale: float = 1.0,
+    max_evaluations: int = 200,
+    progress: Callable[[Progress], None] | None = None,
+) -> Fit:
+    """Fit an actuator to recordings of its end-effector's position, raw samples, all recordings at once.
+
+    Every recording is described by a simulation from rest, so its first sample must be at rest.
+
+    If the recordings hardly determine one value of the actuator, and derivatives are known, that value is
+    given at its mean over all that fits, and the intervals of the others hold for all of that
+    (see `marginal`).
+
+    Args:
+        recordings: with end_effector_position [m].
+        model: the actuator; its values are one start of many (see `first_guess`), and the fit describes the
+            recordings no worse than they do.
+        free: what to fit: scalar fields of the law ("sigma_0", "coulomb_force", ...; "stiffness_2" of a
+            second element) and of the actuator ("end_effector_mass", "gain", ...); "stiction_ratio" (stiction
+            over Coulomb friction) and "breakaway_share" (of the Coulomb deflection), which are bounded where
+            the fields themselves are not; and of the position channel, one for all recordings, "delay" [s]
+            and "offset" [m]. Stiction and breakaway deflection that are not free keep their ratio.
+        drive: waveform of each recording (one: of all), in the time of the recording. Left out, or None: the
+            channel drive_voltage from the recording's first sample on, with its jumps as far as the samples
+            show them (see `recorded_drive`).
+        slew_rate: V/s at which the amplifier follows the jumps of drive_voltage: the current limit into the
+            piezo. Left out, at once; a fit then takes the slower jump for more friction.
+        stage: the fit of `identify_step` that the model's stage is from: its uncertainty is passed on to what
+            is fitted here.
+        bounds: of free parameters, in SI or as strings; else a factor 30 either side of the start, and of the
+            one that is found for sigma_0, sigma_1 and coulomb_force. The scale is logarithmic, but linear
+            where bounds reach down to zero.
+        channel: "delay" and "offset" of the position channel that are free besides. Left out, those that the
+            recordings show: an offset at rest, or what lowers the sum of squares by more than noise does;
+            `remarks` of the fit say so. None of them: ().
+        begin: where "delay" and "offset" start; left out, at the delay of the stage, or 0.
+        noise: standard deviation of the position, m; left out, it is estimated from the residuals.
+        starts: how many; those after the first fill the bounds.
+        hops: see `fit_least_squares`; 0 looks for no start and no other valley: for a start that is near.
+        seed: of the further starts.
+        tolerance: m, of the simulation; left out, 1e-10 for a law of one internal state, whose derivatives
+            are those of `sensitivities`. For the others they are differences over half a percent of a
+            parameter, so it must be far below what that changes (a weakly determined one: some pm in steps of
+            micrometres): 1e-12.
+        correlated: True: allow for residuals correlated in time in the uncertainty, whatever they are. Left
+            out, for noise that is correlated over some samples and for a random walk (a sensor's drift), as
+            far as the residuals show them (see `coloured`), where the noise is not given.
+        loss, loss_scale: see `fit_least_squares`: "soft_l1" or "huber" for recordings with outliers; the
+            scale is in m unless the noise is given.
+        max_evaluations: of all recordings, for each start, with slopes; where these are differences, their
+            evaluations come on top.
+        progress: called after each evaluation.
+
+    Returns:
+        A fit whose `model` is the actuator with the values put in, and whose ``predict(recording,
+        drive=None)`` simulates a recording.
+
+    Raises:
+        RecordingError: a channel is missing, empty, constant, clipped, too short or too coarsely sampled, or
+            numbers do not match.
+        QuantityError: a name that cannot be free, bounds that do not fit, a drive out of range.
+        FitError: see `fit_least_squares`.
+
+    Warns:
+        RecordingWarning: a drive_voltage whose samples do not show its jumps stood in for the waveform; or a
+            walk is sampled more coarsely than the stage vibrates.
+    """
+    found = recordings_of(recordings)
+    names, drives = names_of(found), drives_of(drive, found)
+    bounds = bounds or {}
+    own = {name: limits for name, limits in bounds.items() if name not in CHANNEL}
+    check_names(free, [*free_names(model), *CHANNEL], own)
+    measured = [walked(r, w, name) for r, w, name in zip(found, drives, names, strict=True)]
+    for r, name in zip(found, names, strict=True):
+        warn_of_unseen_slips(r, model, name)
+    first = ({"delay": stage.values["delay"]} if stage is not None else {}) | (begin or {})
+    tolerance = tolerance or (1e-10 if has_slopes(model) else 1e-12)
+    walks = Walks(
+        [
+            Displacement(r, w, name, model, tolerance, slew_rate)
+            for r, w, name in zip(found, drives, names, strict=True)
+        ],
+        measured,
+        names,
+        [known_noise(r, x, w) for r, x, w in zip(found, measured, drives, strict=True)],
+        model,
+        stage,
+        Search(noise, correlated, loss, loss_scale, seed, progress),
+    )
+
+    def fitted(free: Sequence[str]) -> Fit:
+        parameters = [
+            of_channel(name, found, bounds, first) if name in CHANNEL else parameter(model, name, bounds)
+            for name in free
+        ]
+        return _searched(walks, parameters, found, drives, slew_rate, bounds, starts, hops, max_evaluations)
+
+    asked = [name for name in channel or () if name not in free]
+    fit = None
+    if channel is None:
+        asked = [name for name in shown_at_rest(walks.known, measured) if name not in free]
+        if not asked:
+            fit = fitted(free)
+            asked = asked_for(fit, [m.time for m in walks.motions], measured, first, free)
+    fit = fit if fit is not None and not asked else fitted([*free, *asked])
+    if channel is None and asked:
+        fit = replace(fit, remarks=(*fit.remarks, said_free(fit, asked)))
+
+    residuals = np.concatenate(fit.residuals)
+    fit = with_steps(
+        fit,
+        measured,
+        [known.step for known in walks.known],
+        lambda moved: residuals + np.concatenate(measured) - np.concatenate(moved),
+        OBSERVED,
+        "m",
+    )
+    found_model = with_values(model, own_values(fit.values))
+    chain = Chain(
+        fit.values.get("delay", 0.0), fit.values.get("offset", 0.0), slew_rate=slew_rate or math.inf
+    )
+    predict = Predictor(found_model, chain, tolerance).predict
+    return replace(fit, model=found_model, observed=OBSERVED, predict=predict)
+
+
+def _searched(
+    walks: Walks,
+    parameters: list[Parameter],
+    found: Sequence[xr.Dataset],
+    drives: Sequence[Waveform | None],
+    slew_rate: float | None,
+    bounds: Bounds,
+    starts: int,
+    hops: int,
+    max_evaluations: int,
+) -> Fit:
+    """From several points, to the ends; then over what is hardly determined."""
+    model, exact = walks.model, has_slopes(walks.model)
+    given = {p.name: p.start for p in parameters}
+    begins = [given]
+    if hops:
+        stroke = max(motion.stroke(model) for motion in walks.motions)
+        most = int(np.argmax([np.ptp(position) for position in walks.measured]))
+        part, name = beginning(found[most], drives[most]), walks.names[most]
+        short = Displacement(
+            part, drives[most], name, model, GUESS_TOLERANCE * stroke, slew_rate, GUESS_STEPS
+        )
+        parameters, guesses = _guessed(
+            short, walks.measured[most], name, model, parameters, stroke, bounds, walks.options.noise
+        )
+        begins += guesses
+    fit = from_several(walks, parameters, begins, bounds, max_evaluations)
+    parameters = list(fit.parameters)
+    if starts > 1 or (hops and not white(np.concatenate(fit.residuals), [r.size for r in fit.residuals])):
+        straight = straightened(parameters, fit.values)
+        fit = lowest([fit, walks.fit(straight, max_evaluations=max_evaluations, starts=starts, hops=hops)])
+    linear = walks.options.loss == "linear"
+    name = loosest(fit, own_values(fit.values)) if exact and linear else None
+    return fit if name is None else _averaged(walks, fit, name, given, max_evaluations)
+
+
+def _averaged(walks: Walks, fit: Fit, name: str, given: Values, max_evaluations: int) -> Fit:
+    """The fit with one value, which it hardly determines, at its mean over all that fits.
+
+    Where that describes the recordings worse than the model that was given, the values are those of the
+    lowest sum of squares, and only the intervals are about the mean.
+    """
+    parameters = list(fit.parameters)
+    settled = integrated(fit, name, partial(walks.hold, name, parameters, max_evaluations))
+    if not isinstance(settled, Fit):
+        return lowest([fit, walks.fit(straightened(parameters, settled), max_evaluations=max_evaluations)])
+    if settled.cost > walks.cost(given):
+        if not fit.converged:  # it was left on its way along the valley
+            on = walks.fit(straightened(parameters, fit.values), max_evaluations=max_evaluations)
+            fit = lowest([fit, on]) if on.cost < fit.cost else fit
+        return replace(fit, uncertainty=settled.uncertainty._replace(centre=settled.coordinates))
+    scales = [p.slope(settled.values[p.name]) for p in parameters]
+    names = [p.name for p in parameters]
+    return replace(settled, jacobian=slopes_of(walks.motions, walks.varied, names)(settled.values) * scales)
+
+
+def _guessed(
+    short: Displacement,
+    measured: NDArray[np.float64],
+    name: str,
+    model: Actuator,
+    parameters: Sequence[Parameter],
+    stroke: float,
+    bounds: Bounds,
+    noise: float | None,
+) -> tuple[list[Parameter], list[Values]]:
+    """See `first_guess`, by the beginning of one recording."""
+    varied, position = Varied(model), measured[: short.time.size]
+    residuals = Residuals(lambda v: observed(short, varied, v) - position, position, noise, name, "m")
+    jacobian = slopes_of([short], varied, [p.name for p in parameters]) if has_slopes(model) else None
+    return first_guess(residuals, short.time, jacobian, parameters, model, stroke, bounds)

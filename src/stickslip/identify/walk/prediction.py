@@ -1,0 +1,43 @@
+"""What a position channel should show of an actuator: by a fit, or by given values in its place."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import xarray as xr
+from numpy.typing import NDArray
+
+from ...actuator import Actuator
+from ...chain import Chain
+from ...recording import RecordingError
+from ..recorded.channels import names_of
+from .displacement import Displacement
+from .position_channel import OBSERVED
+
+# Of a simulation that stands beside a recording: far below any noise.
+TOLERANCE = 1e-10
+
+
+class Predictor(NamedTuple):
+    """An actuator with given values, and the chain to its channel; `tolerance` [m] of the simulations."""
+
+    model: Actuator
+    chain: Chain = Chain()
+    tolerance: float = TOLERANCE
+
+    observed = OBSERVED
+
+    def predict(self, recording: xr.Dataset, drive: Any = None) -> NDArray:
+        """The channel at the recording's samples, m; from the channel drive_voltage without a drive.
+
+        Raises:
+            RecordingError: the motion cannot be followed.
+        """
+        name, chain = names_of([recording])[0], self.chain
+        try:
+            motion = Displacement(recording, drive, name, self.model, self.tolerance, chain.known_slew_rate)
+            return motion.position(self.model, chain.delay) + chain.offset
+        except ArithmeticError as error:
+            raise RecordingError(
+                f"the model cannot predict {self.observed} [m] of {name}: {error}"
+            ) from error

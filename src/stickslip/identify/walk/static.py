@@ -1,0 +1,116 @@
+r"""Walks by Pohl's static model [pohl1987; kang2007, eq. 1.1]: the piezo moves by D times the voltage.
+
+The end-effector is carried by all of it that is slow and left behind by all that is fast, whatever the
+friction: :math:`x = D\,w(t)`, w being the voltage without its jumps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ...actuator import Actuator
+from ...estimate.fit import fit_least_squares
+from ...estimate.parameter import Values
+from ...estimate.problem import Residuals
+from ...estimate.result import Fit
+from ...waveform.drive import Drive, evaluate, segment_at
+from ...waveform.drive import value_slope_curvature as value_at
+from ..free import Bounds
+from ..recorded.channels import channel, drives_of, names_of, recordings_of
+from ..recorded.recorded_drive import drive_over
+from .position_channel import CHANNEL, OBSERVED, linear, of_channel
+
+# A segment is left behind where the voltage changes so many times faster than it usually does.
+FAST = 10.0
+
+Array = NDArray[np.float64]
+
+
+def slow_part(drive: Drive, end: float) -> Callable[[Array], Array]:
+    """The voltage less its jumps and fast flanks, from 0 at t = 0, as a function of time up to `end` [s]."""
+    ends = np.append(drive.start[1:], max(end, float(drive.start[-1])))
+    first = np.array([value_at(drive, i, t)[0] for i, t in enumerate(drive.start)])
+    last = np.array([value_at(drive, i, t)[0] for i, t in enumerate(ends)])
+    length = np.maximum(ends - drive.start, 1e-12)
+    speed = np.abs(last - first) / length
+    moving = speed > 0.0
+    order = np.argsort(speed[moving])
+    share = np.cumsum(length[moving][order])
+    usual = float(speed[moving][order][np.searchsorted(share, 0.5 * share[-1])]) if share.size else 0.0
+    fast = speed > FAST * usual
+    jumps = first - np.append(drive.before, last[:-1])
+    # What has been left behind when a segment begins: all jumps so far, and the fast segments before it.
+    behind = np.cumsum(jumps) + np.append(0.0, np.cumsum(np.where(fast, last - first, 0.0))[:-1])
+
+    def of(times: Array) -> Array:
+        at = segment_at(drive, times)
+        u = np.where(fast[at], first[at], evaluate(drive, times)[0])
+        return np.where(times < 0.0, 0.0, u - behind[at] - drive.before)
+
+    return of
+
+
+def identify_static_walk(
+    recordings: xr.Dataset | Sequence[xr.Dataset],
+    model: Actuator,
+    *,
+    drive: Any = None,
+    slew_rate: float | None = None,
+    bounds: Bounds | None = None,
+) -> Fit:
+    """Fit Pohl's static model to walks: D as `gain` [m/V], and delay [s] and offset [m] of the channel.
+
+    Args:
+        recordings: with end_effector_position [m].
+        model: whose gain the search starts at.
+        drive, slew_rate: as for `identify_friction`.
+        bounds: of gain, delay and offset, in SI.
+
+    Raises:
+        RecordingError: a channel is missing, too short or constant.
+    """
+    found = recordings_of(recordings)
+    names = names_of(found)
+    known = dict(bounds or {})
+
+    parts = []
+    for recording, waveform, name in zip(found, drives_of(drive, found), names, strict=True):
+        x = channel(recording, OBSERVED, name, varies=True)
+        of = _walk(recording, waveform, name, slew_rate)
+        parts.append(Residuals(lambda values, of=of, x=x: of(values) - x, x, None, name, "m"))
+    fit = fit_least_squares(
+        parts,
+        [
+            linear("gain", "m/V", model.gain, 10.0 * abs(model.gain), known),
+            *(of_channel(name, found, known, {}) for name in CHANNEL),
+        ],
+        central=True,
+        hops=2,
+    )
+
+    return replace(fit, observed=OBSERVED, predict=StaticPrediction(fit.values, slew_rate).predict)
+
+
+class StaticPrediction(NamedTuple):
+    """A walk by the values of a fit; `slew_rate` as for `identify_static_walk`."""
+
+    values: Values
+    slew_rate: float | None
+
+    def predict(self, recording: xr.Dataset, drive: Any = None) -> Array:
+        """m, at the recording's samples."""
+        return _walk(recording, drive, names_of([recording])[0], self.slew_rate)(self.values)
+
+
+def _walk(
+    recording: xr.Dataset, waveform: Any, name: str, slew_rate: float | None
+) -> Callable[[Values], Array]:
+    waveform, time = drive_over(recording, waveform, name, slew_rate)
+    slow = slow_part(waveform.drive(float(time[-1])), float(time[-1]))
+    return lambda values: values["gain"] * slow(time - values["delay"]) + values["offset"]

@@ -1,0 +1,200 @@
+"""Searches over simulated walks: all recordings at once, or with one value held."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...actuator import Actuator
+from ...estimate.coloured import coloured, with_coloured_noise, with_inherited
+from ...estimate.fit import fit_least_squares
+from ...estimate.lack import KnownNoise
+from ...estimate.parameter import Parameter, Values
+from ...estimate.problem import Residuals
+from ...estimate.result import Fit
+from ...estimate.search import Progress
+from ...simulation.varied import with_values
+from ..step.fit import STAGE
+from .displacement import Displacement, has_slopes
+from .position_channel import CHANNEL
+
+# Relative, of a law without derivatives. With its tolerance, both parts of the error are under 1 % of a
+# derivative. A contact that rings on between jumps shows a tenth of a percent of its stiffness as another
+# phase: over steps of 5e-3, the derivative by a stiffness is wrong by a quarter.
+DIFFERENCE_STEP = 5e-4
+# See `fit_least_squares`. The errors of simulated derivatives leave some thousandths anywhere; of the average
+# over fits where one value is held, a tenth is far less.
+SETTLED, NEAR = 1e-2, 0.1
+
+Array = NDArray[np.float64]
+
+
+class Varied:
+    """An actuator with values put in; the last is kept, for it is asked for again at once."""
+
+    def __init__(self, model: Actuator) -> None:
+        self.model, self._last = model, ({}, model)
+
+    def __call__(self, values: Values) -> Actuator:
+        own = own_values(values)
+        if own != self._last[0]:
+            self._last = (own, with_values(self.model, own))
+        return self._last[1]
+
+
+class Search(NamedTuple):
+    """What is the same in all searches of one identification; see `identify_friction`."""
+
+    noise: float | None
+    correlated: bool | None
+    loss: str
+    loss_scale: float
+    seed: int
+    progress: Callable[[Progress], None] | None
+
+
+@dataclass(frozen=True)
+class Walks:
+    """Recordings of one actuator: their simulations, the positions [m] that were measured, their names, and
+    what they show of their noise; the fit that the stage is from, if any; and how to search."""
+
+    motions: Sequence[Displacement]
+    measured: Sequence[Array]
+    names: Sequence[str]
+    known: Sequence[KnownNoise]
+    model: Actuator
+    stage: Fit | None
+    options: Search
+    varied: Varied = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "varied", Varied(self.model))
+
+    def fit(self, parameters: Sequence[Parameter], **options: Any) -> Fit:
+        """By least squares, with the uncertainty of the stage passed on."""
+        return self._with_stage(self._search(self.varied, parameters, **options), self.model)
+
+    def cost(self, values: Values) -> float:
+        """The weighted sum of squares at the values; infinite where there is no model."""
+        try:
+            parts = [
+                observed(m, self.varied, values) - x for m, x in zip(self.motions, self.measured, strict=True)
+            ]
+        except (ValueError, ArithmeticError):
+            return math.inf
+        return float(sum(r @ r for r in parts)) / (self.options.noise or 1.0) ** 2
+
+    def hold(
+        self, name: str, parameters: Sequence[Parameter], most: int, value: float, begin: Values
+    ) -> tuple[Fit, Fit]:
+        """The fit of the others with one value held, without the uncertainty of the stage and with it."""
+        held = with_values(self.model, {name: value})
+        others = [p._replace(start=begin[p.name]) for p in parameters if p.name != name]
+        alone = self._search(Varied(held), others, max_evaluations=most, settled=NEAR)
+        return alone, self._with_stage(alone, held)
+
+    def _search(
+        self,
+        varied: Varied,
+        parameters: Sequence[Parameter],
+        *,
+        max_evaluations: int,
+        settled: float = SETTLED,
+        **options: Any,
+    ) -> Fit:
+        noise, correlated, loss, loss_scale, seed, progress = self.options
+        free = [p.name for p in parameters]
+        own, exact = [name for name in free if name not in CHANNEL], has_slopes(self.model)
+
+        def residuals(motion: Displacement, position: Array) -> Callable[[Values], Array]:
+            def of(values: Values) -> Array:
+                if (
+                    exact
+                ):  # most trial points are accepted, and then want their slopes: one simulation for both
+                    motion.slopes(varied(values), values.get("delay", 0.0), own)
+                return observed(motion, varied, values) - position
+
+            return of
+
+        fit = fit_least_squares(
+            [
+                Residuals(residuals(motion, position), position, noise, name, "m", known)
+                for motion, position, name, known in zip(
+                    self.motions, self.measured, self.names, self.known, strict=True
+                )
+            ],
+            parameters,
+            jacobian=slopes_of(self.motions, varied, free) if exact else None,
+            noise_known=noise is not None,
+            correlated=bool(correlated),
+            loss=loss,
+            loss_scale=loss_scale,
+            seed=seed,
+            difference_step=DIFFERENCE_STEP,
+            progress=progress,
+            settled=settled,
+            # A slope by differences is an evaluation for each free value.
+            max_evaluations=max_evaluations * (1 if exact else 1 + len(parameters)),
+            **options,
+        )
+        if correlated is None and noise is None and loss == "linear":
+            fit = with_coloured_noise(fit, coloured(fit.residuals, walks=True))
+        return fit
+
+    def _with_stage(self, fit: Fit, model: Actuator) -> Fit:
+        """The fit with the uncertainty of the stage passed on, of those of its values that are not free."""
+        stage = self.stage
+        if stage is None:
+            return fit
+        kept = [i for i, p in enumerate(stage.parameters) if p.name in STAGE and p.name not in fit.values]
+        if not kept:
+            return fit
+        names = [stage.parameters[i].name for i in kept]
+        here, delay = with_values(model, own_values(fit.values)), fit.values.get("delay", 0.0)
+        if has_slopes(here):
+            by = np.concatenate([m.slopes(here, delay, names)[:, :-1] for m in self.motions])
+        else:
+            by = np.column_stack([_difference(self.motions, here, delay, name) for name in names])
+        slopes = [stage.parameters[i].slope(stage.values[n]) for i, n in zip(kept, names, strict=True)]
+        return with_inherited(fit, by * slopes, stage.uncertainty.covariance[np.ix_(kept, kept)])
+
+
+def own_values(values: Values) -> Values:
+    """The values that are of the actuator."""
+    return {name: value for name, value in values.items() if name not in CHANNEL}
+
+
+def observed(motion: Displacement, varied: Varied, values: Values) -> Array:
+    """What the position channel shows for values of the actuator and of the channel [m]."""
+    return motion.position(varied(values), values.get("delay", 0.0)) + values.get("offset", 0.0)
+
+
+def slopes_of(
+    motions: Sequence[Displacement], varied: Varied, free: Sequence[str]
+) -> Callable[[Values], Array]:
+    """Derivatives of all recordings' residuals by the free values, [samples, free]."""
+    own = [name for name in free if name not in CHANNEL]
+
+    def of(values: Values) -> Array:
+        here, delay = varied(values), values.get("delay", 0.0)
+        found = np.concatenate([motion.slopes(here, delay, own) for motion in motions])
+        known = {name: found[:, i] for i, name in enumerate([*own, "delay"])}
+        known["offset"] = np.ones(len(found))
+        return np.column_stack([known[name] for name in free])
+
+    return of
+
+
+def _difference(motions: Sequence[Displacement], model: Actuator, delay: float, name: str) -> Array:
+    """Derivative of all positions by a value of the model, where no exact one is to be had."""
+    value = getattr(model, name)
+    sides = [
+        np.concatenate([m.position(with_values(model, {name: value * (1.0 + h)}), delay) for m in motions])
+        for h in (-DIFFERENCE_STEP, DIFFERENCE_STEP)
+    ]
+    return (sides[1] - sides[0]) / (2.0 * DIFFERENCE_STEP * value)

@@ -1,0 +1,144 @@
+"""Modal models against SciPy's polynomials, and found again in simulated experiments."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stickslip.estimate.fit import fit_least_squares
+from stickslip.estimate.problem import FitError
+from stickslip.estimate.search import Progress
+from stickslip.identify.frequency.modal import ModalModel, identify_frequency, modal_response, steady_response
+from stickslip.identify.frequency.response import frequency_response
+
+from . import modal_system as system
+
+TRUE = ModalModel(system.OMEGA, system.ZETA, system.DELAY, system.GAIN, system.RATE_GAIN, system.REMAINDER)
+
+
+def measured(rng: np.random.Generator, noise: float, realisations: int = 4, samples: int = 2000):
+    drive = system.multisines(rng, samples, realisations)
+    clean = system.steady(drive)
+    return frequency_response(drive, clean + noise * rng.standard_normal(clean.shape), system.SAMPLE_RATE)
+
+
+def test_response_of_a_modal_model() -> None:
+    frequency = np.linspace(0, 1900, 200)
+    assert modal_response(TRUE, frequency) == pytest.approx(system.response(frequency), rel=1e-12)
+
+
+def test_steady_response_is_the_sum_of_sinusoids() -> None:
+    drive = system.multisines(np.random.default_rng(1), 400, 3)
+    expected = system.steady(drive)
+    assert steady_response(TRUE, drive, system.SAMPLE_RATE) == pytest.approx(expected, abs=1e-16)
+
+
+def test_modes_are_found_again_without_being_told_where() -> None:
+    response = measured(np.random.default_rng(2), 1e-9)
+    fit = identify_frequency(response, 3)
+    model = fit.model
+    assert fit.converged
+    assert model.natural_frequency == pytest.approx(system.OMEGA, rel=1e-4)
+    assert model.damping_ratio == pytest.approx(system.ZETA, rel=2e-3)
+    assert model.delay == pytest.approx(system.DELAY, rel=1e-2)
+    assert model.gain == pytest.approx(system.GAIN, abs=2e-9)
+    assert model.rate_gain == pytest.approx(system.RATE_GAIN, abs=1e-8)
+    assert model.remainder == pytest.approx(system.REMAINDER, abs=1e-8)
+    assert fit.values["gain_2[1,2]"] == model.gain[1, 0, 1]
+    assert fit.values["rate_gain_3[2,1]"] == model.rate_gain[2, 1, 0]
+    assert fit.values["remainder[2,2]"] == model.remainder[1, 1]
+    units = {p.name: p.unit for p in fit.parameters}
+    assert units["natural_frequency_1"] == "rad/s"
+    assert units["gain_1[1,1]"] == "m/V"
+    assert fit.reduced_chi_squared == pytest.approx(1, abs=0.25)
+    assert fit.undetermined == ()
+
+
+def test_errors_are_those_of_repeated_experiments() -> None:
+    rng = np.random.default_rng(3)
+    starts = list(zip(system.OMEGA / (2 * np.pi), system.ZETA, strict=True))
+    z = []
+    for _ in range(40):
+        fit = identify_frequency(measured(rng, 2e-8, samples=1000), starts)
+        truth = [*np.stack([system.OMEGA, system.ZETA], axis=1).ravel(), system.DELAY]
+        for o in range(2):
+            for i in range(2):
+                truth += [*system.GAIN[:, o, i], *system.RATE_GAIN[:, o, i], system.REMAINDER[o, i]]
+        errors = np.array(list(fit.standard_errors.values()))
+        z.append((np.array(list(fit.values.values())) - truth) / errors)
+    assert np.sqrt(np.mean(np.square(z))) == pytest.approx(1, abs=0.12)
+    worst = np.sqrt(np.mean(np.square(z), axis=0))
+    assert np.all((worst > 0.6) & (worst < 1.5)), worst
+
+
+def test_one_channel_of_one_real_mode() -> None:
+    """The second-order stage of the thesis: no rate gain, no remainder."""
+    model = ModalModel(
+        np.array([3303.1]),
+        np.array([0.524]),
+        1e-4,
+        np.full((1, 1, 1), 1.057e-7),
+        np.zeros((1, 1, 1)),
+        np.zeros((1, 1)),
+    )
+    rng = np.random.default_rng(4)
+    drive = system.multisines(rng, 2000, 3)[:, :1]
+    response = steady_response(model, drive, system.SAMPLE_RATE) + 1e-9 * rng.standard_normal(drive.shape)
+    found = frequency_response(drive, response, system.SAMPLE_RATE).sel(output=1, input=1)
+    seen: list[Progress] = []
+    fit = identify_frequency(
+        found, [(300.0, 0.1)], complex_modes=False, remainder=False, progress=seen.append
+    )
+    truth = {"natural_frequency_1": 3303.1, "damping_ratio_1": 0.524, "delay": 1e-4, "gain_1": 1.057e-7}
+    assert list(fit.values) == list(truth)
+    assert fit.values == pytest.approx(truth, rel=2e-3)
+    for name, (low, high) in fit.confidence_intervals(0.999).items():
+        assert low < truth[name] < high
+    assert seen
+    assert not fit.model.rate_gain.any()
+    assert not fit.model.remainder.any()
+
+
+def test_errors_are_those_of_a_search_over_everything() -> None:
+    """The engine's differences on the bare model, against the derivatives and eliminated gains of the fit."""
+    strong = TRUE._replace(rate_gain=2 * system.GAIN)
+    rng = np.random.default_rng(8)
+    drive = system.multisines(rng, 1000, 4)
+    clean = steady_response(strong, drive, system.SAMPLE_RATE)
+    noisy = clean + 1e-8 * rng.standard_normal(clean.shape)
+    channel = frequency_response(drive, noisy, system.SAMPLE_RATE).sel(output=1, input=2)
+    fit = identify_frequency(channel, list(zip(system.OMEGA / (2 * np.pi), system.ZETA, strict=True)))
+
+    def residuals(values):
+        poles, (delay, *gains) = np.split(np.array(list(values.values())), [6])
+        one = np.reshape(gains, (7, 1, 1))
+        model = ModalModel(poles[0::2], poles[1::2], delay, one[:3], one[3:6], one[6])
+        error = modal_response(model, channel["frequency"].values)[:, 0, 0] - channel["response"].values
+        return np.concatenate([error.real, error.imag]) / np.tile(channel["deviation"].values, 2)
+
+    begin = [p._replace(start=fit.values[p.name]) for p in fit.parameters]
+    full = fit_least_squares(residuals, begin)
+    assert fit.values == pytest.approx(full.values, rel=1e-4, abs=1e-10)
+    assert fit.standard_errors == pytest.approx(full.standard_errors, rel=1e-3)
+
+
+def test_modes_are_numbered_by_frequency_and_may_be_given_in_any_order() -> None:
+    response = measured(np.random.default_rng(5), 1e-9)
+    fit = identify_frequency(response, [(650.0, 0.05), (130.0, 0.05), (450.0, 0.05)])
+    assert fit.model.natural_frequency == pytest.approx(system.OMEGA, rel=1e-4)
+
+
+def test_known_noise_gives_the_chi_squared_its_meaning() -> None:
+    response = measured(np.random.default_rng(6), 1e-8, realisations=12)
+    fit = identify_frequency(response, 3, noise_known=True)
+    assert fit.noise_known
+    assert fit.reduced_chi_squared == pytest.approx(1, abs=0.1)
+    poor = identify_frequency(response, 2, noise_known=True)
+    assert poor.reduced_chi_squared > 10
+
+
+def test_needs_deviations() -> None:
+    drive = system.multisines(np.random.default_rng(7), 400, 2)
+    response = frequency_response(drive, system.steady(drive), system.SAMPLE_RATE)
+    with pytest.raises(FitError, match="no deviations"):
+        identify_frequency(response, 3)

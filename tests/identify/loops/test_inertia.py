@@ -1,0 +1,70 @@
+"""Mass and friction of a driven body, by simulated motion in open and in closed loop."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import stickslip as ss
+from stickslip.identify.loops.inertia import identify_inertia
+from stickslip.recording import make_recording
+
+TRUTH = {"mass": 2.0, "viscous": 5.0, "coulomb_force": 1.5, "offset": 0.3}
+
+
+def driven(seed: int, closed: bool = False, noise: float = 1e-6, turns: bool = False):
+    """By the midpoint rule: a body under a force of two sines, or of a controller that follows them."""
+    random = np.random.default_rng(seed)
+    h, rate, n = 4e-5, 25, 4000
+    phase = random.uniform(0.0, 6.28, 2)
+
+    def force_at(t: float, x: float, v: float) -> float:
+        wanted = math.sin(6.0 * t + phase[0]) + 0.5 * math.sin(15.0 * t + phase[1])
+        return 400.0 * (0.1 * wanted - x) - 20.0 * v if closed else 20.0 * wanted
+
+    def acceleration(t: float, x: float, v: float) -> float:
+        friction = TRUTH["viscous"] * v + math.copysign(TRUTH["coulomb_force"], v)
+        return (force_at(t, x, v) - friction - TRUTH["offset"]) / TRUTH["mass"]
+
+    x, v = 0.0, 0.0
+    xs, fs = np.empty(n), np.empty(n)
+    for i in range(n * rate):
+        t = i * h
+        if i % rate == 0:
+            xs[i // rate], fs[i // rate] = x, force_at(t, x, v)
+        middle = v + 0.5 * h * acceleration(t, x, v)
+        x, v = x + h * middle, v + h * acceleration(t + 0.5 * h, x + 0.5 * h * v, middle)
+    xs = xs + noise * random.standard_normal(n)
+    fs = fs + 0.05 * random.standard_normal(n)
+    time = np.arange(n) * h * rate
+    position, force = ("angle", "torque") if turns else ("position", "force")
+    channels = {position: (xs, "rad" if turns else "m"), force: (fs, "N m" if turns else "N")}
+    return make_recording(time, channels, title=f"run {seed}")
+
+
+@pytest.mark.parametrize("closed", [False, True], ids=["open loop", "closed loop"])
+def test_values_and_their_intervals(closed: bool) -> None:
+    inside = []
+    for seed in range(6):
+        fit = identify_inertia(driven(seed, closed), window=0.15)
+        for name, true in TRUTH.items():
+            low, high = fit.confidence_intervals()[name]
+            inside.append(low < true < high)
+            assert fit.values[name] == pytest.approx(true, rel=0.05, abs=0.03), name
+    assert np.mean(inside) > 0.8
+
+
+def test_what_turns_has_a_moment_of_inertia() -> None:
+    fit = identify_inertia(driven(0, turns=True), window=0.15, position="angle", force="torque")
+    units = {p.name: p.unit for p in fit.parameters}
+    assert units == {"mass": "kg m^2", "viscous": "N m s/rad", "coulomb_force": "N m", "offset": "N m"}
+    assert fit.values["mass"] == pytest.approx(2.0, rel=0.05)
+
+
+def test_a_window_that_fits_no_recording_is_refused() -> None:
+    with pytest.raises(ss.FitError, match=r"a window of 0\.005 s has 5 samples"):
+        identify_inertia(driven(0), window=0.005)
+    with pytest.raises(ss.FitError, match="no more than there are"):
+        identify_inertia(driven(0), window=50.0)

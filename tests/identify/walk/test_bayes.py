@@ -1,0 +1,218 @@
+"""Posteriors: the covariance where all is linear, the truth inside where it is not, and honest failures."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stickslip.actuator import load_actuator
+from stickslip.estimate.coloured import coloured, with_coloured_noise
+from stickslip.estimate.fit import fit_least_squares
+from stickslip.estimate.parameter import Parameter
+from stickslip.estimate.problem import FitError, Residuals
+from stickslip.estimate.result import Fit
+from stickslip.friction import Coulomb
+from stickslip.identify.walk.bayes import Posterior, curvature_adjustment, posterior, sample
+from stickslip.identify.walk.friction import identify_friction
+from stickslip.identify.walk.likelihood import Misfit
+from stickslip.identify.walk.walks import Varied, observed
+from stickslip.simulation import simulate
+from stickslip.simulation.varied import with_values
+from stickslip.waveform.periodic import Sawtooth
+
+DRIVE = Sawtooth(65.0, 100.0, periods=2)
+NOISE = 30e-9  # m
+LINE = [Parameter("a", 0.0, -9.0, 9.0, log=False), Parameter("b", 1.0, 0.01, 99.0)]
+
+
+def walk(law):
+    model = load_actuator("kang2007").replace(stage_reaction=False, friction=law)
+    found = simulate(model, DRIVE, 0.02, sample_rate=5e3, tolerance=1e-11)
+    found["end_effector_position"] += NOISE * np.random.default_rng(1).standard_normal(found["time"].size)
+    return model, found
+
+
+@pytest.fixture(scope="module")
+def rigid() -> tuple[Fit, object]:
+    """A walk under Coulomb friction: its fit is nearly linear."""
+    model, recording = walk(Coulomb(0.5))
+    return identify_friction(recording, model, ["coulomb_force", "offset"], drive=DRIVE, hops=0), recording
+
+
+def line(correlation: float) -> Fit:
+    """y = a + b t under noise that remembers."""
+    t = np.linspace(0.0, 1.0, 400)
+    noise = np.random.default_rng(0).standard_normal(t.size)
+    for i in range(1, t.size):
+        noise[i] += correlation * noise[i - 1]
+    y = 1.0 + 2.0 * t + 0.05 * noise
+    return fit_least_squares([Residuals(lambda v: v["a"] + v["b"] * t - y, y)], LINE)
+
+
+def test_of_a_linear_model_it_is_the_covariance() -> None:
+    """Also of one that remembers, once the likelihood is bent as the module's head says."""
+    white = line(0.5)
+    fit = with_coloured_noise(white, coloured(white.residuals, walks=True))
+    variance = sum(g.sse for g in fit.recordings) / fit.degrees_of_freedom
+    assert np.array_equal(curvature_adjustment(white, variance), np.eye(2))
+    bend = curvature_adjustment(fit, variance)
+    curvature = bend.T @ white.jacobian.T @ white.jacobian @ bend / variance  # type: ignore[union-attr]
+    np.testing.assert_allclose(np.linalg.inv(curvature), fit.uncertainty.covariance, rtol=0.05)
+    centre = np.array([p.coordinate(fit.values[p.name]) for p in LINE])
+
+    def log_density(q):
+        away = q - centre
+        return -0.5 * np.einsum("mi,ij,mj->m", away, curvature, away)
+
+    found = sample(log_density, LINE, centre, np.ones(2), walkers=32, max_steps=4000, seed=3)
+    assert found.converged
+    a, log_b = found.samples["a"].values.ravel(), np.log(found.samples["b"].values.ravel())
+    np.testing.assert_allclose(np.cov(a, log_b), np.linalg.inv(curvature), rtol=0.2)
+    np.testing.assert_allclose([a.mean(), log_b.mean()], centre, atol=0.15 * a.std())
+    row = found.summary.sel(parameter="a")
+    assert float(row["r_hat"]) < 1.05
+    assert float(row["ess"]) > 500
+    assert float(row["high"] - row["low"]) == pytest.approx(2 * 1.96 * a.std(), rel=0.1)
+
+
+def test_of_a_walk_that_is_nearly_linear_it_is_the_fit(rigid) -> None:
+    fit, recording = rigid
+    found = posterior(fit, recording, drive=DRIVE, max_steps=1500)
+    assert found.converged, found.message
+    for name, error in fit.standard_errors.items():
+        row = found.summary.sel(parameter=name)
+        assert float(row["sd"]) == pytest.approx(error, rel=0.2)
+        assert abs(float(row["mean"]) - fit.values[name]) < 0.3 * error
+    row = found.summary.sel(parameter="coulomb_force")
+    assert float(row["low"]) < 0.5 < float(row["high"])
+    assert found.samples["coulomb_force"].attrs["units"] == "N"
+    assert "coulomb_force" in found.report()
+    assert found.to_arviz().posterior.sizes["chain"] == 24
+
+
+def test_the_seed_makes_it_the_same_again_and_a_short_chain_says_so(rigid) -> None:
+    fit, recording = rigid
+
+    def draws(seed: int) -> Posterior:
+        return posterior(fit, recording, drive=DRIVE, max_steps=40, walkers=8, seed=seed)
+
+    first, again, other = draws(1), draws(1), draws(2)
+    assert first.samples.identical(again.samples)
+    assert not first.samples.equals(other.samples)
+    assert not first.converged
+    assert "NOT CONVERGED: 40 steps" in first.report()
+
+
+def test_the_prior_ends_at_the_bounds_and_the_stage_makes_it_wider(rigid) -> None:
+    fit, recording = rigid
+    at = fit.values["coulomb_force"]
+    first = fit.parameters[0]._replace(start=0.9 * at, upper=at)
+    bounded = replace(fit, parameters=(first, *fit.parameters[1:]))
+    half = posterior(bounded, recording, drive=DRIVE, max_steps=600).samples["coulomb_force"].values
+    assert half.max() <= at
+    assert at - half.mean() == pytest.approx(
+        np.sqrt(2 / np.pi) * fit.standard_errors["coulomb_force"], rel=0.3
+    )
+
+    model = fit.model
+    names = ("damping_ratio", "natural_frequency", "gain")
+    true = [getattr(model, name) for name in names]
+
+    def known(values):
+        """As if each had been measured to 0.5 %, the first twice."""
+        away = [(values[n] - v) / (0.005 * v) for n, v in zip(names, true, strict=True)]
+        return np.array([*away, away[0], values["delay"]])
+
+    stage = fit_least_squares(
+        [Residuals(known, noise=1.0)],
+        [
+            *(Parameter(n, v, v / 3, v * 3) for n, v in zip(names, true, strict=True)),
+            Parameter("delay", 0.0, -1.0, 1.0, log=False),
+        ],
+        noise_known=True,
+    )
+    white = replace(fit, correlated=False)  # as what is compared with takes it
+    found = posterior(white, recording, drive=DRIVE, stage=stage, max_steps=600)
+    assert [str(n) for n in found.summary["parameter"].values] == ["coulomb_force", "offset", *names]
+
+    # Linearised, by differences: the data, and the prior of the stage.
+    all_names = ["coulomb_force", *names]
+    values = np.array([fit.values["coulomb_force"], *true])
+    columns = []
+    for i, name in enumerate(all_names):
+        sides = [
+            simulate(
+                with_values(model, {**dict(zip(all_names, values, strict=True)), name: values[i] * (1 + h)}),
+                DRIVE, 0.02, sample_rate=5e3, tolerance=1e-12,
+            )["end_effector_position"].values
+            for h in (-2e-3, 2e-3)
+        ]  # fmt: skip
+        columns.append((sides[1] - sides[0]) / 4e-3)
+    jacobian = np.column_stack([*columns, np.ones(columns[0].size)])
+    precision = jacobian.T @ jacobian / fit.rmse**2
+    precision[1:4, 1:4] += np.diag([2.0, 1.0, 1.0]) / 0.005**2
+    expected = np.sqrt(np.diag(np.linalg.inv(precision)))[:4] * values
+    for name, sd in zip(all_names, expected, strict=True):
+        row = found.summary.sel(parameter=name)
+        # A deviation of n samples is known to 1 of sqrt(2 n); three of these, and 5 % for what is not linear.
+        samples = float(row["ess"])
+        assert samples > 50.0
+        assert float(row["sd"]) == pytest.approx(sd, rel=0.05 + 3.0 / np.sqrt(2.0 * samples))
+    assert expected[0] > 1.5 * fit.standard_errors["coulomb_force"]
+
+
+def test_a_short_walk_is_sampled_within_its_bounds() -> None:
+    """A few steps, also as plain Python."""
+    model = load_actuator("kang2007").replace(stage_reaction=False, friction=Coulomb(0.5))
+    drive = Sawtooth(65.0, 200.0, periods=1)
+    recording = simulate(model, drive, 0.008, sample_rate=5e3, tolerance=1e-9)
+    recording["end_effector_position"] += NOISE * np.random.default_rng(0).standard_normal(41)
+    free = ["coulomb_force", "offset"]
+    fit = identify_friction(recording, model, free, drive=drive, hops=0, tolerance=1e-9, max_evaluations=12)
+    found = posterior(fit, recording, drive=drive, walkers=4, max_steps=8, tolerance=1e-9)
+    assert found.samples.sizes["chain"] == 4
+    for p in fit.parameters:
+        draws = found.samples[p.name].values
+        assert np.all((draws >= p.lower) & (draws <= p.upper))
+        assert draws.std() > 0.0
+    assert not found.converged
+
+
+def test_all_members_at_once_are_as_far_off_as_each_alone() -> None:
+    model, recording = walk(load_actuator("kang2007").friction)
+    misfit = Misfit(recording, DRIVE, None, "walk", model, (1e-4, 1e-5), 1e-11)
+    random = np.random.default_rng(5)
+    values = {
+        "sigma_0": 1.399e6 * np.exp(0.1 * random.standard_normal(6)),
+        "coulomb_force": np.array([0.5, 0.52, 0.54, 0.56, 0.58, -1.0]),
+        "delay": 1e-4 + 1e-5 * np.array([0.0, -3.9, 1.3, 3.1, 9.0, 0.0]),  # one beyond the nodes
+        "offset": 1e-8 * random.standard_normal(6),
+    }
+    found = misfit(values)
+    assert np.isnan(found[-1])
+    for m in range(5):
+        one = {name: float(column[m]) for name, column in values.items()}
+        r = observed(misfit.one, Varied(model), one) - recording["end_effector_position"].values
+        assert found[m] == pytest.approx(r @ r, rel=1e-3)
+    alone = {name: column[:1] for name, column in values.items() if name in ("delay", "offset")}
+    r = observed(misfit.one, Varied(model), {k: float(v[0]) for k, v in alone.items()}) - misfit.measured
+    assert misfit(alone)[0] == pytest.approx(
+        float(r @ r),
+        rel=1e-3,
+    )
+
+
+def test_what_it_cannot_do_it_refuses(rigid, monkeypatch: pytest.MonkeyPatch) -> None:
+    fit, recording = rigid
+    with pytest.raises(FitError, match="without a robust loss"):
+        posterior(replace(fit, log_likelihood=np.nan), recording, drive=DRIVE)
+    with pytest.raises(FitError, match="of an actuator"):
+        posterior(line(0.0), recording, drive=DRIVE)
+    for name in ("emcee", "arviz"):
+        with monkeypatch.context() as without:
+            without.setitem(sys.modules, name, None)
+            with pytest.raises(FitError, match=rf"{name}: pip install .stickslip\[bayes\]"):
+                posterior(fit, recording, drive=DRIVE, max_steps=20, walkers=8)

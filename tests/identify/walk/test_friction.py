@@ -1,0 +1,248 @@
+"""Friction from the motion of an actuator: the reference problem with noise, and what recordings may lack."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from stickslip.actuator import Actuator, load_actuator
+from stickslip.friction import Coulomb, Elastoplastic, LuGre
+from stickslip.identify.free import parameter
+from stickslip.identify.walk.friction import identify_friction
+from stickslip.recording import RecordingError, RecordingWarning, make_recording
+from stickslip.simulation import simulate
+from stickslip.simulation.varied import free_names, with_values
+from stickslip.units import QuantityError
+from stickslip.verification import verify
+from stickslip.waveform.periodic import Sawtooth
+from stickslip.waveform.sequence import Sequence
+from stickslip.waveform.shapes import Ramp, Rest
+
+REFERENCE = (Path(__file__).parents[3] / ".." / "shared" / "reference").resolve()
+DRIVE = Sawtooth(amplitude=65.0, frequency=5.0)
+FREE = ["sigma_0", "sigma_1", "coulomb_force"]
+TRUTH = {"sigma_0": 1.399e6, "sigma_1": 34.9, "coulomb_force": 0.5401}
+NOISE = 20e-9
+
+
+def actuator(sigma_0: float, sigma_1: float, coulomb_force: float) -> Actuator:
+    law = LuGre(sigma_0, sigma_1, 0.0, coulomb_force, coulomb_force)
+    return load_actuator("kang2007").replace(stage_reaction=False, friction=law)
+
+
+def reference(noise: float = NOISE) -> xr.Dataset:
+    """P1 of an independent solver, with Gaussian noise (seed 0)."""
+    stored = np.load(REFERENCE / "reference_P1.npz")
+    position = stored["xe"] + noise * np.random.default_rng(0).standard_normal(stored["xe"].size)
+    return make_recording(stored["t"], {"end_effector_position": position}, title="P1")
+
+
+def test_the_channel_alone_can_be_fitted() -> None:
+    time = np.arange(400) * 1e-3
+    model = actuator(**TRUTH)
+    walk = simulate(model, DRIVE, times=time)["end_effector_position"].values
+    noise = NOISE * np.random.default_rng(0).standard_normal(time.size)
+    recording = make_recording(time, {"end_effector_position": 1e-6 + walk + noise}, title="walk")
+    fit = identify_friction(recording, model, ["delay", "offset"], drive=DRIVE, noise=NOISE)
+    assert fit.values["offset"] == pytest.approx(1e-6, abs=4 * fit.standard_errors["offset"])
+    assert fit.values["delay"] == pytest.approx(0.0, abs=4 * fit.standard_errors["delay"])
+
+
+def test_a_sampling_that_shows_no_slip_is_warned_of() -> None:
+    """The thesis's stage vibrates with a period of 1.9 ms."""
+    coarse = reference().isel(time=slice(0, None, 3))
+    with pytest.warns(RecordingWarning, match=r"P1 is sampled every 3 ms, .* period of 1\.9 ms"):
+        identify_friction(coarse, actuator(**TRUTH), FREE, drive=DRIVE, hops=0, max_evaluations=2)
+
+
+def test_global_optimum_from_a_poor_start() -> None:
+    """Optimum and standard errors were found before by four other simulators [shared/peers.md, P4]."""
+    start = actuator(1e6, 30.0, 1.5)
+    fit = identify_friction([reference()], start, FREE, drive=DRIVE, noise=NOISE, starts=2)
+    assert fit.converged
+    assert fit.r_squared > 0.9999
+    assert fit.observed == "end_effector_position"
+    assert fit.values["sigma_0"] == pytest.approx(1.3836e6, abs=600)
+    assert fit.values["sigma_1"] == pytest.approx(37.03, abs=0.15)
+    assert fit.values["coulomb_force"] == pytest.approx(0.53992, abs=3e-5)
+    assert fit.standard_errors["sigma_0"] == pytest.approx(9.6e3, rel=0.02)
+    assert fit.standard_errors["sigma_1"] == pytest.approx(2.0, rel=0.02)
+    assert fit.standard_errors["coulomb_force"] == pytest.approx(2.78e-4, rel=0.02)
+    assert fit.reduced_chi_squared == pytest.approx(0.9737, abs=2e-4)
+    friction = fit.model.friction
+    assert (friction.coulomb_force, friction.stiction_force) == (fit.values["coulomb_force"],) * 2
+    for name in FREE:
+        assert abs(fit.values[name] - TRUTH[name]) < 3 * fit.standard_errors[name]
+    unseen = reference(0.0)
+    assert verify(fit, unseen, drive=DRIVE).rmse < 5e-9
+
+
+def test_any_start_within_a_factor_100_leads_to_the_same_answer() -> None:
+    """Of each parameter at once, either way; the bounds that are not given must not keep the truth out."""
+    random = np.random.default_rng(100)
+    recording = reference()
+    for away in np.exp(random.uniform(-1.0, 1.0, (8, 3)) * np.log(100.0)):
+        start = actuator(*(away * list(TRUTH.values())))
+        fit = identify_friction([recording], start, FREE, drive=DRIVE, noise=NOISE)
+        assert fit.converged
+        for name, true in (("sigma_0", 1.3836e6), ("sigma_1", 37.03), ("coulomb_force", 0.53992)):
+            assert abs(fit.values[name] - true) < 0.1 * fit.standard_errors[name], (away, name)
+
+
+def chi_squared(walk: xr.Dataset, model: Actuator, drive: object, noise: float) -> float:
+    found = simulate(model, drive, times=walk["time"].values, tolerance=1e-11)["end_effector_position"]
+    return float(np.sum((found.values - walk["end_effector_position"].values) ** 2)) / noise**2
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_fit_is_not_worse_than_the_model_it_was_given(seed: int) -> None:
+    """Begun by its own guess, with seed 0 the search ends in another minimum, 14 above, 5 above the truth."""
+    truth, drive = actuator(*TRUTH.values()), Sequence(Rest(0.2), Sawtooth(65.0, 5.0, periods=8))
+    walk = simulate(truth, drive, 1.799, sample_rate=1e3, tolerance=1e-10)
+    walk["end_effector_position"] += 120e-9 * np.random.default_rng(seed).standard_normal(walk.time.size)
+    fit = identify_friction(walk, truth, FREE, drive=drive)
+    given = chi_squared(walk, truth, drive, 120e-9)
+    assert chi_squared(walk, fit.model, drive, 120e-9) < given + 0.01
+    assert fit.starts > 1
+    for name, true in TRUTH.items():
+        low, high = fit.confidence_intervals(0.999)[name]
+        assert low < true < high
+
+
+def test_delay_and_offset_of_the_channel() -> None:
+    clean = reference(0.0).isel(time=slice(0, 301))
+    delay, offset = 3e-3, 1.5e-7
+    position = clean["end_effector_position"].values
+    late = np.concatenate([np.zeros(3), position[:-3]]) + offset
+    shown = make_recording(clean["time"].values, {"end_effector_position": late}, title="late")
+    fit = identify_friction(
+        shown,
+        actuator(*TRUTH.values()),
+        ["coulomb_force", "delay", "offset"],
+        drive=DRIVE,
+        bounds={"delay": (0.0, 0.01)},
+        starts=1,
+    )
+    assert fit.values["delay"] == pytest.approx(delay, abs=1e-5)
+    assert fit.values["offset"] == pytest.approx(offset, abs=1e-9)
+    assert fit.values["coulomb_force"] == pytest.approx(0.5401, rel=1e-3)
+
+
+def test_rigid_friction_delay_and_offset_in_short() -> None:
+    """Coulomb friction: without a stiff bristle, a period costs next to nothing."""
+    model = actuator(*TRUTH.values()).replace(friction=Coulomb(0.5))
+    drive = Sawtooth(65.0, 100.0, periods=1)
+    walk = simulate(model, drive, 0.012, sample_rate=5e3, tolerance=1e-11)
+    late = walk.assign_coords(time=walk["time"] + 2e-4).isel(time=slice(0, 56))
+    late["end_effector_position"] = late["end_effector_position"] + 5e-8
+    start, free = model.replace(friction=Coulomb(0.4)), ["coulomb_force", "delay", "offset"]
+    quick = {"hops": 0, "tolerance": 1e-11}
+    fit = identify_friction(late, start, free, drive=drive, bounds={"delay": (0.0, 1e-3)}, **quick)
+    assert fit.values["coulomb_force"] == pytest.approx(0.5, rel=1e-4)
+    assert fit.values["delay"] == pytest.approx(2e-4, abs=1e-6)
+    assert fit.values["offset"] == pytest.approx(5e-8, abs=1e-10)
+    assert fit.model.friction == Coulomb(fit.values["coulomb_force"])
+    with pytest.warns(RecordingWarning, match="1 as jumps"):
+        sampled = identify_friction(walk, start, ["coulomb_force"], **quick)
+    assert sampled.values["coulomb_force"] == pytest.approx(0.5, rel=1e-3)
+
+
+def test_drive_from_the_recording() -> None:
+    """During the rise the drive is linear between samples: the channel says the same as the waveform."""
+    part = reference(0.0).isel(time=slice(0, 120))
+    volts = 65.0 * 5.0 * part["time"].values
+    told = part.assign(drive_voltage=("time", volts, {"units": "V", "long_name": "drive voltage"}))
+    settings = {"model": actuator(1.2e6, 34.9, 0.5401), "free": ["sigma_0"], "tolerance": 1e-12}
+    one = identify_friction(told, **settings)
+    other = identify_friction(part, drive=Ramp(325.0, rise_time=0.2), **settings)
+    assert one.values["sigma_0"] == pytest.approx(other.values["sigma_0"], rel=1e-6)
+    assert one.predict is not None
+    np.testing.assert_allclose(one.predict(told), part["end_effector_position"], atol=1e-10)
+
+
+@pytest.mark.parametrize("late", [0.0, 0.0513], ids=["jumps on samples", "jumps between samples"])
+def test_a_walk_known_by_its_sampled_drive_is_fitted_as_with_its_waveform(late: float) -> None:
+    """Lines between the samples would make it 6.2e5 N/m for 1.4e6 N/m."""
+    drive = Sequence((Rest(1.0), late), Sawtooth(65.0, 5.0, periods=3)) if late else DRIVE
+    walk = simulate(actuator(*TRUTH.values()), drive, 0.7, tolerance=1e-10)
+    noise = NOISE * np.random.default_rng(2).standard_normal(walk["time"].size)
+    walk["end_effector_position"] += noise
+    settings = {"model": actuator(1.2e6, 30.0, 0.6), "free": FREE, "noise": NOISE, "starts": 1}
+    known = identify_friction(walk, drive=drive, **settings)
+    with pytest.warns(RecordingWarning, match="3 as jumps at the instants"):
+        sampled = identify_friction(walk, **settings)
+    for name, true in TRUTH.items():
+        error = sampled.standard_errors[name]
+        assert abs(sampled.values[name] - true) < 3 * error
+        assert abs(sampled.values[name] - known.values[name]) < 0.1 * error
+    assert sampled.reduced_chi_squared == pytest.approx(known.reduced_chi_squared, rel=1e-3)
+
+
+def test_a_flank_that_the_samples_hide_is_warned_of() -> None:
+    """A fall of 0.4 ms within one interval cannot be told from a jump, and what is found is wrong."""
+    drive = Sawtooth(65.0, 5.0, rise_fraction=0.998)
+    walk = simulate(actuator(*TRUTH.values()), drive, 0.45, tolerance=1e-10)
+    settings = {"model": actuator(*TRUTH.values()), "free": FREE[2:], "noise": NOISE, "starts": 1}
+    with pytest.warns(RecordingWarning, match="drive="):
+        sampled = identify_friction(walk, **settings)
+    assert (
+        abs(sampled.values["coulomb_force"] - TRUTH["coulomb_force"])
+        > 3 * sampled.standard_errors["coulomb_force"]
+    )
+    known = identify_friction(walk, drive=drive, **settings)
+    assert known.values["coulomb_force"] == pytest.approx(TRUTH["coulomb_force"], rel=1e-5)
+
+
+def test_what_can_be_free() -> None:
+    model = actuator(1e6, 30.0, 1.5)
+    assert {"sigma_0", "stiction_ratio", "gain", "end_effector_mass"} <= set(free_names(model))
+    assert not {"name", "clamped", "friction", "breakaway_share"} & set(free_names(model))
+    mass = parameter(model, "end_effector_mass", {})
+    assert (mass.start, mass.unit, mass.log) == (0.1, "kg", True)
+    assert (mass.lower, mass.upper) == pytest.approx((0.1 / 30, 3.0))
+    viscous = parameter(model, "sigma_2", {"sigma_2": (0.0, "2 N s/m")})
+    assert (viscous.lower, viscous.upper, viscous.log) == (0.0, 2.0, False)
+
+
+def test_bounded_fields_keep_their_ratio() -> None:
+    law = Elastoplastic(1e6, 0.0, 0.0, 1.0, 1.5, 0.4e-6)
+    moved = with_values(law, {"coulomb_force": 2.0, "sigma_0": 4e6})
+    assert moved.stiction_force == pytest.approx(3.0)
+    assert moved.breakaway_deflection == pytest.approx(0.2e-6)
+    freed = with_values(law, {"coulomb_force": 2.0, "stiction_ratio": 1.1, "breakaway_share": 0.5})
+    assert freed.stiction_force == pytest.approx(2.2)
+    assert freed.breakaway_deflection == pytest.approx(1e-6)
+    assert with_values(law, {"stiction_force": 1.7}).stiction_force == 1.7
+    heavier = with_values(actuator(1e6, 30.0, 1.5), {"end_effector_mass": 0.2, "coulomb_force": 0.7})
+    assert (heavier.end_effector_mass, heavier.friction.stiction_force) == (0.2, 0.7)
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "message"),
+    [
+        (lambda r: r, RecordingError, r"P1 has no drive_voltage \[V\]"),
+        (
+            lambda r: r.rename(end_effector_position="displacement"),
+            RecordingError,
+            r"P1 has no end_effector_position \[m\]; it has displacement",
+        ),
+        (lambda r: 0 * r, RecordingError, r"end_effector_position \[m\].*is 0 throughout"),
+        (lambda r: r.isel(time=slice(0, 4)), RecordingError, "has 4 samples; at least 10"),
+    ],
+)
+def test_bad_recordings_are_refused(change, error: type[Exception], message: str) -> None:
+    with xr.set_options(keep_attrs=True):
+        changed = change(reference())
+    with pytest.raises(error, match=message):
+        identify_friction(changed, actuator(1e6, 30.0, 1.5), FREE)
+
+
+def test_bad_requests_are_refused() -> None:
+    model = actuator(1e6, 30.0, 1.5)
+    with pytest.raises(QuantityError, match="did you mean 'sigma_0'"):
+        identify_friction(reference(), model, ["sigma0"], drive=DRIVE)
+    with pytest.raises(RecordingError, match="there are 2 drives for 1 recordings"):
+        identify_friction(reference(), model, FREE, drive=[DRIVE, DRIVE])
