@@ -10,7 +10,7 @@ import pytest
 from stickslip.estimate.fit import fit_least_squares
 from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.problem import Residuals
-from stickslip.estimate.separable import Design, Linear, fit_separable
+from stickslip.estimate.separable import Design, Linear, separable
 
 T = np.linspace(0, 3, 80)
 RATE = Parameter("rate", 0.5, 1e-2, 1e2, "1/s")
@@ -41,8 +41,9 @@ def test_equals_the_full_problem(known: bool, correlated: bool) -> None:
     linear = [
         Linear(y, noise, ((f"a{i}", "m"), (f"b{i}", "m")), f"run {i}", "m") for i, y in enumerate(ys, 1)
     ]
-    fit = fit_separable(
-        linear, lambda p: [design(p)] * 2, [RATE, FREQUENCY], noise_known=known, correlated=correlated
+    designs = lambda p: [design(p)] * 2  # noqa: E731
+    fit = fit_least_squares(
+        separable(linear, designs, [RATE, FREQUENCY], noise_known=known, correlated=correlated)
     )
 
     def residuals(i):
@@ -71,14 +72,14 @@ def test_parameter_at_a_bound_leaves_finite_coefficients() -> None:
     noise, ys = recordings(2)
     slow = Parameter("rate", 0.3, 1e-2, 0.5, "1/s")
     linear = [Linear(ys[0], noise, (("a", "m"), ("b", "m")), "run", "m")]
-    fit = fit_separable(linear, lambda p: [design(p)], [slow, FREQUENCY])
+    fit = fit_least_squares(separable(linear, lambda p: [design(p)], [slow, FREQUENCY]))
     assert fit.values["rate"] == pytest.approx(0.5)
     assert math.isnan(fit.standard_errors["rate"])
-    held = fit_separable(
-        linear,
-        lambda p: [Design(basis({**p, "rate": 0.5}), lambda x: design({**p, "rate": 0.5}).tangent(x)[:, 1:])],
-        [FREQUENCY],
-    )
+
+    def at_bound(p):
+        return [Design(basis({**p, "rate": 0.5}), lambda x: design({**p, "rate": 0.5}).tangent(x)[:, 1:])]
+
+    held = fit_least_squares(separable(linear, at_bound, [FREQUENCY]))
     for name in ("frequency", "a", "b"):
         assert fit.values[name] == pytest.approx(held.values[name], rel=1e-5)
         assert fit.standard_errors[name] == pytest.approx(held.standard_errors[name], rel=0.02)

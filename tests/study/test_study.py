@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from tests.identify import modal_system
+from tests.identify.frequency import modal_system
 from tests.identify.stops import made_loops
 
 from stickslip import demo

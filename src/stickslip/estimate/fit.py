@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,98 +26,57 @@ from .search import End, Options, Progress, Searches
 
 @single_threaded
 def fit_least_squares(
-    recordings: Callable[[Values], ArrayLike] | Sequence[Residuals],
-    parameters: Sequence[Parameter],
+    described: Problem | Callable[[Values], ArrayLike] | Sequence[Residuals],
+    parameters: Sequence[Parameter] = (),
     *,
-    jacobian: Callable[[Values], np.ndarray] | None = None,
-    noise_known: bool = False,
-    correlated: bool = False,
-    loss: str = "linear",
-    loss_scale: float = 1.0,
+    begin: Values | None = None,
     starts: int = 1,
-    begins: Sequence[Values] = (),
     hops: int = 0,
     seed: int = 0,
-    difference_step: float = 1e-4,
     central: bool = False,
     tolerance: float = 1e-10,
     settled: float = 1e-6,
     max_evaluations: int = 10_000,
-    n_eliminated: int = 0,
     progress: Callable[[Progress], None] | None = None,
+    **about: Any,
 ) -> Fit:
     """Minimise the sum of squared residuals, each over its noise, within the bounds of the parameters.
 
     Args:
-        recordings: what to describe, all at once; a bare function stands for a single recording.
-        parameters: start, bounds, unit and scale of each.
-        jacobian: derivatives of the residuals of all recordings, joined, by the values, shape (n, k);
-            without it they are differenced.
-        noise_known: take the noise of the recordings as it is. By default only its ratios are trusted, and
-            its level is estimated from the residuals.
-        correlated: allow for residuals correlated in time when computing the uncertainty: model error nearly
-            always is. Wants recordings much longer than the correlation.
-        loss: "linear", "soft_l1", "huber", "cauchy" or "arctan", as in SciPy.
-        loss_scale: weighted residual above which a robust loss discounts: in noise deviations if the noise is
-            given, else in the unit of the data.
+        described: a `Problem`; or its recordings, with its parameters and what else it takes (`about`).
+        begin: where to, if not at the start of the parameters.
         starts: total number of starts; those after the first fill the bounds by a Latin hypercube.
-        begins: points to begin at besides. From each a short search; the lowest of these go to their ends.
         hops: how many times at most to look for a lower valley than the best one found: from the best of
             many points within the bounds, then beside it, with each parameter times 4, 2, 1/2 and 1/4 in
             turn. It ends when none of that leads lower, or nothing but white noise is left to explain.
         seed: of that hypercube.
-        difference_step: of the derivatives, relative to the value. Must stay far above the relative error of
-            an adaptive simulator; 1e-4 suits tolerances of 1e-8 and below.
         central: two-sided differences during all of the search; without, only towards its end.
         tolerance: relative change of the sum of squares, and of the parameters, at which the search ends.
         settled: of the radius of the confidence region: where the next step is below it, the search ends too
             (see `relative_offset`); [bates1981] propose 1e-3.
         max_evaluations: of the model, for each start.
-        n_eliminated: number of further parameters that the residual functions fit inside (see `separable`).
         progress: called after each evaluation.
 
     Raises:
-        FitError: the residuals cannot be computed at the start, there are fewer data than parameters, or no
-            start.
+        FitError: see `Problem`; or no start.
     """
-    if callable(recordings):
-        recordings = [Residuals(recordings)]
-    parameters = tuple(parameters)
-    _check(recordings, parameters, starts, loss)
-    problem = Problem(recordings, parameters, difference_step)
-    n_parameters = len(parameters) + n_eliminated
-    degrees_of_freedom = problem.noise.size - n_parameters
-    if degrees_of_freedom < 1:
-        raise FitError(f"{problem.noise.size} data cannot determine {n_parameters} parameters")
-    options = Options(
-        jacobian, noise_known, loss, loss_scale, starts, hops, seed, central, tolerance, settled,
-        max_evaluations, progress,
-    )  # fmt: skip
-    searches = Searches(problem, options, degrees_of_freedom)
-    searches.run(begins)
-    assumed = Noise(
-        degrees_of_freedom, noise_known, LOSSES[loss], loss_scale, problem.sizes if correlated else ()
-    )
-    return _described(searches, assumed, correlated)
-
-
-def _check(
-    recordings: Sequence[Residuals], parameters: tuple[Parameter, ...], starts: int, loss: str
-) -> None:
-    if len({p.name for p in parameters}) < len(parameters) or not parameters:
-        raise FitError("parameters must have names of their own, and there must be at least one")
-    if len({r.noise is None for r in recordings}) != 1:
-        raise FitError("give the noise of every recording, or of none")
     if starts < 1:
         raise FitError(f"starts = {starts} must be at least 1")
-    if loss not in LOSSES:
-        raise FitError(f"there is no loss {loss!r}; there are {', '.join(LOSSES)}")
+    problem = described if isinstance(described, Problem) else Problem(described, parameters, **about)
+    options = Options(begin, starts, hops, seed, central, tolerance, settled, max_evaluations, progress)
+    searches = Searches(problem, options)
+    searches.run()
+    return problem.completed(_described(searches))
 
 
-def _described(searches: Searches, assumed: Noise, correlated: bool) -> Fit:
+def _described(searches: Searches) -> Fit:
     """The lowest end of the searches as a fit, with the others that the data do not reject."""
     problem, best = searches.problem, searches.best
-    tangent = searches.slope(best.q) * problem.scale
+    sizes = problem.sizes if problem.correlated else ()
+    assumed = Noise(
+        problem.degrees_of_freedom, problem.noise_known, LOSSES[problem.loss], problem.loss_scale, sizes
+    )
+    tangent = problem.slope(best.q) * problem.scale
     uncertain = uncertainty(
         tangent, problem.residuals(best.q) * problem.scale, best.q, (problem.lower, problem.upper), assumed
     )
@@ -124,7 +84,7 @@ def _described(searches: Searches, assumed: Noise, correlated: bool) -> Fit:
     q = np.where(side < 0, problem.lower, np.where(side > 0, problem.upper, best.q))
     parts = problem.raw(q)
     chi_squared = float(np.sum((np.concatenate(parts) / problem.noise) ** 2))
-    gaussian = searches.options.loss == "linear"
+    gaussian = problem.loss == "linear"
     fit = Fit(
         parameters=problem.parameters,
         values=problem.values(q),
@@ -137,7 +97,7 @@ def _described(searches: Searches, assumed: Noise, correlated: bool) -> Fit:
         reduced_chi_squared=chi_squared / assumed.degrees_of_freedom,
         log_likelihood=_log_likelihood(chi_squared, problem.noise, assumed.known) if gaussian else math.nan,
         noise_known=assumed.known,
-        correlated=correlated,
+        correlated=problem.correlated,
         n_evaluations=problem.evaluations,
         converged=best.converged,
         message=best.message,
@@ -161,7 +121,7 @@ def _described(searches: Searches, assumed: Noise, correlated: bool) -> Fit:
 
 def _minimum(end: End, excess: float, searches: Searches, assumed: Noise) -> Minimum:
     problem = searches.problem
-    tangent = searches.slope(end.q) * problem.scale
+    tangent = problem.slope(end.q) * problem.scale
     r = problem.residuals(end.q) * problem.scale
     bounds = (problem.lower, problem.upper)
     return Minimum(problem.values(end.q), uncertainty(tangent, r, end.q, bounds, assumed), excess)

@@ -1,16 +1,23 @@
-"""What least squares minimise: the residuals of recordings as a function of the fitted coordinates."""
+"""What a fit is of: recordings, the parameters that describe them, and what is assumed of their noise.
+
+Every identification builds a `Problem`; `fit_least_squares` makes a `Fit` of any.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .covariance import LOSSES
 from .lack import KnownNoise
 from .parameter import Parameter, Values
+
+if TYPE_CHECKING:
+    from .result import Fit
 
 
 class FitError(ValueError):
@@ -40,10 +47,51 @@ class Residuals(NamedTuple):
 
 
 class Problem:
-    """The weighted residuals as a function of the coordinates q; counts evaluations and keeps the best."""
+    """Weighted residuals as a function of the coordinates q; counts evaluations and keeps the best.
 
-    def __init__(self, recordings: Sequence[Residuals], parameters: tuple[Parameter, ...], step: float):
-        self.recordings, self.parameters, self.step = recordings, parameters, step
+    Args:
+        recordings: what to describe, all at once; a bare function stands for a single recording.
+        parameters: start, bounds, unit and scale of each.
+        jacobian: derivatives of the residuals of all recordings, joined, by the values, shape (n, k);
+            without it they are differenced.
+        noise_known: take the noise of the recordings as it is. By default only its ratios are trusted, and
+            its level is estimated from the residuals.
+        correlated: allow for residuals correlated in time when computing the uncertainty: model error nearly
+            always is. Wants recordings much longer than the correlation.
+        loss: "linear", "soft_l1", "huber", "cauchy" or "arctan", as in SciPy.
+        loss_scale: weighted residual above which a robust loss discounts: in noise deviations if the noise is
+            given, else in the unit of the data.
+        difference_step: of the derivatives, relative to the value. Must stay far above the relative error of
+            an adaptive simulator; 1e-4 suits tolerances of 1e-8 and below.
+        n_eliminated: number of further parameters that the residual functions fit inside (see `separable`).
+        completed: from a fit to what it is with these put in.
+
+    Raises:
+        FitError: the residuals cannot be computed at the start, there are fewer data than parameters, or what
+            is said of the noise contradicts itself.
+    """
+
+    def __init__(
+        self,
+        recordings: Callable[[Values], ArrayLike] | Sequence[Residuals],
+        parameters: Sequence[Parameter],
+        *,
+        jacobian: Callable[[Values], np.ndarray] | None = None,
+        noise_known: bool = False,
+        correlated: bool = False,
+        loss: str = "linear",
+        loss_scale: float = 1.0,
+        difference_step: float = 1e-4,
+        n_eliminated: int = 0,
+        completed: Callable[[Fit], Fit] = lambda fit: fit,
+    ):
+        if callable(recordings):
+            recordings = [Residuals(recordings)]
+        self.recordings, self.parameters, self.step = recordings, tuple(parameters), difference_step
+        self.jacobian, self.noise_known, self.correlated = jacobian, noise_known, correlated
+        self.loss, self.loss_scale, self.completed = loss, loss_scale, completed
+        self._check()
+        parameters = self.parameters
         self.start = np.array([p.coordinate(p.start) for p in parameters])
         self.lower = np.array([p.coordinate(p.lower) for p in parameters])
         self.upper = np.array([p.coordinate(p.upper) for p in parameters])
@@ -71,6 +119,18 @@ class Problem:
             raise FitError("the noise of a recording must be > 0 everywhere")
         # Brings residuals of any unit to order 1, where the optimiser's tolerances make sense.
         self.scale = float(np.linalg.norm(np.concatenate(parts) / self.noise)) or 1.0
+        n_parameters = len(parameters) + n_eliminated
+        self.degrees_of_freedom = self.noise.size - n_parameters
+        if self.degrees_of_freedom < 1:
+            raise FitError(f"{self.noise.size} data cannot determine {n_parameters} parameters")
+
+    def _check(self) -> None:
+        if len({p.name for p in self.parameters}) < len(self.parameters) or not self.parameters:
+            raise FitError("parameters must have names of their own, and there must be at least one")
+        if len({r.noise is None for r in self.recordings}) != 1:
+            raise FitError("give the noise of every recording, or of none")
+        if self.loss not in LOSSES:
+            raise FitError(f"there is no loss {self.loss!r}; there are {', '.join(LOSSES)}")
 
     def values(self, q: np.ndarray) -> Values:
         # Rounding of the logarithm must not lead out of the bounds.
@@ -116,6 +176,13 @@ class Problem:
         self.last = (key, r)
         self.after()
         return r
+
+    def slope(self, q: np.ndarray, two_sided: bool = True) -> np.ndarray:
+        """d weighted residuals / d q, shape (n, k)."""
+        if self.jacobian is None:
+            return self.differences(q, two_sided)
+        slopes = [p.slope(p.value(x)) for p, x in zip(self.parameters, q, strict=True)]
+        return self.jacobian(self.values(q)) * slopes / (self.noise * self.scale)[:, None]
 
     def differences(self, q: np.ndarray, central: bool) -> np.ndarray:
         """d r / d q, shape (n, k); one-sided next to a bound and where the model fails on one side."""

@@ -24,8 +24,6 @@ from .whiteness import white
 # many points that fill the bounds, and from a parameter times or over these factors (of its range, where its
 # scale is linear).
 LOOK, SCREENED, LOOKED_AT, HOPS = 12, 64, 4, (0.25, 0.5, 2.0, 4.0)
-# Of short searches from given points, so many are followed.
-FOLLOWED = 2
 # Starts whose cost is within this many noise variances of the best are statistically the same answer.
 SAME_MINIMUM = 0.01
 
@@ -45,10 +43,7 @@ class Progress(NamedTuple):
 class Options(NamedTuple):
     """How to search; see `fit_least_squares`."""
 
-    jacobian: Callable[[Values], Array] | None
-    noise_known: bool
-    loss: str
-    loss_scale: float
+    begin: Values | None
     starts: int
     hops: int
     seed: int
@@ -79,9 +74,9 @@ class _Settled(Exception):
 class Searches:
     """The searches of one fit, and where each of them `ends`."""
 
-    def __init__(self, problem: Problem, options: Options, degrees_of_freedom: int) -> None:
+    def __init__(self, problem: Problem, options: Options) -> None:
         self.problem, self.options = problem, options
-        self.same = SAME_MINIMUM / degrees_of_freedom
+        self.same = SAME_MINIMUM / problem.degrees_of_freedom
         self.ends: list[End] = []
 
     @property
@@ -94,19 +89,16 @@ class Searches:
         most = self.best.cost * (1 + self.same) + 1e-12 * self.problem.scale**2
         return sum(end.cost <= most for end in self.ends)
 
-    def run(self, besides: Sequence[Values] = ()) -> None:
-        """From all starts and the best points besides; then hop by hop, while a look around leads lower."""
+    def run(self) -> None:
+        """From all starts; then hop by hop, while a look around leads lower."""
         problem, options = self.problem, self.options
-        begins = [problem.start, *scattered(problem, options.starts - 1, options.seed)]
+        first = problem.start
+        if options.begin is not None:
+            first = np.array([p.coordinate(options.begin[p.name]) for p in problem.parameters])
+        begins = [first, *scattered(problem, options.starts - 1, options.seed)]
         for number, q in enumerate(begins, start=1):
             if np.all(np.isfinite(problem.residuals(q))):
                 self.ends.append(self.search(number, q, options.max_evaluations))
-        points = [np.array([p.coordinate(v[p.name]) for p in problem.parameters]) for v in besides]
-        looks = [
-            self.search(options.starts, q, LOOK) for q in points if np.all(np.isfinite(problem.residuals(q)))
-        ]
-        for look in sorted(looks, key=lambda end: end.cost)[:FOLLOWED]:
-            self.ends.append(self.search(options.starts, look.q, options.max_evaluations))
         for hop in range(options.hops):
             best = self.best
             if best.converged and white(problem.residuals(best.q), problem.sizes):
@@ -117,23 +109,15 @@ class Searches:
             ):
                 break
 
-    def slope(self, q: Array, two_sided: bool = True) -> Array:
-        """d weighted residuals / d q, shape (n, k)."""
-        problem, jacobian = self.problem, self.options.jacobian
-        if jacobian is None:
-            return problem.differences(q, two_sided)
-        slopes = [p.slope(p.value(x)) for p, x in zip(problem.parameters, q, strict=True)]
-        return jacobian(problem.values(q)) * slopes / (problem.noise * problem.scale)[:, None]
-
     def _closing(self, at: Array, two_sided: bool) -> Array:
         """The slope along the search, unless it is at its end."""
         problem, options = self.problem, self.options
         q = problem.from_search(at)
-        found, r = self.slope(q, two_sided), problem.residuals(q)
-        variance = problem.scale**-2 if options.noise_known else None
+        found, r = problem.slope(q, two_sided), problem.residuals(q)
+        variance = problem.scale**-2 if problem.noise_known else None
         weighted = found, r
-        if options.loss != "linear":
-            root = np.sqrt(LOSSES[options.loss]((r * problem.scale / options.loss_scale) ** 2)[1])
+        if problem.loss != "linear":
+            root = np.sqrt(LOSSES[problem.loss]((r * problem.scale / problem.loss_scale) ** 2)[1])
             weighted = found * root[:, None], r * root
         if relative_offset(*weighted, variance) < options.settled:
             raise _Settled(q)
@@ -148,7 +132,7 @@ class Searches:
         # One-sided differences find the place at half the price, two-sided ones settle it.
         sided = (False, True)[: 1 + (most == options.max_evaluations)]
         try:
-            for two_sided in (True,) if options.central or options.jacobian is not None else sided:
+            for two_sided in (True,) if options.central or problem.jacobian is not None else sided:
                 try:
                     q, converged, message = self._step(q, two_sided, most)
                 except _Settled as end:
@@ -159,8 +143,8 @@ class Searches:
             converged = False
         finally:
             problem.after = lambda: None
-        z = (problem.residuals(q) * problem.scale / options.loss_scale) ** 2
-        return End(float(np.sum(LOSSES[options.loss](z)[0])) * options.loss_scale**2, q, converged, message)
+        z = (problem.residuals(q) * problem.scale / problem.loss_scale) ** 2
+        return End(float(np.sum(LOSSES[problem.loss](z)[0])) * problem.loss_scale**2, q, converged, message)
 
     def _step(self, q: Array, two_sided: bool, most: int) -> tuple[Array, bool, str]:
         problem, options = self.problem, self.options
@@ -171,8 +155,8 @@ class Searches:
             jac=partial(self._closing, two_sided=two_sided),  # type: ignore[arg-type]
             bounds=(np.minimum(*ends), np.maximum(*ends)),
             x_scale="jac",
-            loss="linear" if options.loss == "linear" else LOSSES[options.loss],  # type: ignore[arg-type]
-            f_scale=options.loss_scale / problem.scale,
+            loss="linear" if problem.loss == "linear" else LOSSES[problem.loss],  # type: ignore[arg-type]
+            f_scale=problem.loss_scale / problem.scale,
             ftol=options.tolerance,
             xtol=options.tolerance,
             gtol=1e-15,

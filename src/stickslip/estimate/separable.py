@@ -18,9 +18,8 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from .covariance import Noise, Uncertainty, covariance
-from .fit import fit_least_squares
 from .parameter import Parameter, Values
-from .problem import Residuals
+from .problem import Problem, Residuals
 from .result import Fit
 
 
@@ -64,20 +63,20 @@ class _Solved(NamedTuple):
     x: np.ndarray
 
 
-def fit_separable(
+def separable(
     recordings: Sequence[Linear],
     designs: Callable[[Values], Sequence[Design]],
     parameters: Sequence[Parameter],
-    **options: Any,
-) -> Fit:
-    """As `fit_least_squares`; the result holds the searched parameters first, then all coefficients.
+    **about: Any,
+) -> Problem:
+    """The problem with its linear coefficients solved for; its fit has the searched parameters first, then
+    all coefficients.
 
     Args:
         recordings: data, and coefficients by name.
         designs: from the values of the searched parameters to the design of each recording.
         parameters: those that are searched.
-        options: noise_known, correlated, starts, seed, tolerance, max_evaluations or progress of
-            `fit_least_squares`.
+        about: noise_known or correlated of `Problem`.
     """
     known: dict[tuple[float, ...], list[_Solved]] = {}
 
@@ -102,14 +101,14 @@ def fit_separable(
             rows.append((slope - s.q @ (s.q.T @ slope)) / s.weights[:, None])
         return np.concatenate(rows)
 
-    fit = fit_least_squares(
+    return Problem(
         [Residuals(residuals(i), c.measured, c.noise, c.name, c.unit) for i, c in enumerate(recordings)],
         parameters,
         jacobian=jacobian,
         n_eliminated=sum(len(c.coefficients) for c in recordings),
-        **options,
+        completed=lambda fit: _with_coefficients(fit, recordings, solved(fit.values)),
+        **about,
     )
-    return _with_coefficients(fit, recordings, solved(fit.values))
 
 
 def _solve(recording: Linear, design: Design) -> _Solved:

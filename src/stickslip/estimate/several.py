@@ -1,16 +1,60 @@
-"""Several fits to the same data as one: the lowest, and the others that fit as well."""
+"""Searches from several points: short ones from all, the best of them to their ends; and what they found as
+one fit, with the other minima that fit as well."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from .coloured import inflation
 from .minima import Minimum, still_fits
+from .parameter import Values
+from .problem import FitError
 from .result import Fit
 from .search import SAME_MINIMUM
+
+# Evaluations after which a search that comes from afar has come into a valley.
+ENOUGH = 12
+# Only the lowest so many are followed to their ends.
+FOLLOWED = 3
+
+
+def from_several(
+    begins: Sequence[Values], look: Callable[[Values], Fit], ends: Callable[[Sequence[Fit]], Sequence[Fit]]
+) -> Fit:
+    """The lowest end of searches from all points, with the other minima that fit as well.
+
+    Args:
+        begins: the first of them is the user's, whose search always goes to its end.
+        look: a short search from a point, of some `ENOUGH` evaluations.
+        ends: the lowest of these, the best first, and the user's, searched to their ends.
+
+    Raises:
+        FitError: no search can begin.
+    """
+    near, failure = [], None
+    for i, begin in enumerate(begins):
+        try:
+            near.append((i, look(begin)))
+        except FitError as error:
+            failure = failure or error
+    if failure is not None and not near:
+        raise failure
+    ranked = sorted(near, key=lambda pair: pair[1].cost)
+    kept = [fit for place, (i, fit) in enumerate(ranked) if place < FOLLOWED or i == 0]
+    found = lowest(ends(kept))
+    spent = sum(fit.n_evaluations for _, fit in near if fit not in kept)
+    return replace(found, n_evaluations=found.n_evaluations + spent)
+
+
+def followed(fit: Fit, on: Callable[[], Fit], enough: bool = False) -> Fit:
+    """A search that has come near, to its end, unless it is there, or that is `enough`."""
+    if fit.converged or enough:
+        return fit
+    end = on()
+    return replace(end, n_evaluations=fit.n_evaluations + end.n_evaluations)
 
 
 def lowest(fits: Sequence[Fit]) -> Fit:

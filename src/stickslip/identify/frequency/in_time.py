@@ -18,11 +18,12 @@ from scipy.linalg import expm
 from scipy.signal import lfilter
 
 from ...estimate.blas import single_threaded
+from ...estimate.fit import fit_least_squares
 from ...estimate.parameter import Values
 from ...estimate.problem import FitError
 from ...estimate.result import Fit
 from ...estimate.search import Progress
-from ...estimate.separable import Design, Linear, fit_separable
+from ...estimate.separable import Design, Linear, separable
 from .modal import ModalModel, pole_parameters
 
 
@@ -153,9 +154,8 @@ def identify_in_time(
         recordings.append(Linear(measured, None, coefficients, f"output {o}", unit.split("/")[0]))
     poles = list(zip(start.natural_frequency, start.damping_ratio, strict=True))
     parameters = pole_parameters(poles, (np.pi / (n_samples * sample), np.pi * sample_rate))
-    fit = fit_separable(
-        recordings, designs, parameters, tolerance=1e-8, correlated=correlated, progress=progress
-    )
+    problem = separable(recordings, designs, parameters, correlated=correlated)
+    fit = fit_least_squares(problem, tolerance=1e-8, progress=progress)
     searched, found = np.split(np.array(list(fit.values.values())), [2 * n_modes])
     found = found.reshape(n_outputs, 2 * n_modes + 1, n_inputs)
     gain, rate_gain = found[:, :-1].reshape(n_outputs, n_modes, 2, n_inputs).transpose(2, 1, 0, 3)

@@ -20,11 +20,12 @@ import numpy as np
 import xarray as xr
 
 from ...estimate.blas import single_threaded
+from ...estimate.fit import fit_least_squares
 from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import FitError
 from ...estimate.result import Fit
 from ...estimate.search import Progress
-from ...estimate.separable import Design, Linear, fit_separable
+from ...estimate.separable import Design, Linear, separable
 
 # Damping ratios among which a further mode is looked for.
 TRIAL_DAMPING = (0.005, 0.01, 0.02, 0.05, 0.2)
@@ -188,7 +189,8 @@ def _fit(
     def designs(values: Values) -> list[Design]:
         return [_design(frequency, np.array(list(values.values())), kind)] * len(recordings)
 
-    fit = fit_separable(recordings, designs, parameters, **options)
+    about = {name: options.pop(name) for name in ("noise_known", "correlated") if name in options}
+    fit = fit_least_squares(separable(recordings, designs, parameters, **about), **options)
     return replace(fit, model=_model(fit, outputs.size, inputs.size, kind))
 
 

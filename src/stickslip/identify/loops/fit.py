@@ -26,10 +26,11 @@ from numpy.typing import NDArray
 
 from ...estimate.fit import fit_least_squares
 from ...estimate.parameter import Parameter, Values
-from ...estimate.problem import Residuals
+from ...estimate.problem import Problem, Residuals
 from ...estimate.result import Fit
 from ...estimate.score import ASKED, gain, step
 from ...estimate.search import Progress
+from ...estimate.several import ENOUGH, followed, from_several, lowest
 from ...simulation import SimulationError, friction_response
 from ...simulation.varied import free_names, with_values
 from ..free import Bounds, check_names, parameter
@@ -131,22 +132,35 @@ def identify_loops(
 
         return of
 
-    fit = fit_least_squares(
+    problem = Problem(
         [
             Residuals(residuals(response, force), force, noise, name, "N")
             for response, force, name in zip(responses, measured, names, strict=True)
         ],
         parameters,
-        begins=begins,
         noise_known=noise is not None,
         correlated=correlated,
-        starts=starts,
-        seed=seed,
         difference_step=DIFFERENCE_STEP,
-        tolerance=1e-7,
-        max_evaluations=max_evaluations,
-        progress=progress,
     )
+
+    def search(begin: Values, most: int, starts: int = 1) -> Fit:
+        return fit_least_squares(
+            problem,
+            begin=begin,
+            starts=starts,
+            seed=seed,
+            tolerance=1e-7,
+            max_evaluations=min(most, max_evaluations),
+            progress=progress,
+        )
+
+    fit = from_several(
+        [{p.name: p.start for p in parameters}, *begins],
+        lambda begin: search(begin, ENOUGH * (1 + len(parameters))),
+        lambda kept: [followed(one, lambda one=one: search(one.values, max_evaluations)) for one in kept],
+    )
+    if starts > 1:
+        fit = lowest([fit, search(fit.values, max_evaluations, starts)])
 
     positions = [channel(r, "position", name) for r, name in zip(found, names, strict=True)]
 

@@ -33,8 +33,8 @@ from .first_guess import beginning, first_guess
 from .needed import asked_for, said_free, shown_at_rest
 from .position_channel import CHANNEL, OBSERVED, of_channel, walked, warn_of_unseen_slips
 from .prediction import Predictor
-from .several import from_several, straightened
-from .walks import Search, Varied, Walks, observed, own_values, slopes_of
+from .several import from_points, straightened
+from .walks import Varied, Walks, observed, own_values, slopes_of
 
 # Of the stroke, and steps, of the simulations that only tell where to begin.
 GUESS_TOLERANCE, GUESS_STEPS = 1e-3, 5_000
@@ -144,7 +144,12 @@ def identify_friction(
         [known_noise(r, x, w) for r, x, w in zip(found, measured, drives, strict=True)],
         model,
         stage,
-        Search(noise, correlated, loss, loss_scale, seed, progress),
+        noise,
+        correlated,
+        loss,
+        loss_scale,
+        seed,
+        progress,
     )
 
     def fitted(free: Sequence[str]) -> Fit:
@@ -205,15 +210,15 @@ def _searched(
             part, drives[most], name, model, GUESS_TOLERANCE * stroke, slew_rate, GUESS_STEPS
         )
         parameters, guesses = _guessed(
-            short, walks.measured[most], name, model, parameters, stroke, bounds, walks.options.noise
+            short, walks.measured[most], name, model, parameters, stroke, bounds, walks.noise
         )
         begins += guesses
-    fit = from_several(walks, parameters, begins, bounds, max_evaluations)
+    fit = from_points(walks, parameters, begins, bounds, max_evaluations)
     parameters = list(fit.parameters)
     if starts > 1 or (hops and not white(np.concatenate(fit.residuals), [r.size for r in fit.residuals])):
         straight = straightened(parameters, fit.values)
         fit = lowest([fit, walks.fit(straight, max_evaluations=max_evaluations, starts=starts, hops=hops)])
-    linear = walks.options.loss == "linear"
+    linear = walks.loss == "linear"
     name = loosest(fit, own_values(fit.values)) if exact and linear else None
     return fit if name is None else _averaged(walks, fit, name, given, max_evaluations)
 

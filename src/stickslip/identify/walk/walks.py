@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from ...estimate.coloured import coloured, with_coloured_noise, with_inherited
 from ...estimate.fit import fit_least_squares
 from ...estimate.lack import KnownNoise
 from ...estimate.parameter import Parameter, Values
-from ...estimate.problem import Residuals
+from ...estimate.problem import Problem, Residuals
 from ...estimate.result import Fit
 from ...estimate.search import Progress
 from ...simulation.varied import with_values
@@ -47,21 +47,10 @@ class Varied:
         return self._last[1]
 
 
-class Search(NamedTuple):
-    """What is the same in all searches of one identification; see `identify_friction`."""
-
-    noise: float | None
-    correlated: bool | None
-    loss: str
-    loss_scale: float
-    seed: int
-    progress: Callable[[Progress], None] | None
-
-
 @dataclass(frozen=True)
 class Walks:
     """Recordings of one actuator: their simulations, the positions [m] that were measured, their names, and
-    what they show of their noise; the fit that the stage is from, if any; and how to search."""
+    what they show of their noise; the fit that the stage is from, if any; the rest as `identify_friction`."""
 
     motions: Sequence[Displacement]
     measured: Sequence[Array]
@@ -69,7 +58,12 @@ class Walks:
     known: Sequence[KnownNoise]
     model: Actuator
     stage: Fit | None
-    options: Search
+    noise: float | None
+    correlated: bool | None
+    loss: str
+    loss_scale: float
+    seed: int
+    progress: Callable[[Progress], None] | None
     varied: Varied = field(init=False)
 
     def __post_init__(self) -> None:
@@ -87,7 +81,7 @@ class Walks:
             ]
         except (ValueError, ArithmeticError):
             return math.inf
-        return float(sum(r @ r for r in parts)) / (self.options.noise or 1.0) ** 2
+        return float(sum(r @ r for r in parts)) / (self.noise or 1.0) ** 2
 
     def hold(
         self, name: str, parameters: Sequence[Parameter], most: int, value: float, begin: Values
@@ -98,16 +92,8 @@ class Walks:
         alone = self._search(Varied(held), others, max_evaluations=most, settled=NEAR)
         return alone, self._with_stage(alone, held)
 
-    def _search(
-        self,
-        varied: Varied,
-        parameters: Sequence[Parameter],
-        *,
-        max_evaluations: int,
-        settled: float = SETTLED,
-        **options: Any,
-    ) -> Fit:
-        noise, correlated, loss, loss_scale, seed, progress = self.options
+    def problem(self, varied: Varied, parameters: Sequence[Parameter]) -> Problem:
+        """Of what the position channel shows, by an actuator that is varied."""
         free = [p.name for p in parameters]
         own, exact = [name for name in free if name not in CHANNEL], has_slopes(self.model)
 
@@ -121,28 +107,43 @@ class Walks:
 
             return of
 
-        fit = fit_least_squares(
+        return Problem(
             [
-                Residuals(residuals(motion, position), position, noise, name, "m", known)
+                Residuals(residuals(motion, position), position, self.noise, name, "m", known)
                 for motion, position, name, known in zip(
                     self.motions, self.measured, self.names, self.known, strict=True
                 )
             ],
             parameters,
             jacobian=slopes_of(self.motions, varied, free) if exact else None,
-            noise_known=noise is not None,
-            correlated=bool(correlated),
-            loss=loss,
-            loss_scale=loss_scale,
-            seed=seed,
+            noise_known=self.noise is not None,
+            correlated=bool(self.correlated),
+            loss=self.loss,
+            loss_scale=self.loss_scale,
             difference_step=DIFFERENCE_STEP,
-            progress=progress,
+        )
+
+    def _search(
+        self,
+        varied: Varied,
+        parameters: Sequence[Parameter],
+        *,
+        max_evaluations: int,
+        settled: float = SETTLED,
+        **options: Any,
+    ) -> Fit:
+        problem = self.problem(varied, parameters)
+        # A slope by differences is an evaluation for each free value.
+        each = 1 if problem.jacobian else 1 + len(parameters)
+        fit = fit_least_squares(
+            problem,
+            seed=self.seed,
+            progress=self.progress,
             settled=settled,
-            # A slope by differences is an evaluation for each free value.
-            max_evaluations=max_evaluations * (1 if exact else 1 + len(parameters)),
+            max_evaluations=max_evaluations * each,
             **options,
         )
-        if correlated is None and noise is None and loss == "linear":
+        if self.correlated is None and self.noise is None and self.loss == "linear":
             fit = with_coloured_noise(fit, coloured(fit.residuals, walks=True))
         return fit
 
