@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from ..estimate.lack import said
 from ..experiment import Recorded
 from ..figures.campaign import Trace, walks
 from ..figures.style import svg
 from ..report import Column, Document, Number, Picture, Section, Table
-from ..report.fits import chain_numbers, fit_numbers, model_numbers, parameter_table
+from ..report.fits import chain_numbers, fit_numbers, lack_numbers, model_numbers, parameter_table
 from ..report.recordings import recorded_assumptions
 from ..study.alignment import POSITION, Aligned
 from ..study.verification import verification_numbers
@@ -42,7 +43,10 @@ def campaign_document(
             },
         },
         "verification": verification_numbers(seen),
-        "all_walks_at_once": fit_numbers(found.everything, "m"),
+        "all_walks_at_once": {
+            **fit_numbers(found.everything.free, "m"),
+            "lack_of_fit": lack_numbers(found.everything.lacks),
+        },
         "model": model_numbers(friction.model),
         "parameters": {"delay": Number(friction.values["delay"], "s")},
         "features": feature_numbers(found.features),
@@ -74,8 +78,7 @@ def campaign_document(
     known = errors[np.isfinite(errors)]
     steps = f" and the net step within {100 * known.max():.2g} %" if known.size else ""
     unseen = sum(one.use == "verify" for one in found.walks)
-    both = (friction, found.everything)
-    lacking = [*dict.fromkeys(one.sentence for fit in both for one in fit.lack if one.seen)]
+    lacking = [*dict.fromkeys(said((*friction.lack, *found.everything.lacks)))]
     if lacking and found.deeper.choice is not None:
         lacking.append(f"of the models compared, {found.deeper.choice.best} predicts unseen walks best")
     return Document(

@@ -11,9 +11,10 @@ import xarray as xr
 from ..actuator import Actuator, load_actuator
 from ..chain import Chain
 from ..electronics import Filter
+from ..estimate.lack import said
 from ..estimate.result import Fit
 from ..identify.step.fit import identify_step, step_formula_errors
-from ..identify.walk.explained import explained
+from ..identify.walk.explained import Explained, explained
 from ..identify.walk.friction import identify_friction
 from ..identify.walk.prediction import Predictor
 from ..study.alignment import Aligned
@@ -37,7 +38,7 @@ class Found(NamedTuple):
     is the actuator that the fit of the friction began with; `inherited` is what that fit takes over from
     stage and scale, None without both or for a law without derivatives; `walks` are the recordings of
     `verification`, in its order, and `features` what they show without a model; `chain` is what the
-    prediction takes between the model and the channel; `everything` is the fit to all walks, which says
+    prediction takes between the model and the channel; `everything` are the fits to all walks, which say
     whether one set of values explains them; `deeper` is what was done on request.
     """
 
@@ -53,7 +54,7 @@ class Found(NamedTuple):
     features: dict[str, xr.Dataset | str]
     chain: Chain
     verification: Verification
-    everything: Fit
+    everything: Explained
     failures: list[str]
     deeper: Deeper
 
@@ -111,12 +112,13 @@ def evaluate(file: CampaignFile, folder: Path, gathered: Sequence[Aligned], prog
             [one.recording for one in walks],
             [one.drive for one in walks],
             [*file.free, "delay", "offset"],
+            stage=stage,
             slew_rate=rate,
         )
         if len(walks) > len(fitted)
-        else friction
+        else Explained(friction, friction, friction.lack)
     )
-    lacking = dict.fromkeys(one.sentence for fit in (friction, everything) for one in fit.lack if one.seen)
+    lacking = dict.fromkeys(said((*friction.lack, *everything.lacks)))
     taken = inherited(friction, fitted, stage, rate) if stage or scale else None
     return Found(
         recordings,

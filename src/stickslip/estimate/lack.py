@@ -200,6 +200,24 @@ def _spectrum(rows: Array, freedom: int) -> Array:
     return uniform_filter1d(power, min(SMOOTHED, lines), mode="nearest")
 
 
+def left_over(name: str, left: float, least: Array, more: int, fitted: int) -> Lack:
+    """What a model says of recordings beside one that may do more.
+
+    Args:
+        name: of the recordings.
+        left: the sum of squares that the model leaves.
+        least: what is left [n] with so many `more` values free: noise, as far as is known.
+        fitted: how many values that model has.
+    """
+    noise, freedom = float(least @ least), least.size - fitted
+    ratio = math.sqrt(left / noise) if noise > 0.0 else math.nan
+    if not ratio > 1.0 or freedom < 1:
+        return Lack(name, ratio, 1.0, "")
+    freedom *= _independent_of(least, 1) / least.size
+    chance = float(stats.f.sf((ratio**2 - 1.0) * freedom / more, more, freedom))
+    return Lack(name, ratio, chance, "by what it leaves with other values of the stage")
+
+
 def said(lacks: Sequence[Lack]) -> tuple[str, ...]:
     """The sentences of those that are seen."""
     return tuple(one.sentence for one in lacks if one.seen)

@@ -107,7 +107,7 @@ def integrated(fit: Fit, name: str, hold: Hold) -> Fit | Values:
         path.refine()
     else:
         best = max(path.fits(), key=lambda one: one.log_weight)
-        return {name: p.value(best.at), **_values(others, best.others)}
+        return _values([p, *others], np.append(best.at, best.others))
     value = p.value(float(found.mean[-1]))
     alone, _ = hold(value, _values(others, found.mean[:-1]))
     order, none = np.insert(np.arange(len(others)), place, len(others)), np.zeros(len(others) + 1)

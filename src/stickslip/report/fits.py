@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from ..actuator import Actuator
 from ..chain import Chain
+from ..estimate.lack import Lack
 from ..estimate.result import Fit
 from ..friction import LAWS
 from ..records import quantities
@@ -84,12 +85,15 @@ def fit_numbers(fit: Fit, unit: str, level: float = 0.95) -> dict[str, Any]:
             for i, m in enumerate(fit.minima, start=1)
         },
         "undetermined": list(fit.undetermined),
-        "lack_of_fit": {
-            one.name: {"seen": one.seen, "residual_over_noise": Number(one.ratio, "")} for one in fit.lack
-        },
+        "lack_of_fit": lack_numbers(fit.lack),
         "failures": list(fit.failures),
         "remarks": list(fit.remarks),
     }
+
+
+def lack_numbers(lacks: Sequence[Lack]) -> dict[str, Any]:
+    """What recordings say of a model, by their names."""
+    return {one.name: {"seen": one.seen, "residual_over_noise": Number(one.ratio, "")} for one in lacks}
 
 
 def model_numbers(model: Actuator) -> dict[str, Any]:

@@ -1,16 +1,37 @@
-"""Whether one set of values explains walks that were fitted and walks that were not, all at once."""
+"""Whether one set of values explains walks that were fitted and walks that were not, all at once.
+
+A wrong law that fits one walk within its noise seldom fits them all. But errors of the stage are no lack of
+the law, and a stage whose values are free takes up much that a wrong law leaves: so all walks are fitted with
+these values free, and with the stage as it is known. What each recording then leaves tells of the first; what
+the second leaves more, beyond what the uncertainty of the stage allows (linearised), tells of both.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
 import xarray as xr
 
+from ...estimate.lack import LEAST_RATIO, Lack, left_over
 from ...estimate.result import Fit
 from ...waveform.signal import Waveform
+from ..recorded.channels import names_of
 from ..step.fit import STAGE
+from .displacement import Displacement, has_slopes
 from .friction import identify_friction
+
+TOGETHER = "all walks together"
+
+
+class Explained(NamedTuple):
+    """Fits to all walks: with the values of the stage `free` too, and with these as they are `known`; `lacks`
+    says of each walk, and of all together, whether the model explains it."""
+
+    free: Fit
+    known: Fit
+    lacks: tuple[Lack, ...]
 
 
 def explained(
@@ -18,29 +39,66 @@ def explained(
     walks: Sequence[xr.Dataset],
     drives: Sequence[Waveform | None],
     free: Sequence[str],
+    *,
+    stage: Fit | None = None,
+    slew_rate: float | None = None,
     **options: Any,
-) -> Fit:
-    """A fit to all walks, begun at that to some of them: its `lack` is that of the model.
-
-    What one walk leaves open, another may need otherwise: a wrong law that fits one walk within its noise
-    seldom fits them all. Errors of the stage are no lack of the friction law, so its values are free too.
+) -> Explained:
+    """Fit all walks, begun at a fit to some of them.
 
     Args:
         fit: of `identify_friction`.
-        walks, drives: as for it.
+        walks, drives, slew_rate: as for it.
         free: what was fitted.
+        stage: the fit that the model's stage is from; without it the stage is taken as exact.
         options: of `identify_friction`.
     """
-    more = [name for name in STAGE if name not in free and name in fit.model._fields]
     begin = {name: fit.values[name] for name in ("delay", "offset") if name in fit.values}
-    return identify_friction(
-        walks,
-        fit.model,
-        [*free, *more],
-        drive=drives,
-        channel=(),
-        begin=begin,
-        hops=0,
-        correlated=False,
-        **options,
-    )
+    settings: dict[str, Any] = {"drive": drives, "channel": (), "begin": begin, "correlated": False}
+    settings |= {"slew_rate": slew_rate, **options}
+    more = [name for name in STAGE if name not in free and name in fit.model._fields]
+    loose = identify_friction(walks, fit.model, [*free, *more], hops=0, **settings)
+    if not more:
+        return Explained(loose, loose, loose.lack)
+    known = identify_friction(walks, fit.model, free, hops=0, **settings)
+    if known.cost > LEAST_RATIO**2 * loose.cost:  # it may have ended in a valley of its own
+        law = loose.model.friction
+        again = [
+            identify_friction(walks, fit.model, free, **settings),
+            identify_friction(walks, fit.model.replace(friction=law), free, hops=0, **settings),
+        ]
+        known = min(known, *again, key=lambda one: one.cost)
+    allowed = _allowed(known, walks, drives, slew_rate, stage, loose.rmse)
+    together = left_over(TOGETHER, allowed, np.concatenate(loose.residuals), len(more), len(loose.parameters))
+    return Explained(loose, known, (*loose.lack, together))
+
+
+def _allowed(
+    fit: Fit,
+    walks: Sequence[xr.Dataset],
+    drives: Sequence[Waveform | None],
+    slew_rate: float | None,
+    stage: Fit | None,
+    noise: float,
+) -> float:
+    """The sum of squares [m^2] that is left where the stage may be off as far as it is uncertain."""
+    r = np.concatenate(fit.residuals)
+    if stage is None or fit.jacobian is None or not has_slopes(fit.model):
+        return float(r @ r)
+    kept = [i for i, p in enumerate(stage.parameters) if p.name in STAGE and p.name not in fit.values]
+    parameters = [stage.parameters[i] for i in kept]
+    names, delay = [p.name for p in parameters], fit.values.get("delay", 0.0)
+    by = [
+        Displacement(r, w, name, fit.model, 1e-10, slew_rate).slopes(fit.model, delay, names)[:, :-1]
+        for r, w, name in zip(walks, drives, names_of(walks), strict=True)
+    ]
+    scales = [p.slope(stage.values[p.name]) for p in parameters]
+    spread = np.linalg.cholesky(stage.uncertainty.covariance[np.ix_(kept, kept)])
+    own = fit.jacobian[:, np.linalg.norm(fit.jacobian, axis=0) > 0.0]
+    own = own / np.linalg.norm(own, axis=0)
+    # In deviations of the stage's values: each of them costs as much as a deviation of the noise.
+    moves = np.concatenate(by) * scales @ spread
+    rows = np.block([[own, moves], [np.zeros((len(kept), own.shape[1])), noise * np.eye(len(kept))]])
+    wanted = np.append(-r, np.zeros(len(kept)))
+    left = rows @ np.linalg.lstsq(rows, wanted, rcond=None)[0] - wanted
+    return float(left @ left)
