@@ -143,7 +143,15 @@ def test_record_refuses_in_one_line(tmp_path: Path) -> None:
     assert "experiment.yaml: runs:" in done.stderr
 
 
-@pytest.mark.parametrize(("kind", "field"), [("experiment", "channels"), ("identification", "recordings")])
+@pytest.mark.parametrize(
+    ("kind", "field"),
+    [
+        ("job", "steps"),
+        ("experiment", "channels"),
+        ("campaign", "hops"),
+        ("identification", "recordings"),
+    ],
+)
 def test_schema(kind: str, field: str) -> None:
     printed = json.loads(run("schema", kind).stdout)
     assert field in json.dumps(printed)

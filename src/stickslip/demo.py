@@ -10,10 +10,12 @@ from __future__ import annotations
 import importlib.resources
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 from .campaign import run_campaign
+from .job.running import joined, within
 from .recording import RecordingError
 from .report import Document, Section
 from .study import run_file
@@ -38,34 +40,16 @@ def run(out: str | os.PathLike[str], progress: Progress | None = None) -> Docume
     parts, missing = [], []
     for name, begin, length, task in tasks:
         try:
-            parts.append(task(partial(_within, tell, begin, length)))
+            parts.append(task(partial(within, tell, begin, length)))
         except RecordingError as error:
             missing.append(f"{name} could not be run: {error}")
-    sections = [Section(part.title, paragraphs=(part.summary,), sections=part.sections) for part in parts]
-    if missing:
-        sections.append(Section("Parts that are missing", points=missing))
-    return Document(
-        title="stickslip: demonstration",
-        summary=" ".join(
-            (
-                "The campaign of Kang's thesis on a virtual rig, from eleven recordings to a verified model; "
-                "then models identified from measurements that others have published, and verified on parts "
-                "that no fit has seen.",
-                *missing,
-            )
-        ),
-        sections=sections,
-        highlights=[highlight for part in parts for highlight in part.highlights[:3]],
-        numbers={_key(part.title): part.numbers for part in parts},
-        assumptions=list(dict.fromkeys(a for part in parts for a in part.assumptions)),
-        citations="\n\n".join(dict.fromkeys(part.citations for part in parts if part.citations)),
-        failures=[failure for part in parts for failure in part.failures],
+    title = "stickslip: demonstration"
+    notes = (
+        "The campaign of Kang's thesis on a virtual rig, from eleven recordings to a verified model; then "
+        "models identified from measurements that others have published, and verified on parts that no fit "
+        "has seen."
     )
-
-
-def _within(tell: Progress, begin: float, share: float, doing: str, done: float) -> None:
-    tell(doing, begin + share * done)
-
-
-def _key(title: str) -> str:
-    return "_".join("".join(c if c.isalnum() else " " for c in title.lower()).split())
+    found = joined(title, " ".join((notes, *missing)), parts, told=False)
+    if not missing:
+        return found
+    return replace(found, sections=[*found.sections, Section("Parts that are missing", points=missing)])

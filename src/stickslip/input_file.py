@@ -7,12 +7,15 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import yaml
-from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, ValidationInfo
+from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, ValidationInfo, model_validator
+from pydantic_core import PydanticCustomError
 
+from .records import did_you_mean
 from .units import QuantityError, to_si
 
 LARGEST = 1_000_000  # bytes
 MOST_VALUES = 1_000_000
+_UNKNOWN = "unknown_field"
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # ten times as fast
 
 
@@ -34,9 +37,22 @@ Hertz = Annotated[float, quantity("Hz")]
 
 
 class Strict(BaseModel):
-    """A part of a file: unknown keys are errors."""
+    """A part of a file: unknown keys are errors, and told before anything else, for they explain the rest."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _known(cls, content: Any) -> Any:
+        for key in content if isinstance(content, dict) else ():
+            if key not in cls.model_fields:
+                hint = (
+                    did_you_mean(str(key), cls.model_fields) or f"; there are {', '.join(cls.model_fields)}"
+                )
+                raise PydanticCustomError(
+                    _UNKNOWN, "{said}", {"said": f"there is no field {str(key)!r}{hint}"}
+                )
+        return content
 
 
 def load_yaml(path: str | os.PathLike[str]) -> dict[str, Any]:
@@ -82,12 +98,14 @@ def yaml_text(content: dict[str, Any]) -> str:
     return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110)
 
 
-def explain(path: str | os.PathLike[str], error: ValidationError) -> InputFileError:
-    """The first thing that is wrong in a file, in one line."""
-    first = error.errors()[0]
+def explain(path: str | os.PathLike[str], error: ValidationError, inside: str = "") -> InputFileError:
+    """What is wrong in a file, in one line: a mistyped key, else the first thing; `inside` is where it is."""
+    found = error.errors()
+    first = next((one for one in found if one["type"] == _UNKNOWN), found[0])
     # A file that does not say its kind is wrong as a whole: there is no field to name.
-    where = ".".join(str(part) for part in first["loc"]) or "kind"
+    where = inside + ".".join(str(part) for part in first["loc"])
+    where = where.rstrip(".") or ("" if first["type"] == _UNKNOWN else "kind")
     more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
     cause = first.get("ctx", {}).get("error")
     text = str(cause) if isinstance(cause, QuantityError) else first["msg"]
-    return InputFileError(f"{path}: {where}: {text}{more}")
+    return InputFileError(": ".join(filter(None, (str(path), where, f"{text}{more}"))))

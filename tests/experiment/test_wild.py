@@ -25,7 +25,7 @@ from experiment.files import SMALL, changed, written  # isort: skip
     ("path", "value", "message"),
     [
         ("title", None, "title: Field required"),
-        ("colour", "red", "colour: Extra inputs are not permitted"),
+        ("colour", "red", "there is no field 'colour'"),
         ("rig", {"kind": "magic"}, "rig: .*'virtual'"),
         ("rig.bench", "kang2007-bank", "did you mean 'kang2007-bench'"),
         ("rig.bench", "own.toml", r"own\.toml cannot be read"),

@@ -6,14 +6,13 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from ..estimate.result import Fit
-from ..identify.candidates import Candidate, Comparison
+from ..identify.candidates import Comparison
 from ..identify.walk.bayes import Posterior, posterior
-from ..identify.walk.compare import compare_walks, walk_candidates
+from ..identify.walk.compare import compare_walks
 from ..identify.walk.intervals import profile_interval
 from ..identify.walk.position_channel import CHANNEL
-from ..records import did_you_mean
 from ..study.alignment import Aligned
-from ..units import QuantityError
+from ..study.comparison import candidates_of, named
 from .file import CampaignFile
 from .gathering import Progress
 
@@ -57,18 +56,12 @@ def deeper(
         found = found._replace(profiles=ends)
     # A model that does not explain its recordings asks for another, whether or not the file does.
     if file.model_choice or (unseen and lacking):
-        law = friction.model.friction
-        start = (
-            float(getattr(law, "coulomb_force", 1.0)),
-            float(getattr(law, "sigma_0", 1e6)),
-            float(getattr(law, "sigma_1", 0.0)) or 30.0,
-        )
         delay = friction.values.get("delay", 0.0)
         choice = compare_walks(
             recordings,
             [one.recording for one in unseen],
             friction.model,
-            _named(walk_candidates(*start), file.model_choice),
+            named(candidates_of(friction.model), file.model_choice),
             unseen_drive=[one.drive for one in unseen],
             begin={"delay": delay},
             bounds={"delay": (0.0, _LONGEST_DELAY * delay)} if delay > 0.0 else None,
@@ -91,14 +84,3 @@ def deeper(
         )
         found = found._replace(posterior=samples)
     return found
-
-
-def _named(candidates: list[Candidate], names: bool | list[str]) -> list[Candidate]:
-    if not isinstance(names, list):
-        return candidates
-    by_label = {candidate.label: candidate for candidate in candidates}
-    for name in names:
-        if name not in by_label:
-            hint = did_you_mean(name, by_label)
-            raise QuantityError(f"model_choice: there is no {name!r}{hint}: there are {', '.join(by_label)}")
-    return [by_label[name] for name in names]

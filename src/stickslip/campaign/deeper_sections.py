@@ -2,25 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
-import numpy as np
-
-from ..figures.identification import law_ranking
 from ..figures.posterior import posterior_corner
 from ..figures.style import svg
-from ..identify.candidates import Comparison
 from ..identify.walk.bayes import Posterior
 from ..identify.walk.position_channel import CHANNEL
 from ..report import Column, Number, Picture, Section, Table
+from ..study.comparison import choice_numbers, choice_section
 from .evaluation import Found
 from .stage import unit_of
-
-# The thesis's choice (ch. 3), with its steady friction constant.
-THESIS = "LuGre"
-# Errors on what was not fitted that differ by less are the same.
-SAME = 0.01
 
 
 def deeper_numbers(found: Found) -> dict[str, Any]:
@@ -38,14 +29,7 @@ def deeper_numbers(found: Found) -> dict[str, Any]:
             "message": more.posterior.message,
         }
     if more.choice is not None:
-        table = more.choice.table
-        numbers["model_choice"] = {
-            str(law): {
-                key: Number(float(table[key].sel(law=law)), str(table[key].attrs["units"]))
-                for key in ("r_squared", "verification_r_squared", "verification_rmse", "aic", "bic")
-            }
-            for law in table["law"].values
-        }
+        numbers["model_choice"] = choice_numbers(more.choice)
     return numbers
 
 
@@ -55,7 +39,7 @@ def deeper_sections(found: Found, *, figures: bool) -> list[Section]:
     if more.profiles is not None or more.posterior is not None:
         sections.append(_without_linearisation(found, figures))
     if more.choice is not None:
-        sections.append(_choice(more.choice, found.friction.recordings[0].n_data, figures))
+        sections.append(choice_section(more.choice, found.friction.recordings[0].n_data, figures))
     return sections
 
 
@@ -134,85 +118,3 @@ def _chain(posterior: Posterior) -> Table:
         row = posterior.summary.sel(parameter=name)
         rows.append((name, number, *(float(row[k]) for k in ("r_hat", "ess", "autocorrelation_time"))))
     return Table("The posterior of all that was sampled.", columns, rows)
-
-
-def conclusion(choice: Comparison) -> str:
-    """Whether the thesis's choice holds, in numbers."""
-    table = choice.table
-    rmse, bic = table["verification_rmse"], table["bic"] - table["bic"].min()
-    best, least = choice.best, float(rmse.min())
-    own = float(rmse.sel(law=THESIS)) / least - 1.0
-    simplest = str(bic.idxmin("law").item())
-    seen = (
-        f"By the error on walks that were not fitted {best} is best, {1e9 * least:.4g} nm; by BIC "
-        f"{simplest}. "
-        f"{THESIS}, the thesis's choice, is {100 * own:.2g} % above the least error and "
-        f"{float(bic.sel(law=THESIS)):.3g} above the least BIC"
-    )
-    rivals = [
-        str(law)
-        for law in table["law"].values
-        if law != THESIS and float(rmse.sel(law=law)) < least * (1 + SAME) and float(bic.sel(law=law)) < 10.0
-    ]
-    if own >= SAME or float(bic.sel(law=THESIS)) >= 10.0:
-        return f"{seen}: these recordings do not confirm it."
-    if rivals:
-        return f"{seen}: confirmed, though these recordings cannot tell it from {', '.join(rivals)}."
-    return f"{seen}: confirmed."
-
-
-def _choice(choice: Comparison, n_data: int, figures: bool) -> Section:
-    table = choice.table
-    order = np.argsort(table["verification_rmse"].values)
-    laws = [str(law) for law in table["law"].values]
-    lowest = {key: float(table[key].min()) for key in ("aic", "bic")}
-    rows = []
-    for i in order:
-        fit = choice.fits[laws[i]]
-        rows.append(
-            (
-                laws[i],
-                int(table["n_parameters"][i]),
-                *(float(table[k][i]) for k in ("r_squared", "verification_r_squared", "verification_rmse")),
-                *(float(table[k][i]) - lowest[k] for k in ("aic", "bic")),
-                fit.doubt,
-            )
-        )
-    columns = (
-        Column("model"),
-        Column("fitted", ""),
-        Column("r², fitted", "", 6),
-        Column("r², not fitted", "", 6),
-        Column("rms error, not fitted", "m", 4),
-        Column("AIC above least", "", 4),
-        Column("BIC above least", "", 4),
-        Column("remark"),
-    )
-    pictures = []
-    if figures:
-        labels = [f"{law} ({int(n)})" for law, n in zip(laws, table["n_parameters"].values, strict=True)]
-        pictures.append(
-            Picture(
-                "campaign-models",
-                "What each model leaves unexplained of the walk it was fitted to, and of the others.",
-                svg(
-                    law_ranking(
-                        labels,
-                        table["r_squared"].values,
-                        table["verification_r_squared"].values,
-                        None if not math.isfinite(lowest["bic"]) else table["bic"].values,
-                    )
-                ),
-                "One minus r squared of each model, on a logarithmic scale, and its BIC",
-            )
-        )
-    return Section(
-        "Choice of model",
-        paragraphs=(
-            f"All models fitted alike to the same walk ({n_data} samples), with delay and offset free, and "
-            "judged on the walks that none has seen.",
-            conclusion(choice),
-        ),
-        tables=(Table("Models by their error on walks that were not fitted.", columns, rows),),
-        figures=pictures,
-    )

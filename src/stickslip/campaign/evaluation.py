@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import xarray as xr
 
-from ..actuator import Actuator, load_actuator
+from ..actuator import Actuator
 from ..chain import Chain
 from ..electronics import Filter
 from ..estimate.lack import said
@@ -18,6 +18,7 @@ from ..identify.walk.explained import Explained, explained
 from ..identify.walk.friction import identify_friction
 from ..identify.walk.prediction import Predictor
 from ..study.alignment import Aligned
+from ..study.walk import changed
 from ..verification import Requirement, Verification, verify
 from .budget import Budget, Inherited, budget, inherited
 from .deeper import Deeper, deeper
@@ -73,7 +74,7 @@ def evaluate(file: CampaignFile, folder: Path, gathered: Sequence[Aligned], prog
         steps = [one for one in recordings if one.use == "step"]
         scale = scale_of(steps, file.reference, file.settling)
         recordings = [scaled(one, scale.value) for one in recordings]
-    model = _model(file, folder)
+    model = changed(folder, file.model, file.change, file.friction)
     stage = formulas = None
     steps = [one for one in recordings if one.use == "step"]
     if steps:
@@ -140,10 +141,3 @@ def evaluate(file: CampaignFile, folder: Path, gathered: Sequence[Aligned], prog
         ],
         deeper(file, friction, walks, stage, bool(lacking), progress),
     )
-
-
-def _model(file: CampaignFile, folder: Path) -> Actuator:
-    own = folder / file.model
-    model = load_actuator(own if own.suffix == ".toml" and own.is_file() else file.model)
-    changes: dict[str, Any] = {**file.change, "friction": model.friction._replace(**file.friction)}
-    return model.replace(**changes)

@@ -11,8 +11,10 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from ..experiment import Recorded, run_experiment
+from ..experiment import Recorded
 from ..experiment.cells import drive_of
+from ..experiment.file import ExperimentFile
+from ..experiment.running import read_experiment, record_experiment
 from ..identify.recorded.channels import channel
 from ..input_file import InputFileError
 from ..recording import RecordingError
@@ -36,7 +38,11 @@ class Scale(NamedTuple):
 
 
 def gather(
-    file: CampaignFile, folder: Path, out: Path, progress: Progress
+    file: CampaignFile,
+    folder: Path,
+    out: Path,
+    progress: Progress,
+    experiment: tuple[ExperimentFile, Path] | None = None,
 ) -> tuple[list[Aligned], list[Recorded]]:
     """All recordings, those of the experiment recorded first into ``out/recordings`` unless they are there.
 
@@ -46,12 +52,16 @@ def gather(
     """
     recorded: list[Recorded] = []
     left: dict[str, tuple[Waveform, xr.Dataset]] = {}
+    label = folder / (file.experiment or "experiment")
     if file.experiment is not None:
-        recorded = run_experiment(
-            folder / file.experiment,
+        experiment = read_experiment(label), label.parent
+    if experiment is not None:
+        recorded = record_experiment(
+            *experiment,
             out / "recordings",
             progress,
             lambda cell, recording: left.update({cell.name: (cell.drive, recording)}),
+            label=label,
         )
     found: list[Aligned] = []
     for spec in file.recordings:
@@ -69,7 +79,7 @@ def gather(
             continue
         names = [name for name in left if fnmatchcase(name, spec.cells)]
         if not names:
-            raise InputFileError(f"recordings: no cell of {file.experiment} that is left fits {spec.cells!r}")
+            raise InputFileError(f"recordings: no cell of {label.name} that is left fits {spec.cells!r}")
         for name in names:
             drive, whole = left.pop(name)
             found.append(aligned(whole, drive, name, file.slew_rate)._replace(use=spec.use))

@@ -5,13 +5,14 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from ..experiment.file import ExperimentFile
 from ..input_file import InputFileError
 from ..parameters import ParameterSetError
 from ..report import Document
 from ..units import QuantityError
 from .document import campaign_document
 from .evaluation import evaluate
-from .file import read_campaign
+from .file import CampaignFile, read_campaign
 from .gathering import Progress, gather
 
 
@@ -34,12 +35,30 @@ def run_campaign(
         InputFileError: the file is not as it must be; names the file and the field.
         RecordingError, FitError: a recording is missing or wrong, or cannot be fitted.
     """
-    path, tell = Path(path), progress or (lambda doing, done: None)
-    file = read_campaign(path)
+    path = Path(path)
     try:
-        gathered, recorded = gather(file, path.parent, Path(out), lambda doing, done: tell(doing, 0.4 * done))
-        found = evaluate(file, path.parent, gathered, lambda doing, done: tell(doing, 0.4 + 0.4 * done))
+        return campaign_of(read_campaign(path), path.parent, Path(out), progress, figures=figures)
     except (InputFileError, QuantityError, ParameterSetError) as error:
-        raise InputFileError(f"{path}: {error}") from error
+        raise InputFileError(f"{path}: {error}" if str(path) not in str(error) else str(error)) from error
+
+
+def campaign_of(
+    file: CampaignFile,
+    folder: Path,
+    out: Path,
+    progress: Progress | None = None,
+    experiment: tuple[ExperimentFile, Path] | None = None,
+    *,
+    figures: bool = True,
+) -> Document:
+    """As `run_campaign`, of what a file says; its paths begin at the folder.
+
+    Args:
+        file, folder, out, progress, figures: see `run_campaign`.
+        experiment: whose cells are meant where the file names none, and the folder of its paths.
+    """
+    tell = progress or (lambda doing, done: None)
+    gathered, recorded = gather(file, folder, out, lambda doing, done: tell(doing, 0.4 * done), experiment)
+    found = evaluate(file, folder, gathered, lambda doing, done: tell(doing, 0.4 + 0.4 * done))
     tell("drawing" if figures else "writing", 0.8)
     return campaign_document(file, found, recorded, figures=figures)

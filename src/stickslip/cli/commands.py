@@ -144,6 +144,36 @@ def _steady_step(model: Actuator | PulledSlider, drive: Waveform) -> Number | No
 
 
 @app.command()
+def run(
+    file: Annotated[
+        Path,
+        typer.Argument(
+            exists=True, dir_okay=False, metavar="FILE.yaml", help="A job; or a file of any other kind."
+        ),
+    ],
+    figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw those of campaigns.")] = True,
+    out: Out = Path("out/run"),
+    show_traceback: Traceback = False,
+) -> None:
+    """Do what a file says: record, identify, verify, compare and export, one step after the other."""
+    begun = time.perf_counter()
+    with errors_in_one_line(show_traceback):
+        check_output(out)
+        from ..job import run_job
+        from ..rig.hosted import stop_all
+        from .interruption import Interruption
+
+        with Interruption(at_once=stop_all) as interruption, progress_bar() as progress:
+
+            def tell(doing: str, done: float) -> None:
+                interruption.check()
+                progress(doing, done)
+
+            document = run_job(file, out, tell, figures=figures)
+        write(document, out, begun)
+
+
+@app.command()
 def identify(
     file: Annotated[
         Path, typer.Argument(exists=True, dir_okay=False, metavar="FILE.yaml", help="What to fit.")

@@ -17,7 +17,9 @@ from .frame import Out, Traceback, app, check_output, errors_in_one_line, progre
 class Kind(StrEnum):
     """Kinds of input files."""
 
+    JOB = "job"
     EXPERIMENT = "experiment"
+    CAMPAIGN = "campaign"
     IDENTIFICATION = "identification"
 
 
@@ -82,10 +84,14 @@ def instrument(
 
 
 @app.command()
-def schema(kind: Annotated[Kind, typer.Argument(help="Kind of file.")] = Kind.EXPERIMENT) -> None:
-    """Print the JSON Schema of experiment or identification files, for editors."""
-    if kind is Kind.EXPERIMENT:
+def schema(kind: Annotated[Kind, typer.Argument(help="Kind of file.")] = Kind.JOB) -> None:
+    """Print the JSON Schema of files, for editors: of jobs, or of one of the kinds that a step may be."""
+    if kind is Kind.JOB:
+        from ..job.file import json_schema
+    elif kind is Kind.EXPERIMENT:
         from ..experiment.file import json_schema
+    elif kind is Kind.CAMPAIGN:
+        from ..campaign.file import json_schema
     else:
         from ..study.running import json_schema
     typer.echo(json.dumps(json_schema(), indent=1))

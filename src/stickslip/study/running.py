@@ -16,6 +16,7 @@ from ..parameters import ParameterSetError
 from ..recording import RecordingWarning
 from ..report import Document
 from ..units import QuantityError
+from .comparison import ComparisonStudy
 from .file import StudyError
 from .frequency import FrequencyStudy
 from .loops import LoopStudy
@@ -27,7 +28,8 @@ from .walk import WalkStudy
 Progress = Callable[[str, float], None]
 
 _Any = Annotated[
-    LoopStudy | FrequencyStudy | PulledStudy | VerificationStudy | WalkStudy, Field(discriminator="kind")
+    LoopStudy | FrequencyStudy | PulledStudy | VerificationStudy | WalkStudy | ComparisonStudy,
+    Field(discriminator="kind"),
 ]
 _FILE: TypeAdapter[Any] = TypeAdapter(_Any)
 

@@ -12,7 +12,7 @@ from typing import Any, Literal
 import xarray as xr
 from pydantic import Field, ValidationError
 
-from ..actuator import Actuator, load_actuator
+from ..actuator import Actuator
 from ..chain import Chain
 from ..figures.identification import fit_with_residuals
 from ..figures.style import svg
@@ -25,7 +25,7 @@ from ..verification import Requirement, Verification, verify
 from ..waveform.signal import Waveform
 from .alignment import POSITION, aligned
 from .file import Study, StudyError, read_parts
-from .walk import WalkRecording
+from .walk import WalkRecording, changed
 
 MOST_PICTURES = 8
 
@@ -34,7 +34,7 @@ class VerificationStudy(Study):
     """See the module. The model is that of `fit`, a results.json of an identification, or of the parameter
     set `model` with fields changed; `require` are sentences such as "r_squared > 0.99"."""
 
-    kind: Literal["verification"]
+    kind: Literal["verification"] = "verification"
     fit: str | None = None
     model: str | None = None
     change: dict[str, float | str | bool] = Field(default_factory=dict)
@@ -104,12 +104,12 @@ class VerificationStudy(Study):
         chain = Chain()
         if self.fit is not None:
             base, chain = _results(folder / self.fit)
+            changes: dict[str, Any] = {**self.change, "friction": base.friction._replace(**self.friction)}
+            model = base.replace(**changes)
         else:
-            own = folder / str(self.model)
-            base = load_actuator(own if own.suffix == ".toml" and own.is_file() else str(self.model))
-        changes: dict[str, Any] = {**self.change, "friction": base.friction._replace(**self.friction)}
+            model = changed(folder, str(self.model), self.change, self.friction)
         chain = chain._replace(delay=self.delay or chain.delay)
-        return Predictor(base.replace(**changes), chain), chain
+        return Predictor(model, chain), chain
 
 
 def _results(path: Path) -> tuple[Actuator, Chain]:

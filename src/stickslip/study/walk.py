@@ -57,28 +57,46 @@ class WalkRecording(Recorded):
     drive: DriveSpec | None = None
 
 
-class WalkStudy(Study):
-    """See the module. `model` is a parameter set or a file; `change` and `friction` change fields of it
-    before the fit, which starts there; `starts`, `hops` and `tolerance` (of the simulations) as for
-    `identify_friction`."""
+def changed(
+    folder: Path,
+    model: str,
+    change: Mapping[str, float | str | bool],
+    friction: Mapping[str, float | str],
+) -> Actuator:
+    """The actuator of a parameter set, by name or file, with fields changed."""
+    own = folder / model
+    base = load_actuator(own if own.suffix == ".toml" and own.is_file() else model)
+    changes: dict[str, Any] = {**change, "friction": base.friction._replace(**friction)}
+    return base.replace(**changes)
 
-    kind: Literal["walk"]
+
+class WalkFile(Study):
+    """Walks of an actuator. `model` is a parameter set or a file; `change` and `friction` change fields of it
+    before the fit, which starts there."""
+
     model: str
     change: dict[str, float | str | bool] = Field(default_factory=dict)
     friction: dict[str, float | str] = Field(default_factory=dict)
+    recordings: list[WalkRecording]
+
+    def actuator(self, folder: Path) -> Actuator:
+        """The model that a fit starts at."""
+        return changed(folder, self.model, self.change, self.friction)
+
+
+class WalkStudy(WalkFile):
+    """See the module; `starts`, `hops` and `tolerance` (of the simulations) as for `identify_friction`."""
+
+    kind: Literal["walk"]
     free: list[str]
     bounds: dict[str, tuple[float | str, float | str]] = Field(default_factory=dict)
     starts: int = 1
     hops: int = 6
     tolerance: Annotated[float, quantity("m")] | None = None
-    recordings: list[WalkRecording]
 
     def run(self, folder: Path, progress: Callable[[str, float], None]) -> Document:
         """Fit and verify."""
-        own = folder / self.model
-        model = load_actuator(own if own.suffix == ".toml" and own.is_file() else self.model)
-        changes: dict[str, Any] = {**self.change, "friction": model.friction._replace(**self.friction)}
-        model = model.replace(**changes)
+        model = self.actuator(folder)
         parts = read_parts(self.recordings, folder)
         data = {
             r.label: (r, parts[r.label], r.drive.waveform() if r.drive else None) for r in self.recordings

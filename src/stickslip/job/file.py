@@ -1,0 +1,169 @@
+"""What a job file may say.
+
+A job is a title and its steps, one after the other::
+
+    title: From recordings to firmware
+    steps:
+      - record: experiment.yaml        # a file, or its content
+      - identify: {model: kang2007, recordings: [...]}
+      - verify: {recordings: [...], require: ["r_squared > 0.99"]}
+      - compare: {model: kang2007, recordings: [...]}
+      - export: {format: c}
+
+Experiment, campaign, identification and verification files are jobs of one step.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple
+
+from pydantic import Field, TypeAdapter, ValidationError, model_validator
+
+from ..campaign.file import CampaignFile
+from ..experiment.file import ExperimentFile
+from ..input_file import InputFileError, Strict, explain, load_yaml
+from ..records import did_you_mean
+from ..study.comparison import ComparisonStudy
+from ..study.frequency import FrequencyStudy
+from ..study.loops import LoopStudy
+from ..study.pulled import PulledStudy
+from ..study.verification import VerificationStudy
+from ..study.walk import WalkStudy
+
+Content = dict[str, Any]
+
+
+class ExportSpec(Strict):
+    """A model as C99 or as an FMU: what the last identification found, or the parameter set `model`; `bench`
+    puts the amplifier of a bench before it."""
+
+    format: Literal["c", "fmu"] = "c"
+    model: str | None = None
+    fmi: Literal[2, 3] = 2
+    mode: Literal["plant", "observer", "feedforward"] = "plant"
+    step: float | str = "20 us"
+    compiler: str = "gcc"
+    bench: str = ""
+
+
+Study = Annotated[LoopStudy | FrequencyStudy | PulledStudy | WalkStudy, Field(discriminator="kind")]
+_STUDY: TypeAdapter[Any] = TypeAdapter(Study)
+STEPS = ("record", "identify", "verify", "compare", "export")
+
+
+class StepSpec(Strict):
+    """One step: exactly one of these, each a file (beside the job's) or what it would say.
+
+    What is identified is a campaign, or a study of its `kind`. Where `verify` and `export` name no model, it
+    is that of the last identification; a campaign whose recordings are `cells` takes those of the last
+    `record`.
+    """
+
+    record: ExperimentFile | str | None = None
+    identify: CampaignFile | Study | str | None = None
+    verify: VerificationStudy | str | None = None
+    compare: ComparisonStudy | str | None = None
+    export: ExportSpec | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one(cls, content: Any) -> Any:
+        if not isinstance(content, dict) or len(content) != 1:
+            raise ValueError(f"a step is exactly one of {', '.join(STEPS)}")
+        return content
+
+
+class JobFile(Strict):
+    """A whole job file."""
+
+    title: str
+    notes: str = ""
+    steps: Annotated[list[StepSpec], Field(min_length=1)]
+
+
+class Step(NamedTuple):
+    """One step: what to do, what the file says of it, and the file that says it."""
+
+    kind: str
+    content: Content
+    path: Path
+
+
+class Job(NamedTuple):
+    """A job with its steps, those of other files read."""
+
+    title: str
+    notes: str
+    steps: tuple[Step, ...]
+
+
+def read_job(path: Path) -> Job:
+    """The job of a job file, or of a file of another kind.
+
+    Raises:
+        InputFileError: it is not as it must be; names the file and the field.
+    """
+    content = load_yaml(path)
+    if "steps" not in content:
+        kind = _kind_of(content, path)
+        checked(Step(kind, content, path))
+        return Job(str(content.get("title", "")), "", (Step(kind, content, path),))
+    for i, step in enumerate(content["steps"] if isinstance(content["steps"], list) else ()):
+        for name in step if isinstance(step, dict) else ():
+            if name not in STEPS:
+                hint = did_you_mean(str(name), STEPS)
+                raise InputFileError(f"{path}: steps.{i}: there is no step {name!r}{hint}")
+    for key in content:
+        if key not in JobFile.model_fields:
+            hint = did_you_mean(str(key), JobFile.model_fields)
+            raise InputFileError(f"{path}: there is no field {key!r}{hint}")
+    if not isinstance(content["steps"], list) or not content["steps"]:
+        raise InputFileError(f"{path}: steps: a list of at least one step")
+    steps = tuple(_step(i, one, path) for i, one in enumerate(content["steps"]))
+    for i, step in enumerate(steps):
+        checked(step, f"steps.{i}.{step.kind}." if step.path == path else "")
+    return Job(str(content.get("title", "")), str(content.get("notes", "")), steps)
+
+
+def _step(number: int, said: Any, path: Path) -> Step:
+    if not isinstance(said, dict) or len(said) != 1:
+        raise InputFileError(f"{path}: steps.{number}: a step is exactly one of {', '.join(STEPS)}")
+    ((kind, content),) = said.items()
+    if isinstance(content, str) and kind != "export":
+        other = path.parent / content
+        return Step(kind, load_yaml(other), other)
+    if not isinstance(content, dict):
+        raise InputFileError(f"{path}: steps.{number}.{kind}: a file, or what it would say")
+    return Step(kind, {"title": kind, **content} if kind != "export" else content, path)
+
+
+def _kind_of(content: Content, path: Path) -> str:
+    if "runs" in content:
+        return "record"
+    kind = content.get("kind")
+    return {"verification": "verify", "comparison": "compare"}.get(str(kind), "identify")
+
+
+def checked(step: Step, where: str = "") -> Any:
+    """What a step says, as a record; raises InputFileError."""
+    content = step.content
+    try:
+        if step.kind == "record":
+            return ExperimentFile.model_validate(content)
+        if step.kind == "verify":
+            return VerificationStudy.model_validate(content)
+        if step.kind == "compare":
+            return ComparisonStudy.model_validate(content)
+        if step.kind == "export":
+            return ExportSpec.model_validate(content)
+        if "kind" in content:
+            return _STUDY.validate_python(content)
+        return CampaignFile.model_validate(content)
+    except ValidationError as error:
+        raise explain(step.path, error, where) from error
+
+
+def json_schema() -> dict[str, Any]:
+    """The JSON Schema of job files, for editors."""
+    return JobFile.model_json_schema()

@@ -1,0 +1,179 @@
+"""Run a job: its steps one after the other, each with what those before it made."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from ..campaign.running import campaign_of
+from ..experiment.running import record_experiment
+from ..export import export_c, export_fmu
+from ..input_file import InputFileError
+from ..parameters import ParameterSetError
+from ..report import Document, Section
+from ..report.circumstances import circumstances
+from ..report.recordings import recordings_document
+from ..report.results import results_json
+from ..rig import load_bench
+from ..study.running import run_study
+from ..units import QuantityError
+from .file import Content, ExportSpec, Step, checked, read_job
+
+Progress = Callable[[str, float], None]
+
+
+def run_job(
+    path: str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    progress: Progress | None = None,
+    *,
+    figures: bool = True,
+) -> Document:
+    """Record, identify, verify, compare and export, as a file says.
+
+    Args:
+        path: a job file, or an experiment, campaign, identification or verification file.
+        out: the folder; recordings go into its `recordings`, results of single steps into its `steps`, and
+            what is exported beside them. Recordings that are there are kept.
+        progress: called with what is being done and how much of all is done, from 0 to 1.
+        figures: draw those of campaigns.
+
+    Raises:
+        InputFileError: the file is not as it must be, before anything is done; names the file and the field.
+        RecordingError, FitError, RigError, ExportError: a step cannot be done; what was done before is kept.
+    """
+    tell, job, out = progress or (lambda doing, done: None), read_job(Path(path)), Path(out)
+    running = _Running(out, figures)
+    documents = []
+    for i, step in enumerate(job.steps):
+        part = partial(within, tell, i / len(job.steps), 1.0 / len(job.steps))
+        try:
+            documents.append(running.do(i + 1, step, part))
+        except (QuantityError, ParameterSetError) as error:
+            raise InputFileError(f"{step.path}: {error}") from error
+    if len(documents) == 1:
+        return documents[0]
+    return joined(job.title, job.notes, documents)
+
+
+class _Running:
+    """What the steps so far have made."""
+
+    def __init__(self, out: Path, figures: bool) -> None:
+        self.out, self.figures = out, figures
+        self.experiment: tuple[Any, Path] | None = None
+        self.results: Path | None = None
+
+    def do(self, number: int, step: Step, progress: Progress) -> Document:
+        spec = checked(step._replace(content=_found(step.content, step.path.parent, self.out)))
+        folder = step.path.parent
+        if step.kind == "record":
+            recorded = record_experiment(spec, folder, self.out / "recordings", progress, label=step.path)
+            self.experiment = (spec, folder)
+            return recordings_document(spec.title, recorded, self.out / "recordings" / "experiment.log")
+        if step.kind == "export":
+            return self._exported(spec, folder, progress)
+        if step.kind == "verify" and spec.fit is None and spec.model is None:
+            spec = spec.model_copy(update={"fit": str(self._identified(step))})
+        if step.kind == "identify" and "kind" not in step.content:
+            document = campaign_of(spec, folder, self.out, progress, self.experiment, figures=self.figures)
+        else:
+            document = run_study(spec, folder, progress)
+        if step.kind == "identify":
+            self.results = self.out.absolute() / "steps" / f"{number}_identify.json"
+            self.results.parent.mkdir(parents=True, exist_ok=True)
+            self.results.write_text(results_json(document, circumstances()), encoding="utf-8")
+        return document
+
+    def _identified(self, step: Step) -> Path:
+        if self.results is None:
+            raise InputFileError(
+                f"{step.path}: {step.kind} names no model, and nothing is identified before it"
+            )
+        return self.results
+
+    def _exported(self, spec: ExportSpec, folder: Path, progress: Progress) -> Document:
+        progress("exporting", 0.0)
+        source: Any = spec.model
+        if source is None:
+            source = self._identified(Step("export", {}, folder))
+        elif (folder / source).is_file():
+            source = folder / source
+        bench = load_bench(spec.bench) if spec.bench else None
+        amplifier: dict[str, Any] = {}
+        if bench is not None:
+            amplifier = {"amplifier": bench.amplifier, "piezo_capacitance": bench.piezo_capacitance}
+        target = _unused(self.out / spec.format)
+        if spec.format == "c":
+            made = export_c(source, target, step=spec.step, **amplifier)
+        else:
+            more: dict[str, Any] = {"fmi": spec.fmi, "mode": spec.mode, "compiler": spec.compiler}
+            made = export_fmu(source, target, step=spec.step, **more, **amplifier)
+        said = f"The model as {'C99' if spec.format == 'c' else 'an FMU'}: {made}."
+        return Document(f"Export: {spec.format}", said, [Section("Files", paragraphs=(said,))])
+
+
+def _unused(path: Path) -> Path:
+    """The path, or with a number behind it: what was exported before is left alone."""
+    number = 2
+    found = path
+    while found.exists():
+        found, number = path.with_name(f"{path.name}_{number}"), number + 1
+    return found
+
+
+def _found(content: Content, folder: Path, out: Path) -> Content:
+    """The content with files that are not beside it, but were made by the job, by their paths there."""
+
+    def resolved(value: Any, key: str = "") -> Any:
+        if isinstance(value, dict):
+            return {k: resolved(v, k) for k, v in value.items()}
+        if isinstance(value, list):
+            return [resolved(one) for one in value]
+        made = key == "file" and isinstance(value, str) and not (folder / value).exists()
+        return str((out / value).absolute()) if made and (out / value).exists() else value
+
+    return resolved(content)
+
+
+def within(tell: Progress, begin: float, share: float, doing: str, done: float) -> None:
+    """Tell the progress of a part as that of the whole."""
+    tell(doing, begin + share * done)
+
+
+def joined(title: str, notes: str, documents: Sequence[Document], *, told: bool = True) -> Document:
+    """Several documents as one; their summaries are in its own where they are `told`."""
+    named = {}
+    for i, one in enumerate(documents, start=1):
+        sections = [_renamed(section, f"step{i}-") for section in one.sections]
+        named[_key(one.title) if _key(one.title) not in named else f"{_key(one.title)}_{i}"] = (one, sections)
+    return Document(
+        title=title,
+        summary=" ".join(filter(None, (notes, *(one.summary for one in documents if told)))),
+        sections=[
+            Section(one.title, paragraphs=(one.summary,), sections=sections)
+            for one, sections in named.values()
+        ],
+        highlights=[highlight for one in documents for highlight in one.highlights[:3]],
+        numbers={key: one.numbers for key, (one, _) in named.items()},
+        assumptions=list(dict.fromkeys(a for one in documents for a in one.assumptions)),
+        citations="\n\n".join(dict.fromkeys(one.citations for one in documents if one.citations)),
+        failures=[failure for one in documents for failure in one.failures],
+    )
+
+
+def _renamed(section: Section, prefix: str) -> Section:
+    """With names of pictures that no other step has."""
+    return replace(
+        section,
+        figures=[replace(picture, name=prefix + picture.name) for picture in section.figures],
+        sections=[_renamed(one, prefix) for one in section.sections],
+    )
+
+
+def _key(title: str) -> str:
+    return "_".join("".join(c if c.isalnum() else " " for c in title.lower()).split())

@@ -1,0 +1,184 @@
+"""Study: which model describes walks best, all fitted alike and judged on walks that none has seen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from ..actuator import Actuator
+from ..figures.identification import law_ranking
+from ..figures.style import svg
+from ..identify.candidates import Candidate, Comparison
+from ..identify.walk.compare import compare_walks, walk_candidates
+from ..input_file import InputFileError
+from ..records import did_you_mean
+from ..report import Column, Document, Number, Picture, Section, Table
+from ..units import QuantityError
+from .file import read_parts
+from .walk import WalkFile
+
+# The thesis's choice (ch. 3), with its steady friction constant.
+THESIS = "LuGre"
+# Errors on what was not fitted that differ by less are the same.
+SAME = 0.01
+
+
+class ComparisonStudy(WalkFile):
+    """See the module. `laws` are those of `walk_candidates` by their names; all of them if left out."""
+
+    kind: Literal["comparison"] = "comparison"
+    laws: list[str] = []  # noqa: RUF012  # pydantic copies it
+
+    def run(self, folder: Path, progress: Callable[[str, float], None]) -> Document:
+        """Fit and judge."""
+        model = self.actuator(folder)
+        parts = read_parts(self.recordings, folder)
+        data: dict[str, list[Any]] = {"fit": [], "verify": []}
+        for r in self.recordings:
+            data[r.use].append((parts[r.label], r.drive.waveform() if r.drive else None))
+        if not all(data.values()):
+            raise InputFileError("recordings: at least one with 'use: fit' and one with 'use: verify'")
+        found = compare_walks(
+            [d for d, _ in data["fit"]],
+            [d for d, _ in data["verify"]],
+            model,
+            named(candidates_of(model), self.laws or True, "laws"),
+            drive=[w for _, w in data["fit"]],
+            unseen_drive=[w for _, w in data["verify"]],
+            progress=lambda label, i, count: progress(f"fitting {label}", (i - 1) / count),
+        )
+        section = choice_section(found, sum(d.sizes["time"] for d, _ in data["fit"]), True)
+        best = found.verifications[found.best]
+        return Document(
+            title=self.title,
+            summary=f"{found.best} predicts walks that no fit has seen best: r² {best.r_squared:.4f}, "
+            f"rms error {1e9 * best.rmse:.4g} nm.",
+            sections=[Section("Models", paragraphs=(self.notes,), sections=[section])]
+            if self.notes
+            else [section],
+            highlights=[("r² of the best on unseen walks", Number(best.r_squared, ""))],
+            numbers={"best": found.best, "models": choice_numbers(found)},
+            assumptions=[f"{field} = {words}" for field, words in model.assumptions.items()],
+            citations=model.citation,
+        )
+
+
+def candidates_of(model: Actuator) -> list[Candidate]:
+    """All models of a walk, begun at the sizes of an actuator's friction."""
+    law = model.friction
+    sizes = ("coulomb_force", 1.0), ("sigma_0", 1e6), ("sigma_1", 0.0)
+    force, stiffness, damping = (float(getattr(law, name, usual)) for name, usual in sizes)
+    return walk_candidates(force, stiffness, damping or 30.0)
+
+
+def named(
+    candidates: Sequence[Candidate], names: bool | Sequence[str], field: str = "model_choice"
+) -> list[Candidate]:
+    """Those of the names, all of them where there are none; raises QuantityError for an unknown one."""
+    if isinstance(names, bool):
+        return list(candidates)
+    by_label = {candidate.label: candidate for candidate in candidates}
+    for name in names:
+        if name not in by_label:
+            hint = did_you_mean(name, by_label)
+            raise QuantityError(f"{field}: there is no {name!r}{hint}: there are {', '.join(by_label)}")
+    return [by_label[name] for name in names]
+
+
+def choice_numbers(choice: Comparison) -> dict[str, Any]:
+    """For results.json, by law."""
+    table = choice.table
+    return {
+        str(law): {
+            key: Number(float(table[key].sel(law=law)), str(table[key].attrs["units"]))
+            for key in ("r_squared", "verification_r_squared", "verification_rmse", "aic", "bic")
+        }
+        for law in table["law"].values
+    }
+
+
+def conclusion(choice: Comparison) -> str:
+    """Whether the thesis's choice holds, in numbers."""
+    table = choice.table
+    rmse, bic = table["verification_rmse"], table["bic"] - table["bic"].min()
+    best, least = choice.best, float(rmse.min())
+    own = float(rmse.sel(law=THESIS)) / least - 1.0
+    simplest = str(bic.idxmin("law").item())
+    seen = (
+        f"By the error on walks that were not fitted {best} is best, {1e9 * least:.4g} nm; by BIC "
+        f"{simplest}. "
+        f"{THESIS}, the thesis's choice, is {100 * own:.2g} % above the least error and "
+        f"{float(bic.sel(law=THESIS)):.3g} above the least BIC"
+    )
+    rivals = [
+        str(law)
+        for law in table["law"].values
+        if law != THESIS and float(rmse.sel(law=law)) < least * (1 + SAME) and float(bic.sel(law=law)) < 10.0
+    ]
+    if own >= SAME or float(bic.sel(law=THESIS)) >= 10.0:
+        return f"{seen}: these recordings do not confirm it."
+    if rivals:
+        return f"{seen}: confirmed, though these recordings cannot tell it from {', '.join(rivals)}."
+    return f"{seen}: confirmed."
+
+
+def choice_section(choice: Comparison, n_data: int, figures: bool) -> Section:
+    """The ranking, and whether the thesis's choice holds."""
+    table = choice.table
+    order = np.argsort(table["verification_rmse"].values)
+    laws = [str(law) for law in table["law"].values]
+    lowest = {key: float(table[key].min()) for key in ("aic", "bic")}
+    rows = []
+    for i in order:
+        fit = choice.fits[laws[i]]
+        rows.append(
+            (
+                laws[i],
+                int(table["n_parameters"][i]),
+                *(float(table[k][i]) for k in ("r_squared", "verification_r_squared", "verification_rmse")),
+                *(float(table[k][i]) - lowest[k] for k in ("aic", "bic")),
+                fit.doubt,
+            )
+        )
+    columns = (
+        Column("model"),
+        Column("fitted", ""),
+        Column("r², fitted", "", 6),
+        Column("r², not fitted", "", 6),
+        Column("rms error, not fitted", "m", 4),
+        Column("AIC above least", "", 4),
+        Column("BIC above least", "", 4),
+        Column("remark"),
+    )
+    pictures = []
+    if figures:
+        labels = [f"{law} ({int(n)})" for law, n in zip(laws, table["n_parameters"].values, strict=True)]
+        pictures.append(
+            Picture(
+                "campaign-models",
+                "What each model leaves unexplained of the walk it was fitted to, and of the others.",
+                svg(
+                    law_ranking(
+                        labels,
+                        table["r_squared"].values,
+                        table["verification_r_squared"].values,
+                        None if not math.isfinite(lowest["bic"]) else table["bic"].values,
+                    )
+                ),
+                "One minus r squared of each model, on a logarithmic scale, and its BIC",
+            )
+        )
+    return Section(
+        "Choice of model",
+        paragraphs=(
+            f"All models fitted alike to the same walk ({n_data} samples), with delay and offset free, and "
+            "judged on the walks that none has seen.",
+            *((conclusion(choice),) if THESIS in choice.fits else ()),
+        ),
+        tables=(Table("Models by their error on walks that were not fitted.", columns, rows),),
+        figures=pictures,
+    )

@@ -1,0 +1,181 @@
+"""Job files: steps that use what those before them made; and mistakes, named before anything is done."""
+
+from __future__ import annotations
+
+import copy
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+import stickslip as ss
+from experiment.files import SMALL
+from stickslip.cli import app
+from stickslip.input_file import InputFileError
+from stickslip.job.file import json_schema, read_job
+
+KANG = ss.load_actuator("kang2007").replace(stage_reaction=False)
+TRUTH = {"sigma_0": 1.399e6, "coulomb_force": 0.5401}
+
+
+def walk(folder: Path, name: str, volts: float, use: str) -> dict[str, Any]:
+    """A walk of three periods in a file, and how files name it."""
+    friction = KANG.friction._replace(**TRUTH, stiction_force=TRUTH["coulomb_force"])
+    fields = {"amplitude": volts, "frequency": 50.0, "periods": 3}
+    shown = ss.simulate(KANG.replace(friction=friction), ss.Sawtooth(**fields), 0.07, sample_rate=5e3)
+    ss.save_recording(shown[["end_effector_position", "drive_voltage"]], folder / f"{name}.nc")
+    return {"file": f"{name}.nc", "use": use, "drive": {"shape": "Sawtooth", "fields": fields}}
+
+
+def steps(folder: Path) -> list[dict[str, Any]]:
+    fitted, unseen = walk(folder, "fitted", 65.0, "fit"), walk(folder, "unseen", 45.0, "verify")
+    model = {"model": "kang2007", "change": {"stage_reaction": False}}
+    free = {"kind": "walk", "free": list(TRUTH), "hops": 0}
+    return [
+        {"identify": {**model, **free, "title": "Friction", "recordings": [fitted]}},
+        {"verify": {"recordings": [unseen], "require": ["r_squared > 0.999"]}},
+        {"compare": {**model, "laws": ["LuGre", "Dahl"], "recordings": [fitted, unseen]}},
+        {"export": {"format": "c"}},
+    ]
+
+
+def written(folder: Path, content: Any, name: str = "job.yaml") -> Path:
+    (folder / name).write_text(yaml.safe_dump(content, sort_keys=False), "utf-8")
+    return folder / name
+
+
+def test_from_a_recording_to_code(tmp_path: Path) -> None:
+    """What is verified and exported is what was identified."""
+    path = written(tmp_path, {"title": "To code", "steps": steps(tmp_path)})
+    done = CliRunner().invoke(app, ["run", str(path), "--out", str(tmp_path / "out")], prog_name="stickslip")
+    assert done.exit_code == 0, done.stderr
+    results = json.loads((tmp_path / "out" / "results.json").read_bytes())
+    numbers = results["numbers"]
+    assert list(numbers) == ["friction", "verify", "compare", "export_c"]
+    for name, true in TRUTH.items():
+        assert numbers["friction"]["parameters"][name]["value"] == pytest.approx(true, rel=0.01)
+        assert numbers["verify"]["model"]["friction"][name] == pytest.approx(
+            {"value": numbers["friction"]["parameters"][name]["value"], "unit": results_unit(name)}
+        )
+    assert numbers["compare"]["best"] == "LuGre"
+    assert "coulomb_force" in "".join(p.read_text("utf-8") for p in (tmp_path / "out" / "c").rglob("*.h"))
+    assert (tmp_path / "out" / "report.html").read_text("utf-8").count("<svg") >= 3
+
+
+def results_unit(name: str) -> str:
+    return {"sigma_0": "N/m", "coulomb_force": "N"}[name]
+
+
+def test_a_requirement_that_is_not_met_fails_the_job(tmp_path: Path) -> None:
+    some = steps(tmp_path)[:2]
+    some[1]["verify"]["require"] = ["rmse < 1 pm"]
+    path = written(tmp_path, {"title": "Strict", "steps": some})
+    document = ss.run_job(path, tmp_path / "out")
+    assert len(document.failures) == 1
+    assert "rmse" in document.failures[0]
+
+
+def test_a_campaign_takes_what_the_job_recorded(tmp_path: Path) -> None:
+    content = copy.deepcopy(SMALL)
+    content["runs"][0]["matrix"] = {"voltage": ["55 V", "65 V"], "frequency": ["50 Hz"]}
+    content["runs"][0]["repeats"] = 1
+    campaign = {
+        "model": "kang2007",
+        "hops": 0,
+        "recordings": [
+            {"cells": "walk_65V_50Hz", "use": "fit"},
+            {"cells": "walk_*", "use": "verify"},
+        ],
+    }
+    # One step in a file of its own, the other's content here.
+    written(tmp_path, content, "experiment.yaml")
+    job = {"title": "Both", "steps": [{"record": "experiment.yaml"}, {"identify": campaign}]}
+    document = ss.run_job(written(tmp_path, job), tmp_path / "out", figures=False)
+    assert {p.stem for p in (tmp_path / "out" / "recordings").glob("*.nc")} == {
+        "walk_55V_50Hz",
+        "walk_65V_50Hz",
+    }
+    assert document.numbers["identify"]["verification"]["walk_55V_50Hz"]["r_squared"].value > 0.9
+    assert (tmp_path / "out" / "steps" / "2_identify.json").is_file()
+
+
+def test_recordings_of_the_job_are_found_by_their_names(tmp_path: Path) -> None:
+    content = copy.deepcopy(SMALL)
+    content["runs"][0]["matrix"] = {"voltage": ["65 V"], "frequency": ["50 Hz"]}
+    content["runs"][0]["repeats"] = 1
+    drive = {"shape": "Sawtooth", "fields": {"amplitude": "65 V", "frequency": "50 Hz"}}
+    recording = {"file": "recordings/walk_65V_50Hz.nc", "drive": drive}
+    check = {"model": "kang2007", "recordings": [recording]}
+    job = {"title": "Both", "steps": [{"record": content}, {"verify": check}]}
+    document = ss.run_job(written(tmp_path, job), tmp_path / "out")
+    assert document.numbers["verify"]["verification"]["walk_65V_50Hz"]["rmse"].value > 0.0
+
+
+def test_other_kinds_of_files_are_jobs_of_one_step(tmp_path: Path) -> None:
+    examples = Path(ss.__file__).parent / "examples"
+    kinds = {path.name: [step.kind for step in read_job(path).steps] for path in examples.glob("*.yaml")}
+    assert kinds == {
+        "kang2007_experiment.yaml": ["record"],
+        "kang2007_campaign.yaml": ["identify"],
+        "friction_loops.yaml": ["identify"],
+        "piezo_mirror.yaml": ["identify"],
+        "pulled_slider.yaml": ["identify"],
+    }
+    check = {"kind": "verification", "title": "One", "model": "kang2007", "change": {"stage_reaction": False}}
+    check["recordings"] = [walk(tmp_path, "one", 65.0, "verify")]
+    document = ss.run_job(written(tmp_path, check), tmp_path / "out")
+    assert document.title == "One"
+    assert document.numbers["verification"]["one"]["r_squared"].value > 0.9
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda job: job.update(step=job.pop("steps")), "job.yaml: there is no field 'step'"),
+        (lambda job: job.update(titel="x"), "job.yaml: there is no field 'titel' (did you mean 'title'?)"),
+        (
+            lambda job: job["steps"][0].update(identfy=job["steps"][0].pop("identify")),
+            "job.yaml: steps.0: there is no step 'identfy' (did you mean 'identify'?)",
+        ),
+        (
+            lambda job: job["steps"][0]["identify"].update(fre=job["steps"][0]["identify"].pop("free")),
+            "job.yaml: steps.0.identify.walk: there is no field 'fre' (did you mean 'free'?)",
+        ),
+        (
+            lambda job: job["steps"][1]["verify"]["recordings"][0].update(flie="x"),
+            "job.yaml: steps.1.verify.recordings.0: there is no field 'flie' (did you mean 'file'?)",
+        ),
+        (lambda job: job["steps"][3]["export"].update(format="c++"), "job.yaml: steps.3.export.format"),
+        (lambda job: job["steps"].append({}), "job.yaml: steps.4: a step is exactly one of record, "),
+        (lambda job: job.update(steps=[]), "job.yaml: steps: a list of at least one step"),
+        (lambda job: job["steps"].pop(0), "verify names no model, and nothing is identified before it"),
+        (lambda job: job["steps"][2]["compare"].update(laws=["Lugre"]), "no 'Lugre' (did you mean 'LuGre'?)"),
+        (lambda job: job["steps"][0].update(identify="other.yaml"), "other.yaml: steps: there is no"),
+    ],
+)  # fmt: skip
+def test_a_mistake_is_named_with_its_file(tmp_path: Path, change: Any, message: str) -> None:
+    written(tmp_path, {"kind": "walk", "steps": 1, "title": "x"}, "other.yaml")
+    job = {"title": "To code", "steps": steps(tmp_path)}
+    change(job)
+    if "Lugre" in message:  # names of laws are known to the step alone
+        job["steps"] = job["steps"][2:3]
+    with pytest.raises(InputFileError) as caught:
+        ss.run_job(written(tmp_path, job), tmp_path / "out")
+    if "other.yaml" not in message:
+        assert message in str(caught.value)
+    else:
+        assert str(caught.value).startswith(str(tmp_path / "other.yaml"))
+
+
+def test_the_schema_knows_all_steps() -> None:
+    schema = json_schema()
+    assert set(schema["$defs"]["StepSpec"]["properties"]) == {
+        "record",
+        "identify",
+        "verify",
+        "compare",
+        "export",
+    }
