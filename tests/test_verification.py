@@ -146,3 +146,26 @@ def test_an_actuator_predicts_as_simulate_does(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr("stickslip.identify.walk.displacement.MAX_STEPS", 20)
     with pytest.raises(RecordingError, match="cannot predict end_effector_position"):
         verify(Predictor(model), recording, drive=drive)
+
+
+def test_a_prediction_that_leaves_more_than_noise_says_so() -> None:
+    """A stiffness that is off by a fifth rings otherwise: seen against the rest before, and by periods."""
+    actuator = load_actuator("kang2007").replace(stage_reaction=False)
+    drive = Sequence(Rest(0.05), Sawtooth(65.0, 20.0, periods=8))
+    walk = simulate(actuator, drive, 0.45, sample_rate=4e3)[["end_effector_position"]]
+    noise = 20e-9 * np.random.default_rng(0).standard_normal(walk["time"].size)
+    walk["end_effector_position"] += noise
+    right = verify(Predictor(actuator), walk, drive=drive)
+    assert right.statements == ()
+    assert 0.9 < right.table["residual_over_noise"].values[0] < 1.2  # that of the worst comparison
+    law = actuator.friction
+    wrong = verify(
+        Predictor(actuator.replace(friction=law._replace(sigma_0=0.8 * law.sigma_0))), walk, drive=drive
+    )
+    (said,) = wrong.statements
+    assert "the model does not explain" in said
+    assert "x the noise" in said
+    assert said in wrong.report()
+    assert "intervals" not in said
+    assert wrong.unmet([Requirement.parse("residual_over_noise < 1.2")])
+    assert not right.unmet([Requirement.parse("residual_over_noise < 1.2")])

@@ -10,7 +10,7 @@ from unittest.mock import patch
 import numpy as np
 
 import stickslip as ss
-from stickslip.identify import friction
+from stickslip.identify.walk import friction
 
 from .. import campaign
 from ..worker import Case, serve

@@ -14,9 +14,11 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from .estimate.goodness import Goodness, goodness
+from .estimate.lack import Lack, lack_of_fit
 from .estimate.result import Fit
 from .identify.recorded.channels import channel, drives_of, names_of, recordings_of, same_number
 from .identify.recorded.drives import periodic_part
+from .identify.recorded.known_noise import known_noise
 from .identify.walk.prediction import Predictor
 from .recording import RecordingError, make_recording
 from .records import did_you_mean
@@ -68,10 +70,17 @@ _RELATIONS: dict[str, Callable[[float, float], bool]] = {
     ">": operator.gt, ">=": operator.ge, "<": operator.lt, "<=": operator.le,
 }  # fmt: skip
 # Figures of merit that can be required, with their units.
-FIGURES = {"r_squared": "", "rmse": "m", "largest_error": "m", "net_step_error": ""}
+FIGURES = {
+    "r_squared": "",
+    "rmse": "m",
+    "residual_over_noise": "",
+    "largest_error": "m",
+    "net_step_error": "",
+}
 _WHY_NOT = {
     "r_squared": "what was measured is constant",
     "net_step_error": "the drive is not known as a waveform with periods",
+    "residual_over_noise": "nothing is recorded at rest, and nothing repeats, that shows the noise",
 }
 
 
@@ -85,6 +94,7 @@ class Verification:
         recordings: the goodness of each.
         steps: net step per period of each, measured and predicted; NaN where the drive does not repeat.
         predictions: for each a recording with measured, predicted and residual (predicted minus measured).
+        lacks: what each says of the model, by the noise that it shows besides: see `lack_of_fit`.
     """
 
     observed: str
@@ -92,6 +102,12 @@ class Verification:
     recordings: tuple[Goodness, ...]
     predictions: tuple[xr.Dataset, ...]
     steps: tuple[tuple[float, float], ...]
+    lacks: tuple[Lack, ...] = ()
+
+    @property
+    def statements(self) -> tuple[str, ...]:
+        """A sentence for each recording that the model, with these values, does not explain."""
+        return tuple(one.statement for one in self.lacks if one.seen)
 
     @property
     def r_squared(self) -> float:
@@ -106,14 +122,17 @@ class Verification:
 
     @property
     def table(self) -> xr.Dataset:
-        """r_squared, rmse, largest_error, net_step, net_step_error and n_data over "recording".
+        """r_squared, rmse, residual_over_noise, largest_error, net_step, net_step_error and n_data over
+        "recording".
 
-        The error of the net step is a part of it: predicted over measured, less one, without its sign.
+        The error of the net step is a part of it: predicted over measured, less one, without its sign. The
+        residual is NaN over noise that is not known otherwise.
         """
         errors = [float(np.max(np.abs(p["residual"].values))) for p in self.predictions]
         columns = {
             "r_squared": ([g.r_squared for g in self.recordings], ""),
             "rmse": ([g.rmse for g in self.recordings], self.unit),
+            "residual_over_noise": ([one.ratio for one in self.lacks] or [math.nan] * len(errors), ""),
             "largest_error": (errors, self.unit),
             "net_step": ([measured for measured, _ in self.steps], self.unit),
             "net_step_error": ([_step_error(*pair) for pair in self.steps], ""),
@@ -157,7 +176,11 @@ class Verification:
         if len(rows) > 1:
             rows.append(("all", self.r_squared, self.rmse, "", sum(g.n_data for g in self.recordings)))
         return "\n".join(
-            [*lines, *(f"{n:{width}}  {r:9.6f}  {e:<10.4g}  {s:14}  {k}" for n, r, e, s, k in rows)]
+            [
+                *lines,
+                *(f"{n:{width}}  {r:9.6f}  {e:<10.4g}  {s:14}  {k}" for n, r, e, s, k in rows),
+                *self.statements,
+            ]
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -243,7 +266,7 @@ def verify(
     names = names_of(found)
     drives = drives_of(drive, found)
     repeating = drives if steps_of is None else same_number(steps_of, found, "waveforms")
-    goods, predictions, steps = [], [], []
+    goods, predictions, steps, lacks = [], [], [], []
     for recording, waveform, repeated, name in zip(found, drives, repeating, names, strict=True):
         measured = channel(recording, fit.observed, name)
         unit = str(recording[fit.observed].attrs.get("units", ""))
@@ -252,7 +275,11 @@ def verify(
             raise RecordingError(f"the model cannot predict {fit.observed} [{unit}] of {name}")
         variables = {"measured": measured, "predicted": predicted, "residual": predicted - measured}
         goods.append(goodness(predicted - measured, measured, name, unit))
+        known = known_noise(recording, measured, waveform if hasattr(waveform, "drive") else None)
+        lacks.append(lack_of_fit(predicted - measured, known, name))
         time = recording["time"].values
         steps.append((net_step(time, measured, repeated), net_step(time, predicted, repeated)))
         predictions.append(make_recording(time, {k: (v, unit) for k, v in variables.items()}, title=name))
-    return Verification(fit.observed, goods[0].unit, tuple(goods), tuple(predictions), tuple(steps))
+    return Verification(
+        fit.observed, goods[0].unit, tuple(goods), tuple(predictions), tuple(steps), tuple(lacks)
+    )

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from stickslip.campaign.deeper import Deeper, _named
-from stickslip.campaign.deeper_sections import conclusion, deeper_numbers, deeper_sections
+from stickslip.campaign.deeper import Deeper
+from stickslip.campaign.deeper_sections import deeper_numbers, deeper_sections
 from stickslip.campaign.features import feature_numbers, features_of, features_section
 from stickslip.estimate.fit import fit_least_squares
 from stickslip.estimate.goodness import Goodness
@@ -22,6 +22,7 @@ from stickslip.identify.walk.compare import walk_candidates
 from stickslip.recording import make_recording
 from stickslip.report import Number
 from stickslip.study.alignment import Aligned
+from stickslip.study.comparison import conclusion, named
 from stickslip.units import QuantityError
 
 T = np.linspace(0.0, 1.0, 200)
@@ -112,10 +113,10 @@ def test_the_conclusion_follows_from_the_numbers(rmse: dict[str, float], words: 
 
 def test_models_are_chosen_by_name() -> None:
     every = walk_candidates(0.5, 1e6, 30.0)
-    assert _named(every, True) == every
-    assert [c.label for c in _named(every, ["LuGre", "Dahl"])] == ["LuGre", "Dahl"]
+    assert named(every, True) == every
+    assert [c.label for c in named(every, ["LuGre", "Dahl"])] == ["LuGre", "Dahl"]
     with pytest.raises(QuantityError, match=r"no 'Lugre' \(did you mean 'LuGre'"):
-        _named(every, ["Lugre"])
+        named(every, ["Lugre"])
 
 
 def walk() -> xr.Dataset:

@@ -123,6 +123,7 @@ def test_other_kinds_of_files_are_jobs_of_one_step(tmp_path: Path) -> None:
         "friction_loops.yaml": ["identify"],
         "piezo_mirror.yaml": ["identify"],
         "pulled_slider.yaml": ["identify"],
+        "kang2007_job.yaml": ["record", "identify", "export"],
     }
     check = {"kind": "verification", "title": "One", "model": "kang2007", "change": {"stage_reaction": False}}
     check["recordings"] = [walk(tmp_path, "one", 65.0, "verify")]

@@ -73,14 +73,18 @@ class Lack(NamedTuple):
         return self.chance < FALSE_ALARM and self.ratio >= LEAST_RATIO
 
     @property
-    def sentence(self) -> str:
+    def statement(self) -> str:
         """In plain words; empty where nothing is seen."""
         if not self.seen:
             return ""
         return (
-            f"the model does not explain {self.name}: residual {self.ratio:.3g} x the noise "
-            f"({self.against}); its intervals are not to be trusted"
+            f"the model does not explain {self.name}: residual {self.ratio:.3g} x the noise ({self.against})"
         )
+
+    @property
+    def sentence(self) -> str:
+        """The same, of a fit."""
+        return f"{self.statement}; its intervals are not to be trusted" if self.seen else ""
 
 
 class _Compared(NamedTuple):

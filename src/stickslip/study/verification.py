@@ -71,6 +71,7 @@ class VerificationStudy(Study):
             count = len(requirements)
             all_of_them = f"ll of the {count} requirements" if count > 1 else "ll that is required is"
             said += f" {'NOT a' if failures else 'A'}{all_of_them} met."
+        said += "".join(f" {text[0].upper()}{text[1:]}." for text in found.statements)
         progress("drawing", 0.6)
         return Document(
             title=self.title,
@@ -213,8 +214,7 @@ def verification_numbers(found: Verification) -> dict[str, Any]:
     table = found.table
     return {
         str(name): {
-            key: Number(float(table[key][i]), str(table[key].attrs["units"]))
-            for key in ("r_squared", "rmse", "largest_error", "net_step", "net_step_error", "n_data")
+            key: Number(float(table[key][i]), str(table[key].attrs["units"])) for key in table.data_vars
         }
         for i, name in enumerate(table["recording"].values)
     }
