@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import inspect
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..chain import Chain
 from ..electronics import Amplifier, StrainGauge
 from ..friction import element, elements, rate
 from ..friction.law import _implementation
@@ -14,7 +16,7 @@ from ..mechanism import holding_force, joined, slider_acceleration, stage_accele
 from ..records import Quantity, quantities
 from ..simulation.models import mechanism
 from ..units import QuantityError
-from .signal_chain import amplifier_after, sensor_after, sensor_output
+from .signal_chain import amplifier_after, channel_output, sensor_after, sensor_output
 from .subset import BOOL, INT, REAL, Array, Record, TranslationError, real, record_type
 from .translation import Translation
 
@@ -24,11 +26,11 @@ class SignalChain(NamedTuple):
 
     amplifier: Amplifier | None = None
     capacitance: float | None = None  # F, of the piezo; with the amplifier
-    sensor: StrainGauge | None = None  # on the end-effector
+    sensor: StrainGauge | Chain | None = None  # on the end-effector
 
 
-def equations(model: Any, chain: SignalChain) -> str:
-    """The text of stickslip_equations.h, without its first comment.
+def equations(model: Any, chain: SignalChain, step: float) -> str:
+    """The text of stickslip_equations.h, without its first comment, for steps of `step` [s].
 
     Raises:
         TranslationError: a function of the law is outside the subset that can be translated.
@@ -41,7 +43,7 @@ def equations(model: Any, chain: SignalChain) -> str:
         made.function(function, (mech, REAL, REAL, REAL, REAL))
     made.function(holding_force, (mech, REAL, REAL, Array(7)))
     made.function(joined, (mech, REAL))
-    parts = [*_law(made, law), *_chain(made, chain)]
+    parts = [*_law(made, law), *_chain(made, chain, step)]
     checks = _checks(made, "model", kind)
     for name, inner in record_type(chain).fields:
         if isinstance(inner, Record):
@@ -139,7 +141,7 @@ def _calls(head: str, arguments: str, body: str) -> str:
     return f"static inline {head}({arguments})\n{{\n    {body}\n}}\n"
 
 
-def _chain(made: Translation, chain: SignalChain) -> list[str]:
+def _chain(made: Translation, chain: SignalChain, step: float) -> list[str]:
     """Amplifier and sensor, as far as there are any."""
     kind = record_type(chain)
     if not kind.fields:
@@ -150,7 +152,13 @@ def _chain(made: Translation, chain: SignalChain) -> list[str]:
         f"#define STICKSLIP_HAS_{part.upper()} {int(getattr(chain, part) is not None)}"
         for part in ("amplifier", "sensor")
     ]
-    lines = [*flags, struct, ""]
+    delay = chain.sensor.delay if isinstance(chain.sensor, Chain) else None
+    if delay is not None and delay < 0.0:
+        raise QuantityError(f"Chain.delay = {delay:g} s is out of range: what is exported cannot be early")
+    # Positions that are kept for a channel that is late, also at half the step: one on either side of what
+    # it shows.
+    kept = 0 if delay is None else 2 * math.ceil(delay / step * (1.0 - 1e-9)) + 2
+    lines = [*flags, f"#define STICKSLIP_LATE {kept}", struct, ""]
     fields = dict(kind.fields)
     if chain.amplifier is not None:
         name, _ = made.function(amplifier_after, (fields["amplifier"], REAL, REAL, REAL, REAL))
@@ -159,7 +167,9 @@ def _chain(made: Translation, chain: SignalChain) -> list[str]:
             "const stickslip_signal_chain *chain, real_t wanted, real_t now, real_t h",
             f"return {name}(&chain->amplifier, chain->capacitance, wanted, now, h);",
         ))  # fmt: skip
-    if chain.sensor is not None:
+    if isinstance(chain.sensor, Chain):
+        output, _ = made.function(channel_output, (fields["sensor"], REAL))
+    elif chain.sensor is not None:
         after, _ = made.function(sensor_after, (fields["sensor"], REAL, REAL, REAL))
         output, _ = made.function(sensor_output, (fields["sensor"], REAL))
         lines.append(_calls(
@@ -167,6 +177,7 @@ def _chain(made: Translation, chain: SignalChain) -> list[str]:
             "const stickslip_signal_chain *chain, real_t position, real_t now, real_t h",
             f"return {after}(&chain->sensor, position, now, h);",
         ))  # fmt: skip
+    if chain.sensor is not None:
         lines.append(_calls(
             "real_t stickslip_sensor_output", "const stickslip_signal_chain *chain, real_t seen",
             f"return {output}(&chain->sensor, seen);",

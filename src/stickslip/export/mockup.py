@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from ..actuator import Actuator
+from ..chain import Chain
 from ..electronics import Amplifier, StrainGauge
 from ..units import QuantityError, to_si
 from .description import build_description, model_description, sources
@@ -38,13 +39,14 @@ def export_fmu(
     amplifier: Amplifier | None = None,
     piezo_capacitance: float | str | None = None,
     sensor: StrainGauge | None = None,
+    chain: Chain | None = None,
     measurement_noise: float | str = 10e-9,
     compiler: str = "gcc",
 ) -> Path:
     """Write a model as an FMU for co-simulation, with sources and a binary for 64-bit Linux.
 
     Args:
-        source, amplifier, piezo_capacitance, sensor, measurement_noise: as for `export_c`.
+        source, amplifier, piezo_capacitance, sensor, chain, measurement_noise: as for `export_c`.
         out: the folder to make; the FMU in it is called after the model.
         fmi: 2 or 3.
         mode: "plant" (voltage in, displacement out), "observer" (voltage and measured displacement in, states
@@ -72,14 +74,14 @@ def export_fmu(
     noise = to_si(measurement_noise, "m", "measurement_noise")
     if not noise > 0.0:
         raise QuantityError(f"measurement_noise = {noise:g} m must be > 0 m")
-    chain = signal_chain(amplifier, piezo_capacitance, sensor)
-    files = core_files(found, chain, h, noise)
+    parts = signal_chain(found, amplifier, piezo_capacitance, sensor, chain)
+    files = core_files(found, parts, h, noise)
     name = re.sub(r"\W", "_", Path(found.model.name).stem) or type(found.model).__name__.lower()
     identifier = f"{name}_{mode}" if name[0].isalpha() else f"model_{name}_{mode}"
     rest = float(default_waveform(found.model).drive(h).before)
     everything = "".join(files[key] for key in sorted(files)) + identifier + str(fmi)
     token = "{" + hashlib.sha256(everything.encode()).hexdigest()[:32] + "}"
-    all_of = variables(found, chain, mode, h, rest)
+    all_of = variables(found, parts, mode, h, rest)
     files["fmi_variables.h"] = heading(found) + variables_h(all_of, mode, token, h, rest)
     for file in (f"fmi{fmi}.c", "fmi_instance.h", *_HEADERS[fmi]):
         files[file] = (C / "fmi" / file).read_text(encoding="utf-8")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import shutil
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any
 
 from .._version import __version__
 from ..actuator import Actuator
+from ..chain import Chain
 from ..electronics import Amplifier, StrainGauge
 from ..simulation.models import checked_drive
 from ..units import QuantityError, to_si
@@ -22,6 +24,8 @@ from .values import parameters_c, plain
 from .writing import whole
 
 C = Path(__file__).parent / "c"
+# Hz, of an amplifier of which only the slew rate is known.
+AT_ONCE = 1e7
 CORE = ("stickslip.c", "stickslip.h", "stickslip_real.h", "stickslip_player.h")
 LICENCE = Path(__file__).parent / "c" / "LICENSE.txt"
 
@@ -37,6 +41,7 @@ def export_c(
     amplifier: Amplifier | None = None,
     piezo_capacitance: float | str | None = None,
     sensor: StrainGauge | None = None,
+    chain: Chain | None = None,
     measurement_noise: float | str = 10e-9,
 ) -> Path:
     """Write a model as C99 that needs nothing but a compiler: plant, observer and feedforward, for a host and
@@ -53,6 +58,9 @@ def export_c(
             stroke.
         amplifier: between the input and the piezo; needs the `piezo_capacitance` [F].
         sensor: a linear sensor on the end-effector, with its bandwidth.
+        chain: what lies between the input and the piezo (its slew rate, without an amplifier), and between
+            the end-effector and its channel: the sensor's output is then late by its delay, in m. Left out,
+            that of a fit of walks or of a campaign's results.json; a delay below 0 is then none.
         measurement_noise: m, standard deviation of a measured position, for the observer's gain.
 
     Returns:
@@ -65,7 +73,8 @@ def export_c(
     """
     found = exported(source)
     h = checked_step(step)
-    chain = signal_chain(amplifier, piezo_capacitance, sensor)
+    parts = signal_chain(found, amplifier, piezo_capacitance, sensor, chain)
+    amplifier = parts.amplifier
     noise = to_si(measurement_noise, "m", "measurement_noise")
     if not noise > 0.0:
         raise QuantityError(f"measurement_noise = {noise:g} m must be > 0 m")
@@ -75,7 +84,7 @@ def export_c(
     elif drive.unit != "V":
         raise QuantityError(f"the input of an amplifier is in V, not in {drive.unit}")
     seconds = to_si(duration, "s", "duration") if duration is not None else None
-    files = core_files(found, chain, h, noise)
+    files = core_files(found, parts, h, noise)
     table = table_h("stickslip_waveform", repr_of(drive), played(drive, h, seconds), h)
     rest = f"#define STICKSLIP_REST_INPUT R({float(drive.drive(h).before)!r})"
     noise_line = f"#define STICKSLIP_MEASUREMENT_NOISE R({noise!r})"
@@ -104,7 +113,7 @@ def core_files(found: Exported, chain: SignalChain, h: float, noise: float) -> d
     """Name and text of the C files that every export has."""
     head = heading(found)
     files = {name: (C / name).read_text(encoding="utf-8") for name in CORE}
-    files["stickslip_equations.h"] = head + equations(found.model, chain)
+    files["stickslip_equations.h"] = head + equations(found.model, chain, h)
     gain = observer_gain(found.model, h, noise)
     files["stickslip_parameters.c"] = head + parameters_c(found, chain, gain)
     return files
@@ -132,17 +141,32 @@ def checked_step(step: float | str) -> float:
 
 
 def signal_chain(
-    amplifier: Amplifier | None, piezo_capacitance: float | str | None, sensor: StrainGauge | None
+    found: Exported,
+    amplifier: Amplifier | None,
+    piezo_capacitance: float | str | None,
+    sensor: StrainGauge | None,
+    chain: Chain | None,
 ) -> SignalChain:
-    """Amplifier and sensor, checked; raises QuantityError."""
+    """Amplifier and sensor, or what stands for them in a chain, checked; raises QuantityError."""
+    if chain is None and found.chain is not None:
+        chain = found.chain._replace(delay=max(found.chain.delay, 0.0))
+    seen = sensor
+    if chain is not None and chain != Chain():
+        if sensor is not None:
+            raise QuantityError("give a sensor or a chain of the position channel, not both")
+        seen = chain
+        if amplifier is None and chain.known_slew_rate is not None:
+            low, high = max(found.model.min_voltage, -1e6), min(found.model.max_voltage, 1e6)
+            amplifier = Amplifier(1.0, 0.0, AT_ONCE, chain.slew_rate, math.inf, low, high)
+            piezo_capacitance = piezo_capacitance or 1e-6  # without a limit of the current it does not count
     if amplifier is None:
-        return SignalChain(sensor=sensor)
+        return SignalChain(sensor=seen)
     if piezo_capacitance is None:
         raise QuantityError("an amplifier needs the piezo_capacitance [F] that it charges")
     farad = to_si(piezo_capacitance, "F", "piezo_capacitance")
     if not farad > 0.0:
         raise QuantityError(f"piezo_capacitance = {farad:g} F must be > 0 F")
-    return SignalChain(amplifier, farad, sensor)
+    return SignalChain(amplifier, farad, seen)
 
 
 def default_waveform(model: Any, amplifier: Amplifier | None = None) -> Waveform:

@@ -29,6 +29,11 @@ def sensor_after(sensor, position, now, h):
     return position + (now - position) * math.exp(-2.0 * math.pi * sensor.bandwidth * h)
 
 
+def channel_output(chain, seen):
+    """What a position channel shows, m, of the position that it is late to see."""
+    return chain.scale * seen + chain.offset
+
+
 def sensor_output(sensor, seen):
     """What the conditioner gives out, V."""
     return seen / sensor.sensitivity - sensor.offset

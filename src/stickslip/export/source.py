@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ..actuator import Actuator, PulledSlider, load_actuator, load_pulled_slider
+from ..chain import Chain
 from ..estimate.result import Fit
 from ..friction import LAWS, is_law
 from ..parameters import ParameterSetError, load_set
@@ -22,10 +23,12 @@ class ExportError(ValueError):
 
 
 class Exported(NamedTuple):
-    """A model and the source of its values by field, "friction.sigma_0" for those of the law."""
+    """A model, the source of its values by field ("friction.sigma_0" for those of the law), and the chain to
+    its position channel, where the recordings that it is from have shown one."""
 
     model: Any
     sources: dict[str, str]
+    chain: Chain | None = None
 
 
 def exported(source: Any) -> Exported:
@@ -48,7 +51,8 @@ def exported(source: Any) -> Exported:
             name: f"fitted, r^2 {source.r_squared:.4f}, standard error {errors[name]:.3g}"
             for name in source.values
         }
-        return Exported(source.model, _sources(source.model, fitted))
+        own = getattr(getattr(source.predict, "__self__", None), "chain", None)
+        return Exported(source.model, _sources(source.model, fitted), own)
     if not isinstance(source, str | os.PathLike):
         raise ExportError(
             f"a {type(source).__name__} cannot be exported: give an Actuator, a PulledSlider, a Fit, the "
@@ -83,7 +87,8 @@ def _of_results(file: Path) -> Exported:
         for name, entry in numbers.get("parameters", {}).items()
         if entry.get("standard_error") is not None
     }
-    return Exported(model, _sources(model, fitted))
+    chain = numbers.get("signal_chain")
+    return Exported(model, _sources(model, fitted), None if chain is None else Chain(**_fields(chain)))
 
 
 def _fields(found: dict[str, Any]) -> dict[str, Any]:

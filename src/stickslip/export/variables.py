@@ -81,7 +81,7 @@ def _outputs(model: Any, chain: SignalChain, mode: Mode) -> list[Variable]:
     if not isinstance(model, Actuator):
         known[4] = ("drive_voltage", "m", "Position of the spring's far end")
     if chain.sensor is not None:
-        known.append(("sensor_output", "V", "Output of the sensor on the end-effector"))
+        known.append(("sensor_output", chain.sensor.unit, "Output of the sensor on the end-effector"))
     return [
         Variable(name, first + i, f"outputs.{name}", "output", unit, words)
         for i, (name, unit, words) in enumerate(known)

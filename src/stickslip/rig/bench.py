@@ -7,12 +7,14 @@ or end_effector), and the `adc` that samples it.
 
 from __future__ import annotations
 
+import math
 import os
 import tomllib
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
+from ..chain import Chain
 from ..electronics import (
     Adc,
     Amplifier,
@@ -29,7 +31,7 @@ from ..records import did_you_mean
 T = TypeVar("T")
 
 _BENCHES = Path(__file__).parent / "benches"
-Sensor = StrainGauge | InductiveSensor | Interferometer | PositionSensor
+Sensor = StrainGauge | InductiveSensor | Interferometer | PositionSensor | Chain
 _SENSORS = {kind.__name__: kind for kind in (StrainGauge, InductiveSensor, Interferometer, PositionSensor)}
 _PLACES = ("stage", "end_effector")
 
@@ -64,6 +66,15 @@ class Bench:
     def replace(self, **changes: Any) -> Bench:
         """The same bench with some fields changed."""
         return replace(self, **changes)
+
+    def with_chain(self, chain: Chain, name: str = "position") -> Bench:
+        """The bench with an input of that name that shows the end-effector as a chain does, in m and without
+        noise, and an amplifier that follows at the chain's slew rate."""
+        amplifier = self.amplifier
+        if chain.known_slew_rate is not None:
+            amplifier = amplifier._replace(slew_rate=chain.slew_rate, max_current=math.inf)
+        sensors = {**self.sensors, name: Mounted(chain, "end_effector", None)}
+        return replace(self, amplifier=amplifier, sensors=sensors)
 
 
 def available_benches() -> tuple[str, ...]:

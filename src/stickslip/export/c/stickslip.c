@@ -280,6 +280,12 @@ const char *stickslip_init(stickslip_plant *plant, const stickslip_parameters *p
     if (!((h >= 1e-9) && (h <= 1.0))) {
         return "the step h [s] is out of range: it must be >= 1e-9 and <= 1";
     }
+#if STICKSLIP_LATE
+    if (!((parameters->chain.sensor.delay >= R(0.0)) &&
+          ((double)parameters->chain.sensor.delay <= h * (STICKSLIP_LATE - 2) * (1.0 + 1e-6)))) {
+        return "the channel's delay is longer than what is kept at this step: export with this step";
+    }
+#endif
     made.mechanism = ss_mechanism(&parameters->model);
     made.chain = parameters->chain;
     for (int i = 0; i < 5; ++i) {
@@ -364,7 +370,28 @@ void stickslip_rest(const stickslip_plant *plant, stickslip_state *state, real_t
     }
 #endif
     state->sensor = state->end_effector_position;
+#if STICKSLIP_LATE
+    state->newest = 0;
+    for (int i = 0; i < STICKSLIP_LATE; ++i) {
+        state->late[i] = state->end_effector_position;
+    }
+#endif
 }
+
+#if STICKSLIP_LATE
+/* The end-effector as a channel sees it that is late, between two steps along a line. */
+static real_t seen_late(const stickslip_plant *plant, stickslip_state *state)
+{
+    const real_t steps = plant->chain.sensor.delay * plant->per_h;
+    const int whole = (int)steps;
+    const real_t part = steps - (real_t)whole;
+    state->newest = (state->newest + 1) % STICKSLIP_LATE;
+    state->late[state->newest] = state->end_effector_position;
+    const int later = (state->newest - whole + STICKSLIP_LATE) % STICKSLIP_LATE;
+    const int earlier = (later - 1 + STICKSLIP_LATE) % STICKSLIP_LATE;
+    return state->late[later] + part * (state->late[earlier] - state->late[later]);
+}
+#endif
 
 int stickslip_step(const stickslip_plant *plant, stickslip_state *state, real_t input)
 {
@@ -454,7 +481,9 @@ int stickslip_step_ramp(const stickslip_plant *plant, stickslip_state *state, re
     state->stage_velocity += change[W];
     state->end_effector_velocity += change[S];
     state->input = end;
-#if STICKSLIP_HAS_SENSOR
+#if STICKSLIP_LATE
+    state->sensor = seen_late(plant, state);
+#elif STICKSLIP_HAS_SENSOR
     state->sensor = stickslip_sensor_after(&plant->chain, state->end_effector_position, state->sensor, plant->h);
 #else
     state->sensor = state->end_effector_position;

@@ -59,6 +59,10 @@ typedef struct {
     real_t input;                  /* the last input of the actuator, V */
     real_t lost[2];                /* m, what rounding took from the two positions */
     real_t sensor;                 /* m, the end-effector as the sensor sees it */
+#if STICKSLIP_LATE
+    real_t late[STICKSLIP_LATE];   /* m, the end-effector at the last steps, for a channel that is late */
+    int newest;
+#endif
 } stickslip_state;
 
 typedef struct {
