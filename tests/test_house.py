@@ -40,7 +40,7 @@ OWNERS = {
     "threadpoolctl": {"estimate"},
     "emcee": {"identify/walk/bayes"},
     "arviz": {"identify/walk/bayes"},
-    "pydantic": {"input_file", "study", "experiment", "campaign", "panel"},
+    "pydantic": {"input_file", "study", "experiment", "campaign", "job", "panel"},
     "yaml": {"input_file"},
     "pyvisa": {"rig/scpi"},
     "asammdf": {"readers/mdf"},

@@ -50,6 +50,8 @@ from .identify.walk.bayes import Posterior as Posterior
 from .identify.walk.bayes import posterior as posterior
 from .identify.walk.compare import compare_walks as compare_walks
 from .identify.walk.compare import walk_candidates as walk_candidates
+from .identify.walk.conditions import Conditions as Conditions
+from .identify.walk.conditions import identify_conditions as identify_conditions
 from .identify.walk.experiments import Walk as Walk
 from .identify.walk.experiments import expected_errors as expected_errors
 from .identify.walk.friction import identify_friction as identify_friction

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy import stats
 from scipy.ndimage import uniform_filter1d
 
-# Of a right model, for one recording: the chance that it is said to lack.
+# Of a right model, for one fit: the chance that it is said to lack.
 FALSE_ALARM = 0.005
 # Less than so much more than the noise is no lack: delays stand in for filters, polynomials for curves.
 LEAST_RATIO = 1.1
@@ -124,8 +124,8 @@ def independent(rows: Array) -> float:
     return min(2.0 * (1.0 + 1.0 / len(rows)) * float(power.sum()) ** 2 / square, float(rows.shape[1]))
 
 
-def _independent_of(r: Array, memory: int) -> float:
-    """Of one series that remembers over some samples."""
+def independent_samples(r: Array, memory: int = 1) -> float:
+    """How many independent ones tell as much of the variance as one series [n] that remembers over some."""
     size = min(r.size, max(8 * memory, r.size // 8, 16))
     count = r.size // size
     return r.size / size * independent(r[: count * size].reshape(count, size))
@@ -137,7 +137,7 @@ def _by_given(r: Array, known: KnownNoise, n_fitted: float) -> _Compared | None:
     over = r / known.given
     freedom = max(over.size - n_fitted, 1.0)
     square = float(over @ over) / freedom
-    share = _independent_of(over, 1) / over.size
+    share = independent_samples(over, 1) / over.size
     chance = float(stats.chi2.sf(square * freedom * share, freedom * share))
     return _Compared(math.sqrt(square), chance, "as it was given")
 
@@ -154,7 +154,7 @@ def _by_rest(r: Array, known: KnownNoise) -> _Compared | None:
         noise, left = max(float(quiet.mean()), least), float(moving.mean())
         if noise <= 0.0:
             continue
-        counts = [_independent_of(part[lag:] - part[:-lag], int(lag)) for part in (r[:n], r[n:])]
+        counts = [independent_samples(part[lag:] - part[:-lag], int(lag)) for part in (r[:n], r[n:])]
         if float(quiet.mean()) < least:
             counts[0] = 1e6  # of the converter's steps, known exactly
         chance = float(stats.f.sf(left / noise, max(counts[1], 1.0), max(counts[0], 1.0))) * lags.size
@@ -217,7 +217,7 @@ def left_over(name: str, left: float, least: Array, more: int, fitted: int) -> L
     ratio = math.sqrt(left / noise) if noise > 0.0 else math.nan
     if not ratio > 1.0 or freedom < 1:
         return Lack(name, ratio, 1.0, "")
-    freedom *= _independent_of(least, 1) / least.size
+    freedom *= independent_samples(least, 1) / least.size
     chance = float(stats.f.sf((ratio**2 - 1.0) * freedom / more, more, freedom))
     return Lack(name, ratio, chance, "by what it leaves with other values of the stage")
 

@@ -218,14 +218,18 @@ class Fit:
 
     @cached_property
     def lack(self) -> tuple[Lack, ...]:
-        """What each recording says of the model, by the noise that it shows besides: see `lack_of_fit`."""
+        """What each recording says of the model, by the noise that it shows besides: see `lack_of_fit`.
+
+        The chance is that of any of them.
+        """
         if not self.known:
             return ()
         share = (self.n_data - self.degrees_of_freedom) / max(self.n_data, 1)
-        return tuple(
+        found = [
             lack_of_fit(r, known, g.name, share * r.size)
             for r, known, g in zip(self.residuals, self.known, self.recordings, strict=True)
-        )
+        ]
+        return tuple(one._replace(chance=min(1.0, len(found) * one.chance)) for one in found)
 
     @property
     def at_bounds(self) -> tuple[str, ...]:

@@ -158,6 +158,7 @@ def _chain(made: Translation, chain: SignalChain, step: float) -> list[str]:
     # Positions that are kept for a channel that is late, also at half the step: one on either side of what
     # it shows.
     kept = 0 if delay is None else 2 * math.ceil(delay / step * (1.0 - 1e-9)) + 2
+    output = ""
     lines = [*flags, f"#define STICKSLIP_LATE {kept}", struct, ""]
     fields = dict(kind.fields)
     if chain.amplifier is not None:

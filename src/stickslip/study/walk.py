@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -12,8 +13,9 @@ from pydantic import Field
 from ..actuator import Actuator, load_actuator
 from ..estimate.goodness import goodness
 from ..estimate.result import Fit
-from ..figures.identification import fit_with_residuals
+from ..figures.identification import Estimates, fit_with_residuals, parameter_intervals
 from ..figures.style import svg
+from ..identify.walk.conditions import Conditions, identify_conditions
 from ..identify.walk.friction import identify_friction
 from ..identify.walk.position_channel import walked
 from ..input_file import Strict, quantity
@@ -85,7 +87,9 @@ class WalkFile(Study):
 
 
 class WalkStudy(WalkFile):
-    """See the module; `starts`, `hops` and `tolerance` (of the simulations) as for `identify_friction`."""
+    """See the module; `starts`, `hops` and `tolerance` (of the simulations) as for `identify_friction`. `by`
+    names an attribute of the recordings (voltage, temperature, ...) for each value of which they are fitted
+    alone too."""
 
     kind: Literal["walk"]
     free: list[str]
@@ -93,6 +97,7 @@ class WalkStudy(WalkFile):
     starts: int = 1
     hops: int = 6
     tolerance: Annotated[float, quantity("m")] | None = None
+    by: str | None = None
 
     def run(self, folder: Path, progress: Callable[[str, float], None]) -> Document:
         """Fit and verify."""
@@ -107,21 +112,73 @@ class WalkStudy(WalkFile):
         if not fitted:
             raise StudyError("no recording has 'use: fit'")
         progress("fitting", 0.0)
-        fit = identify_friction(
-            [d for d, _ in fitted],
-            model,
-            self.free,
-            drive=[w for _, w in fitted],
-            bounds=self.bounds or None,
-            starts=self.starts,
-            hops=self.hops,
-            tolerance=self.tolerance,
-            progress=lambda p: progress(f"fitting, start {p.start}", 0.7 * (p.start - 1) / p.starts),
-        )
+        options: dict[str, Any] = {
+            "drive": [w for _, w in fitted],
+            "bounds": self.bounds or None,
+            "starts": self.starts,
+            "hops": self.hops,
+            "tolerance": self.tolerance,
+            "progress": lambda p: progress(f"fitting, start {p.start}", 0.7 * (p.start - 1) / p.starts),
+        }
+        under = None
+        if self.by is None:
+            fit = identify_friction([d for d, _ in fitted], model, self.free, **options)
+        else:
+            under = identify_conditions([d for d, _ in fitted], model, self.free, self.by, **options)
+            fit = under.together
         walks = {label: Walk(source.use, d, w) for label, (source, d, w) in data.items()}
-        return walk_document(
+        document = walk_document(
             self.title, fit, model, walks, self.notes, lambda doing, part: progress(doing, 0.7 + 0.3 * part)
         )
+        return document if under is None else _with_conditions(document, under)
+
+
+def _with_conditions(document: Document, found: Conditions) -> Document:
+    """The report with how each parameter moves."""
+    table, names = found.table, list(found.together.values)
+    own = [estimates(fit) for fit in found.fits]
+    rows = [
+        (Number(at, found.unit), *(by[name] for name in names)) for at, by in zip(found.at, own, strict=True)
+    ]
+    drawn = {
+        name: Estimates(*(table[k].sel(parameter=name).values for k in ("value", "low", "high")), p.unit)
+        for name, p in zip(names, found.together.parameters, strict=True)
+    }
+    said = f"{found.statement[0].upper()}{found.statement[1:]}."
+    section = Section(
+        f"By {found.by}",
+        paragraphs=(said,),
+        tables=(
+            Table(
+                f"Fitted for each {found.by} alone; 95 % intervals.",
+                (Column(found.by), *map(Column, names)),
+                rows,
+            ),
+        ),
+        figures=(
+            Picture(
+                "conditions",
+                f"How each parameter moves with {found.by}.",
+                svg(parameter_intervals(found.at, drawn, setting_name=found.by, setting_unit=found.unit)),
+                f"One panel for each parameter, values with confidence intervals over {found.by}",
+            ),
+        ),
+    )
+    numbers = {
+        "chance": Number(found.chance, ""),
+        "one_set_explains_all": found.one_set_explains_all,
+        "moving": {name: Number(chance, "") for name, chance in found.moving.items()},
+        "conditions": {
+            f"condition_{i}": {found.by: Number(at, found.unit), **by}
+            for i, (at, by) in enumerate(zip(found.at, own, strict=True), start=1)
+        },
+    }
+    return replace(
+        document,
+        summary=f"{document.summary} {said}",
+        sections=[*document.sections, section],
+        numbers={**document.numbers, "by_condition": numbers},
+    )
 
 
 class Walk(NamedTuple):

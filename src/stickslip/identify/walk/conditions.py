@@ -1,0 +1,203 @@
+r"""Whether one set of values explains recordings under several conditions, and how each value moves with
+them.
+
+Recordings carry what they were made under: the voltage or frequency of an experiment's matrix, a temperature
+or humidity that was noted. Those of one condition are fitted together, and all at once. If one set of values
+explains all, the sum of squares grows by no more than noise does when each condition no longer has its own:
+
+.. math:: F = \frac{(S - \sum_g S_g) / (k (G - 1))}{\sum_g S_g / (n - k G)}
+
+for k values in G conditions, with as many samples n as are independent. A single value moves where it
+scatters over the conditions by more than its uncertainty, by Cochran's Q.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from scipy import stats
+
+from ...actuator import Actuator
+from ...estimate.lack import independent_samples
+from ...estimate.result import Fit
+from ...recording import RecordingError
+from ...records import did_you_mean
+from ...units import to_si, with_prefix
+from ...waveform.signal import Waveform
+from ..recorded.channels import drives_of, names_of, recordings_of
+from .friction import identify_friction
+from .position_channel import CHANNEL
+
+# What is usually noted, in SI; others are plain numbers.
+UNITS = {"voltage": "V", "frequency": "Hz", "temperature": "K", "humidity": "", "load": "kg"}
+# The chance of a right model below which it is said that conditions matter.
+SURE = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Conditions:
+    """Fits under several conditions.
+
+    Attributes:
+        by: the attribute that the recordings differ in; `unit` of it, SI.
+        at: its value under each condition, ascending.
+        fits: one for each.
+        together: one to all recordings.
+        chance: that noise alone makes one set of values so much worse than one for each condition.
+        moving: the same for each parameter alone.
+    """
+
+    by: str
+    unit: str
+    at: tuple[float, ...]
+    fits: tuple[Fit, ...]
+    together: Fit
+    chance: float
+    moving: dict[str, float]
+
+    @property
+    def one_set_explains_all(self) -> bool:
+        """Whether nothing speaks against one set of values."""
+        return self.chance >= SURE
+
+    @property
+    def table(self) -> xr.Dataset:
+        """value, low, high (of the 95 % interval) and standard_error over "condition" and "parameter", each
+        in the parameter's unit; `moves`, the chance of `moving`, over "parameter"."""
+        names = list(self.together.values)
+        ends = [fit.confidence_intervals() for fit in self.fits]
+        over = ("condition", "parameter")
+        columns: dict[str, Any] = {
+            "value": (over, [[fit.values[n] for n in names] for fit in self.fits]),
+            "low": (over, [[e[n][0] for n in names] for e in ends]),
+            "high": (over, [[e[n][1] for n in names] for e in ends]),
+            "standard_error": (over, [[fit.standard_errors[n] for n in names] for fit in self.fits]),
+            "moves": ("parameter", [self.moving[n] for n in names]),
+        }
+        at = ("condition", list(self.at), {"units": self.unit, "long_name": self.by})
+        units = ("parameter", [p.unit for p in self.together.parameters])
+        return xr.Dataset(columns, coords={"condition": at, "parameter": names, "unit": units})
+
+    @property
+    def statement(self) -> str:
+        """In plain words."""
+        if self.one_set_explains_all:
+            return f"one set of values explains all {self.by} (chance {self.chance:.2g} of more by noise)"
+        moves = [name for name, chance in self.moving.items() if chance < SURE]
+        which = f": {' and '.join(moves)} move{'s' * (len(moves) == 1)}" if moves else ""
+        return f"no one set of values explains all {self.by} (chance {self.chance:.2g}){which}"
+
+    def report(self) -> str:
+        """A text table, a line for each condition, and what follows."""
+        names = list(self.together.values)
+        lines = ["  ".join([f"{self.by:>14}", *(f"{name:>32}" for name in names)])]
+        for value, fit in zip(self.at, self.fits, strict=True):
+            ends = fit.confidence_intervals()
+            cells = [f"{fit.values[n]:.5g} [{ends[n][0]:.4g}, {ends[n][1]:.4g}]" for n in names]
+            lines.append("  ".join([f"{with_prefix(value, self.unit, 4):>14}", *(f"{c:>32}" for c in cells)]))
+        moves = [f"{self.moving[name]:.2g}" for name in names]
+        lines.append("  ".join([f"{'chance':>14}", *(f"{c:>32}" for c in moves)]))
+        return "\n".join([*lines, self.statement])
+
+
+def identify_conditions(
+    recordings: Sequence[xr.Dataset],
+    model: Actuator,
+    free: Sequence[str],
+    by: str,
+    *,
+    drive: Waveform | Sequence[Waveform | None] | None = None,
+    unit: str | None = None,
+    **options: Any,
+) -> Conditions:
+    """Fit walks under each condition, and under all at once.
+
+    Args:
+        recordings: with an attribute `by`, a number in SI or a text with a unit; or with that among the
+            "variables" that an experiment file writes.
+        model, free, drive: as for `identify_friction`.
+        by: "voltage", "frequency", "temperature", "humidity", or any other attribute.
+        unit: of it, SI; left out, that of the names above, or none.
+        options: of `identify_friction`.
+
+    Raises:
+        RecordingError: a recording has no such attribute, or all have the same.
+        QuantityError, FitError: see `identify_friction`; or values in different units.
+    """
+    found, unit = recordings_of(recordings), UNITS.get(by, "") if unit is None else unit
+    drives, known = drives_of(drive, found), _values_of(found, by, unit)
+    at = sorted(set(known))
+    if len(at) < 2:
+        raise RecordingError(f"{by} is {with_prefix(at[0], unit, 4)} in all recordings: nothing differs")
+    together = identify_friction(found, model, free, drive=drives, **options)
+    # All fits have what the recordings together asked for, or sums of squares could not be compared.
+    own = [name for name in together.values if name not in free]
+    begin = {n: together.values[n] for n in CHANNEL if n in together.values}
+    settings = {**options, "channel": (), "begin": begin}
+    fits = []
+    for value in at:
+        chosen = [i for i, one in enumerate(known) if one == value]
+        fits.append(
+            identify_friction(
+                [found[i] for i in chosen],
+                together.model,
+                [*free, *own],
+                drive=[drives[i] for i in chosen],
+                **settings,
+            )
+        )
+    moving = {name: _moves(fits, name) for name in together.values}
+    return Conditions(by, unit, tuple(at), tuple(fits), together, _chance(together, fits), moving)
+
+
+def _chance(together: Fit, fits: Sequence[Fit]) -> float:
+    """By the F-test of the module's head."""
+    left = sum(fit.cost for fit in fits)
+    k = len(together.parameters)
+    share = float(np.mean([independent_samples(r) / r.size for fit in fits for r in fit.residuals]))
+    freedom = share * together.n_data - k * len(fits)
+    more = k * (len(fits) - 1)
+    if left <= 0.0 or freedom <= 0.0:
+        return 1.0
+    grown = max(together.cost - left, 0.0) / left * share * together.n_data
+    return float(stats.f.sf(grown / more, more, freedom))
+
+
+def _moves(fits: Sequence[Fit], name: str) -> float:
+    """The chance of a constant value to scatter so much, from the coordinates and their variances."""
+    place = list(fits[0].values).index(name)
+    q = np.array([fit.coordinates[place] for fit in fits])
+    variance = np.array([fit.uncertainty.covariance[place, place] for fit in fits])
+    told = np.isfinite(variance) & (variance > 0.0)
+    if np.count_nonzero(told) < 2:
+        return math.nan
+    weights = 1.0 / variance[told]
+    mean = float(weights @ q[told] / weights.sum())
+    return float(stats.chi2.sf(weights @ (q[told] - mean) ** 2, np.count_nonzero(told) - 1))
+
+
+def _values_of(recordings: Sequence[xr.Dataset], by: str, unit: str) -> list[float]:
+    """Of each recording, in SI."""
+    found = []
+    for recording, name in zip(recordings, names_of(recordings), strict=True):
+        attributes = {**_variables(recording), **recording.attrs}
+        if by not in attributes:
+            hint = did_you_mean(by, map(str, attributes))
+            raise RecordingError(f"{name} does not say its {by!r}{hint}")
+        found.append(to_si(attributes[by], unit, f"{by} of {name}"))
+    return found
+
+
+def _variables(recording: xr.Dataset) -> dict[str, Any]:
+    """What an experiment file noted; see `variables_attribute`."""
+    try:
+        noted = json.loads(str(recording.attrs.get("variables", "") or "{}"))
+    except ValueError:
+        return {}
+    return noted if isinstance(noted, dict) else {}
