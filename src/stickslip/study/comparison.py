@@ -39,7 +39,7 @@ class ComparisonStudy(WalkFile):
         parts = read_parts(self.recordings, folder)
         data: dict[str, list[Any]] = {"fit": [], "verify": []}
         for r in self.recordings:
-            data[r.use].append((parts[r.label], r.drive.waveform() if r.drive else None))
+            data[r.use].append((parts[r.label], r.waveform(folder)))
         if not all(data.values()):
             raise InputFileError("recordings: at least one with 'use: fit' and one with 'use: verify'")
         found = compare_walks(

@@ -55,7 +55,7 @@ class VerificationStudy(Study):
                     f"{name} has no {POSITION} [m]; it has {', '.join(map(str, part.data_vars))}. A table's "
                     "columns are named in a verification file (columns: ...), or by saving it as a recording"
                 )
-        drives = [r.drive.waveform() if r.drive else None for r in self.recordings]
+        drives = [r.waveform(folder) for r in self.recordings]
         progress("predicting", 0.2)
         if chain.zeroed:
             found = _verified(predictor, chain, parts, drives)

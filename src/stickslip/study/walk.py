@@ -13,50 +13,31 @@ from pydantic import Field
 from ..actuator import Actuator, load_actuator
 from ..estimate.goodness import goodness
 from ..estimate.result import Fit
+from ..experiment.cells import drive_of
+from ..experiment.file import PartSpec
 from ..figures.identification import Estimates, fit_with_residuals, parameter_intervals
 from ..figures.style import svg
 from ..identify.walk.conditions import Conditions, identify_conditions
 from ..identify.walk.friction import identify_friction
 from ..identify.walk.position_channel import walked
-from ..input_file import Strict, quantity
+from ..input_file import quantity
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import estimates, fit_numbers, model_numbers, parameter_table
-from ..waveform import knots, periodic, shapes
 from ..waveform.signal import Waveform
 from .file import Recorded, Study, StudyError, read_parts
-
-_SHAPES = {
-    name: getattr(module, name)
-    for module, names in (
-        (periodic, ("Sawtooth", "ReverseSawtooth", "Triangle", "Cycloid", "Sine")),
-        (shapes, ("Step", "Ramp", "Chirp")),
-        (knots, ("PeriodicKnots",)),
-    )
-    for name in names
-}
-
 
 _ROLE = {"fit": "fitted", "verify": "predicted"}
 
 
-class DriveSpec(Strict):
-    """A waveform by name, with its fields: ``{shape: Sawtooth, fields: {amplitude: 65 V, frequency: 5
-    Hz}}``."""
-
-    shape: Literal[
-        "Sawtooth", "ReverseSawtooth", "Triangle", "Cycloid", "Sine", "Step", "Ramp", "Chirp", "PeriodicKnots"
-    ]
-    fields: dict[str, float | str | bool | list[float | str]]
-
-    def waveform(self) -> Waveform:
-        """The waveform; raises QuantityError for wrong fields."""
-        return _SHAPES[self.shape](**self.fields)
-
-
 class WalkRecording(Recorded):
-    """A recording with end_effector_position; the drive is given here, or is its channel drive_voltage."""
+    """A recording with end_effector_position; the drive is given here, as in an experiment file, or is its
+    channel drive_voltage."""
 
-    drive: DriveSpec | None = None
+    drive: PartSpec | None = None
+
+    def waveform(self, folder: Path) -> Waveform | None:
+        """The drive; raises QuantityError for wrong fields."""
+        return None if self.drive is None else drive_of([self.drive], {}, folder)
 
 
 def changed(
@@ -103,9 +84,7 @@ class WalkStudy(WalkFile):
         """Fit and verify."""
         model = self.actuator(folder)
         parts = read_parts(self.recordings, folder)
-        data = {
-            r.label: (r, parts[r.label], r.drive.waveform() if r.drive else None) for r in self.recordings
-        }
+        data = {r.label: (r, parts[r.label], r.waveform(folder)) for r in self.recordings}
         for label, (_, recording, waveform) in data.items():
             walked(recording, waveform, label)
         fitted = [(d, w) for r, d, w in data.values() if r.use == "fit"]
