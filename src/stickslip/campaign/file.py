@@ -6,11 +6,12 @@ import math
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag, ValidationError
+from pydantic import Discriminator, Field, Tag, ValidationError, field_validator
 
 from ..experiment.file import FilterSpec, PartSpec
 from ..input_file import InputFileError, Seconds, Strict, explain, load_yaml, quantity
 from ..study.file import Recorded
+from ..units import QuantityError
 
 # `step`: the end-effector fixed to the stage; `fit` and `verify`: it walks.
 Use = Literal["step", "fit", "verify"]
@@ -77,6 +78,13 @@ class CampaignFile(Strict):
     model_choice: bool | list[str] = False
     require: list[str] = Field(default_factory=list)
 
+    @field_validator("recordings")
+    @classmethod
+    def _some_to_fit(cls, recordings: list[RecordingSpec]) -> list[RecordingSpec]:
+        if not any(r.use == "fit" for r in recordings):
+            raise QuantityError("there is none to fit the friction to (use: fit)")
+        return recordings
+
     @property
     def known_slew_rate(self) -> float | None:
         """V/s, of the amplifier; None where it is not known."""
@@ -97,8 +105,6 @@ def read_campaign(path: Path) -> CampaignFile:
         raise InputFileError(
             f"{path}: recordings: 'cells' are of an experiment, and no 'experiment' is named"
         )
-    if not any(r.use == "fit" for r in file.recordings):
-        raise InputFileError(f"{path}: recordings: there is none to fit the friction to (use: fit)")
     return file
 
 

@@ -20,7 +20,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field, TypeAdapter, ValidationError, model_validator
 
-from ..campaign.file import CampaignFile
+from ..campaign.file import CampaignFile, CellsSpec
 from ..experiment.file import ExperimentFile
 from ..input_file import InputFileError, Strict, explain, load_yaml
 from ..records import did_you_mean
@@ -122,8 +122,19 @@ def read_job(path: Path) -> Job:
         raise InputFileError(f"{path}: steps: a list of at least one step")
     steps = tuple(_step(i, one, path) for i, one in enumerate(content["steps"]))
     for i, step in enumerate(steps):
-        checked(step, f"steps.{i}.{step.kind}." if step.path == path else "")
+        spec = checked(step, f"steps.{i}.{step.kind}." if step.path == path else "")
+        _refuse_missing(spec, {one.kind for one in steps[:i]}, f"{path}: steps.{i}.{step.kind}")
     return Job(str(content.get("title", "")), str(content.get("notes", "")), steps)
+
+
+def _refuse_missing(spec: Any, before: set[str], where: str) -> None:
+    """Raise InputFileError where a step needs one before it that is not there."""
+    no_model = isinstance(spec, VerificationStudy) and spec.fit is None and spec.model is None
+    if (no_model or (isinstance(spec, ExportSpec) and spec.model is None)) and "identify" not in before:
+        raise InputFileError(f"{where}: no model is named, and nothing is identified before it")
+    none_recorded = isinstance(spec, CampaignFile) and spec.experiment is None and "record" not in before
+    if none_recorded and any(isinstance(r, CellsSpec) for r in spec.recordings):
+        raise InputFileError(f"{where}: recordings: 'cells', and nothing is recorded before it")
 
 
 def _step(number: int, said: Any, path: Path) -> Step:

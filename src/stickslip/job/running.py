@@ -78,7 +78,7 @@ class _Running:
         if step.kind == "export":
             return self._exported(spec, folder, progress)
         if step.kind == "verify" and spec.fit is None and spec.model is None:
-            spec = spec.model_copy(update={"fit": str(self._identified(step))})
+            spec = spec.model_copy(update={"fit": str(self.results)})
         if step.kind == "identify" and "kind" not in step.content:
             document = campaign_of(spec, folder, self.out, progress, self.experiment, figures=self.figures)
         else:
@@ -89,20 +89,11 @@ class _Running:
             self.results.write_text(results_json(document, circumstances()), encoding="utf-8")
         return document
 
-    def _identified(self, step: Step) -> Path:
-        if self.results is None:
-            raise InputFileError(
-                f"{step.path}: {step.kind} names no model, and nothing is identified before it"
-            )
-        return self.results
-
     def _exported(self, spec: ExportSpec, folder: Path, progress: Progress) -> Document:
         progress("exporting", 0.0)
-        source: Any = spec.model
-        if source is None:
-            source = self._identified(Step("export", {}, folder))
-        elif (folder / source).is_file():
-            source = folder / source
+        source: Any = spec.model or self.results
+        if spec.model is not None and (folder / spec.model).is_file():
+            source = folder / spec.model
         bench = load_bench(spec.bench) if spec.bench else None
         amplifier: dict[str, Any] = {}
         if bench is not None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from pydantic import Field, field_validator
 
 from ..actuator import Actuator
 from ..figures.identification import law_ranking
@@ -31,7 +32,13 @@ class ComparisonStudy(WalkFile):
     """See the module. `laws` are those of `walk_candidates` by their names; all of them if left out."""
 
     kind: Literal["comparison"] = "comparison"
-    laws: list[str] = []  # noqa: RUF012  # pydantic copies it
+    laws: list[str] = Field(default_factory=list)
+
+    @field_validator("laws")
+    @classmethod
+    def _known_laws(cls, laws: list[str]) -> list[str]:
+        named(walk_candidates(1.0, 1.0, 1.0), laws, "")
+        return laws
 
     def run(self, folder: Path, progress: Callable[[str, float], None]) -> Document:
         """Fit and judge."""
@@ -85,7 +92,8 @@ def named(
     for name in names:
         if name not in by_label:
             hint = did_you_mean(name, by_label)
-            raise QuantityError(f"{field}: there is no {name!r}{hint}: there are {', '.join(by_label)}")
+            said = f"there is no {name!r}{hint}: there are {', '.join(by_label)}"
+            raise QuantityError(f"{field}: {said}" if field else said)
     return [by_label[name] for name in names]
 
 

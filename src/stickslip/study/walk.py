@@ -119,9 +119,10 @@ def _with_conditions(document: Document, found: Conditions) -> Document:
     rows = [
         (Number(at, found.unit), *(by[name] for name in names)) for at, by in zip(found.at, own, strict=True)
     ]
+    value, low, high = (table[key] for key in ("value", "low", "high"))
     drawn = {
-        name: Estimates(*(table[k].sel(parameter=name).values for k in ("value", "low", "high")), p.unit)
-        for name, p in zip(names, found.together.parameters, strict=True)
+        p.name: Estimates(*(of.sel(parameter=p.name).values for of in (value, low, high)), unit=p.unit)
+        for p in found.together.parameters
     }
     said = f"{found.statement[0].upper()}{found.statement[1:]}."
     section = Section(
