@@ -172,7 +172,10 @@ def test_other_kinds_of_files_are_jobs_of_one_step(tmp_path: Path) -> None:
             lambda job: job["steps"][2]["compare"].update(laws=["Lugre"]),
             "job.yaml: steps.2.compare.laws: there is no 'Lugre' (did you mean 'LuGre'?)",
         ),
-        (lambda job: job["steps"][0].update(identify="other.yaml"), "other.yaml: walk: there is no field 'steps'"),
+        (
+            lambda job: job["steps"][0].update(identify="other.yaml"),
+            "other.yaml: walk: there is no field 'steps'",
+        ),
     ],
 )  # fmt: skip
 def test_a_mistake_is_named_with_its_file(tmp_path: Path, change: Any, message: str) -> None:
