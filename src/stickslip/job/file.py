@@ -132,8 +132,8 @@ def _refuse_missing(spec: Any, before: set[str], where: str) -> None:
     no_model = isinstance(spec, VerificationStudy) and spec.fit is None and spec.model is None
     if (no_model or (isinstance(spec, ExportSpec) and spec.model is None)) and "identify" not in before:
         raise InputFileError(f"{where}: no model is named, and nothing is identified before it")
-    none_recorded = isinstance(spec, CampaignFile) and spec.experiment is None and "record" not in before
-    if none_recorded and any(isinstance(r, CellsSpec) for r in spec.recordings):
+    wanted = spec.recordings if isinstance(spec, CampaignFile) and spec.experiment is None else ()
+    if "record" not in before and any(isinstance(r, CellsSpec) for r in wanted):
         raise InputFileError(f"{where}: recordings: 'cells', and nothing is recorded before it")
 
 
