@@ -471,3 +471,36 @@ def test_no_hops_where_only_noise_is_left() -> None:
 def test_no_start_is_no_fit() -> None:
     with pytest.raises(FitError, match="starts = 0 must be at least 1"):
         fit_least_squares(lambda b: np.arange(5.0) * b["a"] - 1.0, [Parameter("a", 1.0, 0.1, 10.0)], starts=0)
+
+
+def test_a_prior_is_a_datum_more() -> None:
+    """Of a straight line through noise: the estimate is the weighted mean of what data and prior say."""
+    x = np.linspace(0.0, 1.0, 50)
+    y = 2.0 * x + 0.1 * np.random.default_rng(0).standard_normal(x.size)
+    recording = [Residuals(lambda p: p["slope"] * x - y, y, 0.1)]
+    free = Parameter("slope", 1.0, 0.0, 9.0, "m/s", log=False)
+    alone = fit_least_squares(recording, [free], noise_known=True)
+    weights = np.array([np.sum(x**2) / 0.1**2, 1.0 / 0.05**2])
+    expected = weights @ [alone.values["slope"], 3.0] / weights.sum()
+    for jacobian in (None, lambda p: x[:, None]):
+        prior = free._replace(prior=(3.0, 0.05))
+        fit = fit_least_squares(recording, [prior], noise_known=True, jacobian=jacobian)
+        assert fit.values["slope"] == pytest.approx(expected, rel=1e-6)
+        assert fit.standard_errors["slope"] == pytest.approx(weights.sum() ** -0.5, rel=1e-6)
+        assert fit.jacobian is not None
+        assert fit.jacobian.shape == (50, 1)
+        assert fit.residuals[0].size == 50
+        assert fit.cost > alone.cost
+    logarithmic = Parameter("slope", 1.0, 0.1, 9.0, "m/s", prior=(3.0, 0.05))
+    fit = fit_least_squares(recording, [logarithmic], noise_known=True)
+    assert alone.values["slope"] < fit.values["slope"] < 3.0
+    assert fit.values["slope"] == pytest.approx(expected, rel=0.05)
+
+
+def test_a_prior_wants_a_known_noise_and_a_place_within_the_bounds() -> None:
+    free = Parameter("a", 1.0, 0.1, 9.0, "N", prior=(2.0, 0.1))
+    with pytest.raises(FitError, match="a prior weighs against the noise"):
+        fit_least_squares(lambda p: np.arange(5.0) - p["a"], [free])
+    for prior in ((10.0, 0.1), (2.0, 0.0), (2.0, -1.0)):
+        with pytest.raises(QuantityError, match="prior of a is out of range"):
+            Parameter("a", 1.0, 0.1, 9.0, "N", prior=prior)

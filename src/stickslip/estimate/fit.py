@@ -84,6 +84,8 @@ def _described(searches: Searches) -> Fit:
     q = np.where(side < 0, problem.lower, np.where(side > 0, problem.upper, best.q))
     parts = problem.raw(q)
     chi_squared = float(np.sum((np.concatenate(parts) / problem.noise) ** 2))
+    n = problem.noise.size
+    of_priors = float(np.sum((problem.residuals(q)[n:] * problem.scale) ** 2))
     gaussian = problem.loss == "linear"
     fit = Fit(
         parameters=problem.parameters,
@@ -94,7 +96,7 @@ def _described(searches: Searches) -> Fit:
             for r, part in zip(problem.recordings, parts, strict=True)
         ),
         degrees_of_freedom=assumed.degrees_of_freedom,
-        reduced_chi_squared=chi_squared / assumed.degrees_of_freedom,
+        reduced_chi_squared=(chi_squared + of_priors) / assumed.degrees_of_freedom,
         log_likelihood=_log_likelihood(chi_squared, problem.noise, assumed.known) if gaussian else math.nan,
         noise_known=assumed.known,
         correlated=problem.correlated,
@@ -104,7 +106,7 @@ def _described(searches: Searches) -> Fit:
         starts=len(searches.ends),
         starts_agreeing=searches.agreeing(),
         residuals=tuple(parts),
-        jacobian=tangent * problem.noise[:, None],
+        jacobian=tangent[:n] * problem.noise[:, None],
         known=tuple(
             r.known._replace(given=r.noise if assumed.known and gaussian else None)
             for r in problem.recordings

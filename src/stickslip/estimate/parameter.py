@@ -19,6 +19,9 @@ class Parameter(NamedTuple):
     `lower` of 0 means no lower bound. `square` fits its square: for those that act by it, and may be 0.
     With `log`, a search may go along the value (`power` 1) or its inverse (-1): where the data are nearer to
     linear in that than in the logarithm, the valley of the sum of squares is straighter.
+
+    `prior` is what is known of it otherwise: its value and standard deviation, in its unit. In the coordinate
+    that is fitted it is a normal distribution of that width.
     """
 
     name: str
@@ -29,6 +32,7 @@ class Parameter(NamedTuple):
     log: bool = True
     square: bool = False
     power: int = 0
+    prior: tuple[float, float] | None = None
 
     def _check(self) -> None:
         limits = f"between {self.lower:g} and {self.shown(self.upper)}"
@@ -43,6 +47,11 @@ class Parameter(NamedTuple):
             raise QuantityError(f"{shown} is out of range: must not be negative to be fitted by its square")
         if self.power and not self.log:
             raise QuantityError(f"{shown} has a power to search along, but no log scale")
+        if self.prior is not None and not (self.prior[1] > 0 and self.lower <= self.prior[0] <= self.upper):
+            raise QuantityError(
+                f"the prior of {self.name} is out of range: {self.shown(self.prior[0])} must be {limits}, "
+                f"its deviation {self.shown(self.prior[1])} above 0"
+            )
 
     def coordinate(self, value: float) -> float:
         """The fitted coordinate q of a physical value."""

@@ -123,6 +123,13 @@ class Problem:
         self.degrees_of_freedom = self.noise.size - n_parameters
         if self.degrees_of_freedom < 1:
             raise FitError(f"{self.noise.size} data cannot determine {n_parameters} parameters")
+        known = [(i, p, p.prior) for i, p in enumerate(parameters) if p.prior is not None]
+        if known and not noise_known:
+            raise FitError("a prior weighs against the noise, which must be known too")
+        self._known = np.array([i for i, _, _ in known], dtype=int)
+        self._expected = np.array([p.coordinate(value) for _, p, (value, _) in known])
+        self._spread = np.array([deviation / p.slope(value) for _, p, (value, deviation) in known])
+        self.degrees_of_freedom += self._known.size
 
     def _check(self) -> None:
         if len({p.name for p in self.parameters}) < len(self.parameters) or not self.parameters:
@@ -159,7 +166,8 @@ class Problem:
         return parts
 
     def residuals(self, q: np.ndarray) -> np.ndarray:
-        """Weighted and scaled; NaN where the model fails (the optimiser then shortens its step)."""
+        """Weighted and scaled, those of the priors at the end; NaN where the model fails (the optimiser then
+        shortens its step)."""
         key = q.tobytes()
         if key == self.last[0]:
             return self.last[1]
@@ -169,6 +177,7 @@ class Problem:
                 r = np.concatenate(self.raw(q)) / (self.noise * self.scale)
             except (ValueError, ArithmeticError):
                 r = np.full(self.noise.size, np.nan)
+            r = np.append(r, (q[self._known] - self._expected) / (self._spread * self.scale))
             r[~(np.abs(r) < 1e100)] = np.nan  # their squares would overflow
             cost = float(r @ r)
         if cost < self.best_cost:
@@ -178,11 +187,12 @@ class Problem:
         return r
 
     def slope(self, q: np.ndarray, two_sided: bool = True) -> np.ndarray:
-        """d weighted residuals / d q, shape (n, k)."""
+        """d weighted residuals / d q, shape (n + priors, k)."""
         if self.jacobian is None:
             return self.differences(q, two_sided)
         slopes = [p.slope(p.value(x)) for p, x in zip(self.parameters, q, strict=True)]
-        return self.jacobian(self.values(q)) * slopes / (self.noise * self.scale)[:, None]
+        of_data = self.jacobian(self.values(q)) * slopes / (self.noise * self.scale)[:, None]
+        return np.concatenate([of_data, np.eye(len(q))[self._known] / (self._spread * self.scale)[:, None]])
 
     def differences(self, q: np.ndarray, central: bool) -> np.ndarray:
         """d r / d q, shape (n, k); one-sided next to a bound and where the model fails on one side."""

@@ -101,7 +101,7 @@ class Searches:
                 self.ends.append(self.search(number, q, options.max_evaluations))
         for hop in range(options.hops):
             best = self.best
-            if best.converged and white(problem.residuals(best.q), problem.sizes):
+            if best.converged and white(problem.residuals(best.q)[: problem.noise.size], problem.sizes):
                 break
             # The points that fill the bounds are the same each time: once is enough.
             if not (hop == 0 and self._deeper(_screened(problem))) and not self._deeper(

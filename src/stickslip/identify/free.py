@@ -48,6 +48,14 @@ def parameter(model: Any, name: str, bounds: Bounds) -> Parameter:
     return Parameter(name, start, max(start / REACH, least), min(start * REACH, most), quantity.unit)
 
 
+def with_prior(p: Parameter, priors: Bounds) -> Parameter:
+    """The parameter with what is known of it: value and standard deviation, in SI or as strings."""
+    if p.name not in priors:
+        return p
+    value, deviation = (to_si(given, p.unit, f"prior of {p.name}") for given in priors[p.name])
+    return p._replace(prior=(value, deviation))
+
+
 def _given(bounds: Bounds, name: str, unit: str) -> tuple[float, float] | None:
     if name not in bounds:
         return None

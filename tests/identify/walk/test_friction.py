@@ -246,3 +246,27 @@ def test_bad_requests_are_refused() -> None:
         identify_friction(reference(), model, ["sigma0"], drive=DRIVE)
     with pytest.raises(RecordingError, match="there are 2 drives for 1 recordings"):
         identify_friction(reference(), model, FREE, drive=[DRIVE, DRIVE])
+
+
+def test_what_is_known_otherwise_narrows_what_a_walk_leaves_open() -> None:
+    """A coarse walk hardly tells the contact's damping; what a data sheet says of it, it takes."""
+    model = load_actuator("kang2007").replace(stage_reaction=False)
+    drive = Sawtooth(65.0, 20.0, periods=4)
+    walk = simulate(model, drive, 0.2, sample_rate=1e3)[["end_effector_position"]]
+    walk["end_effector_position"] += 50e-9 * np.random.default_rng(0).standard_normal(walk["time"].size)
+    free = ["sigma_0", "sigma_1", "coulomb_force"]
+    options = {"drive": drive, "noise": 50e-9, "hops": 0, "channel": ()}
+    true = model.friction.sigma_1
+    alone = identify_friction(walk, model, free, **options)
+    known = identify_friction(
+        walk, model, free, priors={"sigma_1": (f"{1.02 * true} N s/m", f"{0.03 * true} N s/m")}, **options
+    )
+    low, high = known.confidence_intervals()["sigma_1"]
+    assert low < true < high
+    assert high - low < 2.0 * 1.96 * 0.03 * true * 1.01
+    wide = alone.confidence_intervals()["sigma_1"]
+    assert high - low < 0.7 * (wide[1] - wide[0])
+    with pytest.raises(QuantityError, match="give noise"):
+        identify_friction(walk, model, free, drive=drive, priors={"sigma_1": (true, 1.0)})
+    with pytest.raises(QuantityError, match=r"'sigma_2', which is not free .did you mean"):
+        identify_friction(walk, model, free, priors={"sigma_2": (1.0, 1.0)}, **options)

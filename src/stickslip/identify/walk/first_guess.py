@@ -144,7 +144,7 @@ def first_guess(
         return residuals.function(values)
 
     def look(point: Values) -> tuple[float, Values]:
-        begun = [p._replace(start=point[p.name]) for p in wide]
+        begun = [p._replace(start=point[p.name], prior=None) for p in wide]
         searched = residuals._replace(function=with_slopes)
         try:
             fit = fit_least_squares([searched], begun, jacobian=jacobian, max_evaluations=LOOK)

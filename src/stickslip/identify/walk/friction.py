@@ -22,9 +22,11 @@ from ...estimate.result import Fit
 from ...estimate.search import Progress
 from ...estimate.several import lowest
 from ...estimate.whiteness import white
+from ...records import did_you_mean
 from ...simulation.varied import free_names, with_values
+from ...units import QuantityError
 from ...waveform.signal import Waveform
-from ..free import Bounds, check_names, parameter
+from ..free import Bounds, check_names, parameter, with_prior
 from ..quantised import with_steps
 from ..recorded.channels import drives_of, names_of, recordings_of
 from ..recorded.known_noise import known_noise
@@ -49,6 +51,7 @@ def identify_friction(
     slew_rate: float | None = None,
     stage: Fit | None = None,
     bounds: Bounds | None = None,
+    priors: Bounds | None = None,
     channel: Sequence[str] | None = None,
     begin: Values | None = None,
     noise: float | None = None,
@@ -89,6 +92,8 @@ def identify_friction(
         bounds: of free parameters, in SI or as strings; else a factor 30 either side of the start, and of the
             one that is found for sigma_0, sigma_1 and coulomb_force. The scale is logarithmic, but linear
             where bounds reach down to zero.
+        priors: what is known of free parameters otherwise: value and standard deviation of each, in SI or as
+            strings. They weigh against the noise, which must be given.
         channel: "delay" and "offset" of the position channel that are free besides. Left out, those that the
             recordings show: an offset at rest, or what lowers the sum of squares by more than noise does;
             `remarks` of the fit say so. None of them: ().
@@ -128,6 +133,11 @@ def identify_friction(
     names, drives = names_of(found), drives_of(drive, found)
     bounds = bounds or {}
     own = {name: limits for name, limits in bounds.items() if name not in CHANNEL}
+    for name in priors or {}:
+        if name not in free:
+            raise QuantityError(f"there is a prior for {name!r}, which is not free{did_you_mean(name, free)}")
+    if priors and noise is None:
+        raise QuantityError("priors weigh against the noise: give noise [m], the position's deviation, too")
     check_names(free, [*free_names(model), *CHANNEL], own)
     measured = [walked(r, w, name) for r, w, name in zip(found, drives, names, strict=True)]
     for r, name in zip(found, names, strict=True):
@@ -157,6 +167,7 @@ def identify_friction(
             of_channel(name, found, bounds, first) if name in CHANNEL else parameter(model, name, bounds)
             for name in free
         ]
+        parameters = [with_prior(p, priors or {}) for p in parameters]
         return _searched(walks, parameters, found, drives, slew_rate, bounds, starts, hops, max_evaluations)
 
     asked = [name for name in channel or () if name not in free]
@@ -220,7 +231,9 @@ def _searched(
         fit = lowest([fit, walks.fit(straight, max_evaluations=max_evaluations, starts=starts, hops=hops)])
     linear = walks.loss == "linear"
     name = loosest(fit, own_values(fit.values)) if exact and linear else None
-    return fit if name is None else _averaged(walks, fit, name, given, max_evaluations)
+    # What a value may be over its bounds is no question where something is known of it otherwise.
+    known = any(p.prior is not None for p in parameters if p.name == name)
+    return fit if name is None or known else _averaged(walks, fit, name, given, max_evaluations)
 
 
 def _averaged(walks: Walks, fit: Fit, name: str, given: Values, max_evaluations: int) -> Fit:
