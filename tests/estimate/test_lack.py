@@ -7,10 +7,11 @@ import pickle
 
 import numpy as np
 import pytest
+from scipy import stats
 from scipy.signal import butter, lfilter
 
 from stickslip.estimate.fit import fit_least_squares
-from stickslip.estimate.lack import KnownNoise, independent, lack_of_fit
+from stickslip.estimate.lack import KnownNoise, independent, lack_of_fit, left_over
 from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.problem import Residuals
 
@@ -112,3 +113,23 @@ def test_a_fit_says_why_it_is_not_to_be_trusted() -> None:
     bounded = fit_least_squares([recording], [Parameter("rate", 5.0, 4.0, 1e2, "1/s")])
     assert "rate ended at a bound of the fit" in bounded.failures
     assert pickle.loads(pickle.dumps(fit)).failures == fit.failures
+
+
+def test_what_a_stiffer_model_leaves_over() -> None:
+    """Of white noise: three values that take up nothing but noise lower its square by three of n."""
+    least = np.random.default_rng(3).standard_normal(2000)
+    noise = float(least @ least)
+    by_chance = left_over("all", noise * (1.0 + 3.0 / 2000), least, 3, 8)
+    assert by_chance.chance == pytest.approx(stats.f.sf(1.0, 3, 1992), rel=0.3)
+    assert not by_chance.seen
+    small = left_over("all", noise * 1.05**2, least, 3, 8)
+    assert small.chance < 1e-6
+    assert not small.seen, "less than a tenth of the noise is none"
+    much = left_over("all walks together", noise * 1.5**2, least, 3, 8)
+    assert much.seen
+    assert much.ratio == pytest.approx(1.5)
+    assert much.statement.startswith(
+        "the model does not explain all walks together: residual 1.5 x the noise"
+    )
+    assert "intervals" in much.sentence
+    assert left_over("all", 0.9 * noise, least, 3, 8).chance == 1.0
