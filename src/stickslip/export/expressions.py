@@ -9,6 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from ..friction.exponential import decay
 from .subset import (
     AND,
     ATOM,
@@ -287,6 +288,8 @@ def _call(context: Context, node: ast.Call) -> Value:
     if function in (math.isinf, np.isinf):
         text = f"r_isinf({as_real(context, node.args[0], arguments[0]).text})"
         return Value(text, BOOL)
+    if function is decay:  # in C a call costs what it costs
+        return Value(f"r_exp(-({as_real(context, node.args[0], arguments[0]).text}))", REAL)
     if function is float:
         return as_real(context, node.args[0], arguments[0])
     if function in _FUNCTIONS:
