@@ -57,8 +57,8 @@ def test_undo_in_a_field_shows_what_the_server_has(page: Page, panel: Panel) -> 
 
 
 def test_a_refusal_moves_nothing(page: Page, panel: Panel) -> None:
-    opened(page, panel)
-    field = page.get_by_label(FIELD, exact=True).first
+    field = opened(page, panel).get_by_label(FIELD, exact=True).first
+    expect(field).to_be_visible()
     places = "['#start', '#phase', '#inputs .field:last-child', '.tabs'].map((one) => "
     places += "document.querySelector(one).getBoundingClientRect().y)"
     before = page.evaluate(places)

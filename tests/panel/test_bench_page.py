@@ -351,6 +351,7 @@ def test_variables_and_log(page: Page, panel: Panel) -> None:
 
 def test_instruments_are_added_bound_arranged_and_kept(page: Page, panel: Panel) -> None:
     opened(page, panel)
+    page.locator(".instrument").first.wait_for()
     count = page.locator(".instrument").count()
     page.click("text=Add instrument…")
     page.get_by_label("Kind").select_option("input")

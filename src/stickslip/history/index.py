@@ -22,6 +22,7 @@ COLUMNS = (
     "outcome", "seconds", "samples", "channels", "settings", "links", "problem",
 )  # fmt: skip
 _NUMBERS = {"changed": "REAL", "bytes": "INTEGER", "seconds": "REAL", "samples": "INTEGER"}
+TEXTS = tuple(column for column in COLUMNS if column not in _NUMBERS)  # what a search looks at
 BIN = ".bin"
 SETS = "parameters"  # the folder of parameter sets that fits were saved as
 _FOLDER = ".stickslip"
@@ -64,7 +65,7 @@ class Index:
         """What is there, the newest first.
 
         Args:
-            search: words that must all stand somewhere in a row, case does not matter.
+            search: words that must all stand somewhere in the texts of a row, case does not matter.
             equal: columns and the text that they must begin with: ``outcome="stopped"``.
 
         Raises:
@@ -81,7 +82,7 @@ class Index:
                 given += [str(len(text)), text]
             for word in search.split():
                 where.append(
-                    "instr(lower(" + " || ' ' || ".join(f"coalesce({c}, '')" for c in COLUMNS) + "), ?)"
+                    "instr(lower(" + " || ' ' || ".join(f"coalesce({c}, '')" for c in TEXTS) + "), ?)"
                 )
                 given.append(word.lower())
             # When a run began; of somebody's own file, when it was changed last.

@@ -19,7 +19,7 @@ LOOSE, FINER = 4.0, 0.25
 PER_DIFFERENCE, PER_NUMBER = 1.0 / (1.0 - FINER), 2.0
 # A run that took more steps than this is not refined any more: some tenths of a second.
 MOST_STEPS = 400_000
-ROUNDS = 8
+ROUNDS = 9
 # How much smaller local errors become from one round to the next, at most.
 FARTHEST = 1e-2
 # Below this tolerance of an engine, m, rounding tells more than the method does.

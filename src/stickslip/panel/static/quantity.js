@@ -86,20 +86,24 @@ export function makeQuantity({ label, unit = "", value, app, change, hint = "" }
     fault.textContent = text;
     input.setAttribute("aria-invalid", text ? "true" : "false");
   };
-  let asked = 0;
+  let asked = 0, told = 0, sent = null;
   async function commit() {
-    const mine = ++asked;
-    if (input.value === "" && (current === null || current === undefined)) return;
+    const text = input.value.trim();
+    if (text === sent) return; // Enter is told twice: as a key and as a change
+    const mine = ++asked, heard = told;
+    if (text === "" && (current === null || current === undefined)) return;
+    sent = text;
     try {
-      const text = input.value.trim();
       const read = await readQuantity(text, unit, app);
       if (read !== current) await change(read, text);
       if (mine !== asked) return;
-      current = read;
+      if (told === heard) current = read; // else the page has said since what holds, which may be an undo
       say("");
       show();
     } catch (error) {
       if (mine === asked) say(error.message.replace(/^value = /, ""));
+    } finally {
+      if (mine === asked) sent = null;
     }
   }
   input.addEventListener("change", commit);
@@ -111,6 +115,7 @@ export function makeQuantity({ label, unit = "", value, app, change, hint = "" }
     if (input.value === holds()) return;
     event.stopPropagation();
     asked++;
+    sent = null;
     say("");
     show();
   });
@@ -127,6 +132,7 @@ export function makeQuantity({ label, unit = "", value, app, change, hint = "" }
       if (next === current) return;
       const typing = input.value !== holds() && (document.activeElement === input || input.getAttribute("aria-invalid") === "true");
       current = next;
+      told++;
       if (!typing) show();
     },
     get: () => current,
