@@ -41,6 +41,7 @@ every_law = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
 # As plain Python, where NumPy warns of it: the first step that is tried under 100 N goes beyond all numbers
 # and is refused.
 @pytest.mark.filterwarnings("ignore:overflow encountered:RuntimeWarning")
+@pytest.mark.filterwarnings("ignore:invalid value encountered:RuntimeWarning")
 @every_law
 @pytest.mark.parametrize("load", [0.8, -0.8, 100.0])
 def test_a_load_above_breakaway_slides_away_at_once(law: object, load: float) -> None:
