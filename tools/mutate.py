@@ -61,7 +61,7 @@ TARGETS = (
         (*LAWS, *ONE_SIDE),
         ("force", "smooth_rate", "law_slopes", "reversal_kink", "bounded"),
     ),
-    Target("friction/exponential.py", ("tests/friction/test_exponential.py",)),
+    Target("friction/exponential.py", ("tests/friction/test_exponential.py",), ("decay", "_series")),
     Target("friction/maxwell_slip.py", BRANCHES),
     Target("friction/reset_integrator.py", BRANCHES),
     Target("friction/*.py", LAWS),
