@@ -68,6 +68,7 @@ TARGETS = (
     Target("mechanism.py", MOTION),
     Target("simulation/models.py", MOTION, ("mechanism", "system", "resting_state", "_held")),
     Target("plant/[dkw]*.py", ("tests/plant/test_equations.py", "tests/plant/test_ticks.py"), text=True),
+    Target("plant/lanes.py", ("tests/plant/test_lanes.py",)),
     Target("solve/step.py", ("tests/solve/test_step.py",)),
     Target("solve/channels.py", ("tests/solve/test_channels.py",)),
     Target("solve/log.py", ("tests/solve/test_log.py",)),

@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from .estimate.goodness import Goodness, goodness
+from .estimate.goodness import Goodness, goodness, pooled_r_squared, pooled_rmse
 from .estimate.lack import Lack, lack_of_fit
 from .estimate.result import Fit
 from .identify.recorded.channels import channel, drives_of, names_of, recordings_of, same_number
@@ -112,13 +112,12 @@ class Verification:
     @property
     def r_squared(self) -> float:
         """(SST - SSE)/SST over all recordings, each about its own mean [kang2007, appendix 6]."""
-        sst = sum(g.sst for g in self.recordings)
-        return (sst - sum(g.sse for g in self.recordings)) / sst if sst > 0 else math.nan
+        return pooled_r_squared(self.recordings)
 
     @property
     def rmse(self) -> float:
         """Root mean square of all residuals, in the unit of the channel."""
-        return math.sqrt(sum(g.sse for g in self.recordings) / sum(g.n_data for g in self.recordings))
+        return pooled_rmse(self.recordings)
 
     @property
     def table(self) -> xr.Dataset:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -28,6 +29,17 @@ class Goodness(NamedTuple):
     def rmse(self) -> float:
         """Root mean square of the residuals, in the unit of the data."""
         return math.sqrt(self.sse / self.n_data)
+
+
+def pooled_r_squared(parts: Sequence[Goodness]) -> float:
+    """(SST - SSE)/SST over all recordings, each about its own mean [kang2007, appendix 6]."""
+    sst = sum(g.sst for g in parts)
+    return (sst - sum(g.sse for g in parts)) / sst if sst > 0 else math.nan
+
+
+def pooled_rmse(parts: Sequence[Goodness]) -> float:
+    """Root mean square of all residuals, in the unit of the data."""
+    return math.sqrt(sum(g.sse for g in parts) / sum(g.n_data for g in parts))
 
 
 def goodness(

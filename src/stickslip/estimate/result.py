@@ -19,7 +19,7 @@ from scipy import stats
 
 from ..units import QuantityError
 from .covariance import Uncertainty
-from .goodness import Goodness
+from .goodness import Goodness, pooled_r_squared, pooled_rmse
 from .identifiability import undetermined
 from .lack import KnownNoise, Lack, lack_of_fit
 from .minima import APART, Minimum, bound
@@ -155,13 +155,12 @@ class Fit:
     @property
     def r_squared(self) -> float:
         """Coefficient of determination over all recordings; each is taken about its own mean."""
-        sst = sum(g.sst for g in self.recordings)
-        return (sst - sum(g.sse for g in self.recordings)) / sst if sst > 0 else math.nan
+        return pooled_r_squared(self.recordings)
 
     @property
     def rmse(self) -> float:
         """Root mean square of all residuals, in the unit of the data."""
-        return math.sqrt(sum(g.sse for g in self.recordings) / self.n_data)
+        return pooled_rmse(self.recordings)
 
     @property
     def n_estimated(self) -> int:

@@ -30,10 +30,10 @@ from ..friction.law import (
     ticked_state,
     with_branch,
 )
-from . import dynamics, kinematics
+from . import dynamics, kinematics, lanes
 from .system import Layout, layout_of
 
-SOURCES = dynamics.SOURCES | kinematics.SOURCES
+SOURCES = dynamics.SOURCES | kinematics.SOURCES | lanes.SOURCES
 _ARGUMENTS: dict[str, tuple[str, ...]] = {}  # of each function, by its name
 # What the text calls.
 _NAMES = {
@@ -213,6 +213,31 @@ def in_lanes(plant: Any) -> Any:
 
 
 @_generated
+def room_size(plant: Any, numbers: Any) -> Any:
+    """How many entries a room (see `lanes`) has for such plants of so many numbers."""
+
+
+@_generated
+def lane_state(plant: Any, room: Any, p: Any) -> Any:
+    """The state of column p."""
+
+
+@_generated
+def lane_step(plant: Any, room: Any, p: Any) -> Any:
+    """The new state of column p, and the vectors of its continuous extension."""
+
+
+@_generated
+def put_state(plant: Any, room: Any, p: Any, q: Any) -> Any:
+    """Set the state of column p."""
+
+
+@_generated
+def put_step(plant: Any, room: Any, p: Any, new: Any, rows: Any) -> Any:
+    """Set the new state of column p, and the vectors of its continuous extension."""
+
+
+@_generated
 def on_branches(plant: Any, sides: Any, q: Any, v: Any, dv: Any) -> Any:
     """The sides with the branches on which the states are, at speeds `v` that change by `dv`."""
 
@@ -254,7 +279,7 @@ def with_values(plant: Any, values: Any) -> Any:
     return made(plant)
 
 
-def record_maker(plant: Any, arguments: str, number: str) -> Callable[..., Any]:
+def _maker(plant: Any, arguments: str, number: str) -> Callable[..., Any]:
     """The function of a plant's Numba type that makes such a plant; `number`, the text of its k-th number."""
     names: dict[str, Any] = {}
     count = itertools.count()
@@ -274,7 +299,18 @@ def record_maker(plant: Any, arguments: str, number: str) -> Callable[..., Any]:
 
 @overload_with(with_values, FUSED)
 def _with_values(plant: Any, values: Any) -> Any:
-    return record_maker(plant, "plant, values", "values[{k}]")
+    return _maker(plant, "plant, values", "values[{k}]")
+
+
+def lane_plant(plant: Any, room: Any, p: Any) -> Any:
+    """The plant of column p of a room."""
+    return with_values(plant, room.reshape(-1, lanes.LANES)[lanes.first_number(layout_of(plant)) :, p])
+
+
+@overload_with(lane_plant, FUSED)
+def _lane_plant(plant: Any, room: Any, p: Any) -> Any:
+    first = lanes.first_number(layout_of(plant))
+    return _maker(plant, "plant, room, p", f"room[({{k}} + {first}) * {lanes.LANES} + p]")
 
 
 @functools.cache

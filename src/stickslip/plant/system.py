@@ -163,13 +163,6 @@ def state_size(plant: Plant) -> int:
     return layout_of(plant).first[-1]
 
 
-def numbers_of(plant: Any) -> int:
-    """How many numbers a plant has, or one of its Numba type."""
-    if hasattr(plant, "types") or hasattr(plant, "count") or isinstance(plant, tuple):
-        return sum(numbers_of(inner) for inner in plant)
-    return 0 if plant is None or str(plant) == "none" else 1
-
-
 def values_of(plant: Plant, count: int = 1) -> NDArray[np.float64]:
     """All numbers of a plant in the order that `generated.with_values` takes them, [count, numbers]; where a
     number is an array of `count`, each row has its own."""

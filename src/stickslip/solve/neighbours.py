@@ -13,8 +13,20 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._jit import compiled, fused
-from ..plant.generated import gone, in_lanes, settled, state_of, with_values
-from ..plant.lanes import LANES, lane_plant, lane_state, lane_step, put_state, put_step, room_size
+from ..plant.generated import (
+    gone,
+    in_lanes,
+    lane_plant,
+    lane_state,
+    lane_step,
+    put_state,
+    put_step,
+    room_size,
+    settled,
+    state_of,
+    with_values,
+)
+from ..plant.lanes import LANES
 from ..waveform.members import member_of
 from .channels import at_nodes, segment_of
 from .log import _sides_of
@@ -74,21 +86,21 @@ def _own_step(drive, near, drives, p, i, t, h):
 def replay(plant, drive, load, log, rows, local, near, drives):
     """Take the logged steps with every neighbour; `drives`, the neighbours' own."""
     if rows > 0:
-        room = np.empty(room_size(plant))
+        room = np.empty(room_size(plant, near.values.shape[1]))
         for first in range(0, near.states.shape[0], LANES):
             _replay(plant, drive, load, log, rows, local, near, drives, first, room)
 
 
 @compiled
 def _replay(plant, drive, load, log, rows, local, near, drives, first, room):
-    """As `replay`, with those from `first` on that a room holds; it is filled up with the last one."""
+    """As `replay`, with those from `first` on that a room holds; the last one fills it up, where it stays."""
     i, j = segment_of(drive, log[0, START]), segment_of(load, log[0, START])
     states, traces, c = near.states, near.traces, near.column
     count = min(LANES, states.shape[0] - first)
     for p in range(LANES):
         m = first + min(p, count - 1)
         for k in range(near.values.shape[1]):
-            room[k * LANES + p] = near.values[m, k]
+            room[room.size + (k - near.values.shape[1]) * LANES + p] = near.values[m, k]
         put_state(plant, room, p, state_of(plant, states[m]))
     for row in range(rows):
         t, h, fraction = log[row, START], log[row, LENGTH], log[row, FRACTION]
@@ -121,8 +133,6 @@ def _replay(plant, drive, load, log, rows, local, near, drives, first, room):
             trace[2], trace[3], trace[4] = dense[0][c], dense[1][c], dense[2][c]
             end = settled(own, new if fraction == 1.0 else at(fraction, q, new, dense), local)
             put_state(plant, room, p, end)
-        for p in range(count, LANES):
-            put_state(plant, room, p, lane_state(plant, room, count - 1))
     for p in range(count):
         end = lane_state(plant, room, p)
         for s in range(len(end)):
