@@ -121,7 +121,7 @@ def page(browser: Browser) -> Iterator[Page]:
     context.add_init_script("sessionStorage.getItem('client') || sessionStorage.setItem('client', 'tester')")
     made = context.new_page()
     errors: list[str] = []
-    made.on("pageerror", lambda error: errors.append(str(error)))
+    made.on("pageerror", lambda error: errors.append(error.stack or str(error)))
     made.on("console", lambda said: errors.append(said.text) if "Content Security" in said.text else None)
     yield made
     context.close()

@@ -65,8 +65,8 @@ class Fitting:
             doing = "getting ready" if self._pending else "reading"
             self.state = {"phase": RUNNING, "doing": doing, "request": request.model_dump()}
             self.frames = {}
+            self._tell()  # before any of its curves
             self._connection.send(Begin(request, self._out))
-        self._tell()
 
     def cancel(self) -> None:
         """End the fit; what was found until then stays."""

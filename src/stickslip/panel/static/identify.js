@@ -17,6 +17,7 @@ export async function mount(element, app) {
   let state = found;
   let traces = {}; // kind -> arrays
   let shown = 0; // which recording is drawn
+  let news = 0; // how often the stream said how the fit stands
 
   const form = await fitForm(app, choices, state.request, start, cancel);
   const status = make("p", { className: "identify-status" });
@@ -58,8 +59,6 @@ export async function mount(element, app) {
   async function start(request) {
     fault.textContent = "";
     await app.request("/api/identify/start", request);
-    traces = {};
-    shown = 0;
     plot.autoscale();
     if (right.getBoundingClientRect().top > innerHeight / 2) right.scrollIntoView();
   }
@@ -172,17 +171,24 @@ export async function mount(element, app) {
 
   // --- news
   async function fetchAll() {
-    state = await app.request("/api/identify/state");
-    const kinds = KINDS.filter((kind) => state.frames.includes(kind));
+    // What the stream says meanwhile is newer than the answers.
+    const before = news;
+    traces = {};
+    const now = await app.request("/api/identify/state");
+    const kinds = KINDS.filter((kind) => now.frames.includes(kind));
     const frames = await Promise.all(kinds.map((kind) => app.request(`/api/identify/traces/${kind}`)));
-    traces = Object.fromEntries(kinds.map((kind, i) => [kind, unpack(frames[i]).arrays]));
+    traces = { ...Object.fromEntries(kinds.map((kind, i) => [kind, unpack(frames[i]).arrays])), ...traces };
+    if (news === before) state = now;
     tell();
     draw();
   }
   const again = () => fetchAll().catch((error) => app.notify(error.message, "error"));
   const ending = [
     app.stream.on("fit", (message) => {
+      // Its curves come after this; the answer to the request that started it may come later than they do.
+      if (message.phase === "running" && state.phase !== "running") [traces, shown] = [{}, 0];
       state = message;
+      news += 1;
       tell();
     }),
     app.stream.on("fit_traces", (header, arrays) => {
