@@ -31,7 +31,9 @@ def _engine(problem: str, drive: Any, tolerance: float) -> Callable[[], np.ndarr
 
     def run() -> np.ndarray:
         q = start.copy()
-        integrate(of.plant, table, contact.drive, q, span, tolerance, MAX_STEPS, times, samples, NO_RESUME)
+        integrate(
+            of.plant, table, contact.drive, q, span, tolerance, False, MAX_STEPS, times, samples, NO_RESUME
+        )
         return samples[:, of.slider]
 
     return run

@@ -31,7 +31,7 @@ from stickslip.friction import Elastoplastic, LuGre, MaxwellSlip
 from stickslip.plant import generated
 from stickslip.plant.system import Element, Mode, Plant, layout_of, state_size, values_of
 
-from .layouts import CASES, COULOMB, LUGRE, MAXWELL, PER_G, RATE, RISING, STAGE, Case, U
+from .layouts import CASES, COULOMB, ELASTOPLASTIC, LUGRE, MAXWELL, PER_G, RATE, RISING, STAGE, Case, U
 
 Array = NDArray[np.float64]
 
@@ -459,3 +459,29 @@ def test_rows_of_numbers() -> None:
     assert combined == (-19.0, -38.0, -77.0)
     assert scaled == (-20.0, -40.0, -80.0)
     assert replaced == (1.0, 7.0, 3.0)
+
+
+@compiled
+def decay(plant, lasts):
+    return generated.decay(plant, lasts)
+
+
+def least_decay(bonds: list[tuple[float, float, float]], lasts: float) -> float:
+    """Of contacts with a mobility [1/kg], a stiffness [N/m] and a damping [N s/m]."""
+    made = [(math.sqrt(p * k), 0.5 * math.sqrt(p / k) * c) for p, k, c in bonds]
+    return min([1.0, *(max(ratio, 1.0 / (omega * lasts)) for omega, ratio in made)])
+
+
+@pytest.mark.parametrize("lasts", [1e-3, 1e3])
+def test_vibrations_of_contacts_that_stick(lasts: float) -> None:
+    bonds = {
+        "stage and slider": [(17.7 * 1.3, 1.4e6, 35.7)],
+        "two sliders": [(17.7, 1.4e6, 35.7), (21.0 * 0.7, 0.9e6, 0.0)],
+    }
+    for name, expected in bonds.items():
+        assert decay(CASES[name].plant, lasts) == pytest.approx(least_decay(expected, lasts), rel=1e-4)
+    assert decay(Plant((STAGE,), (Element(COULOMB, (1.0,), (-3.0,)),), RATE), lasts) == 1.0
+    maxwell = Plant((STAGE,), (Element(MAXWELL, (1.0,), (-3.0,)),), RATE)
+    assert decay(maxwell, lasts) == pytest.approx(least_decay([(3.0, 1.7e6, 4.0)], lasts), rel=1e-4)
+    elastoplastic = Plant((STAGE,), (Element(ELASTOPLASTIC, (1.0,), (-3.0,)),), RATE)
+    assert decay(elastoplastic, lasts) == pytest.approx(least_decay([(3.0, 1.4e6, 35.3)], lasts), rel=1e-4)

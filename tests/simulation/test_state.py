@@ -141,6 +141,21 @@ def test_energy_of_a_state() -> None:
     assert float(d.drive_work[0]) == 0.0
 
 
+@pytest.mark.parametrize("cut", [0.1, 0.1037])
+def test_the_energy_account_costs_a_continuation_nothing(cut: float) -> None:
+    """The same trajectory to the last bit; the account counts from where it goes on."""
+    drive = ss.Sawtooth(65.0, 20.0)
+    whole = ss.simulate(KANG, drive, times=np.linspace(0.0, 0.2, 201), energy=True)
+    first = ss.simulate(KANG, drive, times=np.array([0.0, cut]))
+    later = whole.sel(time=whole.time[whole.time > cut])
+    second = ss.simulate(KANG, drive, times=later.time.values, energy=True, initial_state=first)
+    np.testing.assert_array_equal(second.end_effector_position, later.end_effector_position)
+    begun = ss.simulate(KANG, drive, times=np.array([0.0, cut]), energy=True).isel(time=-1)
+    for name in ("drive_work", "stage_dissipation", "friction_work"):
+        np.testing.assert_allclose(second[name] + float(begun[name]), later[name], rtol=1e-6, atol=1e-12)
+    assert float(np.abs(second.energy_defect).max()) < 2.0 * float(np.abs(whole.energy_defect).max())
+
+
 @pytest.mark.parametrize(
     ("state", "said"),
     [

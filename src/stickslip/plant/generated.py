@@ -39,6 +39,7 @@ _ARGUMENTS: dict[str, tuple[str, ...]] = {}  # of each function, by its name
 _NAMES = {
     "inf": math.inf,
     "floor": math.floor,
+    "sqrt": math.sqrt,
     "ticked_state": ticked_state,
     "breakaway": breakaway,
     "rate": rate,
@@ -245,6 +246,12 @@ def on_branches(plant: Any, sides: Any, q: Any, v: Any, dv: Any) -> Any:
 @_generated
 def branches_hold(plant: Any, sides: Any, q: Any, v: Any, dv: Any) -> Any:
     """Whether all states are still on the branches that the sides tell."""
+
+
+@_generated
+def decay(plant: Any, lasts: Any) -> Any:
+    """By what part a vibration on the bristles of a contact that sticks decays within a radian, at least; 1
+    within the time `lasts` [s]."""
 
 
 @_generated

@@ -228,6 +228,24 @@ def branches_hold(layout: Layout) -> Text:
     return Text([], " and ".join(holds) or "True")
 
 
+def decay(layout: Layout) -> Text:
+    lines = ["least = 1.0"]
+    for e, shape in enumerate(layout.elements):
+        own, shared = f"plant.elements[{e}]", [m for m in present(shape.velocity) if shape.push[m]]
+        if shape.smooth or not shape.states or not shared:
+            continue
+        mobility = sum_of(f"{own}.velocity[{m}] * {own}.push[{m}]" for m in shared)
+        lines += [f"p = -({mobility}) * {own}.normal", "k = 0.0", "c = 0.0"]
+        for law, _ in states_of(layout, e):
+            lines += [
+                f"_, fv, fz, zv, _ = law_slopes({law}, 0.0, 0.0, 1.0)",
+                "k += p * fz * zv",
+                "c += p * fv",
+            ]
+        lines += ["if k > 0.0:", "    least = min(least, max(0.5 * c, 1.0 / lasts) / sqrt(k))"]
+    return Text(lines, "least")
+
+
 def next_tick(layout: Layout) -> Text:
     periods = [f"plant.elements[{e}].law.period" for e, s in enumerate(layout.elements) if s.sampled]
     lines = ["at = inf", *(f"at = min(at, (floor(t / {p} + 1e-9) + 1.0) * {p})" for p in periods)]
@@ -275,6 +293,7 @@ SOURCES: dict[str, Callable[[Layout], Text]] = {
         in_lanes,
         on_branches,
         branches_hold,
+        decay,
         sampled,
         next_tick,
         ticked,

@@ -204,14 +204,17 @@ class _Runs(NamedTuple):
     error: Any
 
 
-def _run(task: _Task, of: Members, rows: NDArray[np.int64], outcomes: Any, tolerance: float) -> _Runs:
-    """These members once, with steps whose local errors are in proportion to the tolerance."""
+def _run(
+    task: _Task, of: Members, rows: NDArray[np.int64], outcomes: Any, tolerance: float, careful: bool
+) -> _Runs:
+    """These members once, with steps whose local errors are in proportion to the tolerance; `careful`: see
+    `periods.integrate`."""
     q, column = of.states[rows], of.of.slider
     reached, steps = np.zeros(rows.size), np.zeros(rows.size, np.int64)
     positions = np.full((rows.size, task.times.size), np.nan)
     spans = np.column_stack([np.zeros(rows.size), of.ends[rows]])
     drives = of.drives, of.which[rows], of.load
-    common = (of.of.plant, drives, of.values[rows], q, spans, tolerance)
+    common = (of.of.plant, drives, of.values[rows], q, spans, tolerance, careful)
     if task.gpu:
         task.gpu.integrate_members(*common, task.max_steps, (outcomes, reached, steps))
     else:
@@ -225,12 +228,12 @@ def _refined(task: _Task, of: Members) -> _Runs:
     """Each member until smaller steps change it by no more than the tolerance: as `refinement.refined`."""
     level = LOOSE * task.tolerance
     outcomes = np.where(of.fine, DONE, REFUSED)
-    made = _run(task, of, np.arange(outcomes.size), outcomes, level)
+    made = _run(task, of, np.arange(outcomes.size), outcomes, level, False)
     todo = np.flatnonzero(made.outcomes == DONE)
     coarse = _Runs(*(column[todo] for column in made))
     for _ in range(ROUNDS if todo.size else 0):
         level *= FINER
-        fine = _run(task, of, todo, np.full(todo.size, DONE), level)
+        fine = _run(task, of, todo, np.full(todo.size, DONE), level, True)
         apart = PER_NUMBER * np.abs(coarse.net - fine.net)
         if task.times.size:
             apart = PER_DIFFERENCE * np.max(np.abs(coarse.positions - fine.positions), axis=1)

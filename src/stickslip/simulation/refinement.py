@@ -34,7 +34,7 @@ class Refined(NamedTuple):
 
 
 def refined(
-    run: Callable[[float], Run],
+    run: Callable[[float, bool], Run],
     distance: Callable[[Run, Run], float],
     steps: Callable[[Run], int],
     tolerance: float,
@@ -42,15 +42,16 @@ def refined(
     """The first run whose difference to a finer one is within the tolerance; else the last one compared.
 
     Args:
-        run: from a tolerance of the engine to a run.
+        run: from a tolerance of the engine, and whether it is a run to compare with (`careful` in
+            `solve.periods.integrate`), to a run.
         distance: between two runs, m; NaN where they cannot be compared.
         steps: that a run took.
         tolerance: m.
     """
     level, floor = LOOSE * tolerance, min(FINEST, FINER * tolerance)
-    coarse, found = run(level), None
+    coarse, found = run(level, False), None
     for _ in range(ROUNDS):
-        fine = run(FINER * level)
+        fine = run(FINER * level, True)
         error = PER_DIFFERENCE * distance(coarse, fine)
         if math.isnan(error):
             break
@@ -63,5 +64,5 @@ def refined(
         coarse = fine
         if needed < FINER * level:
             level = needed
-            coarse = run(level)
+            coarse = run(level, True)
     return found or Refined(coarse, math.nan)

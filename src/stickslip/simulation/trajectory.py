@@ -61,7 +61,7 @@ def simulate(
         initial_state: where it begins: a `State`, or a trajectory, to be continued: then `duration` counts
             from its end, and samples and drive go on in its time. With the same model, drive, load and
             tolerance it goes on to the last bit as one run over both would (where that needs no smaller
-            steps, and without `energy`), and its error is added.
+            steps), and its error is added; the energy account begins anew.
 
     Returns:
         Dataset over "time" (s) with end_effector_position, stage_position, sliding_displacement (m),
@@ -151,7 +151,7 @@ class _Run(NamedTuple):
 
 class _Task(NamedTuple):
     """A trajectory to be followed; `start`, its state before, at the time `begins`, or `resume` (see
-    `solve.resume`)."""
+    `solve.resume`); `anew`: the energy account begins at the first of the times, which is not asked for."""
 
     of: System
     drive: Drive
@@ -162,17 +162,19 @@ class _Task(NamedTuple):
     max_steps: int
     begins: float
     resume: NDArray[np.float64]
+    anew: bool
 
-    def run(self, tolerance: float) -> _Run:
-        """With steps whose local errors are in proportion to the tolerance."""
+    def run(self, tolerance: float, careful: bool = False) -> _Run:
+        """With steps whose local errors are in proportion to the tolerance; `careful`: see
+        `periods.integrate`."""
         times, q = self.times, self.start.copy()
         samples = np.full((times.size, q.size + max(len(self.of.plant.elements), 1)), np.nan)
         work = np.zeros((times.size if self.energy else 0, TERMS))
         solve, account = (integrate_account, (work,)) if self.energy else (integrate, ())
         span, resume = np.array([self.begins, times[-1]]), self.resume.copy()
         outcome, reached, steps, rejected = solve(
-            *(self.of.plant, self.drive, self.contact.drive, q, span, tolerance, self.max_steps, times),
-            *(samples, resume, *account),
+            *(self.of.plant, self.drive, self.contact.drive, q, span, tolerance, careful, self.max_steps),
+            *(times, samples, resume, *account),
         )
         return _Run(samples, work, outcome, reached, steps, rejected, resume)
 
@@ -193,7 +195,10 @@ class _Task(NamedTuple):
             text = f"stopped at t = {with_prefix(run.reached, 's')} of {end}: {reason}"
             keep = np.isfinite(samples[:, SLIDER])
             times, samples, work = times[keep], samples[keep], work[keep] if self.energy else work
-        if self.energy:
+        if self.anew and times.size:  # the run began before the state that it goes on from
+            start, work = samples[0], work - work[0]
+            times, samples, work = times[1:], samples[1:], work[1:]
+        elif self.energy:
             before = np.zeros((1, run.samples.shape[1]))
             before[0, : self.start.size] = self.start
             start = classic(self.of, before, self.drive, np.array([self.begins or -1.0]))[0]
@@ -229,15 +234,14 @@ def follow(
             f"times [s] begin at {times[0]:g} s, before the initial state at {begin.time:g} s"
         )
     resume = np.zeros(row_size(len(of.plant.elements), of.states))
-    # The energy account begins at the state itself.
-    if (
-        begin.resume
-        and not energy
-        and begin.made_by == maker(of, table, contact.drive, tolerance, begin.time)
-    ):
+    goes_on = begin.resume and begin.made_by == maker(of, table, contact.drive, tolerance, begin.time)
+    if goes_on:
         resume[:] = begin.resume
+    anew = bool(energy and goes_on)
+    if anew:
+        times = np.append(begin.time, times)
     start = placed(begin, of, contact, table.before)
-    task = _Task(of, table, contact, start, times, energy, max_steps, begin.time, resume)
+    task = _Task(of, table, contact, start, times, energy, max_steps, begin.time, resume, anew)
     if not check:
         return task.followed(task.run(float(tolerance)))
     found = refined(task.run, task.distance, lambda run: run.steps + run.rejected, float(tolerance))

@@ -11,7 +11,7 @@ from ..plant.system import Plant
 from ..waveform.drive import Drive
 from ..waveform.members import Drives, member_of
 from .outcome import DONE
-from .periods import follow
+from .periods import careful_tolerance, follow
 
 THREADS = 128
 
@@ -22,7 +22,7 @@ def available() -> bool:
 
 
 @cuda.jit
-def _members(plant, drives, values, states, spans, tolerance, max_steps, none, results):
+def _members(plant, drives, values, states, spans, tolerance, careful, max_steps, none, results):
     m = cuda.grid(1)  # pyright: ignore[reportCallIssue]
     outcomes, reached, steps = results
     if m >= states.shape[0] or outcomes[m] != DONE:
@@ -31,6 +31,8 @@ def _members(plant, drives, values, states, spans, tolerance, max_steps, none, r
     tables, which, load = drives
     drive = member_of(tables, which[m])
     own, state = with_values(plant, values[m]), state_of(plant, states[m])
+    if careful:
+        tolerance = careful_tolerance(own, spans[m], tolerance)
     outcome, t, accepted, rejected, state = follow(
         own, drive, load, state, spans[m], tolerance, max_steps, times, samples, log, None, None, None, None
     )
@@ -46,6 +48,7 @@ def integrate_members(
     states: NDArray[np.float64],
     spans: NDArray[np.float64],
     tolerance: float,
+    careful: bool,
     max_steps: int,
     results: tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64]],
 ) -> None:
@@ -53,5 +56,5 @@ def integrate_members(
     none = np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0))
     blocks = -(-len(states) // THREADS)
     _members[blocks, THREADS](  # type: ignore[index]
-        plant, drives, values, states, spans, tolerance, max_steps, none, results
+        plant, drives, values, states, spans, tolerance, careful, max_steps, none, results
     )

@@ -12,6 +12,7 @@ import numpy as np
 
 from .._jit import compiled, inlined, kernel
 from ..plant.generated import (
+    decay,
     drift_apart,
     gone,
     moves_freely,
@@ -37,6 +38,9 @@ from .run import LOCAL, run
 # Two periods are the same if what their first states differ by, times the periods to come, is below this
 # part of the tolerance.
 SAME = 0.02
+# Local errors of a careful run, over the tolerance and the decay of a vibration; and the least share of its
+# tolerance.
+CREEPING, LEAST = 2.0 / LOCAL, 1e-4
 # Segments of a period, at most.
 LONGEST_CYCLE = 16
 # Not the literal 0, for which Numba would compile what is called with it once more.
@@ -203,6 +207,16 @@ def follow(
     return DONE, t, accepted, rejected, q
 
 
+@compiled
+def careful_tolerance(plant, span, tolerance):
+    """The tolerance for steps that do not lose small vibrations of contacts that stick.
+
+    Under a load a contact creeps by up to 2/pi times the amplitude of a vibration per radian
+    (docs/decisions/error-estimate.md): one that hardly decays moves it far, though it is small itself.
+    """
+    return tolerance * min(1.0, max(CREEPING * decay(plant, span[1] - span[0]), LEAST))
+
+
 @inlined
 def _log(plant, states, rows):
     return np.empty((rows, columns(states, len(plant.elements))))
@@ -215,7 +229,7 @@ def _put(q, state):
 
 
 @kernel
-def integrate(plant, drive, load, q, span, tolerance, max_steps, times, samples, resume):
+def integrate(plant, drive, load, q, span, tolerance, careful, max_steps, times, samples, resume):
     """One trajectory, in place.
 
     Args:
@@ -224,6 +238,7 @@ def integrate(plant, drive, load, q, span, tolerance, max_steps, times, samples,
         q: state at span[0]; becomes the state at the time reached.
         span: start and end, s.
         tolerance: m, on positions.
+        careful: whether small vibrations of contacts that stick are not to be lost (a run to compare with).
         max_steps: bound on accepted plus rejected steps.
         times: sample times, ascending, inside span.
         samples: [times, states + elements (at least 1)], filled up to the time reached: states and outputs.
@@ -234,6 +249,8 @@ def integrate(plant, drive, load, q, span, tolerance, max_steps, times, samples,
     """
     log = _log(plant, q.size, LOG_ROWS if times.size > 0 else 0)
     state = state_of(plant, q)
+    if careful:
+        tolerance = careful_tolerance(plant, span, tolerance)
     outcome, t, accepted, rejected, state = follow(
         plant, drive, load, state, span, tolerance, max_steps, times, samples, log, None, None, None, resume
     )
@@ -242,10 +259,14 @@ def integrate(plant, drive, load, q, span, tolerance, max_steps, times, samples,
 
 
 @kernel
-def integrate_account(plant, drive, load, q, span, tolerance, max_steps, times, samples, resume, account):
+def integrate_account(
+    plant, drive, load, q, span, tolerance, careful, max_steps, times, samples, resume, account
+):
     """As `integrate`, the same steps, and the energy account [times, TERMS] (see `log.add_work`)."""
     log = _log(plant, q.size, LOG_ROWS)
     state, room = state_of(plant, q), np.zeros(TERMS + q.size)
+    if careful:
+        tolerance = careful_tolerance(plant, span, tolerance)
     outcome, t, accepted, rejected, state = follow(
         plant,
         drive,
@@ -280,7 +301,9 @@ def integrate_near(plant, drive, load, q, span, tolerance, max_steps, times, sam
 
 
 @kernel
-def integrate_members(plant, drives, values, states, spans, tolerance, max_steps, times, column, found):
+def integrate_members(
+    plant, drives, values, states, spans, tolerance, careful, max_steps, times, column, found
+):
     """Many trajectories, one after the other, each of a plant with numbers of its own.
 
     Args:
@@ -289,7 +312,7 @@ def integrate_members(plant, drives, values, states, spans, tolerance, max_steps
         values: [members, numbers of the plant], see `system.values_of`.
         states: [members, states], at the start; in place, at the time reached.
         spans: start and end of each, s, [members, 2].
-        tolerance, max_steps, times: see `integrate`.
+        tolerance, careful, max_steps, times: see `integrate`.
         column: the state that is sampled.
         found: outcomes, times reached and steps taken, each [members], and samples [members, times]. Members
         whose
@@ -302,13 +325,14 @@ def integrate_members(plant, drives, values, states, spans, tolerance, max_steps
     for m in range(states.shape[0]):
         if outcomes[m] == DONE:
             samples[:] = np.nan
+            own = with_values(plant, values[m])
             outcomes[m], reached[m], accepted, rejected, state = follow(
-                with_values(plant, values[m]),
+                own,
                 member_of(tables, which[m]),
                 load,
                 state_of(plant, states[m]),
                 spans[m],
-                tolerance,
+                careful_tolerance(own, spans[m], tolerance) if careful else tolerance,
                 max_steps,
                 times,
                 samples,

@@ -72,6 +72,7 @@ class Displacement:
                     state,
                     span,
                     self.tolerance,
+                    False,
                     self.max_steps,
                     times,
                     samples,
