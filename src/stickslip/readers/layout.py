@@ -17,10 +17,12 @@ from typing import NamedTuple
 
 from ..recording import RecordingError
 from ..recording.conversion import is_unit
+from .headers import said_units, with_said_units
 from .source import Channel, is_clock
 
 HEAD = 1 << 18  # bytes to look at
 SAMPLE = 100  # lines, at least and spread over the head, that settle the delimiter
+BESIDE = 40  # lines of data beside which the settings of an instrument may stand
 SPACE = r"\s+"
 LINE_END = re.compile(r"\r\n|\n|\r")
 MISSING = (
@@ -96,12 +98,16 @@ def find_layout(path: Path, delimiter: str | None, decimal: str | None, skip: in
     kinds, delimiter, decimal = _judge(sample, _ways(delimiter, decimal))
     if not kinds:
         raise RecordingError(f"there are no rows of numbers in the first {len(lines)} lines")
-    first = next(i for i in data if _fits(_split(lines[i], delimiter), kinds, decimal))
+    kinds = _without_settings([_split(line, delimiter) for line in sample], kinds, decimal)
+    first = next(i for i in data if _begins(_split(lines[i], delimiter), kinds, decimal))
     filled = [_split(lines[i], delimiter) for i in data if i >= first]
     blank = [all(row[k : k + 1] in ([], [""]) for row in filled) for k in range(len(kinds))]
     rows = {i: _header_fields(lines[i], delimiter, len(kinds), blank[-1]) for i in range(skip, first)}
     channels = _header(lines, rows, kinds, decimal)
     kinds = "".join("e" if b and not c.name else k for k, b, c in zip(kinds, blank, channels, strict=True))
+    channels = [c._replace(numeric=k in "nd") for k, c in zip(kinds, channels, strict=True)]
+    beside = [_split(line, delimiter) for line in lines[: first + BESIDE]]
+    channels = with_said_units(channels, *said_units(beside))
     marks = [found[1][0] for line in lines if (found := _COMMENT.match(line))]
     return TextLayout(
         encoding,
@@ -110,7 +116,7 @@ def find_layout(path: Path, delimiter: str | None, decimal: str | None, skip: in
         next((mark for mark in marks if mark in "#%"), None),
         first,
         max(len(head) / max(len(lines), 1), 2.0),
-        tuple(c._replace(numeric=k in "nd") for k, c in zip(kinds, channels, strict=True)),
+        tuple(channels),
         kinds,
     )
 
@@ -184,9 +190,22 @@ def _kind(field: str, decimal: str) -> str:
     return "d" if _DATE.fullmatch(field) else "s"
 
 
-def _fits(fields: Sequence[str], kinds: str, decimal: str) -> bool:
+def _begins(fields: Sequence[str], kinds: str, decimal: str) -> bool:
+    """Whether a line is the first of data."""
     found = _kinds(fields, decimal)
-    return len(found) == len(kinds) and all(a in (b, "e") for a, b in zip(found, kinds, strict=True))
+    return len(found) == len(kinds) and all(
+        b == "e" or a in (b, "e") for a, b in zip(found, kinds, strict=True)
+    )
+
+
+def _without_settings(rows: Sequence[Sequence[str]], kinds: str, decimal: str) -> str:
+    """The kinds of the columns, those empty in which an oscilloscope keeps its settings beside the first
+    samples: words in a few rows, blank in the others."""
+    found = [row for row in (_kinds(row, decimal) for row in rows) if len(row) == len(kinds)]
+    blank = [sum(row[k] == "e" for row in found) > 0.9 * len(found) for k in range(len(kinds))]
+    if not any(b and any(row[k] == "s" for row in found) for k, b in enumerate(blank)):
+        return kinds
+    return "".join("e" if b else kind for b, kind in zip(blank, kinds, strict=True))
 
 
 def _header_fields(line: str, delimiter: str, count: int, last_is_blank: bool) -> list[str]:
@@ -197,6 +216,8 @@ def _header_fields(line: str, delimiter: str, count: int, last_is_blank: bool) -
         len(fields) == count - 1 and last_is_blank
     ):  # each row of data ends with a delimiter, the header does not
         return [*fields, ""]
+    if len(fields) == count + 1 and fields[-1].lower() == "comment":  # of LabVIEW; mostly no row has one
+        return fields[:-1]
     if delimiter == SPACE and len(fields) != count:  # names with blanks in them
         for fields in (_HEADER_WORD.findall(line), re.split(r"\s{2,}|\t", line.strip())):
             if len(fields) == count:
@@ -218,10 +239,14 @@ def _header(lines: Sequence[str], above: dict[int, list[str]], kinds: str, decim
     if not texts:
         return [Channel(str(k)) for k in range(len(kinds))]
     columns = [_channel(field) for field in rows[header]]
-    if header - 1 in texts and all(map(is_unit, rows[header])) and not any(map(is_clock, columns)):
-        names = rows[header - 1]  # a row of names, a row of units
+    names = rows.get(header - 1, [])  # a row of names, a row of units
+    if any("s" in _kind(name, decimal) for name in names) and _all_units(rows[header], columns):
         columns = [Channel(name, unit) for name, unit in zip(names, rows[header], strict=True)]
     return _distinct(columns)
+
+
+def _all_units(fields: Sequence[str], columns: Sequence[Channel]) -> bool:
+    return all(map(is_unit, fields)) and not any(map(is_clock, columns))
 
 
 def _channel(header: str) -> Channel:

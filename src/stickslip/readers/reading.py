@@ -22,11 +22,13 @@ from ..units import to_si
 from .clocks import Clocked, complete_samples, onto_one_clock, without_empty_end
 from .csv import read_csv
 from .formats import find_format
+from .headers import named_unit
 from .matlab import read_matlab
 from .mdf import read_mdf
 from .npy import read_npy, read_npz
 from .selection import Selection, Variable, select
 from .source import Column, Rows, Source
+from .unlikely import refuse_unlikely
 
 _BINARY: dict[str, Callable[[Path], Source]] = {
     "npy": read_npy,
@@ -65,8 +67,9 @@ def read_recording(
             tuple of an array's name and indices from 0, ``("trace_y", 1)``. "time" names the time column;
             without it, the column called time (or t, timestamp, ...) is taken. Without other names, all
             columns are read.
-        units: our name -> unit of the file ("mm", "uN"), stronger than what the file says. Where neither says
-            a unit the numbers are taken to be in SI.
+        units: our name -> unit of the file ("mm", "uN"), stronger than what the file says, also with a
+            number: "20 V" (a divider), "0.5 um/V" (a sensor, whose column is in volts). Where neither a name
+            ("disp_um"), a header nor this says a unit, the numbers are taken to be in SI if they may be.
         sample_rate: Hz, for a file without time.
         start_time: time of the first sample, s. By default what the file says; 0 for dates and where it says
             none.
@@ -99,11 +102,13 @@ def read_recording(
         return open_recording(path)
     with _named(path):
         source = read_csv(path, delimiter, decimal, skip) if kind == "text" else _BINARY[kind](path)
+        source = source._replace(channels=tuple(map(named_unit, source.channels)))
         rate = _rate(sample_rate)
         chosen = select(source.channels, columns or {}, units or {}, clocks or {}, equally_spaced=rate > 0)
         window = _window(rows)
         groups = _load(source, chosen, window, rate)
         whole, steps = _on_one_clock(source, chosen, groups, missing, window)
+        refuse_unlikely(chosen, groups)
         time, epoch = _from_start(whole.time, start_time)
         return make_recording(
             time,

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from ..recording import STANDARD_NAMES, RecordingError
-from ..recording.conversion import Conversion, to_si_unit
+from ..recording.conversion import Conversion, is_unit, to_si_scale, to_si_unit
 from ..units import QuantityError
 from .source import Channel, Column, find_channel, is_clock, listing
 
@@ -86,7 +86,7 @@ def _variable(
     if unit is None and not column.unit:
         return made
     try:
-        conversion = to_si_unit(said)
+        conversion = to_si_unit(said) if unit is None else _scale(unit, column.unit)
     except QuantityError as error:
         hint = f" (units={{{name!r}: ...}} says it)" if unit is None else ""
         raise RecordingError(f"{made.label}: {error}{hint}") from None
@@ -95,11 +95,28 @@ def _variable(
     return made._replace(conversion=conversion)
 
 
+def _scale(said: str, own: str) -> Conversion:
+    """What a user's unit makes of a column in the unit `own`: "0.5 um/V" turns volts into metres."""
+    made = to_si_scale(said)
+    quantity, _, per = made.unit.partition("/")
+    if per != "V":
+        return made
+    volts = to_si_unit(own) if own else Conversion("V", 1.0, 0.0)
+    if volts.unit != "V":
+        raise QuantityError(f"{said!r} is for a column in V, not in {own}")
+    return Conversion(quantity, made.factor * volts.factor, 0.0)
+
+
+def in_seconds(channel: Channel) -> bool:
+    """Whether a channel is in a unit of time."""
+    return is_unit(channel.unit) and to_si_unit(channel.unit).unit == "s"
+
+
 def _all(channels: Sequence[Channel]) -> dict[str, int]:
     """Every channel that is no clock and holds numbers, by a name made from that in the file."""
     result: dict[str, int] = {}
     for i, channel in enumerate(channels):
-        if channel.numeric and channel.clock != i and not is_clock(channel):
+        if channel.numeric and channel.clock != i and not is_clock(channel) and not in_seconds(channel):
             name = re.sub(r"\W+", "_", channel.name.lower()).strip("_")
             name = name if name.isidentifier() and name != "time" else f"column_{name or i}"
             result[name if name not in result else f"{name}_{i}"] = i
@@ -118,6 +135,7 @@ def _common_clock(
     if by_layout:
         return by_layout[0]
     found = [i for i, channel in enumerate(channels) if is_clock(channel) and i not in own_clocks.values()]
+    found = found or [i for i, channel in enumerate(channels) if channel.numeric and in_seconds(channel)]
     if len(found) == 1:
         return found[0]
     if not found:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from typing import NamedTuple
 
@@ -15,6 +16,10 @@ SI_UNITS = (*_MECHANICAL.split(","), *_ELECTRICAL.split(","), "K", "Hz", "rad", 
 # Spellings in headers that the unit parser takes for something else ("Nm" for nautical miles) or not at all.
 _SPELLINGS = {"Nm": "N m", "Nmm": "N mm", "mNm": "mN m", "-": "", "1": "", "°": "deg"}
 _SPELLINGS |= {"Ohm": "ohm", "kOhm": "kohm", "MOhm": "Mohm"}
+
+
+# A number, and a unit that does not begin with one.
+_SCALED = re.compile(r"(?P<number>[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?)\s*\*?\s*(?P<unit>[^\d\s.].*)")
 
 
 class Conversion(NamedTuple):
@@ -47,6 +52,21 @@ def to_si_unit(unit: str) -> Conversion:
                 continue
             return Conversion(target, factor, offset)
     raise QuantityError(f"the unit {unit!r} is not known here")
+
+
+def to_si_scale(text: str) -> Conversion:
+    """As `to_si_unit`, of a unit with a number before it: "20 V" for a probe, "0.5 um/V" for a sensor.
+
+    Raises:
+        QuantityError: see `to_si_unit`; or the number is 0 or not finite.
+    """
+    found = _SCALED.fullmatch(text.strip())
+    if not found:
+        return to_si_unit(text)
+    number, made = float(found["number"]), to_si_unit(found["unit"])
+    if not 0.0 < abs(number) < float("inf") or made.offset:
+        raise QuantityError(f"the scale {text!r} is none: a number other than 0, and a unit")
+    return made._replace(factor=number * made.factor)
 
 
 def _targets(unit: str) -> tuple[str, ...]:

@@ -1,0 +1,58 @@
+"""Units that stand beside the columns: in their names, or in lines above the data as instruments write them.
+
+Oscilloscopes of Tektronix write "Vertical Units,V", LabVIEW (LVM) "Y_Unit_Label  Volts  um"; many a script
+calls its columns ``disp_um`` and ``timestamp_us``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from ..recording.conversion import is_unit
+from .source import Channel, is_clock
+
+_UNIT_LINE = re.compile(r"(?P<axis>vertical|horizontal|x|y)[ _]units?([ _]label)?:?", re.IGNORECASE)
+# Ends of names that are units, spelled as names are. Of one letter only V: "x_m" may be "measured", and SI
+# is what is taken anyway.
+_ENDS = {"sec": "s", "msec": "ms", "usec": "us", "nsec": "ns", "v": "V", "mv": "mV", "kv": "kV", "uv": "uV"}
+_ENDS |= {"mn": "mN", "un": "uN", "kn": "kN", "hz": "Hz", "khz": "kHz", "ma": "mA", "ua": "uA"}
+_ENDS |= {one: one for one in ("ms", "us", "ns", "pm", "nm", "um", "mm", "cm", "rad", "mrad", "urad", "deg")}
+_ENDS |= {f"{one}_{per}": f"{one}/s" for one in ("nm", "um", "mm", "m") for per in ("s", "per_s")}
+_ENDED = re.compile(rf"(?P<name>.*[^\W_])_(?P<unit>{'|'.join(sorted(_ENDS, key=len, reverse=True))})", re.I)
+
+
+def named_unit(channel: Channel) -> Channel:
+    """The channel with the unit that ends its name, "disp_um": displacement in um; else as it is."""
+    found = _ENDED.fullmatch(channel.name.replace("µ", "u").replace("μ", "u"))
+    if channel.unit or not channel.numeric or not found:
+        return channel
+    return channel._replace(name=found["name"], unit=_ENDS[found["unit"].lower()], header=channel.shown)
+
+
+def said_units(rows: Sequence[Sequence[str]]) -> tuple[list[str], list[str]]:
+    """Units of the horizontal axis and of the vertical ones, as lines above (or beside) the data say."""
+    across: list[str] = []
+    upward: list[str] = []
+    for fields in rows:
+        found = _UNIT_LINE.fullmatch(fields[0].strip()) if fields else None
+        if found:
+            units = [field.strip() for field in fields[1:]]
+            units = units[: next((i for i, unit in enumerate(units) if not unit or not is_unit(unit)), None)]
+            (across if found["axis"].lower() in ("horizontal", "x") else upward).extend(units)
+    return across, upward
+
+
+def with_said_units(
+    channels: Sequence[Channel], across: Sequence[str], upward: Sequence[str]
+) -> list[Channel]:
+    """Channels without a unit with those that lines above the data say: the clock's, and the others in order;
+    without a clock by name, the first column of numbers is it. One vertical unit is that of all."""
+    made, numeric = list(channels), [i for i, one in enumerate(channels) if one.numeric]
+    clocks = [i for i in numeric if is_clock(channels[i])][:1] or (numeric[:1] if across else [])
+    others = [i for i in numeric if i not in clocks]
+    upward = list(upward) * len(others) if len(upward) == 1 else upward
+    for i, unit in [*zip(clocks, across, strict=False), *zip(others, upward, strict=False)]:
+        if not made[i].unit:
+            made[i] = made[i]._replace(unit=unit, header=made[i].shown)
+    return made

@@ -1,0 +1,146 @@
+"""Units as names, headers and lines of instruments say them, with a number before them, or not at all."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import stickslip as ss
+from stickslip.readers.headers import named_unit
+from stickslip.readers.source import Channel
+from stickslip.recording import RecordingError
+from stickslip.recording.conversion import to_si_scale
+from stickslip.units import QuantityError
+
+N = 300
+TIME = 4e-6 * np.arange(N)
+
+
+def written(path: Path, head: list[str], rows: list[str]) -> Path:
+    path.write_text("\n".join([*head, *rows]) + "\n")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("name", "stem", "unit"),
+    [
+        ("timestamp_us", "timestamp", "us"),
+        ("disp_um", "disp", "um"),
+        ("disp_µm", "disp", "um"),
+        ("Disp_UM", "Disp", "um"),
+        ("slip_velocity_mm_s", "slip_velocity", "mm/s"),
+        ("v_um_per_s", "v", "um/s"),
+        ("drive_V", "drive", "V"),
+        ("monitor_mv", "monitor", "mV"),
+        ("x_m", "x_m", ""),  # measured?
+        ("drums", "drums", ""),
+        ("um", "um", ""),
+    ],
+)
+def test_units_at_the_end_of_names(name: str, stem: str, unit: str) -> None:
+    found = named_unit(Channel(name))
+    assert (found.name, found.unit) == (stem, unit)
+    assert found.shown == name
+
+
+def test_a_unit_in_brackets_is_stronger_than_the_name() -> None:
+    assert named_unit(Channel("disp_um", "nm")).unit == "nm"
+
+
+def test_names_with_units_are_read_in_them(tmp_path: Path) -> None:
+    rows = [f"{50 * i},{0.02 * i:.4f},{i % 60}" for i in range(N)]
+    path = written(tmp_path / "a.csv", ["timestamp_us,disp_um,drive_V"], rows)
+    for column in ("disp_um", "disp"):
+        found = ss.read_recording(path, {"end_effector_position": column, "drive_voltage": "drive_V"})
+        np.testing.assert_allclose(found.time, 50e-6 * np.arange(N))
+        np.testing.assert_allclose(found.end_effector_position, 0.02e-6 * np.arange(N), atol=1e-12)
+    assert set(ss.read_recording(path).data_vars) == {"disp", "drive"}
+
+
+def test_tektronix_with_settings_above(tmp_path: Path) -> None:
+    head = ["Model,MSO24", "Horizontal Units,s,,", "Vertical Units,V,mV,", "Label,,,", "TIME,CH1,CH2,"]
+    path = written(tmp_path / "a.csv", head, [f"{t:.6e},{i},{2 * i}," for i, t in enumerate(TIME)])
+    found = ss.read_recording(path)
+    assert {v: found[v].attrs["units"] for v in found.data_vars} == {"ch1": "V", "ch2": "V"}
+    np.testing.assert_allclose(found.ch2, 2e-3 * np.arange(N))
+
+
+def test_tektronix_with_settings_beside_the_first_samples(tmp_path: Path) -> None:
+    settings = ["Record Length,2.5e3,", "Sample Interval,4e-6,", ",,", "Source,CH1,", "Vertical Units,mV,"]
+    settings += ["Horizontal Units,s,", "Model Number,TDS2024B,"]
+    beside = [*settings, *[",,"] * (N - len(settings))]
+    path = written(tmp_path / "a.csv", [], [f"{beside[i]},{t:.6e},{i}," for i, t in enumerate(TIME)])
+    found = ss.read_recording(path)
+    (name,) = found.data_vars
+    assert found.sizes["time"] == N, "the first samples are data, too"
+    np.testing.assert_allclose(found.time, TIME)
+    np.testing.assert_allclose(found[name], 1e-3 * np.arange(N))
+
+
+def test_keysight(tmp_path: Path) -> None:
+    head = ["x-axis,1,2", "second,Volt,Volt"]
+    path = written(tmp_path / "a.csv", head, [f"{t:.6e},{i},{2 * i}" for i, t in enumerate(TIME)])
+    found = ss.read_recording(path, {"drive_voltage": "1", "monitor": "2"})
+    np.testing.assert_allclose(found.time, TIME)
+    np.testing.assert_allclose(found.drive_voltage, np.arange(N))
+    assert found.monitor.attrs["units"] == "V"
+
+
+def test_labview(tmp_path: Path) -> None:
+    head = ["LabVIEW Measurement\t", "Separator\tTab", "X_Columns\tOne", "***End_of_Header***\t", "\t"]
+    head += ["Channels\t2\t\t", "Y_Unit_Label\tVolts\tum\t", "X_Dimension\tTime\tTime\t"]
+    head += ["***End_of_Header***\t\t\t", "X_Value\tDrive\tPosition\tComment"]
+    path = written(tmp_path / "a.lvm", head, [f"{t:.6f}\t{i}\t{0.5 * i}" for i, t in enumerate(TIME)])
+    found = ss.read_recording(path, {"drive_voltage": "Drive", "end_effector_position": "Position"})
+    np.testing.assert_allclose(found.end_effector_position, 0.5e-6 * np.arange(N))
+
+
+@pytest.mark.parametrize(
+    ("header", "unit", "expected"),
+    [
+        ("sensor", "0.5 um/V", 0.5e-6),
+        ("sensor [V]", "0.5 um/V", 0.5e-6),
+        ("sensor [mV]", "0.5 um/V", 0.5e-9),
+        ("sensor [V]", "-2e-7 m/V", -2e-7),
+        ("sensor", "3.1 nm", 3.1e-9),
+    ],
+)
+def test_the_scale_of_a_sensor_is_part_of_reading(
+    tmp_path: Path, header: str, unit: str, expected: float
+) -> None:
+    path = written(tmp_path / "a.csv", [f"time [s],{header}"], [f"{t:.6e},{i}" for i, t in enumerate(TIME)])
+    found = ss.read_recording(path, {"end_effector_position": 1}, {"end_effector_position": unit})
+    np.testing.assert_allclose(found.end_effector_position, expected * np.arange(N), rtol=1e-12)
+
+
+def test_a_divider(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.csv", ["time [s],U"], [f"{t:.6e},{i}" for i, t in enumerate(TIME)])
+    found = ss.read_recording(path, {"drive_voltage": "U"}, {"drive_voltage": "20 V"})
+    np.testing.assert_allclose(found.drive_voltage, 20.0 * np.arange(N))
+
+
+@pytest.mark.parametrize("text", ["0 V", "1e999 V", "2 widgets", "3 degC"])
+def test_a_scale_that_is_none_is_refused(text: str) -> None:
+    with pytest.raises(QuantityError):
+        to_si_scale(text)
+
+
+def test_a_sensors_scale_is_for_volts(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.csv", ["time [s],x [N]"], [f"{t:.6e},{i}" for i, t in enumerate(TIME)])
+    with pytest.raises(RecordingError, match=r"'x \[N\]'.*for a column in V, not in N"):
+        ss.read_recording(path, {"end_effector_position": 1}, {"end_effector_position": "0.5 um/V"})
+
+
+def test_numbers_that_cannot_be_in_si_ask_for_their_unit(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.csv", ["time,position"], [f"{i},{0.02 * i:.3f}" for i in range(N)])
+    columns = {"end_effector_position": "position"}
+    with pytest.raises(RecordingError, match=r"time.*as seconds they are 1\d* s apart|position.*5\.98 m"):
+        ss.read_recording(path, columns)
+    with pytest.raises(RecordingError, match=r"position.*as m they go over 5\.98 m.*um or nm"):
+        ss.read_recording(path, columns, {"time": "ms"})
+    found = ss.read_recording(path, columns, {"time": "ms", "end_effector_position": "um"})
+    assert float(found.end_effector_position[-1]) == pytest.approx(5.98e-6)
+    # Who says so means it.
+    assert float(ss.read_recording(path, columns, {"end_effector_position": "m"}).time[-1]) == N - 1
