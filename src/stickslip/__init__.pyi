@@ -67,6 +67,7 @@ from .parameters import cite as cite
 from .parameters import load_friction as load_friction
 from .parameters import load_set as load_set
 from .parameters import print_citations as print_citations
+from .readers import inspect_file as inspect_file
 from .readers import read_recording as read_recording
 from .recording import RecordingError as RecordingError
 from .recording import RecordingWarning as RecordingWarning

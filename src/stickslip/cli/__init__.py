@@ -10,5 +10,6 @@ from .frame import app as app  # first: it says so where typer is missing
 from . import commands as commands
 from . import export as export
 from . import history as history
+from . import inspection as inspection
 from . import laboratory as laboratory
 from . import panel as panel

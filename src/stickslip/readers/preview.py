@@ -21,7 +21,7 @@ from .source import Channel, Rows, Source, is_clock
 
 SHOWN = 8  # values of a column
 MOST_COLUMNS = 200
-_LOOKED_AT = 20_000  # samples from which ranges and units are guessed
+LOOKED_AT = 20_000  # samples from which ranges and units are guessed
 # Words of a column's name, and what it then is; the first that is found.
 _MEANINGS = (
     (r"strain|elongation|stage|piezo (pos|disp)", "stage_position"),
@@ -54,14 +54,24 @@ def look(path: Path) -> dict[str, Any]:
     numeric = [i for i, one in enumerate(source.channels[:MOST_COLUMNS]) if one.numeric]
     if not numeric:
         raise RecordingError(f"{path.name} has no columns of numbers")
-    arrays = dict(zip(numeric, source.read(numeric, Rows(0, _LOOKED_AT)), strict=True))
+    arrays = dict(zip(numeric, source.read(numeric, Rows(0, LOOKED_AT)), strict=True))
     columns = [_described(i, one, arrays.get(i)) for i, one in enumerate(source.channels[:MOST_COLUMNS])]
     taken: set[str] = set()
     for one in columns:  # a name is given once
         if one["guess"] in taken:
             one["guess"] = ""
         taken.add(one["guess"])
+    _as_of_an_actuator(columns)
     return {"reader": source.reader, "samples": max(a.size for a in arrays.values()), "columns": columns}
+
+
+def _as_of_an_actuator(columns: list[dict[str, Any]]) -> None:
+    """A voltage and a position beside each other are the drive and what it moves."""
+    by_guess = {one["guess"]: one for one in columns}
+    drive = by_guess.get("drive_voltage") or by_guess.get("voltage")
+    moved = next((by_guess[name] for name in ("position", "displacement") if name in by_guess), None)
+    if drive and moved and "end_effector_position" not in by_guess:
+        drive["guess"], moved["guess"] = "drive_voltage", "end_effector_position"
 
 
 def _described(i: int, channel: Channel, values: np.ndarray | None) -> dict[str, Any]:

@@ -1,0 +1,34 @@
+"""The command that looks at a file before it is used."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .frame import Traceback, app, errors_in_one_line
+
+
+@app.command()
+def inspect(
+    file: Annotated[Path, typer.Argument(help="A measurement: CSV, NPZ, MAT, MDF 4, dSPACE, NetCDF.")],
+    picture: Annotated[
+        Path | None, typer.Option(metavar="FILE.svg", help="Where its picture goes: FILE-inspect.svg here.")
+    ] = None,
+    show_traceback: Traceback = False,
+) -> None:
+    """Say what a file holds: columns, units, sampling, gaps, noise; draw it, and print the YAML to paste."""
+    with errors_in_one_line(show_traceback):
+        from ..readers.inspection import inspect_file
+
+        found = inspect_file(file)
+        typer.echo(str(found))
+        if found.recording is None:
+            raise ValueError(f"{file}: {found.problem}")
+        from ..figures.recordings import recordings_together
+        from ..figures.style import svg
+
+        target = picture or Path(f"{file.stem}-inspect.svg")
+        target.write_text(svg(recordings_together({file.name: found.recording})), encoding="utf-8")
+        typer.echo(f"\n{target}")

@@ -1,0 +1,165 @@
+"""What a file holds before anything is done with it: columns, units, sampling, noise, names to give."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from ..recording import STANDARD_NAMES, RecordingError
+from ..units import with_prefix
+from .formats import find_format
+from .preview import LOOKED_AT, look
+from .reading import read_recording
+
+# A pause is a step of the clock longer than this many usual ones.
+PAUSE = 1.5
+# The drive has moved where it has left its first value by this part of its range; it began where it had left
+# it by more than its noise, or this part.
+MOVED, STILL = 0.02, 1e-4
+
+
+class Inspection(NamedTuple):
+    """What `inspect_file` found.
+
+    `columns`: see `preview.look` (none of a recording of ours), ranges of the first samples only where it is
+    `cut`; `named` and `units`, as `read_recording`
+    takes them, guessed where the file does not say; `recording`, read so, or None with the `problem`.
+    """
+
+    path: Path
+    reader: str
+    cut: bool
+    columns: list[dict[str, Any]]
+    named: dict[str, str]
+    units: dict[str, str]
+    recording: xr.Dataset | None
+    problem: str
+
+    @property
+    def interval(self) -> float:
+        """From sample to sample, median, s."""
+        assert self.recording is not None
+        return float(np.median(np.diff(self.recording["time"].values)))
+
+    @property
+    def pauses(self) -> list[tuple[float, float]]:
+        """Where samples are missing: time [s] and how long [s]."""
+        assert self.recording is not None
+        time = self.recording["time"].values
+        steps = np.diff(time)
+        return [(float(time[i]), float(steps[i])) for i in np.flatnonzero(steps > PAUSE * self.interval)]
+
+    @property
+    def drive_begins(self) -> float | None:
+        """Time of the last sample before the drive changes, s; None without a drive, or where it never
+        does."""
+        if self.recording is None or "drive_voltage" not in self.recording:
+            return None
+        drive = self.recording["drive_voltage"].values
+        moved = np.flatnonzero(np.abs(drive - drive[0]) > MOVED * np.ptp(drive))
+        if not moved.size or moved[0] < 2:
+            return None
+        rest = drive[: moved[0] // 2 + 1]
+        if np.ptp(rest) > MOVED / 4 * np.ptp(drive):  # it moved from the start
+            return None
+        noise = max(6.0 * float(np.std(rest)), STILL * float(np.ptp(drive)))
+        still = np.flatnonzero(np.abs(drive[: moved[0]] - np.mean(rest)) <= noise)
+        return float(self.recording["time"].values[still[-1]]) if still.size else None
+
+    def noise(self, name: str) -> float:
+        """Standard deviation of a channel before the drive begins, in its unit; NaN for fewer than 20
+        samples."""
+        begins = self.drive_begins
+        if self.recording is None or begins is None:
+            return math.nan
+        before = self.recording[name].values[self.recording["time"].values < begins]
+        return float(np.std(before, ddof=1)) if before.size >= 20 else math.nan
+
+    @property
+    def yaml(self) -> str:
+        """The entry under ``recordings:`` of a job, or an identification file."""
+
+        def flow(mapping: dict[str, str]) -> str:
+            parts = (f"{name}: {json.dumps(text, ensure_ascii=False)}" for name, text in mapping.items())
+            return f"{{{', '.join(parts)}}}"
+
+        lines = [f"- file: {json.dumps(self.path.name, ensure_ascii=False)}"]
+        lines += [f"  columns: {flow(self.named)}"] if self.named else []
+        return "\n".join([*lines, *([f"  units: {flow(self.units)}"] if self.units else [])])
+
+    def __str__(self) -> str:
+        part = f" (ranges are of the first {LOOKED_AT} samples)" if self.cut else ""
+        lines = [f"{self.path.name}: {self.reader}{part}"]
+        if self.columns:
+            lines += _table([["column", "unit", "from", "to", "taken as"], *map(self._row, self.columns)])
+        if self.recording is None:
+            return "\n".join([*lines, f"cannot be read so: {self.problem}"])
+        return "\n".join([*lines, *self._said(), "", "To paste under recordings:", self.yaml])
+
+    def _row(self, column: dict[str, Any]) -> list[str]:
+        name = next((ours for ours, theirs in self.named.items() if theirs == column["name"]), "")
+        unit = column["unit"] or (f"{self.units[name]} (guessed)" if name in self.units else "")
+        low, high = ("" if column[end] is None else f"{column[end]:.6g}" for end in ("low", "high"))
+        return [column["name"], unit, low, high, name or ("" if column["numeric"] else "no numbers")]
+
+    def _said(self) -> list[str]:
+        assert self.recording is not None
+        time, interval = self.recording["time"].values, self.interval
+        jitter = float(np.max(np.abs(np.diff(time) / interval - 1.0)))
+        lines = [
+            f"{time.size} samples, {with_prefix(interval, 's')} apart ({with_prefix(1.0 / interval, 'Hz')}"
+            f"{f', up to {100 * jitter:.2g} % irregular' if jitter > 1e-3 else ''}), from "
+            f"{with_prefix(float(time[0]), 's')} to {with_prefix(float(time[-1]), 's')}"
+        ]
+        pauses = self.pauses
+        if pauses:
+            at, lasts = pauses[0]
+            first = f"the first at {with_prefix(at, 's')}, of {with_prefix(lasts, 's')}"
+            lines.append(f"{len(pauses)} gap{'s' if len(pauses) > 1 else ''} in the samples: {first}")
+        begins = self.drive_begins
+        if begins is not None:
+            lines.append(f"the drive begins after {with_prefix(begins, 's')}")
+            for name, channel in self.recording.data_vars.items():
+                noise = self.noise(str(name))
+                if name != "drive_voltage" and math.isfinite(noise):
+                    lines.append(f"{name} before that: {with_prefix(noise, channel.attrs['units'])} rms")
+        return lines
+
+
+def inspect_file(path: str | Path) -> Inspection:
+    """What a file holds that `read_recording` reads, with guesses where it does not say.
+
+    Args:
+        path: text, NPY, NPZ, MAT, MDF 4, dSPACE, or a recording of ours.
+
+    Raises:
+        RecordingError: it is of no known format, damaged, or has no columns of numbers.
+    """
+    path = Path(path)
+    try:
+        found = None if find_format(path) == "nc" else look(path)
+    except ValueError as error:
+        raise RecordingError(f"{path}: {error}") from error
+    if found is None:
+        return Inspection(path, "recording", False, [], {}, {}, read_recording(path), "")
+    taken = [one for one in found["columns"] if one["guess"]]
+    named = {one["guess"]: one["name"] for one in taken}
+    units = {one["guess"]: one["guessed_unit"] for one in taken if one["guessed_unit"]}
+    # What SI would be taken for anyway needs no word.
+    units = {k: u for k, u in units.items() if u != ("s" if k == "time" else STANDARD_NAMES[k].unit)}
+    try:
+        recording, problem = read_recording(path, named, units), ""
+    except RecordingError as error:
+        recording, problem = None, str(error).removeprefix(f"{path}: ")
+    cut = found["samples"] >= LOOKED_AT
+    return Inspection(path, found["reader"], cut, found["columns"], named, units, recording, problem)
+
+
+def _table(rows: list[list[str]]) -> list[str]:
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    return ["  " + "  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
