@@ -245,7 +245,7 @@ def test_a_missing_extra_is_named(module: str, arguments: list[str], tmp_path: P
     (line,) = done.stderr.strip().splitlines()
     assert line.startswith("Error: ")
     assert module in line
-    assert 'pip install "stickslip[cli,report]"' in line
+    assert 'pip install "stickslip[all]"' in line
     assert contents(tmp_path) == {}
 
 

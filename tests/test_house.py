@@ -163,3 +163,11 @@ def test_compiled_code_stands_only_in_the_rooms_that_the_kernel_cache_hashes() -
     outside = [file for file in SOURCES if file.relative_to(PACKAGE).parts[0] not in KERNEL_ROOMS]
     assert not [room(file) for file in outside if signs.search(file.read_text())]
     assert signs.search((PACKAGE / "solve" / "periods.py").read_text())
+
+
+@pytest.mark.parametrize(("missing", "name"), [("pydantic", "run_campaign"), ("anywidget", "plot_widget")])
+def test_a_missing_extra_is_named(missing: str, name: str) -> None:
+    program = f"import sys; sys.modules[{missing!r}] = None; import stickslip; stickslip.{name}"
+    result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert f"stickslip.{name} needs {missing}, which is not installed" in result.stderr
+    assert 'pip install "stickslip[all]"' in result.stderr

@@ -6,4 +6,14 @@ that ``import stickslip`` costs next to nothing.
 
 import lazy_loader as _lazy
 
-__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)
+_imported, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)
+
+
+def __getattr__(name: str) -> object:
+    try:
+        return _imported(name)
+    except ModuleNotFoundError as missing:
+        if str(missing.name).startswith("stickslip"):
+            raise
+        needs = f"stickslip.{name} needs {missing.name}, which is not installed"
+        raise ModuleNotFoundError(f'{needs}: pip install "stickslip[all]"', name=missing.name) from None

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from .._version import __version__
 
-_INSTALL = 'install what it needs with: pip install "stickslip[cli,report]"'
+_INSTALL = 'install what it needs with: pip install "stickslip[all]"'
 
 try:
     import typer
