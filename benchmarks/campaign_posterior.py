@@ -1,8 +1,8 @@
 """The posterior of the thesis's campaign on the virtual rig, to convergence, beside the fit's own intervals.
 
-    python -m benchmarks.campaign_posterior [MOST_STEPS]
+    python -m benchmarks.campaign_posterior [MOST_SIMULATIONS]
 
-Eight parameters, friction and stage together; some ten minutes on two processors. Writes
+Eight parameters, friction and stage together; about a minute on two processors. Writes
 docs/benchmarks/posterior.md.
 """
 
@@ -44,7 +44,7 @@ def shown(ends: tuple[float, float], unit: str) -> str:
 def main(most: int) -> None:
     """Record, fit, sample, write."""
     path = Path(str(importlib.resources.files("stickslip") / "examples" / "kang2007_campaign.yaml"))
-    file = read_campaign(path).model_copy(update={"posterior": True, "posterior_steps": most})
+    file = read_campaign(path).model_copy(update={"posterior": True, "posterior_simulations": most})
     with tempfile.TemporaryDirectory() as folder:
         gathered, _ = gather(file, path.parent, Path(folder), lambda doing, done: None)
         found = evaluate(file, path.parent, gathered, lambda doing, done: None)
@@ -73,7 +73,7 @@ def main(most: int) -> None:
         ]
         lines.append(f"| {' | '.join(cells)} |")
     load = os.getloadavg()[1]
-    chain = f"{samples.samples.sizes['chain']} walkers; {samples.message}"
+    chain = samples.message
     took = f"{cpu:.0f} s of processor, {wall:.0f} s by the clock"
     measured = (
         f"Measured: {date.today()}, {os.cpu_count()} processors, load {load:.1f}; {took}.\n\n{chain}.\n"
@@ -83,4 +83,4 @@ def main(most: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 8000)
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 30_000)

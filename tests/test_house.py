@@ -38,8 +38,7 @@ OWNERS = {
     "jinja2": {"report"},
     "pooch": {"datasets"},
     "threadpoolctl": {"estimate"},
-    "emcee": {"identify/walk/bayes"},
-    "arviz": {"identify/walk/bayes"},
+    "arviz": {"estimate/posterior"},
     "pydantic": {"input_file", "study", "experiment", "campaign", "job", "panel"},
     "yaml": {"input_file"},
     "pyvisa": {"rig/scpi"},
@@ -50,7 +49,7 @@ OWNERS = {
 }
 # What `import stickslip` must leave alone: it is the first line of every script.
 HEAVY = ["numba", "scipy", "xarray", "pandas", "matplotlib", "pint", "h5py", "h5netcdf", "typer", "pydantic"]
-HEAVY += ["jinja2", "dask", "fastapi", "arviz", "emcee"]
+HEAVY += ["jinja2", "dask", "fastapi", "arviz"]
 
 
 def room(file: Path) -> str:

@@ -148,7 +148,7 @@ def test_on_request_it_samples_follows_profiles_and_compares_models(folder: Path
         folder,
         "deeper.yaml",
         posterior=True,
-        posterior_steps=200,
+        posterior_simulations=2000,
         profiles=True,
         model_choice=["Pohl: static", "Dahl", "LuGre"],
     )

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from ..estimate.posterior import Posterior
 from ..estimate.result import Fit
 from ..identify.candidates import Comparison
-from ..identify.walk.bayes import Posterior, posterior
+from ..identify.walk.bayes import posterior
 from ..identify.walk.compare import compare_walks
 from ..identify.walk.intervals import profile_interval
 from ..identify.walk.position_channel import CHANNEL
@@ -72,14 +73,14 @@ def deeper(
         )
         found = found._replace(choice=choice)
     if file.posterior:
-        steps = f"sampling the posterior, at most {file.posterior_steps} steps"
-        progress(steps, 0.85)
+        doing = f"sampling the posterior, at most {file.posterior_simulations} simulations"
+        progress(doing, 0.85)
         samples = posterior(
             friction,
             recordings,
             stage=stage,
-            max_steps=file.posterior_steps,
-            progress=lambda done, most: progress(steps, 0.85 + 0.15 * done / most),
+            max_simulations=file.posterior_simulations,
+            progress=lambda done, most: progress(doing, 0.85 + 0.15 * done / most),
             **known,
         )
         found = found._replace(posterior=samples)

@@ -70,8 +70,9 @@ def _without_linearisation(found: Found, figures: bool) -> Section:
         of.append(_estimates(more.posterior))
         prior = "those of the stage have the estimate and covariance of the steps as prior"
         said.append(
-            "Posterior: by an ensemble sampler, the prior flat within the bounds of the fit (in the "
-            f"logarithm of what is fitted by it); {prior if found.stage else 'the stage is taken as known'}. "
+            "Posterior: by importance sampling and chains, the prior flat within the bounds of the fit (in "
+            "the logarithm of what is fitted by it); "
+            f"{prior if found.stage else 'the stage is taken as known'}. "
             f"{more.posterior.message[0].upper()}{more.posterior.message[1:]}."
         )
         tables.append(_chain(more.posterior))
@@ -111,10 +112,10 @@ def _chain(posterior: Posterior) -> Table:
         Column("mean [95 %, highest density]"),
         Column("R-hat", "", 4),
         Column("effective samples", "", 3),
-        Column("autocorrelation time, steps", "", 3),
+        Column("in the tails", "", 3),
     )
     rows = []
     for name, number in _estimates(posterior).items():
         row = posterior.summary.sel(parameter=name)
-        rows.append((name, number, *(float(row[k]) for k in ("r_hat", "ess", "autocorrelation_time"))))
+        rows.append((name, number, *(float(row[k]) for k in ("r_hat", "ess", "ess_tail"))))
     return Table("The posterior of all that was sampled.", columns, rows)

@@ -53,7 +53,7 @@ class CampaignFile(Strict):
     steps the position is scaled to it, the time `settling` after them left out. `filter` and `slew_rate` are
     those of the position channel and of the amplifier, where they are known. `published` are r² that others
     found, by recording (and of all steps, "step"). What takes longer is done on request: `posterior` (at most
-    `posterior_steps` of each walker), `profiles` of the likelihood, `model_choice` among all models of a
+    `posterior_simulations`), `profiles` of the likelihood, `model_choice` among all models of a
     walk, or those that it names.
     """
 
@@ -73,7 +73,7 @@ class CampaignFile(Strict):
     settling: Seconds = 0.01
     published: dict[str, float] = Field(default_factory=dict)
     posterior: bool = False
-    posterior_steps: Annotated[int, Field(ge=100)] = 8000
+    posterior_simulations: Annotated[int, Field(ge=100)] = 30_000
     profiles: bool = False
     model_choice: bool | list[str] = False
     require: list[str] = Field(default_factory=list)

@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..records import record
 from ..units import QuantityError
 
@@ -68,6 +71,12 @@ class Parameter(NamedTuple):
         if not self.log:
             return float(coordinate)
         return math.exp(coordinate) if coordinate < 709 else math.inf
+
+    def values(self, coordinates: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Those at many coordinates."""
+        if self.log:
+            return np.exp(coordinates)
+        return np.sqrt(np.maximum(coordinates, 0.0)) if self.square else coordinates
 
     def slope(self, value: float) -> float:
         """Derivative of the physical value by the coordinate q."""

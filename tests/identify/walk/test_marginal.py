@@ -10,7 +10,8 @@ from stickslip.estimate.marginal import Held, integrated, mixture, points
 from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.problem import FitError
 from stickslip.estimate.result import Fit
-from stickslip.identify.walk.likelihood import Misfit
+from stickslip.identify.walk.displacement import Displacement
+from stickslip.identify.walk.likelihood import Members
 
 KANG = ss.load_actuator("kang2007").replace(stage_reaction=False)
 SAW = ss.Sawtooth(amplitude=65.0, frequency=5.0, periods=4)
@@ -173,8 +174,11 @@ def test_importance_sampling_finds_the_same_spread(monkeypatch) -> None:
     log_proposal -= np.log(np.abs(np.linalg.det(roots)))
     sigma_0, force, delay = np.exp(q[:, 0]), np.exp(q[:, 1]), q[:, 2]
     values = {"sigma_0": sigma_0, "sigma_1": np.exp(held_at), "coulomb_force": force, "delay": delay}
-    misfit = Misfit(recording, SAW, None, "walk", fit.model, (0.0, 1e-4), 3e-10)
-    log_posterior = -0.5 * misfit(values) / fit.rmse**2 - log_proposal
+    motion = Displacement(recording, SAW, "walk", fit.model, 3e-10)
+    members = Members([motion], [recording["end_effector_position"].values], fit.model, (0.0, 1e-4))
+    own = {name: column for name, column in values.items() if name != "delay"}
+    misfit = members(own, delay.size).chi_squared(members.weights(delay), np.zeros(delay.size))
+    log_posterior = -0.5 * misfit / fit.rmse**2 - log_proposal
     share = np.exp(log_posterior - np.nanmax(log_posterior))
     share = np.nan_to_num(share / np.nansum(share))
     assert 1.0 / np.sum(share**2) > 50.0  # as many independent samples

@@ -1,122 +1,170 @@
-"""How far simulated walks are from recordings, for many values of the parameters at once."""
+r"""How far simulated walks are from recordings, for many actuators at once, delay and offset integrated out.
+
+A recording shows the position at a delay, and beside an offset. Residuals at a few delays, one simulation for
+all of them, are read in between along splines; so the sum of squares at any delay :math:`\delta` and offset o
+is :math:`w^T M w + 2 o\, w^T s + n o^2`, with the products M and the sums s of residuals at those delays and
+the spline's weights :math:`w(\delta)`. The integral over o is that of a normal distribution, the one over
+:math:`\delta` is summed on a grid.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
-import xarray as xr
-from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
+from scipy.special import logsumexp
 
 from ...actuator import Actuator
+from ...estimate.parameter import Parameter
 from ...simulation.ensemble import simulate_ensemble
-from ...simulation.varied import with_values
 from ...waveform.drive import Drive
-from ...waveform.signal import Waveform
-from ..recorded.channels import channel
-from ..recorded.recorded_drive import drive_over
 from .displacement import MAX_STEPS, Displacement
-from .position_channel import CHANNEL, OBSERVED
 
-# The position is sampled at so many delays, up to so many standard errors either side of the estimate.
-NODES, REACH = 7, 4.0
+# Delays at which residuals are known, standard errors either side of the estimate, and points of the grid.
+NODES, REACH, GRID = 7, 6.0, 301
+# Positions in memory at once.
+LARGEST = 4_000_000
 
 Array = NDArray[np.float64]
 
 
-class Tabulated:
-    """A waveform whose segment table is made once, for one duration [s]: ensembles ask for it each time."""
+class Tabulated(NamedTuple):
+    """A drive as a waveform: ensembles ask for its table each time."""
 
-    def __init__(self, source: Waveform, duration: float) -> None:
-        self.unit, self.duration, self._range = source.unit, duration, source.range()
-        self._table = source.drive(duration)
+    table: Drive
+    duration: float
+    unit: str = "V"
 
     def range(self) -> tuple[float, float]:
-        """That of the source."""
-        return self._range
+        """None that a model could refuse: the drive is checked."""
+        return 0.0, 0.0
 
     def drive(self, duration: float) -> Drive:
         """The table; it holds for every shorter duration."""
-        return self._table
+        return self.table
 
 
-class Misfit:
-    """The sum of squared residuals of one recording, all members in one ensemble.
+class Sums(NamedTuple):
+    """Of the residuals of members at the nodes: products of each two [members, nodes, nodes] and sums
+    [members, nodes], over so many samples (`size`). NaN where a member has no model."""
 
-    The members of an ensemble share their sample times, so each sample is taken at several delays around that
-    of the estimate, and read at the delay of a member from the polynomial through them. A member whose delay
-    is beyond them is simulated by itself.
+    products: Array
+    sums: Array
+    size: int
+
+    def chi_squared(self, weights: Array, offset: Array) -> Array:
+        """m^2 of each member, at its delay (weights [members, nodes]) and its offset [m]."""
+        quadratic = np.einsum("mk,mkl,ml->m", weights, self.products, weights)
+        return quadratic + offset * (2.0 * np.sum(weights * self.sums, axis=1) + self.size * offset)
+
+
+class Members:
+    """Recordings of one actuator, simulated for many sets of its values.
 
     Args:
-        recording, drive, slew_rate: as for `identify_friction`.
-        name: what to call the recording in errors.
+        motions, measured: of each recording: its simulation, and positions [m].
         model: the actuator that the members vary.
-        delay: s, of the estimate, and its standard error.
-        tolerance: m, of the simulation.
+        delay: s, of the estimate, and its standard error; 0 where it is not free.
     """
 
     def __init__(
         self,
-        recording: xr.Dataset,
-        drive: Waveform | None,
-        slew_rate: float | None,
-        name: str,
+        motions: Sequence[Displacement],
+        measured: Sequence[Array],
         model: Actuator,
         delay: tuple[float, float],
-        tolerance: float,
     ) -> None:
-        self.measured = channel(recording, OBSERVED, name)
-        self.model, self.tolerance = model, tolerance
-        drive, time = drive_over(recording, drive, name, slew_rate)
-        recording = recording.assign_coords(time=time)
-        self.drive: Any = Tabulated(drive, float(time[-1]))
-        self.one = Displacement(recording, drive, name, model, tolerance)
-        self.delay, error = delay
-        self.nodes = np.linspace(-REACH * error, REACH * error, NODES) if error > 0.0 else np.zeros(1)
-        # What comes before the drive begins is the position at rest.
-        wanted = np.maximum(time - self.delay - self.nodes[:, None], 0.0)
-        self.times, self.place = np.unique(np.append(0.0, wanted), return_inverse=True)
-        self.place = self.place[1:].reshape(wanted.shape)
+        self.model, self.tolerance, self.measured = model, motions[0].tolerance, measured
+        estimate, error = delay
+        free = error > 0.0
+        self.nodes = estimate + (np.linspace(-REACH, REACH, NODES) * error if free else np.zeros(1))
+        self.grid = estimate + (np.linspace(-REACH, REACH, GRID) * error if free else np.zeros(1))
+        self._read = []
+        for motion in motions:
+            # What comes before the drive begins is the position at rest.
+            wanted = np.maximum(motion.time - self.nodes[:, None], 0.0)
+            times, place = np.unique(np.append(0.0, wanted), return_inverse=True)
+            drive: Any = Tabulated(motion.drive, float(times[-1]))
+            self._read.append((drive, times, place[1:].reshape(wanted.shape)))
 
-    def __call__(self, values: Mapping[str, Array]) -> Array:
-        """m^2, shape (members,); NaN where a member has no model. Values of the actuator and the channel."""
-        own = {name: column for name, column in values.items() if name not in CHANNEL}
-        count = next(iter(values.values())).size
-        shift = values.get("delay", np.full(count, self.delay)) - self.delay
-        offset = values.get("offset", np.zeros(count))
-        found = simulate_ensemble(
-            self.model,
-            self.drive,
-            parameters=own or {"load": np.ones(count)},
-            times=self.times,
-            tolerance=self.tolerance,
-            max_steps=MAX_STEPS,
-        )["end_effector_position"].values
-        sums = np.empty(count)
-        weights = _lagrange(self.nodes, shift)
-        for m in range(count):
-            if abs(shift[m]) <= self.nodes[-1]:
-                position = weights[m] @ found[m][self.place]
-            else:
-                position = self._alone({k: float(v[m]) for k, v in own.items()}, self.delay + shift[m])
-            r = position + offset[m] - self.measured
-            sums[m] = r @ r
-        return sums
+    def weights(self, delay: Array) -> Array:
+        """Of the nodes at delays [s], [points, nodes]."""
+        if self.nodes.size == 1:
+            return np.ones((delay.size, 1))
+        return np.asarray(make_interp_spline(self.nodes, np.eye(self.nodes.size))(delay))
 
-    def _alone(self, own: Mapping[str, float], delay: float) -> Array:
-        try:
-            return self.one.position(with_values(self.model, own), delay)
-        except (ValueError, ArithmeticError):
-            return np.full(self.measured.size, np.nan)
+    def __call__(self, own: Mapping[str, Array], count: int) -> Sums:
+        """Of members with these values of the actuator, [members] each."""
+        k, size = self.nodes.size, sum(x.size for x in self.measured)
+        found = Sums(np.zeros((count, k, k)), np.zeros((count, k)), size)
+        columns = dict(own) or {"load": np.ones(count)}
+        for (drive, times, place), measured in zip(self._read, self.measured, strict=True):
+            at_once = max(1, LARGEST // times.size)
+            for start in range(0, count, at_once):
+                part = slice(start, start + at_once)
+                positions = simulate_ensemble(
+                    self.model,
+                    drive,
+                    parameters={name: column[part] for name, column in columns.items()},
+                    times=times,
+                    tolerance=self.tolerance,
+                    max_steps=MAX_STEPS,
+                )["end_effector_position"].values
+                r = positions[:, place] - measured
+                found.products[part] += r @ r.transpose(0, 2, 1)
+                found.sums[part] += r.sum(axis=2)
+        return found
 
 
-def _lagrange(nodes: Array, at: Array) -> Array:
-    """Weights [points, nodes] of the values at nodes in the polynomial through them."""
-    columns: list[Any] = []
-    for i, node in enumerate(nodes):
-        others = np.delete(nodes, i)
-        basis: Any = Polynomial.fromroots(others) if others.size else Polynomial([1.0])
-        columns.append(basis(at) / basis(node))
-    return np.column_stack(columns)
+class Eliminated(NamedTuple):
+    """Logarithm of the likelihood without delay and offset [members], and both as drawn beside it."""
+
+    log_likelihood: Array
+    delay: Array
+    offset: Array
+
+
+def eliminated(
+    members: Members,
+    of: Sums,
+    variance: float,
+    known: Mapping[str, Parameter],
+    random: np.random.Generator,
+) -> Eliminated:
+    """Integrate over delay and offset, as far as they are free, and draw both from what the rest leaves them.
+
+    Args:
+        members, of: what is integrated.
+        variance: of the noise, m^2.
+        known: those of "delay" and "offset" that are free, with what is known of them otherwise.
+        random: draws.
+    """
+    weights = members.weights(members.grid)
+    log = -0.5 / variance * np.einsum("gk,mkl,gl->mg", weights, of.products, weights)
+    log += log_prior(known.get("delay"), members.grid)
+    offset = np.zeros_like(log)
+    precision = np.inf
+    if "offset" in known:
+        prior = known["offset"].prior
+        expected, spread = prior or (0.0, np.inf)
+        precision = of.size / variance + 1.0 / spread**2
+        offset = (expected / spread**2 - of.sums @ weights.T / variance) / precision
+        log += 0.5 * precision * offset**2
+    whole = np.asarray(logsumexp(log, axis=1))
+    share = np.cumsum(np.exp(log - whole[:, None]), axis=1)
+    cell = np.sum(share < random.random((len(log), 1)), axis=1).clip(max=members.grid.size - 1)
+    width = members.grid[1] - members.grid[0] if members.grid.size > 1 else 0.0
+    delay = members.grid[cell] + width * (random.random(cell.size) - 0.5)
+    drawn = offset[np.arange(cell.size), cell] + random.standard_normal(cell.size) / np.sqrt(precision)
+    return Eliminated(whole, delay, drawn)
+
+
+def log_prior(p: Parameter | None, q: Array) -> Array | float:
+    """Of what is known of a parameter otherwise, at coordinates, up to a constant."""
+    if p is None or p.prior is None:
+        return 0.0
+    value, deviation = p.prior
+    return -0.5 * ((q - p.coordinate(value)) * p.slope(value) / deviation) ** 2

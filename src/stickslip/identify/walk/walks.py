@@ -157,10 +157,7 @@ class Walks:
             return fit
         names = [stage.parameters[i].name for i in kept]
         here, delay = with_values(model, own_values(fit.values)), fit.values.get("delay", 0.0)
-        if has_slopes(here):
-            by = np.concatenate([m.slopes(here, delay, names)[:, :-1] for m in self.motions])
-        else:
-            by = np.column_stack([_difference(self.motions, here, delay, name) for name in names])
+        by = position_slopes(self.motions, here, delay, names)
         slopes = [stage.parameters[i].slope(stage.values[n]) for i, n in zip(kept, names, strict=True)]
         return with_inherited(fit, by * slopes, stage.uncertainty.covariance[np.ix_(kept, kept)])
 
@@ -189,6 +186,15 @@ def slopes_of(
         return np.column_stack([known[name] for name in free])
 
     return of
+
+
+def position_slopes(
+    motions: Sequence[Displacement], model: Actuator, delay: float, names: list[str]
+) -> Array:
+    """Derivatives of all positions by values of a model, [samples, names]."""
+    if has_slopes(model):
+        return np.concatenate([m.slopes(model, delay, names)[:, :-1] for m in motions])
+    return np.column_stack([_difference(motions, model, delay, name) for name in names])
 
 
 def _difference(motions: Sequence[Displacement], model: Actuator, delay: float, name: str) -> Array:

@@ -1,0 +1,170 @@
+r"""Distributions that follow a bent valley, to draw from: a stand-in for a posterior that is known by points.
+
+Each coordinate is a polynomial of second order of those before it and a rest of Student's t:
+
+.. math:: z_k = p_k(z_1, \dots, z_{k-1}) + s_k e_k .
+
+Such a map is triangular [parno2018]: its density is exact, for no volume changes but by :math:`\prod s_k`.
+Several of them, one for each minimum, make a mixture.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import gammaln, logsumexp
+
+Array = NDArray[np.float64]
+
+# Of Student's t: tails that no posterior of Gaussian noise exceeds, but for a bend that is not seen yet.
+FREEDOM = 7.0
+# Rests are drawn a little more widely than they were found; a share of the points much more, for tails that
+# are longer on one side.
+WIDER, FAR_SHARE, FAR = 1.1, 0.15, 2.0
+# Points, by weight, that the terms of second order are held back by; with fewer in all there are none.
+HELD_BACK, FEWEST = 3.0, 60.0
+# A part of a mixture with less weight is none.
+LEAST_SHARE = 1e-3
+
+
+class Bent(NamedTuple):
+    """One valley: centre [k], axes as rows [k, k], the coefficients of each polynomial in the coordinates
+    before, and the deviations of what is left [k]."""
+
+    centre: Array
+    axes: Array
+    coefficients: tuple[Array, ...]
+    left: Array
+
+    def drawn(self, count: int, random: np.random.Generator) -> Array:
+        """Points, [count, k]."""
+        k = self.centre.size
+        t = random.standard_normal((count, k)) / np.sqrt(random.chisquare(FREEDOM, (count, 1)) / FREEDOM)
+        t *= np.where(random.random((count, 1)) < FAR_SHARE, FAR, 1.0)
+        z = np.zeros((count, k))
+        for i, c in enumerate(self.coefficients):
+            z[:, i] = _terms(z[:, :i], c.size) @ c + self.left[i] * t[:, i]
+        return self.centre + z @ self.axes
+
+    def log_density(self, points: Array) -> Array:
+        """At points [n, k]."""
+        k, z = self.centre.size, _along(self.axes, points - self.centre)
+        squared = np.zeros(len(points))
+        for i, c in enumerate(self.coefficients):
+            squared += ((z[:, i] - _terms(z[:, :i], c.size) @ c) / self.left[i]) ** 2
+        level = gammaln(0.5 * (FREEDOM + k)) - gammaln(0.5 * FREEDOM) - 0.5 * k * np.log(FREEDOM * np.pi)
+        near, far = (
+            np.log(share) - k * np.log(wide) - 0.5 * (FREEDOM + k) * np.log1p(squared / wide**2 / FREEDOM)
+            for share, wide in ((1.0 - FAR_SHARE, 1.0), (FAR_SHARE, FAR))
+        )
+        return level - self.log_volume + np.logaddexp(near, far)
+
+    @property
+    def log_volume(self) -> float:
+        """How far it reaches."""
+        return float(np.sum(np.log(self.left)) + np.linalg.slogdet(self.axes)[1])
+
+
+class Mixture(NamedTuple):
+    """Valleys with the share of each, [parts]."""
+
+    shares: Array
+    parts: tuple[Bent, ...]
+
+    def drawn(self, count: int, random: np.random.Generator) -> Array:
+        """Points, [count, k], in no order."""
+        counts = random.multinomial(count, self.shares)
+        points = [part.drawn(int(n), random) for part, n in zip(self.parts, counts, strict=True)]
+        return random.permutation(np.concatenate(points))
+
+    def log_parts(self, points: Array) -> Array:
+        """Of each part with its share, [parts, n]."""
+        shares = np.log(self.shares)
+        return np.array([s + part.log_density(points) for s, part in zip(shares, self.parts, strict=True)])
+
+    def log_density(self, points: Array) -> Array:
+        """At points [n, k]."""
+        return np.asarray(logsumexp(self.log_parts(points), axis=0))
+
+    def fitted(self, points: Array, weights: Array) -> Mixture:
+        """The mixture anew, to points [n, k] with weights [n] whose sum is 1."""
+        parts = self.log_parts(points)
+        each = weights * np.exp(parts - np.asarray(logsumexp(parts, axis=0)))
+        shares = each.sum(axis=1)
+        kept = np.flatnonzero(shares > LEAST_SHARE)
+        made = tuple(bent(points, each[i] / shares[i]) for i in kept)
+        return Mixture(shares[kept] / shares[kept].sum(), made)
+
+
+def straight(centres: Sequence[Array], covariances: Sequence[Array]) -> Mixture:
+    """Of normal distributions, alike in share, with the tails of a t."""
+    parts = []
+    for centre, covariance in zip(centres, covariances, strict=True):
+        ones = np.ones(centre.size)
+        parts.append(Bent(centre, _principal(covariance), tuple(0.0 * ones[:1] for _ in ones), ones))
+    return Mixture(np.full(len(parts), 1.0 / len(parts)), tuple(parts))
+
+
+def bent(points: Array, weights: Array) -> Bent:
+    """The valley of points [n, k] with weights [n] whose sum is 1.
+
+    Its axes are the coordinates' own or the principal ones, whichever leaves it narrower.
+    """
+    away = points - weights @ points
+    covariance = (away.T * weights) @ away
+    own = np.diag(np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny)))
+    found = [_in_axes(points, weights, axes) for axes in (own, _principal(covariance))]
+    return min(found, key=lambda one: one.log_volume)
+
+
+def _in_axes(points: Array, weights: Array, axes: Array) -> Bent:
+    """In such an order that the last coordinate is explained best by the others, and so on to the first."""
+    centre = weights @ points
+    z = _along(axes, points - centre)
+    before, order = list(range(centre.size)), []
+    while before:
+        left_of = {i: _explained(z[:, [j for j in before if j != i]], z[:, i], weights)[1] for i in before}
+        order.insert(0, min(before, key=left_of.__getitem__))
+        before.remove(order[0])
+    # Again, with those before in this order.
+    found = [_explained(z[:, order[:n]], z[:, i], weights) for n, i in enumerate(order)]
+    left = WIDER * np.array([rest for _, rest in found])
+    return Bent(centre, axes[order], tuple(c for c, _ in found), left)
+
+
+def _along(axes: Array, away: Array) -> Array:
+    """Coordinates along axes (rows) of points [n, k]."""
+    return np.asarray(np.linalg.solve(axes.T, away.T).T, dtype=np.float64)
+
+
+def _principal(covariance: Array) -> Array:
+    """Rows of which a covariance is the sum of squares; none has no length."""
+    scale = np.sqrt(np.diag(covariance))
+    scale = np.where(scale > 0.0, scale, np.finfo(float).tiny ** 0.5)
+    variances, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    variances = np.maximum(variances, 1e-12 * max(float(variances.max(initial=0.0)), 1e-300))
+    return np.asarray((vectors * np.sqrt(variances)).T * scale)
+
+
+def _explained(others: Array, z: Array, weights: Array) -> tuple[Array, float]:
+    """Coefficients of the polynomial of others [n, i] that explains z [n]; the deviation it leaves."""
+    effective, i = 1.0 / float(np.sum(weights**2)), others.shape[1]
+    size = 1 + i + i * (i + 1) // 2 if effective > FEWEST else 1
+    terms = _terms(others, size)
+    held_back = np.where(np.arange(size) > i, HELD_BACK / effective, 1e-12)
+    weighted = terms.T * weights
+    c = np.asarray(np.linalg.solve(weighted @ terms + np.diag(held_back), weighted @ z), dtype=np.float64)
+    rest = float(weights @ (z - terms @ c) ** 2) * (1.0 + size / effective)
+    return c, float(np.sqrt(rest))
+
+
+def _terms(z: Array, size: int) -> Array:
+    """1, each coordinate, each product of two: the first `size` of them, [n, size]."""
+    columns = [np.ones(len(z)), *z.T]
+    pairs = itertools.combinations_with_replacement(range(z.shape[1]), 2)
+    columns += [z[:, a] * z[:, b] for a, b in pairs] if size > len(columns) else []
+    return np.stack(columns[:size], axis=1)

@@ -1,0 +1,230 @@
+r"""Samples of a posterior distribution by independent proposals that are fitted to it.
+
+Adaptive importance sampling [cornuet2012] fits a `Mixture` of bent valleys to the density, beginning with the
+covariance of a least-squares fit. Once that is good the mixture stays as it is, and chains of independence
+Metropolis draw from it: exact whatever the mixture misses, if it reaches everywhere. All proposals of a round
+are asked for at once.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from .bent import Mixture
+from .blas import single_threaded
+from .parameter import Parameter
+from .problem import FitError
+
+Array = NDArray[np.float64]
+# From points [n, k] of what is searched to their log densities [n], and what stands for them in the samples.
+Density = Callable[[Array], tuple[Array, Array]]
+
+LEVEL = 0.95
+CHAINS, ROUND = 4, 256
+# Of each chain, what is forgotten; rounds for which there must be room after a mixture is fitted.
+FORGOTTEN, ROOM = 0.1, 8
+# Effective share of proposals with which a mixture is good enough, and the effective points that are wanted
+# to fit one: with fewer, the density is flattened.
+EFFICIENT, WANTED = 0.3, 150.0
+# What [vehtari2021] and, of the weights, [vehtari2024] ask for.
+R_HAT, ENOUGH, HEAVY = 1.01, 400.0, 0.7
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """Samples of a posterior distribution, and what they say.
+
+    Attributes:
+        samples: over "chain" and "draw", a variable for each parameter, SI; `log_posterior` too, of what was
+            searched.
+        summary: over "parameter": mean, sd, low and high (of the 95 % interval of highest density), r_hat
+            (rank-normalised), ess and ess_tail (effective number of samples, in the bulk and in the tails).
+        converged: whether R-hat is below 1.01 and both effective numbers above 400, of every parameter, and
+            the weights of the proposals are not heavy; `message` says how it is.
+        acceptance: share of accepted proposals.
+    """
+
+    samples: xr.Dataset
+    summary: xr.Dataset
+    converged: bool
+    message: str
+    acceptance: float
+
+    def to_arviz(self) -> Any:
+        """As `arviz.InferenceData`, for its plots and statistics."""
+        parts = {
+            "posterior": self.samples.drop_vars("log_posterior"),
+            "sample_stats": self.samples[["log_posterior"]].rename(log_posterior="lp"),
+        }
+        return _arviz().InferenceData(**parts)
+
+    def report(self) -> str:
+        """A text table of the summary, and whether it may be relied on."""
+        head = f"{'parameter':20}{'mean':>12}{'sd':>11}   {'95 % interval of highest density':34}"
+        lines = [f"{head}{'R-hat':>6}{'ESS':>7}"]
+        for name in self.summary["parameter"].values:
+            row = {k: float(v) for k, v in self.summary.sel(parameter=name).data_vars.items()}
+            ends = f"{row['low']:.5g} .. {row['high']:.5g} {self.samples[name].attrs['units']}"
+            of_chain = f"{row['r_hat']:6.3f}{row['ess']:7.0f}"
+            lines.append(f"{name:20}{row['mean']:12.5g}{row['sd']:11.3g}   {ends:34}{of_chain}")
+        return "\n".join([*lines, self.message])
+
+
+class _Draws(NamedTuple):
+    """Points [n, k] from a mixture, the logarithm of their weights [n], what they stand for [n, columns]."""
+
+    points: Array
+    log_weights: Array
+    log_densities: Array
+    shown: Array
+
+
+@single_threaded
+def sample(
+    log_density: Density,
+    parameters: Sequence[Parameter],
+    begin: Mixture,
+    *,
+    max_simulations: int,
+    seed: int = 0,
+    progress: Callable[[int, int], None] | None = None,
+) -> Posterior:
+    """Sample a density.
+
+    Args:
+        log_density: of points, up to a constant; with the coordinates q of all parameters that go with each.
+        parameters: whose values the samples become.
+        begin: where to look first.
+        max_simulations, seed, progress: see `posterior`.
+
+    Raises:
+        FitError: the density is zero at all points of the first rounds.
+    """
+    arviz, random = _arviz(), np.random.default_rng(seed)
+
+    def drawn(mixture: Mixture, count: int) -> _Draws:
+        points = mixture.drawn(count, random)
+        density, shown = log_density(points)
+        return _Draws(points, density - mixture.log_density(points), density, shown)
+
+    def told(done: int) -> None:
+        if progress is not None:
+            progress(done, max_simulations)
+
+    mixture, mixtures, everything, kept, done = begin, [], [], [], 0
+    count = max(1, min(ROUND, max_simulations // 4) // CHAINS) * CHAINS
+    while True:
+        kept.append(drawn(mixture, count))
+        done += count
+        if progress is not None:
+            progress(done, max_simulations)
+        n = count * len(kept)
+        efficient = _effective(np.concatenate([r.log_weights for r in kept])) > EFFICIENT * n
+        last = done + count > max_simulations
+        if last or (efficient and n >= ENOUGH):
+            found = _described(kept, parameters, arviz, random.integers(2**32), done)
+            if found.converged or last:
+                found.samples.attrs["seed"] = seed
+                return found
+        mixtures.append(mixture)
+        everything.append(kept[-1])
+        if not efficient and (len(kept) > 1 or done + ROOM * count <= max_simulations):
+            mixture, kept = _fitted(mixtures, everything), []
+
+
+def _fitted(mixtures: Sequence[Mixture], rounds: Sequence[_Draws]) -> Mixture:
+    """The last mixture, fitted to all points so far, as if they were of one mixture of all mixtures: a weight
+    that is too great in one is put right by the others."""
+    points = np.concatenate([r.points for r in rounds])
+    densities = np.concatenate([r.log_densities for r in rounds])
+    points, densities = points[np.isfinite(densities)], densities[np.isfinite(densities)]
+    if not densities.size:
+        raise FitError("the posterior cannot be computed near the estimate of the fit")
+    of_all = np.asarray(logsumexp([one.log_density(points) for one in mixtures], axis=0), np.float64)
+    log_weights = densities - of_all
+    flat = 1.0
+    while _effective(flat * log_weights) < min(WANTED, 0.3 * log_weights.size) and flat > 1e-3:
+        flat *= 0.85
+    weights = np.exp(flat * log_weights - np.max(flat * log_weights))
+    return mixtures[-1].fitted(points, weights / weights.sum())
+
+
+def _effective(log_weights: Array) -> float:
+    """How many points of equal weight are worth as much."""
+    if not np.any(np.isfinite(log_weights)):
+        return 0.0
+    weights = np.exp(log_weights - np.max(log_weights))
+    return float(weights.sum() ** 2 / np.sum(weights**2))
+
+
+def _described(
+    rounds: Sequence[_Draws], parameters: Sequence[Parameter], arviz: Any, seed: int, done: int
+) -> Posterior:
+    """The chains of all rounds so far: each takes the next proposal with the ratio of their weights."""
+    weights = np.concatenate([r.log_weights.reshape(CHAINS, -1) for r in rounds], axis=1)
+    density = np.concatenate([r.log_densities.reshape(CHAINS, -1) for r in rounds], axis=1)
+    shown = np.concatenate([r.shown.reshape(CHAINS, -1, len(parameters)) for r in rounds], axis=1)
+    chains = np.arange(CHAINS)
+    log_chance = np.log(np.random.default_rng(seed).random(weights.shape))
+    at, path = np.zeros(CHAINS, int), np.zeros(weights.shape, int)
+    for i in range(1, weights.shape[1]):
+        with np.errstate(invalid="ignore"):  # of two points without a model, the first stays
+            at = np.where(log_chance[:, i] < weights[:, i] - weights[chains, at], i, at)
+        path[:, i] = at
+    accepted = float(np.mean(path == np.arange(weights.shape[1])))
+    path = path[:, int(FORGOTTEN * weights.shape[1]) :]
+    own, dims = np.take_along_axis(shown, path[:, :, None], axis=1), ("chain", "draw")
+    columns = {p.name: (dims, p.values(own[:, :, i]), {"units": p.unit}) for i, p in enumerate(parameters)}
+    columns["log_posterior"] = (dims, np.take_along_axis(density, path, axis=1), {"units": ""})
+    samples = xr.Dataset(columns, attrs={"simulations": done})
+    summary = _summary(samples.drop_vars("log_posterior"), arviz)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of its own arithmetic, where there are few
+        heavy = float(arviz.psislw(weights[np.isfinite(weights)])[1])
+    worst, least = float(summary["r_hat"].max()), float(summary[["ess", "ess_tail"]].to_array().min())
+    converged = worst < R_HAT and least > ENOUGH and heavy < HEAVY
+    said = (
+        f"{CHAINS} chains of {path.shape[1]} draws, {done} simulations: R-hat at most {worst:.3f}, at least "
+        f"{least:.0f} effective samples, Pareto's k of the weights {heavy:.2f}"
+    )
+    wanted = (
+        f"; {R_HAT:g}, {ENOUGH:g} and {HEAVY:g} are wanted: allow more simulations, or fit fewer parameters"
+    )
+    text = f"converged: {said}" if converged else f"NOT CONVERGED: {said}{wanted}"
+    return Posterior(samples, summary, converged, text, accepted)
+
+
+def _summary(samples: xr.Dataset, arviz: Any) -> xr.Dataset:
+    names = list(samples.data_vars)
+    if samples.sizes["draw"] < 4:
+        raise FitError(f"{samples.sizes['draw']} draws of a chain say nothing: allow more simulations")
+    highest = arviz.hdi(samples, hdi_prob=LEVEL)
+    statistics = {
+        "mean": samples.mean(),
+        "sd": samples.std(),
+        "low": highest.sel(hdi="lower"),
+        "high": highest.sel(hdi="higher"),
+        "r_hat": arviz.rhat(samples),
+        "ess": arviz.ess(samples),
+        "ess_tail": arviz.ess(samples, method="tail"),
+    }
+    columns = {key: ("parameter", [float(of[name]) for name in names]) for key, of in statistics.items()}
+    return xr.Dataset(columns, coords={"parameter": names})
+
+
+def _arviz() -> Any:
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", FutureWarning)  # its own, once a day, on a version to come
+            import arviz
+    except ImportError as error:
+        raise FitError('a posterior needs arviz: pip install "stickslip[bayes]"') from error
+    return arviz
