@@ -106,6 +106,8 @@ def _described(searches: Searches) -> Fit:
         starts=len(searches.ends),
         starts_agreeing=searches.agreeing(),
         residuals=tuple(parts),
+        measured=tuple(np.asarray([] if r.measured is None else r.measured) for r in problem.recordings),
+        times=tuple(np.asarray([] if r.time is None else r.time) for r in problem.recordings),
         jacobian=tangent[:n] * problem.noise[:, None],
         known=tuple(
             r.known._replace(given=r.noise if assumed.known and gaussian else None)

@@ -36,6 +36,7 @@ class Residuals(NamedTuple):
         name: what to call it in reports.
         unit: unit of the data.
         known: what the recording shows of its noise besides; `given` is taken from `noise`.
+        time: of the data, s, shape (n,); only figures need it.
     """
 
     function: Callable[[Values], ArrayLike]
@@ -44,6 +45,7 @@ class Residuals(NamedTuple):
     name: str = "recording"
     unit: str = ""
     known: KnownNoise = KnownNoise()
+    time: ArrayLike | None = None
 
 
 class Problem:

@@ -49,6 +49,7 @@ class Fit:
         model: what the values describe, if the identification builds it (an actuator, a law, a modal model).
         observed: name of the channel that was fitted.
         residuals: model minus measured of each recording, in the unit of the data.
+        measured, times: of each recording, in the unit of the data and s; empty where there is none.
         jacobian: derivatives of all residuals, joined, by the searched coordinates q, shape (n, k).
         known: what each recording shows of its noise besides the residuals.
         remarks: sentences on what was decided for the user, such as what is free besides what was asked for.
@@ -73,6 +74,8 @@ class Fit:
     model: Any = None
     observed: str = ""
     residuals: tuple[np.ndarray, ...] = ()
+    measured: tuple[np.ndarray, ...] = ()
+    times: tuple[np.ndarray, ...] = ()
     jacobian: np.ndarray | None = None
     known: tuple[KnownNoise, ...] = ()
     remarks: tuple[str, ...] = ()
@@ -304,6 +307,22 @@ class Fit:
     def _repr_html_(self) -> str:
         """What a notebook shows."""
         return f"<pre>{html.escape(self.report())}</pre>"
+
+    def plot(self, axes: Any = None) -> Any:
+        """Each recording over time, measured and by the model, and the residuals below with their noise.
+
+        Args:
+            axes: Matplotlib's to draw on, shape (recordings, 2); left out, those of a new figure.
+
+        Returns:
+            The axes, shape (recordings, 2); ``axes[0, 0].figure`` is the figure.
+
+        Raises:
+            FitError: the fit is not of recordings over time.
+        """
+        from ..figures.fits import draw_fit  # matplotlib only for who draws
+
+        return draw_fit(self, axes)
 
     def to_dict(self, level: float = 0.95) -> dict[str, Any]:
         """Every number with its unit, ready for JSON; None where a number does not exist."""

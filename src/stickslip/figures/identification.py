@@ -52,11 +52,16 @@ def _residuals(
     models: Mapping[str, NDArray],
     unit: str,
     name: str = "residual",
+    noise: ArrayLike | None = None,
+    known_by: str = "",
 ) -> None:
     """The residual panel: one trace per model around zero, on a scale of its own."""
     differences = [values - measured for values in models.values()]
     scale = scale_for(unit, *differences)
     panel.axhline(0.0, **_ZERO)
+    if noise is not None:
+        half = scale(np.broadcast_to(2.0 * np.asarray(noise, dtype=float), x.shape))
+        panel.fill_between(x, -half, half, color=MEASURED, alpha=0.35, lw=0, zorder=1.2, label=known_by)
     for i, difference in enumerate(differences):
         trace(panel, x, scale(difference), color=SERIES[i % len(SERIES)], lw=0.8, alpha=0.8)
     panel.set_ylabel(scale.label(name))
@@ -82,8 +87,27 @@ def fit_with_residuals(
         unit: its SI unit.
         fitted: spans of time [s] that the fit has seen; the rest is prediction.
     """
-    t, data, models = np.asarray(time, dtype=float), np.asarray(measured, dtype=float), _models(model)
     figure, (above, below) = panels((2.4, 1.3))
+    beside((above, below), time, measured, model, name=name, unit=unit, fitted=fitted)
+    return figure
+
+
+def beside(
+    axes: tuple[Axes, Axes],
+    time: ArrayLike,
+    measured: ArrayLike,
+    model: ArrayLike | Mapping[str, ArrayLike],
+    *,
+    name: str,
+    unit: str,
+    fitted: Sequence[tuple[float, float]] = (),
+    noise: ArrayLike | None = None,
+    known_by: str = "",
+) -> None:
+    """As `fit_with_residuals`, on axes that are there; about the residuals a band of two deviations of the
+    noise [n], in `unit`, called `known_by`."""
+    t, data, models = np.asarray(time, dtype=float), np.asarray(measured, dtype=float), _models(model)
+    above, below = axes
     clock, scale = scale_for("s", t), scale_for(unit, data, *models.values())
     trace(above, clock(t), scale(data), **_DATA)
     for i, (label, values) in enumerate(models.items()):
@@ -99,10 +123,10 @@ def fit_with_residuals(
     spans = [(float(clock(start)), float(clock(end))) for start, end in fitted]
     shade((above, below), spans, "used for the fit")
     legend_above(above)
-    _residuals(below, clock(t), data, models, unit)
+    _residuals(below, clock(t), data, models, unit, noise=noise, known_by=known_by)
+    legend_above(below)
     below.set_xlabel(clock.label("time"))
     below.set_xlim(*clock([t[0], t[-1]]))
-    return figure
 
 
 @drawn

@@ -6,7 +6,7 @@ import functools
 import io
 import re
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, ParamSpec
+from typing import Any, ParamSpec, TypeVar
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -15,6 +15,7 @@ from matplotlib.style import context
 from numpy.typing import ArrayLike, NDArray
 
 P = ParamSpec("P")
+R = TypeVar("R")
 
 # Okabe and Ito's palette: told apart with any colour vision. Yellow is left out, it is lost on white.
 BLUE, VERMILLION, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
@@ -69,15 +70,15 @@ _STYLE: dict[str, Any] = {
 }
 
 
-def drawn(make: Callable[P, Figure]) -> Callable[P, Figure]:
-    """Give a function that makes a figure the style of this package, for the time it runs."""
+def drawn(make: Callable[P, R]) -> Callable[P, R]:
+    """Give a function that draws the style of this package, for the time it runs."""
 
     @functools.wraps(make)
-    def in_style(*args: P.args, **kwargs: P.kwargs) -> Figure:
+    def run(*args: P.args, **kwargs: P.kwargs) -> R:
         with context(_STYLE, after_reset=True):
             return make(*args, **kwargs)
 
-    return in_style
+    return run
 
 
 def panels(

@@ -134,8 +134,8 @@ def identify_loops(
 
     problem = Problem(
         [
-            Residuals(residuals(response, force), force, noise, name, "N")
-            for response, force, name in zip(responses, measured, names, strict=True)
+            Residuals(residuals(response, force), force, noise, name, "N", time=one["time"].values)
+            for response, force, name, one in zip(responses, measured, names, found, strict=True)
         ],
         parameters,
         noise_known=noise is not None,

@@ -88,7 +88,7 @@ def identify_step(
         return of
 
     parts = [
-        Residuals(residuals(test, i), test.position, None, test.name, "m", _known(test))
+        Residuals(residuals(test, i), test.position, None, test.name, "m", _known(test), test.time)
         for i, test in enumerate(kept, start=1)
     ]
     fit = fit_least_squares(parts, _parameters(first, lag))

@@ -83,7 +83,8 @@ def identify_static_walk(
     for recording, waveform, name in zip(found, drives_of(drive, found), names, strict=True):
         x = channel(recording, OBSERVED, name, varies=True)
         of = _walk(recording, waveform, name, slew_rate)
-        parts.append(Residuals(lambda values, of=of, x=x: of(values) - x, x, None, name, "m"))
+        time = recording["time"].values
+        parts.append(Residuals(lambda values, of=of, x=x: of(values) - x, x, None, name, "m", time=time))
     fit = fit_least_squares(
         parts,
         [

@@ -109,7 +109,7 @@ class Walks:
 
         return Problem(
             [
-                Residuals(residuals(motion, position), position, self.noise, name, "m", known)
+                Residuals(residuals(motion, position), position, self.noise, name, "m", known, motion.time)
                 for motion, position, name, known in zip(
                     self.motions, self.measured, self.names, self.known, strict=True
                 )

@@ -1,0 +1,61 @@
+"""A fit over time: each of its recordings beside the model, and what is left beside the noise."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ..estimate.problem import FitError
+from ..estimate.result import Fit
+from ..units import QuantityError
+from .identification import beside
+from .style import WIDTH, drawn
+
+
+@drawn
+def draw_fit(fit: Fit, axes: Any = None) -> Any:
+    """See `Fit.plot`."""
+    count = len(fit.recordings)
+    if not all(t.size and t.size == r.size for t, r in zip(fit.times, fit.residuals, strict=True)):
+        raise FitError("there is no figure of this fit: it is not of recordings over time")
+    if axes is None:
+        figure = Figure(figsize=(WIDTH, 3.9 * count), layout="constrained")
+        parts = figure.subfigures(count, 1, squeeze=False)[:, 0]
+        axes = np.array([part.subplots(2, 1, sharex=True, height_ratios=(2.4, 1.3)) for part in parts])
+    axes = np.asarray(axes, dtype=object)
+    if axes.size != 2 * count:
+        raise QuantityError(f"{axes.size} axes are given, and {count} recordings need {2 * count}")
+    axes = axes.reshape(count, 2)
+    for i, g in enumerate(fit.recordings):
+        residuals, measured = fit.residuals[i], fit.measured[i]
+        above: Axes = axes[i, 0]
+        noise, said = _noise(fit, i)
+        name = fit.observed.replace("_", " ").replace("end effector", "end-effector") or "measured"
+        pair = (above, axes[i, 1])
+        beside(
+            pair,
+            fit.times[i],
+            measured,
+            measured + residuals,
+            name=name,
+            unit=g.unit,
+            noise=noise,
+            known_by=said,
+        )
+        above.set_title(f"{g.name}: r\u00b2 = {g.r_squared:.5f}", loc="right")
+    return axes
+
+
+def _noise(fit: Fit, i: int) -> tuple[Any, str]:
+    """Standard deviation of the noise of a recording, and what it is known by."""
+    given = fit.known[i].given if fit.known else None
+    if given is not None:
+        return given, "95 % of the noise that was given"
+    rms = float(np.sqrt(np.mean(fit.residuals[i] ** 2)))
+    ratio = fit.lack[i].ratio if fit.lack else np.nan
+    if np.isfinite(ratio) and ratio > 0.0:
+        return rms / ratio, f"95 % of the noise ({fit.lack[i].against})"
+    return rms, "95 % of noise as large as the residuals"
