@@ -11,13 +11,14 @@ import xarray as xr
 from stickslip.campaign.deeper import Deeper
 from stickslip.campaign.deeper_sections import deeper_numbers, deeper_sections
 from stickslip.campaign.features import feature_numbers, features_of, features_section
+from stickslip.estimate.bent import straight
 from stickslip.estimate.fit import fit_least_squares
 from stickslip.estimate.goodness import Goodness
 from stickslip.estimate.parameter import Parameter
+from stickslip.estimate.posterior import sample
 from stickslip.estimate.problem import Residuals
 from stickslip.figures.posterior import posterior_corner
 from stickslip.identify.candidates import Comparison
-from stickslip.identify.walk.bayes import sample
 from stickslip.identify.walk.compare import walk_candidates
 from stickslip.recording import make_recording
 from stickslip.report import Number
@@ -54,12 +55,10 @@ def test_nothing_asked_for_is_nothing_said() -> None:
 def test_profiles_and_samples_stand_beside_the_linearised_intervals() -> None:
     centre = np.array([1.0, np.log(2.0)])
     samples = sample(
-        lambda q: -0.5 * np.sum(((q - centre) / 0.02) ** 2, axis=1),
+        lambda q: (-0.5 * np.sum(((q - centre) / 0.02) ** 2, axis=1), q),
         LINE,
-        centre,
-        np.full(2, 0.02),
-        walkers=16,
-        max_steps=300,
+        straight([centre], [4e-4 * np.eye(2)]),
+        max_simulations=4000,
     )
     what = found(profiles={"a": (0.9, 1.2)}, posterior=samples)
     numbers = deeper_numbers(what)
