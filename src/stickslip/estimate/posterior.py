@@ -124,8 +124,7 @@ def sample(
     while True:
         kept.append(drawn(mixture, count))
         done += count
-        if progress is not None:
-            progress(done, max_simulations)
+        told(done)
         n = count * len(kept)
         efficient = _effective(np.concatenate([r.log_weights for r in kept])) > EFFICIENT * n
         last = done + count > max_simulations
