@@ -84,9 +84,11 @@ from .rig import HostedRig as HostedRig
 from .rig import LimitError as LimitError
 from .rig import Limits as Limits
 from .rig import Link as Link
+from .rig import Repeats as Repeats
 from .rig import RigError as RigError
 from .rig import ScpiRig as ScpiRig
 from .rig import Trigger as Trigger
+from .rig import Variation as Variation
 from .rig import VirtualRig as VirtualRig
 from .rig import load_bench as load_bench
 from .rig import measure as measure

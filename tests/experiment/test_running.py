@@ -268,3 +268,25 @@ def test_the_schema_knows_the_example() -> None:
     assert read_experiment(THESIS).rig.kind == "virtual"
     with pytest.raises(InputFileError, match="there is no field 'kind'"):
         read_experiment(THESIS.with_name("..") / "examples" / "piezo_mirror.yaml")
+
+
+def test_repeats_differ_as_the_file_says_and_say_what_is_true_of_each(tmp_path: Path) -> None:
+    content = changed("rig.variation", {"friction": "3 %", "stiffness": "5 %"})
+    content["runs"][0]["capture"]["average"] = 2
+    recorded = run_experiment(written(tmp_path, content), tmp_path / "a")
+    told = [json.loads(open_recording(one.path).attrs["contact"]) for one in recorded]
+    assert [[one["number"] for one in two] for two in told] == [[2 * i, 2 * i + 1] for i in range(len(NAMES))]
+    assert len({one["coulomb_force"] for two in told for one in two}) == 2 * len(NAMES)
+
+    content["rig"]["first_run"] = 4  # of a lab that goes on: the third cell's contact comes first
+    content["runs"][0]["matrix"] = {"voltage": ["65 V"]}
+    content["runs"][0]["waveform"][0]["fields"]["frequency"] = 100.0
+    (later, *_) = run_experiment(written(tmp_path, content), tmp_path / "b")
+    assert json.loads(open_recording(later.path).attrs["contact"]) == told[2]
+
+
+def test_a_variation_that_cannot_be_names_the_file_and_the_field(tmp_path: Path) -> None:
+    file = written(tmp_path, changed("rig.variation", {"stiffness": "2 N/m"}))
+    with pytest.raises(InputFileError, match=rf"{file.name}: rig\.variation: Variation\.stiffness = '2 N/m'"):
+        run_experiment(file, tmp_path)
+    assert not list(tmp_path.glob("*.nc"))

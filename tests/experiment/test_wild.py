@@ -157,8 +157,8 @@ def test_wild_files_run_within_the_limits_or_are_refused(content, tmp_path_facto
     rigs: list[VirtualRig] = []
     make = VirtualLaboratory.rig
 
-    def watched(self, actuator, seed):
-        rigs.append(make(self, actuator, seed))  # type: ignore[arg-type]
+    def watched(self, actuator, seed, repeats):
+        rigs.append(make(self, actuator, seed, repeats))  # type: ignore[arg-type]
         return rigs[-1]
 
     monkeypatch.setattr(VirtualLaboratory, "rig", watched)

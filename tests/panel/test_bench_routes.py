@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -245,3 +246,38 @@ def test_a_drive_that_fails_while_it_runs_says_why(client: httpx.Client) -> None
     with streaming(client) as stream:
         assert "end stop at 3 µm" in heard(stream, "log")["entries"][-1]["text"]
     change(client, ["limits", "max_position"], None).raise_for_status()
+
+
+def test_runs_differ_and_are_numbered_on_over_restarts_of_the_server(tmp_path: Path) -> None:
+    """As those of a real rig, none is an earlier one again; also where recordings were thrown away."""
+    told = []
+    for _ in range(2):
+        with client_of(create_app(tmp_path), **ME) as made:
+            made.post("/bench/set", json=FAST).raise_for_status()
+            change(made, ["variables", "frequency"], "50 Hz").raise_for_status()
+            ran(made, "/bench/start", {"runs": ["forward", "step"]})
+            ran(made, "/bench/start", {"runs": ["forward"]})
+        for path in sorted(tmp_path.rglob("forward.nc")):
+            told.append((path.stat().st_mtime_ns, json.loads(open_recording(path).attrs["contact"])))
+            path.unlink()
+            shutil.rmtree(path.parent)
+    numbers = [one["number"] for _, one in sorted(told, key=lambda one: one[0])]
+    assert numbers == [0, 2, 3, 5]
+    assert len({one["sigma_0"] for _, one in told}) == 4
+
+
+def test_how_runs_differ_is_set_on_the_bench(client: httpx.Client) -> None:
+    change(client, ["rig", "variation", "stiffness"], "4 %").raise_for_status()
+    with streaming(client) as stream:
+        variables = {one["name"]: one for one in heard(stream, "experiment")["variables"]}
+    assert variables["variation.stiffness"] == {
+        "name": "variation.stiffness",
+        "value": 0.04,
+        "unit": "",
+        "label": "scatter of the bristle's stiffness",
+        "path": ["rig", "variation", "stiffness"],
+        "kind": "rig",
+    }
+    refused = change(client, ["rig", "variation", "stiffness"], "4 N")
+    assert refused.status_code == 400
+    assert "rig.variation: Variation.stiffness = '4 N'" in refused.json()["error"]

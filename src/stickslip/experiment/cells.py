@@ -18,7 +18,7 @@ from ..calibration import load_calibration
 from ..electronics import Filter
 from ..readers import read_recording
 from ..records import did_you_mean
-from ..rig import Capabilities, Capture, Channel, Limits, RigError, Trigger
+from ..rig import Capabilities, Capture, Channel, Limits, Repeats, RigError, Trigger, Variation
 from ..rig.measurement import channel_units, plan_run
 from ..units import QuantityError, to_si
 from ..waveform import knots, multisine, periodic, shapes
@@ -36,7 +36,8 @@ _SHAPES = {**vars(periodic), **vars(shapes), **vars(multisine), **vars(knots)}
 class Cell:
     """One recording: its name, everything that makes it, and `key`, which changes whenever that does.
 
-    `values` are those of the matrix; `seed` is that of the virtual rig's noise, `bench` its bench, or "".
+    `values` are those of the matrix; `seed` is that of the virtual rig's noise, `repeats` how its contact
+    varies, `bench` its bench, or "".
     """
 
     name: str
@@ -49,6 +50,7 @@ class Cell:
     capture: Capture
     limits: Limits
     seed: int
+    repeats: Repeats
     bench: str
     key: str
 
@@ -73,6 +75,7 @@ def cells(
     """
     channels = {name: _channel(name, spec, folder) for name, spec in file.channels.items()}
     found: dict[str, Cell] = {}
+    repeats = _repeats(file)
     for run in file.runs:
         count = run.repeats
         for values in run.matrix.values():
@@ -83,7 +86,7 @@ def cells(
             axes = dict(zip(run.matrix, values, strict=True))
             for repeat in range(1, run.repeats + 1):
                 try:
-                    cell = _cell(file, run, axes, repeat, channels, folder, laboratory, read)
+                    cell = _cell(file, run, axes, repeat, channels, folder, laboratory, read, repeats)
                 except (ValueError, RigError) as error:
                     shown = "".join(f", {axis} = {value}" for axis, value in axes.items())
                     kind = type(error) if isinstance(error, RigError) else QuantityError
@@ -93,6 +96,7 @@ def cells(
                         f"two recordings would be called {cell.name}: give the runs other names"
                     )
                 found[cell.name] = cell
+                repeats = repeats._replace(number=repeats.number + int(cell.capture.average))
     return list(found.values())
 
 
@@ -105,10 +109,11 @@ def _cell(
     folder: Path,
     laboratory: Laboratory,
     read: Read,
+    repeats: Repeats,
 ) -> Cell:
     parts = [run.name, *(_in_name(value) for value in axes.values())]
     name = "_".join(parts + ([str(repeat)] if run.repeats > 1 else []))
-    seed = (getattr(file.rig, "seed", 0) << 32) + zlib.crc32(name.encode())
+    seed = (repeats.series + getattr(file.rig, "first_run", 0) << 32) + zlib.crc32(name.encode())
     named = {k: v for k, v in file.variables.items() if not isinstance(v, bool)} | axes
     actuator = _actuator(file, run, named, folder)
     can = laboratory.capabilities(actuator)
@@ -117,8 +122,9 @@ def _cell(
     capture = _capture(run, can, units)
     drive = drive_of(run.waveform, named, folder, read)
     plan = plan_run(can, drive, channels, capture, limits)
+    varied = repeats.told(actuator, int(capture.average))
     made_of = repr(
-        (__version__, can, file.rig, actuator, channels, capture, limits, seed, file.variables, axes)
+        (__version__, can, file.rig, actuator, channels, capture, limits, seed, file.variables, axes, varied)
     )
     key = hashlib.sha256(made_of.encode() + plan.volts.tobytes()).hexdigest()
     return Cell(
@@ -132,9 +138,21 @@ def _cell(
         capture=capture,
         limits=limits,
         seed=seed,
+        repeats=repeats,
         bench="" if isinstance(file.rig, ScpiRigSpec) else str(own_file(file.rig.bench, folder, ".toml")),
         key=key,
     )
+
+
+def _repeats(file: ExperimentFile) -> Repeats:
+    """Of a file's first run."""
+    if isinstance(file.rig, ScpiRigSpec):
+        return Repeats()
+    try:
+        variation = Variation(**file.rig.variation.model_dump())
+    except QuantityError as error:
+        raise QuantityError(f"rig.variation: {error}") from None
+    return Repeats(variation, file.rig.seed, file.rig.first_run)
 
 
 def _in_name(value: float | str) -> str:

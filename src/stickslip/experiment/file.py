@@ -17,13 +17,33 @@ Shape = Literal[
 ]  # fmt: skip
 
 
+class VariationSpec(Strict):
+    """How the contact differs from run to run, as relative standard deviations, "1.2 %"; see
+    `stickslip.rig.Variation`.
+
+    `friction` is what scatters independently, `drift` what changes slowly, over `drift_runs` runs;
+    `stiffness` is that of the bristle.
+    """
+
+    friction: Quantity = 0.0
+    drift: Quantity = 0.0
+    drift_runs: Quantity = 15.0
+    stiffness: Quantity = 0.0
+
+
 class VirtualRigSpec(Strict):
-    """The virtual rig: a bench by name or file, the seed of its noise; in real time, or as fast as it can."""
+    """The virtual rig: a bench by name or file, the seed of its noise and of what varies from run to run; in
+    real time, or as fast as it can.
+
+    `first_run` is how many runs it made before those of this file: noise and variation go on from there.
+    """
 
     kind: Literal["virtual"] = "virtual"
     bench: str = "kang2007-bench"
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
     real_time: bool = False
+    variation: VariationSpec = Field(default_factory=VariationSpec)
+    first_run: Annotated[int, Field(ge=0, lt=10**6)] = 0
 
 
 class ScpiRigSpec(Strict):

@@ -9,7 +9,19 @@ from pathlib import Path
 from typing import ClassVar, Protocol
 
 from ..actuator import Actuator, load_actuator
-from ..rig import Bench, Capabilities, Home, HostedRig, Link, Rig, RigError, VirtualRig, folder_of, load_bench
+from ..rig import (
+    Bench,
+    Capabilities,
+    Home,
+    HostedRig,
+    Link,
+    Repeats,
+    Rig,
+    RigError,
+    VirtualRig,
+    folder_of,
+    load_bench,
+)
 from ..rig.devices import scpi_device, virtual_device
 from .file import ExperimentFile, ScpiRigSpec
 
@@ -23,7 +35,7 @@ class Laboratory(Protocol):
         """Of the rig for a cell; nothing is put out."""
         ...
 
-    def rig(self, actuator: Actuator, seed: int) -> Rig:
+    def rig(self, actuator: Actuator, seed: int, repeats: Repeats = Repeats()) -> Rig:
         """A rig for a cell."""
         ...
 
@@ -44,9 +56,9 @@ class VirtualLaboratory:
         """Those of the bench."""
         return VirtualRig(actuator, self._bench).capabilities
 
-    def rig(self, actuator: Actuator, seed: int) -> Rig:
+    def rig(self, actuator: Actuator, seed: int, repeats: Repeats = Repeats()) -> Rig:
         """A new rig, whose end-effector is where that of the one before was left."""
-        made = VirtualRig(actuator, self._bench, seed=seed, real_time=self._real_time)
+        made = VirtualRig(actuator, self._bench, seed=seed, repeats=repeats, real_time=self._real_time)
         if self._last is not None:
             made.origin = self._last.origin
         self._last = made
@@ -67,9 +79,9 @@ class HostedVirtualLaboratory:
         """Those of the bench."""
         return VirtualRig(actuator, self._bench).capabilities
 
-    def rig(self, actuator: Actuator, seed: int) -> Rig:
+    def rig(self, actuator: Actuator, seed: int, repeats: Repeats = Repeats()) -> Rig:
         """The rig; it is opened when it starts."""
-        device = virtual_device(actuator, self._name, seed, self._real_time)
+        device = virtual_device(actuator, self._name, seed, self._real_time, repeats)
         return HostedRig(self._link, device, self.capabilities(actuator))
 
     def close(self) -> None:
@@ -95,9 +107,9 @@ class ScpiLaboratory:
         del actuator
         return self._can
 
-    def rig(self, actuator: Actuator, seed: int) -> Rig:
+    def rig(self, actuator: Actuator, seed: int, repeats: Repeats = Repeats()) -> Rig:
         """The rig."""
-        del actuator, seed
+        del actuator, seed, repeats
         return HostedRig(self._link, self._device, self._can)
 
     def close(self) -> None:
@@ -169,7 +181,7 @@ class PlanningLaboratory:
         """Of the rig for a cell."""
         return self._can if self._bench is None else VirtualRig(actuator, self._bench).capabilities
 
-    def rig(self, actuator: Actuator, seed: int) -> Rig:
+    def rig(self, actuator: Actuator, seed: int, repeats: Repeats = Repeats()) -> Rig:
         """None."""
         raise RigError("this laboratory only plans")
 

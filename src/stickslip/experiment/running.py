@@ -169,7 +169,7 @@ def _recorded(
     kept = recording is not None
     if recording is None:
         begun = time.perf_counter()
-        rig = laboratory.rig(cell.actuator, cell.seed)
+        rig = laboratory.rig(cell.actuator, cell.seed, cell.repeats)
         rig = rig if watch is None else watch(cell, rig)
         try:
             recording = _measured(file, cell, rig, laboratory.home, path, progress)

@@ -24,12 +24,12 @@ NOTES = ("notes.json", "links.json")  # in a fit's folder: somebody's words, and
 def described(recording: xr.Dataset) -> dict[str, Any]:
     """The columns of a recording, but for its name and size.
 
-    `settings` is what makes it: drive, capture, limits, variables of the experiment, and the actuator as the
-    file says it.
+    `settings` is what makes it: drive, capture, limits, variables of the experiment, the actuator as the file
+    says it, and what a virtual rig says of its contact in that run.
     """
     attrs = {str(name): value for name, value in recording.attrs.items()}
     time = recording["time"].values
-    settings = {name: _read(attrs[name]) for name in ("variables", "capture", "limits") if attrs.get(name)}
+    settings = {name: _read(attrs[name]) for name in ("variables", "capture", "limits", "contact") if attrs.get(name)}
     settings |= {name: str(attrs[name]) for name in ("drive", "actuator") if attrs.get(name)}
     named = re.search(r"\bname='([\w.-]+)'", str(attrs.get("actuator", "")))
     return {

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from ..actuator import Actuator
 from ..experiment.cells import Cell, cells, limits_of
-from ..experiment.file import ExperimentFile
+from ..experiment.file import ExperimentFile, VirtualRigSpec
 from ..experiment.laboratory import PlanningLaboratory
 from ..experiment.running import check_experiment
 from ..input_file import load_yaml, yaml_text
@@ -162,6 +162,11 @@ class Document:
             if isinstance(value, float) and math.isfinite(value):
                 place = ["actuator", "friction", name]
                 yield _variable(f"friction.{name}", value, quantity.unit, quantity.meaning, place, "friction")
+        if isinstance(file.rig, VirtualRigSpec):
+            variation = found[0].repeats.variation
+            for name, quantity in quantities(type(variation)).items():
+                value, place = getattr(variation, name), ["rig", "variation", name]
+                yield _variable(f"variation.{name}", value, quantity.unit, quantity.meaning, place, "rig")
 
 
 def _item(place: Any, part: str | int) -> Any:

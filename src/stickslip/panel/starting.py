@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import re
 import shutil
 import threading
@@ -23,6 +24,7 @@ from ..history.describing import annotate
 from ..input_file import yaml_text
 from ..readers.process import Reader
 from ..recording import RecordingError
+from ..recording.replacing import replaced_whole
 from ..rig import RigError
 from ..rig.measurement import DRIVE, POSITION
 from ..units import QuantityError, to_si, with_prefix
@@ -58,10 +60,11 @@ class Starter:
         Raises:
             ValueError, RigError: it cannot be recorded, or a run is going on.
         """
-        content = _with_own_noise(content, len(list(self._folder.root.glob("recordings/*"))))
-        file = check_experiment(content)
         if self._runner.busy:
             raise RigError("a run is going on: stop it first")
+        with self._lock:
+            content = _counted_on(content, self._folder.root)
+        file = check_experiment(content)
         out = _new_folder(self._folder, _slug(slug))
 
         def finished() -> None:
@@ -128,13 +131,29 @@ class Starter:
                     note_act(self._folder.root, "recorded", self._folder.name(path), of=prediction)
 
 
-def _with_own_noise(content: dict[str, Any], runs: int) -> dict[str, Any]:
-    """The noise of a virtual rig is another one in every run, as it is of a real one: its seed counts on with
-    the runs of the folder, and is kept with the recordings."""
+def _counted_on(content: dict[str, Any], root: Path) -> dict[str, Any]:
+    """No run of a virtual rig is the one before again, as none of a real one is: its runs are numbered on from
+    those of the folder, whatever became of their files, and the number is kept with the recordings."""
     rig = content.get("rig", {})
     if rig.get("kind", "virtual") != "virtual":
         return content
-    return {**content, "rig": {**rig, "seed": rig.get("seed", 0) + runs}}
+    kept = root / ".rig" / "runs"
+    try:
+        before = int(kept.read_text(encoding="ascii"))
+    except (OSError, ValueError):  # of a version that counted folders
+        before = len(list(root.glob("recordings/*")))
+    kept.parent.mkdir(exist_ok=True)
+    with replaced_whole(kept) as temporary:
+        temporary.write_text(str(before + _recordings(content)), encoding="ascii")
+    return {**content, "rig": {**rig, "first_run": rig.get("first_run", 0) + before}}
+
+
+def _recordings(content: dict[str, Any]) -> int:
+    """How many runs of the rig a content asks for."""
+    runs = check_experiment(content).runs
+    return sum(
+        run.repeats * run.capture.average * math.prod(map(len, run.matrix.values())) for run in runs
+    )
 
 
 def _new_folder(folder: Folder, slug: str) -> Path:

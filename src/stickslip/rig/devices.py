@@ -10,10 +10,13 @@ from ..units import QuantityError
 from .bench import load_bench
 from .protocols import Rig, RigError
 from .scpi import ScpiRig
+from .variation import Repeats
 from .virtual import VirtualRig
 
 
-def virtual_device(actuator: Actuator, bench: str, seed: int, real_time: bool) -> dict[str, Any]:
+def virtual_device(
+    actuator: Actuator, bench: str, seed: int, real_time: bool, repeats: Repeats = Repeats()
+) -> dict[str, Any]:
     """A virtual rig; `bench` is a name or the path of a file."""
     fields = actuator._asdict()
     return {
@@ -21,6 +24,7 @@ def virtual_device(actuator: Actuator, bench: str, seed: int, real_time: bool) -
         "bench": bench,
         "seed": seed,
         "real_time": real_time,
+        "repeats": repeats.document(),
         "law": type(actuator.friction).__name__,
         "actuator": {**fields, "friction": actuator.friction._asdict()},
     }
@@ -43,16 +47,27 @@ def open_device(device: dict[str, Any], origin: float) -> Rig:
         return ScpiRig(str(device["resource"]))
     if kind != "virtual":
         raise RigError(f"{kind!r} is no kind of rig: virtual or scpi")
-    laws = {law.__name__: law for law in LAWS}
-    if device["law"] not in laws:
-        raise QuantityError(f"the law {device['law']!r} is not known in the rig's process")
-    fields = dict(device["actuator"])
-    friction = laws[device["law"]](**fields.pop("friction"))
     made = VirtualRig(
-        Actuator(**fields, friction=friction),
+        _actuator(device),
         load_bench(str(device["bench"])),
         seed=int(device["seed"]),
+        repeats=Repeats.of_document(device.get("repeats", {})),
         real_time=bool(device["real_time"]),
     )
     made.origin = origin
     return made
+
+
+def told_of(device: dict[str, Any], runs: int, after: int) -> dict[str, str]:
+    """What a recording says of so many runs of a device; see `Repeats.told`."""
+    if device.get("kind") != "virtual":
+        return {}
+    return Repeats.of_document(device.get("repeats", {})).told(_actuator(device), runs, after)
+
+
+def _actuator(device: dict[str, Any]) -> Actuator:
+    laws = {law.__name__: law for law in LAWS}
+    if device["law"] not in laws:
+        raise QuantityError(f"the law {device['law']!r} is not known in the rig's process")
+    fields = dict(device["actuator"])
+    return Actuator(friction=laws[device["law"]](**fields.pop("friction")), **fields)

@@ -18,6 +18,7 @@ import numpy as np
 
 from ..calibration.storage import to_text
 from ..units import QuantityError
+from .devices import told_of
 from .gate import PositionInput
 from .limits import LimitError, Limits
 from .protocols import Array, Capabilities, RigError
@@ -120,7 +121,7 @@ class HostedRig:
         self._guard: dict[str, Any] = {}
         self._first: Array | None = None  # samples that came while the start was awaited
         self._inputs: tuple[str, ...] = ()
-        self._samples = 0
+        self._samples = self._runs = 0
         self.position: float | None = None
         self.began: float | None = None
         self.ramp_after: float | None = None
@@ -138,6 +139,10 @@ class HostedRig:
             "position": None if position is None else position_document(position.name, position.calibration),
         }
 
+    def told(self, runs: int) -> dict[str, str]:
+        """What a recording made of the next runs says of their truth, where the rig is a virtual one."""
+        return told_of(self._device, runs, self._runs)
+
     def load(self, volts: Array) -> None:
         """Take the drive, V at the piezo, one value per update."""
         self._volts = volts
@@ -153,6 +158,7 @@ class HostedRig:
         self._open()
         self.ramp_after = None
         self._ask("run", self._volts, inputs=self._inputs, samples=self._samples, **self._guard)
+        self._runs += 1
         self._first = self._fetched()
         while self.phase == "preparing":
             self.waiting()

@@ -84,7 +84,9 @@ def measure(
     can = rig.capabilities
     units = channel_units(can, channels, limits)
     plan = plan_run(can, drive, channels, capture, limits)
-    texts = {"title": title, "notes": notes, **(attributes or {})}
+    told = getattr(rig, "told", None)  # of a virtual rig: what is true of these runs
+    told = {} if told is None else told(int(capture.average))
+    texts = {"title": title, "notes": notes, **(attributes or {}), **told}
     shown = repr(drive)[:2000]
     making = Making(can, channels, units, capture, limits, plan.begin, plan.wait, shown, texts)
     home = _home_of(rig) if home is None else home

@@ -17,6 +17,7 @@ from ..waveform.sampled import Sampled
 from .bench import Bench, Mounted
 from .limits import LONGEST_STOP
 from .protocols import Array, Capabilities, RigError
+from .variation import Repeats
 
 BLOCK = 0.02  # s of samples per `fetch`: a stop waits for no more
 OVERSAMPLING = 4  # analogue signals are computed at so many times the sampling rate
@@ -34,6 +35,7 @@ class VirtualRig:
         bench: the instruments.
         seed: of all noise: the same seed, the same recording, bit for bit. Each run after the first has noise
             of its own.
+        repeats: how the contact differs from run to run; by default it does not.
         real_time: hand out samples no sooner than a real rig would.
         tolerance: m, of the simulation.
 
@@ -47,6 +49,7 @@ class VirtualRig:
         bench: Bench,
         *,
         seed: int = 0,
+        repeats: Repeats = Repeats(),
         real_time: bool = False,
         tolerance: float = 1e-9,
     ) -> None:
@@ -58,6 +61,7 @@ class VirtualRig:
         # The limits of the drive are the gate's; a converter's step beside 0 V is no error.
         self.actuator = actuator.replace(min_voltage=-math.inf, max_voltage=math.inf)
         self.bench, self._seed, self._real_time, self._tolerance = bench, seed, real_time, tolerance
+        self._repeats = repeats
         self._per_unit = bench.dac.gain * bench.amplifier.gain
         # What a program adds so that the steps of a truncating converter lie around the wanted voltage.
         half = 0.5 * bench.dac.step * bench.amplifier.gain if bench.dac.truncates else 0.0
@@ -89,6 +93,10 @@ class VirtualRig:
             max_points=MAX_POINTS,
             inputs={"drive": "V"} | {name: mounted.sensor.unit for name, mounted in bench.sensors.items()},
         )
+
+    def told(self, runs: int) -> dict[str, str]:
+        """What a recording made of the next runs says of their truth; see `Repeats.told`."""
+        return self._repeats.told(self.actuator, runs, self._runs)
 
     def load(self, volts: Array) -> None:
         """Take the drive, V at the piezo, one value per update."""
@@ -174,7 +182,7 @@ class VirtualRig:
             bench.amplifier, codes, bench.dac.update_rate, bench.piezo_capacitance
         )
         moved = follow(
-            self.actuator,
+            self._repeats.actuator(self.actuator, self._runs),
             Sampled(times, volts),
             np.arange(OVERSAMPLING * self._samples) / rate,
             tolerance=self._tolerance,

@@ -61,6 +61,10 @@ class WatchedRig:
         """That of a rig which watches itself."""
         return getattr(self._rig, "guard", None)
 
+    def told(self, runs: int) -> dict[str, str]:
+        """What a virtual rig says of its next runs."""
+        return getattr(self._rig, "told", lambda runs: {})(runs)
+
     def load(self, volts: Array) -> None:
         """Take the drive."""
         can = self.capabilities

@@ -1,0 +1,114 @@
+r"""How the contact of a virtual rig differs from run to run, as that of a real one does.
+
+Friction of all levels (Coulomb, stiction) is multiplied by one factor, the bristle's stiffness by another; what
+is a length goes with their ratio. In run k of a series the logarithms are, less half their variance, so that
+the mean factor is 1,
+
+.. math:: \ln f_k = \sigma_f\,e_k + \sigma_d\,d_k, \qquad d_k = \rho\,d_{k-1} + \sqrt{1-\rho^2}\,e'_k,
+          \qquad \rho = e^{-1/n}, \qquad \ln s_k = \sigma_s\,e''_k
+
+with independent standard normal e. Runs are numbered, so that any of them can be drawn by itself, again and to the
+last bit: a rig that is opened anew goes on with the next number.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from scipy.signal import lfilter
+
+from ..actuator import Actuator
+from ..records import Quantity, quantities, record
+
+_OWN, _SLOW = 1, 2  # streams of random numbers of a series
+
+
+@record
+class Variation(NamedTuple):
+    """Relative standard deviations from run to run; all zero: every run is of the same contact.
+
+    Measured from stroke to stroke of a tribometer (see docs/decisions/rig.md): friction 0.4 %, drift 1.2 %,
+    drift_runs 15, stiffness 2 %.
+    """
+
+    friction: Annotated[float, Quantity("", "σ_f", "scatter of friction", minimum=0, maximum=0.3)] = 0.0
+    drift: Annotated[float, Quantity("", "σ_d", "slow change of friction", minimum=0, maximum=0.3)] = 0.0
+    drift_runs: Annotated[
+        float, Quantity("", "n", "runs after which that is forgotten", minimum=1, maximum=1e6)
+    ] = 15.0
+    stiffness: Annotated[
+        float, Quantity("", "σ_s", "scatter of the bristle's stiffness", minimum=0, maximum=0.3)
+    ] = 0.0
+
+    @property
+    def none(self) -> bool:
+        """Whether every run is of the same contact."""
+        return self.friction == self.drift == self.stiffness == 0.0
+
+
+class Repeats(NamedTuple):
+    """Where a rig is in its runs: how they vary, the seed of the series, and the number of the next run."""
+
+    variation: Variation = Variation()
+    series: int = 0
+    number: int = 0
+
+    def factors(self, run: int = 0) -> tuple[float, float]:
+        """Of friction and stiffness, `run` runs from the next one."""
+        return _factors(*self._replace(number=self.number + run))
+
+    def actuator(self, actuator: Actuator, run: int = 0) -> Actuator:
+        """The actuator with the contact of that run; the same where nothing varies."""
+        if self.variation.none or actuator.clamped:
+            return actuator
+        friction, stiffness = self.factors(run)
+        scale = {"N": friction, "N/m": stiffness, "m": friction / stiffness}
+        law: Any = actuator.friction
+        units = {name: one.unit for name, one in quantities(type(law)).items() if one.unit in scale}
+        changed = {name: _times(getattr(law, name), scale[unit]) for name, unit in units.items()}
+        return actuator.replace(friction=law._replace(**changed))
+
+    def told(self, actuator: Actuator, runs: int = 1, after: int = 0) -> dict[str, str]:
+        """What a recording says of the contact of its runs, averaged or one, in its attribute `contact`, JSON:
+        the number, both factors, and the fields that changed, in SI. Nothing where nothing varies."""
+        if self.variation.none or actuator.clamped:
+            return {}
+        found = []
+        for run in range(after, after + runs):
+            law, before = self.actuator(actuator, run).friction._asdict(), actuator.friction._asdict()
+            friction, stiffness = self.factors(run)
+            found.append(
+                {"number": self.number + run, "friction": friction, "stiffness": stiffness}
+                | {name: value for name, value in law.items() if value != before[name]}
+            )
+        return {"contact": json.dumps(found[0] if runs == 1 else found)}
+
+    def document(self) -> dict[str, Any]:
+        """As JSON."""
+        return {**self._asdict(), "variation": self.variation._asdict()}
+
+    @classmethod
+    def of_document(cls, found: dict[str, Any]) -> Repeats:
+        """What `document` gave; the default of what is missing."""
+        return cls(
+            Variation(**found.get("variation", {})), int(found.get("series", 0)), int(found.get("number", 0))
+        )
+
+
+def _factors(variation: Variation, series: int, number: int) -> tuple[float, float]:
+    own = np.random.default_rng([series, _OWN, number]).standard_normal(2)
+    steps = np.random.default_rng([series, _SLOW]).standard_normal(number + 1)
+    rho = math.exp(-1.0 / variation.drift_runs)
+    steps[1:] *= math.sqrt(1.0 - rho * rho)
+    slow = lfilter([1.0], [1.0, -rho], steps)[-1]
+    of_friction = variation.friction * own[0] + variation.drift * slow
+    of_friction -= 0.5 * (variation.friction**2 + variation.drift**2)
+    of_stiffness = variation.stiffness * own[1] - 0.5 * variation.stiffness**2
+    return math.exp(of_friction), math.exp(of_stiffness)
+
+
+def _times(value: Any, factor: float) -> Any:
+    return tuple(one * factor for one in value) if isinstance(value, tuple) else value * factor
