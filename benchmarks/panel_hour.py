@@ -97,8 +97,9 @@ class Panel:
             assert self.news.wait_for(what, WAIT), f"{self.phase}: {self.lines[-3:]}"
 
 
-def stop(panel: Panel, client: httpx.Client) -> float:
-    """Stop the run that goes on; ms from the request to the begin of the ramp, at most."""
+def stop(panel: Panel, client: httpx.Client) -> tuple[float, float]:
+    """Stop the run that goes on; ms that the request was under way, there and back, and from its arrival to the
+    begin of the ramp."""
     before = len(panel.lines)
     begun = time.perf_counter()
     assert client.post("/bench/stop").json() == {"stopped": True}
@@ -108,7 +109,7 @@ def stop(panel: Panel, client: httpx.Client) -> float:
     said = re.search(r"began ([\d.]+) ms", line)
     assert said is not None, line
     panel.until(lambda: panel.phase == "stopped")
-    return there + float(said[1])
+    return there, float(said[1])
 
 
 class Busy:
@@ -193,7 +194,7 @@ def main() -> None:
         watching.start()
         rig = int(json.loads((panel.folder / ".rig" / "rig.json").read_text())["pid"])
         begun = time.monotonic()
-        stops: list[tuple[int, float]] = []
+        stops: list[tuple[int, float, float]] = []
         memory: list[tuple[float, float, float, float]] = []
         while (now := time.monotonic() - begun) < 60.0 * asked.minutes:
             number = int(now / TURN) % len(PHASES)
@@ -202,9 +203,9 @@ def main() -> None:
             client.post("/bench/start", json={"runs": ["forward"]}).raise_for_status()
             panel.until(lambda: panel.phase == "running")
             time.sleep(chance.uniform(EARLIEST, LATEST))
-            stops.append((number, stop(panel, client)))
+            stops.append((number, *stop(panel, client)))
             memory.append((now, resident(panel.process.pid), resident(rig), os.getloadavg()[0]))
-            print(*(f"{one:.1f}" for one in (*memory[-1], stops[-1][1])), file=sys.stderr, flush=True)
+            print(*(f"{one:.1f}" for one in (*memory[-1], *stops[-1][1:])), file=sys.stderr, flush=True)
         busy.ended.set()
         ours.send("end")
         seen = ours.recv()
@@ -217,7 +218,7 @@ def main() -> None:
 def keep(
     asked: argparse.Namespace,
     begun: float,
-    stops: list[tuple[int, float]],
+    stops: list[tuple[int, float, float]],
     memory: Any,
     seen: dict[str, Any],
     busy: Busy,
@@ -237,7 +238,7 @@ def keep(
     numbers: dict[str, Any] = {"stops_ms": {}, "frames_per_second": {}, "memory_MB": memory[:, 1].tolist()}
     every = [one for page in seen["blocks"] for one in page]
     for i, name in enumerate(PHASES):
-        times = [ms for phase, ms in stops if phase == i]
+        times = [there + ramp for phase, there, ramp in stops if phase == i]
         runs = [one for one in every if int((one[0] - begun) / TURN) % len(PHASES) == i]
         rates = [count / (end - first) for first, end, count, _ in runs]
         if not times or not rates:
@@ -248,7 +249,8 @@ def keep(
             (
                 f"stop, {name}",
                 f"{np.median(times):.0f} ms, 95 % below {np.percentile(times, 95):.0f}, at most "
-                f"{max(times):.0f} ms (of {len(times)}, {over} above 50 ms)",
+                f"{max(times):.0f} ms (of {len(times)}, {over} above 50 ms); of it the request and its answer "
+                f"{np.median([there for phase, there, _ in stops if phase == i]):.0f} ms",
             ),
             (
                 f"frames, {name}",

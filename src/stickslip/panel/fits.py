@@ -29,6 +29,7 @@ class Fitting:
         self._folder, self._hub, self._readiness = folder, hub, readiness
         self._lock = threading.Lock()
         self._process: Any = None
+        self._closed = False
         self._connection: Any = None
         self._asked: set[str] = set()  # laws that this process prepares, or has prepared
         self._pending: dict[str, Any] = {}  # those that are not ready yet, and the process that prepares them
@@ -41,6 +42,8 @@ class Fitting:
     def prepare(self, law: str) -> None:
         """Have the process compile, or load, what fits of a law need; returns at once."""
         with self._lock:
+            if self._closed:
+                return
             self._ready()
             if law in self._asked or self.state["phase"] == RUNNING:
                 return
@@ -59,6 +62,8 @@ class Fitting:
         with self._lock:
             if self.state["phase"] == RUNNING:
                 raise ValueError("a fit is running: wait for it, or cancel it")
+            if self._closed:
+                raise ValueError("the panel closes")
             self._ready()
             self._began = time.monotonic()
             self._out = f"{REPORTS}/{datetime.now():%Y-%m-%d_%H-%M-%S}"
@@ -79,8 +84,9 @@ class Fitting:
         self.prepare(USUAL_LAW)
 
     def close(self) -> None:
-        """End the process."""
+        """End the process, and begin no other."""
         with self._lock:
+            self._closed = True
             self._end()
 
     def frame(self, kind: str) -> bytes:

@@ -1,0 +1,77 @@
+"""How the panel ends, whatever it is doing: the real command, without a browser."""
+
+from __future__ import annotations
+
+import json
+import select
+import shutil
+import time
+from collections.abc import Iterator
+from contextlib import closing, contextmanager, suppress
+from http.client import HTTPConnection
+from pathlib import Path
+
+import httpx
+
+from stickslip._jit import _package_cache
+
+from .conftest import Panel
+from .serving import heard, streaming
+from .test_first_start import kept
+
+ELEMENT = {"stiffness": 1e5, "strength": 0.05}
+
+
+def children(process: int) -> dict[int, str]:
+    """Processes that a process started, and their commands."""
+    found = {}
+    for status in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            if int(status.read_text().rpartition(")")[2].split()[1]) == process:
+                found[int(status.parent.name)] = (status.parent / "cmdline").read_text().replace("\0", " ")
+    return found
+
+
+@contextmanager
+def ended(panel: Panel) -> Iterator[None]:
+    """Whatever happens, it does not stay."""
+    try:
+        yield
+    finally:
+        panel.process.kill()
+        panel.process.wait()
+
+
+def test_ctrl_c_ends_it_while_a_request_is_compiling(tmp_path: Path) -> None:
+    """Python would wait until that is done, for a minute on a busy machine, and keep what was compiled."""
+    kernels = tmp_path / "kernels"
+    if _package_cache().is_dir():
+        shutil.copytree(_package_cache(), kernels / _package_cache().name)
+    panel = Panel(tmp_path / "panel", kernels=kernels)
+    asking = HTTPConnection("127.0.0.1", int(panel.port))
+    base = panel.url.rstrip("/")
+    with (
+        closing(asking),
+        ended(panel),
+        httpx.Client(base_url=base, timeout=60) as client,
+        streaming(client) as stream,
+    ):
+        while "fits with LuGre" not in heard(stream, "readiness")["preparing"]:
+            pass
+        while heard(stream, "readiness")["preparing"]:
+            pass
+        fits = [number for number, said in children(panel.process.pid).items() if "spawn_main" in said]
+        assert fits
+        before = kept(kernels)
+        elements = {f"{name}_{i}": value for i in range(1, 10) for name, value in ELEMENT.items()}
+        law = {"law": "MaxwellSlip", "friction": elements}  # of nine elements: a type of its own
+        state = {"set": "kang2007", "duration": 0.1, "shape": "Sawtooth", **law}
+        state |= {"waveform": {"amplitude": 65, "frequency": 20}}
+        asking.request("POST", "/api/explore/motion", json.dumps(state), {"Content-Type": "application/json"})
+        assert not select.select([asking.sock], [], [], 1.0)[0], asking.getresponse().read()
+        assert panel.end() == 0
+    assert kept(kernels) == before
+    end = time.monotonic() + 30.0
+    while any(Path(f"/proc/{number}").exists() for number in fits):
+        assert time.monotonic() < end, "the fits' process goes on"
+        time.sleep(0.01)
