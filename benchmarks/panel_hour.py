@@ -1,11 +1,12 @@
-"""An hour of the panel at its limits: 200 connections, runs that are watched by 100 pages and stopped again and
-again, also while files are read and fits run.
+"""An hour of the panel at its limits: 200 connections, runs that are watched by 100 pages and stopped again
+and again, also while files are read and fits run.
 
-    python -m benchmarks.panel_hour [--minutes 60] [--watchers 100] [--others 99] [--seed 1]
+    python -m benchmarks.panel_hour [--minutes 60] [--watchers 100] [--others 99] [--seed 1] [--keep]
 
-`stickslip panel` with the virtual rig in real time (20 kHz, three channels, a process of its own). Minute by minute
-in turn nothing else is done, files are read, a fit runs, or both. A stop is timed from before its request is sent to
-the begin of the ramp: the whole way there and back over HTTP, and what the panel says it took to the rig's ramp.
+`stickslip panel` with the virtual rig in real time (20 kHz, three channels, a process of its own). Minute by
+minute in turn nothing else is done, files are read, a fit runs, or both. A stop is timed from before its
+request is sent to the begin of the ramp: the whole way there and back over HTTP, and what the panel says it
+took from there to the begin of the ramp.
 """
 
 from __future__ import annotations
@@ -98,8 +99,8 @@ class Panel:
 
 
 def stop(panel: Panel, client: httpx.Client) -> tuple[float, float]:
-    """Stop the run that goes on; ms that the request was under way, there and back, and from its arrival to the
-    begin of the ramp."""
+    """Stop the run that goes on; ms that the request was under way, there and back, and from its arrival to
+    the begin of the ramp."""
     before = len(panel.lines)
     begun = time.perf_counter()
     assert client.post("/bench/stop").json() == {"stopped": True}
@@ -229,8 +230,8 @@ def keep(
     rows = [
         (
             "connections",
-            f"{asked.watchers + asked.others + 1} for {asked.minutes:.3g} min: {asked.watchers + 1} pages that watch, "
-            f"let go {seen['fell']} times; {asked.others} others, {seen['answers'][0]} answers, "
+            f"{asked.watchers + asked.others + 1} for {asked.minutes:.3g} min: {asked.watchers + 1} pages "
+            f"that watch, let go {seen['fell']} times; {asked.others} others, {seen['answers'][0]} answers, "
             f"{seen['answers'][1]} failed",
         ),
         ("beside it", f"{busy.read} files read, {busy.fitted} fits begun"),
@@ -238,34 +239,30 @@ def keep(
     numbers: dict[str, Any] = {"stops_ms": {}, "frames_per_second": {}, "memory_MB": memory[:, 1].tolist()}
     every = [one for page in seen["blocks"] for one in page]
     for i, name in enumerate(PHASES):
-        times = [there + ramp for phase, there, ramp in stops if phase == i]
+        there = [one for phase, one, _ in stops if phase == i]
+        times = [one + ramp for phase, one, ramp in stops if phase == i]
         runs = [one for one in every if int((one[0] - begun) / TURN) % len(PHASES) == i]
         rates = [count / (end - first) for first, end, count, _ in runs]
         if not times or not rates:
             continue
         numbers["stops_ms"][name], numbers["frames_per_second"][name] = times, float(np.median(rates))
-        over = sum(ms > 50.0 for ms in times)
-        rows += [
-            (
-                f"stop, {name}",
-                f"{np.median(times):.0f} ms, 95 % below {np.percentile(times, 95):.0f}, at most "
-                f"{max(times):.0f} ms (of {len(times)}, {over} above 50 ms); of it the request and its answer "
-                f"{np.median([there for phase, there, _ in stops if phase == i]):.0f} ms",
-            ),
-            (
-                f"frames, {name}",
-                f"{np.median(rates):.1f}/s for each page, 1 % of pages and runs below {np.percentile(rates, 1):.1f}/s; "
-                f"longest gap {max(gap for *_, gap in runs):.2f} s",
-            ),
-        ]
-    for name, i, slope in (("panel", 1, slopes[0]), ("rig's process", 2, slopes[1])):
-        rows.append(
-            (
-                f"memory of the {name}",
-                f"{memory[0, i]:.0f} MB at first, {memory[half, i]:.0f} half way, {memory[-1, i]:.0f} at last; "
-                f"second half {slope:+.1f} MB/h",
-            )
+        over, most = sum(ms > 50.0 for ms in times), max(gap for *_, gap in runs)
+        stopped = (
+            f"{np.median(times):.0f} ms, 95 % below {np.percentile(times, 95):.0f}, at most "
+            f"{max(times):.0f} ms (of {len(times)}, {over} above 50 ms); the request and its answer are "
+            f"{np.median(there):.0f} ms of it"
         )
+        framed = (
+            f"{np.median(rates):.1f}/s for each page, 1 % of pages and runs below "
+            f"{np.percentile(rates, 1):.1f}/s; longest gap {most:.2f} s"
+        )
+        rows += [(f"stop, {name}", stopped), (f"frames, {name}", framed)]
+    for name, i, slope in (("panel", 1, slopes[0]), ("rig's process", 2, slopes[1])):
+        figures = (
+            f"{memory[0, i]:.0f} MB at first, {memory[half, i]:.0f} half way, {memory[-1, i]:.0f} at last; "
+            f"second half {slope:+.1f} MB/h"
+        )
+        rows.append((f"memory of the {name}", figures))
     rows.append(("load", f"median {np.median(memory[:, 3]):.1f}, at most {memory[:, 3].max():.1f}"))
     numbers |= {"slope_MB_per_h": slopes}
     if asked.keep:

@@ -35,12 +35,12 @@ ABOUT = {
     ),
     "hour": (
         "An hour with 200 connections",
-        "`python -m benchmarks.panel_hour --keep`: `stickslip panel` with the virtual rig in real time, 20 kHz on "
-        "three channels; runs are begun and stopped at random instants. Minute by minute in turn nothing else is "
-        "done, recordings are read (one after the other, and the history listed), a fit runs, or both. A stop is "
-        "timed from before its request is sent: the whole way there and back over HTTP, and from its arrival to "
-        "the begin of the ramp. A frame is a block of the running traces that reaches a page. Panel, rig, fits "
-        "and all clients share the machine.",
+        "`python -m benchmarks.panel_hour --keep`: `stickslip panel` with the virtual rig in real time, 20 "
+        "kHz on three channels; runs are begun and stopped at random instants. Minute by minute in turn "
+        "nothing else is done, recordings are read (one after the other, and the history listed), a fit "
+        "runs, or both. A stop is timed from before its request is sent: the whole way there and back over "
+        "HTTP, and from its arrival to the begin of the ramp. A frame is a block of the running traces that "
+        "reaches a page. Panel, rig, fits and all clients share the machine.",
     ),
     "explore": (
         "The sliders of Explore",

@@ -1,5 +1,5 @@
-"""Clients of the panel's benchmark that cost next to nothing: many pages that watch the stream, and others that
-keep a connection and ask for a file now and then, in a process of their own."""
+"""Clients of the panel's benchmark that cost next to nothing: many pages that watch the stream, and others
+that keep a connection and ask for a file now and then, in a process of their own."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ _FILES = ("/", "/static/style.css", "/bench/experiments", "/recordings")
 
 
 class Watcher(asyncio.Protocol):
-    """A page that takes everything. `arrived` are the times of the blocks of each run, `fell` counts how often
-    it was let go."""
+    """A page that takes everything. `arrived` are the times of the blocks of each run, `fell` counts how
+    often it was let go."""
 
     def __init__(self, number: int) -> None:
         self.number, self.fell, self.octets = number, 0, 0

@@ -1,5 +1,5 @@
-"""How the contact of a virtual rig differs from run to run: its statistics, that it can be repeated, and that
-recordings say it."""
+"""How the contact of a virtual rig differs from run to run: its statistics, that it can be repeated, and
+that recordings say it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,17 @@ import pytest
 
 from stickslip.comparison.laws import example_laws
 from stickslip.friction import LAWS
-from stickslip.rig import Capture, HostedRig, Limits, Link, Repeats, Variation, VirtualRig, WatchedRig, measure
+from stickslip.rig import (
+    Capture,
+    HostedRig,
+    Limits,
+    Link,
+    Repeats,
+    Variation,
+    VirtualRig,
+    WatchedRig,
+    measure,
+)
 from stickslip.rig.devices import virtual_device
 from stickslip.units import QuantityError
 from stickslip.waveform.periodic import Sawtooth
@@ -19,7 +29,7 @@ from stickslip.waveform.periodic import Sawtooth
 from plants import law_at, states_of  # isort: skip
 from rig.laboratory import ACTUATOR, BENCH, CHANNELS, IDEAL  # isort: skip
 
-SOME = Variation(friction="0.4 %", drift="1.2 %", drift_runs=15, stiffness="2 %")
+SOME = Variation(friction=0.004, drift=0.012, drift_runs=15, stiffness=0.02)
 DRIVE, CAPTURE = Sawtooth(65.0, 20.0), Capture(0.3, 1e-3, 0.02)
 EXAMPLES = example_laws(ACTUATOR.friction)
 
@@ -30,8 +40,8 @@ def logarithms(repeats: Repeats, runs: int) -> np.ndarray:
 
 
 def test_runs_scatter_as_they_were_told_to() -> None:
-    """Standard deviations, correlation from run to run, and a mean factor of 1. Limits are five standard errors:
-    of a deviation its value by sqrt(2 n), or of as many independent values as the drift has."""
+    """Standard deviations, correlation from run to run, and a mean factor of 1. Limits are five standard
+    errors: of a deviation its value by sqrt(2 n), or of as many independent values as the drift has."""
     runs = 3000
     found = logarithms(Repeats(SOME, 4), runs)
     deviations = np.hypot(SOME.friction, SOME.drift), SOME.stiffness
@@ -64,7 +74,7 @@ def test_any_run_can_be_drawn_by_itself_again_to_the_last_bit() -> None:
 
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_every_law_has_its_forces_and_stiffness_scaled(name: str) -> None:
-    """At rest, with bristles bent as much more as force is greater than stiffness: the force by its factor."""
+    """At rest, with bristles bent as much more as force is above stiffness: the force by its factor."""
     law = EXAMPLES[name]
     assert type(law) in LAWS
     repeats = Repeats(Variation(friction=0.1, stiffness=0.2), 1)
@@ -126,6 +136,6 @@ def test_in_a_process_of_its_own_it_is_the_same_and_averages_tell_all_of_their_r
 
 def test_what_is_no_deviation_is_refused() -> None:
     with pytest.raises(QuantityError, match="friction = '50 %' is out of range: scatter of friction must be"):
-        Variation(friction="50 %")
+        Variation(friction="50 %")  # type: ignore[arg-type]
     with pytest.raises(QuantityError, match="drift_runs"):
         Variation(drift_runs=0)

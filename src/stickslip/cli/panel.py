@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
 import secrets
 import socket
@@ -16,7 +15,6 @@ import typer
 from .frame import Traceback, app, errors_in_one_line
 
 _LOOPBACK = ("127.0.0.1", "localhost", "::1")
-_MMAP_THRESHOLD, _ARENA_MAX = -3, -8  # of glibc's mallopt
 
 
 @app.command()
@@ -38,7 +36,9 @@ def panel(
 ) -> None:
     """Open the control panel in the browser: experiments live, identification, the model; until Ctrl-C."""
     with errors_in_one_line(show_traceback):
-        _give_memory_back()
+        from ..rig.memory import give_memory_back
+
+        give_memory_back()
         import uvicorn
 
         from ..panel import create_app
@@ -77,15 +77,6 @@ def panel(
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(0)
-
-
-def _give_memory_back() -> None:
-    """Where it is glibc that allocates: by default each of some 40 threads keeps heaps of its own, which grow by
-    12 MB a minute while runs are watched and files are read, and are never given back."""
-    with suppress(OSError, AttributeError, TypeError):
-        glibc = ctypes.CDLL(None)
-        glibc.mallopt(_ARENA_MAX, 2)
-        glibc.mallopt(_MMAP_THRESHOLD, 2**20)
 
 
 def _open(address: str) -> None:

@@ -23,6 +23,7 @@ from ..rig import (
     load_bench,
 )
 from ..rig.devices import scpi_device, virtual_device
+from ..rig.variation import EXACT
 from .file import ExperimentFile, ScpiRigSpec
 
 
@@ -35,7 +36,7 @@ class Laboratory(Protocol):
         """Of the rig for a cell; nothing is put out."""
         ...
 
-    def rig(self, actuator: Actuator, seed: int, repeats: Repeats = Repeats()) -> Rig:
+    def rig(self, actuator: Actuator, seed: int, repeats: Repeats = EXACT) -> Rig:
         """A rig for a cell."""
         ...
 
@@ -56,7 +57,7 @@ class VirtualLaboratory:
         """Those of the bench."""
         return VirtualRig(actuator, self._bench).capabilities
 
-    def rig(self, actuator: Actuator, seed: int, repeats: Repeats = Repeats()) -> Rig:
+    def rig(self, actuator: Actuator, seed: int, repeats: Repeats = EXACT) -> Rig:
         """A new rig, whose end-effector is where that of the one before was left."""
         made = VirtualRig(actuator, self._bench, seed=seed, repeats=repeats, real_time=self._real_time)
         if self._last is not None:
@@ -79,7 +80,7 @@ class HostedVirtualLaboratory:
         """Those of the bench."""
         return VirtualRig(actuator, self._bench).capabilities
 
-    def rig(self, actuator: Actuator, seed: int, repeats: Repeats = Repeats()) -> Rig:
+    def rig(self, actuator: Actuator, seed: int, repeats: Repeats = EXACT) -> Rig:
         """The rig; it is opened when it starts."""
         device = virtual_device(actuator, self._name, seed, self._real_time, repeats)
         return HostedRig(self._link, device, self.capabilities(actuator))
@@ -107,7 +108,7 @@ class ScpiLaboratory:
         del actuator
         return self._can
 
-    def rig(self, actuator: Actuator, seed: int, repeats: Repeats = Repeats()) -> Rig:
+    def rig(self, actuator: Actuator, seed: int, repeats: Repeats = EXACT) -> Rig:
         """The rig."""
         del actuator, seed, repeats
         return HostedRig(self._link, self._device, self._can)
@@ -181,7 +182,7 @@ class PlanningLaboratory:
         """Of the rig for a cell."""
         return self._can if self._bench is None else VirtualRig(actuator, self._bench).capabilities
 
-    def rig(self, actuator: Actuator, seed: int, repeats: Repeats = Repeats()) -> Rig:
+    def rig(self, actuator: Actuator, seed: int, repeats: Repeats = EXACT) -> Rig:
         """None."""
         raise RigError("this laboratory only plans")
 

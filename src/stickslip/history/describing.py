@@ -29,7 +29,9 @@ def described(recording: xr.Dataset) -> dict[str, Any]:
     """
     attrs = {str(name): value for name, value in recording.attrs.items()}
     time = recording["time"].values
-    settings = {name: _read(attrs[name]) for name in ("variables", "capture", "limits", "contact") if attrs.get(name)}
+    settings = {
+        name: _read(attrs[name]) for name in ("variables", "capture", "limits", "contact") if attrs.get(name)
+    }
     settings |= {name: str(attrs[name]) for name in ("drive", "actuator") if attrs.get(name)}
     named = re.search(r"\bname='([\w.-]+)'", str(attrs.get("actuator", "")))
     return {

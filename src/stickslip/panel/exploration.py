@@ -6,22 +6,21 @@ import math
 import re
 import time
 from collections.abc import Iterator
-from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from ..actuator import Actuator, load_actuator
+from ..actuator import Actuator
 from ..input_file import Strict
-from ..parameters import available_sets
 from ..records import Quantity
 from ..simulation import SimulationError, steady_step
 from ..simulation.trajectory import COMPLETE, follow
 from ..units import QuantityError
 from ..waveform.drive import evaluate
 from ..waveform.signal import Waveform
+from .sets import PACKAGE, Sets
 from .sliders import LAW_TYPES, SHAPES
 
 # Samples of the whole, of one period of the friction loop, of a ring-down after each break of the drive, and
@@ -45,18 +44,19 @@ Array = NDArray[np.float64]
 class Model(Strict):
     """An actuator in a request of the page. Values are in SI or texts with units; infinity is "inf".
 
-    `set` is a parameter set; `model` and `friction` have the fields of `Actuator` and of the `law` by name,
-    elements of a law being "stiffness_1" and so on. Fields of the model that are left out are the set's.
+    `set` is a parameter set, see `sets`; `model` and `friction` have the fields of `Actuator` and of the
+    `law` by name, elements of a law being "stiffness_1" and so on. Fields of the model that are left out are
+    the set's.
     """
 
-    set: str = Field(max_length=60)
+    set: str = Field(max_length=100)
     model: dict[str, Value] = Field(default_factory=dict, max_length=20)
     law: str
     friction: dict[str, Value] = Field(max_length=80)
 
-    def actuator(self) -> Actuator:
+    def actuator(self, sets: Sets = PACKAGE) -> Actuator:
         """The record; QuantityError for a wrong value."""
-        base = published(self.set)
+        base = sets.actuator(self.set)
         changes: dict[str, Any] = dict(self.model)
         if "natural_frequency" in changes and base.blocked_force_per_volt is not None:
             changes["blocked_force_per_volt"] = None  # of a static stage only, and moves nothing
@@ -83,9 +83,9 @@ class State(Model):
     waveform: dict[str, Value] = Field(max_length=20)
     duration: Value
 
-    def experiment(self) -> tuple[Actuator, Waveform, float]:
+    def experiment(self, sets: Sets = PACKAGE) -> tuple[Actuator, Waveform, float]:
         """The actuator, its drive and the length [s]; QuantityError for a wrong value."""
-        actuator = self.actuator()
+        actuator = self.actuator(sets)
         waveform = _known(SHAPES, self.shape, "shape")(**self.waveform)
         seconds = _LENGTH.check(self.duration, "duration")
         period = _period(waveform)
@@ -96,17 +96,6 @@ class State(Model):
                 f"{MOST_PERIODS} that are followed here"
             )
         return actuator, waveform, seconds
-
-
-@cache
-def published(name: str) -> Actuator:
-    """The actuator of a parameter set that comes with the package; QuantityError where there is none.
-
-    Read once: reading its file takes longer than simulating it.
-    """
-    if name not in available_sets():
-        raise QuantityError(f"set = {name!r} is none of those that come with the package")
-    return load_actuator(name)
 
 
 def _known(kinds: dict[str, Any], name: str, field: str) -> Any:
@@ -164,9 +153,9 @@ class Motion(NamedTuple):
         return self.stage_position - self.end_effector_position
 
 
-def motion(state: State) -> Motion:
+def motion(state: State, sets: Sets = PACKAGE) -> Motion:
     """The trajectory of a state; SimulationError where not even two samples can be computed."""
-    actuator, waveform, duration = state.experiment()
+    actuator, waveform, duration = state.experiment(sets)
     wanted, last = sample_times(actuator, waveform, duration)
     found = follow(actuator, waveform, wanted, tolerance=TOLERANCE, max_steps=MOST_STEPS)
     if found.times.size < 2:
@@ -179,13 +168,13 @@ def motion(state: State) -> Motion:
     return Motion(found.times, drive, y, x, force, (int(first), int(after)), problem)
 
 
-def mean_speed(state: State, found: Motion) -> float | None:
+def mean_speed(state: State, found: Motion, sets: Sets = PACKAGE) -> float | None:
     """From the end of the first period to that of the last whole one, m/s; None where there are not two.
 
     Both are at the same phase of the drive, so that what springs back by the end does not count. Of a drive
     that does not repeat, from begin to end.
     """
-    _, waveform, _ = state.experiment()
+    _, waveform, _ = state.experiment(sets)
     period, time, position = _period(waveform), found.time, found.end_effector_position
     if period is None:
         return float((position[-1] - position[0]) / (time[-1] - time[0]))
@@ -196,14 +185,14 @@ def mean_speed(state: State, found: Motion) -> float | None:
     return float((last - first) / ((whole - 1) * period))
 
 
-def step_curves(state: State) -> dict[str, Array]:
+def step_curves(state: State, sets: Sets = PACKAGE) -> dict[str, Array]:
     """The steady step per period [m] over the amplitude [V] and over the frequency [Hz] of the drive.
 
     Keys: amplitude, step_over_amplitude, frequency, step_over_frequency, step (one value: at the present
     drive) and in_time (1; 0 where the rest is left out, for it takes too long). NaN where there is no steady
     stepping, or the voltage leaves the actuator's range. All empty for a drive that does not repeat.
     """
-    actuator, waveform, _ = state.experiment()
+    actuator, waveform, _ = state.experiment(sets)
     if _period(waveform) is None:
         names = ("amplitude", "step_over_amplitude", "frequency", "step_over_frequency", "step", "in_time")
         return {name: np.zeros(0) for name in names}
@@ -249,10 +238,10 @@ def _step(actuator: Actuator, drive: Any, give_up: float) -> float:
         return math.nan
 
 
-def python(state: State) -> str:
+def python(state: State, sets: Sets = PACKAGE) -> str:
     """The few lines that give the same trajectory and step."""
-    actuator, waveform, duration = state.experiment()
-    base = published(state.set)
+    actuator, waveform, duration = state.experiment(sets)
+    base = sets.actuator(state.set)
     changed = {
         field: value
         for field, value in actuator._asdict().items()
@@ -261,7 +250,7 @@ def python(state: State) -> str:
     arguments = [f"{field}={_literal(value)}" for field, value in changed.items()]
     if actuator.friction != base.friction:
         arguments.append(f"friction={_record(actuator.friction)}")
-    model = f'ss.load_actuator("{state.set}")'
+    model = f'ss.load_actuator("{state.set}")'  # a saved one: seen from the panel's folder
     if arguments:
         model += ".replace(\n    " + ",\n    ".join(arguments) + ",\n)"
     lines = [

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from ..simulation import SimulationError
 from ..units import QuantityError
 from .exploration import State, mean_speed, motion, python, step_curves
+from .sets import Sets
 from .sliders import LAW_TYPES, SHAPES, choices
 from .stream import packed
 
@@ -26,7 +27,7 @@ SHOWN = (
 )
 
 
-def explore_routes() -> APIRouter:
+def explore_routes(sets: Sets) -> APIRouter:
     """The routes, to be included by the application. They keep nothing: all state is in the requests.
 
     A wrong value is answered by status 422 with the `field` of the state and the reason as `error`.
@@ -35,18 +36,18 @@ def explore_routes() -> APIRouter:
 
     @routes.get("/choices")
     def offered() -> dict[str, Any]:
-        return choices()
+        return choices(sets)
 
     @routes.post("/motion")
     def moved(state: State) -> Response:
         try:
-            found = motion(state)
+            found = motion(state, sets)
         except (QuantityError, SimulationError) as error:
             return _refused(error)
         net = float(found.end_effector_position[-1] - found.end_effector_position[0])
         numbers = {
             "net_displacement": {"value": net, "unit": "m"},
-            "mean_speed": {"value": mean_speed(state, found), "unit": "m/s"},
+            "mean_speed": {"value": mean_speed(state, found, sets), "unit": "m/s"},
         }
         header = {"loop": found.loop, "problem": found.problem, "numbers": numbers}
         return _binary(header, {name: getattr(found, name) for name in SHOWN})
@@ -54,7 +55,7 @@ def explore_routes() -> APIRouter:
     @routes.post("/steps")
     def steps(state: State) -> Response:
         try:
-            curves = step_curves(state)
+            curves = step_curves(state, sets)
         except QuantityError as error:
             return _refused(error)
         return _binary({}, curves)
@@ -62,7 +63,7 @@ def explore_routes() -> APIRouter:
     @routes.post("/python")
     def code(state: State) -> Response:
         try:
-            return JSONResponse({"code": python(state)})
+            return JSONResponse({"code": python(state, sets)})
         except QuantityError as error:
             return _refused(error)
 

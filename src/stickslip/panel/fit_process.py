@@ -90,15 +90,15 @@ def prepare(law: str) -> None:
 
     What only fits need comes first: on a first start the server compiles at the same time what runs need.
     """
+    from ..actuator import load_actuator
     from ..comparison.laws import example_laws
     from ..identify.walk.friction import identify_friction
     from ..simulation import sensitivities, simulate
     from ..study.walk import Walk, walk_document
     from ..verification import verify
     from ..waveform.periodic import Sawtooth
-    from .exploration import published
 
-    model = published("kang2007")
+    model = load_actuator("kang2007")
     contact = next(one for one in example_laws(model.friction).values() if type(one) is LAW_TYPES[law])
     model = model.replace(friction=contact)
     drive = Sawtooth(65.0, 100.0)

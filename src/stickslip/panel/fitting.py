@@ -34,6 +34,7 @@ from ..units import QuantityError, to_si
 from ..verification import verify
 from .exploration import Model, Value
 from .folder import Folder
+from .sets import Sets
 
 PAUSE = 0.12  # s between two pictures of a fit in motion
 SHOWN = 2000  # samples of a recording in a picture
@@ -80,7 +81,7 @@ def fit_recordings(request: FitRequest, folder: Folder, out: str, say: Say) -> N
     """
     from ..study.walk import Walk, walk_document  # it draws: matplotlib is not for the server, only for fits
 
-    start = request.actuator()
+    start = request.actuator(Sets(folder))
     rate = None if request.slew_rate is None else to_si(request.slew_rate, "V/s", "slew_rate")
     taken = sorted({*STAGE} & {*request.free}) if request.steps else []
     if taken:

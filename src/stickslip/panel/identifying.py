@@ -23,6 +23,7 @@ from .fits import RUNNING, Fitting
 from .fitting import FitRequest
 from .folder import Folder
 from .path import PREDICTIONS
+from .sets import Sets
 from .sliders import LAW_TYPES
 
 SUFFIXES = (".nc", ".csv", ".mat", ".npz", ".mf4")
@@ -36,7 +37,7 @@ class Law(Strict):
     law: str
 
 
-def identify_routes(folder: Folder, fitting: Fitting, read: Reader) -> APIRouter:
+def identify_routes(folder: Folder, fitting: Fitting, read: Reader, sets: Sets) -> APIRouter:
     """The routes, to be included by the application; pages hear of the fit by the stream ("fit",
     "fit_traces")."""
     routes = APIRouter(prefix="/api/identify")
@@ -79,7 +80,7 @@ def identify_routes(folder: Folder, fitting: Fitting, read: Reader) -> APIRouter
 
     @routes.post("/start")
     def start(request: FitRequest) -> dict[str, str]:
-        request.actuator()
+        request.actuator(sets)
         for name in (*request.recordings, *request.others, *request.steps):
             folder.path(name)
         fitting.start(request)

@@ -37,6 +37,7 @@ from .readiness import Readiness
 from .recordings import recording_routes
 from .running import Runner
 from .sequence import Sequencer, sequence_routes
+from .sets import Sets
 from .starting import Starter
 from .statistics import Statistics, statistics_routes
 from .stream import Hub
@@ -126,8 +127,9 @@ def create_app(
     async def stream(socket: WebSocket) -> None:
         await hub.serve(socket)
 
-    app.include_router(explore_routes())
-    app.include_router(identify_routes(files, fitting, read))
+    sets = Sets(files)
+    app.include_router(explore_routes(sets))
+    app.include_router(identify_routes(files, fitting, read, sets))
 
     @app.post("/quantity")
     def quantity(asked: Text) -> dict[str, float]:

@@ -9,12 +9,12 @@ from __future__ import annotations
 import math
 from typing import Any, Literal, NamedTuple
 
-from ..actuator import Actuator, load_actuator
+from ..actuator import Actuator
 from ..comparison.laws import example_laws
 from ..friction import LAWS, LuGre
-from ..parameters import available_sets, load_set
 from ..records import quantities
 from ..waveform import periodic, shapes
+from .sets import PACKAGE, Sets
 
 SHAPES: dict[str, Any] = {
     shape.__name__: shape
@@ -103,25 +103,25 @@ _BEGIN = {
 }
 
 
-def choices() -> dict[str, Any]:
+def choices(offered: Sets = PACKAGE) -> dict[str, Any]:
     """Everything that the page offers, as JSON can hold it (infinity is "inf").
 
     By "sets" (title, model, law, and values of each law for that contact), "laws" and "shapes" (fields),
     "model" (fields), "start" (values of each shape), "tied" (see `TIED`) and "duration" (a field).
     """
     sets = {}
-    for name in available_sets():
-        if load_set(name).kind == "actuator":
-            actuator = load_actuator(name)
-            law = type(actuator.friction).__name__
-            laws = {type(example).__name__: example for example in _laws_like(actuator.friction)}
-            laws[law] = actuator.friction
-            sets[name] = {
-                "title": load_set(name).title,
-                "model": {field: plain(getattr(actuator, field)) for field in _MODEL},
-                "law": law,
-                "friction": {kind: values_of(example) for kind, example in laws.items()},
-            }
+    for name, (title, actuator) in offered.offered().items():
+        law = type(actuator.friction).__name__
+        if law not in LAW_TYPES:  # somebody's own has no sliders
+            continue
+        laws = {type(example).__name__: example for example in _laws_like(actuator.friction)}
+        laws[law] = actuator.friction
+        sets[name] = {
+            "title": title,
+            "model": {field: plain(getattr(actuator, field)) for field in _MODEL},
+            "law": law,
+            "friction": {kind: values_of(example) for kind, example in laws.items()},
+        }
     start = {name: {**shape._field_defaults, **_BEGIN} for name, shape in SHAPES.items()}
     for swinging in ("Sine", "Chirp"):  # about the middle of what a stack takes
         start[swinging] |= {"offset": 75.0}

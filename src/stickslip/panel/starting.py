@@ -132,8 +132,8 @@ class Starter:
 
 
 def _counted_on(content: dict[str, Any], root: Path) -> dict[str, Any]:
-    """No run of a virtual rig is the one before again, as none of a real one is: its runs are numbered on from
-    those of the folder, whatever became of their files, and the number is kept with the recordings."""
+    """No run of a virtual rig is an earlier one again, as none of a real one is: its runs are numbered on
+    from those of the folder, whatever became of their files, and the number is kept with the recordings."""
     rig = content.get("rig", {})
     if rig.get("kind", "virtual") != "virtual":
         return content
@@ -151,9 +151,7 @@ def _counted_on(content: dict[str, Any], root: Path) -> dict[str, Any]:
 def _recordings(content: dict[str, Any]) -> int:
     """How many runs of the rig a content asks for."""
     runs = check_experiment(content).runs
-    return sum(
-        run.repeats * run.capture.average * math.prod(map(len, run.matrix.values())) for run in runs
-    )
+    return sum(run.repeats * run.capture.average * math.prod(map(len, run.matrix.values())) for run in runs)
 
 
 def _new_folder(folder: Folder, slug: str) -> Path:

@@ -10,12 +10,12 @@ from ..units import QuantityError
 from .bench import load_bench
 from .protocols import Rig, RigError
 from .scpi import ScpiRig
-from .variation import Repeats
+from .variation import EXACT, Repeats
 from .virtual import VirtualRig
 
 
 def virtual_device(
-    actuator: Actuator, bench: str, seed: int, real_time: bool, repeats: Repeats = Repeats()
+    actuator: Actuator, bench: str, seed: int, real_time: bool, repeats: Repeats = EXACT
 ) -> dict[str, Any]:
     """A virtual rig; `bench` is a name or the path of a file."""
     fields = actuator._asdict()

@@ -29,6 +29,7 @@ from .gate import PositionInput
 from .home import Home
 from .limits import Limits
 from .lock import locked
+from .memory import give_memory_back
 from .protocols import Array, Capabilities, RigError
 from .supervisor import ANOTHER, Order, Supervisor, state_of
 from .wire import WireError, receive, send
@@ -229,6 +230,7 @@ def _order(asked: dict[str, Any], volts: Array) -> Order:
 
 def main(folder: Path) -> int:
     """Own the rig of a folder until it is no longer needed; `ANOTHER` where another process does already."""
+    give_memory_back()
     folder.mkdir(parents=True, exist_ok=True, mode=0o700)
     with locked(folder / "lock") as mine:
         if not mine:

@@ -1,14 +1,14 @@
 r"""How the contact of a virtual rig differs from run to run, as that of a real one does.
 
-Friction of all levels (Coulomb, stiction) is multiplied by one factor, the bristle's stiffness by another; what
-is a length goes with their ratio. In run k of a series the logarithms are, less half their variance, so that
-the mean factor is 1,
+Friction of all levels (Coulomb, stiction) is multiplied by one factor, the bristle's stiffness by another;
+what is a length goes with their ratio. In run k of a series the logarithms are, less half their variance, so
+that the mean factor is 1,
 
 .. math:: \ln f_k = \sigma_f\,e_k + \sigma_d\,d_k, \qquad d_k = \rho\,d_{k-1} + \sqrt{1-\rho^2}\,e'_k,
           \qquad \rho = e^{-1/n}, \qquad \ln s_k = \sigma_s\,e''_k
 
-with independent standard normal e. Runs are numbered, so that any of them can be drawn by itself, again and to the
-last bit: a rig that is opened anew goes on with the next number.
+with independent standard normal e. Runs are numbered, so that any of them can be drawn by itself, again and
+to the last bit: a rig that is opened anew goes on with the next number.
 """
 
 from __future__ import annotations
@@ -72,8 +72,8 @@ class Repeats(NamedTuple):
         return actuator.replace(friction=law._replace(**changed))
 
     def told(self, actuator: Actuator, runs: int = 1, after: int = 0) -> dict[str, str]:
-        """What a recording says of the contact of its runs, averaged or one, in its attribute `contact`, JSON:
-        the number, both factors, and the fields that changed, in SI. Nothing where nothing varies."""
+        """What a recording says of the contact of its runs, averaged or one, in its attribute `contact`,
+        JSON: the number, both factors, and the fields that changed, in SI. Nothing where nothing varies."""
         if self.variation.none or actuator.clamped:
             return {}
         found = []
@@ -96,6 +96,9 @@ class Repeats(NamedTuple):
         return cls(
             Variation(**found.get("variation", {})), int(found.get("series", 0)), int(found.get("number", 0))
         )
+
+
+EXACT = Repeats()  # every run is of the same contact
 
 
 def _factors(variation: Variation, series: int, number: int) -> tuple[float, float]:

@@ -17,7 +17,7 @@ from ..waveform.sampled import Sampled
 from .bench import Bench, Mounted
 from .limits import LONGEST_STOP
 from .protocols import Array, Capabilities, RigError
-from .variation import Repeats
+from .variation import EXACT, Repeats
 
 BLOCK = 0.02  # s of samples per `fetch`: a stop waits for no more
 OVERSAMPLING = 4  # analogue signals are computed at so many times the sampling rate
@@ -49,7 +49,7 @@ class VirtualRig:
         bench: Bench,
         *,
         seed: int = 0,
-        repeats: Repeats = Repeats(),
+        repeats: Repeats = EXACT,
         real_time: bool = False,
         tolerance: float = 1e-9,
     ) -> None:

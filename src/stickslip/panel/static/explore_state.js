@@ -11,8 +11,9 @@ export const wire = (state) => ({
 const written = (values) => Object.fromEntries(Object.entries(values).map(([name, value]) => [name, value === Infinity ? "inf" : value]));
 const read = (values) => Object.fromEntries(Object.entries(values).map(([name, value]) => [name, value === "inf" ? Infinity : value]));
 
-/** The state with which the page begins, or another parameter set does. */
-export function begin(choices, set = "kang2007", drive = null) {
+/** The state with which the page begins, or another parameter set does; one that was thrown away is the usual one. */
+export function begin(choices, asked = "kang2007", drive = null) {
+  const set = asked in choices.sets ? asked : "kang2007";
   const found = choices.sets[set];
   return {
     set,
@@ -72,11 +73,11 @@ export function toLink(state, pins) {
 export function fromLink(choices, text) {
   const query = new URLSearchParams(text);
   if (![...query.keys()].length) return null;
-  const set = query.get("set") in choices.sets ? query.get("set") : "kang2007";
-  const law = query.get("law") in choices.laws ? query.get("law") : choices.sets[set].law;
+  const start = begin(choices, query.get("set") ?? undefined);
+  const law = query.get("law") in choices.laws ? query.get("law") : start.law;
   const shape = query.get("shape") in choices.shapes ? query.get("shape") : "Sawtooth";
-  let state = withShape(choices, begin(choices, set), shape);
-  state = { ...state, law, friction: read(choices.sets[set].friction[law]), duration: value(query.get("T"), 1) };
+  let state = withShape(choices, start, shape);
+  state = { ...state, law, friction: read(choices.sets[start.set].friction[law]), duration: value(query.get("T"), 1) };
   for (const [section, letter] of Object.entries(SECTIONS)) {
     for (const name of Object.keys(state[section])) {
       state[section] = { ...state[section], [name]: value(query.get(`${letter}.${name}`), state[section][name]) };

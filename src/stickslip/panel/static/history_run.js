@@ -40,7 +40,7 @@ export async function showRun(element, app, name, acts) {
   if (recorded) add("Export…", () => exportDialog(name));
   if (recorded && run.name.endsWith(".nc")) add("Rename…", () => renameDialog({ app, act: (path, body) => app.request(path, body).catch((error) => app.notify(error.message, "error")) }, name, (to) => { acts.changed(); acts.open(to); }));
   if (["fit", "verification"].includes(run.kind)) buttons.append(h("a", { class: "button small", href: `/api/identify/report/${run.name}`, target: "_blank", rel: "noopener" }, "Report"));
-  if (recorded) buttons.append(h("a", { class: "button small", href: "#identify" }, "Identify"));
+  if (run.kind === "recording" && recorded) buttons.append(h("a", { class: "button small", href: `#identify?${new URLSearchParams({ recording: name })}` }, "Identify"));
   add("Move to the bin", () => acts.toBin([name]));
 
   const link = (to, text) => h("li", {}, h("button", { type: "button", class: "link", onclick: () => acts.open(to) }, calledShortly(to)), h("span", { class: "soft" }, ` · ${text}`));

@@ -19,7 +19,8 @@ export async function mount(element, app) {
   let shown = 0; // which recording is drawn
   let news = 0; // how often the stream said how the fit stands
 
-  const form = await fitForm(app, choices, state.request, start, cancel);
+  const asked = new URLSearchParams(location.hash.split("?")[1]).get("recording");
+  const form = await fitForm(app, choices, state.request, asked, start, cancel);
   const status = make("p", { className: "identify-status" });
   status.setAttribute("role", "status");
   const bar = make("progress", { max: 1 });

@@ -17,15 +17,15 @@ const EFFORT = { quick: ["Quick: from the start values", 1, 0], hops: ["Careful:
 const HEADS = { Step: "The end-effector fixed to the stage: gives the stage's frequency, damping and gain", Fit: "A walk, to which the friction is fitted", Predict: "A walk that the fit has not seen", Recording: "" };
 const capital = (text) => text[0].toUpperCase() + text.slice(1);
 
-export async function fitForm(app, choices, last, start, cancel) {
+/** `asked`: the recording that a link asks for, instead of those of the last fit. */
+export async function fitForm(app, choices, last, asked, start, cancel) {
   let state = last ? restored(choices, last) : begin(choices);
   let free = new Set(last?.free ?? USUAL);
   let role = new Map(); // recording -> "step", "fit" or "verify"
-  for (const name of last?.steps ?? []) role.set(name, "step");
-  for (const name of last?.recordings ?? []) role.set(name, "fit");
-  for (const name of last?.others ?? []) role.set(name, "verify");
+  for (const [use, names] of Object.entries(asked ? {} : { step: last?.steps, fit: last?.recordings, verify: last?.others }))
+    for (const name of names ?? []) role.set(name, use);
   const steps = () => [...role.values()].includes("step");
-  let own = Boolean(last); // somebody chose the model: a recording no longer does
+  let own = Boolean(last) && !asked; // somebody chose the model: a recording no longer does
 
   const element = make("form", { className: "card identify-form", noValidate: true });
   element.setAttribute("aria-label", "What to fit");
@@ -62,7 +62,9 @@ export async function fitForm(app, choices, last, start, cancel) {
 
   async function recordings() {
     const found = await app.request("/api/identify/recordings");
-    if (!role.size) usual(found.filter((each) => !each.problem));
+    const usable = found.filter((each) => !each.problem);
+    if (asked && !role.size && !usable.some((one) => one.name === asked)) say(new Error(`${asked} is not there, or no fit can be made to it.`));
+    if (!role.size) usual(usable, usable.find((one) => one.name === asked));
     const rows = found.map((one) => {
       const box = (use, text) => {
         const unfit = Boolean(one.problem) || (one.clamped !== undefined && one.clamped !== (use === "step"));
@@ -86,14 +88,13 @@ export async function fitForm(app, choices, last, start, cancel) {
       : make("p", { className: "soft", textContent: "There are no recordings in the panel's folder yet: record some on the Bench page." }));
   }
 
-  /** As a campaign does it: the newest walk, with the newest clamped step of that rig if there is one. */
-  function usual(found) {
-    const walk = found.find((one) => !one.clamped);
-    if (!walk) return;
-    const step = found.find((one) => one.clamped && one.set === walk.set);
-    role.set(walk.name, "fit");
+  /** As a campaign does it: the newest walk, or what was asked for, with the newest clamped step of that rig. */
+  function usual(found, one = found.find((each) => !each.clamped)) {
+    if (!one) return;
+    const step = one.clamped ? one : found.find((each) => each.clamped && each.set === one.set);
+    if (!one.clamped) role.set(one.name, "fit");
     if (step) role.set(step.name, "step");
-    follow(walk);
+    follow(one);
     build();
   }
   /** What a recording says of its rig holds for the model, until somebody chooses otherwise. */
@@ -154,6 +155,14 @@ export async function fitForm(app, choices, last, start, cancel) {
   // Compiled while the rest of the form is filled in.
   const prepare = () => app.request("/api/identify/prepare", { law: state.law }).catch(say);
 
+  /** Sets that were saved meanwhile can be chosen too. */
+  async function offered() {
+    const { sets } = await app.request("/api/explore/choices");
+    if (Object.keys(sets).join("\n") === Object.keys(choices.sets).join("\n")) return;
+    choices.sets = sets[state.set] ? sets : { ...sets, [state.set]: choices.sets[state.set] };
+    build();
+  }
+
   function request() {
     const named = (use) => [...role].filter(([, one]) => one === use).map(([name]) => name);
     if (!named("fit").length) throw new Error("Choose at least one recording to fit.");
@@ -185,7 +194,7 @@ export async function fitForm(app, choices, last, start, cancel) {
   prepare();
   return {
     element,
-    refresh: () => recordings().catch(say),
+    refresh: () => Promise.all([recordings(), offered()]).catch(say),
     running(on) {
       go.disabled = on;
       stop.disabled = !on;

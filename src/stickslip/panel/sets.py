@@ -1,0 +1,80 @@
+"""Parameter sets that the pages offer: those of the package, and those saved in the panel's folder."""
+
+from __future__ import annotations
+
+import os
+from functools import cache, lru_cache
+from pathlib import Path
+
+from ..actuator import Actuator, load_actuator
+from ..history.index import SETS
+from ..input_file import LARGEST
+from ..parameters import ParameterSetError, available_sets, load_set
+from ..units import QuantityError
+from .folder import Folder, FolderError
+
+MOST = 50  # saved ones that are offered, the newest
+
+
+class Sets:
+    """A saved set is named by its file in the folder, "parameters/NAME.toml"; without a folder there is
+    none."""
+
+    def __init__(self, folder: Folder | None = None) -> None:
+        self._folder = folder
+
+    def offered(self) -> dict[str, tuple[str, Actuator]]:
+        """Title and actuator of each; a file that cannot be read is left out."""
+        found = {name: _published(name) for name in available_sets() if load_set(name).kind == "actuator"}
+        for name in self._saved():
+            try:
+                found[name] = self._read(name)
+            except (ParameterSetError, QuantityError, OSError):
+                continue
+        return found
+
+    def actuator(self, name: str) -> Actuator:
+        """That of a set; read once: reading a file takes longer than simulating it.
+
+        Raises:
+            QuantityError: there is none of that name, or it cannot be read.
+        """
+        if name in available_sets():
+            return _published(name)[1]
+        if self._folder is None or not name.startswith(f"{SETS}/"):
+            raise QuantityError(
+                f"set = {name[:60]!r} is none of those that come with the package or were saved"
+            )
+        try:
+            return self._read(name)[1]
+        except (ParameterSetError, FolderError, OSError) as error:
+            raise QuantityError(f"set = {name[:60]!r}: {self._folder.told(str(error))}") from error
+
+    def _saved(self) -> list[str]:
+        if self._folder is None:
+            return []
+        return [name for name in self._folder.files(".toml") if name.startswith(f"{SETS}/")][:MOST]
+
+    def _read(self, name: str) -> tuple[str, Actuator]:
+        assert self._folder is not None
+        path = self._folder.path(name)
+        if not path.is_file():
+            raise ParameterSetError("there is no such file")
+        status = path.stat()
+        if status.st_size > LARGEST:
+            raise ParameterSetError(f"the file has more than {LARGEST:,} bytes")
+        return _of_file(path, (status.st_mtime_ns, status.st_size))
+
+
+@cache
+def _published(name: str) -> tuple[str, Actuator]:
+    return load_set(name).title, load_actuator(name)
+
+
+@lru_cache(maxsize=2 * MOST)
+def _of_file(path: Path, changed: tuple[int, int]) -> tuple[str, Actuator]:
+    del changed  # part of the key
+    return load_set(os.fspath(path)).title, load_actuator(path)
+
+
+PACKAGE = Sets()

@@ -1,0 +1,109 @@
+"""Saved parameter sets among the choices of Identify and Explore, and the way from a run to its fit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+from playwright.sync_api import Page, expect
+
+import stickslip as ss
+from stickslip.panel import create_app
+from stickslip.parameters.writing import parameter_text, write_parameters
+
+from .conftest import Panel
+from .serving import client_of
+from .test_identify_page import LONG, TRUTH, save_walk
+
+BRASS, STEEL = "parameters/brass.toml", "parameters/steel.toml"
+
+
+def save_set(folder: Path, name: str, **friction: float) -> None:
+    """As "Save as parameter set" does."""
+    actuator = ss.load_actuator("kang2007")
+    actuator = actuator.replace(friction=actuator.friction._replace(**friction))
+    write_parameters(folder / name, parameter_text(actuator, Path(name).stem, "fit fits/x"))
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Panel]:
+    """A panel on a folder with a saved set, one that cannot be read, two walks and the step of neither."""
+    folder = tmp_path_factory.mktemp("sets")
+    save_set(folder, BRASS, **TRUTH, stiction_force=TRUTH["coulomb_force"])
+    (folder / "parameters" / "broken.toml").write_text("kind = 'actuator'\n[gain")
+    for i, name in enumerate(("older.nc", "newer.nc")):
+        save_walk(folder / name, 65.0, i)
+    served = Panel(folder)
+    yield served
+    served.end()
+
+
+@pytest.mark.browser
+def test_a_run_is_identified_from_its_page_and_with_a_saved_set(page: Page, lab: Panel) -> None:
+    page.goto(f"{lab.url}#history")
+    page.locator("[data-run='older.nc']").click()
+    page.locator(".history-run").get_by_role("link", name="Identify").click()
+    page.locator(".identify[data-phase]").wait_for(timeout=LONG)
+    expect(page.get_by_label("Fit older.nc")).to_be_checked()
+    expect(page.get_by_label("Fit newer.nc")).not_to_be_checked()
+    page.reload()
+    expect(page.get_by_label("Fit older.nc")).to_be_checked()
+
+    sets = page.get_by_label("Parameter set")
+    expect(sets.locator("option", has_text="broken")).to_have_count(0)
+    sets.select_option(BRASS)
+    expect(page.get_by_role("textbox", name="Bristle stiffness")).to_have_value("1.1 MN/m")
+    save_set(lab.folder, STEEL, sigma_0=2e6)
+    page.get_by_role("button", name="Refresh").click()
+    expect(sets.locator(f"option[value='{STEEL}']")).to_have_count(1)
+    expect(sets).to_have_value(BRASS)
+    page.get_by_role("button", name="Start fit").click()
+    page.locator(".identify[data-phase=done]").wait_for(timeout=LONG)
+    state = httpx.get(f"{lab.url}api/identify/state").json()
+    assert (state["request"]["set"], state["request"]["recordings"]) == (BRASS, ["older.nc"])
+    low, high = state["fit"]["parameters"]["sigma_0"]["interval"]
+    assert low < TRUTH["sigma_0"] < high
+
+    (lab.folder / BRASS).unlink()  # a fit that began with it is shown all the same
+    page.goto(f"{lab.url}#identify")
+    page.reload()
+    page.locator(".identify[data-phase=done]").wait_for(timeout=LONG)
+    expect(page.get_by_role("textbox", name="Bristle stiffness")).to_have_value("1.1 MN/m")
+    save_set(lab.folder, BRASS, **TRUTH, stiction_force=TRUTH["coulomb_force"])
+
+
+@pytest.mark.browser
+def test_explore_begins_with_a_saved_set(page: Page, lab: Panel) -> None:
+    page.goto(f"{lab.url}#explore")
+    page.get_by_label("Parameter set").select_option(BRASS)
+    expect(page.get_by_label("Bristle stiffness", exact=False).first).to_have_value("1.1 MN/m")
+    page.locator(".explore-numbers dd").first.wait_for(timeout=LONG)
+    page.reload()  # the link holds it
+    expect(page.get_by_label("Parameter set")).to_have_value(BRASS)
+
+
+def test_only_sets_can_be_named_as_such(tmp_path: Path) -> None:
+    """What a request may name: sets of the package and of the folder for them, nothing else."""
+    save_set(tmp_path, BRASS, sigma_0=2e6)
+    save_set(tmp_path, "elsewhere.toml")
+    with client_of(create_app(tmp_path)) as client:
+        sets = client.get("/api/explore/choices").json()["sets"]
+        assert BRASS in sets
+        assert "elsewhere.toml" not in sets
+        friction = sets[BRASS]["friction"]["LuGre"]
+        assert friction["sigma_0"] == 2e6
+        state = {"law": "LuGre", "friction": friction, "shape": "Sawtooth", "duration": 0.1}
+        state |= {"waveform": {"amplitude": 65, "frequency": 20}}
+        for name, code in (
+            (BRASS, 200),
+            ("elsewhere.toml", 422),
+            ("parameters/../elsewhere.toml", 422),
+            ("parameters/none.toml", 422),
+        ):
+            answer = client.post("/api/explore/motion", json={**state, "set": name})
+            assert answer.status_code == code, answer.text[:200]
+            if code != 200:
+                assert answer.json()["field"] == "set"
+                assert str(tmp_path) not in answer.text
