@@ -3,6 +3,7 @@ processes."""
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import signal
@@ -11,6 +12,7 @@ import stat
 import subprocess
 import sys
 import time
+import weakref
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,7 +23,9 @@ import pytest
 from stickslip.recording import open_recording
 from stickslip.rig import Capture, HostedRig, LimitError, Limits, Link, RigError, VirtualRig, measure
 from stickslip.rig.devices import scpi_device, virtual_device
+from stickslip.rig.host import Host
 from stickslip.rig.samples import recover
+from stickslip.rig.supervisor import Order
 from stickslip.waveform.periodic import Sawtooth
 
 from rig.laboratory import ACTUATOR, BENCH, CHANNELS, IDEAL  # isort: skip
@@ -90,6 +94,23 @@ def test_what_it_records_is_what_the_rig_itself_does_bit_for_bit(link: Link) -> 
     near = measure(VirtualRig(ACTUATOR, BENCH, seed=3), DRIVE, CHANNELS, capture, Limits())
     for name in CHANNELS:
         np.testing.assert_array_equal(far[name], near[name])
+
+
+def test_a_rig_that_was_stopped_is_given_back_when_the_next_is_opened(tmp_path: Path) -> None:
+    """Its samples are 100 MB and more; the error that ended its run holds it."""
+    host = Host(tmp_path)
+    one = host.supervisor
+    gc.disable()
+    try:
+        host._open(device(), False)
+        held = weakref.ref(one.rig)
+        one.run(Order(Limits(), ("drive",), 20_000, 200, None, np.zeros(20_000)))
+        assert one.stop("a test")
+        one.join()
+        host._open(device(), False)
+        assert held() is None
+    finally:
+        gc.enable()
 
 
 def test_a_program_that_is_killed_has_its_run_stopped_and_its_samples_kept(

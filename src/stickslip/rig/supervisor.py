@@ -195,6 +195,8 @@ class Supervisor:
             self.let_go()  # which a device takes as a reason to stop by itself
         with self._news:
             self.home.origin = getattr(rig, "origin", 0.0)
+            if failure is not None:  # its frames hold the rig, with 100 MB and more of samples, in a circle
+                failure.__traceback__ = None
             self._failure = failure
             with suppress(OSError):
                 self._changed()

@@ -52,7 +52,7 @@ export async function fitForm(app, choices, last, asked, start, cancel) {
   const effort = makeChoice("Effort", Object.entries(EFFORT).map(([name, [text]]) => [name, text]), "quick", () => {});
   const go = make("button", { type: "submit", className: "primary", textContent: "Start fit" });
   const stop = button("Cancel", "End the fit; what was found until then stays", () => cancel().catch(say), "");
-  const refresh = button("Refresh", "Look for new recordings", () => recordings().catch(say));
+  const refresh = button("Refresh", "Look for new recordings and parameter sets", () => refreshed());
   element.append(
     make("div", { className: "identify-title" }, make("h2", { textContent: "Recordings" }), refresh), list,
     make("div", { className: "identify-window" }, ...limits.map((one) => one.element), slew.element),
@@ -163,6 +163,8 @@ export async function fitForm(app, choices, last, asked, start, cancel) {
     build();
   }
 
+  const refreshed = () => Promise.all([recordings(), offered()]).catch(say);
+
   function request() {
     const named = (use) => [...role].filter(([, one]) => one === use).map(([name]) => name);
     if (!named("fit").length) throw new Error("Choose at least one recording to fit.");
@@ -194,7 +196,7 @@ export async function fitForm(app, choices, last, asked, start, cancel) {
   prepare();
   return {
     element,
-    refresh: () => Promise.all([recordings(), offered()]).catch(say),
+    refresh: refreshed,
     running(on) {
       go.disabled = on;
       stop.disabled = !on;
