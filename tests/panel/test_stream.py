@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import struct
 from typing import Any
@@ -101,6 +102,40 @@ def test_the_live_run_is_told_in_blocks_and_again_to_who_comes_late() -> None:
     np.testing.assert_allclose(arrays[0] + 1.0, (low + np.arange(arrays[0].size)) / 1000 - 0.25, atol=1e-6)
     with pytest.raises(ValueError, match="no longer"):
         live.window(header["trace"] + 1, 0, 1, 10)
+
+
+def test_blocks_wait_for_each_other_while_the_event_loop_is_behind() -> None:
+    """Else each page would be written all of them, one after the other, before a stop is heard."""
+    loop = asyncio.new_event_loop()  # that has no time until it is run
+    hub, page = Hub(), Client("x", "")
+    hub._loop = loop
+    hub.clients.add(page)
+    live = Live(hub)
+    samples = np.random.default_rng(2).standard_normal((2, 5_000))
+    live.begin("run", COLUMNS, 1000.0, 10_000, 250)
+
+    def run() -> list[Any]:
+        loop.run_until_complete(asyncio.sleep(0))
+        return [page.waiting.get_nowait() for _ in range(page.waiting.qsize())]
+
+    assert [json.loads(one)["kind"] for one in run()] == ["trace"]
+    came = np.zeros((2, 1250), np.float32)
+    messages = []
+    for i, block in enumerate(np.split(samples, 50, axis=1)):
+        live.add({"a": block[0], "b": block[1]})
+        if i in (0, 30):
+            messages += run()
+    assert len(messages) == 2
+    live.end()
+    messages += run()
+    assert len(messages) == 4
+    for message in messages:
+        said, arrays = unpacked(message)
+        came[:, 2 * said["bucket"] : 2 * said["bucket"] + arrays[0].size] = arrays
+    np.testing.assert_array_equal(
+        came.reshape(2, 625, 2).max(axis=2), samples.reshape(2, 625, 8).max(axis=2).astype(np.float32)
+    )
+    loop.close()
 
 
 def test_memory_is_bounded() -> None:

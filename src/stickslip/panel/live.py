@@ -59,6 +59,8 @@ class Live:
         if samples * len(columns) > self._largest:
             raise MemoryError(f"{samples} samples of {len(columns)} channels are too many to show")
         with self._lock:
+            if self._header is not None:
+                self._send()
             self._number += 1
             self._bucket = max(1, samples // SHOWN)
             self._rate = rate
@@ -100,10 +102,20 @@ class Live:
             for i, row in enumerate(rows):
                 self._values[i, self._filled : end] = row[: end - self._filled]
             self._filled = end
-            message = self._block(self._sent)
-            if message is not None:
-                self._sent = self._filled // self._bucket
-                self._hub.send(message)
+            if not self._hub.behind:  # else they go with the next ones
+                self._send()
+
+    def end(self) -> None:
+        """The run has ended: what is left is sent."""
+        with self._lock:
+            if self._header is not None:
+                self._send()
+
+    def _send(self) -> None:
+        message = self._block(self._sent)
+        if message is not None:
+            self._sent = self._filled // self._bucket
+            self._hub.send(message)
 
     def window(self, trace: int, begin: float, end: float, points: int) -> bytes:
         """What a page asks for when it zooms in: times from `begin`, and the values of each channel."""

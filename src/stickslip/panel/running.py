@@ -206,6 +206,7 @@ class Runner:
             said = str(error) if known else f"unexpected {type(error).__name__}"
             self._journal(f"{job.title}: {said}", "error")
         finally:
+            self._live.end()
             self._statistics.end(self.position)
             if job.finished is not None:
                 self._finish(job.finished)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import threading
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -54,6 +55,14 @@ class Hub:
         self.hears: dict[str, Callable[[Client, dict[str, Any]], None]] = {}
         self.changed: list[Callable[[], None]] = []
         self._loop: asyncio.AbstractEventLoop | None = None
+        self._counting = threading.Lock()
+        self._under_way = 0  # messages that the event loop has not come to
+
+    @property
+    def behind(self) -> bool:
+        """Whether the event loop has not come to the last message: what can wait, and be said together with
+        what comes next, is to wait. Else a stop would wait for all of it to be written to every page."""
+        return self._under_way > 0
 
     def tell(self, kind: str, **fields: Any) -> None:
         """Tell every page; from any thread."""
@@ -62,9 +71,13 @@ class Hub:
     def send(self, message: Message) -> None:
         """Send a message to every page; from any thread."""
         if self._loop is not None and not self._loop.is_closed():
+            with self._counting:
+                self._under_way += 1
             self._loop.call_soon_threadsafe(self._put, message)
 
     def _put(self, message: Message) -> None:
+        with self._counting:
+            self._under_way -= 1
         for client in self.clients:
             client.put(message)
 
