@@ -3,6 +3,7 @@ that recordings say it."""
 
 from __future__ import annotations
 
+import itertools
 import json
 from pathlib import Path
 
@@ -11,6 +12,8 @@ import pytest
 
 from stickslip.comparison.laws import example_laws
 from stickslip.friction import LAWS
+from stickslip.input_file import load_yaml
+from stickslip.panel.document import DEFAULT as EXPERIMENT
 from stickslip.rig import (
     Capture,
     HostedRig,
@@ -26,9 +29,11 @@ from stickslip.rig.devices import virtual_device
 from stickslip.units import QuantityError
 from stickslip.waveform.periodic import Sawtooth
 
+from datasets import DATASETS  # isort: skip
 from plants import law_at, states_of  # isort: skip
 from rig.laboratory import ACTUATOR, BENCH, CHANNELS, IDEAL  # isort: skip
 
+TRIBOMETER = DATASETS / "jchristopherson-friction" / "test_data_2.txt"
 SOME = Variation(friction=0.004, drift=0.012, drift_runs=15, stiffness=0.02)
 DRIVE, CAPTURE = Sawtooth(65.0, 20.0), Capture(0.3, 1e-3, 0.02)
 EXAMPLES = example_laws(ACTUATOR.friction)
@@ -139,3 +144,44 @@ def test_what_is_no_deviation_is_refused() -> None:
         Variation(friction="50 %")  # type: ignore[arg-type]
     with pytest.raises(QuantityError, match="drift_runs"):
         Variation(drift_runs=0)
+
+
+def strokes() -> tuple[np.ndarray, np.ndarray]:
+    """Of a reciprocating tribometer [christopherson2021], stroke by stroke: the friction coefficient where it
+    slides, and the slope of the force over the first 20 um, N/m; [direction, stroke], without the running-in
+    of the first four."""
+    time, normal, position, friction = np.loadtxt(TRIBOMETER, skiprows=1).T
+    speed = np.convolve(np.gradient(position, time), np.ones(11) / 11, "same")
+    moves = np.sign(speed) * (np.abs(speed) > 0.5 * np.percentile(np.abs(speed), 95))
+    turns = np.flatnonzero(np.diff(moves)) + 1
+    found: dict[float, list[tuple[float, float]]] = {1.0: [], -1.0: []}
+    for begin, end in itertools.pairwise(turns):
+        if not moves[begin] or end - begin < 20:
+            continue
+        x, force, load = (one[begin:end] for one in (position, -friction * 1e-6, normal * 1e-6))
+        slides, first = slice(int(0.6 * x.size), int(0.95 * x.size)), np.abs(x - x[0]) < 0.02
+        slope = np.polyfit(1e-3 * x[first], force[first], 1)[0]
+        found[moves[begin]].append((abs(float((force / load)[slides].mean())), float(slope)))
+    both = np.array([found[1.0][5:50], found[-1.0][4:49]])
+    return both[..., 0], both[..., 1]
+
+
+def test_the_bench_varies_as_strokes_of_a_tribometer_do() -> None:
+    """From one stroke to the next, and to one far away, by the root of half the mean squared difference: the
+    model lies within those of the two directions, or a fifth away."""
+    spec = load_yaml(EXPERIMENT)["rig"]["variation"]
+    variation = Variation(**spec)
+    assert variation == SOME
+
+    def apart(values: np.ndarray, strokes: int) -> np.ndarray:
+        relative = values / values.mean(axis=1, keepdims=True)
+        return np.sqrt(0.5 * np.mean((relative[:, strokes:] - relative[:, :-strokes]) ** 2, axis=1))
+
+    level, slope = strokes()
+    for count in (1, 2, 5, 10, 20):
+        forgotten = 1.0 - np.exp(-count / variation.drift_runs)
+        model = np.hypot(variation.friction, variation.drift * np.sqrt(forgotten))
+        low, high = np.sort(apart(level, count))
+        assert 0.8 * low < model < 1.2 * high, (count, low, model, high)
+        low, high = np.sort(apart(slope, count))
+        assert 0.8 * low < variation.stiffness < 1.2 * high, (count, low, high)
