@@ -48,6 +48,10 @@ def test_a_run_is_identified_from_its_page_and_with_a_saved_set(page: Page, lab:
     page.locator(".identify[data-phase]").wait_for(timeout=LONG)
     expect(page.get_by_label("Fit older.nc")).to_be_checked()
     expect(page.get_by_label("Fit newer.nc")).not_to_be_checked()
+    page.goto(f"{lab.url}#identify?recording=gone.nc")
+    page.reload()
+    expect(page.locator("#notices")).to_contain_text("gone.nc is not there")
+    page.goto(f"{lab.url}#identify?recording=older.nc")
     page.reload()
     expect(page.get_by_label("Fit older.nc")).to_be_checked()
 

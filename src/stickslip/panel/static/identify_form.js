@@ -63,8 +63,10 @@ export async function fitForm(app, choices, last, asked, start, cancel) {
   async function recordings() {
     const found = await app.request("/api/identify/recordings");
     const usable = found.filter((each) => !each.problem);
-    if (asked && !role.size && !usable.some((one) => one.name === asked)) say(new Error(`${asked} is not there, or no fit can be made to it.`));
-    if (!role.size) usual(usable, usable.find((one) => one.name === asked));
+    const wanted = usable.find((one) => one.name === asked);
+    if (asked && !wanted) app.notify(`${calledShortly(asked)} is not there, or no fit can be made to it.`, "warning");
+    if (!role.size) usual(usable, wanted);
+    asked = null;
     const rows = found.map((one) => {
       const box = (use, text) => {
         const unfit = Boolean(one.problem) || (one.clamped !== undefined && one.clamped !== (use === "step"));
