@@ -60,6 +60,7 @@ from .identify.walk.intervals import prediction_band as prediction_band
 from .identify.walk.intervals import profile_interval as profile_interval
 from .identify.walk.prediction import Predictor as Predictor
 from .job import run_job as run_job
+from .known import catalogue as catalogue
 from .panel.notebook import plot_widget as plot_widget
 from .parameters import ParameterSetError as ParameterSetError
 from .parameters import available_sets as available_sets

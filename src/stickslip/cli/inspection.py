@@ -1,4 +1,4 @@
-"""The command that looks at a file before it is used."""
+"""Commands that look before anything is done: at a file, and at what is known by name."""
 
 from __future__ import annotations
 
@@ -32,3 +32,23 @@ def inspect(
         target = picture or Path(f"{file.stem}-inspect.svg")
         target.write_text(svg(recordings_together({file.name: found.recording})), encoding="utf-8")
         typer.echo(f"\n{target}")
+
+
+@app.command(name="list")
+def list_known(
+    kinds: Annotated[
+        list[str] | None,
+        typer.Argument(help="laws, actuators, waveforms, benches, calibrations, datasets; all, if left out."),
+    ] = None,
+    show_traceback: Traceback = False,
+) -> None:
+    """List what is known by name, each with a line of what it is."""
+    with errors_in_one_line(show_traceback):
+        from ..known import catalogue
+
+        found = catalogue(*(kinds or ()))
+        width = max(len(name) for of in found.values() for name in of)
+        for kind, of in found.items():
+            typer.echo(f"{kind}:")
+            for name, line in of.items():
+                typer.echo(f"  {name:{width}}  {line}")

@@ -18,7 +18,7 @@ from .law import register
 
 @record
 class Dahl(NamedTuple):
-    """Parameters of Dahl's law [kang2007, eq. 2.8-2.11]."""
+    """A bristle that saturates at the Coulomb force [dahl1976; kang2007, eq. 2.8-2.11]."""
 
     sigma_0: Annotated[float, Quantity("N/m", "σ₀", "bristle stiffness", above=0)]
     coulomb_force: Annotated[float, Quantity("N", "F_C", "Coulomb friction", above=0)]

@@ -26,7 +26,7 @@ from .stribeck import check_stiction, stribeck_curve
 
 @record
 class Elastoplastic(NamedTuple):
-    """Parameters of the elastoplastic law [dupont2002]."""
+    """LuGre with a purely elastic range, so that it does not creep [dupont2002]."""
 
     sigma_0: Annotated[float, Quantity("N/m", "σ₀", "bristle stiffness", above=0)]
     sigma_1: Annotated[float, Quantity("N s/m", "σ₁", "bristle damping", minimum=0)]

@@ -24,7 +24,7 @@ from .stribeck import check_stiction, stribeck_curve
 
 @record
 class LuGre(NamedTuple):
-    """Parameters of the LuGre law [canudas1995]."""
+    """A damped bristle with a Stribeck steady state [canudas1995]."""
 
     sigma_0: Annotated[float, Quantity("N/m", "σ₀", "bristle stiffness", above=0)]
     sigma_1: Annotated[float, Quantity("N s/m", "σ₁", "bristle damping", minimum=0)]

@@ -38,7 +38,7 @@ STRAYS = 1e-3
 
 @record
 class MaxwellSlip(NamedTuple):
-    """Parameters of the (generalised) Maxwell-slip law of N elements [albender2005]."""
+    """N springs, each sliding at its own force, and their generalisation [iwan1966; albender2005]."""
 
     stiffness: Annotated[tuple[float, ...], Quantity("N/m", "k_i", "stiffness of each element", above=0)]
     strength: Annotated[tuple[float, ...], Quantity("N", "W_i", "Coulomb friction of each element", above=0)]

@@ -28,7 +28,7 @@ STICKS, SLIDES = 0, 1
 
 @record
 class ResetIntegrator(NamedTuple):
-    """Parameters of the reset integrator [kang2007, eq. 2.12-2.14]."""
+    """An elastic bristle that stops at the breakaway deflection [haessig1991; kang2007, eq. 2.12-2.14]."""
 
     sigma_0: Annotated[float, Quantity("N/m", "σ₀", "bristle stiffness", above=0)]
     breakaway_deflection: Annotated[float, Quantity("m", "z_0", "deflection at breakaway", above=0)]

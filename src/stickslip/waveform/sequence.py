@@ -18,7 +18,9 @@ _DURATION = Quantity("s", "T", "duration of a part", above=0)
 
 @dataclass(frozen=True, init=False)
 class Sequence:
-    """Waveforms one after the other, each beginning anew; walk forward, rest, walk back, say::
+    """Waveforms one after the other, each beginning anew.
+
+    Walk forward, rest, walk back, say::
 
         Sequence(Sawtooth(65, 5, periods=8), Rest(0.5), ReverseSawtooth(65, 5, periods=8))
 

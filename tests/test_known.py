@@ -1,0 +1,46 @@
+"""What is known by name, in Python and on the command line."""
+
+from __future__ import annotations
+
+import pytest
+from typer.testing import CliRunner
+
+import stickslip as ss
+from stickslip.cli import app
+from stickslip.units import QuantityError
+
+
+def test_all_kinds_with_a_line_each() -> None:
+    found = ss.catalogue()
+    assert set(found) == {"laws", "actuators", "waveforms", "benches", "calibrations", "datasets"}
+    assert set(found["laws"]) == {law.__name__ for law in ss.LAWS}
+    assert set(found["actuators"]) == set(ss.available_sets())
+    for of in found.values():
+        assert of
+        for name, line in of.items():
+            assert len(line) > 10, name
+            assert "\n" not in line
+            assert not line.startswith(f"{name}("), "a named tuple's own docstring says nothing"
+
+
+def test_every_public_waveform_is_there() -> None:
+    public = {name: getattr(ss, name) for name in ss.__all__}
+    made = {
+        n for n, one in public.items() if isinstance(one, type) and "stickslip.waveform" in one.__module__
+    }
+    assert set(ss.catalogue("waveforms")["waveforms"]) == made - {"Waveform"}
+
+
+def test_an_unknown_kind_names_the_nearest() -> None:
+    with pytest.raises(QuantityError, match=r"'law'.*did you mean 'laws'"):
+        ss.catalogue("law")
+
+
+def test_the_command() -> None:
+    result = CliRunner().invoke(app, ["list", "laws"])
+    assert result.exit_code == 0
+    assert "LuGre                   A damped bristle" in result.output
+    assert "kang2007-bench" in CliRunner().invoke(app, ["list"]).output
+    refused = CliRunner().invoke(app, ["list", "motors"])
+    assert refused.exit_code == 2
+    assert "there is no kind 'motors'" in refused.output
