@@ -143,7 +143,9 @@ def test_a_slider_pulled_by_a_user_s_own_set(tmp_path: Path) -> None:
     [
         (["simulate", "kang2008"], "no parameter set 'kang2008' (did you mean 'kang2007'?)"),
         (["simulate", "nowhere.toml"], "nowhere.toml cannot be read"),
-        (["simulate"], "Sawtooth.amplitude is missing"),
+        (["simulate"], "--amplitude is missing: amplitude of the sawtooth, in V"),
+        (["simulate", "--amplitude", "65 V"], "--frequency is missing: frequency of the sawtooth, in Hz"),
+        (["simulate", "--waveform", "chirp", "--amplitude", "1 V"], "--set waveform."),
         ([*THESIS, "--amplitude", "65 N"], "Sawtooth.amplitude = '65 N' has the unit 'N', which is no V"),
         ([*THESIS, "--amplitude", "200 V"], "from 0 V to 200 V is out of range"),
         ([*THESIS, "--frequency=-5 Hz"], "Sawtooth.frequency = '-5 Hz' is out of range"),
@@ -228,7 +230,7 @@ def test_traceback_on_demand(how: list[str], monkeypatch: pytest.MonkeyPatch) ->
     done = run("simulate", *how)
     assert done.exit_code == 2
     assert "Traceback (most recent call last)" in done.stderr
-    assert done.stderr.splitlines()[-1].startswith("Error: Sawtooth.amplitude is missing")
+    assert done.stderr.splitlines()[-1].startswith("Error: --amplitude is missing")
 
 
 @pytest.mark.parametrize(

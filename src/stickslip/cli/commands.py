@@ -31,6 +31,10 @@ class Shape(StrEnum):
     CHIRP = "chirp"
 
 
+# Fields of waveforms that have an option of their own; the others are given with --set.
+OPTIONS = ("amplitude", "frequency", "periods")
+
+
 @app.command()
 def simulate(
     parameters: Annotated[str, typer.Argument(metavar="[SET|FILE.toml]", help="Parameter set.")] = "kang2007",
@@ -64,7 +68,7 @@ def simulate(
 
         parts = _parts(changes)
         model = _model(parameters, parts["model"], parts["friction"])
-        given = {"amplitude": amplitude, "frequency": frequency, "periods": periods}
+        given = dict(zip(OPTIONS, (amplitude, frequency, periods), strict=True))
         drive = _drive(waveform, model, {k: v for k, v in given.items() if v} | parts["waveform"])
         seconds = to_si(duration, "s", "--duration") if duration else None
         rate = to_si(sample_rate, "Hz", "--sample-rate")
@@ -123,11 +127,18 @@ def _read(text: str, record: Any, field: str) -> Any:
 
 def _drive(shape: Shape, model: Actuator | PulledSlider, fields: dict[str, str]) -> Waveform:
     from ..actuator import Actuator
+    from ..records import quantities
     from ..waveform import periodic, shapes
 
     name = "".join(word.capitalize() for word in shape.split("-"))
     made = getattr(periodic, name, None) or getattr(shapes, name)
-    return made(**fields, unit="V" if isinstance(model, Actuator) else "m")
+    unit = "V" if isinstance(model, Actuator) else "m"
+    for field, quantity in quantities(made).items():
+        if field not in fields and field not in made._field_defaults:
+            option = f"--{field}" if field in OPTIONS else f"--set waveform.{field}=..."
+            what = f"{quantity.meaning} of the {shape.value}, in {quantity.unit.replace('V', unit)}"
+            raise ValueError(f"{option} is missing: {what}")
+    return made(**fields, unit=unit)
 
 
 def _steady_step(model: Actuator | PulledSlider, drive: Waveform) -> Number | None:
