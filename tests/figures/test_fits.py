@@ -48,7 +48,7 @@ def test_measured_model_and_residuals_stand_over_time_with_the_noise(fit: Fit, t
         assert (below.get_ylabel(), below.get_xlabel()) == ("residual (nm)", "time (ms)")
         assert [t.get_text() for t in below.get_legend().get_texts()] == ["95 % of the noise that was given"]
         assert above.get_title("right").startswith(f"recording {i + 1}: r² = 0.99")
-    axes[0, 0].get_figure(root=True).savefig(tmp_path / "fit.png")
+    axes[0, 0].figure.savefig(tmp_path / "fit.png")
     assert (tmp_path / "fit.png").stat().st_size > 20_000
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..estimate.problem import FitError
@@ -23,20 +22,19 @@ def draw_fit(fit: Fit, axes: Any = None) -> Any:
         raise FitError("there is no figure of this fit: it is not of recordings over time")
     if axes is None:
         figure = Figure(figsize=(WIDTH, 3.9 * count), layout="constrained")
-        parts = figure.subfigures(count, 1, squeeze=False)[:, 0]
-        axes = np.array([part.subplots(2, 1, sharex=True, height_ratios=(2.4, 1.3)) for part in parts])
+        grid = figure.add_gridspec(2 * count, 1, height_ratios=(2.4, 1.3) * count)
+        above = [figure.add_subplot(grid[2 * i]) for i in range(count)]
+        axes = [[one, figure.add_subplot(grid[2 * i + 1], sharex=one)] for i, one in enumerate(above)]
     axes = np.asarray(axes, dtype=object)
     if axes.size != 2 * count:
         raise QuantityError(f"{axes.size} axes are given, and {count} recordings need {2 * count}")
     axes = axes.reshape(count, 2)
     for i, g in enumerate(fit.recordings):
         residuals, measured = fit.residuals[i], fit.measured[i]
-        above: Axes = axes[i, 0]
         noise, said = _noise(fit, i)
         name = fit.observed.replace("_", " ").replace("end effector", "end-effector") or "measured"
-        pair = (above, axes[i, 1])
         beside(
-            pair,
+            (axes[i, 0], axes[i, 1]),
             fit.times[i],
             measured,
             measured + residuals,
@@ -45,7 +43,7 @@ def draw_fit(fit: Fit, axes: Any = None) -> Any:
             noise=noise,
             known_by=said,
         )
-        above.set_title(f"{g.name}: r\u00b2 = {g.r_squared:.5f}", loc="right")
+        axes[i, 0].set_title(f"{g.name}: r² = {g.r_squared:.5f}", loc="right")
     return axes
 
 

@@ -11,13 +11,9 @@ import numpy as np
 from ..recording import STANDARD_NAMES, RecordingError
 from ..recording.conversion import to_si_unit
 from ..units import QuantityError
-from .csv import read_csv
 from .formats import find_format
-from .headers import named_unit
-from .matlab import read_matlab
-from .mdf import read_mdf
-from .npy import read_npy, read_npz
-from .source import Channel, Rows, Source, is_clock
+from .opening import source_of
+from .source import Channel, Rows, is_clock
 
 SHOWN = 8  # values of a column
 MOST_COLUMNS = 200
@@ -48,9 +44,7 @@ def look(path: Path) -> dict[str, Any]:
     kind = find_format(path)
     if kind == "nc":
         raise RecordingError(f"{path.name} is a recording of ours already: it needs no columns or units")
-    readers: dict[str, Any] = {"npy": read_npy, "npz": read_npz, "mat": read_matlab, "mdf": read_mdf}
-    source: Source = read_csv(path, None, None, 0) if kind == "text" else readers[kind](path)
-    source = source._replace(channels=tuple(map(named_unit, source.channels)))
+    source = source_of(path, kind)
     numeric = [i for i, one in enumerate(source.channels[:MOST_COLUMNS]) if one.numeric]
     if not numeric:
         raise RecordingError(f"{path.name} has no columns of numbers")

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from operator import index
@@ -20,22 +20,11 @@ import xarray as xr
 from ..recording import STANDARD_NAMES, RecordingError, make_recording, open_recording
 from ..units import to_si
 from .clocks import Clocked, complete_samples, onto_one_clock, without_empty_end
-from .csv import read_csv
 from .formats import find_format
-from .headers import named_unit
-from .matlab import read_matlab
-from .mdf import read_mdf
-from .npy import read_npy, read_npz
+from .opening import source_of
 from .selection import Selection, Variable, select
 from .source import Column, Rows, Source
 from .unlikely import refuse_unlikely
-
-_BINARY: dict[str, Callable[[Path], Source]] = {
-    "npy": read_npy,
-    "npz": read_npz,
-    "mat": read_matlab,
-    "mdf": read_mdf,
-}
 
 # No recording runs for three years: a clock beyond this counts from 1970.
 _SINCE_1970 = 1e8
@@ -101,8 +90,7 @@ def read_recording(
     if kind == "nc":
         return open_recording(path)
     with _named(path):
-        source = read_csv(path, delimiter, decimal, skip) if kind == "text" else _BINARY[kind](path)
-        source = source._replace(channels=tuple(map(named_unit, source.channels)))
+        source = source_of(path, kind, delimiter, decimal, skip)
         rate = _rate(sample_rate)
         chosen = select(source.channels, columns or {}, units or {}, clocks or {}, equally_spaced=rate > 0)
         window = _window(rows)

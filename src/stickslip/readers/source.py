@@ -1,6 +1,6 @@
 """What a reader hands over: the channels of a file, and a way to read some of them.
 
-To add a format, write a function from a path to a `Source` and name it in `reading.py`.
+To add a format, write a function from a path to a `Source` and name it in `opening.py`.
 """
 
 from __future__ import annotations
