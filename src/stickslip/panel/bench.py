@@ -142,7 +142,8 @@ def bench_routes(
 
     @routes.get("/experiments")
     def experiments() -> list[str]:
-        return [name for name in folder.files(".yaml") if not name.startswith("recordings/")][:200]
+        names = [one.name for one in folder.files(".yaml")]
+        return [name for name in names if not name.startswith("recordings/")][:200]
 
     @routes.post("/load")
     def load(asked: Named, request: Request) -> dict[str, str]:

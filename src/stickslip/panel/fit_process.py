@@ -24,7 +24,7 @@ from .fitting import Array, FitRequest, fit_recordings
 from .folder import Folder
 from .sliders import LAW_TYPES
 
-_NICE = 5  # below the server, whose stream and runs come first
+_NICE = 10  # below the server, whose stream and runs come first
 
 
 class Prepare(NamedTuple):

@@ -4,13 +4,35 @@ from __future__ import annotations
 
 import os
 import re
+import stat
+import time
+from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
+from typing import NamedTuple
 
 _ABSOLUTE = re.compile(r"(?<![\w.)\]])(?:[A-Za-z]:)?[/\\](?:[^\s'\":;,/\\]+[/\\])+([^\s'\":;,/\\]*)")
+_SETTLED = 2e9  # ns after which a change of a folder shows in its time, on any file system
 
 
 class FolderError(ValueError):
     """A name that is none of a file in the panel's folder."""
+
+
+class File(NamedTuple):
+    """A file of the folder: its name, when it was changed, s since 1970, and its size, bytes."""
+
+    name: str
+    changed: float
+    size: int
+
+
+class _Content(NamedTuple):
+    """What a folder holds, and its time then, ns."""
+
+    changed: int
+    folders: list[str]
+    files: list[tuple[str, bool]]  # names, and whether they are links
 
 
 class Folder:
@@ -18,6 +40,7 @@ class Folder:
 
     def __init__(self, root: Path) -> None:
         self.root = root.resolve()
+        self._known: dict[str, _Content] = {}  # of folders that have not changed lately
 
     def path(self, name: str) -> Path:
         """Where the file of that name is, or would be.
@@ -39,18 +62,44 @@ class Folder:
         """The name of a file in the folder."""
         return path.resolve().relative_to(self.root).as_posix()
 
-    def files(self, *suffixes: str) -> list[str]:
-        """Names of all files with these endings, the newest first; links that lead out are left out."""
+    def files(self, *suffixes: str) -> list[File]:
+        """All files with these endings, the newest first; links that lead out are left out."""
         found = []
-        for folder, folders, names in os.walk(self.root):
-            folders[:] = [one for one in folders if not one.startswith(".")]
-            for name in names:
-                path = Path(folder, name)
-                if path.suffix in suffixes and not name.startswith("."):
-                    real = Path(os.path.realpath(path))
-                    if real.is_relative_to(self.root) and real.is_file():
-                        found.append((path.stat().st_mtime, path.relative_to(self.root).as_posix()))
-        return [name for _, name in sorted(found, reverse=True)]
+        for name, link in self._walk(""):
+            path = f"{self.root}/{name}"
+            if os.path.splitext(name)[1] in suffixes and not (link and self._leads_out(path)):
+                with suppress(FileNotFoundError):  # it went in between
+                    status = os.stat(path)
+                    if stat.S_ISREG(status.st_mode):
+                        found.append(File(name, status.st_mtime, status.st_size))
+        return sorted(found, key=lambda one: (one.changed, one.name), reverse=True)
+
+    def _leads_out(self, path: str) -> bool:
+        return not Path(os.path.realpath(path)).is_relative_to(self.root)
+
+    def _walk(self, inside: str) -> Iterator[tuple[str, bool]]:
+        with suppress(FileNotFoundError, NotADirectoryError):
+            content = self._content(inside)
+            for name, link in content.files:
+                yield inside + name, link
+            for name in content.folders:
+                yield from self._walk(f"{inside}{name}/")
+
+    def _content(self, inside: str) -> _Content:
+        """Read anew only where it has changed: many pages ask for lists of hundreds of runs."""
+        path, now = f"{self.root}/{inside}", time.time_ns()
+        changed = os.stat(path).st_mtime_ns
+        known = self._known.get(inside)
+        if known is not None and known.changed == changed:
+            return known
+        with os.scandir(path) as entries:
+            shown = [one for one in entries if not one.name.startswith(".")]
+        folders = [one.name for one in shown if one.is_dir(follow_symlinks=False)]
+        files = [(one.name, one.is_symlink()) for one in shown if not one.is_dir(follow_symlinks=False)]
+        content = _Content(changed, folders, files)
+        if now - changed > _SETTLED:
+            self._known[inside] = content
+        return content
 
     def told(self, text: str) -> str:
         """A message without the paths of this machine: those in the folder are named as inside it."""

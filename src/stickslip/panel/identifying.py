@@ -43,7 +43,7 @@ def identify_routes(folder: Folder, fitting: Fitting, read: Reader, sets: Sets) 
     routes = APIRouter(prefix="/api/identify")
 
     @lru_cache(maxsize=2000)
-    def described(path: Path, changed: int) -> dict[str, Any]:
+    def described(path: Path, changed: float) -> dict[str, Any]:
         del changed  # part of the key
         try:
             return read(path, _described)
@@ -53,11 +53,9 @@ def identify_routes(folder: Folder, fitting: Fitting, read: Reader, sets: Sets) 
     @routes.get("/recordings")
     def recordings() -> list[dict[str, Any]]:
         found = []
-        for name in folder.files(*SUFFIXES):
-            if name.startswith(f"{PREDICTIONS}/"):  # made by a fit: none is made of it
-                continue
-            path = folder.path(name)
-            found.append({"name": name, **described(path, path.stat().st_mtime_ns)})
+        for name, changed, _ in folder.files(*SUFFIXES):
+            if not name.startswith(f"{PREDICTIONS}/"):  # made by a fit: none is made of it
+                found.append({"name": name, **described(folder.path(name), changed)})
         return found
 
     @routes.get("/state")

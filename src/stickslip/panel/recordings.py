@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
 import tempfile
 from collections import OrderedDict
 from contextlib import suppress
 from pathlib import Path
 from threading import Lock
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import xarray as xr
@@ -79,8 +80,12 @@ def recording_routes(folder: Folder, hub: Hub, control: Control, read: Reader) -
     shelf = Shelf(folder, read)
 
     @routes.get("")
-    def listed() -> list[dict[str, Any]]:
-        return [_described(folder, name) for name in folder.files(".nc")]
+    def listed() -> Response:
+        found = [
+            {"name": name, "changed": changed, "bytes": size, "unfinished": "/unfinished/" in name}
+            for name, changed, size in folder.files(".nc")
+        ]
+        return Response(json.dumps(found), media_type="application/json")
 
     @routes.post("/show")
     def show(asked: Shown) -> Response:
@@ -138,12 +143,6 @@ def recording_routes(folder: Folder, hub: Hub, control: Control, read: Reader) -
         return FileResponse(made, filename=made.name, background=BackgroundTask(_remove, made))
 
     return routes
-
-
-def _described(folder: Folder, name: str) -> dict[str, Any]:
-    status = folder.path(name).stat()
-    found = {"name": name, "changed": status.st_mtime, "bytes": status.st_size}
-    return {**found, "unfinished": "/unfinished/" in name}
 
 
 def _remove(path: Path) -> None:

@@ -22,6 +22,7 @@ from ..rig import HostedRig, Link, Rig, RigError, WatchedRig
 from ..rig.capture import Capture, find_trigger
 from ..rig.gate import PositionInput
 from ..rig.measurement import POSITION
+from ..rig.memory import collect
 from ..rig.supervisor import StopRequested
 from .journal import Journal
 from .live import Live
@@ -210,6 +211,7 @@ class Runner:
             self._statistics.end(self.position)
             if job.finished is not None:
                 self._finish(job.finished)
+            collect()
             self._busy = False  # before it is told: who hears of the end may start again
             self._state(phase=phase, doing="", done=float(phase == "done"), remaining=None)
 

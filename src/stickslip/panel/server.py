@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 import json
 import secrets
 import sys
@@ -19,6 +20,7 @@ from starlette.exceptions import HTTPException
 
 from ..input_file import Strict
 from ..readers.process import Reader
+from ..rig.memory import collect, collected_on_request
 from ..rig.samples import recover
 from ..units import to_si
 from .bench import bench_routes
@@ -44,6 +46,7 @@ from .stream import Hub
 from .warming import warm_up
 
 STATIC = Path(__file__).parent / "static"
+_IDLE = 600  # s between looks for unused memory while nobody runs anything
 
 
 class Text(Strict):
@@ -92,10 +95,12 @@ def create_app(
 
     async def beat() -> None:
         """Every second a sign of life: silence tells a page that the connection is lost."""
-        while True:
+        for second in itertools.count(1):
             await asyncio.sleep(1.0)
             control.watch()
             hub.tell("beat")
+            if second % _IDLE == 0 and not runner.busy:
+                collect()
 
     @asynccontextmanager
     async def life(app: FastAPI) -> AsyncIterator[None]:
@@ -103,13 +108,14 @@ def create_app(
         # A thread that computes keeps the others waiting for so long; Python's 5 ms are a third of a picture.
         sys.setswitchinterval(1e-3)
         end_warming = warm_up(hub, readiness, fitting, runner)
-        yield
-        beating.cancel()
-        end_warming()
-        fitting.close()
-        if runner.stop("the panel closes"):
-            await asyncio.to_thread(runner.join)
-        await asyncio.to_thread(sequencer.join)
+        with collected_on_request():
+            yield
+            beating.cancel()
+            end_warming()
+            fitting.close()
+            if runner.stop("the panel closes"):
+                await asyncio.to_thread(runner.join)
+            await asyncio.to_thread(sequencer.join)
         runner.close()
         read.close()
 

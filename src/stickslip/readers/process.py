@@ -23,6 +23,7 @@ from .reading import read_recording
 from .sizes import allowed_bytes, check_regular
 
 PATIENCE = 8.0  # s for a file
+_NICE = 5  # below a panel, whose stream and runs come first
 SLOWEST = 5e6  # bytes of a file per second, beyond that
 MOST_WAITING = 8  # requests
 _STARTS = 60.0  # s for the process to be there, on a busy machine
@@ -126,6 +127,8 @@ class Reader:
 def work(connection: Connection) -> None:
     """What the process does until the panel is gone; a file that takes too long ends it, whoever waits."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(os, "nice"):
+        os.nice(_NICE)
     nowhere = os.open(os.devnull, os.O_WRONLY)
     connection.send("ready")
     while True:

@@ -29,7 +29,7 @@ from .gate import PositionInput
 from .home import Home
 from .limits import Limits
 from .lock import locked
-from .memory import give_memory_back
+from .memory import collected_on_request, give_memory_back
 from .protocols import Array, Capabilities, RigError
 from .supervisor import ANOTHER, Order, Supervisor, state_of
 from .wire import WireError, receive, send
@@ -239,7 +239,8 @@ def main(folder: Path) -> int:
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda *_: host.ended.set())
         sys.setswitchinterval(1e-3)
-        host.serve()
+        with collected_on_request():
+            host.serve()
     return 0
 
 

@@ -21,6 +21,7 @@ from ..units import with_prefix
 from .gate import Gate, PositionInput
 from .home import Home
 from .limits import LimitError, Limits
+from .memory import collect
 from .protocols import Array, Rig, RigError
 from .samples import complete
 from .scpi import ScpiRig
@@ -202,6 +203,7 @@ class Supervisor:
                 self._changed()
             self.phase = "idle"
             self._news.notify_all()
+        collect()
 
     def _keep_pace(self, pause: float) -> None:
         """A rig that is faster than real time waits for who takes its samples, so that a stop comes as

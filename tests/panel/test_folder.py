@@ -1,0 +1,78 @@
+"""Lists of the panel's folder: complete at every moment, and without reading again what has not changed."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from stickslip.panel.folder import Folder
+
+
+@pytest.fixture
+def settled(tmp_path: Path) -> Folder:
+    """A folder with a walk in each of twenty runs, a minute old."""
+    for i in range(20):
+        run = tmp_path / "recordings" / f"run_{i:02}"
+        run.mkdir(parents=True)
+        (run / "walk.nc").write_bytes(b"0" * i)
+    for folder, _, _ in os.walk(tmp_path):
+        os.utime(folder, (1e9, 1e9))
+    return Folder(tmp_path)
+
+
+def names(folder: Folder) -> set[str]:
+    return {one.name for one in folder.files(".nc")}
+
+
+def test_what_comes_changes_and_goes_is_in_the_next_list(settled: Folder) -> None:
+    first = names(settled)
+    assert first == {f"recordings/run_{i:02}/walk.nc" for i in range(20)}
+    run = settled.root / "recordings" / "run_07"
+    for i in range(50):  # faster than the times of folders can tell
+        (run / f"more_{i}.nc").touch()
+        assert len(names(settled)) == 21 + i
+    (run / "walk.nc").write_bytes(b"123456789")  # in place: its folder keeps its time
+    assert next(one.size for one in settled.files(".nc") if one.name.endswith("run_07/walk.nc")) == 9
+    (settled.root / "recordings" / "run_08" / "walk.nc").unlink()
+    run.rename(settled.root / "moved")
+    assert names(settled) == first - {f"recordings/run_{i:02}/walk.nc" for i in (7, 8)} | {
+        "moved/walk.nc",
+        *(f"moved/more_{i}.nc" for i in range(50)),
+    }
+
+
+def test_links_that_lead_out_and_hidden_files_are_in_no_list(settled: Folder, tmp_path: Path) -> None:
+    outside = tmp_path.parent / f"{tmp_path.name}.nc"
+    outside.touch()
+    (settled.root / "out.nc").symlink_to(outside)
+    (settled.root / "in.nc").symlink_to(settled.root / "recordings" / "run_01" / "walk.nc")
+    (settled.root / "folder").symlink_to(tmp_path.parent)
+    (settled.root / "gone.nc").symlink_to(tmp_path / "nowhere.nc")
+    (settled.root / ".hidden.nc").touch()
+    (settled.root / ".bin").mkdir()
+    (settled.root / ".bin" / "walk.nc").touch()
+    os.mkfifo(settled.root / "pipe.nc")
+    assert names(settled) - {f"recordings/run_{i:02}/walk.nc" for i in range(20)} == {"in.nc"}
+
+
+def test_folders_that_have_not_changed_are_not_read_again(
+    settled: Folder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read: list[str] = []
+    scan = os.scandir
+
+    def counted(path: str):  # type: ignore[no-untyped-def]
+        read.append(str(path))
+        return scan(path)
+
+    monkeypatch.setattr(os, "scandir", counted)
+    settled.files(".nc")
+    assert len(read) == 22
+    read.clear()
+    settled.files(".nc")
+    assert not read
+    (settled.root / "recordings" / "run_03" / "more.nc").touch()
+    assert len(settled.files(".nc")) == 21
+    assert [Path(one).name for one in read] == ["run_03"]
