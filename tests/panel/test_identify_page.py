@@ -141,6 +141,17 @@ def test_a_fit_from_start_to_report(
     expect(stiffness.locator("input[type=text]")).to_have_value(re.compile(r"1\.[01]\d+ MN/m"))
 
 
+def test_the_page_is_there_while_files_are_read(identify: Page) -> None:
+    held: list[Route] = []
+    identify.route("**/api/identify/recordings", lambda route: held.append(route))
+    identify.reload()
+    expect(identify.locator(".identify-list")).to_have_text("Reading the recordings …")
+    expect(identify.get_by_role("button", name="Start fit")).to_be_visible()
+    held[0].continue_()
+    expect(identify.locator(".identify-list")).to_contain_text("walk_65V", timeout=LONG)
+    identify.locator(".identify[data-phase]").wait_for(timeout=LONG)
+
+
 def test_curves_that_come_before_the_answer_are_drawn(identify: Page, recorded: Panel) -> None:
     """On a busy machine the answer to the start may come when the fit is over."""
 

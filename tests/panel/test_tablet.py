@@ -112,3 +112,17 @@ def test_targets_are_as_large_as_a_finger(tablet: Page, panel: Panel, name: str)
     stop = tablet.locator("#stop").bounding_box()
     assert stop is not None
     assert stop["y"] + stop["height"] < 1024
+
+
+@pytest.mark.parametrize("width", [1440, 768, 390])
+def test_no_notice_hides_the_emergency_stop(tablet: Page, panel: Panel, width: int) -> None:
+    tablet.set_viewport_size({"width": width, "height": 900})
+    tablet.goto(f"{panel.url}#bench")
+    stop = tablet.locator("#stop")
+    stop.tap()
+    expect(tablet.locator(".notice")).not_to_have_count(0)
+    box = stop.bounding_box()
+    assert box is not None
+    for x, y in [(0.02, 0.1), (0.5, 0.5), (0.98, 0.9)]:
+        point = [box["x"] + x * box["width"], box["y"] + y * box["height"]]
+        assert tablet.evaluate("([x, y]) => !!document.elementFromPoint(x, y).closest('#stop')", point)

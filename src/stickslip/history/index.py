@@ -11,7 +11,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from ..readers.process import Reader
+from ..readers.process import Reader, ReaderBusy
 from ..recording import RecordingError
 from .acts import present_names, read_acts
 from .describing import NOTES, RECORDINGS, described, described_fit, described_set
@@ -196,7 +196,8 @@ class Index:
             return {"kind": "recording", **self._read(path, described)}
         except (RecordingError, OSError, ValueError, LookupError, AttributeError) as error:
             problem = " ".join(str(error).removeprefix(f"{path}: ").split())
-            return {"kind": "fit" if path.is_dir() else "recording", "problem": problem}
+            row: dict[str, Any] = {"kind": "fit" if path.is_dir() else "recording", "problem": problem}
+            return {**row, "bytes": 0} if isinstance(error, ReaderBusy) else row  # which is tried again
 
     def _files(self) -> Iterator[tuple[str, tuple[float, int]]]:
         """Names of recordings and of folders of fits, with time of change and size."""

@@ -15,7 +15,7 @@ from fastapi.responses import FileResponse
 from ..identify.walk.position_channel import OBSERVED
 from ..input_file import Strict
 from ..parameters import ParameterSetError, available_sets
-from ..readers.process import Reader
+from ..readers.process import Reader, ReaderBusy
 from ..recording import RecordingError
 from ..rig import load_bench
 from ..units import QuantityError
@@ -47,6 +47,8 @@ def identify_routes(folder: Folder, fitting: Fitting, read: Reader, sets: Sets) 
         del changed  # part of the key
         try:
             return read(path, _described)
+        except ReaderBusy:  # not to be kept
+            raise
         except (RecordingError, OSError) as error:
             return {"problem": str(error).removeprefix(f"{path}: ")}
 
@@ -54,8 +56,13 @@ def identify_routes(folder: Folder, fitting: Fitting, read: Reader, sets: Sets) 
     def recordings() -> list[dict[str, Any]]:
         found = []
         for name, changed, _ in folder.files(*SUFFIXES):
-            if not name.startswith(f"{PREDICTIONS}/"):  # made by a fit: none is made of it
-                found.append({"name": name, **described(folder.path(name), changed)})
+            if name.startswith(f"{PREDICTIONS}/"):  # made by a fit: none is made of it
+                continue
+            try:
+                one = described(folder.path(name), changed)
+            except ReaderBusy as busy:
+                one = {"problem": folder.told(str(busy))}
+            found.append({"name": name, **one})
         return found
 
     @routes.get("/state")

@@ -22,7 +22,8 @@ from ..units import QuantityError
 from .reading import read_recording
 from .sizes import allowed_bytes, check_regular
 
-PATIENCE = 8.0  # s for a file
+PATIENCE = 8.0  # s of computing for a file
+STUCK = 8.0  # times as long by the clock: the machine does something else, or the drive does not answer
 _NICE = 5  # below a panel, whose stream and runs come first
 SLOWEST = 5e6  # bytes of a file per second, beyond that
 MOST_WAITING = 8  # requests
@@ -31,6 +32,10 @@ _MARGIN = 256 * 2**20  # bytes over what a file may hold
 _REMEMBERED = 500  # files that could not be read in time
 
 Kind = type[Exception]
+
+
+class ReaderBusy(RecordingError):
+    """A file was not read, and nothing is known of it: it can be tried again."""
 
 
 class _Whole(NamedTuple):
@@ -43,8 +48,8 @@ _KINDS: dict[str, Kind] = {one.__name__: one for one in (RecordingError, Quantit
 
 
 class Reader:
-    """Files are read one after the other. What takes too long is given up, and not tried again unless it
-    changes."""
+    """Files are read one after the other. What computes for too long is given up, and not tried again unless
+    it changes."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -58,13 +63,14 @@ class Reader:
 
         Raises:
             RecordingError: it cannot be read, not in time or not in the memory that such a file may take.
+            ReaderBusy: it was not tried, or the machine had no time for it.
         """
         path = Path(path)
         check_regular(path)
         status = path.stat()
         key = (str(path), status.st_mtime_ns, status.st_size)
         if not self._places.acquire(blocking=False):
-            raise RecordingError(f"{path}: other files are being read; try again in a moment")
+            raise ReaderBusy(f"{path}: other files are being read; try again in a moment")
         try:
             with self._lock:
                 if key in self._given_up:
@@ -90,13 +96,17 @@ class Reader:
         self._ready()
         try:
             self._connection.send((str(path), patience, use))
-            if not self._connection.poll(patience + 2.0):
-                raise EOFError
+            if not self._connection.poll(STUCK * patience):
+                self.close()
+                raise ReaderBusy(
+                    f"{path}: not read within {STUCK * patience:.0f} s: a busy machine or drive?"
+                )
             kind, answer = self._connection.recv()
         except (EOFError, OSError):
             self.close()
             self._given_up[key] = (
-                f"{path}: it could not be read within {patience:.0f} s, or not in bounded memory: damaged?"
+                f"{path}: it could not be read within {patience:.0f} s of computing, "
+                "or not in bounded memory: damaged?"
             )
             while len(self._given_up) > _REMEMBERED:
                 self._given_up.popitem(last=False)
@@ -129,14 +139,13 @@ def work(connection: Connection) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(os, "nice"):
         os.nice(_NICE)
-    nowhere = os.open(os.devnull, os.O_WRONLY)
     connection.send("ready")
     while True:
         try:
             path, patience, use = connection.recv()
         except (EOFError, OSError):
             return
-        faulthandler.dump_traceback_later(patience, exit=True, file=nowhere)  # needs no interpreter
+        _end_after(patience)
         try:
             with _memory_of(Path(path)):
                 if isinstance(use, _Whole):
@@ -149,8 +158,19 @@ def work(connection: Connection) -> None:
             kind, answer = "RecordingError", f"{path}: it takes more memory than such a file may"
         except Exception as error:
             kind, answer = type(error).__name__, str(error)
-        faulthandler.cancel_dump_traceback_later()
+        _end_after(0.0)
         connection.send((kind, answer))
+
+
+def _end_after(patience: float) -> None:
+    """End this process when it has computed for so long, s; 0: no longer. It needs no interpreter, which a
+    library may hold."""
+    if hasattr(signal, "setitimer"):
+        signal.setitimer(signal.ITIMER_PROF, patience)
+    elif patience:  # on Windows, by the clock
+        faulthandler.dump_traceback_later(patience, exit=True, file=os.open(os.devnull, os.O_WRONLY))
+    else:
+        faulthandler.cancel_dump_traceback_later()
 
 
 class _memory_of:  # used as a context

@@ -33,7 +33,7 @@ async function request(path, body) {
   return type.includes("json") ? answer.json() : answer.arrayBuffer();
 }
 
-/** A line at the top for some seconds; kinds: "", "warning", "error". */
+/** A line at the bottom for some seconds, where it hides no stop; kinds: "", "warning", "error". */
 function notify(text, kind = "") {
   const line = document.createElement("div");
   line.className = `notice ${kind}`;

@@ -199,6 +199,7 @@ export async function mount(element, app) {
     app.stream.on("recordings", form.refresh),
     app.stream.on("connection", ({ state: now }) => now === "connected" && again()),
   ];
+  await form.listed;
   await again();
   return () => {
     ending.forEach((end) => end());

@@ -194,10 +194,11 @@ export async function fitForm(app, choices, last, asked, start, cancel) {
   });
 
   build();
-  await recordings();
   prepare();
+  list.replaceChildren(make("p", { className: "soft", textContent: "Reading the recordings …" }));
   return {
     element,
+    listed: recordings().catch(say),
     refresh: refreshed,
     running(on) {
       go.disabled = on;
