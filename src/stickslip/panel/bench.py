@@ -75,12 +75,9 @@ def bench_routes(
     """The routes of the Bench page."""
     routes = APIRouter(prefix="/bench")
 
-    def described() -> str:
-        return json.dumps({"kind": "experiment", **document.described()})
-
     def greet(client: Client, said: dict[str, Any]) -> list[str]:
         state = {"kind": "run", **runner.state, "position": runner.position}
-        return [described(), json.dumps(state)]
+        return [_described(document), json.dumps(state)]
 
     def emergency(client: Client, said: dict[str, Any]) -> None:
         if not runner.stop("emergency stop"):
@@ -89,6 +86,28 @@ def bench_routes(
 
     hub.greetings.append(greet)
     hub.hears["emergency_stop"] = emergency
+    _add_runs(routes, folder, control, runner, document, starter)
+    _add_experiment(routes, folder, hub, control, journal, runner, document)
+
+    @routes.post("/window")
+    def window(asked: Window) -> Response:
+        if not math.isfinite(asked.end - asked.begin):
+            raise QuantityError("a window has a finite begin and end")
+        points = min(max(asked.points, 2), MOST_POINTS)
+        shown = live.window(asked.trace, asked.begin, asked.end, points)
+        return Response(shown, media_type="application/octet-stream")
+
+    return routes
+
+
+def _described(document: Document) -> str:
+    return json.dumps({"kind": "experiment", **document.described()})
+
+
+def _add_runs(
+    routes: APIRouter, folder: Folder, control: Control, runner: Runner, document: Document, starter: Starter
+) -> None:
+    """Start, stop, home and notes."""
 
     @routes.post("/stop")
     async def stop() -> dict[str, bool]:
@@ -121,23 +140,35 @@ def bench_routes(
         runner.home_here(checked.file, folder.root, checked.cells[0])
         return {"position": 0.0}
 
-    @routes.post("/set")
-    def change(asked: Change, request: Request) -> dict[str, str]:
-        control.need(request.headers.get("x-client", ""))
-        document.change(asked.path, asked.value)
-        hub.send(described())
-        return {"name": document.name}
-
     @routes.post("/note")
     def note(asked: Note) -> dict[str, str]:
         """Anybody who watches may note something."""
         return {"kept": starter.note(asked.text)}
 
+
+def _add_experiment(
+    routes: APIRouter,
+    folder: Folder,
+    hub: Hub,
+    control: Control,
+    journal: Journal,
+    runner: Runner,
+    document: Document,
+) -> None:
+    """The experiment on the bench: changed, undone, loaded, saved."""
+
+    @routes.post("/set")
+    def change(asked: Change, request: Request) -> dict[str, str]:
+        control.need(request.headers.get("x-client", ""))
+        document.change(asked.path, asked.value)
+        hub.send(_described(document))
+        return {"name": document.name}
+
     @routes.post("/undo")
     def undo(asked: Undo, request: Request) -> dict[str, bool]:
         control.need(request.headers.get("x-client", ""))
         done = document.undo(asked.again)
-        hub.send(described())
+        hub.send(_described(document))
         return {"done": done}
 
     @routes.get("/experiments")
@@ -152,7 +183,7 @@ def bench_routes(
             raise QuantityError("a run is going on: another experiment can be loaded when it has ended")
         document.load(asked.name)
         journal(f"loaded {asked.name}")
-        hub.send(described())
+        hub.send(_described(document))
         return {"name": document.name}
 
     @routes.post("/save")
@@ -160,15 +191,5 @@ def bench_routes(
         control.need(request.headers.get("x-client", ""))
         document.save(asked.name)
         journal(f"saved {asked.name}")
-        hub.send(described())
+        hub.send(_described(document))
         return {"name": document.name}
-
-    @routes.post("/window")
-    def window(asked: Window) -> Response:
-        if not math.isfinite(asked.end - asked.begin):
-            raise QuantityError("a window has a finite begin and end")
-        points = min(max(asked.points, 2), MOST_POINTS)
-        shown = live.window(asked.trace, asked.begin, asked.end, points)
-        return Response(shown, media_type="application/octet-stream")
-
-    return routes

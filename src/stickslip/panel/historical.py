@@ -137,6 +137,14 @@ def history_routes(folder: Folder, hub: Hub, control: Control, read: Reader) -> 
         made = on_one_clock([_from_trigger(shelf.recording(name)) for name in asked.names], asked.channel)
         return Response(_overlaid(made, asked), media_type="application/octet-stream")
 
+    _add_bin(routes, folder, hub, control, read)
+    _add_uploads(routes, folder, hub, read)
+    return routes
+
+
+def _add_bin(routes: APIRouter, folder: Folder, hub: Hub, control: Control, read: Reader) -> None:
+    """Runs are moved to a bin, and back."""
+
     @routes.post("/delete")
     def delete(asked: Names, request: Request) -> dict[str, int]:
         control.need(request.headers.get("x-client", ""))
@@ -161,6 +169,10 @@ def history_routes(folder: Folder, hub: Hub, control: Control, read: Reader) -> 
         note_act(folder.root, "restored", name)
         hub.tell("recordings")
         return {"name": name}
+
+
+def _add_uploads(routes: APIRouter, folder: Folder, hub: Hub, read: Reader) -> None:
+    """A user's own file: looked at first, then taken in."""
 
     @routes.post("/upload")
     async def upload(name: str, request: Request) -> dict[str, Any]:
@@ -194,8 +206,6 @@ def history_routes(folder: Folder, hub: Hub, control: Control, read: Reader) -> 
         note_act(folder.root, "taken from a file", folder.name(target), file=source.name)
         hub.tell("recordings")
         return {"name": folder.name(target)}
-
-    return routes
 
 
 def _chosen(found: list[dict[str, Any]], names: list[str]) -> list[dict[str, Any]]:
