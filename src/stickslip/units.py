@@ -157,3 +157,20 @@ def with_prefix(value: float, unit: str, digits: int = 4) -> str:
     exponent = min(max(3 * (int(rounded.partition("e")[2]) // 3), -12), 9)
     # At least the three digits before the point: "130 nm", never "1.3e+02 nm".
     return f"{float(rounded) / 10.0**exponent:.{max(digits, 3)}g} {_PREFIXES[exponent]}{unit}"
+
+
+def with_unit(text: str) -> Any:
+    """A text such as "0.1 ms" as pint's quantity, which arithmetic carries its unit through; "1" is a number.
+
+    Raises:
+        QuantityError: it cannot be read; the message is the end of a sentence.
+    """
+    written = _NUMBER.match(text.strip())
+    if written is None:
+        raise QuantityError(f"has {text!r}, which does not begin with a number")
+    return _registry().Quantity(float(written[0]), _units(text.strip()[written.end() :].strip()))
+
+
+def same_dimension(quantity: Any, unit: str) -> bool:
+    """Whether a quantity of `with_unit` can be expressed in the unit."""
+    return quantity.dimensionality == _units(unit).dimensionality

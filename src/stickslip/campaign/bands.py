@@ -16,7 +16,7 @@ from scipy import stats
 from ..estimate.result import Fit
 from ..identify.step.formulas import step_tests
 from ..identify.walk.displacement import Displacement, has_slopes
-from ..identify.walk.position_channel import CHANNEL
+from ..identify.walk.walks import by_coordinates, by_values, columns_of
 from ..study.alignment import Aligned
 from .budget import LEVEL, STAGE, Inherited
 
@@ -31,21 +31,17 @@ def walk_bands(
     """Half widths [n] of the bands of walks, m; None for a law without derivatives."""
     if not has_slopes(fit.model):
         return None
-    own = [p.name for p in fit.parameters if p.name not in CHANNEL]
     known = np.flatnonzero(np.isfinite(np.diag(fit.uncertainty.covariance)))
     spread = fit.uncertainty.covariance[np.ix_(known, known)]
-    scale = np.array([p.slope(fit.values[p.name]) for p in fit.parameters])
     moves, of_stage = np.zeros((len(fit.parameters), len(STAGE))), np.zeros((len(STAGE), len(STAGE)))
     if taken is not None and taken.stage is not None:
         moves, of_stage = taken.by_stage(), taken.stage
-    bands = []
+    bands, names = [], [*(p.name for p in fit.parameters), *STAGE]
     for one in shown:
         motion = Displacement(one.recording, one.drive, one.name, fit.model, _TOLERANCE, slew_rate)
-        slopes = motion.slopes(fit.model, fit.values.get("delay", 0.0), [*own, *STAGE])
-        column = dict(zip([*own, *STAGE, "delay"], slopes.T, strict=True))
-        column["offset"] = np.ones(len(slopes))
-        g = np.column_stack([column[p.name] for p in fit.parameters]) * scale
-        whole = g @ moves + np.column_stack([column[name] for name in STAGE])
+        columns = columns_of(motion, fit, names)
+        g = by_coordinates(columns, fit)
+        whole = g @ moves + by_values(columns, fit, STAGE)
         variance = np.einsum("ij,jk,ik->i", g[:, known], spread, g[:, known])
         variance += np.einsum("ij,jk,ik->i", whole, of_stage, whole)
         bands.append(_t(fit) * np.sqrt(variance))

@@ -7,7 +7,6 @@ the position by what was fitted and by what was taken.
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 from ..estimate.result import Fit
 from ..identify.walk.displacement import Displacement, has_slopes
 from ..identify.walk.position_channel import CHANNEL
+from ..identify.walk.walks import by_coordinates, by_values, columns_of
 from ..study.alignment import POSITION, Aligned
 from .gathering import Scale
 
@@ -49,36 +49,29 @@ class Inherited(NamedTuple):
 
 def budget(fit: Fit, taken: Inherited | None, scale: Scale | None) -> Budget:
     """The error budget of a friction fit, with what it took as known and the scale of a sensor."""
-    own = [p for p in fit.parameters if p.name not in CHANNEL]
-    spread = fit.uncertainty.covariance
-    variances = {"noise of the recordings": np.diag(spread).copy()}
+    names = [p.name for p in fit.shown if p.name not in CHANNEL and not p.fixed]
+    by_source = {"noise of the recordings": fit.uncertainty.covariance}
     if taken is not None:
         moved = taken.moved
         if taken.stage is not None:
             by = taken.by_stage()
-            variances["stage from the steps"] = np.einsum("ij,jk,ik->i", by, taken.stage, by)
+            by_source["stage from the steps"] = by @ taken.stage @ by.T
         if scale is not None and scale.standard_error > 0:
             # A position read too large by a share makes the gain too large by the same.
             relative = scale.standard_error / scale.value
             by_scale = moved["scale"] - (moved["gain"] * fit.model.gain if taken.stage is not None else 0.0)
-            variances["scale of the sensor"] = (relative * by_scale) ** 2
-    total = np.sum(list(variances.values()), axis=0)
-    known = fit.uncertainty
-    with_all = replace(
-        fit, uncertainty=known._replace(covariance=known.covariance + np.diag(total - np.diag(spread)))
-    )
-    intervals = with_all.confidence_intervals(LEVEL)
-    deviations = with_all.standard_errors
-    sources = {
-        source: {
-            p.name: math.sqrt(variance[i]) * (fit.values[p.name] if p.log else 1.0)
-            for i, p in enumerate(fit.parameters)
-            if p in own
-        }
-        for source, variance in variances.items()
-    }
+            by_source["scale of the sensor"] = relative**2 * np.outer(by_scale, by_scale)
+
+    def with_covariance(covariance: Array) -> Fit:
+        return replace(fit, uncertainty=fit.uncertainty._replace(covariance=covariance))
+
+    whole = with_covariance(np.sum(list(by_source.values()), axis=0))
+    intervals, deviations = whole.confidence_intervals(LEVEL), whole.standard_errors
+    errors = {source: with_covariance(one).standard_errors for source, one in by_source.items()}
     return Budget(
-        sources, {p.name: deviations[p.name] for p in own}, {p.name: intervals[p.name] for p in own}
+        {source: {name: of[name] for name in names} for source, of in errors.items()},
+        {name: deviations[name] for name in names},
+        {name: intervals[name] for name in names},
     )
 
 
@@ -88,24 +81,17 @@ def inherited(
     """Of a friction fit to `fitted` with the stage of `stage`; None for a law without derivatives."""
     if fit.model is None or not has_slopes(fit.model):
         return None
-    own = [p.name for p in fit.parameters if p.name not in CHANNEL]
-    delay = fit.values.get("delay", 0.0)
-    columns = []
+    columns, names = [], [*(p.name for p in fit.parameters), *STAGE]
     for one in fitted:
         motion = Displacement(one.recording, one.drive, one.name, fit.model, _TOLERANCE, slew_rate)
-        slopes = motion.slopes(fit.model, delay, [*own, *STAGE])
-        known = dict(zip([*own, *STAGE, "delay"], slopes.T, strict=True))
-        known["offset"] = np.ones(len(slopes))
-        known["scale"] = one.recording[POSITION].values
-        columns.append(known)
+        columns.append({**columns_of(motion, fit, names), "scale": one.recording[POSITION].values})
     stacked = {name: np.concatenate([c[name] for c in columns]) for name in columns[0]}
-    jacobian = np.column_stack(
-        [stacked[p.name] * (fit.values[p.name] if p.log else 1.0) for p in fit.parameters]
-    )
+    jacobian = by_coordinates(stacked, fit)
     size = np.linalg.norm(jacobian, axis=0)
+    taken = np.column_stack([by_values(stacked, fit, STAGE), stacked["scale"]])
     moved = {
-        name: -np.linalg.lstsq(jacobian / size, stacked[name], rcond=None)[0] / size
-        for name in (*STAGE, "scale")
+        name: -np.linalg.lstsq(jacobian / size, column, rcond=None)[0] / size
+        for name, column in zip((*STAGE, "scale"), taken.T, strict=True)
     }
     if stage is None:
         return Inherited(moved, None)

@@ -51,7 +51,7 @@ def deeper(
     found = Deeper()
     if file.profiles:
         ends = {}
-        for name in (name for name in friction.values if name not in CHANNEL):
+        for name in (p.name for p in friction.parameters if p.name not in CHANNEL):
             progress(f"following the profile of {name}", 0.72)
             ends[name] = profile_interval(friction, recordings, name, **known)
         found = found._replace(profiles=ends)

@@ -55,6 +55,7 @@ def _estimates(posterior: Posterior) -> dict[str, Number]:
 
 def _without_linearisation(found: Found, figures: bool) -> Section:
     fit, more = found.friction, found.deeper
+    names = [p.name for p in fit.shown if not p.fixed and p.name not in CHANNEL]
     columns, said, tables, pictures = [Column("parameter"), Column("linearised")], [], [], []
     of: list[dict[str, Number]] = [
         {n: Number(fit.values[n], unit_of(fit, n), *ends) for n, ends in fit.confidence_intervals().items()}
@@ -76,7 +77,6 @@ def _without_linearisation(found: Found, figures: bool) -> Section:
             f"{more.posterior.message[0].upper()}{more.posterior.message[1:]}."
         )
         tables.append(_chain(more.posterior))
-        shown = [n for n in fit.values if n not in CHANNEL]
         if figures:
             pictures.append(
                 Picture(
@@ -85,15 +85,14 @@ def _without_linearisation(found: Found, figures: bool) -> Section:
                     "the samples within the lines); dashed, the estimate of the fit.",
                     svg(
                         posterior_corner(
-                            {n: more.posterior.samples[n].values.ravel() for n in shown},
-                            {n: unit_of(fit, n) for n in shown},
-                            {n: fit.values[n] for n in shown},
+                            {n: more.posterior.samples[n].values.ravel() for n in names},
+                            {n: unit_of(fit, n) for n in names},
+                            {n: fit.values[n] for n in names},
                         )
                     ),
                     "Histograms of each friction parameter and contours of each pair of them",
                 )
             )
-    names = [n for n in fit.values if n not in CHANNEL]
     rows = [(n, *(by.get(n) for by in of)) for n in names]
     first = Table(
         "95 % intervals of the same fit by different means.",

@@ -335,7 +335,7 @@ def _walks_picture(
 def _assumptions(file: CampaignFile, found: Found, recorded: Sequence[Recorded]) -> list[str]:
     model = found.friction.model
     fitted = {*(p.name for p in (found.stage.parameters if found.stage else ()))}
-    fitted |= {f"friction.{name}" for name in file.free}
+    fitted |= {f"friction.{name}" for name in (*file.free, *file.tied)}
     said = [f"{field} = {words}" for field, words in model.assumptions.items() if field not in fitted]
     if file.known_slew_rate is not None:
         words = file.slew_rate_source or "as the campaign file says"

@@ -94,6 +94,7 @@ def evaluate(file: CampaignFile, folder: Path, gathered: Sequence[Aligned], prog
         [*file.free, "delay", "offset"],
         drive=[one.drive for one in fitted],
         begin=None if stage is None else {"delay": stage.values["delay"]},
+        tied=file.tied,
         hops=file.hops,
         slew_rate=rate,
     )

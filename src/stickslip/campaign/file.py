@@ -48,13 +48,13 @@ class CampaignFile(Strict):
     """A whole campaign file.
 
     `experiment` is an experiment file that is recorded first. `model` is a parameter set or a file, whose
-    fields `change` and `friction` change; the fit of the parameters `free` starts there, with `hops` as for
-    `identify_friction`. `reference` is a channel that shows the clamped position too, and better: on the
-    steps the position is scaled to it, the time `settling` after them left out. `filter` and `slew_rate` are
-    those of the position channel and of the amplifier, where they are known. `published` are r² that others
-    found, by recording (and of all steps, "step"). What takes longer is done on request: `posterior` (at most
-    `posterior_simulations`), `profiles` of the likelihood, `model_choice` among all models of a
-    walk, or those that it names.
+    fields `change` and `friction` change; the fit of the parameters `free` starts there, with `hops` and
+    `tied` as for `identify_friction`. `reference` is a channel that shows the clamped position too, and
+    better: on the steps the position is scaled to it, the time `settling` after them left out. `filter` and
+    `slew_rate` are those of the position channel and of the amplifier, where they are known. `published` are
+    r² that others found, by recording (and of all steps, "step"). What takes longer is done on request:
+    `posterior` (at most `posterior_simulations`), `profiles` of the likelihood, `model_choice` among all
+    models of a walk, or those that it names.
     """
 
     title: str
@@ -65,6 +65,7 @@ class CampaignFile(Strict):
     change: dict[str, float | str | bool] = Field(default_factory=dict)
     friction: dict[str, float | str] = Field(default_factory=dict)
     free: list[str] = Field(default_factory=lambda: ["sigma_0", "sigma_1", "coulomb_force"], min_length=1)
+    tied: dict[str, str] = Field(default_factory=dict)
     hops: int = 6
     reference: str | None = None
     filter: FilterSpec | None = None

@@ -18,7 +18,7 @@ _BEFORE = 2e-3
 
 def unit_of(fit: Fit, name: str) -> str:
     """Unit of a parameter."""
-    return next(p.unit for p in fit.parameters if p.name == name)
+    return next(p.unit for p in fit.shown if p.name == name)
 
 
 def stage_section(file: CampaignFile, found: Found, figures: bool) -> Section:

@@ -89,6 +89,7 @@ def _described(searches: Searches) -> Fit:
     gaussian = problem.loss == "linear"
     fit = Fit(
         parameters=problem.parameters,
+        beside=problem.ties.beside,
         values=problem.values(q),
         uncertainty=uncertain,
         recordings=tuple(

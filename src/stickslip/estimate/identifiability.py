@@ -21,9 +21,10 @@ LOOSE_RATIO, LOOSE_SHARE = 3.0, 0.2
 INDISTINGUISHABLE = 0.99
 
 
-def loosest(fit: Fit, among: Collection[str]) -> str | None:
-    """The one parameter that the data hardly determine; None if there is none, several are lost, or no other
-    depends on it."""
+def loosest(fit: Fit, apart: Collection[str]) -> str | None:
+    """The one parameter, of others than those `apart`, that the data hardly determine; None if there is none,
+    several are lost, or no other depends on it."""
+    among = [p.name for p in fit.parameters if p.name not in apart]
     loose = [name for name in _wider(fit, LOOSE_RATIO, LOOSE_SHARE) if name in among]
     lost = [name for name in _wider(fit, WIDE_RATIO, WIDE_SHARE) if name in among]
     one = lost or loose
@@ -32,8 +33,9 @@ def loosest(fit: Fit, among: Collection[str]) -> str | None:
 
 def _wider(fit: Fit, ratio: float, share: float) -> list[str]:
     """The parameters whose 95 % interval is wider: the greatest over the least value, or of the range."""
-    found = []
-    for p, (low, high) in zip(fit.parameters, fit.confidence_intervals().values(), strict=True):
+    found, intervals = [], fit.confidence_intervals()
+    for p in fit.parameters:
+        low, high = intervals[p.name]
         wide = high >= ratio * low if p.log else high - low > share * (p.upper - p.lower)
         from_zero = p.lower == 0 and low == 0
         if wide or from_zero or not np.isfinite(high - low):
@@ -58,7 +60,7 @@ def undetermined(fit: Fit) -> tuple[str, ...]:
             bound = p.shown(p.lower if side < 0 else p.upper, 3)
             sentences.append(f"{p.name} ended at its bound {bound}, and {as_well}")
     strong = np.abs(fit.correlation.to_numpy()) > INDISTINGUISHABLE
-    names = np.array(list(fit.values))
+    names = np.array([p.name for p in fit.parameters])
     determined = ~np.isin(names, named)
     n_groups, group = connected_components(strong & determined & determined[:, None], directed=False)
     for together in (names[group == g] for g in range(n_groups)):

@@ -95,7 +95,7 @@ def integrated(fit: Fit, name: str, hold: Hold) -> Fit | Values:
         The fit without its Jacobian; or, where the data turn out to determine the value, from where on to
         search for all of them.
     """
-    place = list(fit.values).index(name)
+    place = [p.name for p in fit.parameters].index(name)
     p, others = fit.parameters[place], [q for q in fit.parameters if q.name != name]
     path = _Path(fit, place, others, hold)
     path.outwards()
@@ -110,10 +110,12 @@ def integrated(fit: Fit, name: str, hold: Hold) -> Fit | Values:
         return _values([p, *others], np.append(best.at, best.others))
     value = p.value(float(found.mean[-1]))
     alone, _ = hold(value, _values(others, found.mean[:-1]))
+    # `alone` has the held one beside the others.
     order, none = np.insert(np.arange(len(others)), place, len(others)), np.zeros(len(others) + 1)
     return replace(
         alone,
         parameters=fit.parameters,
+        beside=fit.beside,
         values={n: alone.values.get(n, value) for n in fit.values},
         uncertainty=Uncertainty(found.covariance[np.ix_(order, order)], none.astype(int), none, none),
         degrees_of_freedom=fit.degrees_of_freedom,
@@ -132,7 +134,7 @@ class _Path:
 
     def __init__(self, fit: Fit, place: int, others: Sequence[Parameter], hold: Hold) -> None:
         self.parameter, self.others, self.hold = fit.parameters[place], others, hold
-        self.middle = self.parameter.coordinate(list(fit.values.values())[place])
+        self.middle = self.parameter.coordinate(fit.values[self.parameter.name])
         self.begin = np.array([q.coordinate(fit.values[q.name]) for q in others])
         self.variance = (1.0 if fit.noise_known else fit.reduced_chi_squared) * inflation(fit, place)
         self.evaluations, self.log_likelihood = 0, fit.log_likelihood
@@ -217,7 +219,7 @@ class _Path:
     def _tangent(self, fit: Fit, place: int) -> Array:
         """How the others follow the held one, at the estimate."""
         assert fit.jacobian is not None
-        at = [p.to_search(p.coordinate(v)) for p, v in zip(fit.parameters, fit.values.values(), strict=True)]
+        at = [p.to_search(p.coordinate(fit.values[p.name])) for p in fit.parameters]
         slopes = [p.search_slope(x) for p, x in zip(fit.parameters, at, strict=True)]
         j = np.delete(fit.jacobian * slopes, place, axis=1)
         size = np.linalg.norm(j, axis=0)

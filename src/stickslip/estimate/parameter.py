@@ -25,19 +25,27 @@ class Parameter(NamedTuple):
 
     `prior` is what is known of it otherwise: its value and standard deviation, in its unit. In the coordinate
     that is fitted it is a normal distribution of that width.
+
+    A `fixed` one keeps its start; a `tied` one is an expression of others (see `tied`), and has neither start
+    nor bounds: ``Parameter("coulomb_force", unit="N", tied="0.8 * stiction_force")``.
     """
 
     name: str
-    start: float
-    lower: float
-    upper: float
+    start: float = math.nan
+    lower: float = -math.inf
+    upper: float = math.inf
     unit: str = ""
     log: bool = True
     square: bool = False
     power: int = 0
     prior: tuple[float, float] | None = None
+    fixed: bool = False
+    tied: str = ""
 
     def _check(self) -> None:
+        if self.fixed or self.tied:
+            self._check_beside()
+            return
         limits = f"between {self.lower:g} and {self.shown(self.upper)}"
         shown = f"{self.name}: start {self.shown(self.start)} {limits}"
         if not math.isfinite(self.start) or not self.lower <= self.start <= self.upper:
@@ -55,6 +63,25 @@ class Parameter(NamedTuple):
                 f"the prior of {self.name} is out of range: {self.shown(self.prior[0])} must be {limits}, "
                 f"its deviation {self.shown(self.prior[1])} above 0"
             )
+
+    def _check_beside(self) -> None:
+        """Raise QuantityError unless it may be fixed, or tied."""
+        if self.fixed and self.tied:
+            raise QuantityError(f"{self.name} is fixed, and tied to {self.tied!r}: it can be one of both")
+        if self.prior is not None:
+            state = "fixed" if self.fixed else "tied"
+            raise QuantityError(f"{self.name} is {state} and has a prior, which only a free one may have")
+        if self.fixed and not math.isfinite(self.start):
+            raise QuantityError(f"{self.name} is fixed at {self.shown(self.start)}: it must be finite")
+        if self.tied and (math.isfinite(self.lower) or math.isfinite(self.upper)):
+            raise QuantityError(
+                f"{self.name} is tied to {self.tied!r} and has bounds: those of a free one count"
+            )
+
+    @property
+    def state(self) -> str:
+        """How it is no free one, in brackets; empty for a free one."""
+        return "(fixed)" if self.fixed else f"(tied: {self.tied})" if self.tied else ""
 
     def coordinate(self, value: float) -> float:
         """The fitted coordinate q of a physical value."""

@@ -22,6 +22,7 @@ from .bent import Mixture
 from .blas import single_threaded
 from .parameter import Parameter
 from .problem import FitError
+from .tied import Ties
 
 Array = NDArray[np.float64]
 # From points [n, k] of what is searched to their log densities [n], and what stands for them in the samples.
@@ -94,6 +95,7 @@ def sample(
     begin: Mixture,
     *,
     max_simulations: int,
+    ties: Ties | None = None,
     seed: int = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> Posterior:
@@ -103,6 +105,7 @@ def sample(
         log_density: of points, up to a constant; with the coordinates q of all parameters that go with each.
         parameters: whose values the samples become.
         begin: where to look first.
+        ties: whose tied values the samples have too.
         max_simulations, seed, progress: see `posterior`.
 
     Raises:
@@ -129,7 +132,7 @@ def sample(
         efficient = _effective(np.concatenate([r.log_weights for r in kept])) > EFFICIENT * n
         last = done + count > max_simulations
         if last or (efficient and n >= ENOUGH):
-            found = _described(kept, parameters, arviz, random.integers(2**32), done)
+            found = _described(kept, parameters, ties or Ties(()), arviz, random.integers(2**32), done)
             if found.converged or last:
                 found.samples.attrs["seed"] = seed
                 return found
@@ -165,7 +168,7 @@ def _effective(log_weights: Array) -> float:
 
 
 def _described(
-    rounds: Sequence[_Draws], parameters: Sequence[Parameter], arviz: Any, seed: int, done: int
+    rounds: Sequence[_Draws], parameters: Sequence[Parameter], ties: Ties, arviz: Any, seed: int, done: int
 ) -> Posterior:
     """The chains of all rounds so far: each takes the next proposal with the ratio of their weights."""
     weights = np.concatenate([r.log_weights.reshape(CHAINS, -1) for r in rounds], axis=1)
@@ -181,7 +184,9 @@ def _described(
     accepted = float(np.mean(path == np.arange(weights.shape[1])))
     path = path[:, int(FORGOTTEN * weights.shape[1]) :]
     own, dims = np.take_along_axis(shown, path[:, :, None], axis=1), ("chain", "draw")
-    columns = {p.name: (dims, p.values(own[:, :, i]), {"units": p.unit}) for i, p in enumerate(parameters)}
+    values = ties({p.name: p.values(own[:, :, i]) for i, p in enumerate(parameters)})
+    kept = [*parameters, *(p for p in ties.beside if p.tied)]
+    columns = {p.name: (dims, values[p.name], {"units": p.unit}) for p in kept}
     columns["log_posterior"] = (dims, np.take_along_axis(density, path, axis=1), {"units": ""})
     samples = xr.Dataset(columns, attrs={"simulations": done})
     summary = _summary(samples.drop_vars("log_posterior"), arviz)

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from .covariance import LOSSES
 from .lack import KnownNoise
 from .parameter import Parameter, Values
+from .tied import Ties
 
 if TYPE_CHECKING:
     from .result import Fit
@@ -53,9 +54,10 @@ class Problem:
 
     Args:
         recordings: what to describe, all at once; a bare function stands for a single recording.
-        parameters: start, bounds, unit and scale of each.
-        jacobian: derivatives of the residuals of all recordings, joined, by the values, shape (n, k);
-            without it they are differenced.
+        parameters: start, bounds, unit and scale of each; what is fixed, and what is tied to others, is in
+            the values that residuals get, but `parameters` of the problem are those that are searched for.
+        jacobian: derivatives of the residuals of all recordings, joined, by the values of all parameters but
+            the fixed ones, shape (n, k); without it they are differenced.
         noise_known: take the noise of the recordings as it is. By default only its ratios are trusted, and
             its level is estimated from the residuals.
         correlated: allow for residuals correlated in time when computing the uncertainty: model error nearly
@@ -89,10 +91,11 @@ class Problem:
     ):
         if callable(recordings):
             recordings = [Residuals(recordings)]
-        self.recordings, self.parameters, self.step = recordings, tuple(parameters), difference_step
+        self.ties = Ties(parameters)
+        self.recordings, self.parameters, self.step = recordings, self.ties.searched, difference_step
         self.jacobian, self.noise_known, self.correlated = jacobian, noise_known, correlated
         self.loss, self.loss_scale, self.completed = loss, loss_scale, completed
-        self._check()
+        self._check([p.name for p in parameters])
         parameters = self.parameters
         self.start = np.array([p.coordinate(p.start) for p in parameters])
         self.lower = np.array([p.coordinate(p.lower) for p in parameters])
@@ -133,19 +136,20 @@ class Problem:
         self._spread = np.array([deviation / p.slope(value) for _, p, (value, deviation) in known])
         self.degrees_of_freedom += self._known.size
 
-    def _check(self) -> None:
-        if len({p.name for p in self.parameters}) < len(self.parameters) or not self.parameters:
-            raise FitError("parameters must have names of their own, and there must be at least one")
+    def _check(self, names: Sequence[str]) -> None:
+        if len({*names}) < len(names) or not self.parameters:
+            raise FitError("parameters must have names of their own, and at least one must be free")
         if len({r.noise is None for r in self.recordings}) != 1:
             raise FitError("give the noise of every recording, or of none")
         if self.loss not in LOSSES:
             raise FitError(f"there is no loss {self.loss!r}; there are {', '.join(LOSSES)}")
 
     def values(self, q: np.ndarray) -> Values:
+        """Of all parameters, those that are searched for first."""
         # Rounding of the logarithm must not lead out of the bounds.
-        return {
-            p.name: min(max(p.value(x), p.lower), p.upper) for p, x in zip(self.parameters, q, strict=True)
-        }
+        return self.ties(
+            {p.name: min(max(p.value(x), p.lower), p.upper) for p, x in zip(self.parameters, q, strict=True)}
+        )
 
     def to_search(self, q: np.ndarray) -> np.ndarray:
         """See `Parameter.to_search`."""
@@ -161,6 +165,9 @@ class Problem:
     def raw(self, q: np.ndarray) -> list[np.ndarray]:
         """The residuals of each recording, in the unit of its data."""
         values = self.values(q)
+        for p in self.ties.beside:
+            if not math.isfinite(values[p.name]):
+                raise ArithmeticError(f"{p.name}, tied to {p.tied!r}, is {p.shown(values[p.name])}")
         parts = [np.asarray(r.function(dict(values)), dtype=float) for r in self.recordings]
         for r, part in zip(self.recordings, parts, strict=True):
             if part.ndim != 1:
@@ -192,9 +199,14 @@ class Problem:
         """d weighted residuals / d q, shape (n + priors, k)."""
         if self.jacobian is None:
             return self.differences(q, two_sided)
-        slopes = [p.slope(p.value(x)) for p, x in zip(self.parameters, q, strict=True)]
-        of_data = self.jacobian(self.values(q)) * slopes / (self.noise * self.scale)[:, None]
+        of_data = self.by_coordinates(self.values(q)) / (self.noise * self.scale)[:, None]
         return np.concatenate([of_data, np.eye(len(q))[self._known] / (self._spread * self.scale)[:, None]])
+
+    def by_coordinates(self, values: Values) -> np.ndarray:
+        """d residuals / d q, shape (n, k), in the unit of the data, by the given `jacobian`."""
+        assert self.jacobian is not None
+        slopes = [p.slope(values[p.name]) for p in self.parameters]
+        return self.ties.total(self.jacobian(values), values) * slopes
 
     def differences(self, q: np.ndarray, central: bool) -> np.ndarray:
         """d r / d q, shape (n, k); one-sided next to a bound and where the model fails on one side."""

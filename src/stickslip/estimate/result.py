@@ -24,9 +24,8 @@ from .identifiability import undetermined
 from .lack import KnownNoise, Lack, lack_of_fit
 from .minima import APART, Minimum, bound
 from .parameter import Parameter, Values
-
-# Neighbouring residuals that correlate this much are no white noise.
-CORRELATED = 0.3
+from .shown import as_dict, as_text
+from .tied import Ties
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -34,7 +33,8 @@ class Fit:
     """The result of a fit. Vectors and matrices have the order of `parameters`.
 
     Attributes:
-        values: the estimate, in SI.
+        parameters: those that were searched for.
+        values: the estimate, in SI, of them and of those `beside` them.
         uncertainty: of the coordinates q.
         recordings: the goodness of each recording.
         degrees_of_freedom: number of data minus number of parameters.
@@ -54,6 +54,7 @@ class Fit:
         known: what each recording shows of its noise besides the residuals.
         remarks: sentences on what was decided for the user, such as what is free besides what was asked for.
         predict: from any recording, seen or not, to the values of that channel by the model, shape (n,).
+        beside: parameters that are fixed or tied to others.
     """
 
     parameters: tuple[Parameter, ...]
@@ -80,6 +81,22 @@ class Fit:
     known: tuple[KnownNoise, ...] = ()
     remarks: tuple[str, ...] = ()
     predict: Callable[..., np.ndarray] | None = None
+    beside: tuple[Parameter, ...] = ()
+
+    @cached_property
+    def ties(self) -> Ties:
+        """How the values of those `beside` follow from the others."""
+        return Ties((*self.parameters, *self.beside))
+
+    @property
+    def tied(self) -> dict[str, str]:
+        """The expression of each tied parameter."""
+        return {p.name: p.tied for p in self.beside if p.tied}
+
+    @property
+    def shown(self) -> tuple[Parameter, ...]:
+        """All parameters, those that were searched for first."""
+        return self.ties.shown(self.values)
 
     @property
     def cost(self) -> float:
@@ -104,8 +121,12 @@ class Fit:
 
     @property
     def standard_errors(self) -> Values:
-        """Standard error of each value, in its unit; NaN for a parameter at its bound."""
-        return dict(zip(self.values, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
+        """Standard error of each value, in its unit; NaN for a parameter at its bound, 0 for a fixed one."""
+        spread = np.sqrt(np.diag(self.ties.extended(self.values, self.uncertainty).covariance))
+        return {
+            p.name: float(deviation * p.slope(self.values[p.name]))
+            for p, deviation in zip(self.shown, spread, strict=True)
+        }
 
     @property
     def correlation(self) -> xr.DataArray:
@@ -113,7 +134,7 @@ class Fit:
         deviations = np.sqrt(np.diag(self.uncertainty.covariance))
         with np.errstate(invalid="ignore", divide="ignore"):
             matrix = self.uncertainty.covariance / np.outer(deviations, deviations)
-        names = list(self.values)
+        names = [p.name for p in self.parameters]
         return xr.DataArray(matrix, dims=("parameter", "other"), coords={"parameter": names, "other": names})
 
     def confidence_intervals(self, level: float = 0.95) -> dict[str, tuple[float, float]]:
@@ -126,15 +147,20 @@ class Fit:
         p = 0.5 + level / 2
         t = float(stats.norm.ppf(p) if self.noise_known else stats.t.ppf(p, self.degrees_of_freedom))
         most = bound(len(self.parameters), level)
-        intervals = {}
-        for i, p in enumerate(self.parameters):
-            ends = [_interval(p, i, self.values[p.name], self.uncertainty, t)]
-            for m in self.minima:
-                if p.name in m.values and m.excess <= most:
-                    left = math.sqrt(max(t**2 - m.excess, 0.0))
-                    ends.append(_interval(p, i, m.values[p.name], m.uncertainty, left))
-            intervals[p.name] = (min(low for low, _ in ends), max(high for _, high in ends))
-        return intervals
+        found = [self._near(self.values, self.uncertainty, t)]
+        for m in self.minima:
+            if m.excess <= most:
+                found.append(self._near(m.values, m.uncertainty, math.sqrt(max(t**2 - m.excess, 0.0))))
+        ends = {name: [one[name] for one in found if name in one] for name in found[0]}
+        return {
+            name: (min(low for low, _ in all_), max(high for _, high in all_)) for name, all_ in ends.items()
+        }
+
+    def _near(self, values: Values, known: Uncertainty, t: float) -> dict[str, tuple[float, float]]:
+        """Intervals about one minimum."""
+        ties = Ties([p for p in (*self.parameters, *self.beside) if p.name in values])
+        spread = ties.extended(values, known)
+        return {p.name: _interval(p, i, values[p.name], spread, t) for i, p in enumerate(ties.shown(values))}
 
     def with_minima(self, others: Sequence[Minimum]) -> Fit:
         """The fit with those of the other minima that are not the same as its own, or as one before."""
@@ -212,7 +238,7 @@ class Fit:
         for i, p in enumerate(self.parameters):
             q = p.coordinate(self.values[p.name])
             h = 1e-5 * (1.0 if p.log else abs(q) or 1.0)
-            up, down = ({**self.values, p.name: p.value(q + s)} for s in (h, -h))
+            up, down = (self.ties({**self.values, p.name: p.value(q + s)}) for s in (h, -h))
             gradient[i] = (quantity(up) - quantity(down)) / (2 * h)
         free = np.flatnonzero((self.uncertainty.bounded == 0) & (gradient != 0))
         variance = gradient[free] @ self.uncertainty.covariance[np.ix_(free, free)] @ gradient[free]
@@ -261,42 +287,16 @@ class Fit:
 
     def report(self, level: float = 0.95) -> str:
         """A text table of values with units and intervals, goodness of fit, and what is not determined."""
-        intervals, errors = self.confidence_intervals(level), self.standard_errors
-        values = [("parameter", "value", "standard error", f"{100 * level:g} % interval", "unit")]
-        for p in self.parameters:
-            low, high = intervals[p.name]
-            value, error = f"{self.values[p.name]:.6g}", f"{errors[p.name]:.3g}"
-            values.append((p.name, value, error, f"{low:.6g} .. {high:.6g}", p.unit or "-"))
-        rows = [("recording", "r^2", "rmse", "unit", "data", "lag-1 correlation of residuals")]
-        for g in self.recordings:
-            figures = f"{g.n_data}", f"{g.lag_one_correlation:.3f}"
-            rows.append((g.name, f"{g.r_squared:.6f}", f"{g.rmse:.4g}", g.unit or "-", *figures))
-        lines = [*_aligned(values), "", *_aligned(rows), ""]
-        if len(self.recordings) > 1:
-            lines.append(f"all recordings: r^2 {self.r_squared:.6f}")
-        lines.append(
-            f"reduced chi-squared {self.reduced_chi_squared:.4g}, AIC {self.aic:.2f}, BIC {self.bic:.2f}"
-        )
-        state = "converged" if self.converged else "NOT CONVERGED"
-        lines.append(f"{state}: {self.message} ({self.n_evaluations} evaluations)")
-        if self.starts > 1:
-            lines.append(f"{self.starts_agreeing} of {self.starts} searches ended at this minimum")
-        if self.minima:
-            lines.append(self.other_minima)
-        lines += [one.sentence for one in self.lack if one.seen]
-        if not self.correlated and any(abs(g.lag_one_correlation) > CORRELATED for g in self.recordings):
-            lines.append(
-                "the residuals are correlated, which these intervals do not allow for: they are too narrow"
-            )
-        return "\n".join([*lines, *self.undetermined, *self.remarks])
+        return as_text(self, level)
 
     @property
     def summary(self) -> str:
         """A sentence with every value and its 95 % interval, and why the fit is not to be trusted, if so."""
         ends = self.confidence_intervals()
         values = ", ".join(
-            f"{p.name} = {p.shown(self.values[p.name], 4)} [{ends[p.name][0]:.3g}, {ends[p.name][1]:.3g}]"
-            for p in self.parameters
+            f"{p.name} = {p.shown(self.values[p.name], 4)} [{ends[p.name][0]:.3g}, {ends[p.name][1]:.3g}] "
+            f"{p.state}".strip()
+            for p in self.shown
         )
         said = (f"r^2 {self.r_squared:.5f}: {values}", *self.failures, self.other_minima, *self.remarks)
         return "; ".join(filter(None, said))
@@ -326,46 +326,7 @@ class Fit:
 
     def to_dict(self, level: float = 0.95) -> dict[str, Any]:
         """Every number with its unit, ready for JSON; None where a number does not exist."""
-        intervals, errors = self.confidence_intervals(level), self.standard_errors
-        found = {
-            "parameters": {
-                p.name: {
-                    "value": self.values[p.name],
-                    "unit": p.unit,
-                    "standard_error": errors[p.name],
-                    "interval": list(intervals[p.name]),
-                    "level": level,
-                    "bounds": [p.lower, p.upper],
-                }
-                for p in self.parameters
-            },
-            "undetermined": list(self.undetermined),
-            "correlation": self.correlation.to_numpy().tolist(),
-            "recordings": {
-                g.name: {"r_squared": g.r_squared, "rmse": g.rmse, "unit": g.unit, "n_data": g.n_data}
-                for g in self.recordings
-            },
-            "r_squared": self.r_squared,
-            "aic": self.aic,
-            "bic": self.bic,
-            "n_data": self.n_data,
-            "degrees_of_freedom": self.degrees_of_freedom,
-            "reduced_chi_squared": self.reduced_chi_squared,
-            "noise_known": self.noise_known,
-            "correlated": self.correlated,
-            "n_evaluations": self.n_evaluations,
-            "converged": self.converged,
-            "message": self.message,
-            "starts": self.starts,
-            "starts_agreeing": self.starts_agreeing,
-            "lack_of_fit": [
-                {**one._asdict(), "seen": one.seen, "sentence": one.sentence} for one in self.lack
-            ],
-            "failures": list(self.failures),
-            "remarks": list(self.remarks),
-            "minima": [{"values": m.values, "excess": m.excess} for m in self.minima],
-        }
-        return _finite(found)
+        return as_dict(self, level)
 
 
 def _interval(p: Parameter, i: int, value: float, uncertain: Uncertainty, t: float) -> tuple[float, float]:
@@ -380,17 +341,3 @@ def _interval(p: Parameter, i: int, value: float, uncertain: Uncertainty, t: flo
     q = p.coordinate(value) if centre is None else float(centre[i])
     low, high = max(p.value(q - below), p.lower), min(p.value(q + above), p.upper)
     return min(low, value), max(high, value)
-
-
-def _aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    return ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows]
-
-
-def _finite(item: Any) -> Any:
-    """JSON knows neither NaN nor infinity."""
-    if isinstance(item, dict):
-        return {key: _finite(value) for key, value in item.items()}
-    if isinstance(item, list):
-        return [_finite(value) for value in item]
-    return None if isinstance(item, float) and not math.isfinite(item) else item

@@ -46,7 +46,8 @@ class Design(NamedTuple):
 
     Attributes:
         matrix: B, shape (n, K).
-        tangent: from coefficients x, shape (K,), to the derivatives of B x by the k searched values, (n, k).
+        tangent: from coefficients x, shape (K,), to the derivatives of B x by the values [n, k] of all
+            parameters that the design gets, but the fixed ones.
     """
 
     matrix: np.ndarray
@@ -126,7 +127,9 @@ def _with_coefficients(fit: Fit, recordings: Sequence[Linear], solutions: list[_
         for (name, unit), x in zip(recording.coefficients, s.x, strict=True)
     ]
     slopes = np.array([p.slope(fit.values[p.name]) for p in fit.parameters])
-    tangents = [s.weights[:, None] * s.design.tangent(s.x) * slopes for s in solutions]
+    tangents = [
+        s.weights[:, None] * fit.ties.total(s.design.tangent(s.x), fit.values) * slopes for s in solutions
+    ]
     joint = _correlated if fit.correlated else _white
     none = np.zeros(len(added))
     _, bounded, push, released, _ = fit.uncertainty

@@ -16,14 +16,15 @@ from .recorded.channels import channel, names_of, recordings_of
 
 
 class Candidate(NamedTuple):
-    """A law with its start values, what is free in it, bounds where the usual ones do not do, and how many
-    searches to begin within them."""
+    """A law with its start values, what is free in it, bounds where the usual ones do not do, how many
+    searches to begin within them, and what is tied to what is free."""
 
     label: str
     model: Any
     free: tuple[str, ...]
     bounds: Bounds
     starts: int = 1  # more for a law whose sum of squares has several valleys
+    tied: Mapping[str, str] = {}  # never changed
 
 
 @dataclass(frozen=True, eq=False)

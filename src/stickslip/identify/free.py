@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 from ..estimate.parameter import Parameter
-from ..records import did_you_mean, quantities
-from ..simulation.varied import element_of, law_of, ratios_of
+from ..estimate.tied import names_in
+from ..records import Quantity, did_you_mean, quantities
+from ..simulation.varied import element_of, free_names, law_of, ratios_of
 from ..units import QuantityError, to_si
 
 Bounds = Mapping[str, tuple[float | str, float | str]]
@@ -26,15 +27,11 @@ def parameter(model: Any, name: str, bounds: Bounds) -> Parameter:
     Raises:
         QuantityError: it starts at zero without bounds, or the bounds are wrong.
     """
-    law = law_of(model)
-    element, ratio = element_of(law, name), ratios_of(law).get(name)
-    if ratio is not None and name not in law._fields:
-        start = getattr(law, ratio.field) / ratio.scale(law._asdict())
+    start, quantity = value_of(model, name)
+    if quantity is None:
+        ratio = ratios_of(law_of(model))[name]
         low, high = _given(bounds, name, "") or (ratio.lower, ratio.upper)
         return Parameter(name, start, low, high, "", log=False)
-    owner = law if element or name in law._fields else model
-    quantity = quantities(type(owner))[element[0] if element else name]
-    start = getattr(law, element[0])[element[1]] if element else getattr(owner, name)
     given = _given(bounds, name, quantity.unit)
     if given is not None:
         return Parameter(name, start, *given, quantity.unit, log=given[0] > 0)
@@ -46,6 +43,80 @@ def parameter(model: Any, name: str, bounds: Bounds) -> Parameter:
     least = max(quantity.minimum or 0.0, quantity.above or 0.0)
     most = math.inf if quantity.maximum is None else quantity.maximum
     return Parameter(name, start, max(start / REACH, least), min(start * REACH, most), quantity.unit)
+
+
+def value_of(model: Any, name: str) -> tuple[float, Quantity | None]:
+    """What the model has of one of `free_names`, and what that is; a ratio is no quantity of a record."""
+    law = law_of(model)
+    element, ratio = element_of(law, name), ratios_of(law).get(name)
+    if ratio is not None and name not in law._fields:
+        return getattr(law, ratio.field) / ratio.scale(law._asdict()), None
+    owner = law if element or name in law._fields else model
+    quantity = quantities(type(owner))[element[0] if element else name]
+    return (getattr(law, element[0])[element[1]] if element else getattr(owner, name)), quantity
+
+
+class Known(NamedTuple):
+    """Values that a fit could have, free or not, by name: each with its unit."""
+
+    names: Sequence[str]
+    of: Callable[[str], tuple[float, str]]
+
+
+def known_of(model: Any, others: Mapping[str, tuple[float, str]]) -> Known:
+    """Those of a model, and others besides."""
+
+    def of(name: str) -> tuple[float, str]:
+        if name in others:
+            return others[name]
+        value, quantity = value_of(model, name)
+        return value, quantity.unit if quantity else ""
+
+    return Known([*free_names(model), *others], of)
+
+
+def beside(free: Sequence[str], tied: Mapping[str, str], known: Known) -> list[Parameter]:
+    """The parameters beside the free ones: those that are tied, and fixed ones that they need.
+
+    Args:
+        free: names of those that are searched for.
+        tied: expression of each tied one, see `estimate.tied`.
+        known: all that can be named; what is neither free nor tied keeps its value.
+
+    Raises:
+        QuantityError: a name is unknown, or free and tied at once; or an expression cannot be read.
+    """
+    needed: dict[str, None] = {}
+    for name, expression in tied.items():
+        if name not in known.names:
+            hint = did_you_mean(name, known.names)
+            raise QuantityError(f"{name!r} cannot be tied{hint}: there are {', '.join(known.names)}")
+        if name in free:
+            raise QuantityError(f"{name!r} is free, and tied to {expression!r}: it can be one of both")
+        for other in names_in(expression, name):
+            if other not in known.names:
+                hint = did_you_mean(other, known.names)
+                raise QuantityError(f"{name} is tied to {expression!r}, but there is no {other!r}{hint}")
+            needed[other] = None
+    found = [Parameter(name, unit=known.of(name)[1], tied=str(text)) for name, text in tied.items()]
+    for name in needed:
+        if name not in tied and name not in free:
+            value, unit = known.of(name)
+            found.append(Parameter(name, value, unit=unit, log=False, fixed=True))
+    return found
+
+
+def with_ties(parameters: Sequence[Parameter], tied: Mapping[str, str] | None) -> list[Parameter]:
+    """The parameters of a fit that searches for all but those that are tied, in their order.
+
+    Raises:
+        QuantityError: see `beside`.
+    """
+    tied = tied or {}
+    own = {p.name: p for p in parameters}
+    known = Known(list(own), lambda name: (own[name].start, own[name].unit))
+    found = {p.name: p for p in beside([n for n in own if n not in tied], tied, known)}
+    return [found.get(p.name, p) for p in parameters]
 
 
 def with_prior(p: Parameter, priors: Bounds) -> Parameter:

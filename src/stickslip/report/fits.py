@@ -18,11 +18,13 @@ from .document import Column, Number, Table
 
 
 def estimates(fit: Fit, level: float = 0.95) -> dict[str, Number]:
-    """Each parameter with its standard error and confidence interval."""
+    """Each parameter with its standard error and confidence interval, which a fixed one has not."""
     errors, intervals = fit.standard_errors, fit.confidence_intervals(level)
     return {
-        p.name: Number(fit.values[p.name], p.unit, *intervals[p.name], errors[p.name], level)
-        for p in fit.parameters
+        p.name: Number(fit.values[p.name], p.unit)
+        if p.fixed
+        else Number(fit.values[p.name], p.unit, *intervals[p.name], errors[p.name], level)
+        for p in fit.shown
     }
 
 
@@ -33,10 +35,10 @@ def parameter_table(caption: str, fit: Fit, level: float = 0.95) -> Table:
         Column(f"estimate [{100 * level:g} % interval]"),
         Column("standard error"),
     )
-    errors = fit.standard_errors
+    errors, numbers = fit.standard_errors, estimates(fit, level)
     rows = [
-        (name, number, Number(errors[name], number.unit, note="at its bound"))
-        for name, number in estimates(fit, level).items()
+        (f"{p.name} {p.state}".strip(), numbers[p.name], Number(errors[p.name], p.unit, note="at its bound"))
+        for p in fit.shown
     ]
     state = f"{'Converged' if fit.converged else 'NOT CONVERGED'}: {fit.message}."
     searches = f"{fit.starts_agreeing} of {fit.starts} searches ended here." if fit.starts > 1 else ""
@@ -55,13 +57,14 @@ def _sentence(text: str) -> str:
 
 def fit_numbers(fit: Fit, unit: str, level: float = 0.95) -> dict[str, Any]:
     """All numbers of a fit for results.json; `unit` is that of the data."""
-    units = {p.name: p.unit for p in fit.parameters}
+    units = {p.name: p.unit for p in fit.shown}
     return {
         "parameters": estimates(fit, level),
         "correlation": {
-            "parameters": list(fit.values),
+            "parameters": [p.name for p in fit.parameters],
             "coefficients": {"value": fit.correlation.to_numpy().tolist(), "unit": ""},
         },
+        "tied": fit.tied,
         "recordings": {
             g.name: {
                 "r_squared": Number(g.r_squared, ""),

@@ -43,7 +43,8 @@ class FrequencyStudy(Study):
     `modes` are the models: for each its starts, as pairs of frequency [Hz] and damping ratio. The last
     `held_out` realisations verify; `output` counts from 1; of the excited lines, each `every`-th is fitted;
     `follow` are the modes, counted from 1 in the last model, whose change with the amplitude is shown;
-    `time_domain` names levels for a fit in time as well.
+    `time_domain` names levels for a fit in time as well; `tied` are poles of the last model that follow from
+    others, as for `identify_frequency`.
     """
 
     kind: Literal["frequency_response"]
@@ -55,6 +56,7 @@ class FrequencyStudy(Study):
     every: int = 1
     modes: list[list[tuple[float, float]]]
     follow: list[int]
+    tied: dict[str, str] = {}  # noqa: RUF012  # pydantic copies it
     time_domain: list[str] = []  # noqa: RUF012  # pydantic copies it
     levels: list[Level]
 
@@ -72,7 +74,8 @@ class FrequencyStudy(Study):
         measured = frequency_response(
             drive[:, :, seen], response[:, :, seen], self.sample_rate, band=self.band, units=self.units
         ).isel(output=slice(self.output - 1, self.output), frequency=slice(None, None, self.every))
-        fits = [identify_frequency(measured, modes) for modes in self.modes]
+        fits = [identify_frequency(measured, modes) for modes in self.modes[:-1]]
+        fits.append(identify_frequency(measured, self.modes[-1], tied=self.tied))
         # The mean over the periods, without the offset of the sensor: the steady state that the model has.
         steady = response[:, self.output - 1, unseen].mean(axis=2)
         steady = steady - steady.mean(axis=0)
@@ -92,6 +95,7 @@ class FrequencyStudy(Study):
                 self.sample_rate,
                 fits[-1].model,
                 periodic=True,
+                tied={name: text for name, text in self.tied.items() if name != "delay"},
             )
         return _Level(level, measured, fits, scores, in_time)
 

@@ -25,12 +25,14 @@ _LAWS = {law.__name__: law for law in LAWS}
 
 
 class LawSpec(Strict):
-    """A law to fit: its name, the values at which the fit starts, and what is free; `label` for tables."""
+    """A law to fit: its name, the values at which the fit starts, what is free, and what is tied to others
+    (see `identify_loops`); `label` for tables."""
 
     law: str
     fields: dict[str, float | str | list[float | str]]
     free: list[str]
     bounds: dict[str, tuple[float, float]] = Field(default_factory=dict)
+    tied: dict[str, str] = Field(default_factory=dict)
     label: str = ""
 
     def candidate(self) -> Candidate:
@@ -39,7 +41,8 @@ class LawSpec(Strict):
             raise StudyError(f"laws.law: there is no law {self.law!r}; there are {', '.join(_LAWS)}")
         fields = {k: tuple(v) if isinstance(v, list) else v for k, v in self.fields.items()}
         law: Any = _LAWS[self.law]
-        return Candidate(self.label or self.law, law(**fields), tuple(self.free), dict(self.bounds))
+        label, made = self.label or self.law, law(**fields)
+        return Candidate(label, made, tuple(self.free), dict(self.bounds), tied=dict(self.tied))
 
 
 class LoopStudy(Study):

@@ -27,10 +27,11 @@ class PulledRecording(Recorded):
 
 
 class PulledStudy(Study):
-    """See the module. Exactly one recording is for the fit."""
+    """See the module. Exactly one recording is for the fit; `tied` as for `identify_pulled_slider`."""
 
     kind: Literal["pulled_slider"]
     mass: Annotated[float, quantity("kg")]
+    tied: dict[str, str] = {}  # noqa: RUF012  # pydantic copies it
     recordings: list[PulledRecording]
 
     def run(self, folder: Path, progress: Callable[[str, float], None]) -> Document:
@@ -43,7 +44,7 @@ class PulledStudy(Study):
         progress(f"fitting {fitted[0].label}", 0.0)
         parts = read_parts(self.recordings, folder)
         data = {r.label: (parts[r.label], Rig(self.mass, r.stiffness, r.speed)) for r in self.recordings}
-        fit = identify_pulled_slider(*data[fitted[0].label])
+        fit = identify_pulled_slider(*data[fitted[0].label], tied=self.tied)
         dynamic = fit.values["dynamic_coefficient"]
         static = dynamic + fit.values["stiction_excess"]
         rows, traces, right, impossible = [], {}, 0, []

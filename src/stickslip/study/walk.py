@@ -68,13 +68,14 @@ class WalkFile(Study):
 
 
 class WalkStudy(WalkFile):
-    """See the module; `starts`, `hops` and `tolerance` (of the simulations) as for `identify_friction`. `by`
-    names an attribute of the recordings (voltage, temperature, ...) for each value of which they are fitted
-    alone too."""
+    """See the module; `tied`, `starts`, `hops` and `tolerance` (of the simulations) as for
+    `identify_friction`. `by` names an attribute of the recordings (voltage, temperature, ...) for each value
+    of which they are fitted alone too."""
 
     kind: Literal["walk"]
     free: list[str]
     bounds: dict[str, tuple[float | str, float | str]] = Field(default_factory=dict)
+    tied: dict[str, str] = Field(default_factory=dict)
     starts: int = 1
     hops: int = 6
     tolerance: Annotated[float, quantity("m")] | None = None
@@ -94,6 +95,7 @@ class WalkStudy(WalkFile):
         options: dict[str, Any] = {
             "drive": [w for _, w in fitted],
             "bounds": self.bounds or None,
+            "tied": self.tied,
             "starts": self.starts,
             "hops": self.hops,
             "tolerance": self.tolerance,
@@ -114,7 +116,7 @@ class WalkStudy(WalkFile):
 
 def _with_conditions(document: Document, found: Conditions) -> Document:
     """The report with how each parameter moves."""
-    table, names = found.table, list(found.together.values)
+    table, names = found.table, [p.name for p in found.together.shown]
     own = [estimates(fit) for fit in found.fits]
     rows = [
         (Number(at, found.unit), *(by[name] for name in names)) for at, by in zip(found.at, own, strict=True)
@@ -122,7 +124,7 @@ def _with_conditions(document: Document, found: Conditions) -> Document:
     value, low, high = (table[key] for key in ("value", "low", "high"))
     drawn = {
         p.name: Estimates(*(of.sel(parameter=p.name).values for of in (value, low, high)), unit=p.unit)
-        for p in found.together.parameters
+        for p in found.together.shown
     }
     said = f"{found.statement[0].upper()}{found.statement[1:]}."
     section = Section(

@@ -10,6 +10,7 @@ over the slider's weight.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
@@ -29,6 +30,7 @@ from ...friction import StictionCoulombViscous
 from ...simulation import simulate
 from ...units import with_prefix
 from ...waveform.shapes import Ramp
+from ..free import with_ties
 
 # A drop counts as an event if it is larger than this part of the mean force: the noise of the force channels
 # in view is below a third of it after the median filter.
@@ -172,13 +174,17 @@ def simulate_events(model: PulledSlider, rig: Rig) -> Events:
     return slip_events(simulated_force(model, rig), rig)
 
 
-def identify_pulled_slider(recording: xr.Dataset, rig: Rig, channel: str = "force_ratio") -> Fit:
+def identify_pulled_slider(
+    recording: xr.Dataset, rig: Rig, channel: str = "force_ratio", *, tied: Mapping[str, str] | None = None
+) -> Fit:
     """Static and dynamic friction coefficients from the events of one recording.
 
     Least squares on the mean top, bottom and period, each weighted by its standard error, against the
-    simulated slider; `slider` makes the model from the values.
+    simulated slider; `slider` makes the model from the values. One of both coefficients may be `tied` to the
+    other, as for `identify_friction`: ``{"stiction_excess": "0.2 * dynamic_coefficient"}``.
 
     Raises:
+        QuantityError: an expression that ties is wrong.
         FitError: see `slip_events`; or there are fewer than ten events.
     """
     events = slip_events(recording, rig, channel)
@@ -196,9 +202,12 @@ def identify_pulled_slider(recording: xr.Dataset, rig: Rig, channel: str = "forc
     middle, half = 0.5 * (means[0] + means[1]), 0.5 * (means[0] - means[1])
     return fit_least_squares(
         [Residuals(residuals, means, errors, "mean top, bottom and period of the events")],
-        (
-            Parameter("dynamic_coefficient", middle, 0.2 * middle, 3.0 * middle),
-            Parameter("stiction_excess", half, 0.05 * half, 10.0 * half),
+        with_ties(
+            (
+                Parameter("dynamic_coefficient", middle, 0.2 * middle, 3.0 * middle),
+                Parameter("stiction_excess", half, 0.05 * half, 10.0 * half),
+            ),
+            tied,
         ),
         noise_known=True,
         difference_step=1e-3,

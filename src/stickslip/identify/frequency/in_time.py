@@ -9,7 +9,7 @@ to that frequency the two assumptions part further.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache
 
@@ -24,6 +24,7 @@ from ...estimate.problem import FitError
 from ...estimate.result import Fit
 from ...estimate.search import Progress
 from ...estimate.separable import Design, Linear, separable
+from ..free import with_ties
 from .modal import ModalModel, pole_parameters
 
 
@@ -90,6 +91,7 @@ def identify_in_time(
     periodic: bool = False,
     unit: str = "m/V",
     correlated: bool = True,
+    tied: Mapping[str, str] | None = None,
     progress: Callable[[Progress], None] | None = None,
 ) -> Fit:
     """Fit a modal model to recordings by free simulation; all recordings and channels share poles and delay.
@@ -103,12 +105,14 @@ def identify_in_time(
         periodic: the recordings are one period of a steady state; otherwise they begin at rest.
         unit: of response by drive.
         correlated: allow for errors that are correlated in time, as those of a model always are.
+        tied: poles that follow from others, as for `identify_frequency`.
         progress: called after each evaluation.
 
     Returns:
         As `identify_frequency`, without the delay. Every sample counts alike: it follows what moves most.
 
     Raises:
+        QuantityError: an expression that ties is wrong.
         FitError: the shapes do not fit.
     """
     if drive.ndim != 3 or response.ndim != 3 or drive.shape[::2] != response.shape[::2]:
@@ -128,8 +132,9 @@ def identify_in_time(
         return in_rows(_held_mode(u, omega, zeta, delay, sample, periodic))
 
     def designs(values: Values) -> list[Design]:
-        poles = list(values.values())
-        pairs = list(zip(poles[0::2], poles[1::2], strict=True))
+        pairs = [
+            (values[f"natural_frequency_{m}"], values[f"damping_ratio_{m}"]) for m in range(1, n_modes + 1)
+        ]
         modes = np.stack([mode(w, z) for w, z in pairs])
 
         @cache
@@ -154,9 +159,11 @@ def identify_in_time(
         recordings.append(Linear(measured, None, coefficients, f"output {o}", unit.split("/")[0]))
     poles = list(zip(start.natural_frequency, start.damping_ratio, strict=True))
     parameters = pole_parameters(poles, (np.pi / (n_samples * sample), np.pi * sample_rate))
-    problem = separable(recordings, designs, parameters, correlated=correlated)
+    problem = separable(recordings, designs, with_ties(parameters, tied), correlated=correlated)
     fit = fit_least_squares(problem, tolerance=1e-8, progress=progress)
-    searched, found = np.split(np.array(list(fit.values.values())), [2 * n_modes])
+    names = [p.name for p in parameters]
+    searched = np.array([fit.values[name] for name in names])
+    found = np.array([fit.values[p.name] for p in fit.parameters if p.name not in names])
     found = found.reshape(n_outputs, 2 * n_modes + 1, n_inputs)
     gain, rate_gain = found[:, :-1].reshape(n_outputs, n_modes, 2, n_inputs).transpose(2, 1, 0, 3)
     model = ModalModel(searched[0::2], searched[1::2], delay, gain, rate_gain, found[:, -1])

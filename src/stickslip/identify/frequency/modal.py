@@ -11,7 +11,7 @@ is (outputs, inputs).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from typing import Any, NamedTuple
@@ -26,6 +26,7 @@ from ...estimate.problem import FitError
 from ...estimate.result import Fit
 from ...estimate.search import Progress
 from ...estimate.separable import Design, Linear, separable
+from ..free import with_ties
 
 # Damping ratios among which a further mode is looked for.
 TRIAL_DAMPING = (0.005, 0.01, 0.02, 0.05, 0.2)
@@ -84,6 +85,7 @@ def identify_frequency(
     remainder: bool = True,
     noise_known: bool = False,
     correlated: bool = False,
+    tied: Mapping[str, str] | None = None,
     progress: Callable[[Progress], None] | None = None,
 ) -> Fit:
     """Fit a modal model to measured frequency responses; all channels share poles and delay.
@@ -99,6 +101,8 @@ def identify_frequency(
         noise_known: take the deviations in `response` as they are; by default the misfit sets their level.
         correlated: allow for errors correlated from line to line: those of a model with too few modes, and of
             lines by `welch_frequency_response`.
+        tied: poles and delay that follow from others, as for `identify_friction`; modes are numbered by
+            frequency: ``{"damping_ratio_2": "damping_ratio_1"}``.
         progress: called after each evaluation.
 
     Returns:
@@ -106,6 +110,7 @@ def identify_frequency(
         remainder; with several channels gain_1[o,i] for output o and input i. Its `model` is a `ModalModel`.
 
     Raises:
+        QuantityError: an expression that ties is wrong.
         FitError: no deviations in `response`, or too few frequencies for so many modes.
     """
     missing = [d for d in ("output", "input") if d not in response["response"].dims]
@@ -115,6 +120,7 @@ def identify_frequency(
     kind = _Kind(complex_modes, remainder)
     starts, delay = _found(response, modes, kind) if isinstance(modes, int) else (list(modes), 0.0)
     options: dict[str, Any] = {"noise_known": noise_known, "correlated": correlated, "progress": progress}
+    options["tied"] = tied
     fit = _fit(response, sorted(starts), delay, kind, **options)
     frequencies, dampings, delay = fit.model[:3]
     if np.any(np.diff(frequencies) < 0):  # modes have passed each other: number them anew
@@ -171,6 +177,7 @@ def _fit(
     poles = [(2 * np.pi * f, zeta) for f, zeta in starts]
     parameters = pole_parameters(poles, limits)
     parameters.append(Parameter("delay", delay, -longest, longest, "s", log=False))
+    names = [p.name for p in parameters]
     recordings = []
     for o, i in product(range(outputs.size), range(inputs.size)):
         channel = "" if single else f"[{outputs[o]},{inputs[i]}]"
@@ -187,11 +194,12 @@ def _fit(
         )
 
     def designs(values: Values) -> list[Design]:
-        return [_design(frequency, np.array(list(values.values())), kind)] * len(recordings)
+        return [_design(frequency, np.array([values[name] for name in names]), kind)] * len(recordings)
 
     about = {name: options.pop(name) for name in ("noise_known", "correlated") if name in options}
-    fit = fit_least_squares(separable(recordings, designs, parameters, **about), **options)
-    return replace(fit, model=_model(fit, outputs.size, inputs.size, kind))
+    problem = separable(recordings, designs, with_ties(parameters, options.pop("tied", None)), **about)
+    fit = fit_least_squares(problem, **options)
+    return replace(fit, model=_model(fit, names, outputs.size, inputs.size, kind))
 
 
 def pole_parameters(starts: Sequence[tuple[float, float]], limits: tuple[float, float]) -> list[Parameter]:
@@ -204,15 +212,16 @@ def pole_parameters(starts: Sequence[tuple[float, float]], limits: tuple[float, 
     return parameters
 
 
-def _model(fit: Fit, n_outputs: int, n_inputs: int, kind: _Kind) -> ModalModel:
-    values = np.array(list(fit.values.values()))
-    n_modes = sum(name.startswith("natural_frequency") for name in fit.values)
-    poles, delay, rest = values[: 2 * n_modes], values[2 * n_modes], values[2 * n_modes + 1 :]
+def _model(fit: Fit, names: Sequence[str], n_outputs: int, n_inputs: int, kind: _Kind) -> ModalModel:
+    """Of a fit whose coefficients come after the poles and the delay, whose `names` are given."""
+    *poles, delay = (fit.values[name] for name in names)
+    n_modes = len(poles) // 2
+    rest = np.array([fit.values[p.name] for p in fit.parameters if p.name not in names])
     coefficients = np.moveaxis(rest.reshape(n_outputs, n_inputs, -1), -1, 0)
     zero = np.zeros((n_modes, n_outputs, n_inputs))
     return ModalModel(
-        poles[0::2],
-        poles[1::2],
+        np.array(poles[0::2]),
+        np.array(poles[1::2]),
         float(delay),
         coefficients[:n_modes],
         coefficients[n_modes : 2 * n_modes] if kind.complex_modes else zero,

@@ -16,7 +16,7 @@ are the same; samples without load tell which it is.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -33,7 +33,7 @@ from ...estimate.search import Progress
 from ...estimate.several import ENOUGH, followed, from_several, lowest
 from ...simulation import SimulationError, friction_response
 from ...simulation.varied import free_names, with_values
-from ..free import Bounds, check_names, parameter
+from ..free import Bounds, beside, check_names, known_of, parameter
 from ..quantised import with_steps
 from ..recorded.channels import channel, names_of, recordings_of
 from ..recorded.known_noise import converter_step
@@ -65,6 +65,7 @@ def identify_loops(
     *,
     reference_normal_force: float | None = None,
     bounds: Bounds | None = None,
+    tied: Mapping[str, str] | None = None,
     noise: float | None = None,
     starts: int = 1,
     seed: int = 0,
@@ -89,6 +90,8 @@ def identify_loops(
         bounds: of free parameters, in SI or as strings, else a factor 30 either side of the start and of
             what the sizes of the loops say; of the channel's and contact's: the largest force, half its
             inverse, and the inverse of the length in time.
+        tied: parameters that follow from others, as for `identify_friction`:
+            ``{"strength_2": "0.5 * strength_1"}``.
         noise: standard deviation of the force, N; left out, it is estimated from the residuals.
         starts, seed, max_evaluations, progress: as `identify_friction`.
         tolerance: m, on the deflections.
@@ -111,20 +114,14 @@ def identify_loops(
     origin = float(found[0]["time"].values[0])
     settings = (reference_normal_force, origin, tolerance)
     responses = [_response(r, name, *settings) for r, name in zip(found, names, strict=True)]
-    largest = max(float(np.max(np.abs(force))) for force in measured)
-    span = max(float(r["time"].values[-1]) for r in found) - origin
-    reach = {
-        "bias": largest,
-        "contact_offset": largest,
-        "asymmetry": 0.9,
-        "curvature": 0.5 / largest,
-        "drift": 1.0 / span,
-    }
+    reach = _reach(found, measured, origin)
     parameters = [
         _of_channel(name, reach.get(name, 0.0), bounds) if name in CHANNEL else parameter(model, name, bounds)
         for name in free
     ]
     parameters, begins = loop_starts(parameters, found, measured, bounds)
+    neutral = {name: (1.0 if name == "load_exponent" else 0.0, unit) for name, unit in CHANNEL.items()}
+    others = beside(free, tied or {}, known_of(model, neutral))
 
     def residuals(response: Callable[..., Any], force: NDArray[np.float64]) -> Any:
         def of(values: Values) -> NDArray[np.float64]:
@@ -137,7 +134,7 @@ def identify_loops(
             Residuals(residuals(response, force), force, noise, name, "N", time=one["time"].values)
             for response, force, name, one in zip(responses, measured, names, found, strict=True)
         ],
-        parameters,
+        [*parameters, *others],
         noise_known=noise is not None,
         correlated=correlated,
         difference_step=DIFFERENCE_STEP,
@@ -161,31 +158,53 @@ def identify_loops(
     )
     if starts > 1:
         fit = lowest([fit, search(fit.values, max_evaluations, starts)])
-
-    positions = [channel(r, "position", name) for r, name in zip(found, names, strict=True)]
-
-    def at(moved: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
-        shown = [
-            _response(r.assign(position=("time", x)), name, *settings)(model, fit.values)
-            for r, x, name in zip(found, moved, names, strict=True)
-        ]
-        return np.concatenate(shown) - np.concatenate(measured)
-
-    fit = with_steps(fit, positions, [converter_step(x) for x in positions], at, "position", "m")
-    noticed = [
-        said
-        for name in NOTICED
-        if name not in free and not (name == "contact_offset" and "bias" in free)
-        for said in [_noticed(fit, name, responses, model, reach[name], span)]
-        if said
-    ]
+    fit = _with_steps(fit, found, measured, model, settings)
+    had = {*free, *(tied or {})}
+    unasked = [n for n in NOTICED if n not in had and not (n == "contact_offset" and "bias" in had)]
+    noticed = [_noticed(fit, name, responses, model, reach) for name in unasked]
     return replace(
         fit,
         model=with_values(model, _own(fit.values)),
         observed=OBSERVED,
         predict=LoopPrediction(model, fit.values, *settings).predict,
-        remarks=(*fit.remarks, *noticed),
+        remarks=(*fit.remarks, *filter(None, noticed)),
     )
+
+
+def _reach(
+    recordings: Sequence[xr.Dataset], measured: Sequence[NDArray[np.float64]], origin: float
+) -> dict[str, float]:
+    """How far from 0 the values of `CHANNEL` may be, but for the exponent."""
+    largest = max(float(np.max(np.abs(force))) for force in measured)
+    span = max(float(r["time"].values[-1]) for r in recordings) - origin
+    return {
+        "bias": largest,
+        "contact_offset": largest,
+        "asymmetry": 0.9,
+        "curvature": 0.5 / largest,
+        "drift": 1.0 / span,
+    }
+
+
+def _with_steps(
+    fit: Fit,
+    recordings: Sequence[xr.Dataset],
+    measured: Sequence[NDArray[np.float64]],
+    model: Any,
+    settings: tuple[float | None, float, float],
+) -> Fit:
+    """The fit with what the steps of the recorded position leave open."""
+    names = names_of(recordings)
+    positions = [channel(r, "position", name) for r, name in zip(recordings, names, strict=True)]
+
+    def at(moved: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+        shown = [
+            _response(r.assign(position=("time", x)), name, *settings)(model, fit.values)
+            for r, x, name in zip(recordings, moved, names, strict=True)
+        ]
+        return np.concatenate(shown) - np.concatenate(measured)
+
+    return with_steps(fit, positions, [converter_step(x) for x in positions], at, "position", "m")
 
 
 class LoopPrediction(NamedTuple):
@@ -203,10 +222,14 @@ class LoopPrediction(NamedTuple):
 
 
 def _noticed(
-    fit: Fit, name: str, responses: Sequence[Callable[..., Any]], model: Any, reach: float, span: float
+    fit: Fit,
+    name: str,
+    responses: Sequence[Callable[..., Any]],
+    model: Any,
+    reach: Mapping[str, float],
 ) -> str:
     """A sentence where a modifier that is not free would lower the sum of squares by more than noise does."""
-    h = DIFFERENCE_STEP * reach
+    h = DIFFERENCE_STEP * reach[name]
     sides = [
         np.concatenate([response(model, {**fit.values, name: x}) for response in responses]) for x in (h, -h)
     ]
@@ -214,9 +237,9 @@ def _noticed(
     if gain(fit, slopes) <= ASKED:
         return ""
     found = step(fit, slopes)
+    percent = abs(100.0 * found / reach[name])
     said = {
-        "drift": f"friction {'rose' if found > 0 else 'fell'} by {abs(100.0 * found * span):.2g} % during "
-        "the recordings",
+        "drift": f"friction {'rose' if found > 0 else 'fell'} by {percent:.2g} % during the recordings",
         "asymmetry": f"friction differs forward and backward by {abs(200.0 * found):.2g} %",
         "contact_offset": f"{abs(found):.3g} N of the force do not turn with the motion",
     }[name]

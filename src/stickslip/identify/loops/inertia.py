@@ -14,7 +14,7 @@ difference. A body that turns has an angle [rad] and a torque [N m], and then m 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -28,6 +28,7 @@ from ...estimate.fit import fit_least_squares
 from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import FitError, Residuals
 from ...estimate.result import Fit
+from ..free import with_ties
 from ..recorded.channels import channel, names_of, recordings_of
 
 # Windows begin twice in the length of one: so they share hardly any noise, and leave hardly any unused.
@@ -38,6 +39,7 @@ SMOOTHED, AT_REST = 32, 3.0
 FEWEST = 16  # samples of a window
 
 Array = NDArray[np.float64]
+NAMES = ("mass", "viscous", "coulomb_force", "offset")
 # What turns, by the unit of its motion: units of inertia, viscous and Coulomb friction.
 UNITS = {"m": ("kg", "N s/m", "N"), "rad": ("kg m^2", "N m s/rad", "N m")}
 
@@ -48,6 +50,7 @@ def identify_inertia(
     window: float,
     position: str = "position",
     force: str = "force",
+    tied: Mapping[str, str] | None = None,
 ) -> Fit:
     """Mass, viscous and Coulomb friction and an offset of the force, from force and motion.
 
@@ -57,6 +60,8 @@ def identify_inertia(
         window: s, over which all is averaged: short against the changes of the motion, long against its
             noise; a quarter of the motion's period is a good choice.
         position, force: names of the channels.
+        tied: parameters that follow from others, as for `identify_friction`; ``{"viscous": "'0 N s/m'"}`` is
+            a body without it.
 
     Returns:
         A fit of mass [kg or kg m^2], viscous [N s/m or N m s/rad], coulomb_force and offset [N or N m]; the
@@ -64,6 +69,7 @@ def identify_inertia(
 
     Raises:
         RecordingError: a channel is missing, too short or constant.
+        QuantityError: an expression that ties is wrong.
         FitError: the window has fewer than 16 samples, or is longer than a recording.
     """
     found = recordings_of(recordings)
@@ -76,13 +82,12 @@ def identify_inertia(
         moved.append((averages, x))
     unit = str(found[0][position].attrs.get("units", "m")) or "m"
     kilograms, viscous, newtons = UNITS.get(unit, UNITS["m"])
-    names = ("mass", "viscous", "coulomb_force", "offset")
     begin = np.linalg.lstsq(
         np.concatenate([d for d, _, _ in parts]), np.concatenate([y for _, y, _ in parts]), rcond=None
     )[0]
     free = [
         Parameter(name, float(b), -np.inf, np.inf, u, log=False)
-        for name, b, u in zip(names, begin, (kilograms, viscous, newtons, newtons), strict=True)
+        for name, b, u in zip(NAMES, begin, (kilograms, viscous, newtons, newtons), strict=True)
     ]
 
     def residuals(design: Array, y: Array) -> Any:
@@ -90,14 +95,14 @@ def identify_inertia(
 
     fit = fit_least_squares(
         [Residuals(residuals(d, y), y, None, name, newtons) for d, y, name in parts],
-        free,
+        with_ties(free, tied),
         jacobian=lambda values: np.concatenate([d for d, _, _ in parts]),
     )
     return _with_noise_of_position(fit, moved)
 
 
 def _vector(values: Values) -> Array:
-    return np.array(list(values.values()))
+    return np.array([values[name] for name in NAMES])
 
 
 def _with_noise_of_position(fit: Fit, moved: Sequence[tuple[_Averages, Array]]) -> Fit:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -18,6 +18,7 @@ from ...estimate.lack import KnownNoise
 from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import Residuals
 from ...estimate.result import Fit
+from ..free import with_ties
 from ..recorded.channels import recordings_of
 from ..recorded.known_noise import converter_step
 from .formulas import POSITION, THESIS, StepTest, Timing, classical, second_order, step_tests
@@ -44,6 +45,7 @@ def identify_step(
     window: float | None = None,
     timing: Timing = THESIS,
     observed: str = POSITION,
+    tied: Mapping[str, str] | None = None,
 ) -> Fit:
     """Fit a second-order system, seen through a sensor with delay and lag, to step responses.
 
@@ -64,6 +66,7 @@ def identify_step(
         window: s before and after the step that are fitted; left out, eight peak times.
         timing: for the classical numbers, from which the fit starts.
         observed: name of the position channel.
+        tied: parameters that follow from others, as for `identify_friction`.
 
     Returns:
         A fit of damping_ratio, natural_frequency [rad/s], gain [m/V], delay [s], lag [s] and the offset of
@@ -72,6 +75,7 @@ def identify_step(
 
     Raises:
         RecordingError: a channel is missing, empty, constant, clipped, too short or too coarsely sampled.
+        QuantityError: an expression that ties is wrong.
         FitError: as `fit_least_squares`.
     """
     tests = step_tests(recordings, voltages, start, observed)
@@ -91,7 +95,7 @@ def identify_step(
         Residuals(residuals(test, i), test.position, None, test.name, "m", _known(test), test.time)
         for i, test in enumerate(kept, start=1)
     ]
-    fit = fit_least_squares(parts, _parameters(first, lag))
+    fit = fit_least_squares(parts, with_ties(_parameters(first, lag), tied))
     # What is before the window says as much about the noise as what is in it.
     until = [_within(test, -np.inf, reach) for test in tests]
     left = [residuals(test, i)(fit.values) for i, test in enumerate(until, start=1)]

@@ -11,25 +11,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
 from ...actuator import Actuator
-from ...estimate.bent import straight
+from ...estimate.bent import Mixture, straight
 from ...estimate.coloured import coloured, scores
+from ...estimate.parameter import Parameter
 from ...estimate.posterior import Posterior, sample
 from ...estimate.problem import FitError
 from ...estimate.result import Fit
 from ...waveform.signal import Waveform
 from ..recorded.channels import channel, drives_of, names_of, recordings_of
-from ..step.fit import STAGE
 from .displacement import Displacement
 from .likelihood import Members, eliminated, log_prior
 from .position_channel import CHANNEL, OBSERVED
 from .several import straightened
-from .walks import position_slopes
+from .walks import position_slopes, stage_beside
 
 Array = NDArray[np.float64]
 
@@ -76,59 +77,93 @@ def posterior(
         for r, w, name in zip(found, drives_of(drive, found), names, strict=True)
     ]
     measured = [channel(r, OBSERVED, name) for r, name in zip(found, names, strict=True)]
-    spread = dict(zip(fit.values, np.sqrt(np.diag(_start(fit))), strict=True))
+    spread = dict(zip([p.name for p in fit.parameters], np.sqrt(np.diag(_start(fit))), strict=True))
     delay = fit.values.get("delay", 0.0)
-    members = Members(motions, measured, fit.model, (delay, float(spread.get("delay", 0.0))))
+    members = Members(motions, measured, fit.model, (delay, float(spread.get("delay", 0.0))), fit.ties)
+    variance = _variance(fit)
+    space = _space(fit, stage, curvature_adjustment(fit, variance))
+    return sample(
+        _Density(space, members, variance, np.random.default_rng([seed, 1])),
+        space.parameters,
+        _begin(space, motions),
+        max_simulations=max_simulations,
+        ties=fit.ties,
+        seed=seed,
+        progress=progress,
+    )
 
-    own, parameters, centre = len(fit.parameters), list(fit.parameters), fit.coordinates
-    kept: list[int] = []
-    precision = np.zeros((0, 0))
+
+class _Space(NamedTuple):
+    """What is sampled: the parameters of a fit, and of the stage's fit those that are `kept`, as one list.
+
+    Attributes:
+        centre: coordinates of both estimates; `power` is how straight valleys go along each.
+        searched: which of them points are made of; the channel's are integrated out.
+        bend: the matrix C of the module's head.
+    """
+
+    fit: Fit
+    stage: Fit | None
+    kept: list[int]
+    parameters: list[Parameter]
+    centre: Array
+    searched: list[int]
+    power: Array
+    bend: Array
+
+    def of_stage(self) -> Array:
+        """The covariance of the stage's coordinates that are sampled too."""
+        if self.stage is None:
+            return np.zeros((0, 0))
+        return self.stage.uncertainty.covariance[np.ix_(self.kept, self.kept)]
+
+
+def _space(fit: Fit, stage: Fit | None, bend: Array) -> _Space:
+    parameters, centre, kept = list(fit.parameters), fit.coordinates, []
     if stage is not None:
-        kept = [i for i, p in enumerate(stage.parameters) if p.name in STAGE and p.name not in fit.values]
+        kept = stage_beside(stage, fit)
         parameters += [stage.parameters[i] for i in kept]
         centre = np.append(centre, stage.coordinates[kept])
-        precision = np.linalg.inv(stage.uncertainty.covariance[np.ix_(kept, kept)])
-    variance = _variance(fit)
-    bend = curvature_adjustment(fit, variance)
-    unbend = np.linalg.inv(bend)
-    lower = np.array([p.coordinate(p.lower) for p in parameters])
-    upper = np.array([p.coordinate(p.upper) for p in parameters])
-    of_channel = {p.name: p for p in parameters if p.name in CHANNEL}
     searched = [i for i, p in enumerate(parameters) if p.name not in CHANNEL]
     straight_on = straightened(parameters, fit.values | (stage.values if stage else {}))
     power = np.array([straight_on[i].power for i in searched])
-    bends = power != 0
-    random = np.random.default_rng([seed, 1])
+    return _Space(fit, stage, kept, parameters, centre, searched, power, bend)
 
-    def log_density(points: Array) -> tuple[Array, Array]:
-        """Of where the likelihood is asked for, along straight valleys; the q that go with it are unbent."""
-        at, log = np.tile(centre, (len(points), 1)), np.full(len(points), -np.inf)
+
+class _Density:
+    """Of where the likelihood is asked for, along straight valleys; the q that go with it are unbent."""
+
+    def __init__(self, of: _Space, members: Members, variance: float, random: np.random.Generator) -> None:
+        self.of, self.members, self.variance, self.random = of, members, variance, random
+        self.lower = np.array([p.coordinate(p.lower) for p in of.parameters])
+        self.upper = np.array([p.coordinate(p.upper) for p in of.parameters])
+        self.channel = {p.name: i for i, p in enumerate(of.parameters) if p.name in CHANNEL}
+        self.precision, self.unbend = np.linalg.inv(of.of_stage()), np.linalg.inv(of.bend)
+
+    def __call__(self, points: Array) -> tuple[Array, Array]:
+        """See `estimate.posterior.Density`."""
+        of, bends, own = self.of, self.of.power != 0, len(self.of.fit.parameters)
+        at, log = np.tile(of.centre, (len(points), 1)), np.full(len(points), -np.inf)
         there = np.all(points[:, bends] > 0.0, axis=1)
         q = points[there]
         stretched = np.log(q[:, bends])
-        q[:, bends] = centre[searched][bends] + stretched / power[bends]
-        at[np.ix_(there, searched)] = q
-        inside = np.clip(at[there], lower, upper)
-        values = {parameters[i].name: parameters[i].values(inside[:, i]) for i in searched}
-        found, *drawn = eliminated(members, members(values, len(q)), variance, of_channel, random)
+        q[:, bends] = of.centre[of.searched][bends] + stretched / of.power[bends]
+        at[np.ix_(there, of.searched)] = q
+        inside = np.clip(at[there], self.lower, self.upper)
+        values = {of.parameters[i].name: of.parameters[i].values(inside[:, i]) for i in of.searched}
+        free = {name: of.parameters[i] for name, i in self.channel.items()}
+        sums = self.members(values, len(q))
+        found, *drawn = eliminated(self.members, sums, self.variance, free, self.random)
         for name, column in zip(CHANNEL, drawn, strict=True):
-            if name in of_channel:
-                at[there, list(fit.values).index(name)] = column
-        for i, column in zip(searched, q.T, strict=True):
-            found = found + log_prior(parameters[i], column)
-        beside = at[there, own:] - centre[own:]
-        found -= 0.5 * np.einsum("mi,ij,mj->m", beside, precision, beside) + stretched.sum(axis=1)
-        at[:, :own] = centre[:own] + (at[:, :own] - centre[:own]) @ unbend.T
+            if name in free:
+                at[there, self.channel[name]] = column
+        for i, column in zip(of.searched, q.T, strict=True):
+            found = found + log_prior(of.parameters[i], column)
+        beside = at[there, own:] - of.centre[own:]
+        found -= 0.5 * np.einsum("mi,ij,mj->m", beside, self.precision, beside) + stretched.sum(axis=1)
+        at[:, :own] = of.centre[:own] + (at[:, :own] - of.centre[:own]) @ self.unbend.T
         log[there] = np.where(np.isfinite(found), found, -np.inf)
-        return np.where(np.all((at >= lower) & (at <= upper), axis=1), log, -np.inf), at
-
-    centres, spreads = _begin(fit, stage, kept, motions, bend, searched)
-    centres[:, bends] = np.exp((centres - centres[0])[:, bends] * power[bends])
-    scale = np.where(bends, power, 1)
-    begin = straight(list(centres), list(spreads * np.outer(scale, scale)))
-    return sample(
-        log_density, parameters, begin, max_simulations=max_simulations, seed=seed, progress=progress
-    )
+        return np.where(np.all((at >= self.lower) & (at <= self.upper), axis=1), log, -np.inf), at
 
 
 def _variance(fit: Fit) -> float:
@@ -150,41 +185,31 @@ def _start(fit: Fit) -> Array:
     return covariance * np.outer(narrow, narrow)
 
 
-def _begin(
-    fit: Fit,
-    stage: Fit | None,
-    kept: list[int],
-    motions: Sequence[Displacement],
-    bend: Array,
-    searched: list[int],
-) -> tuple[Array, Array]:
-    """Centres [minima, k] and covariances [minima, k, k] about all minima of the fit, which go along with the
-    stage's values as the fit would."""
-    centres = [fit.coordinates]
-    spreads = [_start(fit)]
+def _begin(of: _Space, motions: Sequence[Displacement]) -> Mixture:
+    """About all minima of the fit, which go along with the stage's values as the fit would."""
+    fit, stage, bend = of.fit, of.stage, of.bend
+    first, size, covariance = fit.coordinates, len(fit.parameters), of.of_stage()
+    centres, follows = [first], np.zeros((size, 0))
     for m in fit.minima:
         if m.values.keys() == fit.values.keys():
             centres.append(np.array([p.coordinate(m.values[p.name]) for p in fit.parameters]))
-            spreads.append(spreads[0])
-    follows, covariance, at_stage = np.zeros((len(fit.parameters), 0)), np.zeros((0, 0)), np.zeros(0)
     if stage is not None:
         assert fit.jacobian is not None
-        stage_names = [stage.parameters[i].name for i in kept]
-        by = position_slopes(motions, fit.model, fit.values.get("delay", 0.0), stage_names)
-        by = by * [stage.parameters[i].slope(stage.values[n]) for i, n in zip(kept, stage_names, strict=True)]
+        names = [stage.parameters[i].name for i in of.kept]
+        by = position_slopes(motions, fit, names)
+        by = by * [stage.parameters[i].slope(stage.values[n]) for i, n in zip(of.kept, names, strict=True)]
         follows = -np.linalg.lstsq(fit.jacobian, by, rcond=1e-8)[0]
-        covariance, at_stage = stage.uncertainty.covariance[np.ix_(kept, kept)], stage.coordinates[kept]
-    made, size = [], len(fit.parameters)
-    for spread in spreads:
-        whole = np.zeros((size + len(kept),) * 2)
-        whole[:size, :size] = bend @ (spread + follows @ covariance @ follows.T) @ bend.T
-        whole[:size, size:] = bend @ follows @ covariance
-        whole[size:, :size] = whole[:size, size:].T
-        whole[size:, size:] = covariance
-        made.append(whole[np.ix_(searched, searched)])
-    first = fit.coordinates
-    there = [np.append(first + bend @ (c - first), at_stage)[searched] for c in centres]
-    return np.array(there), np.array(made)
+    whole = np.zeros((len(of.parameters),) * 2)
+    whole[:size, :size] = bend @ (_start(fit) + follows @ covariance @ follows.T) @ bend.T
+    whole[:size, size:] = bend @ follows @ covariance
+    whole[size:, :size] = whole[:size, size:].T
+    whole[size:, size:] = covariance
+    there = np.array([np.append(first + bend @ (c - first), of.centre[size:])[of.searched] for c in centres])
+    bends = of.power != 0
+    there[:, bends] = np.exp((there - there[0])[:, bends] * of.power[bends])
+    scale = np.where(bends, of.power, 1)
+    spread = whole[np.ix_(of.searched, of.searched)] * np.outer(scale, scale)
+    return straight(list(there), [spread] * len(there))
 
 
 def curvature_adjustment(fit: Fit, variance: float) -> Array:

@@ -139,7 +139,7 @@ def compare_walks(
             law.free,
             channel=channel_free,
             bounds={**law.bounds, **known},
-            **{"starts": law.starts, **options},
+            **{"starts": law.starts, "tied": law.tied, **options},
         )
 
     drives = drives_of(unseen_drive, recordings_of(verification))

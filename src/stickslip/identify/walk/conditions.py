@@ -70,7 +70,7 @@ class Conditions:
     def table(self) -> xr.Dataset:
         """value, low, high (of the 95 % interval) and standard_error over "condition" and "parameter", each
         in the parameter's unit; `moves`, the chance of `moving`, over "parameter"."""
-        names = list(self.together.values)
+        names = [p.name for p in self.together.shown]
         ends = [fit.confidence_intervals() for fit in self.fits]
         over = ("condition", "parameter")
         columns: dict[str, Any] = {
@@ -81,7 +81,7 @@ class Conditions:
             "moves": ("parameter", [self.moving[n] for n in names]),
         }
         at = ("condition", list(self.at), {"units": self.unit, "long_name": self.by})
-        units = ("parameter", [p.unit for p in self.together.parameters])
+        units = ("parameter", [p.unit for p in self.together.shown])
         return xr.Dataset(columns, coords={"condition": at, "parameter": names, "unit": units})
 
     @property
@@ -95,7 +95,7 @@ class Conditions:
 
     def report(self) -> str:
         """A text table, a line for each condition, and what follows."""
-        names = list(self.together.values)
+        names = [p.name for p in self.together.shown]
         lines = ["  ".join([f"{self.by:>14}", *(f"{name:>32}" for name in names)])]
         for value, fit in zip(self.at, self.fits, strict=True):
             ends = fit.confidence_intervals()
@@ -137,7 +137,7 @@ def identify_conditions(
         raise RecordingError(f"{by} is {with_prefix(at[0], unit, 4)} in all recordings: nothing differs")
     together = identify_friction(found, model, free, drive=drives, **options)
     # All fits have what the recordings together asked for, or sums of squares could not be compared.
-    own = [name for name in together.values if name not in free]
+    own = [p.name for p in together.parameters if p.name not in free]
     begin = {n: together.values[n] for n in CHANNEL if n in together.values}
     settings = {**options, "channel": (), "begin": begin}
     fits = []
@@ -152,7 +152,7 @@ def identify_conditions(
                 **settings,
             )
         )
-    moving = {name: _moves(fits, name) for name in together.values}
+    moving = {p.name: _moves(fits, p.name) for p in together.shown}
     return Conditions(by, unit, tuple(at), tuple(fits), together, _chance(together, fits), moving)
 
 
@@ -171,9 +171,10 @@ def _chance(together: Fit, fits: Sequence[Fit]) -> float:
 
 def _moves(fits: Sequence[Fit], name: str) -> float:
     """The chance of a constant value to scatter so much, from the coordinates and their variances."""
-    place = list(fits[0].values).index(name)
-    q = np.array([fit.coordinates[place] for fit in fits])
-    variance = np.array([fit.uncertainty.covariance[place, place] for fit in fits])
+    place = [p.name for p in fits[0].shown].index(name)
+    q = np.array([fit.shown[place].coordinate(fit.values[name]) for fit in fits])
+    spread = [fit.ties.extended(fit.values, fit.uncertainty).covariance for fit in fits]
+    variance = np.array([one[place, place] for one in spread])
     told = np.isfinite(variance) & (variance > 0.0)
     if np.count_nonzero(told) < 2:
         return math.nan

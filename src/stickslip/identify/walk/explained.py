@@ -21,6 +21,7 @@ from ..recorded.channels import names_of
 from ..step.fit import STAGE
 from .displacement import Displacement, has_slopes
 from .friction import identify_friction
+from .walks import position_slopes, stage_beside
 
 TOGETHER = "all walks together"
 
@@ -55,8 +56,8 @@ def explained(
     """
     begin = {name: fit.values[name] for name in ("delay", "offset") if name in fit.values}
     settings: dict[str, Any] = {"drive": drives, "channel": (), "begin": begin, "correlated": False}
-    settings |= {"slew_rate": slew_rate, **options}
-    more = [name for name in STAGE if name not in free and name in fit.model._fields]
+    settings |= {"slew_rate": slew_rate, "tied": fit.tied, **options}
+    more = [name for name in STAGE if name not in (*free, *fit.tied) and name in fit.model._fields]
     loose = identify_friction(walks, fit.model, [*free, *more], hops=0, **settings)
     if not more:
         return Explained(loose, loose, loose.lack)
@@ -85,19 +86,19 @@ def _allowed(
     r = np.concatenate(fit.residuals)
     if stage is None or fit.jacobian is None or not has_slopes(fit.model):
         return float(r @ r)
-    kept = [i for i, p in enumerate(stage.parameters) if p.name in STAGE and p.name not in fit.values]
+    kept = stage_beside(stage, fit)
     parameters = [stage.parameters[i] for i in kept]
-    names, delay = [p.name for p in parameters], fit.values.get("delay", 0.0)
-    by = [
-        Displacement(r, w, name, fit.model, 1e-10, slew_rate).slopes(fit.model, delay, names)[:, :-1]
+    motions = [
+        Displacement(r, w, name, fit.model, 1e-10, slew_rate)
         for r, w, name in zip(walks, drives, names_of(walks), strict=True)
     ]
+    by = position_slopes(motions, fit, [p.name for p in parameters])
     scales = [p.slope(stage.values[p.name]) for p in parameters]
     spread = np.linalg.cholesky(stage.uncertainty.covariance[np.ix_(kept, kept)])
     own = fit.jacobian[:, np.linalg.norm(fit.jacobian, axis=0) > 0.0]
     own = own / np.linalg.norm(own, axis=0)
     # In deviations of the stage's values: each of them costs as much as a deviation of the noise.
-    moves = np.concatenate(by) * scales @ spread
+    moves = by * scales @ spread
     rows = np.block([[own, moves], [np.zeros((len(kept), own.shape[1])), noise * np.eye(len(kept))]])
     wanted = np.append(-r, np.zeros(len(kept)))
     left = rows @ np.linalg.lstsq(rows, wanted, rcond=None)[0] - wanted

@@ -89,6 +89,7 @@ def first_guess(
     stroke: float,
     given: Container[str] = (),
     seed: int = 0,
+    beside: Sequence[Parameter] = (),
 ) -> tuple[list[Parameter], list[Values]]:
     """The parameters within bounds wide enough, and where to begin: first where a short part of a recording
     is described best, then other valleys of it, at most `BEGINS`.
@@ -102,6 +103,7 @@ def first_guess(
         stroke: of the stage under the drive, m.
         given: whose bounds are the user's; those of others are widened to all that is plausible.
         seed: of the points.
+        beside: parameters that are fixed or tied to these.
     """
     names = [p.name for p in parameters if p.name in NAMES]
     if not names or not 0.0 < stroke * model.natural_frequency < math.inf:
@@ -147,10 +149,11 @@ def first_guess(
         begun = [p._replace(start=point[p.name], prior=None) for p in wide]
         searched = residuals._replace(function=with_slopes)
         try:
-            fit = fit_least_squares([searched], begun, jacobian=jacobian, max_evaluations=LOOK)
+            both = [*begun, *beside]
+            fit = fit_least_squares([searched], both, jacobian=jacobian, max_evaluations=LOOK)
         except (FitError, np.linalg.LinAlgError):
             return math.inf, start
-        return fit.reduced_chi_squared, fit.values
+        return fit.reduced_chi_squared, {p.name: fit.values[p.name] for p in wide}
 
     costs = sorted(map(cost, [start, *(start | values for values in tried)]), key=lambda pair: pair[0])
     looks = sorted((look(point) for _, point in costs[:LOOKED_AT]), key=lambda pair: pair[0])

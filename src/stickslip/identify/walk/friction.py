@@ -4,7 +4,7 @@ drive [kang2007, 5.3]."""
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -21,12 +21,13 @@ from ...estimate.problem import Residuals
 from ...estimate.result import Fit
 from ...estimate.search import Progress
 from ...estimate.several import lowest
+from ...estimate.tied import Ties
 from ...estimate.whiteness import white
 from ...records import did_you_mean
 from ...simulation.varied import free_names, with_values
 from ...units import QuantityError
 from ...waveform.signal import Waveform
-from ..free import Bounds, check_names, parameter, with_prior
+from ..free import Bounds, beside, check_names, known_of, parameter, with_prior
 from ..quantised import with_steps
 from ..recorded.channels import drives_of, names_of, recordings_of
 from ..recorded.known_noise import known_noise
@@ -52,6 +53,7 @@ def identify_friction(
     stage: Fit | None = None,
     bounds: Bounds | None = None,
     priors: Bounds | None = None,
+    tied: Mapping[str, str] | None = None,
     channel: Sequence[str] | None = None,
     begin: Values | None = None,
     noise: float | None = None,
@@ -94,6 +96,8 @@ def identify_friction(
             where bounds reach down to zero.
         priors: what is known of free parameters otherwise: value and standard deviation of each, in SI or as
             strings. They weigh against the noise, which must be given.
+        tied: parameters that follow from others, which may be free, tied or neither: the expression of each
+            by name, such as ``{"sigma_1": "0.2 * sqrt(sigma_0 * end_effector_mass)"}``; see `estimate.tied`.
         channel: "delay" and "offset" of the position channel that are free besides. Left out, those that the
             recordings show: an offset at rest, or what lowers the sum of squares by more than noise does;
             `remarks` of the fit say so. None of them: ().
@@ -131,19 +135,23 @@ def identify_friction(
     """
     found = recordings_of(recordings)
     names, drives = names_of(found), drives_of(drive, found)
-    bounds = bounds or {}
-    own = {name: limits for name, limits in bounds.items() if name not in CHANNEL}
-    for name in priors or {}:
-        if name not in free:
-            raise QuantityError(f"there is a prior for {name!r}, which is not free{did_you_mean(name, free)}")
-    if priors and noise is None:
-        raise QuantityError("priors weigh against the noise: give noise [m], the position's deviation, too")
-    check_names(free, [*free_names(model), *CHANNEL], own)
+    bounds, priors = bounds or {}, priors or {}
+    _check(model, free, bounds, priors, noise)
     measured = [walked(r, w, name) for r, w, name in zip(found, drives, names, strict=True)]
     for r, name in zip(found, names, strict=True):
         warn_of_unseen_slips(r, model, name)
     first = ({"delay": stage.values["delay"]} if stage is not None else {}) | (begin or {})
     tolerance = tolerance or (1e-10 if has_slopes(model) else 1e-12)
+
+    def parameters(free: Sequence[str]) -> list[Parameter]:
+        own = [
+            of_channel(name, found, bounds, first) if name in CHANNEL else parameter(model, name, bounds)
+            for name in free
+        ]
+        return [with_prior(p, priors) for p in own]
+
+    of_chain = {"delay": (first.get("delay", 0.0), "s"), "offset": (first.get("offset", 0.0), "m")}
+    others = beside(free, tied or {}, known_of(model, of_chain))
     walks = Walks(
         [
             Displacement(r, w, name, model, tolerance, slew_rate)
@@ -154,6 +162,7 @@ def identify_friction(
         [known_noise(r, x, w) for r, x, w in zip(found, measured, drives, strict=True)],
         model,
         stage,
+        Ties([*parameters(free), *others]),
         noise,
         correlated,
         loss,
@@ -163,25 +172,50 @@ def identify_friction(
     )
 
     def fitted(free: Sequence[str]) -> Fit:
-        parameters = [
-            of_channel(name, found, bounds, first) if name in CHANNEL else parameter(model, name, bounds)
-            for name in free
-        ]
-        parameters = [with_prior(p, priors or {}) for p in parameters]
-        return _searched(walks, parameters, found, drives, slew_rate, bounds, starts, hops, max_evaluations)
+        own = parameters(free)
+        return _searched(walks, own, found, drives, slew_rate, bounds, starts, hops, max_evaluations)
 
-    asked = [name for name in channel or () if name not in free]
+    fit = _with_channel(fitted, walks, free, channel, first)
+    return _completed(fit, walks, slew_rate, tolerance)
+
+
+def _check(model: Actuator, free: Sequence[str], bounds: Bounds, priors: Bounds, noise: float | None) -> None:
+    """Raise QuantityError unless all that is said of free parameters is of one that there is."""
+    own = {name: limits for name, limits in bounds.items() if name not in CHANNEL}
+    for name in priors:
+        if name not in free:
+            raise QuantityError(f"there is a prior for {name!r}, which is not free{did_you_mean(name, free)}")
+    if priors and noise is None:
+        raise QuantityError("priors weigh against the noise: give noise [m], the position's deviation, too")
+    check_names(free, [*free_names(model), *CHANNEL], own)
+
+
+def _with_channel(
+    fitted: Callable[[Sequence[str]], Fit],
+    walks: Walks,
+    free: Sequence[str],
+    channel: Sequence[str] | None,
+    first: Values,
+) -> Fit:
+    """The fit with those of delay and offset free that are named, or else that the recordings show."""
+    had = {*free, *(p.name for p in walks.ties.beside if p.tied)}
+    if channel is not None:
+        return fitted([*free, *(name for name in channel if name not in had)])
     fit = None
-    if channel is None:
-        asked = [name for name in shown_at_rest(walks.known, measured) if name not in free]
-        if not asked:
-            fit = fitted(free)
-            asked = asked_for(fit, [m.time for m in walks.motions], measured, first, free)
-    fit = fit if fit is not None and not asked else fitted([*free, *asked])
-    if channel is None and asked:
-        fit = replace(fit, remarks=(*fit.remarks, said_free(fit, asked)))
+    asked = [name for name in shown_at_rest(walks.known, walks.measured) if name not in had]
+    if not asked:
+        fit = fitted(free)
+        asked = asked_for(fit, [m.time for m in walks.motions], walks.measured, first, had)
+    if not asked:
+        assert fit is not None
+        return fit
+    fit = fitted([*free, *asked])
+    return replace(fit, remarks=(*fit.remarks, said_free(fit, asked)))
 
-    residuals = np.concatenate(fit.residuals)
+
+def _completed(fit: Fit, walks: Walks, slew_rate: float | None, tolerance: float) -> Fit:
+    """The fit with what the converter's steps leave open, its actuator, and what that predicts."""
+    residuals, measured = np.concatenate(fit.residuals), walks.measured
     fit = with_steps(
         fit,
         measured,
@@ -190,12 +224,11 @@ def identify_friction(
         OBSERVED,
         "m",
     )
-    found_model = with_values(model, own_values(fit.values))
+    model = with_values(walks.model, own_values(fit.values))
     chain = Chain(
         fit.values.get("delay", 0.0), fit.values.get("offset", 0.0), slew_rate=slew_rate or math.inf
     )
-    predict = Predictor(found_model, chain, tolerance).predict
-    return replace(fit, model=found_model, observed=OBSERVED, predict=predict)
+    return replace(fit, model=model, observed=OBSERVED, predict=Predictor(model, chain, tolerance).predict)
 
 
 def _searched(
@@ -220,9 +253,7 @@ def _searched(
         short = Displacement(
             part, drives[most], name, model, GUESS_TOLERANCE * stroke, slew_rate, GUESS_STEPS
         )
-        parameters, guesses = _guessed(
-            short, walks.measured[most], name, model, parameters, stroke, bounds, walks.noise
-        )
+        parameters, guesses = _guessed(short, walks.measured[most], name, walks, parameters, stroke, bounds)
         begins += guesses
     fit = from_points(walks, parameters, begins, bounds, max_evaluations)
     parameters = list(fit.parameters)
@@ -230,7 +261,7 @@ def _searched(
         straight = straightened(parameters, fit.values)
         fit = lowest([fit, walks.fit(straight, max_evaluations=max_evaluations, starts=starts, hops=hops)])
     linear = walks.loss == "linear"
-    name = loosest(fit, own_values(fit.values)) if exact and linear else None
+    name = loosest(fit, CHANNEL) if exact and linear else None
     # What a value may be over its bounds is no question where something is known of it otherwise.
     known = any(p.prior is not None for p in parameters if p.name == name)
     return fit if name is None or known else _averaged(walks, fit, name, given, max_evaluations)
@@ -251,23 +282,24 @@ def _averaged(walks: Walks, fit: Fit, name: str, given: Values, max_evaluations:
             on = walks.fit(straightened(parameters, fit.values), max_evaluations=max_evaluations)
             fit = lowest([fit, on]) if on.cost < fit.cost else fit
         return replace(fit, uncertainty=settled.uncertainty._replace(centre=settled.coordinates))
-    scales = [p.slope(settled.values[p.name]) for p in parameters]
-    names = [p.name for p in parameters]
-    return replace(settled, jacobian=slopes_of(walks.motions, walks.varied, names)(settled.values) * scales)
+    return replace(settled, jacobian=walks.problem(parameters).by_coordinates(settled.values))
 
 
 def _guessed(
     short: Displacement,
     measured: NDArray[np.float64],
     name: str,
-    model: Actuator,
+    walks: Walks,
     parameters: Sequence[Parameter],
     stroke: float,
     bounds: Bounds,
-    noise: float | None,
 ) -> tuple[list[Parameter], list[Values]]:
     """See `first_guess`, by the beginning of one recording."""
-    varied, position = Varied(model), measured[: short.time.size]
-    residuals = Residuals(lambda v: observed(short, varied, v) - position, position, noise, name, "m")
-    jacobian = slopes_of([short], varied, [p.name for p in parameters]) if has_slopes(model) else None
-    return first_guess(residuals, short.time, jacobian, parameters, model, stroke, bounds)
+    varied, position = Varied(walks.model, walks.ties), measured[: short.time.size]
+    residuals = Residuals(lambda v: observed(short, varied, v) - position, position, walks.noise, name, "m")
+    others = walks.beside(parameters)
+    moved = [p.name for p in (*parameters, *others) if not p.fixed]
+    jacobian = slopes_of([short], varied, moved) if has_slopes(walks.model) else None
+    return first_guess(
+        residuals, short.time, jacobian, parameters, walks.model, stroke, bounds, beside=others
+    )

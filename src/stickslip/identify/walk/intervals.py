@@ -52,7 +52,12 @@ def profile_interval(
     Raises:
         FitError: the fit is not one of an actuator by `identify_friction`, or too few refits succeed.
     """
-    place = list(fit.values).index(name)
+    names = [p.name for p in fit.parameters]
+    if name not in names:
+        raise FitError(
+            f"a profile is of a free parameter, and {name!r} is none: there are {', '.join(names)}"
+        )
+    place = names.index(name)
     p, estimate = fit.parameters[place], fit.values[name]
     t = float(stats.t.ppf(0.5 + level / 2, fit.degrees_of_freedom))
     sse = sum(g.sse for g in fit.recordings)
@@ -103,7 +108,7 @@ def _held(fit: Fit, recordings: Any, name: str, value: float, options: dict[str,
     """All other values fitted again, from those of a fit."""
     if not isinstance(fit.model, Actuator):
         raise FitError("a profile needs the fit of an actuator by identify_friction")
-    free = [n for n in fit.values if n != name]
+    free = [p.name for p in fit.parameters if p.name != name]
     own = {n: v for n, v in fit.values.items() if n not in CHANNEL}
     if name not in CHANNEL:
         own[name] = value
@@ -114,7 +119,7 @@ def _held(fit: Fit, recordings: Any, name: str, value: float, options: dict[str,
     if name in CHANNEL:
         width = 1e-9 * (abs(value) or 1.0)
         free, held = [*free, name], held | {name: (value - width, value + width)}
-    settings = {k: v for k, v in options.items() if k not in ("bounds", "hops", "stage", "correlated")}
+    settings = _settings(fit, options)
     begin = {n: fit.values[n] for n in free if n in CHANNEL and n != name}
     return identify_friction(
         recordings,
@@ -148,8 +153,8 @@ def bootstrap(
     random = np.random.default_rng(seed)
     lists: dict[str, list[float]] = {name: [] for name in fit.values}
     bounds: dict[str, Any] = {p.name: (p.lower, p.upper) for p in fit.parameters}
-    settings = {k: v for k, v in options.items() if k not in ("bounds", "hops", "stage", "correlated")}
-    begin = {name: fit.values[name] for name in fit.values if name in CHANNEL}
+    settings = _settings(fit, options)
+    begin = {name: fit.values[name] for name in bounds if name in CHANNEL}
     for _ in range(n):
         drawn = []
         for recording, r in zip(found, fit.residuals, strict=True):
@@ -159,7 +164,7 @@ def bootstrap(
         one = identify_friction(
             drawn,
             fit.model,
-            list(fit.values),
+            list(bounds),
             bounds=bounds,
             hops=0,
             correlated=False,
@@ -170,9 +175,15 @@ def bootstrap(
         for name, value in one.values.items():
             lists[name].append(value)
     return xr.Dataset(
-        {p.name: ("sample", lists[p.name], {"units": p.unit}) for p in fit.parameters},
+        {p.name: ("sample", lists[p.name], {"units": p.unit}) for p in fit.shown},
         attrs={"seed": seed, "method": "residual bootstrap in blocks"},
     )
+
+
+def _settings(fit: Fit, options: dict[str, Any]) -> dict[str, Any]:
+    """Options with which to fit again: what is tied stays so."""
+    own = {k: v for k, v in options.items() if k not in ("bounds", "hops", "stage", "correlated")}
+    return {"tied": fit.tied, **own}
 
 
 def _resampled(r: NDArray[np.float64], random: np.random.Generator) -> NDArray[np.float64]:

@@ -19,9 +19,12 @@ from scipy.special import logsumexp
 
 from ...actuator import Actuator
 from ...estimate.parameter import Parameter
+from ...estimate.problem import FitError
+from ...estimate.tied import Ties, names_in
 from ...simulation.ensemble import simulate_ensemble
 from ...waveform.drive import Drive
 from .displacement import MAX_STEPS, Displacement
+from .position_channel import CHANNEL
 
 # Delays at which residuals are known, standard errors either side of the estimate, and points of the grid.
 NODES, REACH, GRID = 7, 6.0, 301
@@ -68,6 +71,10 @@ class Members:
         motions, measured: of each recording: its simulation, and positions [m].
         model: the actuator that the members vary.
         delay: s, of the estimate, and its standard error; 0 where it is not free.
+        ties: what is tied to the values.
+
+    Raises:
+        FitError: delay or offset are tied, or something to them: they are integrated out.
     """
 
     def __init__(
@@ -76,7 +83,14 @@ class Members:
         measured: Sequence[Array],
         model: Actuator,
         delay: tuple[float, float],
+        ties: Ties | None = None,
     ) -> None:
+        self.ties = ties or Ties(())
+        self.tied = [p for p in self.ties.beside if p.tied]
+        for p in self.tied:
+            for name in (p.name, *names_in(p.tied, p.name)):
+                if name in CHANNEL:
+                    raise FitError(f"{p.name} is tied to {p.tied!r}: a posterior has no ties of {name}")
         self.model, self.tolerance, self.measured = model, motions[0].tolerance, measured
         estimate, error = delay
         free = error > 0.0
@@ -101,6 +115,8 @@ class Members:
         k, size = self.nodes.size, sum(x.size for x in self.measured)
         found = Sums(np.zeros((count, k, k)), np.zeros((count, k)), size)
         columns = dict(own) or {"load": np.ones(count)}
+        values = self.ties(own)
+        columns |= {p.name: np.broadcast_to(values[p.name], count) for p in self.tied}
         for (drive, times, place), measured in zip(self._read, self.measured, strict=True):
             at_once = max(1, LARGEST // times.size)
             for start in range(0, count, at_once):

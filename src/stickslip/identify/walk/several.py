@@ -10,7 +10,8 @@ from ...estimate.parameter import Parameter, Values
 from ...estimate.result import Fit
 from ...estimate.several import ENOUGH, followed, from_several
 from .first_guess import beside
-from .walks import Walks, own_values
+from .position_channel import CHANNEL
+from .walks import Walks
 
 # How a search goes along the valley: walks are nearer to linear in forces and compliances than in logarithms.
 POWERS = {"N": 1, "N s/m": 1, "N/m": -1}
@@ -45,7 +46,7 @@ def from_points(
         def end(fit: Fit) -> Fit:
             there = straightened(within, fit.values)
             # Where one value is lost, the search goes along a valley; `integrated` does that better.
-            lost = loosest(fit, own_values(fit.values)) is not None
+            lost = loosest(fit, CHANNEL) is not None
             return followed(fit, lambda: walks.fit(there, max_evaluations=max_evaluations), lost)
 
         found = [end(fit) for fit in kept]

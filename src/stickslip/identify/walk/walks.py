@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,9 @@ from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import Problem, Residuals
 from ...estimate.result import Fit
 from ...estimate.search import Progress
+from ...estimate.tied import Ties
 from ...simulation.varied import with_values
+from ..free import value_of
 from ..step.fit import STAGE
 from .displacement import Displacement, has_slopes
 from .position_channel import CHANNEL
@@ -35,13 +37,14 @@ Array = NDArray[np.float64]
 
 
 class Varied:
-    """An actuator with values put in; the last is kept, for it is asked for again at once."""
+    """An actuator with values put in, and what is tied to them; the last is kept, for it is asked for again
+    at once."""
 
-    def __init__(self, model: Actuator) -> None:
-        self.model, self._last = model, ({}, model)
+    def __init__(self, model: Actuator, ties: Ties | None = None) -> None:
+        self.model, self.ties, self._last = model, ties or Ties(()), ({}, model)
 
     def __call__(self, values: Values) -> Actuator:
-        own = own_values(values)
+        own = own_values(self.ties(values))
         if own != self._last[0]:
             self._last = (own, with_values(self.model, own))
         return self._last[1]
@@ -50,7 +53,8 @@ class Varied:
 @dataclass(frozen=True)
 class Walks:
     """Recordings of one actuator: their simulations, the positions [m] that were measured, their names, and
-    what they show of their noise; the fit that the stage is from, if any; the rest as `identify_friction`."""
+    what they show of their noise; the fit that the stage is from, if any; what is tied to the parameters of
+    fits, which have only those that are searched for; the rest as `identify_friction`."""
 
     motions: Sequence[Displacement]
     measured: Sequence[Array]
@@ -58,6 +62,7 @@ class Walks:
     known: Sequence[KnownNoise]
     model: Actuator
     stage: Fit | None
+    ties: Ties
     noise: float | None
     correlated: bool | None
     loss: str
@@ -67,11 +72,16 @@ class Walks:
     varied: Varied = field(init=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "varied", Varied(self.model))
+        object.__setattr__(self, "varied", Varied(self.model, self.ties))
 
     def fit(self, parameters: Sequence[Parameter], **options: Any) -> Fit:
         """By least squares, with the uncertainty of the stage passed on."""
-        return self._with_stage(self._search(self.varied, parameters, **options), self.model)
+        return self._with_stage(self._search(parameters, **options))
+
+    def beside(self, parameters: Sequence[Parameter]) -> list[Parameter]:
+        """What is fixed or tied beside the parameters of a fit."""
+        names = {p.name for p in parameters}
+        return [p for p in self.ties.beside if p.name not in names]
 
     def cost(self, values: Values) -> float:
         """The weighted sum of squares at the values; infinite where there is no model."""
@@ -87,15 +97,21 @@ class Walks:
         self, name: str, parameters: Sequence[Parameter], most: int, value: float, begin: Values
     ) -> tuple[Fit, Fit]:
         """The fit of the others with one value held, without the uncertainty of the stage and with it."""
-        held = with_values(self.model, {name: value})
-        others = [p._replace(start=begin[p.name]) for p in parameters if p.name != name]
-        alone = self._search(Varied(held), others, max_evaluations=most, settled=NEAR)
-        return alone, self._with_stage(alone, held)
+        held = [
+            p._replace(start=value, fixed=True, prior=None)
+            if p.name == name
+            else p._replace(start=begin[p.name])
+            for p in parameters
+        ]
+        alone = self._search(held, max_evaluations=most, settled=NEAR)
+        return alone, self._with_stage(alone)
 
-    def problem(self, varied: Varied, parameters: Sequence[Parameter]) -> Problem:
-        """Of what the position channel shows, by an actuator that is varied."""
-        free = [p.name for p in parameters]
+    def problem(self, parameters: Sequence[Parameter]) -> Problem:
+        """Of what the position channel shows; with what is tied to the parameters."""
+        parameters = [*parameters, *self.beside(parameters)]
+        free = [p.name for p in parameters if not p.fixed]
         own, exact = [name for name in free if name not in CHANNEL], has_slopes(self.model)
+        varied = self.varied
 
         def residuals(motion: Displacement, position: Array) -> Callable[[Values], Array]:
             def of(values: Values) -> Array:
@@ -125,14 +141,13 @@ class Walks:
 
     def _search(
         self,
-        varied: Varied,
         parameters: Sequence[Parameter],
         *,
         max_evaluations: int,
         settled: float = SETTLED,
         **options: Any,
     ) -> Fit:
-        problem = self.problem(varied, parameters)
+        problem = self.problem(parameters)
         # A slope by differences is an evaluation for each free value.
         each = 1 if problem.jacobian else 1 + len(parameters)
         fit = fit_least_squares(
@@ -147,19 +162,25 @@ class Walks:
             fit = with_coloured_noise(fit, coloured(fit.residuals, walks=True))
         return fit
 
-    def _with_stage(self, fit: Fit, model: Actuator) -> Fit:
+    def _with_stage(self, fit: Fit) -> Fit:
         """The fit with the uncertainty of the stage passed on, of those of its values that are not free."""
         stage = self.stage
         if stage is None:
             return fit
-        kept = [i for i, p in enumerate(stage.parameters) if p.name in STAGE and p.name not in fit.values]
+        kept = stage_beside(stage, fit)
         if not kept:
             return fit
         names = [stage.parameters[i].name for i in kept]
-        here, delay = with_values(model, own_values(fit.values)), fit.values.get("delay", 0.0)
-        by = position_slopes(self.motions, here, delay, names)
+        here = replace(fit, model=with_values(self.model, own_values(fit.values)))
+        by = position_slopes(self.motions, here, names)
         slopes = [stage.parameters[i].slope(stage.values[n]) for i, n in zip(kept, names, strict=True)]
         return with_inherited(fit, by * slopes, stage.uncertainty.covariance[np.ix_(kept, kept)])
+
+
+def stage_beside(stage: Fit, fit: Fit) -> list[int]:
+    """Where in the fit of a stage those of its values stand that a fit of friction took as known."""
+    own = {p.name for p in (*fit.parameters, *fit.beside) if not p.fixed}
+    return [i for i, p in enumerate(stage.parameters) if p.name in STAGE and p.name not in own]
 
 
 def own_values(values: Values) -> Values:
@@ -169,6 +190,7 @@ def own_values(values: Values) -> Values:
 
 def observed(motion: Displacement, varied: Varied, values: Values) -> Array:
     """What the position channel shows for values of the actuator and of the channel [m]."""
+    values = varied.ties(values)
     return motion.position(varied(values), values.get("delay", 0.0)) + values.get("offset", 0.0)
 
 
@@ -188,20 +210,41 @@ def slopes_of(
     return of
 
 
-def position_slopes(
-    motions: Sequence[Displacement], model: Actuator, delay: float, names: list[str]
-) -> Array:
-    """Derivatives of all positions by values of a model, [samples, names]."""
+def columns_of(motion: Displacement, fit: Fit, names: Sequence[str]) -> dict[str, Array]:
+    """Derivatives [samples] of one position by each value alone: by those named, by what is tied in the fit,
+    and by the channel's."""
+    model, delay = fit.model, fit.values.get("delay", 0.0)
+    names = [name for name in dict.fromkeys([*names, *fit.tied]) if name not in CHANNEL]
     if has_slopes(model):
-        return np.concatenate([m.slopes(model, delay, names)[:, :-1] for m in motions])
-    return np.column_stack([_difference(motions, model, delay, name) for name in names])
+        by = motion.slopes(model, delay, names).T
+    else:
+        late = -np.gradient(motion.position(model, delay), motion.time)
+        by = [*(_difference(motion, model, delay, name) for name in names), late]
+    return dict(zip([*names, "delay"], by, strict=True)) | {"offset": np.ones(motion.time.size)}
 
 
-def _difference(motions: Sequence[Displacement], model: Actuator, delay: float, name: str) -> Array:
-    """Derivative of all positions by a value of the model, where no exact one is to be had."""
-    value = getattr(model, name)
+def by_values(columns: Mapping[str, Array], fit: Fit, names: Sequence[str]) -> Array:
+    """Derivatives [samples, names] by values that a fit took as known, with what is tied to them."""
+    known = {name: getattr(fit.model, name) for name in names}
+    return fit.ties.follow(columns, {**known, **fit.values}, names)
+
+
+def by_coordinates(columns: Mapping[str, Array], fit: Fit) -> Array:
+    """Derivatives [samples, k] by the coordinates of a fit."""
+    slopes = [p.slope(fit.values[p.name]) for p in fit.parameters]
+    return fit.ties.follow(columns, fit.values, [p.name for p in fit.parameters]) * slopes
+
+
+def position_slopes(motions: Sequence[Displacement], fit: Fit, names: Sequence[str]) -> Array:
+    """Derivatives of all positions, joined, [samples, names]; see `by_values`."""
+    return np.concatenate([by_values(columns_of(m, fit, names), fit, names) for m in motions])
+
+
+def _difference(motion: Displacement, model: Actuator, delay: float, name: str) -> Array:
+    """Derivative of a position by a value of the model, where no exact one is to be had."""
+    value, _ = value_of(model, name)
     sides = [
-        np.concatenate([m.position(with_values(model, {name: value * (1.0 + h)}), delay) for m in motions])
+        motion.position(with_values(model, {name: value * (1.0 + h)}), delay)
         for h in (-DIFFERENCE_STEP, DIFFERENCE_STEP)
     ]
     return (sides[1] - sides[0]) / (2.0 * DIFFERENCE_STEP * value)

@@ -1,0 +1,102 @@
+"""A fit for people and for programs to read: as a text table, and as numbers with units."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .result import Fit
+
+# Neighbouring residuals that correlate this much are no white noise.
+CORRELATED = 0.3
+
+
+def as_text(fit: Fit, level: float) -> str:
+    """A text table of values with units and intervals, goodness of fit, and what is not determined."""
+    intervals, errors = fit.confidence_intervals(level), fit.standard_errors
+    values = [("parameter", "value", "standard error", f"{100 * level:g} % interval", "unit")]
+    for p in fit.shown:
+        low, high = intervals[p.name]
+        value, error = f"{fit.values[p.name]:.6g}", f"{errors[p.name]:.3g}"
+        values.append(
+            (p.name, value, error, f"{low:.6g} .. {high:.6g}", f"{p.unit or '-'} {p.state}".strip())
+        )
+    rows = [("recording", "r^2", "rmse", "unit", "data", "lag-1 correlation of residuals")]
+    for g in fit.recordings:
+        figures = f"{g.n_data}", f"{g.lag_one_correlation:.3f}"
+        rows.append((g.name, f"{g.r_squared:.6f}", f"{g.rmse:.4g}", g.unit or "-", *figures))
+    lines = [*_aligned(values), "", *_aligned(rows), ""]
+    if len(fit.recordings) > 1:
+        lines.append(f"all recordings: r^2 {fit.r_squared:.6f}")
+    lines.append(f"reduced chi-squared {fit.reduced_chi_squared:.4g}, AIC {fit.aic:.2f}, BIC {fit.bic:.2f}")
+    state = "converged" if fit.converged else "NOT CONVERGED"
+    lines.append(f"{state}: {fit.message} ({fit.n_evaluations} evaluations)")
+    if fit.starts > 1:
+        lines.append(f"{fit.starts_agreeing} of {fit.starts} searches ended at this minimum")
+    if fit.minima:
+        lines.append(fit.other_minima)
+    lines += [one.sentence for one in fit.lack if one.seen]
+    if not fit.correlated and any(abs(g.lag_one_correlation) > CORRELATED for g in fit.recordings):
+        lines.append(
+            "the residuals are correlated, which these intervals do not allow for: they are too narrow"
+        )
+    return "\n".join([*lines, *fit.undetermined, *fit.remarks])
+
+
+def as_dict(fit: Fit, level: float) -> dict[str, Any]:
+    """Every number with its unit, ready for JSON; None where a number does not exist."""
+    intervals, errors = fit.confidence_intervals(level), fit.standard_errors
+    found = {
+        "parameters": {
+            p.name: {
+                "value": fit.values[p.name],
+                "unit": p.unit,
+                "standard_error": errors[p.name],
+                "interval": list(intervals[p.name]),
+                "level": level,
+                "bounds": [p.lower, p.upper],
+                **({"fixed": True} if p.fixed else {"tied": p.tied} if p.tied else {}),
+            }
+            for p in fit.shown
+        },
+        "undetermined": list(fit.undetermined),
+        "correlation": fit.correlation.to_numpy().tolist(),
+        "recordings": {
+            g.name: {"r_squared": g.r_squared, "rmse": g.rmse, "unit": g.unit, "n_data": g.n_data}
+            for g in fit.recordings
+        },
+        "r_squared": fit.r_squared,
+        "aic": fit.aic,
+        "bic": fit.bic,
+        "n_data": fit.n_data,
+        "degrees_of_freedom": fit.degrees_of_freedom,
+        "reduced_chi_squared": fit.reduced_chi_squared,
+        "noise_known": fit.noise_known,
+        "correlated": fit.correlated,
+        "n_evaluations": fit.n_evaluations,
+        "converged": fit.converged,
+        "message": fit.message,
+        "starts": fit.starts,
+        "starts_agreeing": fit.starts_agreeing,
+        "lack_of_fit": [{**one._asdict(), "seen": one.seen, "sentence": one.sentence} for one in fit.lack],
+        "failures": list(fit.failures),
+        "remarks": list(fit.remarks),
+        "minima": [{"values": m.values, "excess": m.excess} for m in fit.minima],
+    }
+    return _finite(found)
+
+
+def _aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    return ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows]
+
+
+def _finite(item: Any) -> Any:
+    """JSON knows neither NaN nor infinity."""
+    if isinstance(item, dict):
+        return {key: _finite(value) for key, value in item.items()}
+    if isinstance(item, list):
+        return [_finite(value) for value in item]
+    return None if isinstance(item, float) and not math.isfinite(item) else item

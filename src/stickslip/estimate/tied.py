@@ -1,0 +1,253 @@
+"""Parameters that follow from others: arithmetic over their names, read by `ast` and never executed.
+
+An expression has numbers, names, ``+ - * / **``, sqrt, exp, log and pi, and quantities with a unit in quotes:
+``"'0.1 ms' * sigma_0"``. All of that is analytic, so a complex step gives its derivatives without error
+[squire1998].
+"""
+
+from __future__ import annotations
+
+import ast
+import operator
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..records import did_you_mean
+from ..units import QuantityError, same_dimension, with_unit
+from .covariance import Uncertainty
+from .parameter import Parameter
+
+Array = NDArray[np.float64]
+
+_OPERATORS: dict[type, Callable[..., Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Pow: operator.pow,
+    ast.USub: operator.neg,
+    ast.UAdd: operator.pos,
+}
+_FUNCTIONS: dict[str, Callable[..., Any]] = {"sqrt": np.sqrt, "exp": np.exp, "log": np.log}
+_CONSTANTS = {"pi": np.pi}
+_LONGEST = 300
+# Of a complex step, relative to the value.
+_STEP = 1e-30
+
+
+def names_in(expression: str, of: str) -> list[str]:
+    """The parameters that an expression is made of; `of` is what is tied to them.
+
+    Raises:
+        QuantityError: it cannot be read, or has what none may have.
+    """
+    found: dict[str, None] = {}
+    for node in ast.walk(_read(expression, of)):
+        if isinstance(node, ast.Name) and node.id not in _FUNCTIONS and node.id not in _CONSTANTS:
+            found[node.id] = None
+    return list(found)
+
+
+@lru_cache(maxsize=256)
+def _read(expression: str, of: str) -> ast.expr:
+    if not isinstance(expression, str) or len(expression) > _LONGEST:
+        raise QuantityError(f"{of} is tied to no expression of at most {_LONGEST} characters")
+    try:
+        tree = ast.parse(expression.strip(), mode="eval").body
+        _check(tree)
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+        reason = error.msg if isinstance(error, SyntaxError) else error
+        raise QuantityError(f"{of} is tied to {expression!r}, which cannot be read: {reason}") from None
+    return tree
+
+
+def _check(node: ast.expr) -> None:
+    """Raise ValueError unless it is arithmetic."""
+    match node:
+        case ast.BinOp(left, op, right) if type(op) in _OPERATORS:
+            parts = [left, right]
+        case ast.UnaryOp(op, operand) if type(op) in _OPERATORS:
+            parts = [operand]
+        case ast.Call(ast.Name(name), [argument], []) if name in _FUNCTIONS:
+            parts = [argument]
+        case ast.Name() | ast.Constant(float() | int() | str()) if not isinstance(
+            getattr(node, "value", 0), bool
+        ):
+            return
+        case _:
+            known = f"+ - * / **, {', '.join(_FUNCTIONS)}, pi and quantities in quotes ('0.1 ms')"
+            raise ValueError(f"{ast.unparse(node)!r} is none of numbers, names, {known}")
+    for part in parts:
+        _check(part)
+
+
+def _value(node: Any, names: Mapping[str, Any], quantity: Callable[[str], Any]) -> Any:
+    """Of a checked expression, for anything that arithmetic takes."""
+    match node:
+        case ast.BinOp(left, op, right):
+            return _OPERATORS[type(op)](_value(left, names, quantity), _value(right, names, quantity))
+        case ast.UnaryOp(op, operand):
+            return _OPERATORS[type(op)](_value(operand, names, quantity))
+        case ast.Call(ast.Name(name), [argument]):
+            return _FUNCTIONS[name](_value(argument, names, quantity))
+        case ast.Name(name):
+            return names[name] if name in names else np.float64(_CONSTANTS[name])
+    return quantity(node.value) if isinstance(node.value, str) else np.float64(node.value)
+
+
+@lru_cache(maxsize=256)
+def _in_si(text: str) -> float:
+    return float(with_unit(text).to_base_units().magnitude)
+
+
+class Ties:
+    """How all values of a fit follow from those that are searched for.
+
+    Args:
+        parameters: all of them.
+
+    Raises:
+        QuantityError: an expression cannot be read, names what there is not, goes round in a circle, or is of
+            another unit than the parameter.
+    """
+
+    def __init__(self, parameters: Sequence[Parameter]) -> None:
+        self.searched = tuple(p for p in parameters if not (p.fixed or p.tied))
+        self.beside = tuple(p for p in parameters if p.fixed or p.tied)
+        self.varying = [p.name for p in parameters if not p.fixed]
+        self._fixed = {p.name: float(p.start) for p in parameters if p.fixed}
+        self._order = _ordered({p.name: p.tied for p in parameters if p.tied}, [p.name for p in parameters])
+        self._check_units({p.name: p for p in parameters})
+
+    def _check_units(self, known: Mapping[str, Parameter]) -> None:
+        for name, tree in self._order:
+            p = known[name]
+            # Any numbers will do, but for those whose difference is 0.
+            needs = enumerate(names_in(p.tied, name))
+            units = {n: with_unit(f"{1.37 + 0.11 * i} {known[n].unit}") for i, n in needs}
+            said = f"{name} is tied to {p.tied!r}, "
+            try:
+                with np.errstate(all="ignore"):
+                    found = with_unit("1") * _value(tree, units, with_unit)
+            except QuantityError as error:
+                raise QuantityError(f"{said}which {error}") from None
+            except (TypeError, ValueError, ArithmeticError) as error:
+                raise QuantityError(f"{said}whose units do not fit: {error}") from None
+            if not same_dimension(found, p.unit):
+                raise QuantityError(
+                    f"{name} [{p.unit or 'a plain number'}] is tied to {p.tied!r}, which is in "
+                    f"{found.units or 'plain numbers'}: a factor with a unit goes in quotes, '0.1 ms'"
+                )
+
+    def __call__(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """All values; numbers, or arrays of them. Those that are there already stay, but for tied ones."""
+        found = {**values, **{n: x for n, x in self._fixed.items() if n not in values}}
+        with np.errstate(all="ignore"):  # trial points may be absurd, and then are not finite
+            for name, tree in self._order:
+                made = _value(tree, {n: np.asarray(x)[()] for n, x in found.items()}, _in_si)
+                found[name] = made if isinstance(made, np.ndarray) else float(made)
+        return found
+
+    def slopes(
+        self, values: Mapping[str, float], by: Sequence[str], of: Sequence[str] | None = None
+    ) -> Array:
+        """Derivatives of values by others, shape (of, by), at given ones; by default of `varying`."""
+        rows = list(of or self.varying)
+        found = np.zeros((len(rows), len(by)))
+        with np.errstate(all="ignore"):
+            for column, name in enumerate(by):
+                step = _STEP * (abs(values[name]) or 1.0)
+                moved: dict[str, Any] = {n: np.complex128(x) for n, x in self(values).items()}
+                moved[name] += 1j * step
+                for tied, tree in self._order:
+                    if tied != name:
+                        moved[tied] = np.complex128(_value(tree, moved, _in_si))
+                found[:, column] = [moved[n].imag / step for n in rows]
+        return found
+
+    def total(self, columns: Array, values: Mapping[str, float]) -> Array:
+        """Derivatives [n, k] by the values that are searched for, from those [n, ...] by all `varying`."""
+        return columns @ self.slopes(values, [p.name for p in self.searched]) if self._order else columns
+
+    def follow(self, columns: Mapping[str, Array], values: Mapping[str, float], by: Sequence[str]) -> Array:
+        """Derivatives [n, by] by values, with what is tied to them, from those by each value alone [n]."""
+        moved = [*by, *(name for name, _ in self._order if name not in by)]
+        alone = np.column_stack([columns[name] for name in moved])
+        return alone @ self.slopes(values, by, moved) if self._order else alone
+
+    def shown(self, values: Mapping[str, float]) -> tuple[Parameter, ...]:
+        """Those that are searched for, then the others, on a linear scale where they are not positive."""
+        others = (p._replace(log=p.log and bool(p.tied) and values[p.name] > 0.0) for p in self.beside)
+        return (*self.searched, *others)
+
+    def extended(self, values: Mapping[str, float], known: Uncertainty) -> Uncertainty:
+        """The uncertainty of all `shown` coordinates, linearised, from that of the searched ones.
+
+        What depends on one value at its bound, and nothing else, ends there too; other values at their bounds
+        count as exact.
+        """
+        if not self.beside:
+            return known
+        shown, k = self.shown(values), len(self.searched)
+        names = [p.name for p in shown]
+        by = self.slopes(values, names[:k], names)
+        scale = np.array([p.slope(values[p.name]) for p in shown])
+        by[k:] *= scale[:k] / scale[k:, None]
+        by[:k] = np.eye(k)
+        deviations = np.diag(known.covariance)
+        free, lost, held = known.bounded == 0, np.isinf(deviations), known.bounded != 0
+        sure = np.ix_(free & ~lost, free & ~lost)
+        spread = by[:, free & ~lost] @ known.covariance[sure] @ by[:, free & ~lost].T
+        open_ends = np.any(by[:, lost] != 0.0, axis=1)
+        spread[open_ends, :] = spread[:, open_ends] = 0.0
+        spread[open_ends, open_ends] = np.inf
+        spread[:k, :k] = known.covariance
+        bounded, push, released = np.zeros(len(shown), int), np.zeros(len(shown)), np.zeros(len(shown))
+        bounded[:k], push[:k], released[:k] = known.bounded, known.push, known.released
+        for i in range(k, len(shown)):
+            on = np.flatnonzero(by[i])
+            if on.size == 1 and held[on[0]]:
+                size, j = abs(by[i, on[0]]), on[0]
+                bounded[i] = known.bounded[j] * np.sign(by[i, j])
+                push[i], released[i] = known.push[j] / size, known.released[j] * size**2
+                spread[i, :] = spread[:, i] = np.nan
+        return Uncertainty(spread, bounded, push, released, self._centre(shown, known))
+
+    def _centre(self, shown: Sequence[Parameter], known: Uncertainty) -> Array | None:
+        if known.centre is None:
+            return None
+        at = self({p.name: p.value(float(q)) for p, q in zip(self.searched, known.centre, strict=True)})
+        return np.array([p.coordinate(at[p.name]) for p in shown])
+
+
+def _ordered(tied: Mapping[str, str], known: Sequence[str]) -> list[tuple[str, ast.expr]]:
+    """Each tied parameter with its expression, after those that it needs."""
+    needs = {}
+    for name, expression in tied.items():
+        needs[name] = names_in(expression, name)
+        for other in needs[name]:
+            if other not in known:
+                hint = did_you_mean(other, known)
+                raise QuantityError(
+                    f"{name} is tied to {expression!r}, but there is no {other!r}{hint}: there are "
+                    f"{', '.join(n for n in known if n != name)}"
+                )
+    order: list[str] = []
+
+    def follow(name: str, path: tuple[str, ...]) -> None:
+        if name in path:
+            circle = " -> ".join((*path[path.index(name) :], name))
+            raise QuantityError(f"parameters are tied in a circle: {circle}")
+        if name in order or name not in tied:
+            return
+        for other in needs[name]:
+            follow(other, (*path, name))
+        order.append(name)
+
+    for name in tied:
+        follow(name, ())
+    return [(name, _read(tied[name], name)) for name in order]
