@@ -24,12 +24,14 @@ def test_the_tutorial_finds_what_it_hides(tmp_path: Path, monkeypatch: pytest.Mo
     for cell in cells:
         if "IPython" not in cell:
             exec(cell, names)
-    assert len(cells) == 8
+    assert len(cells) == 9
     found = names["document"].numbers["friction"]["parameters_with_all_errors"]
     for name in ("sigma_0", "coulomb_force"):
         true = getattr(names["hidden"].friction, name)
         assert abs(found[name].value - true) < 3.0 * found[name].standard_error
     assert names["document"].failures == ()
+    low, high = names["tied"].confidence_intervals()["sigma_1"]
+    assert low < names["hidden"].friction.sigma_1 < high
     assert (tmp_path / "tutorial-files" / "campaign.yaml").is_file()
 
 

@@ -180,6 +180,28 @@ def test_on_request_it_samples_follows_profiles_and_compares_models(folder: Path
     assert "did you mean" in wrong.stderr
 
 
+def test_a_damping_ratio_that_is_known_is_sayable(folder: Path) -> None:
+    """sigma_1 tied: half its relative error comes from sigma_0, whatever that has it from."""
+    file = written(
+        folder,
+        "tied.yaml",
+        free=["sigma_0", "coulomb_force"],
+        tied={"sigma_1": "0.0933 * sqrt(sigma_0 * end_effector_mass)"},
+        profiles=True,
+    )
+    out = folder / "out"  # the recordings are there
+    done = run(file, "--no-figures", "--out", str(out))
+    assert done.exit_code == 0, done.stderr
+    numbers = json.loads((out / "results.json").read_bytes())["numbers"]
+    found = numbers["friction"]["parameters_with_all_errors"]
+    assert set(found) == {"sigma_0", "sigma_1", "coulomb_force"}
+    relative = {name: of["standard_error"] / of["value"] for name, of in found.items()}
+    assert relative["sigma_1"] == pytest.approx(0.5 * relative["sigma_0"], rel=1e-6)
+    assert found["sigma_1"]["value"] == pytest.approx(34.9, rel=0.02)
+    assert set(numbers["profiles"]) == {"sigma_0", "coulomb_force"}
+    assert "sigma_1 (tied: 0.0933 * sqrt(" in (out / "report.html").read_text("utf-8")
+
+
 def test_own_recordings_and_what_is_wrong_with_them(folder: Path) -> None:
     """The walk as a CSV of one's own; then cut short, constant, empty: each is refused by its name."""
     time = np.arange(4000) * 0.25e-3

@@ -47,6 +47,23 @@ def written(folder: Path, content: Any, name: str = "job.yaml") -> Path:
     return folder / name
 
 
+def test_what_is_tied_stays_so_to_the_export(tmp_path: Path) -> None:
+    walked, verified, _, exported = steps(tmp_path)
+    walked["identify"] |= {"free": ["sigma_0"], "tied": {"coulomb_force": "'0.386 um' * sigma_0"}}
+    path = written(tmp_path, {"title": "Tied", "steps": [walked, verified, exported]})
+    done = CliRunner().invoke(app, ["run", str(path), "--out", str(tmp_path / "out")], prog_name="stickslip")
+    assert done.exit_code == 0, done.stderr
+    numbers = json.loads((tmp_path / "out" / "results.json").read_bytes())["numbers"]
+    friction = numbers["verify"]["model"]["friction"]
+    assert friction["coulomb_force"]["value"] == pytest.approx(0.386e-6 * friction["sigma_0"]["value"])
+    assert numbers["friction"]["tied"] == walked["identify"]["tied"]
+    walked["identify"]["tied"] = {"coulomb_farce": "'0.386 um' * sigma_0"}
+    path = written(tmp_path, {"title": "Tied", "steps": [walked]})
+    done = CliRunner().invoke(app, ["run", str(path), "--out", str(tmp_path / "no")], prog_name="stickslip")
+    assert done.exit_code == 2
+    assert "'coulomb_farce' cannot be tied (did you mean 'coulomb_force'?)" in done.stderr
+
+
 def test_from_a_recording_to_code(tmp_path: Path) -> None:
     """What is verified and exported is what was identified."""
     path = written(tmp_path, {"title": "To code", "steps": steps(tmp_path)})

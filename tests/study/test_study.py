@@ -151,6 +151,22 @@ def test_laws_are_ranked_on_loops_of_a_file(tmp_path: Path) -> None:
     assert found["r_squared_predicted"].value > 0.999 > document.numbers["Coulomb"]["r_squared"].value
     assert [p.name for p in document.pictures()] == ["law_ranking", "friction_loop", "friction_over_time"]
 
+    file["laws"][1]["free"] = ["stiffness_1", "stiffness_2", "strength_1"]
+    file["laws"][1]["tied"] = {"strength_2": "0.75 * strength_1"}
+    (tmp_path / "loops.yaml").write_text(yaml.safe_dump(file), "utf-8")
+    tied = run_file(tmp_path / "loops.yaml")
+    found = tied.numbers["two elements"]
+    assert found["tied"] == {"strength_2": "0.75 * strength_1"}
+    ends = found["parameters"]
+    assert ends["strength_2"].low < 0.9 < ends["strength_2"].high
+    assert ends["strength_2"].standard_error == pytest.approx(0.75 * ends["strength_1"].standard_error)
+    page = write_report(tied, tmp_path / "out").read_text("utf-8")
+    assert "strength_2 (tied: 0.75 * strength_1)" in page
+    file["laws"][1]["tied"] = {"strength_2": "0.75 * strength_l"}
+    (tmp_path / "loops.yaml").write_text(yaml.safe_dump(file), "utf-8")
+    with pytest.raises(ValueError, match=r"there is no 'strength_l' \(did you mean 'strength_1'\?\)"):
+        run_file(tmp_path / "loops.yaml")
+
 
 def test_a_walk_in_short(tmp_path: Path) -> None:
     model = load_actuator("kang2007").replace(stage_reaction=False)
@@ -219,6 +235,11 @@ def test_modes_of_a_mirror_from_arrays(tmp_path: Path) -> None:
     _, by_response, _, by_time, _ = in_time.tables[0].rows[0]
     assert by_time.value == pytest.approx(by_response.value, rel=1e-3)
     assert by_time.unit == "Hz"
+    file |= {"tied": {"damping_ratio_2": "2.5 * damping_ratio_1"}, "levels": levels[:1]}
+    (tmp_path / "mirror.yaml").write_text(yaml.safe_dump(file), "utf-8")
+    ends = run_file(tmp_path / "mirror.yaml").numbers["low"]["parameters"]
+    assert ends["damping_ratio_2"].value == pytest.approx(2.5 * ends["damping_ratio_1"].value)
+    assert ends["damping_ratio_2"].low < modal_system.ZETA[1] < ends["damping_ratio_2"].high
     file["levels"][0]["drive"]["file"] = "mirror.yaml"
     (tmp_path / "mirror.yaml").write_text(yaml.safe_dump(file), "utf-8")
     with pytest.raises(StudyError, match=r"mirror\.yaml"):

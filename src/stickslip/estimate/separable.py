@@ -21,6 +21,7 @@ from .covariance import Noise, Uncertainty, covariance
 from .parameter import Parameter, Values
 from .problem import Problem, Residuals
 from .result import Fit
+from .tied import Ties
 
 
 class Linear(NamedTuple):
@@ -102,14 +103,15 @@ def separable(
             rows.append((slope - s.q @ (s.q.T @ slope)) / s.weights[:, None])
         return np.concatenate(rows)
 
-    return Problem(
+    problem = Problem(
         [Residuals(residuals(i), c.measured, c.noise, c.name, c.unit) for i, c in enumerate(recordings)],
         parameters,
         jacobian=jacobian,
         n_eliminated=sum(len(c.coefficients) for c in recordings),
-        completed=lambda fit: _with_coefficients(fit, recordings, solved(fit.values)),
+        completed=lambda fit: _with_coefficients(fit, problem.ties, recordings, solved(fit.values)),
         **about,
     )
+    return problem
 
 
 def _solve(recording: Linear, design: Design) -> _Solved:
@@ -119,7 +121,7 @@ def _solve(recording: Linear, design: Design) -> _Solved:
     return _Solved(design, weights, q, r, np.linalg.solve(r, q.T @ (weights * recording.measured)))
 
 
-def _with_coefficients(fit: Fit, recordings: Sequence[Linear], solutions: list[_Solved]) -> Fit:
+def _with_coefficients(fit: Fit, ties: Ties, recordings: Sequence[Linear], solutions: list[_Solved]) -> Fit:
     """The fit with its coefficients and all covariances among them and the searched parameters."""
     added = [
         Parameter(name, float(x), -math.inf, math.inf, unit, log=False)
@@ -128,7 +130,7 @@ def _with_coefficients(fit: Fit, recordings: Sequence[Linear], solutions: list[_
     ]
     slopes = np.array([p.slope(fit.values[p.name]) for p in fit.parameters])
     tangents = [
-        s.weights[:, None] * fit.ties.total(s.design.tangent(s.x), fit.values) * slopes for s in solutions
+        s.weights[:, None] * ties.total(s.design.tangent(s.x), fit.values) * slopes for s in solutions
     ]
     joint = _correlated if fit.correlated else _white
     none = np.zeros(len(added))

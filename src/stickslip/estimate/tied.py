@@ -231,10 +231,10 @@ def _ordered(tied: Mapping[str, str], known: Sequence[str]) -> list[tuple[str, a
         needs[name] = names_in(expression, name)
         for other in needs[name]:
             if other not in known:
-                hint = did_you_mean(other, known)
+                others = [n for n in known if n != name]
                 raise QuantityError(
-                    f"{name} is tied to {expression!r}, but there is no {other!r}{hint}: there are "
-                    f"{', '.join(n for n in known if n != name)}"
+                    f"{name} is tied to {expression!r}, but there is no {other!r}"
+                    f"{did_you_mean(other, others)}: there are {', '.join(others)}"
                 )
     order: list[str] = []
 

@@ -95,7 +95,7 @@ def beside(free: Sequence[str], tied: Mapping[str, str], known: Known) -> list[P
             raise QuantityError(f"{name!r} is free, and tied to {expression!r}: it can be one of both")
         for other in names_in(expression, name):
             if other not in known.names:
-                hint = did_you_mean(other, known.names)
+                hint = did_you_mean(other, [n for n in known.names if n != name])
                 raise QuantityError(f"{name} is tied to {expression!r}, but there is no {other!r}{hint}")
             needed[other] = None
     found = [Parameter(name, unit=known.of(name)[1], tied=str(text)) for name, text in tied.items()]
