@@ -174,3 +174,13 @@ def with_unit(text: str) -> Any:
 def same_dimension(quantity: Any, unit: str) -> bool:
     """Whether a quantity of `with_unit` can be expressed in the unit."""
     return quantity.dimensionality == _units(unit).dimensionality
+
+
+_TURNED = {"m": "rad", "N": "N m", "kg": "kg m^2"}
+
+
+def turned(unit: str) -> str:
+    """The unit of what turns, from that of what slides: "N s/m" to "N m s/rad", "m/V" to "rad/V"."""
+    over, slash, under = unit.partition("/")
+    top, bottom = (" ".join(_TURNED.get(part, part) for part in side.split(" ")) for side in (over, under))
+    return f"{top}{slash}({bottom})" if " " in bottom else f"{top}{slash}{bottom}"

@@ -9,7 +9,7 @@ from typing import Any
 
 import xarray as xr
 
-from ..recording import STANDARD_NAMES, RecordingError, validate_recording
+from ..recording import STANDARD_NAMES, RecordingError, fits_name, validate_recording
 from .polynomial import Calibration, CalibrationError
 from .storage import load_calibration, to_text
 
@@ -64,7 +64,7 @@ def apply_calibration(
             raise CalibrationError(f"{name}: {error}") from None
         new = (rename or {}).get(name, name)
         standard = STANDARD_NAMES.get(new)
-        if standard is not None and standard.unit != loaded[-1].y_unit:
+        if standard is not None and not fits_name(new, loaded[-1].y_unit):
             raise CalibrationError(f"{new} is a quantity in {standard.unit}, not {loaded[-1].y_unit}")
         values = recording[name].values
         for calibration in loaded:

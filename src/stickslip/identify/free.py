@@ -10,7 +10,7 @@ from ..estimate.parameter import Parameter
 from ..estimate.tied import names_in
 from ..records import Quantity, did_you_mean, quantities
 from ..simulation.varied import element_of, free_names, law_of, ratios_of
-from ..units import QuantityError, to_si
+from ..units import QuantityError, to_si, turned
 
 Bounds = Mapping[str, tuple[float | str, float | str]]
 
@@ -18,8 +18,9 @@ Bounds = Mapping[str, tuple[float | str, float | str]]
 REACH = 30.0
 
 
-def parameter(model: Any, name: str, bounds: Bounds) -> Parameter:
-    """The parameter of that name (one of `free_names`), starting at the model's value.
+def parameter(model: Any, name: str, bounds: Bounds, turns: bool = False) -> Parameter:
+    """The parameter of that name (one of `free_names`), starting at the model's value; of a body that turns,
+    in the units of that.
 
     On a logarithmic scale and within a factor `REACH` of the start, unless bounds that reach down to zero or
     below are given.
@@ -32,17 +33,18 @@ def parameter(model: Any, name: str, bounds: Bounds) -> Parameter:
         ratio = ratios_of(law_of(model))[name]
         low, high = _given(bounds, name, "") or (ratio.lower, ratio.upper)
         return Parameter(name, start, low, high, "", log=False)
-    given = _given(bounds, name, quantity.unit)
+    unit = turned(quantity.unit) if turns else quantity.unit
+    given = _given(bounds, name, unit)
     if given is not None:
-        return Parameter(name, start, *given, quantity.unit, log=given[0] > 0)
+        return Parameter(name, start, *given, unit, log=given[0] > 0)
     if not (start > 0 and math.isfinite(start)):
         raise QuantityError(
-            f"{name} starts at {start:g} {quantity.unit}".rstrip()
+            f"{name} starts at {start:g} {unit}".rstrip()
             + ": a parameter that does not start above zero needs bounds of its own"
         )
     least = max(quantity.minimum or 0.0, quantity.above or 0.0)
     most = math.inf if quantity.maximum is None else quantity.maximum
-    return Parameter(name, start, max(start / REACH, least), min(start * REACH, most), quantity.unit)
+    return Parameter(name, start, max(start / REACH, least), min(start * REACH, most), unit)
 
 
 def value_of(model: Any, name: str) -> tuple[float, Quantity | None]:
@@ -63,14 +65,15 @@ class Known(NamedTuple):
     of: Callable[[str], tuple[float, str]]
 
 
-def known_of(model: Any, others: Mapping[str, tuple[float, str]]) -> Known:
-    """Those of a model, and others besides."""
+def known_of(model: Any, others: Mapping[str, tuple[float, str]], turns: bool = False) -> Known:
+    """Those of a model, and others besides; see `parameter`."""
 
     def of(name: str) -> tuple[float, str]:
         if name in others:
             return others[name]
         value, quantity = value_of(model, name)
-        return value, quantity.unit if quantity else ""
+        unit = quantity.unit if quantity else ""
+        return value, turned(unit) if turns else unit
 
     return Known([*free_names(model), *others], of)
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..recording import STANDARD_NAMES, RecordingError
+from ..recording import STANDARD_NAMES, RecordingError, fits_name
 from ..recording.conversion import to_si_unit
 from ..units import QuantityError
 from .formats import find_format
@@ -95,9 +95,11 @@ def _meaning(channel: Channel) -> str:
         return whole
     said = _dimension(channel.unit)
     for pattern, name in _MEANINGS:
-        if re.search(pattern, text) and said in ("", STANDARD_NAMES[name].unit):
+        if re.search(pattern, text) and (not said or fits_name(name, said)):
             return name
-    return {"V": "drive_voltage", "m": "end_effector_position", "N": "force"}.get(said, "")
+    position, force = "end_effector_position", "force"
+    known = {"V": "drive_voltage", "m": position, "rad": position, "N": force, "N m": force}
+    return known.get(said, "")
 
 
 def _dimension(unit: str) -> str:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from ..recording import STANDARD_NAMES, RecordingError
 from ..recording.conversion import Conversion, is_unit, to_si_scale, to_si_unit
-from ..units import QuantityError
+from ..units import QuantityError, turned
 from .source import Channel, Column, find_channel, is_clock, listing
 
 
@@ -90,7 +90,7 @@ def _variable(
     except QuantityError as error:
         hint = f" (units={{{name!r}: ...}} says it)" if unit is None else ""
         raise RecordingError(f"{made.label}: {error}{hint}") from None
-    if standard is not None and conversion.unit != standard:
+    if standard is not None and conversion.unit not in (standard, turned(standard)):
         raise RecordingError(f"{made.label}: {name} is a quantity in {standard}")
     return made._replace(conversion=conversion)
 

@@ -7,6 +7,7 @@ from .schema import STANDARD_NAMES as STANDARD_NAMES
 from .schema import RecordingError as RecordingError
 from .schema import RecordingWarning as RecordingWarning
 from .schema import Sampling as Sampling
+from .schema import fits_name as fits_name
 from .schema import make_recording as make_recording
 from .schema import sampling as sampling
 from .schema import validate_recording as validate_recording

@@ -16,7 +16,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from .._version import __version__
-from ..units import QuantityError
+from ..units import QuantityError, turned
 from .conversion import to_si_unit
 
 SCHEMA_VERSION = 1
@@ -37,7 +37,8 @@ class Meaning(NamedTuple):
     long_name: str
 
 
-# Names that every part of the package understands. Others are free.
+# Names that every part of the package understands. Others are free. Where a body turns, its positions are
+# angles and the forces on it torques (`fits_name`).
 STANDARD_NAMES = {
     "drive_voltage": Meaning("V", "drive voltage"),
     "stage_position": Meaning("m", "stage position"),
@@ -54,6 +55,12 @@ STANDARD_NAMES = {
     "voltage": Meaning("V", "voltage"),
     "force": Meaning("N", "force"),
 }
+
+
+def fits_name(name: str, unit: str) -> bool:
+    """Whether a channel of that name may be in the unit (SI); any may, of a name that is not standard."""
+    standard = STANDARD_NAMES.get(name)
+    return standard is None or unit in (standard.unit, turned(standard.unit))
 
 
 class Sampling(NamedTuple):
@@ -209,7 +216,7 @@ def _in_si(name: str, array: Any, unit: str | None) -> tuple[np.ndarray, str]:
         conversion = to_si_unit(unit)
     except QuantityError as error:
         raise RecordingError(f"{name}: {error}") from None
-    if standard and conversion.unit != standard.unit:
+    if standard and not fits_name(name, conversion.unit):
         raise RecordingError(f"{name} is given in {unit!r}, but {name} is a quantity in {standard.unit}")
     if conversion.factor != 1.0 or conversion.offset != 0.0:
         values = values * conversion.factor + conversion.offset

@@ -184,20 +184,21 @@ def walk_document(
     `model` is that from which the fit began: what it assumes and cites is told.
     """
     rows, pictures, numbers = [], [], {}
+    unit = fit.recordings[0].unit
     for i, (label, walk) in enumerate(walks.items()):
         progress(f"predicting {label}", i / len(walks))
         found = _compared(fit, walk.recording, walk.drive)
         rows.append((label, walk.use, found["r_squared"], found["rmse"]))
         numbers[f"recording_{i + 1}"] = {
             "r_squared": Number(found["r_squared"], "", note=label),
-            "rmse": Number(found["rmse"], "m"),
+            "rmse": Number(found["rmse"], unit),
         }
         drawn = fit_with_residuals(
             walk.recording["time"].values,
             walk.recording["end_effector_position"].values,
             found["model"],
             name="end-effector position",
-            unit="m",
+            unit=unit,
         )
         pictures.append(
             Picture(
@@ -212,7 +213,7 @@ def walk_document(
     if unseen:
         verified = f" On {len(unseen)} that it has not seen, r² is {min(unseen):.4f} or more."
     fitted = len(rows) - len(unseen)
-    columns = (Column("recording"), Column("role"), Column("r²", "", 5), Column("rms error", "m", 3))
+    columns = Column("recording"), Column("role"), Column("r²", "", 5), Column("rms error", unit, 3)
     return Document(
         title=title,
         summary=f"{len(fit.parameters)} parameters fitted to {fitted} recording{'s' if fitted > 1 else ''}: "
@@ -234,7 +235,7 @@ def walk_document(
             ),
         ),
         highlights=list(estimates(fit).items()),
-        numbers={**fit_numbers(fit, "m"), "recordings": numbers, "model": model_numbers(fit.model)},
+        numbers={**fit_numbers(fit, unit), "recordings": numbers, "model": model_numbers(fit.model)},
         assumptions=[f"{field} = {words}" for field, words in model.assumptions.items()],
         citations=model.citation,
     )

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.optimize import least_squares
 
-from ..recorded.channels import channel, names_of, refuse_clipped
+from ..recorded.channels import channel, names_of, refuse_clipped, unit_of
 from .slips import Slips, slips_of
 
 POSITION = "end_effector_position"
@@ -62,15 +62,15 @@ def sawtooth_features(recording: xr.Dataset, *, smoothing: int = 1, observed: st
     slips = slips_of(t, x, u, where)
     steps = _steps(t, x, slips)
     walks = [_walk(t, x, slips, steps, w) for w in np.unique(slips.walk)]
-    units = {"peak": "m", "valley": "m", "up_step": "m", "down_step": "m", "slip_time": "s", "walk": ""}
-    found = xr.Dataset({name: ("slip", steps[name], {"units": unit}) for name, unit in units.items()}).rename(
-        walk="walk_number"
-    )
-    for name, unit in WALK_UNITS.items():
-        found[name] = ("walk", [walk[name] for walk in walks], {"units": unit})
+    own = unit_of([recording], observed) or "m"
+    units = {name: own if unit == "m" else unit for name, unit in (SLIP_UNITS | WALK_UNITS).items()}
+    found = xr.Dataset({name: ("slip", steps[name], {"units": units[name]}) for name in SLIP_UNITS})
+    found = found.rename(walk="walk_number")
+    for name in WALK_UNITS:
+        found[name] = ("walk", [walk[name] for walk in walks], {"units": units[name]})
     frequency, spectrum, vibration = _vibration(t, x, slips)
     found = found.assign_coords(frequency=("frequency", frequency, {"units": "Hz"}))
-    found["spectrum"] = ("frequency", spectrum, {"units": "m"})
+    found["spectrum"] = ("frequency", spectrum, {"units": own})
     found.attrs = {
         "period": slips.period,
         "delay": slips.delay,
@@ -81,6 +81,8 @@ def sawtooth_features(recording: xr.Dataset, *, smoothing: int = 1, observed: st
     return found
 
 
+# Of a position in m.
+SLIP_UNITS = {"peak": "m", "valley": "m", "up_step": "m", "down_step": "m", "slip_time": "s", "walk": ""}
 WALK_UNITS = {
     "direction": "",
     "n_slips": "",

@@ -31,11 +31,13 @@ from ...estimate.result import Fit
 from ...estimate.score import ASKED, gain, step
 from ...estimate.search import Progress
 from ...estimate.several import ENOUGH, followed, from_several, lowest
+from ...recording import RecordingError
 from ...simulation import SimulationError, friction_response
 from ...simulation.varied import free_names, with_values
+from ...units import turned
 from ..free import Bounds, beside, check_names, known_of, parameter
 from ..quantised import with_steps
-from ..recorded.channels import channel, names_of, recordings_of
+from ..recorded.channels import channel, names_of, recordings_of, unit_of
 from ..recorded.known_noise import converter_step
 from .starts import loop_starts
 
@@ -80,7 +82,8 @@ def identify_loops(
     taken as equally deflected, so that they carry the measured force (their true state is not known).
 
     Args:
-        recordings: with position [m] and friction_force [N], positive when the driving body moves towards +x.
+        recordings: with position [m] and friction_force [N], positive when the driving body moves towards +x;
+            or with an angle [rad] and a torque [N m] as these, and all parameters in units of these.
         model: law record; its values are the start, and its forces hold at `reference_normal_force`.
         free: what to fit: scalar fields of the law, elements ("stiffness_2"), "stiction_ratio" and
             "breakaway_share" (see `identify_friction`), and "bias", "contact_offset", "asymmetry",
@@ -115,13 +118,17 @@ def identify_loops(
     settings = (reference_normal_force, origin, tolerance)
     responses = [_response(r, name, *settings) for r, name in zip(found, names, strict=True)]
     reach = _reach(found, measured, origin)
+    turns = _turns(found)
+    units = {name: turned(unit) if turns else unit for name, unit in CHANNEL.items()}
     parameters = [
-        _of_channel(name, reach.get(name, 0.0), bounds) if name in CHANNEL else parameter(model, name, bounds)
+        _of_channel(name, units[name], reach.get(name, 0.0), bounds)
+        if name in CHANNEL
+        else parameter(model, name, bounds, turns)
         for name in free
     ]
     parameters, begins = loop_starts(parameters, found, measured, bounds)
-    neutral = {name: (1.0 if name == "load_exponent" else 0.0, unit) for name, unit in CHANNEL.items()}
-    others = beside(free, tied or {}, known_of(model, neutral))
+    neutral = {name: (1.0 if name == "load_exponent" else 0.0, unit) for name, unit in units.items()}
+    others = beside(free, tied or {}, known_of(model, neutral, turns))
 
     def residuals(response: Callable[..., Any], force: NDArray[np.float64]) -> Any:
         def of(values: Values) -> NDArray[np.float64]:
@@ -131,7 +138,7 @@ def identify_loops(
 
     problem = Problem(
         [
-            Residuals(residuals(response, force), force, noise, name, "N", time=one["time"].values)
+            Residuals(residuals(response, force), force, noise, name, units["bias"], time=one["time"].values)
             for response, force, name, one in zip(responses, measured, names, found, strict=True)
         ],
         [*parameters, *others],
@@ -171,6 +178,21 @@ def identify_loops(
     )
 
 
+def _turns(recordings: Sequence[xr.Dataset]) -> bool:
+    """Whether the motion is an angle [rad], and so the force a torque [N m].
+
+    Raises:
+        RecordingError: only one of both is.
+    """
+    motion, force = unit_of(recordings, "position"), unit_of(recordings, OBSERVED)
+    turns = motion == "rad"
+    if turns != (force == "N m"):
+        raise RecordingError(
+            f"position is in {motion}, but {OBSERVED} in {force}: rad goes with N m, m with N"
+        )
+    return turns
+
+
 def _reach(
     recordings: Sequence[xr.Dataset], measured: Sequence[NDArray[np.float64]], origin: float
 ) -> dict[str, float]:
@@ -204,7 +226,14 @@ def _with_steps(
         ]
         return np.concatenate(shown) - np.concatenate(measured)
 
-    return with_steps(fit, positions, [converter_step(x) for x in positions], at, "position", "m")
+    return with_steps(
+        fit,
+        positions,
+        [converter_step(x) for x in positions],
+        at,
+        "position",
+        unit_of(recordings, "position"),
+    )
 
 
 class LoopPrediction(NamedTuple):
@@ -237,11 +266,12 @@ def _noticed(
     if gain(fit, slopes) <= ASKED:
         return ""
     found = step(fit, slopes)
+    unit = fit.recordings[0].unit
     percent = abs(100.0 * found / reach[name])
     said = {
         "drift": f"friction {'rose' if found > 0 else 'fell'} by {percent:.2g} % during the recordings",
         "asymmetry": f"friction differs forward and backward by {abs(200.0 * found):.2g} %",
-        "contact_offset": f"{abs(found):.3g} N of the force do not turn with the motion",
+        "contact_offset": f"{abs(found):.3g} {unit} of the force do not turn with the motion",
     }[name]
     return f"{said}, which the model does not have: {name} can be free"
 
@@ -250,12 +280,12 @@ def _own(values: Values) -> Values:
     return {name: value for name, value in values.items() if name not in CHANNEL}
 
 
-def _of_channel(name: str, reach: float, bounds: Bounds) -> Parameter:
+def _of_channel(name: str, unit: str, reach: float, bounds: Bounds) -> Parameter:
     if name == "load_exponent":
         low, high = (float(limit) for limit in bounds.get(name, LOAD_EXPONENTS))
         return Parameter(name, min(max(1.0, low), high), low, high, "", log=False)
     low, high = (float(limit) for limit in bounds.get(name, (-reach, reach)))
-    return Parameter(name, min(max(0.0, low), high), low, high, CHANNEL[name], log=False)
+    return Parameter(name, min(max(0.0, low), high), low, high, unit, log=False)
 
 
 def _response(

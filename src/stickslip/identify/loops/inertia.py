@@ -28,8 +28,9 @@ from ...estimate.fit import fit_least_squares
 from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import FitError, Residuals
 from ...estimate.result import Fit
+from ...units import turned
 from ..free import with_ties
-from ..recorded.channels import channel, names_of, recordings_of
+from ..recorded.channels import channel, names_of, recordings_of, unit_of
 
 # Windows begin twice in the length of one: so they share hardly any noise, and leave hardly any unused.
 OVERLAP = 2
@@ -40,8 +41,8 @@ FEWEST = 16  # samples of a window
 
 Array = NDArray[np.float64]
 NAMES = ("mass", "viscous", "coulomb_force", "offset")
-# What turns, by the unit of its motion: units of inertia, viscous and Coulomb friction.
-UNITS = {"m": ("kg", "N s/m", "N"), "rad": ("kg m^2", "N m s/rad", "N m")}
+# Of inertia, viscous and Coulomb friction.
+UNITS = ("kg", "N s/m", "N")
 
 
 def identify_inertia(
@@ -80,8 +81,8 @@ def identify_inertia(
         averages = _Averages(recording["time"].values, window, name)
         parts.append((averages.design(x), averages.of(f), name))
         moved.append((averages, x))
-    unit = str(found[0][position].attrs.get("units", "m")) or "m"
-    kilograms, viscous, newtons = UNITS.get(unit, UNITS["m"])
+    turns = unit_of(found, position) == "rad"
+    kilograms, viscous, newtons = map(turned, UNITS) if turns else UNITS
     begin = np.linalg.lstsq(
         np.concatenate([d for d, _, _ in parts]), np.concatenate([y for _, y, _ in parts]), rcond=None
     )[0]

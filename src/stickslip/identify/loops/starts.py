@@ -37,8 +37,8 @@ def loop_starts(
     """
     force = 0.5 * max(float(np.ptp(x)) for x in measured)
     stroke = max(float(np.ptp(r["position"].values)) for r in recordings)
-    forces = [p for p in parameters if p.unit == "N" and p.log]
-    stiff = [p for p in parameters if p.unit == "N/m" and p.log]
+    forces = [p for p in parameters if p.unit in ("N", "N m") and p.log]
+    stiff = [p for p in parameters if p.unit in ("N/m", "N m/rad") and p.log]
     if not (forces or stiff) or not (force > 0.0 and stroke > 0.0):
         return list(parameters), []
     total = {id(group): sum(p.start for p in group) for group in (forces, stiff) if group}

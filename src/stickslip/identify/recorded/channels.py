@@ -95,6 +95,22 @@ def drives_of(
     return same_number(given, recordings, "drives")
 
 
+def unit_of(recordings: Sequence[xr.Dataset], name: str) -> str:
+    """The unit of a channel in all recordings, as they say it; the usual one where they do not.
+
+    Raises:
+        RecordingError: they say different ones.
+    """
+    usual = STANDARD_NAMES[name].unit if name in STANDARD_NAMES else ""
+    found = [str(r[name].attrs.get("units", "") or usual) if name in r else usual for r in recordings]
+    for where, unit in zip(names_of(recordings), found, strict=True):
+        if unit != found[0]:
+            raise RecordingError(
+                f"{name} of {where} is in {unit}, of {names_of(recordings)[0]} in {found[0]}"
+            )
+    return found[0]
+
+
 def refuse_clipped(values: NDArray[np.float64], name: str, where: str) -> None:
     """Raise `RecordingError` if a channel stands at its greatest or least value as a saturated one does.
 

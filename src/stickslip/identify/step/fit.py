@@ -19,7 +19,7 @@ from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import Residuals
 from ...estimate.result import Fit
 from ..free import with_ties
-from ..recorded.channels import recordings_of
+from ..recorded.channels import recordings_of, unit_of
 from ..recorded.known_noise import converter_step
 from .formulas import POSITION, THESIS, StepTest, Timing, classical, second_order, step_tests
 from .linear import filter_zeros_poles, second_order_poles, step_response
@@ -53,8 +53,8 @@ def identify_step(
     for it (see `coloured`).
 
     Args:
-        recordings: with end_effector_position [m], the end-effector fixed to the stage, and drive_voltage [V]
-            unless voltages and start are given.
+        recordings: with end_effector_position [m, or rad where it turns], the end-effector fixed to the
+            stage, and drive_voltage [V] unless voltages and start are given.
         model: an actuator into which the result is put.
         voltages: height of each step, V.
         start: instant of the steps in the time of the recordings, s.
@@ -91,11 +91,12 @@ def identify_step(
 
         return of
 
+    unit = unit_of(recordings_of(recordings), observed) or "m"
     parts = [
-        Residuals(residuals(test, i), test.position, None, test.name, "m", _known(test), test.time)
+        Residuals(residuals(test, i), test.position, None, test.name, unit, _known(test), test.time)
         for i, test in enumerate(kept, start=1)
     ]
-    fit = fit_least_squares(parts, with_ties(_parameters(first, lag), tied))
+    fit = fit_least_squares(parts, with_ties(_parameters(first, lag, unit), tied))
     # What is before the window says as much about the noise as what is in it.
     until = [_within(test, -np.inf, reach) for test in tests]
     left = [residuals(test, i)(fit.values) for i, test in enumerate(until, start=1)]
@@ -137,7 +138,7 @@ def _within(test: StepTest, first: float, last: float) -> StepTest:
     return test._replace(time=test.time[kept], position=test.position[kept])
 
 
-def _parameters(first: Sequence[dict[str, float]], lag: bool) -> list[Parameter]:
+def _parameters(first: Sequence[dict[str, float]], lag: bool, unit: str) -> list[Parameter]:
     mean = {name: float(np.mean([row[name] for row in first])) for name in first[0]}
     zeta, omega = mean["damping_ratio"], mean["natural_frequency"]
     if not np.isfinite(zeta):  # no overshoot: the peak is where the noise put it
@@ -146,13 +147,13 @@ def _parameters(first: Sequence[dict[str, float]], lag: bool) -> list[Parameter]
     found = [
         Parameter("damping_ratio", zeta, zeta / 30, zeta * 30, ""),
         Parameter("natural_frequency", omega, omega / 30, omega * 30, "rad/s"),
-        Parameter("gain", mean["gain"], -np.inf, np.inf, "m/V", log=False),
+        Parameter("gain", mean["gain"], -np.inf, np.inf, f"{unit}/V", log=False),
         Parameter("delay", mean["delay"], mean["delay"] - length, mean["delay"] + length, "s", log=False),
     ]
     if lag:
         found.append(Parameter("lag", 0.05 / omega, 0.0, 2.0 / omega, "s", log=False, square=True))
     offsets = enumerate((row["bias"] for row in first), start=1)
-    return [*found, *(Parameter(f"offset_{i}", b, -np.inf, np.inf, "m", log=False) for i, b in offsets)]
+    return [*found, *(Parameter(f"offset_{i}", b, -np.inf, np.inf, unit, log=False) for i, b in offsets)]
 
 
 def _response(filter: Filter | None, slew_rate: float | None) -> Callable[[Array, float, Values], Array]:

@@ -11,7 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ...recording import RecordingError
-from ..recorded.channels import channel, names_of, recordings_of, refuse_clipped, same_number
+from ..recorded.channels import channel, names_of, recordings_of, refuse_clipped, same_number, unit_of
 
 POSITION = "end_effector_position"
 # Samples from the rise to the peak below which neither can be told.
@@ -192,16 +192,17 @@ def step_features(
     """
     tests = step_tests(recordings, voltages, start, observed)
     rows = [classical(test, timing, delay) for test in tests]
+    unit = unit_of(recordings_of(recordings), observed) or "m"
     units = {
         "voltage": "V",
         "delay": "s",
-        "bias": "m",
-        "steady_value": "m",
+        "bias": unit,
+        "steady_value": unit,
         "peak_time": "s",
         "overshoot": "",
         "damping_ratio": "",
         "natural_frequency": "rad/s",
-        "gain": "m/V",
+        "gain": f"{unit}/V",
     }
     table = xr.Dataset(
         {name: ("recording", [row[name] for row in rows], {"units": unit}) for name, unit in units.items()},

@@ -29,7 +29,7 @@ from ...units import QuantityError
 from ...waveform.signal import Waveform
 from ..free import Bounds, beside, check_names, known_of, parameter, with_prior
 from ..quantised import with_steps
-from ..recorded.channels import drives_of, names_of, recordings_of
+from ..recorded.channels import drives_of, names_of, recordings_of, unit_of
 from ..recorded.known_noise import known_noise
 from .displacement import Displacement, has_slopes
 from .first_guess import beginning, first_guess
@@ -76,7 +76,8 @@ def identify_friction(
     (see `marginal`).
 
     Args:
-        recordings: with end_effector_position [m].
+        recordings: with end_effector_position [m]; or [rad], of an actuator that turns: then forces in the
+            model are torques [N m], masses moments of inertia [kg m^2], and all in units of these.
         model: the actuator; its values are one start of many (see `first_guess`), and the fit describes the
             recordings no worse than they do.
         free: what to fit: scalar fields of the law ("sigma_0", "coulomb_force", ...; "stiffness_2" of a
@@ -143,15 +144,20 @@ def identify_friction(
     first = ({"delay": stage.values["delay"]} if stage is not None else {}) | (begin or {})
     tolerance = tolerance or (1e-10 if has_slopes(model) else 1e-12)
 
+    unit = unit_of(found, OBSERVED)
+    turns = unit == "rad"
+
     def parameters(free: Sequence[str]) -> list[Parameter]:
         own = [
-            of_channel(name, found, bounds, first) if name in CHANNEL else parameter(model, name, bounds)
+            of_channel(name, found, bounds, first)
+            if name in CHANNEL
+            else parameter(model, name, bounds, turns)
             for name in free
         ]
         return [with_prior(p, priors) for p in own]
 
-    of_chain = {"delay": (first.get("delay", 0.0), "s"), "offset": (first.get("offset", 0.0), "m")}
-    others = beside(free, tied or {}, known_of(model, of_chain))
+    of_chain = {"delay": (first.get("delay", 0.0), "s"), "offset": (first.get("offset", 0.0), unit)}
+    others = beside(free, tied or {}, known_of(model, of_chain, turns))
     walks = Walks(
         [
             Displacement(r, w, name, model, tolerance, slew_rate)
@@ -159,6 +165,7 @@ def identify_friction(
         ],
         measured,
         names,
+        unit,
         [known_noise(r, x, w) for r, x, w in zip(found, measured, drives, strict=True)],
         model,
         stage,
@@ -222,7 +229,7 @@ def _completed(fit: Fit, walks: Walks, slew_rate: float | None, tolerance: float
         [known.step for known in walks.known],
         lambda moved: residuals + np.concatenate(measured) - np.concatenate(moved),
         OBSERVED,
-        "m",
+        walks.unit,
     )
     model = with_values(walks.model, own_values(fit.values))
     chain = Chain(
@@ -296,7 +303,9 @@ def _guessed(
 ) -> tuple[list[Parameter], list[Values]]:
     """See `first_guess`, by the beginning of one recording."""
     varied, position = Varied(walks.model, walks.ties), measured[: short.time.size]
-    residuals = Residuals(lambda v: observed(short, varied, v) - position, position, walks.noise, name, "m")
+    residuals = Residuals(
+        lambda v: observed(short, varied, v) - position, position, walks.noise, name, walks.unit
+    )
     others = walks.beside(parameters)
     moved = [p.name for p in (*parameters, *others) if not p.fixed]
     jacobian = slopes_of([short], varied, moved) if has_slopes(walks.model) else None

@@ -16,7 +16,7 @@ from ...recording import RecordingWarning
 from ...units import with_prefix
 from ...waveform.signal import Waveform
 from ..free import Bounds
-from ..recorded.channels import channel, refuse_clipped
+from ..recorded.channels import channel, refuse_clipped, unit_of
 from ..recorded.drives import refuse_sampling
 
 OBSERVED = "end_effector_position"
@@ -63,7 +63,7 @@ def of_channel(
         return linear(name, "s", begin.get(name, 0.0), reach, bounds)
     positions = [r[OBSERVED].values for r in recordings]
     reach = max(float(np.ptp(x) + abs(x[0])) for x in positions)
-    return linear(name, "m", begin.get(name, 0.0), reach, bounds)
+    return linear(name, unit_of(recordings, OBSERVED), begin.get(name, 0.0), reach, bounds)
 
 
 def linear(name: str, unit: str, start: float, reach: float, bounds: Bounds) -> Parameter:

@@ -9,12 +9,14 @@ from ...estimate.identifiability import loosest
 from ...estimate.parameter import Parameter, Values
 from ...estimate.result import Fit
 from ...estimate.several import ENOUGH, followed, from_several
+from ...units import turned
 from .first_guess import beside
 from .position_channel import CHANNEL
 from .walks import Walks
 
 # How a search goes along the valley: walks are nearer to linear in forces and compliances than in logarithms.
 POWERS = {"N": 1, "N s/m": 1, "N/m": -1}
+POWERS |= {turned(unit): power for unit, power in POWERS.items()}
 
 
 def from_points(

@@ -52,13 +52,15 @@ class Varied:
 
 @dataclass(frozen=True)
 class Walks:
-    """Recordings of one actuator: their simulations, the positions [m] that were measured, their names, and
-    what they show of their noise; the fit that the stage is from, if any; what is tied to the parameters of
-    fits, which have only those that are searched for; the rest as `identify_friction`."""
+    """Recordings of one actuator: their simulations, the positions [m] that were measured, their names, the
+    unit of the positions and what they show of their noise; the fit that the stage is from, if any; what is
+    tied to the parameters of fits, which have only those that are searched for; the rest as
+    `identify_friction`."""
 
     motions: Sequence[Displacement]
     measured: Sequence[Array]
     names: Sequence[str]
+    unit: str
     known: Sequence[KnownNoise]
     model: Actuator
     stage: Fit | None
@@ -125,7 +127,9 @@ class Walks:
 
         return Problem(
             [
-                Residuals(residuals(motion, position), position, self.noise, name, "m", known, motion.time)
+                Residuals(
+                    residuals(motion, position), position, self.noise, name, self.unit, known, motion.time
+                )
                 for motion, position, name, known in zip(
                     self.motions, self.measured, self.names, self.known, strict=True
                 )
