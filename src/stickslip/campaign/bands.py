@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from ..estimate.result import Fit
+from ..identify.step.fit import STAGE
 from ..identify.step.formulas import step_tests
 from ..identify.walk.displacement import Displacement, has_slopes
 from ..identify.walk.walks import by_coordinates, by_values, columns_of
 from ..study.alignment import Aligned
-from .budget import LEVEL, STAGE, Inherited
+from .budget import LEVEL, Inherited
 
 _TOLERANCE = 1e-10
 

@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..estimate.result import Fit
+from ..identify.step.fit import STAGE
 from ..identify.walk.displacement import Displacement, has_slopes
 from ..identify.walk.position_channel import CHANNEL
 from ..identify.walk.walks import by_coordinates, by_values, columns_of
 from ..study.alignment import POSITION, Aligned
 from .gathering import Scale
 
-STAGE = ("gain", "natural_frequency", "damping_ratio")
 LEVEL = 0.95
 _TOLERANCE = 1e-11
 

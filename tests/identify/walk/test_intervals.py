@@ -10,7 +10,7 @@ from stickslip.estimate.fit import fit_least_squares
 from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.problem import Residuals
 from stickslip.friction import Coulomb, LuGre
-from stickslip.identify.walk.experiments import Walk, advice, expected_errors
+from stickslip.identify.walk.experiments import Walk, expected_errors
 from stickslip.identify.walk.friction import identify_friction
 from stickslip.identify.walk.intervals import bootstrap, prediction_band, profile_interval
 from stickslip.simulation import simulate
@@ -67,4 +67,3 @@ def test_fast_samples_would_determine_the_bristles_damping() -> None:
     of = errors["standard_error"].sel(parameter="sigma_1")
     assert float(of.sel(experiment="fast")) < 0.6 * float(of.sel(experiment="slow"))
     assert float(of.sel(experiment="four")) == pytest.approx(0.5 * float(of.sel(experiment="fast")))
-    assert advice(errors, "sigma_1").startswith("sigma_1 would be determined best by four")

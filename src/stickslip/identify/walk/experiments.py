@@ -58,12 +58,3 @@ def expected_errors(model: Actuator, free: Sequence[str], experiments: Mapping[s
         {"standard_error": (("experiment", "parameter"), np.array(rows), {"units": ""})},
         coords={"experiment": list(experiments), "parameter": list(free)},
     )
-
-
-def advice(errors: xr.Dataset, name: str) -> str:
-    """A sentence: which of the experiments determines a value best, and how well."""
-    of = errors["standard_error"].sel(parameter=name)
-    best, worst = str(of.idxmin("experiment").item()), str(of.idxmax("experiment").item())
-    least, most = float(of.min()), float(of.max())
-    against = f"against {100 * most:.2g} % by {worst}"
-    return f"{name} would be determined best by {best}: to {100 * least:.2g} %, {against}"
