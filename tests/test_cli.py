@@ -150,7 +150,7 @@ def test_a_slider_pulled_by_a_user_s_own_set(tmp_path: Path) -> None:
         ([*THESIS, "--amplitude", "200 V"], "from 0 V to 200 V is out of range"),
         ([*THESIS, "--frequency=-5 Hz"], "Sawtooth.frequency = '-5 Hz' is out of range"),
         ([*THESIS, "--waveform", "step"], "Step has no field 'frequency'"),
-        ([*THESIS, "--waveform", "swtooth"], "swtooth"),
+        ([*THESIS, "--waveform", "swtooth"], "no waveform 'Swtooth' (did you mean 'Sawtooth'?)"),
         ([*THESIS, "--sample-rate", "1 kV"], "--sample-rate = '1 kV'"),
         ([*THESIS, "--duration", "nan"], "duration = nan s"),
         ([*THESIS, "--set", "friction.sigma0=1"], "LuGre has no field 'sigma0' (did you mean 'sigma_0'?)"),

@@ -78,6 +78,7 @@ from .recording import save_csv as save_csv
 from .recording import save_matlab as save_matlab
 from .recording import save_recording as save_recording
 from .recording import validate_recording as validate_recording
+from .registry import use_file as use_file
 from .rig import Bench as Bench
 from .rig import Capture as Capture
 from .rig import Channel as Channel

@@ -40,8 +40,8 @@ _PACKAGE = Path(__file__).parent
 KERNEL_ROOMS = ("_jit.py", "mechanism.py", "friction", "piezo", "electronics", "waveform", "plant", "solve")
 
 
-def _source_hash(files: list[Path]) -> str:
-    digest = hashlib.sha256()
+def _source_hash(files: list[Path], names: str = "") -> str:
+    digest = hashlib.sha256(names.encode())
     for file in files:
         digest.update(file.name.encode())
         digest.update(file.read_bytes())
@@ -242,7 +242,10 @@ class Kernel:
         foreign = sorted({source for source in sources.values() if source is not None})
         if any(source == Path() or law.__module__ == "__main__" for law, source in sources.items() if source):
             return numba.njit(self._function, **_OPTIONS)
-        folder = _package_cache() / f"law-{_source_hash(foreign)}" if foreign else _package_cache()
+        folder = _package_cache()
+        if foreign:  # what is kept names its modules, and is of no use to who calls them otherwise
+            names = ",".join(sorted({law.__module__ for law, source in sources.items() if source}))
+            folder /= f"law-{_source_hash(foreign, names)}"
         key = str(folder)
         if key not in self._dispatchers:
             before = numba.config.CACHE_DIR  # type: ignore[attr-defined]

@@ -20,7 +20,8 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from .friction import LAWS, is_law
+from . import registry
+from .friction import is_law
 from .parameters import (
     ParameterSet,
     ParameterSetError,
@@ -91,7 +92,7 @@ def _citation(self: Any) -> str:
 def _check_friction(system: Any) -> None:
     owner = type(system).__name__
     if not is_law(system.friction):
-        known = ", ".join(law.__name__ for law in LAWS)
+        known = ", ".join(registry.laws.names())
         raise QuantityError(f"{owner}.friction = {system.friction!r} must be a law with its values: {known}")
     if not isinstance(system.name, str):
         raise QuantityError(f"{owner}.name = {system.name!r} must be a text")

@@ -4,28 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from . import registry
 from .calibration import load_calibration
 from .calibration.storage import available_calibrations
 from .datasets import DATASETS
-from .friction import LAWS
 from .parameters import available_sets, load_set
 from .records import did_you_mean
 from .rig.bench import available_benches, load_bench
 from .units import QuantityError
-from .waveform.knots import PeriodicKnots
-from .waveform.multisine import Multisine
-from .waveform.periodic import Cycloid, ReverseSawtooth, Sawtooth, Sine, Triangle
-from .waveform.sampled import Sampled
-from .waveform.sequence import Sequence
-from .waveform.shapes import Chirp, Constant, Ramp, Rest, Step
-
-WAVEFORMS = (Sawtooth, ReverseSawtooth, Triangle, Cycloid, Sine, PeriodicKnots, Multisine, Sampled)
-WAVEFORMS = (*WAVEFORMS, Chirp, Step, Ramp, Constant, Rest, Sequence)
 
 _KINDS: Mapping[str, Callable[[], dict[str, str]]] = {
-    "laws": lambda: {law.__name__: _first_line(law) for law in LAWS},
+    "laws": lambda: _lines(registry.laws),
     "actuators": lambda: {name: load_set(name).title for name in available_sets()},
-    "waveforms": lambda: {one.__name__: _first_line(one) for one in WAVEFORMS},
+    "waveforms": lambda: _lines(registry.waveforms),
     "benches": lambda: {name: load_bench(name).title for name in available_benches()},
     "calibrations": lambda: {name: load_calibration(name).source for name in available_calibrations()},
     "datasets": lambda: {name: f"{one.credit} ({one.licence})" for name, one in DATASETS.items()},
@@ -50,5 +41,15 @@ def catalogue(*kinds: str) -> dict[str, dict[str, str]]:
     return {kind: _KINDS[kind]() for kind in kinds or _KINDS}
 
 
-def _first_line(described: type) -> str:
-    return (described.__doc__ or "").strip().split("\n")[0]
+def _lines(kind: registry.Kind) -> dict[str, str]:
+    return {name: _line(kind, name) for name in kind.names()}
+
+
+def _line(kind: registry.Kind, name: str) -> str:
+    try:
+        found = kind.find(name)
+    except registry.RegistryError as error:  # it is there, and cannot be used
+        return str(error)
+    said, place = (found.__doc__ or "").strip().split("\n")[0], registry.origin(found)
+    said = "" if said.startswith(f"{name}(") else said
+    return f"{said} ({place})".strip() if place else said

@@ -107,6 +107,11 @@ def quantities(record_type: type) -> dict[str, Quantity]:
     return {name: field.quantity for name, field in _fields_with_quantity(record_type).items()}
 
 
+def sequences(record_type: type) -> frozenset[str]:
+    """The fields that hold several values, each a `Quantity`."""
+    return frozenset(name for name, field in _fields_with_quantity(record_type).items() if field.sequence)
+
+
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """A hint at the end of an error about an unknown name; empty where nothing known looks like it."""
     close = get_close_matches(word, list(known), n=1)

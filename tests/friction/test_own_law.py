@@ -96,5 +96,15 @@ def test_compiled_laws_are_kept_and_no_edit_is_ever_stale(folder):
     assert run(folder) == (24.0, 0.2, True)
 
 
+@pytest.mark.compiled
+def test_compiled_laws_of_a_file_named_by_its_path_are_kept_too(folder):
+    load = f"from stickslip import use_file\nown_law = use_file({str(folder / 'own_law.py')!r})"
+    edit(folder / "program.py", "import own_law", load)
+    assert run(folder) == (23.0, 0.1, True)
+    assert run(folder) == (23.0, 0.1, False)
+    edit(folder / "program.py", load, "import own_law")  # another name for the same file
+    assert run(folder) == (23.0, 0.1, True)
+
+
 def test_own_law_runs_without_the_compiler(folder):
     assert run(folder, jit=False) == (23.0, 0.1, False)

@@ -13,7 +13,7 @@ import stickslip as ss
 from stickslip.panel import exploration
 from stickslip.panel.exploration import State, mean_speed, motion, python, sample_times, step_curves
 from stickslip.panel.explore import field_of
-from stickslip.panel.sliders import LAW_TYPES, SHAPES, choices
+from stickslip.panel.sliders import choices, law_types, shapes
 
 CHOICES = choices()
 
@@ -41,14 +41,14 @@ def test_choices_are_strict_json_and_name_every_law_and_field() -> None:
     assert len(text) < 30_000
     assert set(CHOICES["laws"]) == {law.__name__ for law in ss.LAWS}
     assert set(CHOICES["sets"]) == {"changli1999", "kang2007", "pohl1987"}
-    for name, law in LAW_TYPES.items():
+    for name, law in law_types().items():
         assert [field["name"] for field in CHOICES["laws"][name]] == list(law._fields)
     for field in [*CHOICES["model"], *(f for fields in CHOICES["shapes"].values() for f in fields)]:
         assert field["meaning"]
         assert field.get("switch") or field["low"] < field["high"]
 
 
-@pytest.mark.parametrize("law", LAW_TYPES)
+@pytest.mark.parametrize("law", law_types())
 def test_every_law_moves(law: str) -> None:
     moved = motion(state(law=law))
     assert moved.problem == ""
@@ -59,7 +59,7 @@ def test_every_law_moves(law: str) -> None:
     assert 0.0 < net < 5 * 65.0 * 0.1057e-6
 
 
-@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("shape", shapes())
 def test_every_waveform_moves(shape: str) -> None:
     moved = motion(state(shape=shape, duration=0.3))
     time = moved.time
@@ -195,7 +195,7 @@ def test_a_set_that_is_changed_by_nothing_is_written_in_one_line() -> None:
     ],
 )
 def test_errors_name_the_field(changes: dict[str, Any], field: str, words: str) -> None:
-    base = {key: value for key, value in changes.items() if key != "law" or value in LAW_TYPES}
+    base = {key: value for key, value in changes.items() if key != "law" or value in law_types()}
     here = state(**base)
     here = here.model_copy(update={"law": changes.get("law", here.law)})
     with pytest.raises(ss.QuantityError) as caught:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 import warnings
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,19 +17,6 @@ if TYPE_CHECKING:
     from ..waveform.signal import Waveform
 
 
-class Shape(StrEnum):
-    """Waveforms that the command line knows; Python knows more."""
-
-    SAWTOOTH = "sawtooth"
-    REVERSE_SAWTOOTH = "reverse-sawtooth"
-    TRIANGLE = "triangle"
-    CYCLOID = "cycloid"
-    SINE = "sine"
-    STEP = "step"
-    RAMP = "ramp"
-    CHIRP = "chirp"
-
-
 # Fields of waveforms that have an option of their own; the others are given with --set.
 OPTIONS = ("amplitude", "frequency", "periods")
 
@@ -38,7 +24,13 @@ OPTIONS = ("amplitude", "frequency", "periods")
 @app.command()
 def simulate(
     parameters: Annotated[str, typer.Argument(metavar="[SET|FILE.toml]", help="Parameter set.")] = "kang2007",
-    waveform: Annotated[Shape, typer.Option(help="Drive signal.")] = Shape.SAWTOOTH,
+    waveform: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME|FILE.py:NAME",
+            help="Drive: sawtooth, reverse-sawtooth, ...; stickslip list waveforms.",
+        ),
+    ] = "sawtooth",
     amplitude: Annotated[str, typer.Option(help='Amplitude, such as "65 V".')] = "",
     frequency: Annotated[str, typer.Option(help='Frequency, such as "5 Hz".')] = "",
     periods: Annotated[str, typer.Option(help="Number of periods.")] = "",
@@ -125,20 +117,25 @@ def _read(text: str, record: Any, field: str) -> Any:
     return text.split(",") if isinstance(now, tuple) else text
 
 
-def _drive(shape: Shape, model: Actuator | PulledSlider, fields: dict[str, str]) -> Waveform:
+def _drive(name: str, model: Actuator | PulledSlider, fields: dict[str, str]) -> Waveform:
     from ..actuator import Actuator
-    from ..records import quantities
-    from ..waveform import periodic, shapes
+    from ..records import quantities, sequences
+    from ..registry import own_path
+    from ..waveform.signal import shape
 
-    name = "".join(word.capitalize() for word in shape.split("-"))
-    made = getattr(periodic, name, None) or getattr(shapes, name)
+    if name.islower() and not own_path(name)[0]:  # as on command lines: "reverse-sawtooth"
+        made = shape("".join(word.capitalize() for word in name.split("-")))
+    else:
+        made = shape(name)
     unit = "V" if isinstance(model, Actuator) else "m"
     for field, quantity in quantities(made).items():
         if field not in fields and field not in made._field_defaults:
             option = f"--{field}" if field in OPTIONS else f"--set waveform.{field}=..."
-            what = f"{quantity.meaning} of the {shape.value}, in {quantity.unit.replace('V', unit)}"
+            what = f"{quantity.meaning} of the {name}, in {quantity.unit.replace('V', unit)}"
             raise ValueError(f"{option} is missing: {what}")
-    return made(**fields, unit=unit)
+    many = sequences(made)
+    given = {key: text.split(",") if key in many else text for key, text in fields.items()}
+    return made(**given, unit=unit)
 
 
 def _steady_step(model: Actuator | PulledSlider, drive: Waveform) -> Number | None:
@@ -290,8 +287,8 @@ def cite(
 
 
 def _citation(name: str) -> str:
+    from .. import registry
     from ..actuator import load_actuator, load_pulled_slider
-    from ..friction import LAWS
     from ..parameters import available_sets, load_set
     from ..parameters import cite as cited
 
@@ -301,4 +298,6 @@ def _citation(name: str) -> str:
             return load_actuator(name).citation
         if kind == "pulled_slider":
             return load_pulled_slider(name).citation
-    return cited({law.__name__: law for law in LAWS}.get(name, name))
+    if name in registry.laws.names() or registry.own_path(name)[0]:
+        return cited(registry.laws.find(name))
+    return cited(name)

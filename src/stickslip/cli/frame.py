@@ -179,5 +179,18 @@ def main(
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
     ] = False,
+    use: Annotated[
+        list[Path],
+        typer.Option(
+            metavar="FILE.py",
+            help="Run a file of your own first: its laws, waveforms, ... are known by name.",
+        ),
+    ] = [],  # noqa: B006  # typer copies it
 ) -> None:
     """Only the options that come before a command."""
+    if use:
+        with errors_in_one_line(False):
+            from ..registry import use_file
+
+            for file in use:
+                use_file(file)

@@ -21,15 +21,13 @@ from ..records import did_you_mean
 from ..rig import Capabilities, Capture, Channel, Limits, Repeats, RigError, Trigger, Variation
 from ..rig.measurement import channel_units, plan_run
 from ..units import QuantityError, to_si
-from ..waveform import knots, multisine, periodic, shapes
 from ..waveform.sampled import Sampled
 from ..waveform.sequence import Sequence
-from ..waveform.signal import Waveform
+from ..waveform.signal import Waveform, shape
 from .file import ChannelSpec, ExperimentFile, PartSpec, RunSpec, ScpiRigSpec
 from .laboratory import Laboratory, own_file
 
 MOST_CELLS = 10_000
-_SHAPES = {**vars(periodic), **vars(shapes), **vars(multisine), **vars(knots)}
 
 
 @dataclass(frozen=True)
@@ -235,7 +233,7 @@ def _waveform(part: PartSpec, axes: Mapping[str, float | str], folder: Path, rea
     if (part.shape is None) == (part.file is None):
         raise QuantityError("a part has either a shape or a file")
     if part.shape is not None:
-        return _SHAPES[part.shape](**{key: _substituted(v, axes) for key, v in part.fields.items()})
+        return shape(part.shape, folder)(**{key: _substituted(v, axes) for key, v in part.fields.items()})
     if part.fields:
         raise QuantityError("a file takes no fields")
     recording = read(folder / str(part.file))

@@ -4,17 +4,32 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, StringConstraints
+from pydantic import AfterValidator, Field, StringConstraints
 
+from .. import registry
 from ..input_file import Seconds, Strict
+from ..registry import own_path
+from ..waveform.signal import shape
 
 Quantity = float | str
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,59}$")]
 Count = Annotated[int, Field(ge=1, le=10_000)]
-Shape = Literal[
-    "Sawtooth", "ReverseSawtooth", "Triangle", "Cycloid", "Sine", "Step", "Ramp", "Chirp", "Rest", "Constant",
-    "Multisine", "PeriodicKnots",
-]  # fmt: skip
+
+
+def _known(text: str) -> str:
+    path, _ = own_path(text)
+    if not path:  # a user's file is looked at when its folder is known
+        shape(text)
+    return text
+
+
+def _shapes(schema: dict[str, Any]) -> None:
+    made = [name for name, one in registry.waveforms.all() if hasattr(one, "_fields")]
+    schema |= {"anyOf": [{"enum": made}, {"pattern": r"\.py:\w+$"}]}
+
+
+# The name of a waveform, or that of a user's own: "my_waveform.py:Staircase", beside the file.
+Shape = Annotated[str, AfterValidator(_known), Field(json_schema_extra=_shapes)]
 
 
 class VariationSpec(Strict):

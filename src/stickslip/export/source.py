@@ -9,10 +9,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from .. import registry
 from ..actuator import Actuator, PulledSlider, load_actuator, load_pulled_slider
 from ..chain import Chain
 from ..estimate.result import Fit
-from ..friction import LAWS, is_law
+from ..friction import is_law
 from ..parameters import ParameterSetError, load_set
 from ..records import quantities
 from ..units import QuantityError
@@ -72,7 +73,7 @@ def _of_results(file: Path) -> Exported:
     try:
         numbers = json.loads(file.read_text(encoding="utf-8"))["numbers"]
         found = numbers["model"]
-        law = {law.__name__: law for law in LAWS}[found["law"]]
+        law = registry.laws.of_results(found)
         model = Actuator(**_fields(found["actuator"]), friction=law(**_fields(found["friction"])))
     except OSError as error:
         raise ExportError(f"{file} cannot be read: {error.strerror}") from error

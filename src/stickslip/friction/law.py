@@ -25,6 +25,7 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from .. import registry
 from .._jit import compiled, fused, overload, record_class
 
 
@@ -75,8 +76,9 @@ def register(
     branches: Branches | None = None,
     smooth: bool = False,
     lanes: bool = False,
+    named: bool = True,
 ) -> None:
-    """Make a record a friction law.
+    """Make a record a friction law, known by its name from then on.
 
     Args:
         law_type: the record, a ``typing.NamedTuple``.
@@ -94,6 +96,7 @@ def register(
             its maker says.
         lanes: steps of neighbours are taken side by side, in vector registers: quicker for a rate without
             branches that cost much, for there each branch is taken always; slower with a power in one.
+        named: false for the elements of a composed law, which nobody names.
 
     Raises:
         TypeError: the record is no named tuple, there is not either `rate` or `elements` with `element`, or
@@ -112,6 +115,8 @@ def register(
         if function is not None and tuple(inspect.signature(function).parameters) != expected:
             raise TypeError(f"{name}: {role} must be a function of ({', '.join(expected)}), named so")
     _IMPLEMENTATIONS[law_type] = made
+    if named and not smooth:
+        registry.laws.add(law_type)
 
 
 def is_law(candidate: object) -> bool:

@@ -151,4 +151,5 @@ register(
     project=element_bound,
     branches=Branches(element_choose, element_branch_rate, element_left),
     lanes=True,
+    named=False,
 )

@@ -6,6 +6,7 @@ import json
 import os
 from pathlib import Path
 
+from .. import registry
 from .._version import __version__
 from ..actuator import Actuator
 from ..chain import Chain
@@ -18,7 +19,7 @@ from ..estimate.parameter import Parameter
 from ..estimate.problem import FitError
 from ..estimate.result import Fit
 from ..estimate.saved import packed, unpacked
-from ..friction import LAWS
+from ..friction import is_law
 from ..recording.replacing import replaced_whole
 from .frequency.modal import ModalModel
 from .loops.fit import LoopPrediction
@@ -37,10 +38,12 @@ def save_fit(fit: Fit, path: str | os.PathLike[str]) -> None:
     """Save a fit as JSON, whole: values, uncertainty, residuals, and what it predicts with.
 
     Raises:
-        FitError: its model is none of the package's, such as a law of one's own.
+        FitError: its model is none of the package's.
     """
+    law = getattr(fit.model, "friction", fit.model)
+    said = registry.laws.written(type(law)) if is_law(law) else {}
     try:
-        text = json.dumps({"format": FORMAT, "version": __version__, "fit": packed(fit)})
+        text = json.dumps({"format": FORMAT, "version": __version__, **said, "fit": packed(fit)})
     except TypeError as error:
         raise FitError(f"{path}: {error}") from error
     with replaced_whole(Path(path)) as temporary:
@@ -51,14 +54,18 @@ def load_fit(path: str | os.PathLike[str]) -> Fit:
     """A fit as `save_fit` wrote it; it predicts, and says the same.
 
     Raises:
-        FitError: the file cannot be read, or holds no fit.
+        FitError: the file cannot be read, holds no fit, or one of the user's own law that is not known here.
     """
-    types = {one.__name__: one for one in (*_TYPES, *LAWS)}
+    types = {one.__name__: one for one in _TYPES} | registry.laws.packaged()
     try:
         content = json.loads(Path(path).read_text(encoding="utf-8"))
         if content["format"] != FORMAT:
             raise KeyError(content["format"])
+        if "law_of" in content:
+            types[str(content["law"])] = registry.laws.of_results(content)
         fit = unpacked(content["fit"], types)
+    except registry.RegistryError as error:
+        raise FitError(f"{path}: {error}") from error
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise FitError(f"{path}: there is no fit in it ({type(error).__name__}: {error})") from error
     if not isinstance(fit, Fit):

@@ -20,9 +20,11 @@ from ..readers.process import Reader
 from ..recording import STANDARD_NAMES
 from ..recording.replacing import replaced_whole
 from ..records import quantities
+from ..registry import check_used
 from ..rig.measurement import channel_units
 from ..units import QuantityError, to_si
 from .folder import Folder
+from .sets import check_own_law
 
 DEFAULT = Path(__file__).parent / "experiment.yaml"
 MOST_KEPT = 200  # changes that can be taken back
@@ -53,7 +55,9 @@ class Document:
         """Raises ValueError or RigError for what cannot be recorded; nothing is put out."""
         file = check_experiment(content)
         for name in _files(file):
-            self._folder.path(name)
+            check_own_law(self._folder.path(name))
+        for part in (part for run in file.runs for part in run.waveform):
+            check_used(part.shape or "", self._folder.root)
         laboratory = PlanningLaboratory(file, self._folder.root)
         found = cells(file, self._folder.root, laboratory, self._read)
         can = laboratory.capabilities(found[0].actuator)

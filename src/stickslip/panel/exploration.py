@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from .. import registry
 from ..actuator import Actuator
 from ..input_file import Strict
 from ..records import Quantity
@@ -21,7 +22,7 @@ from ..units import QuantityError
 from ..waveform.drive import evaluate
 from ..waveform.signal import Waveform
 from .sets import PACKAGE, Sets
-from .sliders import LAW_TYPES, SHAPES
+from .sliders import law_types, shapes
 
 # Samples of the whole, of one period of the friction loop, of a ring-down after each break of the drive, and
 # of that in the friction loop.
@@ -63,7 +64,7 @@ class Model(Strict):
         return base.replace(**changes, friction=self._friction())
 
     def _friction(self) -> Any:
-        law = _known(LAW_TYPES, self.law, "law")
+        law = _known(law_types(), self.law, "law")
         fields: dict[str, Any] = {}
         elements: dict[str, dict[int, Value]] = {}
         for name, value in self.friction.items():
@@ -86,7 +87,7 @@ class State(Model):
     def experiment(self, sets: Sets = PACKAGE) -> tuple[Actuator, Waveform, float]:
         """The actuator, its drive and the length [s]; QuantityError for a wrong value."""
         actuator = self.actuator(sets)
-        waveform = _known(SHAPES, self.shape, "shape")(**self.waveform)
+        waveform = _known(shapes(), self.shape, "shape")(**self.waveform)
         seconds = _LENGTH.check(self.duration, "duration")
         period = _period(waveform)
         repeats = seconds / period if period else 0.0
@@ -193,11 +194,11 @@ def step_curves(state: State, sets: Sets = PACKAGE) -> dict[str, Array]:
     stepping, or the voltage leaves the actuator's range. All empty for a drive that does not repeat.
     """
     actuator, waveform, _ = state.experiment(sets)
-    if _period(waveform) is None:
+    if _period(waveform) is None or not {"amplitude", "frequency"} <= set(waveform._fields):  # type: ignore[attr-defined]
         names = ("amplitude", "step_over_amplitude", "frequency", "step_over_frequency", "step", "in_time")
         return {name: np.zeros(0) for name in names}
     wave: Any = waveform
-    top = actuator.max_voltage - max(wave.offset, 0.0)
+    top = actuator.max_voltage - max(getattr(wave, "offset", 0.0), 0.0)
     top = min(top, -actuator.min_voltage) if state.shape == "Sine" and actuator.min_voltage else top
     top = top if math.isfinite(top) and top > 0 else max(150.0, abs(wave.amplitude))
     amplitude = np.linspace(top / CURVE_POINTS, top, CURVE_POINTS)
@@ -256,6 +257,7 @@ def python(state: State, sets: Sets = PACKAGE) -> str:
     lines = [
         "import stickslip as ss",
         "",
+        *dict.fromkeys(filter(None, (_own(type(actuator.friction)), _own(type(waveform))))),
         f"actuator = {model}",
         f"drive = {_record(waveform)}",
         f"trajectory = ss.simulate(actuator, drive, duration={duration!r}, sample_rate=10e3)",
@@ -272,7 +274,16 @@ def _record(record: Any) -> str:
         for field, value in record._asdict().items()
         if field not in defaults or defaults[field] != value
     )
-    return f"ss.{type(record).__name__}({', '.join(fields)})"
+    name = type(record).__name__
+    return f"{'' if registry.origin(type(record)) else 'ss.'}{name}({', '.join(fields)})"
+
+
+def _own(kind: type) -> str:
+    """The line that gets somebody's own law or waveform."""
+    place = registry.origin(kind)
+    if kind.__module__.startswith("own_"):
+        return f"{kind.__name__} = ss.use_file({place!r}).{kind.__name__}"
+    return f"from {kind.__module__} import {kind.__name__}" if place else ""
 
 
 def _literal(value: Any) -> str:

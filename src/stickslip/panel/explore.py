@@ -14,7 +14,7 @@ from ..simulation import SimulationError
 from ..units import QuantityError
 from .exploration import State, mean_speed, motion, python, step_curves
 from .sets import Sets
-from .sliders import LAW_TYPES, SHAPES, choices
+from .sliders import choices, law_types, shapes
 from .stream import packed
 
 SHOWN = (
@@ -90,9 +90,9 @@ def field_of(message: str) -> str:
         "model"
         if owner == "Actuator"
         else "friction"
-        if owner in LAW_TYPES
+        if owner in law_types()
         else "waveform"
-        if owner in SHAPES
+        if owner in shapes()
         else ""
     )
     if section:

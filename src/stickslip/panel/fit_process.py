@@ -18,11 +18,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..registry import use_file
 from ..simulation import SimulationError
 from ..units import QuantityError
 from .fitting import Array, FitRequest, fit_recordings
 from .folder import Folder
-from .sliders import LAW_TYPES
+from .sliders import law_types, laws_like
 
 _NICE = 10  # below the server, whose stream and runs come first
 
@@ -40,7 +41,7 @@ class Begin(NamedTuple):
     out: str
 
 
-def work(connection: Connection, root: str) -> None:
+def work(connection: Connection, root: str, used: Sequence[str] = ()) -> None:
     """What the process does until the panel is gone: requests come and messages go through the connection.
 
     Of a fit come those of `fit_recordings`, at last "done" or "failed"; of a preparation "prepared".
@@ -48,6 +49,8 @@ def work(connection: Connection, root: str) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the server, which closes the connection
     if hasattr(os, "nice"):
         os.nice(_NICE)
+    for file in used:  # the user's own, which the server has run already
+        use_file(file)
     while True:
         try:
             asked = connection.recv()
@@ -91,7 +94,6 @@ def prepare(law: str) -> None:
     What only fits need comes first: on a first start the server compiles at the same time what runs need.
     """
     from ..actuator import load_actuator
-    from ..comparison.laws import example_laws
     from ..identify.walk.friction import identify_friction
     from ..simulation import sensitivities, simulate
     from ..study.walk import Walk, walk_document
@@ -99,8 +101,7 @@ def prepare(law: str) -> None:
     from ..waveform.periodic import Sawtooth
 
     model = load_actuator("kang2007")
-    contact = next(one for one in example_laws(model.friction).values() if type(one) is LAW_TYPES[law])
-    model = model.replace(friction=contact)
+    model = model.replace(friction=laws_like(model.friction, law_types())[law])
     drive = Sawtooth(65.0, 100.0)
     with suppress(QuantityError):  # a law of several states has no derivatives
         sensitivities(model, drive, 0.01, parameters=["end_effector_mass"])

@@ -9,6 +9,7 @@ import time
 from datetime import datetime
 from typing import Any
 
+from ..registry import used_files
 from .fit_process import Begin, Prepare, work
 from .fitting import FitRequest
 from .folder import Folder
@@ -102,7 +103,9 @@ class Fitting:
         context = multiprocessing.get_context("spawn")
         self._connection, there = context.Pipe()
         self._asked = set()
-        self._process = context.Process(target=work, args=(there, str(self._folder.root)), daemon=True)
+        self._process = context.Process(
+            target=work, args=(there, str(self._folder.root), used_files()), daemon=True
+        )
         self._process.start()
         there.close()
         threading.Thread(target=self._listen, args=(self._connection, self._process), daemon=True).start()

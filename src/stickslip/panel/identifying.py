@@ -24,7 +24,7 @@ from .fitting import FitRequest
 from .folder import Folder
 from .path import PREDICTIONS
 from .sets import Sets
-from .sliders import LAW_TYPES
+from .sliders import law_types
 
 SUFFIXES = (".nc", ".csv", ".mat", ".npz", ".mf4")
 # A report is a page of its own: it may style itself, and do nothing else.
@@ -78,8 +78,8 @@ def identify_routes(folder: Folder, fitting: Fitting, read: Reader, sets: Sets) 
 
     @routes.post("/prepare")
     def prepare(asked: Law) -> dict[str, str]:
-        if asked.law not in LAW_TYPES:
-            raise QuantityError(f"law = {asked.law[:60]!r} is unknown; there are {', '.join(LAW_TYPES)}")
+        if asked.law not in law_types():
+            raise QuantityError(f"law = {asked.law[:60]!r} is unknown; there are {', '.join(law_types())}")
         fitting.prepare(asked.law)
         return {"law": asked.law}
 

@@ -23,12 +23,13 @@ from ..input_file import Strict
 from ..parameters.writing import parameter_text, write_parameters
 from ..readers.process import Reader
 from ..recording import make_recording, save_recording
+from ..registry import used_files
 from ..report.fits import model_of
 from ..simulation import simulate, steady_step
 from ..units import QuantityError, to_si, with_prefix
+from ..waveform.signal import shape
 from .control import Control
 from .document import Document
-from .exploration import SHAPES
 from .folder import Folder, FolderError
 from .journal import Journal
 from .stream import Hub
@@ -190,7 +191,7 @@ def _predicted(actuator: Actuator, asked: Prediction) -> tuple[Any, dict[str, An
         to_si(asked.amplitude, "V", "amplitude"),
         to_si(asked.frequency, "Hz", "frequency"),
     )
-    forever = SHAPES[asked.shape](amplitude=amplitude, frequency=frequency)
+    forever = shape(asked.shape)(amplitude=amplitude, frequency=frequency)
     duration = asked.periods / forever.frequency
     if duration > _LONGEST:
         raise QuantityError(
@@ -246,7 +247,15 @@ def _verified(folder: Folder, asked: Check, out: Path) -> None:
     missing = [name for name, path in zip(asked.recordings, paths, strict=True) if not path.is_file()]
     if missing:
         raise FolderError(f"{missing[0][:60]!r} is no recording")
-    command = [sys.executable, "-m", "stickslip", "verify", str(folder.path(f"{asked.fit}/results.json"))]
+    own = [word for file in used_files() for word in ("--use", file)]
+    command = [
+        sys.executable,
+        "-m",
+        "stickslip",
+        *own,
+        "verify",
+        str(folder.path(f"{asked.fit}/results.json")),
+    ]
     try:
         done = subprocess.run(
             [*command, *map(str, paths), "--out", str(out)],

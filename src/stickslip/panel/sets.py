@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import tomllib
+from contextlib import suppress
 from functools import cache, lru_cache
 from pathlib import Path
 
@@ -10,6 +12,7 @@ from ..actuator import Actuator, load_actuator
 from ..history.index import SETS
 from ..input_file import LARGEST
 from ..parameters import ParameterSetError, available_sets, load_set
+from ..registry import check_used
 from ..units import QuantityError
 from .folder import Folder, FolderError
 
@@ -64,7 +67,22 @@ class Sets:
         status = path.stat()
         if status.st_size > LARGEST:
             raise ParameterSetError(f"the file has more than {LARGEST:,} bytes")
+        check_own_law(path)
         return _of_file(path, (status.st_mtime_ns, status.st_size))
+
+
+def check_own_law(path: Path) -> None:
+    """Nothing, unless the file is a parameter set with a law of a user's file, which the panel then must have
+    been started with.
+
+    Raises:
+        RegistryError: it was not.
+    """
+    law = ""
+    if path.suffix == ".toml":
+        with suppress(OSError, ValueError, KeyError, AttributeError):  # who loads it says what is wrong
+            law = str(tomllib.loads(path.read_text(encoding="utf-8"))["friction"].get("law", ""))
+    check_used(law, path.parent)
 
 
 @cache

@@ -7,29 +7,16 @@ sweeps is chosen here, from what such actuators have; a typed value may lie outs
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from typing import Any, Literal, NamedTuple
 
+from .. import registry
 from ..actuator import Actuator
 from ..comparison.laws import example_laws
-from ..friction import LAWS, LuGre
-from ..records import quantities
-from ..waveform import periodic, shapes
+from ..friction import LuGre
+from ..records import Quantity, quantities, sequences
+from ..units import QuantityError
 from .sets import PACKAGE, Sets
-
-SHAPES: dict[str, Any] = {
-    shape.__name__: shape
-    for shape in (
-        periodic.Sawtooth,
-        periodic.ReverseSawtooth,
-        periodic.Triangle,
-        periodic.Cycloid,
-        periodic.Sine,
-        shapes.Step,
-        shapes.Ramp,
-        shapes.Chirp,
-    )
-}
-LAW_TYPES: dict[str, Any] = {law.__name__: law for law in LAWS}
 
 
 class Slider(NamedTuple):
@@ -84,6 +71,21 @@ _WAVEFORM = {
     "duration": Slider(1e-3, 10.0),
 }
 DURATION = Slider(1e-2, 10.0)
+# Of a field that has no range of its own, by its unit: one of somebody's own law or waveform.
+_BY_UNIT = {
+    "V": Slider(0.0, 150.0, "linear"),
+    "V/s": Slider(1.0, 1e5),
+    "Hz": Slider(0.1, 2e3),
+    "s": Slider(1e-3, 10.0),
+    "rad": Slider(-math.pi, math.pi, "linear"),
+    "N": Slider(1e-3, 1e2),
+    "N/m": Slider(1e4, 1e9),
+    "N s/m": Slider(1e-2, 1e3, zero=True),
+    "m": Slider(1e-9, 1e-4, zero=True),
+    "m/s": Slider(1e-6, 1.0),
+}
+_NO_SLIDERS = ("Constant", "Rest")  # waveforms that move nothing
+_ELEMENTS = ("stiffness", "strength")  # fields of several values that have a slider each
 # Fields that follow others of the same law, as powers of them, so that the law stays whole: as in fits,
 # stiction keeps its ratio to sliding friction, and an elastic range its share of the presliding distance.
 TIED = {
@@ -103,18 +105,60 @@ _BEGIN = {
 }
 
 
+def shapes() -> dict[str, Any]:
+    """The waveforms that are adjusted by sliders, by name."""
+    return {
+        name: one
+        for name, one in registry.waveforms.all()
+        if name not in _NO_SLIDERS and hasattr(one, "_fields") and _required(one) <= set(_fields_of(one))
+    }
+
+
+def _required(shape: Any) -> set[str]:
+    return {field for field in shape._fields if field not in shape._field_defaults}
+
+
+def _fields_of(shape: Any) -> list[str]:
+    """The fields of a waveform that have a slider: each a number, and not how often it comes."""
+    return [f for f in quantities(shape) if f != "periods" and f not in sequences(shape)]
+
+
+def law_types() -> dict[str, Any]:
+    """The laws whose values are adjusted by sliders, by name."""
+    return {
+        name: law
+        for name, law in registry.laws.all()
+        if tuple(quantities(law)) == law._fields and sequences(law) <= set(_ELEMENTS)
+    }
+
+
+def _slider(quantity: Quantity, own: Slider | None) -> Slider:
+    if own is not None:
+        return own
+    if quantity.unit in _BY_UNIT:
+        return _BY_UNIT[quantity.unit]
+    low, high = quantity.minimum or quantity.above or 0.0, quantity.maximum or quantity.below or 1.0
+    return Slider(low, high if low < high < math.inf else low + 1.0, "linear")
+
+
+def _middle(slider: Slider) -> float:
+    if slider.scale == "log":
+        return math.sqrt(slider.low * slider.high)
+    return 0.5 * (slider.low + slider.high)
+
+
 def choices(offered: Sets = PACKAGE) -> dict[str, Any]:
     """Everything that the page offers, as JSON can hold it (infinity is "inf").
 
     By "sets" (title, model, law, and values of each law for that contact), "laws" and "shapes" (fields),
     "model" (fields), "start" (values of each shape), "tied" (see `TIED`) and "duration" (a field).
     """
-    sets = {}
+    sets, known, drives = {}, law_types(), shapes()
     for name, (title, actuator) in offered.offered().items():
         law = type(actuator.friction).__name__
-        if law not in LAW_TYPES:  # somebody's own has no sliders
+        if law not in known:  # somebody's own that has no sliders
             continue
-        laws = {type(example).__name__: example for example in _laws_like(actuator.friction)}
+        laws = laws_like(actuator.friction, known)
         laws[law] = actuator.friction
         sets[name] = {
             "title": title,
@@ -122,28 +166,31 @@ def choices(offered: Sets = PACKAGE) -> dict[str, Any]:
             "law": law,
             "friction": {kind: values_of(example) for kind, example in laws.items()},
         }
-    start = {name: {**shape._field_defaults, **_BEGIN} for name, shape in SHAPES.items()}
+    ranges = {
+        name: {f: _slider(quantities(shape)[f], _WAVEFORM.get(f)) for f in _fields_of(shape)}
+        for name, shape in drives.items()
+    }
+    start = {
+        name: {f: _middle(slider) for f, slider in ranges[name].items()} | shape._field_defaults | _BEGIN
+        for name, shape in drives.items()
+    }
     for swinging in ("Sine", "Chirp"):  # about the middle of what a stack takes
         start[swinging] |= {"offset": 75.0}
     return {
         "sets": sets,
         "model": [_described(Actuator, field, slider) for field, slider in _MODEL.items()],
         "laws": {
-            name: [_described(law, field, _FRICTION[field]) for field in law._fields]
-            for name, law in LAW_TYPES.items()
+            name: [_described(law, f, _slider(q, _FRICTION.get(f))) for f, q in quantities(law).items()]
+            for name, law in known.items()
         },
         "shapes": {
             name: [
-                _described(shape, f, _WAVEFORM[f]) | {"meaning": f.replace("_", " ")}
-                for f in shape._fields
-                if f in _WAVEFORM
+                _described(shape, f, slider) | {"meaning": f.replace("_", " ")}
+                for f, slider in ranges[name].items()
             ]
-            for name, shape in SHAPES.items()
+            for name, shape in drives.items()
         },
-        "start": {
-            name: {f: plain(start[name][f]) for f in shape._fields if f in _WAVEFORM}
-            for name, shape in SHAPES.items()
-        },
+        "start": {name: {f: plain(start[name][f]) for f in ranges[name]} for name in drives},
         "tied": TIED,
         "duration": {
             "name": "duration",
@@ -155,13 +202,27 @@ def choices(offered: Sets = PACKAGE) -> dict[str, Any]:
     }
 
 
-def _laws_like(law: Any) -> list[Any]:
-    """A law of each kind for the same contact, whatever law that is described by."""
-    if isinstance(law, LuGre):
-        return list(example_laws(law, sigma_2=0.0).values())
-    force = getattr(law, "coulomb_force", 0.5)
-    contact = LuGre(getattr(law, "sigma_0", 1.4e6), getattr(law, "sigma_1", 35.0), 0.0, force, force)
-    return list(example_laws(contact, sigma_2=0.0).values())
+def laws_like(law: Any, known: dict[str, Any]) -> dict[str, Any]:
+    """A law of each of the known types for the same contact, whatever law that is described by."""
+    contact = law
+    if not isinstance(law, LuGre):
+        force = getattr(law, "coulomb_force", 0.5)
+        contact = LuGre(getattr(law, "sigma_0", 1.4e6), getattr(law, "sigma_1", 35.0), 0.0, force, force)
+    found = {type(one).__name__: one for one in example_laws(contact, sigma_2=0.0).values()}
+    for name, kind in known.items():
+        if name not in found:
+            with suppress(QuantityError, TypeError):  # what is in the middle of its sliders is refused
+                found[name] = kind(**_values_like(kind, contact))
+    return found
+
+
+def _values_like(kind: Any, contact: LuGre) -> dict[str, Any]:
+    """Of somebody's own law: those that the contact has too, else defaults, else the middle of a slider."""
+    shared = {f: value for f, value in contact._asdict().items() if f in kind._fields}
+    return {
+        f: kind._field_defaults.get(f, _middle(_slider(q, _FRICTION.get(f))))
+        for f, q in quantities(kind).items()
+    } | shared
 
 
 def values_of(law: Any) -> dict[str, Any]:

@@ -9,8 +9,9 @@ A file has ``title``, ``citations`` (keys of references.bib), ``kind`` and one t
     source = "eq. 5.10"
 
 A value that the source does not print has ``assumed = true`` and a ``reason``. ``[friction]`` names its law,
-``law = "LuGre"``, and has the law's fields as tables below it. ``[reported.*]`` holds what the source prints
-beside the parameters, a coefficient of determination for example. A user's own file is read by its path.
+``law = "LuGre"``, or one in a file of the user's own beside it, ``law = "my_law.py:MyLaw"``, and has
+the law's fields as tables below it. ``[reported.*]`` holds what the source prints beside the parameters, a
+coefficient of determination for example. A user's own file is read by its path.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import tomllib
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
-from ..friction import LAWS
+from .. import registry
 from ..records import did_you_mean, quantities
 from ..units import QuantityError, to_si
 
@@ -122,13 +123,14 @@ def _read(name: str, file: Path) -> ParameterSet:
             )
     friction = tables.pop("friction", None)
     if friction is None:
-        raise ParameterSetError(f"{file}: [friction] is missing; its law is one of {', '.join(_laws())}")
-    law = str(friction.pop("law", ""))
-    if law not in _laws():
-        hint = did_you_mean(law, _laws())
         raise ParameterSetError(
-            f"{file}: [friction] law = {law!r} is unknown{hint}; known are {', '.join(_laws())}"
+            f"{file}: [friction] is missing; its law is one of {', '.join(registry.laws.names())}"
         )
+    law = str(friction.pop("law", ""))
+    try:
+        registry.laws.find(law, file.parent)
+    except registry.RegistryError as error:
+        raise ParameterSetError(f"{file}: [friction] law = {law!r}: {error}") from error
     reported = tables.pop("reported", {})
     if content["kind"] == "friction" and tables:
         raise ParameterSetError(f"{file}: [{next(iter(tables))}] is unknown in a set of kind 'friction'")
@@ -143,10 +145,6 @@ def _read(name: str, file: Path) -> ParameterSet:
         friction=read_entries(file, "friction.", friction),
         reported=read_entries(file, "reported.", reported),
     )
-
-
-def _laws() -> dict[str, type]:
-    return {law.__name__: law for law in LAWS}
 
 
 def read_entries(file: Path, prefix: str, tables: dict[str, Any]) -> dict[str, Entry]:
@@ -227,7 +225,8 @@ def build(record_type: type[T], entries: dict[str, Entry], where: str, **given: 
 
 def friction_of(parameters: ParameterSet) -> Any:
     """The friction law of a set, as a record; raises ParameterSetError as `build` does."""
-    return build(_laws()[parameters.law], parameters.friction, f"{parameters.file}, [friction]")
+    law = registry.laws.find(parameters.law, parameters.file.parent)
+    return build(law, parameters.friction, f"{parameters.file}, [friction]")
 
 
 def load_friction(name: str | os.PathLike[str]) -> Any:

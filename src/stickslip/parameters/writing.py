@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from .. import registry
 from ..records import quantities
 from .load import load_set
 
@@ -25,7 +26,7 @@ def parameter_text(
         errors: standard errors in SI by field, "sigma_0" for friction too; they become notes.
         kind: that of the set.
     """
-    law = type(record.friction).__name__
+    law = registry.laws.name_of(type(record.friction))
     lines = [f"title = {_text(title)}", "citations = []", f"kind = {_text(kind)}", ""]
     lines += _tables(record, "", source, errors or {})
     lines += ["[friction]", f"law = {_text(law)}", ""]

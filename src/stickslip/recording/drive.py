@@ -8,20 +8,8 @@ from typing import Any
 
 import xarray as xr
 
-from ..waveform import knots, multisine, periodic, shapes
 from ..waveform.sequence import Sequence
-from ..waveform.signal import Waveform
-
-_SHAPES = {
-    name: getattr(module, name)
-    for module, names in (
-        (periodic, ("Sawtooth", "ReverseSawtooth", "Triangle", "Cycloid", "Sine")),
-        (shapes, ("Constant", "Rest", "Step", "Ramp", "Chirp")),
-        (multisine, ("Multisine",)),
-        (knots, ("PeriodicKnots",)),
-    )
-    for name in names
-}
+from ..waveform.signal import Waveform, shape
 
 
 def named_drive(recording: xr.Dataset) -> Waveform | None:
@@ -48,4 +36,4 @@ def _read(node: ast.expr) -> Any:
     fields = {str(field.arg): _read(field.value) for field in node.keywords}
     if name == "Sequence":
         return Sequence(*fields["parts"])
-    return _SHAPES[name](*map(_read, node.args), **fields)
+    return shape(name)(*map(_read, node.args), **fields)

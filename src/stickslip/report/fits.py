@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from .. import registry
 from ..actuator import Actuator
 from ..chain import Chain
 from ..estimate.lack import Lack
 from ..estimate.result import Fit
-from ..friction import LAWS
 from ..records import quantities
 from ..units import QuantityError
 from .document import Column, Number, Table
@@ -106,7 +106,7 @@ def model_numbers(model: Actuator) -> dict[str, Any]:
     """
     return {
         "actuator": _fields(model),
-        "law": type(model.friction).__name__,
+        **registry.laws.written(type(model.friction)),
         "friction": _fields(model.friction),
     }
 
@@ -141,8 +141,7 @@ def model_of(numbers: Mapping[str, Any]) -> Actuator:
         QuantityError: it is none.
     """
     try:
-        law = {law.__name__: law for law in LAWS}[numbers["law"]]
-        friction = law(**_values(numbers["friction"]))
+        friction = registry.laws.of_results(numbers)(**_values(numbers["friction"]))
         return Actuator(**_values(numbers["actuator"]), friction=friction)
     except (KeyError, TypeError, AttributeError) as error:
         raise QuantityError(

@@ -9,9 +9,9 @@ from typing import Annotated, Any, Literal
 import xarray as xr
 from pydantic import Field
 
+from .. import registry
 from ..figures.identification import fit_with_residuals, friction_loop, law_ranking
 from ..figures.style import svg
-from ..friction import LAWS
 from ..identify.candidates import Candidate, Comparison
 from ..identify.loops.compare import compare_laws
 from ..input_file import Strict, quantity
@@ -21,12 +21,10 @@ from ..report.fits import fit_numbers, parameter_table
 from ..verification import verify
 from .file import Recorded, Study, StudyError, read_parts
 
-_LAWS = {law.__name__: law for law in LAWS}
-
 
 class LawSpec(Strict):
-    """A law to fit: its name, the values at which the fit starts, what is free, and what is tied to others
-    (see `identify_loops`); `label` for tables."""
+    """A law to fit: its name (or ``path.py:Name``, beside the file), the values at which the fit starts, what is
+    free, and what is tied to others (see `identify_loops`); `label` for tables."""
 
     law: str
     fields: dict[str, float | str | list[float | str]]
@@ -35,13 +33,14 @@ class LawSpec(Strict):
     tied: dict[str, str] = Field(default_factory=dict)
     label: str = ""
 
-    def candidate(self) -> Candidate:
-        """The law to fit; raises StudyError or QuantityError."""
-        if self.law not in _LAWS:
-            raise StudyError(f"laws.law: there is no law {self.law!r}; there are {', '.join(_LAWS)}")
+    def candidate(self, folder: Path) -> Candidate:
+        """The law to fit, where the file is in the folder; raises StudyError or QuantityError."""
+        try:
+            law: Any = registry.laws.find(self.law, folder)
+        except registry.RegistryError as error:
+            raise StudyError(f"laws.law: {error}") from error
         fields = {k: tuple(v) if isinstance(v, list) else v for k, v in self.fields.items()}
-        law: Any = _LAWS[self.law]
-        label, made = self.label or self.law, law(**fields)
+        label, made = self.label or law.__name__, law(**fields)
         return Candidate(label, made, tuple(self.free), dict(self.bounds), tied=dict(self.tied))
 
 
@@ -68,7 +67,7 @@ class LoopStudy(Study):
         results = compare_laws(
             data["fit"],
             data["verify"],
-            [spec.candidate() for spec in self.laws],
+            [spec.candidate(folder) for spec in self.laws],
             channel_free=(),
             progress=lambda label, i, count: progress(f"fitting {label}", (i - 1) / count),
             reference_normal_force=self.reference_normal_force,

@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .. import registry
 from ..records import Quantity
 from ..units import QuantityError
 from .drive import Drive
@@ -138,3 +139,6 @@ def _samples(values: ArrayLike, field: str, unit: str) -> NDArray[np.float64]:
         raise QuantityError(f"{field}[{bad[0]}] = {array[bad[0]]} is not finite (expected {unit})")
     array.setflags(write=False)
     return array
+
+
+registry.waveforms.add(Sampled)

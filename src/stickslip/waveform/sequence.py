@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from itertools import accumulate
 from typing import Any
 
+from .. import registry
 from ..records import Quantity
 from ..units import QuantityError
 from .drive import Drive, constant
@@ -88,3 +89,6 @@ def _timed(part: Any, field: str) -> tuple[Waveform, float]:
     if isinstance(part, tuple) and len(part) == 2 and hasattr(part[0], "drive"):
         return part[0], _DURATION.check(part[1], f"{field} duration")
     raise QuantityError(f"{field} = {part!r} is neither a waveform nor a pair (waveform, duration in s)")
+
+
+registry.waveforms.add(Sequence)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import functools
 import math
+import os
 from typing import Any, Literal, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .. import registry
 from ..records import quantities, record
 from ..units import QuantityError, to_si, with_prefix
 from .drive import Drive, evaluate
@@ -68,7 +70,10 @@ def check_unit(unit: Any, owner: str) -> None:
 
 
 def signal_record(named_tuple: type[T]) -> type[T]:
-    """`records.record` for a waveform: fields declared in V (or V/s) are read in the record's `unit`."""
+    """`records.record` for a waveform: fields declared in V (or V/s) are read in the record's `unit`.
+
+    It is known by its name from then on.
+    """
     checked = record(named_tuple)
     checked_new = checked.__new__
     following = {name: q for name, q in quantities(named_tuple).items() if q.unit.startswith("V")}
@@ -90,7 +95,27 @@ def signal_record(named_tuple: type[T]) -> type[T]:
         return checked_new(cls, **given)
 
     checked.__new__ = staticmethod(__new__)  # type: ignore[method-assign]
+    registry.waveforms.add(checked)
     return checked
+
+
+def shape(text: str, folder: str | os.PathLike[str] = "") -> Any:
+    """The waveform of that name, a record that is made from its fields.
+
+    Args:
+        text: its name, or ``path.py:Name``, whose file is run.
+        folder: what that path is relative to.
+
+    Raises:
+        RegistryError: there is none, or it is made otherwise.
+    """
+    found = registry.waveforms.find(text, folder)
+    if not hasattr(found, "_fields"):
+        raise registry.RegistryError(
+            f"{text} is not made from fields: in an input file, parts are listed one after the other, and "
+            "samples are a file"
+        )
+    return found
 
 
 def check_range(waveform: Waveform, minimum: float | str, maximum: float | str) -> None:

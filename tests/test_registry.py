@@ -1,0 +1,367 @@
+"""What is known by name: one file adds one, of the package, of another package, of the user."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import stickslip as ss
+from stickslip import registry
+from stickslip.cli import app
+from stickslip.experiment.cells import drive_of
+from stickslip.experiment.file import PartSpec, json_schema
+from stickslip.identify.saved import load_fit, save_fit
+from stickslip.input_file import yaml_text
+from stickslip.panel.document import Document
+from stickslip.panel.exploration import State, python
+from stickslip.panel.folder import Folder
+from stickslip.panel.sets import Sets
+from stickslip.panel.sliders import choices
+from stickslip.parameters.writing import parameter_text
+from stickslip.recording.drive import named_drive
+from stickslip.registry import RegistryError
+from stickslip.rig.devices import open_device, virtual_device
+from stickslip.study.loops import LawSpec
+
+LAW = '''
+from typing import Annotated, NamedTuple
+
+from stickslip import register_law
+from stickslip.records import Quantity, record
+
+
+@record
+class ViscousDahl(NamedTuple):
+    """Dahl's law with a viscous part."""
+
+    sigma_0: Annotated[float, Quantity("N/m", "σ₀", "bristle stiffness", above=0)]
+    coulomb_force: Annotated[float, Quantity("N", "F_C", "Coulomb friction", above=0)]
+    wear: Annotated[float, Quantity("N s/m", "w", "viscous friction", minimum=0)]
+
+
+def viscous_dahl(law, v, z):
+    return law.sigma_0 * z + law.wear * v, v - law.sigma_0 * abs(v) / law.coulomb_force * z
+
+
+register_law(ViscousDahl, viscous_dahl)
+'''
+WAVEFORM = '''
+import math
+from typing import Annotated, NamedTuple
+
+from stickslip.records import Quantity
+from stickslip.waveform.pieces import Piece, repeat
+from stickslip.waveform.signal import Unit, breaks_within, signal_record, slope_at, value_at
+
+
+@signal_record
+class Plateau(NamedTuple):
+    """Slow rise, a rest on top, then a jump down."""
+
+    amplitude: Annotated[float, Quantity("V", "A", "amplitude")]
+    frequency: Annotated[float, Quantity("Hz", "f", "frequency", above=0)]
+    rest: Annotated[float, Quantity("", "q", "part of the period on top", above=0, maximum=0.9)]
+    periods: Annotated[float | None, Quantity("", "N", "number of periods", minimum=1)] = None
+    unit: Unit = "V"
+
+    value, slope, breaks = value_at, slope_at, breaks_within
+
+    @property
+    def period(self):
+        return 1 / self.frequency
+
+    @property
+    def duration(self):
+        return math.inf if self.periods is None else self.periods / self.frequency
+
+    def range(self):
+        return min(0.0, self.amplitude), max(0.0, self.amplitude)
+
+    def drive(self, duration):
+        rise = Piece(0.0, (0.0, self.amplitude * self.frequency / (1 - self.rest)))
+        top = Piece(1 - self.rest, (self.amplitude,))
+        return repeat([rise, top], self.frequency, self.periods, 0.0, duration)
+'''
+KANG = ss.load_actuator("kang2007")
+
+
+@pytest.fixture(autouse=True)
+def _as_at_the_start(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """What a test makes known, no other sees, nor does it see what others did."""
+    for kind in (registry.laws, registry.waveforms):
+        kind.packaged()
+        own = {name: {"": of[""]} for name, of in kind._things.items() if "" in of}
+        monkeypatch.setattr(kind, "_things", own)
+    monkeypatch.setattr(registry, "_USED", {})
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    yield
+    for name in [name for name in sys.modules if name.startswith(("own_", "wearlaws"))]:
+        del sys.modules[name]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A user's folder: a law, a waveform, and a parameter set with that law."""
+    (tmp_path / "my_law.py").write_text(LAW)
+    (tmp_path / "my_waveform.py").write_text(WAVEFORM)
+    text = parameter_text(KANG.replace(friction=ss.Dahl(1.4e6, 0.54), name=""), "Mine", "by hand")
+    text = text.replace('law = "Dahl"', 'law = "my_law.py:ViscousDahl"').split("[friction.exponent]")[0]
+    (tmp_path / "mine.toml").write_text(
+        text + '[friction.wear]\nvalue = 5.0\nunit = "N s/m"\nsource = "tried"\n'
+    )
+    return tmp_path
+
+
+def run(*arguments: str | Path) -> Any:
+    return CliRunner().invoke(app, list(map(str, arguments)))
+
+
+def forget(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As a new process."""
+    monkeypatch.setattr(
+        registry.laws, "_things", {n: {"": law} for n, law in registry.laws.packaged().items()}
+    )
+    monkeypatch.setattr(registry, "_USED", {})
+    for name in [name for name in sys.modules if name.startswith("own_")]:
+        del sys.modules[name]
+
+
+def test_own_law_and_waveform_from_files_to_results_and_back(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Named in a parameter set, and simulated.
+    model = ss.load_actuator(folder / "mine.toml")
+    assert type(model.friction).__name__ == "ViscousDahl"
+    assert model.friction.wear == 5.0
+    drive = {
+        "shape": "my_waveform.py:Plateau",
+        "fields": {"amplitude": "65 V", "frequency": "100 Hz", "rest": 0.1},
+    }
+    wave = drive_of([PartSpec.model_validate(drive)], {}, folder)
+    walk = ss.simulate(model, wave, 0.05, sample_rate=20e3)
+    ss.save_recording(walk, folder / "walk.nc")
+    # Named in YAML, verified, written.
+    job = {
+        "kind": "verification",
+        "title": "Mine",
+        "model": "mine.toml",
+        "recordings": [{"file": "walk.nc", "drive": drive}],
+        "require": ["r_squared > 0.999999"],
+    }
+    (folder / "job.yaml").write_text(yaml_text(job))
+    done = run("verify", folder / "job.yaml", "--out", folder / "out")
+    assert done.exit_code == 0, done.output
+    results = folder / "out" / "results.json"
+    said = json.loads(results.read_text())["numbers"]["model"]
+    assert (said["law"], said["law_of"]) == ("ViscousDahl", str(folder / "my_law.py"))
+    # Read back, in a process that knows nothing of it: only after the user has named the file.
+    again = {key: value for key, value in job.items() if key != "model"} | {"fit": "out/results.json"}
+    (folder / "again.yaml").write_text(yaml_text(again))
+    command = ["verify", folder / "again.yaml", "--out", folder / "again"]
+    forget(monkeypatch)
+    refused = run(*command)
+    assert refused.exit_code == 2
+    assert f"stickslip --use {folder / 'my_law.py'}" in refused.stderr
+    assert not [name for name in sys.modules if name.startswith("own_my_law")]
+    accepted = run("--use", folder / "my_law.py", *command)
+    assert accepted.exit_code == 0, accepted.output
+
+
+def test_own_law_in_fits_that_are_saved(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    law: Any = registry.laws.find("my_law.py:ViscousDahl", folder)(1.4e6, 0.54, 5.0)
+    time = np.linspace(0.0, 0.02, 201)
+    moved = ss.friction_response(law, time, 2e-6 * np.sin(2 * np.pi * 100 * time))
+    channels = {
+        "position": (moved["position"].values, "m"),
+        "friction_force": (moved["friction_force"].values, "N"),
+    }
+    recording = ss.make_recording(time, channels)
+    fit = ss.identify_loops([recording], law._replace(coulomb_force=0.4), ["coulomb_force"])
+    assert fit.values["coulomb_force"] == pytest.approx(0.54, rel=1e-3)
+    save_fit(fit, folder / "fit.json")
+    assert load_fit(folder / "fit.json").values == fit.values
+    forget(monkeypatch)
+    with pytest.raises(ss.FitError, match=r"my_law.py, which is not run because a result names it"):
+        load_fit(folder / "fit.json")
+    ss.use_file(folder / "my_law.py")
+    assert type(load_fit(folder / "fit.json").model).__name__ == "ViscousDahl"
+
+
+def test_a_set_written_with_an_own_law_names_its_file(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = parameter_text(ss.load_actuator(folder / "mine.toml"), "Mine", "a fit")
+    forget(monkeypatch)
+    elsewhere = folder / "sets"
+    elsewhere.mkdir()
+    (elsewhere / "fitted.toml").write_text(text)
+    assert ss.load_actuator(elsewhere / "fitted.toml").friction.wear == 5.0
+
+
+def test_laws_of_identification_files(folder: Path) -> None:
+    fields = {"sigma_0": "1.4 N/um", "coulomb_force": 0.5, "wear": 0.0}
+    spec = LawSpec.model_validate({"law": "my_law.py:ViscousDahl", "fields": fields, "free": ["wear"]})
+    assert spec.candidate(folder).label == "ViscousDahl"
+    wrong = spec.model_copy(update={"law": "my_law.py:ViscusDahl"})
+    with pytest.raises(ValueError, match=r"no law 'ViscusDahl' \(did you mean 'ViscousDahl'\?\)"):
+        wrong.candidate(folder)
+
+
+def test_own_things_are_listed_and_have_sliders(folder: Path) -> None:
+    use = ["--use", folder / "my_law.py", "--use", folder / "my_waveform.py"]
+    listed = run(*use, "list", "laws", "waveforms").output
+    assert f"Dahl's law with a viscous part. ({folder / 'my_law.py'})" in listed
+    assert "Slow rise, a rest on top, then a jump down." in listed
+    offered = choices()
+    sliders = {one["name"]: one for one in offered["shapes"]["Plateau"]}
+    assert list(sliders) == ["amplitude", "frequency", "rest"]
+    assert (sliders["rest"]["low"], sliders["rest"]["high"], sliders["rest"]["unit"]) == (0.0, 0.9, "")
+    begin = offered["start"]["Plateau"]
+    assert begin == {"amplitude": 65.0, "frequency": 5.0, "rest": 0.45}
+    wear = offered["laws"]["ViscousDahl"][2]
+    assert (wear["unit"], wear["scale"]) == ("N s/m", "log")
+    friction = offered["sets"]["kang2007"]["friction"]["ViscousDahl"]
+    assert friction["sigma_0"] == KANG.friction.sigma_0
+    state = State(
+        set="kang2007", law="ViscousDahl", friction=friction, shape="Plateau", waveform=begin, duration=1.0
+    )
+    names: dict[str, Any] = {}
+    exec(python(state).split("trajectory")[0], names)  # what the page says runs
+    assert type(names["drive"]).__name__ == "Plateau"
+    assert names["actuator"].friction.wear == friction["wear"]
+    enumerated = json.dumps(json_schema()["$defs"]["PartSpec"])
+    assert '"Plateau"' in enumerated
+    assert '"Sequence"' not in enumerated
+
+
+def test_an_own_waveform_is_read_from_recordings_once_it_is_known(folder: Path) -> None:
+    wave = registry.waveforms.find("my_waveform.py:Plateau", folder)(65.0, 5.0, 0.2, periods=2.0)
+    recording = ss.make_recording([0.0, 1.0], {"drive_voltage": ([0.0, 1.0], "V")}).assign_attrs(
+        drive=repr(wave)
+    )
+    assert named_drive(recording) == wave
+
+
+def test_the_panel_runs_no_file_that_a_request_names(folder: Path) -> None:
+    reader: Any = None
+    bench = Document(Folder(folder), reader)
+    content = json.loads(json.dumps(bench.checked.content))
+    content["runs"][0]["waveform"] = [
+        {
+            "shape": "my_waveform.py:Plateau",
+            "fields": {"amplitude": 1, "frequency": 5, "rest": 0.1, "periods": 2},
+        }
+    ]
+    with pytest.raises(RegistryError, match="not run from here"):
+        bench.check(content)
+    own = {**bench.checked.content, "actuator": {"set": "mine.toml"}}
+    with pytest.raises(RegistryError, match="not run from here"):
+        bench.check(own)
+    (folder / "parameters").mkdir()
+    (folder / "parameters" / "mine.toml").write_text(
+        (folder / "mine.toml").read_text().replace("my_law.py", str(folder / "my_law.py"))
+    )
+    sets = Sets(Folder(folder))
+    assert "parameters/mine.toml" not in sets.offered()
+    assert not [name for name in sys.modules if name.startswith("own_")]
+    ss.use_file(folder / "my_law.py")
+    ss.use_file(folder / "my_waveform.py")
+    assert "parameters/mine.toml" in sets.offered()
+    assert bench.check(content)
+
+
+def test_the_rig_s_process_gets_the_law_of_its_client(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    device = virtual_device(ss.load_actuator(folder / "mine.toml"), "kang2007-bench", 0, False)
+    forget(monkeypatch)
+    assert open_device(json.loads(json.dumps(device)), 0.0).capabilities.inputs
+
+
+def test_an_installed_package_adds_by_its_entry_points(tmp_path: Path) -> None:
+    (tmp_path / "wearlaws.py").write_text(LAW)
+    info = tmp_path / "wearlaws-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: wearlaws\nVersion: 1.0\n")
+    points = "[stickslip.laws]\nViscousDahl = wearlaws:ViscousDahl\nBroken = wearlaws:Nothing\n"
+    (info / "entry_points.txt").write_text(points)
+    assert "ViscousDahl" not in registry.laws.names()
+    sys.path.append(str(tmp_path))
+    assert "ViscousDahl" in registry.laws.names()
+    assert "wearlaws" not in sys.modules, "looked at only when it is asked for"
+    law = registry.laws.find("ViscousDahl")
+    assert law.__module__ == "wearlaws"
+    written = registry.laws.written(law)
+    assert registry.laws.name_of(law) == "ViscousDahl"
+    assert registry.laws.of_results(written) is law
+    listed = ss.catalogue("laws")["laws"]
+    assert listed["ViscousDahl"].startswith("Dahl's law with a viscous part.")
+    assert "the law 'Broken' of wearlaws cannot be loaded: AttributeError" in listed["Broken"]
+    with pytest.raises(RegistryError, match="cannot be loaded"):
+        registry.laws.find("Broken")
+
+
+def test_one_file_in_the_package_adds_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import stickslip.friction
+
+    (tmp_path / "viscous_dahl.py").write_text(LAW)
+    monkeypatch.setattr(stickslip.friction, "__path__", [*stickslip.friction.__path__, str(tmp_path)])
+    registry._import_room.cache_clear()
+    monkeypatch.delitem(sys.modules, "stickslip.friction.viscous_dahl", raising=False)
+    assert list(registry.laws.packaged())[-1] == "ViscousDahl"
+    assert "ViscousDahl" in ss.catalogue("laws")["laws"]
+    assert "ViscousDahl" in choices()["laws"]
+
+
+def test_an_edited_file_is_run_again_and_another_is_not(folder: Path) -> None:
+    first = registry.laws.find("my_law.py:ViscousDahl", folder)
+    assert registry.laws.find("ViscousDahl") is first
+    assert registry.laws.find("my_law.py:ViscousDahl", folder) is first
+    (folder / "my_law.py").write_text(LAW.replace("law.wear * v,", "2 * law.wear * v,"))
+    second = registry.laws.find("my_law.py:ViscousDahl", folder)
+    assert second is not first
+    assert registry.laws.find("ViscousDahl") is second
+
+
+def test_one_name_for_two_things_has_to_say_which(folder: Path) -> None:
+    (folder / "other.py").write_text(LAW)
+    registry.laws.find("my_law.py:ViscousDahl", folder)
+    other = registry.laws.find("other.py:ViscousDahl", folder)
+    assert other.__module__ != registry.laws.find("my_law.py:ViscousDahl", folder).__module__
+    with pytest.raises(RegistryError, match=r"more than one law; say which: .*my_law.py:Visc.*other.py:Visc"):
+        registry.laws.find("ViscousDahl")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            "import stickslip\n\n1 / 0\n",
+            r"own.py cannot be used: ZeroDivisionError: division by zero \(line 3\)",
+        ),
+        ("raise SystemExit(1)", "own.py cannot be used: SystemExit: 1"),
+        ("def wrong(:", "own.py cannot be used: SyntaxError"),
+        (None, "own.py cannot be read: No such file"),
+        ("", "own.py has no law 'Mine'; it has none"),
+    ],
+)
+def test_a_file_that_cannot_be_used_says_why(tmp_path: Path, text: str | None, said: str) -> None:
+    if text is not None:
+        (tmp_path / "own.py").write_text(text)
+    with pytest.raises(RegistryError, match=said):
+        registry.laws.find("own.py:Mine", tmp_path)
+    assert not [name for name in sys.modules if name.startswith("own_own")] or text == ""
+
+
+def test_things_of_the_package_are_no_user_s() -> None:
+    assert registry.laws.written(ss.LuGre) == {"law": "LuGre"}
+    assert registry.laws.of_results({"law": "LuGre"}) is ss.LuGre
+    assert registry.own_path("C:\\laws\\my.py:Law") == ("C:\\laws\\my.py", "Law")
+    assert registry.own_path("LuGre") == ("", "LuGre")
+    with pytest.raises(RegistryError, match=r"no waveform 'Sawtoth' \(did you mean 'Sawtooth'\?\)"):
+        registry.waveforms.find("Sawtoth")
+    assert registry.origin(SimpleNamespace(__module__="__main__")) != ""
