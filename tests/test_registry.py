@@ -29,6 +29,8 @@ from stickslip.parameters.writing import parameter_text
 from stickslip.recording.drive import named_drive
 from stickslip.registry import RegistryError
 from stickslip.rig.devices import open_device, virtual_device
+from stickslip.rig.hosted import stop_all
+from stickslip.study.file import Recorded
 from stickslip.study.loops import LawSpec
 
 LAW = '''
@@ -96,7 +98,8 @@ KANG = ss.load_actuator("kang2007")
 @pytest.fixture(autouse=True)
 def _as_at_the_start(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """What a test makes known, no other sees, nor does it see what others did."""
-    for kind in (registry.laws, registry.waveforms):
+    kinds = (registry.laws, registry.waveforms, registry.sensors, registry.readers, registry.rigs)
+    for kind in kinds:
         kind.packaged()
         own = {name: {"": of[""]} for name, of in kind._things.items() if "" in of}
         monkeypatch.setattr(kind, "_things", own)
@@ -280,6 +283,123 @@ def test_the_rig_s_process_gets_the_law_of_its_client(folder: Path, monkeypatch:
     device = virtual_device(ss.load_actuator(folder / "mine.toml"), "kang2007-bench", 0, False)
     forget(monkeypatch)
     assert open_device(json.loads(json.dumps(device)), 0.0).capabilities.inputs
+
+
+SENSOR = '''
+from typing import Annotated, NamedTuple
+
+from stickslip import registry
+from stickslip.records import Quantity, record
+
+
+@registry.sensors.add
+@record
+class Ruler(NamedTuple):
+    """A ruler with lines at a pitch."""
+
+    pitch: Annotated[float, Quantity("m", "p", "distance of the lines", above=0)]
+    unit = "m"
+
+    def sense(self, position, sample_rate, random):
+        return (position / self.pitch).round() * self.pitch
+'''
+READER = '''
+import numpy as np
+
+from stickslip.readers.source import Channel, Source, add_format
+
+
+def read_scope(path):
+    """A raw file of our oscilloscope: pairs of float32, volts and micrometres."""
+    columns = np.fromfile(path, dtype="<f4").reshape(-1, 2).astype(float).T
+    channels = (Channel("drive_voltage", "V"), Channel("end_effector_position", "um"))
+    return Source("scope", channels, lambda which, rows: [columns[i][rows.start : rows.stop] for i in which])
+
+
+add_format(read_scope, "scope", (".raw",))
+'''
+RIG = '''
+from stickslip import VirtualRig, load_actuator, load_bench, registry
+
+
+@registry.rigs.add
+class Mine(VirtualRig):
+    """Our rig."""
+
+    def __init__(self, seed):
+        super().__init__(load_actuator("kang2007"), load_bench("kang2007-bench"), seed=seed)
+'''
+
+
+def test_an_own_sensor_of_a_bench(tmp_path: Path) -> None:
+    (tmp_path / "ruler.py").write_text(SENSOR)
+    text = (Path(ss.__file__).parent / "rig" / "benches" / "kang2007-bench.toml").read_text()
+    table = """
+[sensor.ruler]
+type = "ruler.py:Ruler"
+on = "end_effector"
+[sensor.ruler.pitch]
+value = 20
+unit = "nm"
+source = "drawing"
+"""
+    (tmp_path / "bench.toml").write_text(text + table)
+    sensor: Any = ss.load_bench(tmp_path / "bench.toml").sensors["ruler"].sensor
+    assert sensor.sense(np.array([51e-9]), 1e3, None) == pytest.approx([60e-9])
+    (tmp_path / "bench.toml").write_text(text + table.replace("ruler.py:Ruler", "ruler.py:Rular"))
+    with pytest.raises(ValueError, match=r"no sensor 'Rular' \(did you mean 'Ruler'\?\)"):
+        ss.load_bench(tmp_path / "bench.toml")
+
+
+def test_an_own_reader(tmp_path: Path) -> None:
+    (tmp_path / "my_reader.py").write_text(READER)
+    samples = np.array([[0.0, 0.0], [65.0, 6.5], [30.0, 3.25]], dtype="<f4")
+    samples.tofile(tmp_path / "scope.raw")
+    with pytest.raises(ss.RecordingError, match="neither text nor"):
+        ss.read_recording(tmp_path / "scope.raw", sample_rate=1e5)
+    spec = Recorded.model_validate(
+        {"file": "scope.raw", "reader": "my_reader.py:scope", "sample_rate": "100 kHz"}
+    )
+    read = spec.read(tmp_path)
+    np.testing.assert_allclose(read["end_effector_position"], [0.0, 6.5e-6, 3.25e-6], rtol=1e-6)
+    assert read.attrs["reader"] == "scope"
+    assert ss.read_recording(tmp_path / "scope.raw", sample_rate=1e5).equals(read)  # known by its ending now
+    samples.tofile(tmp_path / "scope.bin")
+    assert ss.read_recording(tmp_path / "scope.bin", sample_rate=1e5, reader="scope").equals(read)
+    assert "pairs of float32" in ss.catalogue("readers")["readers"]["scope"]
+    np.save(tmp_path / "still.npy", np.zeros((5, 2)))
+    assert ss.inspect_file(tmp_path / "still.npy").reader == "npy"
+    (tmp_path / "still.npy").rename(tmp_path / "still.raw")
+    with pytest.raises(ss.RecordingError):  # its ending says scope
+        ss.read_recording(tmp_path / "still.raw", sample_rate=1e5, reader="npz")
+
+
+def test_an_own_rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("STICKSLIP_RIGS", str(tmp_path / "rigs"))
+    (tmp_path / "my_rig.py").write_text(RIG)
+    experiment = {
+        "title": "On our rig",
+        "rig": {"kind": "my_rig.py:Mine", "options": {"seed": 3}},
+        "channels": {"drive_voltage": {"input": "drive"}},
+        "runs": [
+            {
+                "name": "walk",
+                "waveform": [
+                    {"shape": "Sawtooth", "fields": {"amplitude": 10, "frequency": 50, "periods": 2}}
+                ],
+                "capture": {"length": "0.05 s", "interval": "50 us"},
+            }
+        ],
+    }
+    (tmp_path / "experiment.yaml").write_text(yaml_text(experiment))
+    ss.run_experiment(tmp_path / "experiment.yaml", tmp_path / "out")
+    stop_all()
+    recorded = ss.open_recording(tmp_path / "out" / "walk.nc")
+    assert float(recorded["drive_voltage"].max()) == pytest.approx(10.0, rel=0.05)
+    experiment["rig"] = {"kind": "scpy"}
+    (tmp_path / "experiment.yaml").write_text(yaml_text(experiment))
+    with pytest.raises(ValueError, match=r"rig.*no rig 'scpy' \(did you mean 'scpi'\?\)"):
+        ss.run_experiment(tmp_path / "experiment.yaml", tmp_path / "out")
 
 
 def test_an_installed_package_adds_by_its_entry_points(tmp_path: Path) -> None:

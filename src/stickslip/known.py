@@ -17,6 +17,9 @@ _KINDS: Mapping[str, Callable[[], dict[str, str]]] = {
     "laws": lambda: _lines(registry.laws),
     "actuators": lambda: {name: load_set(name).title for name in available_sets()},
     "waveforms": lambda: _lines(registry.waveforms),
+    "sensors": lambda: _lines(registry.sensors),
+    "readers": lambda: _lines(registry.readers),
+    "rigs": lambda: _lines(registry.rigs),
     "benches": lambda: {name: load_bench(name).title for name in available_benches()},
     "calibrations": lambda: {name: load_calibration(name).source for name in available_calibrations()},
     "datasets": lambda: {name: f"{one.credit} ({one.licence})" for name, one in DATASETS.items()},
@@ -27,8 +30,8 @@ def catalogue(*kinds: str) -> dict[str, dict[str, str]]:
     """What is known by name, by kind, each with a line of what it is.
 
     Args:
-        kinds: of "laws", "actuators" (parameter sets), "waveforms", "benches", "calibrations" and "datasets";
-            all of them, if left out.
+        kinds: of "laws", "actuators" (parameter sets), "waveforms", "sensors", "readers", "rigs", "benches",
+            "calibrations" and "datasets"; all of them, if left out.
 
     Raises:
         QuantityError: there is no such kind.
@@ -50,6 +53,7 @@ def _line(kind: registry.Kind, name: str) -> str:
         found = kind.find(name)
     except registry.RegistryError as error:  # it is there, and cannot be used
         return str(error)
+    found = getattr(found, "read", found)  # of a format
     said, place = (found.__doc__ or "").strip().split("\n")[0], registry.origin(found)
     said = "" if said.startswith(f"{name}(") else said
     return f"{said} ({place})".strip() if place else said

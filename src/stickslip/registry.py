@@ -24,10 +24,12 @@ from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from pkgutil import iter_modules
 from types import ModuleType
-from typing import Any
+from typing import Any, TypeVar
 
 from .records import did_you_mean
 from .units import QuantityError
+
+T = TypeVar("T")
 
 _PACKAGE = str(__package__)
 _USING = threading.RLock()
@@ -46,8 +48,10 @@ class Kind:
         self.noun, self.plural, self._room = noun, plural, f"{_PACKAGE}.{room}"
         self._things: dict[str, dict[str, Any]] = {}  # by name, then by where they are from
 
-    def add(self, thing: Any, name: str = "", maker: Any = None) -> None:
-        """Make a thing known; one of the same name from the same place is replaced.
+    def add(self, thing: T, name: str = "", maker: Any = None) -> T:
+        """Make a thing known, and return it (a decorator of classes).
+
+        One of the same name from the same place is replaced.
 
         Args:
             thing: what it is.
@@ -55,7 +59,8 @@ class Kind:
             maker: the function or class that shows where it is from, if not the thing itself.
         """
         place = origin(thing if maker is None else maker)
-        self._things.setdefault(name or thing.__name__, {})[place] = thing
+        self._things.setdefault(name or thing.__name__, {})[place] = thing  # type: ignore[attr-defined]
+        return thing
 
     def packaged(self) -> dict[str, Any]:
         """Those that come with the package, by name."""
@@ -143,6 +148,13 @@ class Kind:
         if name in self._installed():
             return self._load(self._installed()[name])
         raise RegistryError(not_run(self.noun, name, str(place)))
+
+    def of_client(self, said: Any) -> Any:
+        """As `of_results`, of what another program of this user asks for, who has it run there too."""
+        place = str(said.get(f"{self.noun}_of", ""))
+        if place.endswith(".py") and not self.installed(str(said[self.noun])):
+            use_file(place)
+        return self.of_results(said)
 
     def installed(self, name: str) -> bool:
         """Whether an installed package has one of that name."""
@@ -280,3 +292,6 @@ def _entry_points(group: str, path: tuple[str, ...]) -> dict[str, EntryPoint]:
 
 laws = Kind("law", "laws", "friction")
 waveforms = Kind("waveform", "waveforms", "waveform")
+sensors = Kind("sensor", "sensors", "electronics")
+readers = Kind("reader", "readers", "readers")
+rigs = Kind("rig", "rigs", "rig")

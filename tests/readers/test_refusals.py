@@ -158,7 +158,7 @@ def test_name_and_content_differ(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="the name says mat, but the content is text"):
         read_recording(tmp_path / "a.mat")
     (tmp_path / "a.xyz").write_bytes(b"\x01\x02\x00\x03")
-    with pytest.raises(RecordingError, match="neither text nor NPY, NPZ, MAT, MDF or NetCDF 4"):
+    with pytest.raises(RecordingError, match="neither text nor mat, mdf, npy, npz or NetCDF 4"):
         read_recording(tmp_path / "a.xyz")
     (tmp_path / "a.xyz").write_text("t,x\n0,1\n1,2\n")  # a name that says nothing
     assert read_recording(tmp_path / "a.xyz").sizes["time"] == 2

@@ -54,7 +54,7 @@ def test_what_the_thesis_does_not_print_is_said() -> None:
         ('kind = "bench"', 'kind = "actuator"', "kind must be 'bench'"),
         ("[dac.bits]", "[dac.bytes]", "[dac]: [bytes] is unknown"),
         ("[piezo_capacitance]", "[piezo]", "[piezo_capacitance] is missing"),
-        ('type = "StrainGauge"', 'type = "Ruler"', "type = 'Ruler' is unknown"),
+        ('type = "StrainGauge"', 'type = "Ruler"', "type = 'Ruler': there is no sensor 'Ruler'"),
         ('on = "stage"', 'on = "floor"', "on = 'floor'"),
         ('adc = "adc16"', 'adc = "adc24"', "adc = 'adc24'"),
         ('unit = "kHz"\nsource = "app. 5', 'unit = "MHz"\nsource = "app. 5', "cannot sample"),

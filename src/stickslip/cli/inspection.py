@@ -38,7 +38,10 @@ def inspect(
 def list_known(
     kinds: Annotated[
         list[str] | None,
-        typer.Argument(help="laws, actuators, waveforms, benches, calibrations, datasets; all, if left out."),
+        typer.Argument(
+            help="laws, actuators, waveforms, sensors, readers, rigs, benches, calibrations, datasets; all, "
+            "if left out."
+        ),
     ] = None,
     show_traceback: Traceback = False,
 ) -> None:

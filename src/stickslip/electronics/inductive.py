@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from .. import registry
 from ..records import Quantity, record
 from ..units import QuantityError
 from .filters import first_order
@@ -15,6 +16,7 @@ from .noise import delayed, random_walk, white_noise
 from .strain_gauge import Bandwidth, Drift, NoiseDensity
 
 
+@registry.sensors.add
 @record
 class InductiveSensor(NamedTuple):
     """Position in, voltage out: a nonlinear curve, bandwidth, delay, noise, drift.

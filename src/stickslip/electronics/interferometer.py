@@ -8,10 +8,12 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import registry
 from ..records import Quantity, record
 from .noise import delayed, white_noise
 
 
+@registry.sensors.add
 @record
 class PositionSensor(NamedTuple):
     """The ideal sensor: the position itself, in m."""
@@ -29,6 +31,7 @@ class PositionSensor(NamedTuple):
         return position
 
 
+@registry.sensors.add
 @record
 class Interferometer(NamedTuple):
     """A laser interferometer: position in, position in whole steps of its resolution out."""

@@ -7,6 +7,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import registry
 from ..records import Quantity, record
 from ..units import QuantityError
 from .filters import first_order
@@ -17,10 +18,13 @@ NoiseDensity = Annotated[float, Quantity("V/√Hz", "n", "noise density", minimu
 Drift = Annotated[float, Quantity("V/√s", "d", "drift, a random walk", minimum=0)]
 
 
+@registry.sensors.add
 @record
 class StrainGauge(NamedTuple):
-    r"""Elongation in, voltage of the conditioner out, by
-    :math:`\Delta L = s\,(u + u_0)` with a bandwidth, noise and drift."""
+    r"""Elongation in, voltage of the conditioner out, with a bandwidth, noise and drift.
+
+    .. math:: \Delta L = s\,(u + u_0)
+    """
 
     sensitivity: Annotated[float, Quantity("m/V", "s", "elongation per volt")]
     offset: Annotated[float, Quantity("V", "u_0", "voltage to be added")]

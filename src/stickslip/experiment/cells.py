@@ -24,7 +24,7 @@ from ..units import QuantityError, to_si
 from ..waveform.sampled import Sampled
 from ..waveform.sequence import Sequence
 from ..waveform.signal import Waveform, shape
-from .file import ChannelSpec, ExperimentFile, PartSpec, RunSpec, ScpiRigSpec
+from .file import ChannelSpec, ExperimentFile, PartSpec, RunSpec, VirtualRigSpec
 from .laboratory import Laboratory, own_file
 
 MOST_CELLS = 10_000
@@ -137,14 +137,14 @@ def _cell(
         limits=limits,
         seed=seed,
         repeats=repeats,
-        bench="" if isinstance(file.rig, ScpiRigSpec) else str(own_file(file.rig.bench, folder, ".toml")),
+        bench=str(own_file(file.rig.bench, folder, ".toml")) if isinstance(file.rig, VirtualRigSpec) else "",
         key=key,
     )
 
 
 def _repeats(file: ExperimentFile) -> Repeats:
     """Of a file's first run."""
-    if isinstance(file.rig, ScpiRigSpec):
+    if not isinstance(file.rig, VirtualRigSpec):
         return Repeats()
     try:
         variation = Variation(**file.rig.variation.model_dump())

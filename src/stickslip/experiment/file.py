@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, StringConstraints
+from pydantic import AfterValidator, Discriminator, Field, StringConstraints, Tag, field_validator
 
 from .. import registry
 from ..input_file import Seconds, Strict
@@ -66,6 +66,34 @@ class ScpiRigSpec(Strict):
 
     kind: Literal["scpi"]
     resource: str
+
+
+class OwnRigSpec(Strict):
+    """A rig of a back end of one's own: its name, or "my_rig.py:MyRig" beside the file, and what it is made
+    with."""
+
+    kind: str
+    options: dict[str, Any] = Field(default_factory=dict)
+
+    @field_validator("kind")
+    @classmethod
+    def _is_there(cls, kind: str) -> str:
+        if not own_path(kind)[0]:
+            registry.rigs.find(kind)
+        return kind
+
+
+def _rig(said: Any) -> str:
+    kind = said.get("kind", "virtual") if isinstance(said, dict) else getattr(said, "kind", "virtual")
+    return kind if kind in ("virtual", "scpi") else "own"
+
+
+RigSpec = Annotated[
+    Annotated[VirtualRigSpec, Tag("virtual")]
+    | Annotated[ScpiRigSpec, Tag("scpi")]
+    | Annotated[OwnRigSpec, Tag("own")],
+    Discriminator(_rig),
+]
 
 
 class ActuatorSpec(Strict):
@@ -172,7 +200,7 @@ class ExperimentFile(Strict):
     title: str
     operator: str = ""
     notes: str = ""
-    rig: Annotated[VirtualRigSpec | ScpiRigSpec, Field(discriminator="kind")]
+    rig: RigSpec
     actuator: ActuatorSpec = Field(default_factory=ActuatorSpec)
     limits: LimitsSpec = Field(default_factory=LimitsSpec)
     channels: Annotated[dict[Name, ChannelSpec], Field(min_length=1)]

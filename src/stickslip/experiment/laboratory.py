@@ -6,8 +6,9 @@ import os
 import shutil
 import tempfile
 from pathlib import Path
-from typing import ClassVar, Protocol
+from typing import Any, ClassVar, Protocol
 
+from .. import registry
 from ..actuator import Actuator, load_actuator
 from ..rig import (
     Bench,
@@ -22,9 +23,9 @@ from ..rig import (
     folder_of,
     load_bench,
 )
-from ..rig.devices import scpi_device, virtual_device
+from ..rig.devices import own_device, scpi_device, virtual_device
 from ..rig.variation import EXACT
-from .file import ExperimentFile, ScpiRigSpec
+from .file import ExperimentFile, OwnRigSpec, ScpiRigSpec, VirtualRigSpec
 
 
 class Laboratory(Protocol):
@@ -92,12 +93,12 @@ class HostedVirtualLaboratory:
             shutil.rmtree(self._own, ignore_errors=True)
 
 
-class ScpiLaboratory:
-    """One rig on the network for all cells, owned by a process; what actuator is on it, the file only
+class RealLaboratory:
+    """One rig for all cells, owned by a process; what actuator is on it, the file only
     says."""
 
-    def __init__(self, resource: str, link: Link) -> None:
-        self._device, self._link = scpi_device(resource), link
+    def __init__(self, device: dict[str, Any], link: Link) -> None:
+        self._device, self._link = device, link
         self.home = Home()
         opened = HostedRig(link, self._device)
         self._can = opened.capabilities
@@ -138,10 +139,11 @@ def open_laboratory(
         RigError: no answer.
     """
     who = who or f"a program of {os.environ.get('USER', 'somebody')}"
-    if isinstance(file.rig, ScpiRigSpec):
-        link = Link(folder_of(file.rig.resource), who)
+    if not isinstance(file.rig, VirtualRigSpec):
+        device, place = _device(file.rig, folder)
+        link = Link(place, who)
         try:
-            return ScpiLaboratory(file.rig.resource, link)
+            return RealLaboratory(device, link)
         except RigError:
             link.close()
             raise
@@ -154,9 +156,18 @@ def open_laboratory(
     return HostedVirtualLaboratory(bench, named, file.rig.real_time, link, own)
 
 
-def rigs_of(file: ExperimentFile, virtual: Path) -> Path:
-    """The folder of the process that owns a file's rig, where that of a virtual one is given."""
-    return folder_of(file.rig.resource) if isinstance(file.rig, ScpiRigSpec) else virtual
+def _device(rig: ScpiRigSpec | OwnRigSpec, folder: Path) -> tuple[dict[str, Any], Path]:
+    """A real rig, and the folder of the process that owns it."""
+    if isinstance(rig, ScpiRigSpec):
+        return scpi_device(rig.resource), folder_of(rig.resource)
+    made = own_device(registry.rigs.find(rig.kind, folder), rig.options)
+    return made, folder_of(" ".join([made["rig"], *(f"{k}={v}" for k, v in sorted(rig.options.items()))]))
+
+
+def rigs_of(file: ExperimentFile, virtual: Path, folder: Path) -> Path:
+    """The folder of the process that owns the rig of a file in a folder, where that of a virtual one is
+    given."""
+    return virtual if isinstance(file.rig, VirtualRigSpec) else _device(file.rig, folder)[1]
 
 
 class PlanningLaboratory:
@@ -166,8 +177,8 @@ class PlanningLaboratory:
 
     def __init__(self, file: ExperimentFile, folder: Path) -> None:
         self.home = Home()
-        if isinstance(file.rig, ScpiRigSpec):
-            self._bench, resource = None, file.rig.resource
+        if not isinstance(file.rig, VirtualRigSpec):
+            self._bench, resource = None, str(_device(file.rig, folder)[1])
             if resource not in self._known:
                 asked = open_laboratory(file, folder, None, "the panel")
                 try:

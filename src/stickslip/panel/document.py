@@ -24,7 +24,7 @@ from ..registry import check_used
 from ..rig.measurement import channel_units
 from ..units import QuantityError, to_si
 from .folder import Folder
-from .sets import check_own_law
+from .sets import check_own
 
 DEFAULT = Path(__file__).parent / "experiment.yaml"
 MOST_KEPT = 200  # changes that can be taken back
@@ -55,9 +55,10 @@ class Document:
         """Raises ValueError or RigError for what cannot be recorded; nothing is put out."""
         file = check_experiment(content)
         for name in _files(file):
-            check_own_law(self._folder.path(name))
+            check_own(self._folder.path(name))
         for part in (part for run in file.runs for part in run.waveform):
             check_used(part.shape or "", self._folder.root)
+        check_used(file.rig.kind, self._folder.root)
         laboratory = PlanningLaboratory(file, self._folder.root)
         found = cells(file, self._folder.root, laboratory, self._read)
         can = laboratory.capabilities(found[0].actuator)

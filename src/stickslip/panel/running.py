@@ -182,7 +182,7 @@ class Runner:
         phase = "failed"
         try:
             with self._using:
-                self.reach(rigs_of(job.file, self._rigs))
+                self.reach(rigs_of(job.file, self._rigs, job.folder))
                 recorded = record_experiment(
                     job.file,
                     job.folder,

@@ -7,6 +7,7 @@ import tomllib
 from contextlib import suppress
 from functools import cache, lru_cache
 from pathlib import Path
+from typing import Any
 
 from ..actuator import Actuator, load_actuator
 from ..history.index import SETS
@@ -67,22 +68,25 @@ class Sets:
         status = path.stat()
         if status.st_size > LARGEST:
             raise ParameterSetError(f"the file has more than {LARGEST:,} bytes")
-        check_own_law(path)
+        check_own(path)
         return _of_file(path, (status.st_mtime_ns, status.st_size))
 
 
-def check_own_law(path: Path) -> None:
-    """Nothing, unless the file is a parameter set with a law of a user's file, which the panel then must have
-    been started with.
+def check_own(path: Path) -> None:
+    """Nothing, unless the file is a parameter set or a bench with a law or sensors of a user's own file that
+    the panel was not started with.
 
     Raises:
-        RegistryError: it was not.
+        RegistryError: it is.
     """
-    law = ""
+    named: list[Any] = []
     if path.suffix == ".toml":
-        with suppress(OSError, ValueError, KeyError, AttributeError):  # who loads it says what is wrong
-            law = str(tomllib.loads(path.read_text(encoding="utf-8"))["friction"].get("law", ""))
-    check_used(law, path.parent)
+        with suppress(OSError, ValueError, AttributeError):  # who loads it says what is wrong
+            content = tomllib.loads(path.read_text(encoding="utf-8"))
+            named = [content.get("friction", {}).get("law")]
+            named += [one.get("type") for one in content.get("sensor", {}).values()]
+    for text in named:
+        check_used(str(text), path.parent)
 
 
 @cache

@@ -4,21 +4,17 @@ from __future__ import annotations
 
 import codecs
 from pathlib import Path
-from typing import Literal
 
+from .. import registry
 from ..recording import RecordingError
+from .source import Format
 
-Format = Literal["text", "npy", "npz", "mat", "mdf", "nc"]
-
-_EXTENSIONS: dict[str, Format] = {".npy": "npy", ".npz": "npz", ".mat": "mat", ".nc": "nc", ".mf4": "mdf"}
-_EXTENSIONS |= dict.fromkeys((".csv", ".tsv", ".txt", ".dat", ".asc", ".prn", ".lvm"), "text")
-
+_TEXT = (".csv", ".tsv", ".txt", ".dat", ".asc", ".prn", ".lvm")
 _HDF5 = b"\x89HDF\r\n\x1a\n"
-_MAT_V73_BLOCK = 512  # MATLAB puts its own header before that of HDF5
 
 
-def find_format(path: Path) -> Format:
-    """The format of a file.
+def find_format(path: Path) -> str:
+    """The format of a file: "text", "nc" (a recording of ours), or the name of a `Format`.
 
     Raises:
         RecordingError: there is no such file, it is a folder, is empty, is of no known format, or its name
@@ -34,26 +30,28 @@ def find_format(path: Path) -> Format:
         head = file.read(1 << 16)
     if not head:
         raise RecordingError("the file is empty")
-    named = _EXTENSIONS.get(path.suffix.lower())
-    found = _content(head, named)
+    ending = path.suffix.lower()
+    known = _formats()
+    named = {".nc": "nc", **dict.fromkeys(_TEXT, "text")}
+    named |= {end: one.name for one in reversed(known) for end in one.endings}
+    found = next((one.name for one in known if one.recognises(head, ending)), None) or _content(head)
     if found is None:
-        raise RecordingError("the content is neither text nor NPY, NPZ, MAT, MDF or NetCDF 4")
-    if named is not None and named != found:
-        raise RecordingError(f"the name says {named}, but the content is {found}")
+        raise RecordingError(
+            f"the content is neither text nor {', '.join(registry.readers.names())} or NetCDF 4"
+        )
+    if named.get(ending, found) != found:
+        raise RecordingError(f"the name says {named[ending]}, but the content is {found}")
     return found
 
 
-def _content(head: bytes, named: Format | None) -> Format | None:
-    if head.startswith(b"\x93NUMPY"):
-        return "npy"
-    if head.startswith((b"MDF     ", b"UnFinMF ")):
-        return "mdf"
-    if head.startswith(b"PK\x03\x04"):
-        return "npz"
-    if head.startswith(b"MATLAB 5.0 MAT-file") or head[_MAT_V73_BLOCK:].startswith(_HDF5):
-        return "mat"
-    if head.startswith(_HDF5):  # other programs write MAT 7.3 without MATLAB's block
-        return "mat" if named == "mat" else "nc"
+def _formats() -> list[Format]:
+    """Those of the user and of other packages before ours."""
+    return sorted((one for _, one in registry.readers.all()), key=lambda one: not registry.origin(one.read))
+
+
+def _content(head: bytes) -> str | None:
+    if head.startswith(_HDF5):
+        return "nc"
     if b"\0" not in head or head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "text"
-    return "mat" if named == "mat" else None  # version 4 has no signature
+    return None

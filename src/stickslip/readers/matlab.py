@@ -7,6 +7,7 @@ every array of real numbers is a `Leaf`. The names of channels are written as in
 
 from __future__ import annotations
 
+import codecs
 import math
 import os
 import struct
@@ -22,10 +23,12 @@ from ..recording import RecordingError
 from . import dspace
 from .arrays import Leaf, Part, array_parts, array_source, total_bytes
 from .sizes import allowed_bytes, check_size
-from .source import Channel, Source
+from .source import Channel, Source, add_format
 
 _HEADER, _COMPRESSED, _PART = 128, 15, 1 << 20  # bytes, the type of a compressed variable, bytes
 _MOST_NODES = 100_000
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+_V73_BLOCK = 512  # MATLAB puts its own header before that of HDF5
 
 
 def read_matlab(path: Path) -> Source:
@@ -175,3 +178,17 @@ def _is_reference(item: Any) -> bool:
 def _load_hdf5(path: Path, name: str) -> np.ndarray:
     with h5py.File(path, "r") as file:
         return file[name][()].T  # type: ignore[index,union-attr]
+
+
+def _is_matlab(head: bytes, ending: str) -> bool:
+    if head.startswith(b"MATLAB 5.0 MAT-file") or head[_V73_BLOCK:].startswith(_HDF5):
+        return True
+    if ending != ".mat":
+        return False
+    # Other programs write MAT 7.3 without MATLAB's block; version 4 has no signature.
+    text = b"\0" not in head or head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    others = (b"\x93NUMPY", b"PK\x03\x04", b"MDF     ", b"UnFinMF ")
+    return head.startswith(_HDF5) or not (text or head.startswith(others))
+
+
+add_format(read_matlab, "mat", (".mat",), _is_matlab)

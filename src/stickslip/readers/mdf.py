@@ -10,7 +10,7 @@ import numpy as np
 
 from ..recording import RecordingError
 from .sizes import check_size
-from .source import Channel, Rows, Source
+from .source import Channel, Rows, Source, add_format
 
 _NUMBERS = range(6)  # data types of the standard: integers and reals of either byte order
 _TEXTS = range(7, 12)  # conversions whose result is text
@@ -102,3 +102,6 @@ def _read(
         raise RecordingError(f"not a readable MDF file (cut off or damaged?): {error}") from error
     finally:
         file.close()
+
+
+add_format(read_mdf, "mdf", (".mf4",), lambda head, ending: head.startswith((b"MDF     ", b"UnFinMF ")))

@@ -10,7 +10,7 @@ import numpy as np
 from ..recording import RecordingError
 from .arrays import Leaf, array_parts, array_source, total_bytes
 from .sizes import check_size
-from .source import Channel, Source
+from .source import Channel, Source, add_format
 
 
 def read_npy(path: Path) -> Source:
@@ -67,3 +67,7 @@ def _source(path: Path, reader: str, leaves: dict[str, Leaf]) -> Source:
             label = name if name and part.alone else f"{name}[{', '.join(part.subscripts)}]"
             channels.append((part, Channel(label, key=(name, *part.others) if name else part.others)))
     return array_source(reader, leaves, channels)
+
+
+add_format(read_npy, "npy", (".npy",), lambda head, ending: head.startswith(b"\x93NUMPY"))
+add_format(read_npz, "npz", (".npz",), lambda head, ending: head.startswith(b"PK\x03\x04"))

@@ -17,6 +17,7 @@ from typing import Any, Literal
 import numpy as np
 import xarray as xr
 
+from .. import registry
 from ..recording import STANDARD_NAMES, RecordingError, make_recording, open_recording
 from ..units import to_si
 from .clocks import Clocked, complete_samples, onto_one_clock, without_empty_end
@@ -47,6 +48,7 @@ def read_recording(
     title: str = "",
     notes: str = "",
     calibration: str = "",
+    reader: str = "",
 ) -> xr.Dataset:
     r"""A recording from a text, NPY, NPZ, MAT, MDF 4 or dSPACE file, or from our own ``.nc``.
 
@@ -69,6 +71,8 @@ def read_recording(
         delimiter, decimal: of a text file; found out by default. ``r"\s+"`` is any white space.
         skip: lines at the top of a text file that are neither header nor data.
         title, notes, calibration: free text, kept with the recording.
+        reader: the format by name ("npy"), or one of one's own, "my_reader.py:scope"; by default that of the
+            content.
 
     Raises:
         RecordingError: anything that keeps the file from being a recording; names file, line or sample, and
@@ -78,7 +82,7 @@ def read_recording(
     text_options = delimiter is not None or decimal is not None or skip != 0
     with _named(path):
         _check_arguments(columns=columns, units=units, clocks=clocks, missing=missing, skip=skip)
-        kind = find_format(path)
+        kind = _kind(path, reader)
         if kind != "text" and text_options:
             raise RecordingError(f"delimiter, decimal and skip are for text; this file is {kind}")
         changes = columns or units or clocks or (sample_rate, start_time, *rows) != (None, None, 0, None)
@@ -110,6 +114,11 @@ def read_recording(
             epoch=epoch,
             long_names={v.name: v.column.name for v in chosen.variables if _is_own_name(v)},
         )
+
+
+def _kind(path: Path, reader: str) -> str:
+    found = registry.readers.find(reader).name if reader else ""
+    return found or find_format(path)
 
 
 def _check_arguments(**given: Any) -> None:

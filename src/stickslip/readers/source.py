@@ -1,16 +1,18 @@
 """What a reader hands over: the channels of a file, and a way to read some of them.
 
-To add a format, write a function from a path to a `Source` and name it in `opening.py`.
+To add a format, write a function from a path to a `Source`, and make it known as a `Format` (`add_format`).
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from .. import registry
 from ..recording import RecordingError
 
 # How a user points at a channel: its name in the file, its index (from 0), or an array's name and indices
@@ -48,6 +50,35 @@ class Source(NamedTuple):
     channels: tuple[Channel, ...]
     read: Callable[[Sequence[int], Rows], list[np.ndarray]]
     place: Callable[[int], str] = "sample {}".format  # where a sample stands in the file, for errors
+
+
+class Format(NamedTuple):
+    """A format of files: what it is called, the endings of its names (".raw"), whether a file is of it, by
+    its first bytes and the ending of its name, and what reads it."""
+
+    name: str
+    endings: tuple[str, ...]
+    recognises: Callable[[bytes, str], bool]
+    read: Callable[[Path], Source]
+
+
+def add_format(
+    read: Callable[[Path], Source],
+    name: str,
+    endings: Sequence[str],
+    recognises: Callable[[bytes, str], bool] | None = None,
+) -> None:
+    """Make a format known; one of the user's own is asked before those of the package.
+
+    Args:
+        read: from a path to a `Source`; what it says it is in lists is the first line of its docstring.
+        name: what to call it.
+        endings: of the names of such files; whoever has one must be of this format.
+        recognises: from the first bytes of a file, and the ending of its name, to whether it is of the
+            format; by default the ending tells.
+    """
+    known = recognises or (lambda head, ending: ending in endings)
+    registry.readers.add(Format(name, tuple(endings), known, read), name, read)
 
 
 _TIME = re.compile(

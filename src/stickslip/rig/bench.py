@@ -1,8 +1,9 @@
 """Benches: the instruments of a laboratory with their datasheet numbers, from TOML files.
 
 A file looks like a parameter set (see `stickslip.parameters.load`): one table per number, with its unit and
-source, or ``assumed = true`` and a reason. ``[sensor.NAME]`` says the sensor's `type`, what it is `on` (stage
-or end_effector), and the `adc` that samples it.
+source, or ``assumed = true`` and a reason. ``[sensor.NAME]`` says the sensor's `type` (one of one's own is
+"my_sensor.py:MySensor", beside the file), what it is `on` (stage or end_effector), and the `adc` that samples
+it.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
+from .. import registry
 from ..chain import Chain
 from ..electronics import (
     Adc,
@@ -32,7 +34,6 @@ T = TypeVar("T")
 
 _BENCHES = Path(__file__).parent / "benches"
 Sensor = StrainGauge | InductiveSensor | Interferometer | PositionSensor | Chain
-_SENSORS = {kind.__name__: kind for kind in (StrainGauge, InductiveSensor, Interferometer, PositionSensor)}
 _PLACES = ("stage", "end_effector")
 
 
@@ -169,11 +170,13 @@ class _Reading:
         if not isinstance(table, dict):
             raise ParameterSetError(f"{where} must be a table")
         kind, place, adc = (table.pop(key, None) for key in ("type", "on", "adc"))
-        if kind not in _SENSORS:
-            raise ParameterSetError(f"{where} type = {kind!r} is unknown; known are {', '.join(_SENSORS)}")
+        try:
+            made = registry.sensors.find(str(kind), self.file.parent)
+        except registry.RegistryError as error:
+            raise ParameterSetError(f"{where} type = {kind!r}: {error}") from error
         if place not in _PLACES:
             raise ParameterSetError(f"{where} on = {place!r} must be one of {', '.join(_PLACES)}")
-        sensor = self._part(_SENSORS[kind], f"sensor.{name}", table)
+        sensor = self._part(made, f"sensor.{name}", table)
         if (sensor.unit == "V") != (adc in adcs):
             known = ", ".join(adcs) if sensor.unit == "V" else "none, it gives out numbers"
             raise ParameterSetError(f"{where} adc = {adc!r} must be one of: {known}")

@@ -34,6 +34,11 @@ def scpi_device(resource: str) -> dict[str, Any]:
     return {"kind": "scpi", "resource": resource}
 
 
+def own_device(rig_type: type, options: dict[str, Any]) -> dict[str, Any]:
+    """A rig of a back end known by name, made with these options."""
+    return {"kind": "own", **registry.rigs.written(rig_type), "options": options}
+
+
 def open_device(device: dict[str, Any], origin: float) -> Rig:
     """The rig; `origin` is how far a virtual end-effector has come before, m.
 
@@ -44,8 +49,10 @@ def open_device(device: dict[str, Any], origin: float) -> Rig:
     kind = device.get("kind")
     if kind == "scpi":
         return ScpiRig(str(device["resource"]))
+    if kind == "own":
+        return registry.rigs.of_client(device)(**device["options"])
     if kind != "virtual":
-        raise RigError(f"{kind!r} is no kind of rig: virtual or scpi")
+        raise RigError(f"{kind!r} is no kind of rig: virtual, scpi or own")
     made = VirtualRig(
         _actuator(device),
         load_bench(str(device["bench"])),
@@ -65,10 +72,5 @@ def told_of(device: dict[str, Any], runs: int, after: int) -> dict[str, str]:
 
 
 def _actuator(device: dict[str, Any]) -> Actuator:
-    place = str(device.get("law_of", ""))
-    if place.endswith(".py") and not registry.laws.installed(
-        str(device["law"])
-    ):  # the client runs it too: its user has named it there
-        registry.use_file(place)
     fields = dict(device["actuator"])
-    return Actuator(friction=registry.laws.of_results(device)(**fields.pop("friction")), **fields)
+    return Actuator(friction=registry.laws.of_client(device)(**fields.pop("friction")), **fields)

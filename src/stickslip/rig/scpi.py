@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from .. import registry
 from .protocols import Array, Capabilities, RigError
 
 
 class ScpiRig:
-    """A rig; see `protocols.Rig`.
+    """A rig behind VISA that understands SCPI; see `protocols.Rig`.
 
     Args:
         resource: VISA resource, ``TCPIP::127.0.0.1::5025::SOCKET``.
@@ -122,3 +123,6 @@ class ScpiRig:
             return talk()
         except self._failures as error:
             raise RigError(f"{self._resource}: {error}") from None
+
+
+registry.rigs.add(ScpiRig, "scpi")

@@ -8,6 +8,7 @@ import zlib
 
 import numpy as np
 
+from .. import registry
 from ..actuator import Actuator
 from ..electronics import adc_output, amplifier_output, dac_output, filtered
 from ..simulation.models import SLIDER, STAGE
@@ -213,3 +214,6 @@ class VirtualRig:
 def _held(values: Array, count: int) -> Array:
     """The first `count` values; the last one is held where there are fewer."""
     return np.pad(values[:count], (0, max(0, count - values.size)), mode="edge")
+
+
+registry.rigs.add(VirtualRig, "virtual")

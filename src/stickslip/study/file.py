@@ -13,6 +13,7 @@ from ..calibration import apply_calibration
 from ..datasets import dataset_path
 from ..input_file import Hertz, InputFileError, Seconds, Strict
 from ..readers import read_recording
+from ..registry import own_path
 
 StudyError = InputFileError
 
@@ -35,13 +36,15 @@ class Source(Strict):
 
 class Recorded(Source):
     """A recording in a file: `columns` and `units` as for `read_recording`; `calibration` names those of a
-    variable, in order, and `rename` calls it otherwise then; `start` and `end` cut a part of it out."""
+    variable, in order, and `rename` calls it otherwise then; `start` and `end` cut a part of it out. `reader`
+    is its format, where the content does not tell, or one of one's own, "my_reader.py:scope"."""
 
     columns: dict[str, str | int | list[str | int]] = Field(default_factory=dict)
     units: dict[str, str] = Field(default_factory=dict)
     calibration: dict[str, list[str]] = Field(default_factory=dict)
     rename: dict[str, str] = Field(default_factory=dict)
     sample_rate: Hertz | None = None
+    reader: str = ""
     start: Seconds | None = None
     end: Seconds | None = None
     use: Literal["fit", "verify"] = "fit"
@@ -55,8 +58,13 @@ class Recorded(Source):
     def read(self, folder: Path) -> xr.Dataset:
         """All that the file holds, calibrated; raises RecordingError and CalibrationError."""
         columns = {k: tuple(v) if isinstance(v, list) else v for k, v in self.columns.items()}
+        own, name = own_path(self.reader)
         recording = read_recording(
-            self.path(folder), columns or None, self.units or None, sample_rate=self.sample_rate
+            self.path(folder),
+            columns or None,
+            self.units or None,
+            sample_rate=self.sample_rate,
+            reader=f"{folder / own}:{name}" if own else name,
         )
         if not self.calibration:
             return recording
@@ -93,7 +101,7 @@ def read_parts(recordings: Sequence[Recorded], folder: Path) -> dict[str, xr.Dat
                 f"recordings: two are called {recording.label!r}; give each a 'name', such as its part"
             )
         source = recording.model_dump_json(
-            include={"dataset", "file", "columns", "units", "sample_rate", "calibration", "rename"}
+            include={"dataset", "file", "columns", "units", "sample_rate", "calibration", "rename", "reader"}
         )
         if source not in whole:
             whole[source] = recording.read(folder)
