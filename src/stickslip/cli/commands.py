@@ -31,6 +31,12 @@ def simulate(
             help="Drive: sawtooth, reverse-sawtooth, ...; stickslip list waveforms.",
         ),
     ] = "sawtooth",
+    law: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME|FILE.py:NAME", help="Another friction law; it keeps the values both have."
+        ),
+    ] = "",
     amplitude: Annotated[str, typer.Option(help='Amplitude, such as "65 V".')] = "",
     frequency: Annotated[str, typer.Option(help='Frequency, such as "5 Hz".')] = "",
     periods: Annotated[str, typer.Option(help="Number of periods.")] = "",
@@ -59,7 +65,7 @@ def simulate(
         from ..units import to_si
 
         parts = _parts(changes)
-        model = _model(parameters, parts["model"], parts["friction"])
+        model = _model(parameters, parts["model"], parts["friction"], law)
         given = dict(zip(OPTIONS, (amplitude, frequency, periods), strict=True))
         drive = _drive(waveform, model, {k: v for k, v in given.items() if v} | parts["waveform"])
         seconds = to_si(duration, "s", "--duration") if duration else None
@@ -95,15 +101,22 @@ def _parts(changes: list[str]) -> dict[str, dict[str, str]]:
     return parts
 
 
-def _model(parameters: str, changes: dict[str, str], friction: dict[str, str]) -> Actuator | PulledSlider:
+def _model(
+    parameters: str, changes: dict[str, str], friction: dict[str, str], law_name: str = ""
+) -> Actuator | PulledSlider:
+    from .. import registry
     from ..actuator import load_actuator, load_pulled_slider
     from ..parameters import load_set
 
     kind = load_set(parameters).kind
     model = load_pulled_slider(parameters) if kind == "pulled_slider" else load_actuator(parameters)
-    law = model.friction._replace(
-        **{field: _read(text, model.friction, field) for field, text in friction.items()}
-    )
+    given = {field: _read(text, model.friction, field) for field, text in friction.items()}
+    if law_name:
+        kind = registry.laws.find(law_name)
+        kept = {field: value for field, value in model.friction._asdict().items() if field in kind._fields}
+        law = kind(**kept | given)
+    else:
+        law = model.friction._replace(**given)
     return model.replace(
         **{field: _read(text, model, field) for field, text in changes.items()}, friction=law
     )

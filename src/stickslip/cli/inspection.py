@@ -34,6 +34,32 @@ def inspect(
         typer.echo(f"\n{target}")
 
 
+@app.command()
+def new(
+    kind: Annotated[
+        str, typer.Argument(help="campaign, identification, experiment, actuator, law or waveform.")
+    ],
+    recordings: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="[RECORDING]...", help="Your files: columns, units and drives are filled in."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Where it goes; never over another.")
+    ] = None,
+    show_traceback: Traceback = False,
+) -> None:
+    """Write a file with comments that runs as it is, to be changed: of your recordings, or of an example."""
+    with errors_in_one_line(show_traceback):
+        from ..skeletons import new_file
+
+        made = new_file(kind, recordings or (), out)
+        for file in made.files:
+            typer.echo(f"Written: {file}")
+        for one in made.missing:
+            typer.echo(f"To be completed: {one}", err=True)
+        typer.echo(f"Run it: {made.command}")
+
+
 @app.command(name="list")
 def list_known(
     kinds: Annotated[

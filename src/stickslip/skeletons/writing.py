@@ -1,0 +1,311 @@
+"""Write skeletons: templates, with what the user's recordings show filled in."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from string import Template
+from typing import Any, NamedTuple
+
+from ..readers import inspect_file
+from ..readers.inspection import Inspection
+from ..recording import RecordingError
+from ..records import did_you_mean
+from ..units import QuantityError, with_prefix
+from ..waveform.shapes import Step
+from .drives import Drive, shown_drive
+from .examples import example_files, write_examples
+
+_TEMPLATES = Path(__file__).parent / "templates"
+_MOVED = "end_effector_position"
+_STAGE = ("stage_position", "piezo_elongation")
+_TICK = 50e-6  # s, of the virtual rig's bench
+MOST_RUN = 10.0  # s of a recording that an experiment repeats
+
+
+class _Kind(NamedTuple):
+    """A kind of file: its usual name, its template, whether recordings are needed, what runs it."""
+
+    file: str
+    template: str
+    recorded: bool
+    command: str
+
+
+KINDS = {
+    "campaign": _Kind("campaign.yaml", "campaign.yaml", True, "stickslip campaign {}"),
+    "identification": _Kind("identification.yaml", "identification.yaml", True, "stickslip identify {}"),
+    "experiment": _Kind("experiment.yaml", "experiment.yaml", False, "stickslip record {}"),
+    "actuator": _Kind(
+        "my_actuator.toml", "actuator.toml", False,
+        'stickslip simulate {} --amplitude "65 V" --frequency "5 Hz"',
+    ),
+    "law": _Kind(
+        "my_law.py", "law.py.txt", False,
+        'stickslip simulate kang2007 --law {}:MyLaw --amplitude "65 V" --frequency "5 Hz"',
+    ),
+    "waveform": _Kind(
+        "my_waveform.py", "waveform.py.txt", False,
+        'stickslip simulate --waveform {}:MyWaveform --amplitude "65 V" --frequency "5 Hz" --periods 4',
+    ),
+}  # fmt: skip
+
+
+class New(NamedTuple):
+    """What was written: the file and those beside it, the command that runs it, and what is still missing."""
+
+    files: tuple[Path, ...]
+    command: str
+    missing: tuple[str, ...]
+
+
+class _Recorded(NamedTuple):
+    """A recording, what is in it, and the waveform that its drive shows."""
+
+    found: Inspection
+    drive: Drive | None
+
+
+def new_file(
+    kind: str, recordings: Sequence[str | os.PathLike[str]] = (), out: str | os.PathLike[str] | None = None
+) -> New:
+    """Write a skeleton with comments, which runs as it is.
+
+    Args:
+        kind: one of `KINDS`.
+        recordings: files of the user's, as `inspect_file` takes them: columns, units and drives are filled
+            in. Without any, simulated ones are written beside a campaign or an identification.
+        out: the file; by default one of the usual name in the present folder.
+
+    Raises:
+        QuantityError: there is no such kind, or it takes no recordings.
+        RecordingError: a recording cannot be read.
+        FileExistsError: a file is there already; nothing is written then.
+    """
+    if kind not in KINDS:
+        raise QuantityError(
+            f"there is no kind {kind!r}{did_you_mean(kind, KINDS)}; there are {', '.join(KINDS)}"
+        )
+    known = KINDS[kind]
+    if recordings and kind in ("law", "waveform"):
+        raise QuantityError(f"a {kind} is not made from recordings")
+    target = Path(known.file if out is None else out)
+    if target.suffix != Path(known.file).suffix:
+        raise QuantityError(f"{target}: the name of a file of this kind ends in {Path(known.file).suffix}")
+    made_up = known.recorded and not recordings
+    examples = example_files(target, kind == "campaign") if made_up else []
+    for file in (target, *examples):
+        if file.exists():
+            raise FileExistsError(
+                17, "it is there already, and nothing is overwritten; --out names another", str(file)
+            )
+    seen = [_looked_at(Path(file)) for file in recordings]
+    target.parent.mkdir(parents=True, exist_ok=True)
+    if made_up:
+        seen = [_looked_at(file) for file in write_examples(target, kind == "campaign")]
+    fields, missing = _FILLED.get(kind, lambda seen, folder: ({}, []))(seen, target.parent)
+    text = Template((_TEMPLATES / known.template).read_text(encoding="utf-8"))
+    with target.open("x", encoding="utf-8") as writing:
+        writing.write(text.substitute(name=target.name, **fields))
+    return New((target, *examples), known.command.format(target), tuple(missing))
+
+
+def _looked_at(file: Path) -> _Recorded:
+    found = inspect_file(file)
+    if found.recording is None:
+        raise RecordingError(f"{file}: {found.problem}")
+    return _Recorded(found, shown_drive(found))
+
+
+def _identified(seen: list[_Recorded], folder: Path, steps: bool) -> tuple[dict[str, str], list[str]]:
+    """The recordings and the gain of a campaign, or of an identification."""
+    lines, missing, fitted = [], [], False
+    for one in seen:
+        step = steps and isinstance(one.drive, Step) and len(seen) > 1
+        use = "step" if step else "verify" if fitted else "fit"
+        fitted = fitted or not step
+        entry, lacking = _entry(one, folder, use)
+        if steps and one.drive is not None:
+            entry.append(f"waveform: [{_flow(one.drive)}]")
+        lines.append(_listed(entry))
+        missing += lacking
+    if not fitted:  # steps alone: one of them is a walk, or there is nothing to fit
+        lines[-1] = lines[-1].replace("use: step", "use: fit")
+    gain, source = _gain(seen)
+    shown = (
+        f"  gain: {_said(gain, 'm/V')} # {source}"
+        if gain
+        else "  # gain: 0.1 um/V # stroke of the piezo per volt"
+    )
+    return {"recordings": "\n".join(lines), "gain": shown, "model": "kang2007"}, missing
+
+
+def _entry(one: _Recorded, folder: Path, use: str) -> tuple[list[str], list[str]]:
+    """What a file says of a recording, and what it does not know."""
+    found = one.found
+    where = Path(os.path.relpath(found.path.resolve(), folder.resolve())).as_posix()
+    lines = [f"file: {json.dumps(where, ensure_ascii=False)}", f"use: {use}"]
+    if found.named:
+        lines.append(f"columns: {_mapping(found.named)}")
+    if found.units:
+        lines.append(f"units: {_mapping(found.units)} # guessed")
+    wanted = [name for name in (_MOVED, "drive_voltage") if name not in found.recording]  # type: ignore[operator]
+    missing = []
+    if wanted:
+        there = ", ".join(f"{c['name']!r}" for c in found.columns if c["numeric"]) or "its variables"
+        lines.append(f"# no column was taken for {' and '.join(wanted)}: name it under columns, of {there}")
+        missing.append(f"{found.path}: which column is {' and '.join(wanted)}, of {there}")
+    return lines, missing
+
+
+def _listed(lines: list[str]) -> str:
+    return "\n".join(f"  {'- ' if i == 0 else '  '}{line}" for i, line in enumerate(lines))
+
+
+def _mapping(names: dict[str, str]) -> str:
+    return (
+        "{" + ", ".join(f"{key}: {json.dumps(text, ensure_ascii=False)}" for key, text in names.items()) + "}"
+    )
+
+
+def _flow(drive: Drive) -> str:
+    units = {"amplitude": " V", "offset": " V", "frequency": " Hz", "periods": ""}
+    fields = {name: getattr(drive, name) for name in units if name in drive._fields}
+    said = {
+        name: f"{value:g}{units[name]}"
+        for name, value in fields.items()
+        if value and (name != "periods" or value)
+    }
+    return f"{{shape: {type(drive).__name__}, fields: {{{', '.join(f'{k}: {v}' for k, v in said.items())}}}}}"
+
+
+def _said(value: float, unit: str) -> str:
+    return with_prefix(float(f"{value:.4g}"), unit).replace("µ", "u")
+
+
+def _gain(seen: list[_Recorded]) -> tuple[float | None, str]:
+    """Of a recording that shows the stage, or a step with the end-effector clamped: way over volts."""
+    for one in seen:
+        recording: Any = one.found.recording
+        shown = next((name for name in _STAGE if name in recording), None)
+        if shown is None and isinstance(one.drive, Step) and _MOVED in recording and len(seen) > 1:
+            shown = _MOVED
+        begins = one.found.drive_begins
+        if shown is None or begins is None:
+            continue
+        before, after = recording["time"].values < begins, recording["time"].values > begins
+        volts, moved = recording["drive_voltage"].values, recording[shown].values
+        if isinstance(one.drive, Step):
+            late = recording["time"].values > begins + 0.5 * (recording["time"].values[-1] - begins)
+            rise = (moved[late].mean() - moved[before].mean()) / (volts[late].mean() - volts[before].mean())
+        else:
+            rise = float(moved[after].max() - moved[after].min()) / float(
+                volts[after].max() - volts[after].min()
+            )
+        if math.isfinite(rise) and rise > 0:
+            return float(rise), f"{one.found.path.name}: {shown} over drive_voltage"
+    return None, ""
+
+
+def _voltages(seen: list[_Recorded]) -> tuple[float, float, str]:
+    """What the drives reach, rounded outwards to 10 V; 0 V to 100 V without any."""
+    recordings: list[Any] = [one.found.recording for one in seen]
+    drives = [one["drive_voltage"].values for one in recordings if "drive_voltage" in one]
+    if not drives:
+        return 0.0, 100.0, ""
+    low, high = min(float(d.min()) for d in drives), max(float(d.max()) for d in drives)
+    span = high - low
+    return (
+        10.0 * math.floor((low + 0.01 * span) / 10.0),
+        10.0 * math.ceil((high - 0.01 * span) / 10.0),
+        "what the recordings reach",
+    )
+
+
+def _campaign(seen: list[_Recorded], folder: Path) -> tuple[dict[str, str], list[str]]:
+    return _identified(seen, folder, steps=True)
+
+
+def _identification(seen: list[_Recorded], folder: Path) -> tuple[dict[str, str], list[str]]:
+    return _identified(seen, folder, steps=False)
+
+
+def _actuator(seen: list[_Recorded], folder: Path) -> tuple[dict[str, str], list[str]]:
+    del folder
+    gain, source = _gain(seen)
+    value, unit = (float(f"{1e6 * gain:.4g}"), "um/V") if gain else (0.1, "um/V")
+    said = f"source = {json.dumps(source)}" if gain else 'assumed = true\nreason = "a typical stack"'
+    low, high, of = _voltages(seen)
+    voltages = f'source = "{of}"' if of else 'assumed = true\nreason = "what such stacks take"'
+    return {
+        "gain": f'value = {value}\nunit = "{unit}"\n{said}',
+        "low": f"{low:g}",
+        "high": f"{high:g}",
+        "voltages": voltages,
+    }, []
+
+
+def _experiment(seen: list[_Recorded], folder: Path) -> tuple[dict[str, str], list[str]]:
+    del folder
+    low, high, _ = _voltages(seen)
+    missing: list[str] = []
+    runs = []
+    for number, one in enumerate(seen, 1):
+        if one.drive is None:
+            missing.append(f"{one.found.path}: its drive is none of the usual waveforms; it is left out")
+            continue
+        time = one.found.recording["time"].values  # type: ignore[index]
+        before = max((one.found.drive_begins or 0.0) - float(time[0]), 0.0)
+        length = min(float(time[-1] - time[0]), MOST_RUN)
+        interval = max(round(one.found.interval / _TICK), 1) * _TICK
+        runs.append(
+            _run(
+                f"run_{number}", _flow(one.drive), length, interval, before, f" # as in {one.found.path.name}"
+            )
+        )
+    if not runs:
+        low, high = min(low, 0.0), max(high, 80.0)
+        step = "{shape: Step, fields: {amplitude: $voltage}}"
+        walk = "{shape: Sawtooth, fields: {amplitude: $voltage, frequency: 20 Hz, periods: 8}}"
+        runs = [
+            _run(
+                "step",
+                step,
+                0.3,
+                _TICK,
+                0.1,
+                " # the end-effector fixed to the stage",
+                "60 V, 80 V",
+                clamped=True,
+            ),
+            _run("walk", walk, 0.7, 5 * _TICK, 0.1, "", "65 V, 75 V"),
+        ]
+    return {
+        "runs": "\n".join(runs), "low": f"{low:g}", "high": f"{high:g}", "model": "kang2007",
+        "range": f"min_voltage: {low:g}, max_voltage: {high:g}",
+    }, missing  # fmt: skip
+
+
+def _run(
+    name: str, shape: str, length: float, interval: float, before: float, note: str,
+    voltages: str = "", clamped: bool = False,
+) -> str:  # fmt: skip
+    trigger = "{signal: drive_voltage, level: 2 V}"
+    lines = [f"name: {name}{note}"]
+    lines += ["change: {clamped: true}"] if clamped else []
+    lines += [f"matrix: {{voltage: [{voltages}]}}"] if voltages else []
+    lines.append(f"waveform: [{shape}]")
+    told = f"length: {length:.4g} s, interval: {1e6 * interval:g} us, pre_trigger: {before:.4g} s"
+    lines.append(f"capture: {{{told}, trigger: {trigger}}}")
+    return _listed(lines)
+
+
+_FILLED = {
+    "campaign": _campaign,
+    "identification": _identification,
+    "actuator": _actuator,
+    "experiment": _experiment,
+}

@@ -1,0 +1,194 @@
+"""What `stickslip new` writes runs as it is, with the command that it names."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+import stickslip as ss
+from stickslip.campaign.file import read_campaign
+from stickslip.cli import app
+from stickslip.skeletons import KINDS, new_file
+from stickslip.skeletons.drives import shown_drive
+
+# What is assumed of a recording is a warning, which the command says in one line.
+pytestmark = pytest.mark.filterwarnings("default")
+
+
+def run(*arguments: object) -> Any:
+    return CliRunner().invoke(app, [str(one) for one in arguments])
+
+
+def run_said(output: str, *more: object) -> Any:
+    """The command that `new` says."""
+    said = output.rsplit("Run it: stickslip ", 1)[1].splitlines()[0]
+    return run(*shlex.split(said), *more)
+
+
+def numbers(out: Path) -> dict[str, Any]:
+    return json.loads((out / "results.json").read_text())["numbers"]
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of what the skeleton of an experiment records, as it is."""
+    folder = tmp_path_factory.mktemp("recorded")
+    made = run("new", "experiment", "--out", folder / "experiment.yaml")
+    done = run_said(made.output, "--out", folder / "out")
+    assert done.exit_code == 0, done.output
+    return folder / "out"
+
+
+def test_from_an_experiment_to_a_verified_model(recorded: Path, tmp_path: Path) -> None:
+    files = [recorded / f"{name}.nc" for name in ("step_60V", "walk_65V", "walk_75V")]
+    made = run("new", "campaign", *files, "--out", tmp_path / "campaign.yaml")
+    assert made.exit_code == 0, made.output
+    said = read_campaign(tmp_path / "campaign.yaml")
+    assert [one.use for one in said.recordings] == ["step", "fit", "verify"]
+    drives = [one.waveform[0] for one in said.recordings]  # type: ignore[union-attr]
+    assert [one.shape for one in drives] == ["Step", "Sawtooth", "Sawtooth"]
+    assert [one.fields["amplitude"] for one in drives] == ["60 V", "65 V", "75 V"]
+    assert drives[1].fields["frequency"] == "20 Hz"
+    assert drives[1].fields["periods"] == 8
+    done = run_said(made.output, "--no-figures", "--out", tmp_path / "out")
+    assert done.exit_code == 0, done.output
+    found = numbers(tmp_path / "out")["friction"]["parameters"]["coulomb_force"]["value"]
+    assert found == pytest.approx(0.5401, rel=0.05)
+
+
+def test_identification_of_the_example(tmp_path: Path) -> None:
+    made = run("new", "identification", "--out", tmp_path / "walks.yaml")
+    assert made.exit_code == 0, made.output
+    assert (tmp_path / "walks-example-walk-65V.csv").is_file()
+    done = run_said(made.output, "--out", tmp_path / "out")
+    assert done.exit_code == 0, done.output
+    parameters = numbers(tmp_path / "out")["parameters"]
+    assert parameters["coulomb_force"]["value"] == pytest.approx(0.5401, rel=0.01)
+    assert parameters["sigma_0"]["value"] == pytest.approx(1.399e6, rel=0.05)
+
+
+@pytest.mark.parametrize("kind", ["actuator", "law", "waveform"])
+def test_what_needs_no_recordings(kind: str, tmp_path: Path) -> None:
+    made = run("new", kind, "--out", tmp_path / f"my{Path(KINDS[kind].file).suffix}")
+    done = run_said(made.output, "--duration", "0.2 s", "--out", tmp_path / "out")
+    assert done.exit_code == 0, done.output
+    assert numbers(tmp_path / "out")["net_displacement"]["value"] > 1e-6
+
+
+def test_a_campaign_without_recordings_writes_examples(tmp_path: Path) -> None:
+    made = new_file("campaign", out=tmp_path / "campaign.yaml")
+    assert [file.name for file in made.files[1:]] == [
+        f"campaign-example-{name}.csv" for name in ("step-60V", "walk-65V", "walk-75V")
+    ]
+    said = read_campaign(tmp_path / "campaign.yaml")
+    assert [one.use for one in said.recordings] == ["step", "fit", "verify"]
+    assert "gain: 105.7 nm/V # campaign-example-step-60V.csv" in made.files[0].read_text()
+
+
+def test_an_experiment_and_an_actuator_as_recorded(recorded: Path, tmp_path: Path) -> None:
+    new_file("experiment", [recorded / "walk_75V.nc"], tmp_path / "again.yaml")
+    content = yaml.safe_load((tmp_path / "again.yaml").read_text())
+    assert content["limits"]["max_voltage"] == "80 V"
+    assert content["runs"][0]["capture"]["interval"] == "250 us"
+    [again] = ss.run_experiment(tmp_path / "again.yaml", tmp_path / "out").values()
+    before = ss.open_recording(recorded / "walk_75V.nc")["drive_voltage"].values
+    now = again["drive_voltage"].values if hasattr(again, "data_vars") else None
+    assert now is None or float(np.abs(now.max() - before.max())) < 0.5
+    new_file("actuator", [recorded / "step_60V.nc", recorded / "step_80V.nc"], tmp_path / "mine.toml")
+    mine = ss.load_actuator(tmp_path / "mine.toml")
+    assert mine.gain == pytest.approx(0.1057e-6, rel=0.1)  # as the sensor's calibration shows it
+    assert mine.max_voltage == 80.0
+
+
+def test_tables_of_one_s_own_with_columns_that_nobody_knows(tmp_path: Path) -> None:
+    time = np.arange(400) * 1e-3
+    table = np.column_stack([time, np.zeros(400), np.zeros(400)])
+    np.savetxt(tmp_path / "scope.csv", table, "%.5g", ",", header="time,ch1,ch2", comments="")
+    made = run("new", "identification", tmp_path / "scope.csv", "--out", tmp_path / "walks.yaml")
+    assert made.exit_code == 0
+    assert "which column is end_effector_position and drive_voltage, of 'time', 'ch1', 'ch2'" in made.stderr
+    text = (tmp_path / "walks.yaml").read_text()
+    assert 'columns: {time: "time"}' in text
+    assert "# no column was taken for end_effector_position and drive_voltage" in text
+
+
+def test_paths_are_relative_to_the_file_that_names_them(recorded: Path, tmp_path: Path) -> None:
+    (tmp_path / "deep").mkdir()
+    made = new_file("identification", [recorded / "walk_65V.nc"], tmp_path / "deep" / "walks.yaml")
+    [one] = yaml.safe_load(made.files[0].read_text())["recordings"]
+    assert not Path(one["file"]).is_absolute()
+    assert (tmp_path / "deep" / one["file"]).resolve() == (recorded / "walk_65V.nc").resolve()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_nothing_is_overwritten(kind: str, tmp_path: Path) -> None:
+    target = tmp_path / KINDS[kind].file
+    target.write_text("mine")
+    done = run("new", kind, "--out", target)
+    assert done.exit_code == 1
+    assert f"{target}: it is there already" in done.stderr
+    assert target.read_text() == "mine"
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_examples_are_not_overwritten_either(tmp_path: Path) -> None:
+    (tmp_path / "campaign-example-walk-75V.csv").write_text("mine")
+    assert run("new", "campaign", "--out", tmp_path / "campaign.yaml").exit_code == 1
+    assert [file.name for file in tmp_path.iterdir()] == ["campaign-example-walk-75V.csv"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["campagn"], "there is no kind 'campagn' (did you mean 'campaign'?)"),
+        (["law", "walk.csv"], "a law is not made from recordings"),
+        (["campaign", "--out", "campaign.toml"], "ends in .yaml"),
+        (["campaign", "nowhere.csv"], "nowhere.csv: there is no such file"),
+    ],
+)
+def test_what_cannot_be_written_is_said(
+    arguments: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = run("new", *arguments)
+    assert done.exit_code == 2
+    assert said in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "drive",
+    [
+        ss.Step(60.0),
+        ss.Step(-20.0, offset=10.0),
+        ss.Sawtooth(65.0, 20.0, periods=8),
+        ss.Sawtooth(65.0, 20.0, offset=5.0, periods=3),
+        ss.ReverseSawtooth(35.5, 5.0, periods=2),
+        ss.Triangle(10.0, 10.0, periods=4),
+        ss.Sine(30.0, 12.5, offset=40.0, periods=5),
+    ],
+    ids=repr,
+)
+@pytest.mark.parametrize("late", [0.0, 0.3, 0.7])
+def test_the_drive_that_a_channel_shows(drive: Any, late: float, tmp_path: Path) -> None:
+    time = np.arange(4000) * 0.5e-3
+    volts = ss.Sequence(ss.Rest(0.1 + late * 0.5e-3, level=drive.offset), (drive, 1.8)).value(time)
+    volts += 0.01 * np.random.default_rng(7).standard_normal(time.size)
+    recording = ss.make_recording(time, {"drive_voltage": (volts, "V")})
+    ss.save_recording(recording, tmp_path / "one.nc")
+    assert shown_drive(ss.inspect_file(tmp_path / "one.nc")) == drive
+
+
+def test_a_drive_that_is_none_of_the_usual_ones_is_not_named(tmp_path: Path) -> None:
+    time = np.arange(2000) * 1e-3
+    rounded = np.minimum(65.0 * np.abs(np.sin(2 * np.pi * 2 * np.maximum(time - 0.1, 0.0))), 40.0)
+    recording = ss.make_recording(time, {"drive_voltage": (rounded, "V")})
+    ss.save_recording(recording, tmp_path / "one.nc")
+    assert shown_drive(ss.inspect_file(tmp_path / "one.nc")) is None
