@@ -220,7 +220,7 @@ def use_file(path: str | os.PathLike[str]) -> ModuleType:
             return before[1]
         made = next((m for m in list(sys.modules.values()) if _is_of(m, str(file))), None)
         if before is not None or made is None:
-            made = _run(file, path)
+            made = _run(file, path, content)
         _USED[str(file)] = content, made
         return made
 
@@ -237,9 +237,11 @@ def check_used(text: str, folder: str | os.PathLike[str] = "") -> None:
         raise RegistryError(f"{text} is of a file that is not run from here: stickslip --use {path} ... does")
 
 
-def _run(file: Path, path: str | os.PathLike[str]) -> ModuleType:
-    # The name is the same in every process: compiled kernels are kept with it.
-    name = f"own_{file.stem}_{hashlib.sha256(str(file).encode()).hexdigest()[:8]}"
+def _run(file: Path, path: str | os.PathLike[str], content: str) -> ModuleType:
+    # The name is the same in every process, and wherever the file is: compiled kernels are kept with it.
+    name = f"own_{file.stem}_{content[:8]}"
+    if name in sys.modules:  # a copy, beside the original
+        name += f"_{hashlib.sha256(str(file).encode()).hexdigest()[:8]}"
     spec = spec_from_file_location(name, file)
     if spec is None or spec.loader is None:
         raise RegistryError(f"{path} is no file of Python: it must end in .py")

@@ -50,7 +50,8 @@ def _candidates(time: Array, moved: Array) -> list[Drive]:
     edges = max(ups, downs, key=len)
     if len(edges) < 2:
         return []
-    rate = _rounded((len(edges) - 1) / float(edges[-1] - edges[0]))
+    apart = float(edges[-1] - edges[0])
+    rate = _rounded((len(edges) - 1) / apart, 1.5 * float(np.median(np.diff(time))) / apart)
     left = time[np.abs(moved) > 0.02 * (high - low)]
     count = float(max(1, round(float(left[-1]) * rate + 0.02)))
     shapes: list[Drive] = [one(sign, rate, periods=count) for one in (Sawtooth, ReverseSawtooth, Triangle)]
@@ -75,6 +76,9 @@ def _fitted(shape: Drive, time: Array, moved: Array, rest: float) -> tuple[Drive
     return shape._replace(amplitude=_rounded(best[0]), offset=offset), best[1]
 
 
-def _rounded(value: float) -> float:
+def _rounded(value: float, unsure: float = 0.0) -> float:
     roundings = (float(f"{value:.{digits}g}") for digits in (1, 2, 3))
-    return next((one for one in roundings if abs(one - value) <= _ROUND * abs(value)), float(f"{value:.4g}"))
+    return next(
+        (one for one in roundings if abs(one - value) <= max(_ROUND, unsure) * abs(value)),
+        float(f"{value:.4g}"),
+    )

@@ -41,11 +41,11 @@ KINDS = {
     "experiment": _Kind("experiment.yaml", "experiment.yaml", False, "stickslip record {}"),
     "actuator": _Kind(
         "my_actuator.toml", "actuator.toml", False,
-        'stickslip simulate {} --amplitude "65 V" --frequency "5 Hz"',
+        'stickslip simulate {} --amplitude "65 V" --frequency "5 Hz" --periods 4',
     ),
     "law": _Kind(
         "my_law.py", "law.py.txt", False,
-        'stickslip simulate kang2007 --law {}:MyLaw --amplitude "65 V" --frequency "5 Hz"',
+        'stickslip simulate kang2007 --law {}:MyLaw --waveform step --amplitude "65 V" --duration "20 ms"',
     ),
     "waveform": _Kind(
         "my_waveform.py", "waveform.py.txt", False,
