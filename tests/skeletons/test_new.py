@@ -65,7 +65,7 @@ def test_campaign_of_the_example(tmp_path: Path) -> None:
     done = run_said(made.output, "--no-figures", "--out", tmp_path / "out")
     assert done.exit_code == 0, done.output
     found = numbers(tmp_path / "out")["friction"]["parameters"]["coulomb_force"]["value"]
-    assert found == pytest.approx(0.5401, rel=0.01)
+    assert found == pytest.approx(0.5401, rel=0.02)
 
 
 def test_identification_of_the_example(tmp_path: Path) -> None:
