@@ -13,6 +13,7 @@ from stickslip.simulation.trajectory import follow
 from stickslip.simulation.varied import with_values
 from stickslip.units import QuantityError
 from stickslip.waveform.periodic import Sawtooth
+from stickslip.waveform.sampled import Sampled
 
 LUGRE = LuGre(1.399e6, 34.9, 0.5, 0.5401, 0.65)
 MODEL = Actuator(0.1057e-6, 3303.1, 0.524, 0.2, 0.1, LUGRE, external_force=0.05)
@@ -56,6 +57,24 @@ def test_derivatives_are_central_differences_of_simulations(law: str) -> None:
         expected = (up - down) / (2e-4 * start)
         derivative = found["derivative"].sel(parameter=name).values
         np.testing.assert_allclose(derivative, expected, rtol=0, atol=3e-3 * np.abs(expected).max())
+
+
+def test_where_the_normal_force_jumps_what_is_new_carries_nothing() -> None:
+    """Twice while the contact sticks: unloaded, the bristle keeps its deflection; loaded, its force."""
+    load = Sampled([0.0, 0.031, 0.0632], [1.0, 0.5, 1.5], "hold")
+    names = ["sigma_0", "coulomb_force", "end_effector_mass"]
+    found = sensitivities(MODEL, DRIVE, times=TIMES, parameters=names, tolerance=1e-11, load=load)
+    for name in names:
+        start = value(MODEL, name)
+        up, down = (
+            simulate(
+                with_values(MODEL, {name: start * (1 + h)}), DRIVE, times=TIMES, tolerance=1e-13, load=load
+            )["end_effector_position"].values
+            for h in (1e-4, -1e-4)
+        )
+        expected = (up - down) / (2e-4 * start)
+        derivative = found["derivative"].sel(parameter=name).values
+        np.testing.assert_allclose(derivative, expected, rtol=0, atol=1e-3 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize("law", ["LuGre", "Elastoplastic"])

@@ -194,14 +194,15 @@ def follow_moved(
     ends = np.full(len(of.steps) + 1, times[-1])
     if over_period and of.periods is not None:
         ends[1:] = of.periods
-    near = neighbours(of.values, of.states.copy(), column, LOG_ROWS, times.size, of.drives, ends)
+    own = of.drives, float(ends[0]), ends[1:]
+    near = neighbours(of.values, of.states.copy(), column, LOG_ROWS, times.size, *own)
     span, load = np.array([0.0, times[-1]]), load or constant(1.0)
     outcome, reached, _, _ = integrate_near(
         plant, drive, load, state, span, tolerance, max_steps, times, samples, near
     )
     if outcome != DONE:
         raise SimulationError(f"the motion could not be followed beyond t = {reached:.6g} s")
-    by = (near.positions - samples[:, column]).T / of.steps
+    by = (near.positions[:, : len(of.steps)] - samples[:, column, None]) / of.steps
     return samples, by, (near.states - state).T / of.steps
 
 

@@ -25,7 +25,7 @@ from ..plant.system import Plant, layout_of, values_of
 from ..waveform.drive import Drive
 from ..waveform.members import common, member_of
 from .log import columns
-from .neighbours import Neighbours
+from .neighbours import Neighbours, neighbours
 from .outcome import DONE
 from .periods import LOG_ROWS, follow
 
@@ -100,6 +100,9 @@ class Work(NamedTuple):
     log: Any
     times: Any
     samples: Any
+
+
+_room = compiled(neighbours)
 
 
 @compiled
@@ -308,17 +311,8 @@ def orbits(plant, drives, values, states, periods, tolerance, max_periods, colum
     """
     tables, which, load = drives
     n = states.shape[1]
-    near = Neighbours(
-        np.empty((n - 1, values.shape[1])),
-        np.empty((n - 1, n)),
-        np.empty((n - 1, n)),
-        column,
-        np.empty((n - 1, LOG_ROWS, 5)),
-        np.empty((n - 1, 0)),
-        None,
-        0.0,
-        None,
-    )
+    values_near, states_near = np.empty((n - 1, values.shape[1])), np.empty((n - 1, n))
+    near = _room(values_near, states_near, column, LOG_ROWS, 0, None, 0.0, None)
     log = np.empty((LOG_ROWS, columns(n, len(plant.elements))))
     scale, of_step, matrix = np.ones(n), np.zeros(n), np.empty((n, n))
     work = Work(np.zeros(2), scale, of_step, matrix, near, log, np.zeros(0), np.zeros((0, 0)))

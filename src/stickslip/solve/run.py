@@ -249,7 +249,7 @@ def _turned(plant, q, u, sides):
 
 
 @fused
-def _share_kept(load, j, t):
+def share_kept(load, j, t):
     """The factor on the states of loaded elements where the load jumps to segment j: what is new carries
     nothing."""
     before, after = channels.at(load, j - 1, t)[0], channels.at(load, j, t)[0]
@@ -361,7 +361,7 @@ def run(plant, drive, load, state, sides, t, h, fresh, t_end, local, max_steps, 
             while j + 1 < load.start.size and load.start[j + 1] <= t:
                 j += 1
                 fresh = True
-                state = unloaded(plant, state, _share_kept(load, j, t))
+                state = unloaded(plant, state, share_kept(load, j, t))
             if sampled(plant):
                 state, fresh = ticked(plant, state, channels.at(drive, i, t), t), True
         if accepted + rejected >= max_steps:
