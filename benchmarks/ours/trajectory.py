@@ -31,9 +31,8 @@ def _engine(problem: str, drive: Any, tolerance: float) -> Callable[[], np.ndarr
 
     def run() -> np.ndarray:
         q = start.copy()
-        integrate(
-            of.plant, table, contact.drive, q, span, tolerance, False, MAX_STEPS, times, samples, NO_RESUME
-        )
+        settings = span, tolerance, False, MAX_STEPS, times, samples, NO_RESUME, None
+        integrate(of.plant, table, contact.drive, q, *settings)
         return samples[:, of.slider]
 
     return run

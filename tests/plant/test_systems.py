@@ -36,7 +36,7 @@ def followed(plant: Plant, drive: Drive, times: np.ndarray = TIMES, tolerance: f
     span = np.array([0.0, times[-1]])
     drive = drive._replace(polynomial=np.ascontiguousarray(drive.polynomial))
     outcome, *_ = integrate(
-        plant, drive, constant(1.0), q, span, tolerance, False, 1_000_000, times, samples, NO_RESUME
+        plant, drive, constant(1.0), q, span, tolerance, False, 1_000_000, times, samples, NO_RESUME, None
     )
     assert outcome == 0
     return samples[:, : q.size]

@@ -15,7 +15,7 @@ from ..friction import elements
 from ..recording import make_recording
 from ..solve.log import TERMS
 from ..solve.outcome import DONE, STEP_TOO_SMALL
-from ..solve.periods import integrate, integrate_account
+from ..solve.periods import integrate
 from ..solve.resume import row_size
 from ..units import QuantityError, to_si, with_prefix
 from ..waveform.drive import Drive, evaluate
@@ -170,11 +170,11 @@ class _Task(NamedTuple):
         times, q = self.times, self.start.copy()
         samples = np.full((times.size, q.size + max(len(self.of.plant.elements), 1)), np.nan)
         work = np.zeros((times.size if self.energy else 0, TERMS))
-        solve, account = (integrate_account, (work,)) if self.energy else (integrate, ())
+        account = (np.zeros(q.size), np.zeros(TERMS), work) if self.energy else None
         span, resume = np.array([self.begins, times[-1]]), self.resume.copy()
-        outcome, reached, steps, rejected = solve(
+        outcome, reached, steps, rejected = integrate(
             *(self.of.plant, self.drive, self.contact.drive, q, span, tolerance, careful, self.max_steps),
-            *(times, samples, resume, *account),
+            *(times, samples, resume, account),
         )
         return _Run(samples, work, outcome, reached, steps, rejected, resume)
 

@@ -11,7 +11,7 @@ from ..plant.system import Plant
 from ..waveform.drive import Drive
 from ..waveform.members import Drives, member_of
 from .outcome import DONE
-from .periods import careful_tolerance, follow
+from .periods import follow
 
 THREADS = 128
 
@@ -27,14 +27,11 @@ def _members(plant, drives, values, states, spans, tolerance, careful, max_steps
     outcomes, reached, steps = results
     if m >= states.shape[0] or outcomes[m] != DONE:
         return
-    times, samples, log = none
     tables, which, load = drives
     drive = member_of(tables, which[m])
     own, state = with_values(plant, values[m]), state_of(plant, states[m])
-    if careful:
-        tolerance = careful_tolerance(own, spans[m], tolerance)
     outcome, t, accepted, rejected, state = follow(
-        own, drive, load, state, spans[m], tolerance, max_steps, times, samples, log, None, None, None, None
+        own, drive, load, state, spans[m], tolerance, careful, max_steps, *none, None, None, None
     )
     outcomes[m], reached[m], steps[m] = outcome, t, accepted + rejected
     for c in range(len(state)):

@@ -116,12 +116,12 @@ def _advance(plant, drive, load, r, level, column, work, log, after):
         state,
         work.span,
         level,
+        False,
         MAX_STEPS,
         work.times,
         work.samples,
         log,
         work.near,
-        None,
         None,
         None,
     )

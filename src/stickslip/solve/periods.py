@@ -29,7 +29,7 @@ from ..plant.generated import (
 from ..waveform.members import member_of
 from . import channels
 from .channels import segment_of
-from .log import TERMS, columns, read_account, read_samples
+from .log import columns, read_account, read_samples
 from .neighbours import carry, mark, read_traces, replay
 from .outcome import DONE, LOG_FULL
 from .resume import COMPARED, FRESH, STEP, TIME, VALID, store, stored
@@ -96,17 +96,29 @@ def repeats(drive, i, cycle, period, t_end):
 
 
 @compiled
+def careful_tolerance(plant, span, tolerance):
+    """The tolerance for steps that do not lose small vibrations of contacts that stick.
+
+    Under a load a contact creeps by up to 2/pi times the amplitude of a vibration per radian
+    (docs/decisions/error-estimate.md): one that hardly decays moves it far, though it is small itself.
+    """
+    return tolerance * min(1.0, max(CREEPING * decay(plant, span[1] - span[0]), LEAST))
+
+
+@compiled
 def follow(
-    plant, drive, load, q, span, tolerance, max_steps, times, samples, log, near, account, room, resume
+    plant, drive, load, q, span, tolerance, careful, max_steps, times, samples, log, near, account, resume
 ):
     """Integrate the state `q`, a tuple, from span[0] to span[1]; see `integrate`.
 
     Without `times` the `log` may have no rows. `near`: None, or members that take the same steps (see
-    `neighbours`). `account` may be None; `room` is work space for it. `resume`: a row of `solve.resume`, from
+    `neighbours`). `account`: None, or see `integrate`. `resume`: a row of `solve.resume`, from
     which it starts if that holds anything, or None. Returns outcome, time reached,
     accepted and rejected steps, state.
     """
     t_end = span[1]
+    if careful:
+        tolerance = careful_tolerance(plant, span, tolerance)
     local = LOCAL * tolerance
     t, h, sides, fresh = span[0], math.inf, no_sides(plant), True
     resumed = False
@@ -162,7 +174,7 @@ def follow(
                 replay(plant, drive, load, log, rows, local, near, near.drives)
                 read_traces(log, rows, i, i, 0.0, 0, times, k, t, near, near.drives)
             if account is not None:
-                read_account(plant, drive, load, log, rows, 0.0, times, k, t, room[TERMS:], room, account)
+                read_account(plant, drive, load, log, rows, 0.0, times, k, t, *account)
             if rows > 0:
                 k = read_samples(plant, drive, load, log, rows, 0.0, still, times, k, t, samples)
             if outcome == LOG_FULL:
@@ -189,9 +201,7 @@ def follow(
                     if near is not None:
                         read_traces(log, rows, begins, i, shift, p, times, k, end, near, near.drives)
                     if account is not None:
-                        read_account(
-                            plant, drive, load, log, rows, shift, times, k, end, room[TERMS:], room, account
-                        )
+                        read_account(plant, drive, load, log, rows, shift, times, k, end, *account)
                     if rows > 0:
                         moved = scaled(float(p), net)
                         k = read_samples(plant, drive, load, log, rows, shift, moved, times, k, end, samples)
@@ -207,16 +217,6 @@ def follow(
     return DONE, t, accepted, rejected, q
 
 
-@compiled
-def careful_tolerance(plant, span, tolerance):
-    """The tolerance for steps that do not lose small vibrations of contacts that stick.
-
-    Under a load a contact creeps by up to 2/pi times the amplitude of a vibration per radian
-    (docs/decisions/error-estimate.md): one that hardly decays moves it far, though it is small itself.
-    """
-    return tolerance * min(1.0, max(CREEPING * decay(plant, span[1] - span[0]), LEAST))
-
-
 @inlined
 def _log(plant, states, rows):
     return np.empty((rows, columns(states, len(plant.elements))))
@@ -229,7 +229,7 @@ def _put(q, state):
 
 
 @kernel
-def integrate(plant, drive, load, q, span, tolerance, careful, max_steps, times, samples, resume):
+def integrate(plant, drive, load, q, span, tolerance, careful, max_steps, times, samples, resume, account):
     """One trajectory, in place.
 
     Args:
@@ -243,30 +243,14 @@ def integrate(plant, drive, load, q, span, tolerance, careful, max_steps, times,
         times: sample times, ascending, inside span.
         samples: [times, states + elements (at least 1)], filled up to the time reached: states and outputs.
         resume: a row of `solve.resume`, of zeros to start from q; of no size, it is not kept.
+        account: None, or room for a state, zeros [TERMS] and the energy account [times, TERMS] (see
+            `log.read_account`), which changes no step.
 
     Returns:
         outcome, time reached, accepted steps, rejected steps.
     """
     log = _log(plant, q.size, LOG_ROWS if times.size > 0 else 0)
     state = state_of(plant, q)
-    if careful:
-        tolerance = careful_tolerance(plant, span, tolerance)
-    outcome, t, accepted, rejected, state = follow(
-        plant, drive, load, state, span, tolerance, max_steps, times, samples, log, None, None, None, resume
-    )
-    _put(q, state)
-    return outcome, t, accepted, rejected
-
-
-@kernel
-def integrate_account(
-    plant, drive, load, q, span, tolerance, careful, max_steps, times, samples, resume, account
-):
-    """As `integrate`, the same steps, and the energy account [times, TERMS] (see `log.add_work`)."""
-    log = _log(plant, q.size, LOG_ROWS)
-    state, room = state_of(plant, q), np.zeros(TERMS + q.size)
-    if careful:
-        tolerance = careful_tolerance(plant, span, tolerance)
     outcome, t, accepted, rejected, state = follow(
         plant,
         drive,
@@ -274,13 +258,13 @@ def integrate_account(
         state,
         span,
         tolerance,
+        careful,
         max_steps,
         times,
         samples,
         log,
         None,
         account,
-        room,
         resume,
     )
     _put(q, state)
@@ -294,7 +278,7 @@ def integrate_near(plant, drive, load, q, span, tolerance, max_steps, times, sam
     log = _log(plant, q.size, LOG_ROWS)
     state = state_of(plant, q)
     outcome, t, accepted, rejected, state = follow(
-        plant, drive, load, state, span, tolerance, max_steps, times, samples, log, near, None, None, None
+        plant, drive, load, state, span, tolerance, False, max_steps, times, samples, log, near, None, None
     )
     _put(q, state)
     return outcome, t, accepted, rejected
@@ -314,9 +298,8 @@ def integrate_members(
         spans: start and end of each, s, [members, 2].
         tolerance, careful, max_steps, times: see `integrate`.
         column: the state that is sampled.
-        found: outcomes, times reached and steps taken, each [members], and samples [members, times]. Members
-        whose
-            outcome is not DONE at the start are left out.
+        found: outcomes, times reached and steps taken, each [members], and samples [members, times].
+            Members whose outcome is not DONE at the start are left out.
     """
     outcomes, reached, steps, positions = found
     tables, which, load = drives
@@ -325,19 +308,18 @@ def integrate_members(
     for m in range(states.shape[0]):
         if outcomes[m] == DONE:
             samples[:] = np.nan
-            own = with_values(plant, values[m])
             outcomes[m], reached[m], accepted, rejected, state = follow(
-                own,
+                with_values(plant, values[m]),
                 member_of(tables, which[m]),
                 load,
                 state_of(plant, states[m]),
                 spans[m],
-                careful_tolerance(own, spans[m], tolerance) if careful else tolerance,
+                tolerance,
+                careful,
                 max_steps,
                 times,
                 samples,
                 log,
-                None,
                 None,
                 None,
                 None,

@@ -78,6 +78,7 @@ class Displacement:
                     samples,
                 ),
                 NO_RESUME,
+                None,
             )
             if outcome != DONE:  # to a fit, a trial point without a model
                 raise ArithmeticError(f"the motion cannot be followed beyond t = {reached:.6g} s")
