@@ -202,7 +202,7 @@ def follow_moved(
     )
     if outcome != DONE:
         raise SimulationError(f"the motion could not be followed beyond t = {reached:.6g} s")
-    by = (near.positions[:, : len(of.steps)] - samples[:, column, None]) / of.steps
+    by = (near.positions - samples[:, column]).T / of.steps
     return samples, by, (near.states - state).T / of.steps
 
 

@@ -37,8 +37,8 @@ from .step import at, take
 
 class Neighbours(NamedTuple):
     """`values` [n, numbers of the plant]; `states` [n, states], in place; `begun` [n, states], at the start
-    of the period; `column`, the state that is sampled; `traces` [groups of LANES, rows of the log, 5, LANES],
-    it on each step; `positions` [times, LANES times groups], of it.
+    of the period; `column`, the state that is sampled; `traces` [n, rows of the log, 5], it on each step;
+    `positions` [n, times], of it.
 
     Where their drives differ: `drives`, a table each (else None), whose segments are those of the trajectory
     a little earlier or later, as their steps are then; `end` and `ends` [n], when it and they end, s. Their
@@ -60,9 +60,8 @@ def neighbours(
     values: Any, states: Any, column: int, rows: int, times: int, drives: Any, end: float, ends: Any
 ) -> Neighbours:
     """Room for neighbours that start in these states."""
-    groups = (states.shape[0] + LANES - 1) // LANES
-    traces = np.empty((groups, rows, 5 if drives is None else 7, LANES))
-    positions = np.full((times, groups * LANES), np.nan)
+    n = states.shape[0]
+    traces, positions = np.empty((n, rows, 5 if drives is None else 7)), np.full((n, times), np.nan)
     return Neighbours(values, states, np.zeros_like(states), column, traces, positions, drives, end, ends)
 
 
@@ -87,7 +86,7 @@ def _own_step(drive, near, drives, p, i, t, h):
 def replay(plant, drive, load, log, rows, local, near, drives):
     """Take the logged steps with every neighbour; `drives`, the neighbours' own."""
     if rows > 0:
-        room = np.zeros(room_size(plant, near.values.shape[1]))
+        room = np.empty(room_size(plant, near.values.shape[1]))
         for first in range(0, near.states.shape[0], LANES):
             _replay(plant, drive, load, log, rows, local, near, drives, first, room)
 
@@ -96,20 +95,19 @@ def replay(plant, drive, load, log, rows, local, near, drives):
 def _replay(plant, drive, load, log, rows, local, near, drives, first, room):
     """As `replay`, with those from `first` on that a room holds; the last one fills it up, where it stays."""
     i, j = segment_of(drive, log[0, START]), segment_of(load, log[0, START])
-    states, trace, c = near.states, near.traces[first // LANES], near.column
-    count, numbers = min(LANES, states.shape[0] - first), near.values.shape[1]
-    lanes = LANES if count > 1 else 1
+    states, traces, c = near.states, near.traces, near.column
+    count = min(LANES, states.shape[0] - first)
     for p in range(LANES):
         m = first + min(p, count - 1)
-        for k in range(numbers):
-            room[room.size + (k - numbers) * LANES + p] = near.values[m, k]
+        for k in range(near.values.shape[1]):
+            room[room.size + (k - near.values.shape[1]) * LANES + p] = near.values[m, k]
         put_state(plant, room, p, state_of(plant, states[m]))
     for row in range(rows):
         t, h, fraction = log[row, START], log[row, LENGTH], log[row, FRACTION]
         sides = _sides_of(plant, log, row)
         while i + 1 < drive.start.size and drive.start[i + 1] <= t:
             i += 1
-        u, n = at_nodes(drive, i, t, h), at_nodes(load, j, t, h)
+        u, n, own_h = at_nodes(drive, i, t, h), at_nodes(load, j, t, h), h
         if in_lanes(plant) and drives is None and count > 1:
             for p in range(LANES):
                 own, q = lane_plant(plant, room, p), lane_state(plant, room, p)
@@ -117,22 +115,22 @@ def _replay(plant, drive, load, log, rows, local, near, drives, first, room):
                 put_step(plant, room, p, new, dense)
         else:
             for p in range(count):
-                own_h = h
                 if drives is not None:
                     own_t, own_h = _own_step(drive, near, drives, first + p, i, t, h)
-                    trace[row, 5, p], trace[row, 6, p] = own_t, own_h
+                    traces[first + p, row, 5], traces[first + p, row, 6] = own_t, own_h
                     u = at_nodes(member_of(drives, first + p), i, own_t, own_h)
                     n = at_nodes(load, j, own_t, own_h)
                 own, q = with_values(plant, near.values[first + p]), lane_state(plant, room, p)
                 new, dense, _, _ = take(own, sides, own_h, q, u, n)
                 put_step(plant, room, p, new, dense)
-        for k in range(5):
-            for p in range(lanes):
-                trace[row, k, p] = room[(k * states.shape[1] + c) * LANES + p]
-        for p in range(lanes):
+        for p in range(count):
             own, q = lane_plant(plant, room, p), lane_state(plant, room, p)
             new, dense = lane_step(plant, room, p)
-            put_state(plant, room, p, settled(own, at(fraction, q, new, dense), local))
+            trace = traces[first + p, row]
+            trace[0], trace[1] = q[c], new[c]
+            trace[2], trace[3], trace[4] = dense[0][c], dense[1][c], dense[2][c]
+            end = settled(own, new if fraction == 1.0 else at(fraction, q, new, dense), local)
+            put_state(plant, room, p, end)
         while j + 1 < load.start.size and load.start[j + 1] <= log[row, END]:
             j += 1
             kept = share_kept(load, j, load.start[j])
@@ -153,39 +151,28 @@ def carry(plant, near, periods):
             near.states[p, s] += periods * move[s]
 
 
-@fused
-def _position(trace, row, theta, p):
-    """That of neighbour p of a group, at a fraction of a step."""
-    rest = 1.0 - theta
-    inner = trace[row, 2, p] + theta * (trace[row, 3, p] + theta * trace[row, 4, p])
-    return rest * trace[row, 0, p] + theta * (trace[row, 1, p] + rest * inner)
-
-
 @compiled
 def read_traces(log, rows, first, now, shift, periods, times, k, t_end, near, drives):
     """Fill the neighbours' positions up to `t_end` from their traces, read `shift` [s] later, when each
     has moved on by its own net step so many `periods` long: the period that began with the segment `first`
     of the drive repeats from its segment `now` on."""
-    end, column = k, near.column
-    while end < times.size and times[end] <= t_end:
-        end += 1
-    if drives is None:
-        for group in range(near.traces.shape[0]):
-            trace, row = near.traces[group], 0
-            for n in range(k, end):
-                t = times[n] - shift
+    for p in range(near.states.shape[0]):
+        row, n, c = 0, k, near.column
+        trace, own_shift = near.traces[p], shift
+        if drives is not None:
+            own_shift = drives.start[p, now] - drives.start[p, first]
+        move = periods * (near.states[p, c] - near.begun[p, c])
+        while n < times.size and times[n] <= t_end:
+            t = times[n] - own_shift
+            if drives is None:
                 while row + 1 < rows and t > log[row, END]:
                     row += 1
                 theta = (t - log[row, START]) / log[row, LENGTH]
-                for p in range(LANES):
-                    near.positions[n, group * LANES + p] = _position(trace, row, theta, p)
-    else:
-        for m in range(near.states.shape[0]):
-            trace, row, p = near.traces[m // LANES], 0, m % LANES
-            for n in range(k, end):
-                t = times[n] - (drives.start[m, now] - drives.start[m, first])
-                while row + 1 < rows and t > trace[row + 1, 5, p]:
+            else:
+                while row + 1 < rows and t > trace[row + 1, 5]:
                     row += 1
-                near.positions[n, m] = _position(trace, row, (t - trace[row, 5, p]) / trace[row, 6, p], p)
-    for m in range(near.states.shape[0]):
-        near.positions[k:end, m] += periods * (near.states[m, column] - near.begun[m, column])
+                theta = (t - trace[row, 5]) / trace[row, 6]
+            rest = 1.0 - theta
+            inner = trace[row, 2] + theta * (trace[row, 3] + theta * trace[row, 4])
+            near.positions[p, n] = rest * trace[row, 0] + theta * (trace[row, 1] + rest * inner) + move
+            n += 1
