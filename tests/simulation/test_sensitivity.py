@@ -77,6 +77,19 @@ def test_where_the_normal_force_jumps_what_is_new_carries_nothing() -> None:
         np.testing.assert_allclose(derivative, expected, rtol=0, atol=1e-3 * np.abs(expected).max())
 
 
+@pytest.mark.compiled
+def test_a_steady_motion_under_a_normal_force_that_jumps_is_stable() -> None:
+    load = Sampled([0.0, 0.005, 0.013], [1.0, 0.5, 1.2], "hold", period=0.02)
+    found = steady_step_derivatives(MODEL, DRIVE, parameters=["coulomb_force"], load=load)
+    up, down = (
+        steady_step(
+            with_values(MODEL, {"coulomb_force": 0.5401 * (1 + h)}), DRIVE, tolerance=1e-12, load=load
+        )
+        for h in (1e-3, -1e-3)
+    )
+    assert found["coulomb_force"] == pytest.approx((up - down) / (2e-3 * 0.5401), rel=1e-3)
+
+
 @pytest.mark.parametrize("law", ["LuGre", "Elastoplastic"])
 def test_derivatives_side_by_side_are_those_alone(law: str) -> None:
     """Five together, of which four take their steps in one loop and the fifth by itself."""
