@@ -1,4 +1,4 @@
-"""What lies between a plant and the samples of its position: one record, for fits, predictions and files."""
+"""The chain between a plant and the samples of its position: one record for fits, predictions and files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What input files in YAML have in common: quantities with units, no unknown keys, errors in one line."""
+"""Common rules of input files in YAML: quantities with units, no unknown keys, errors in one line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is known by name: laws, parameter sets, waveforms, benches, calibrations, published data."""
+"""Catalogue by name: laws, parameter sets, waveforms, benches, calibrations, published data."""
 
 from __future__ import annotations
 

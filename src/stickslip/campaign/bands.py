@@ -1,4 +1,4 @@
-"""How far a prediction may be off because the parameters are: the 95 % bands of the figures.
+"""Prediction bands: 95 % of what uncertain parameters leave open, for the figures.
 
 A prediction depends on what was fitted and, through the stage that the fit took as known, on the steps. Both
 are linearised: with G the derivatives of the position by the fitted coordinates, P those by the stage's

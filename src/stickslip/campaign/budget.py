@@ -1,4 +1,4 @@
-"""How sure the friction parameters are when the stage and the sensor's scale are not known exactly either.
+"""Uncertainty budget of the friction parameters: the stage's and the sensor's scale are not exact either.
 
 The fit takes the stage's values as they were identified before. What their errors do to it is linearised:
 a change g of what was taken as known moves the estimate by -(JᵀJ)⁻¹ Jᵀ G g, with J and G the derivatives of

@@ -1,4 +1,4 @@
-"""What a campaign does on request: sample the posterior, follow profiles, compare models."""
+"""Additional analyses of a campaign, on request: posterior, profiles, comparison of models."""
 
 from __future__ import annotations
 

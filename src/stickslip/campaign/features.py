@@ -1,4 +1,4 @@
-"""What the walks show without a model: a section of the report, and its numbers."""
+"""Sizes of the walks that need no model: a section of the report, and its numbers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a campaign file may say."""
+"""Schema of a campaign file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an eye would see before any fit: a walk too long for its stage, or against its drive."""
+"""Plausibility of recordings before any fit: a walk too long for its stage, or against its drive."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What all commands share: the application, errors in one line, progress, reports."""
+"""Common parts of all commands: the application, errors in one line, progress, reports."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every sensor adds: white noise, drift, delay."""
+"""Noise, drift and delay of sensors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""When a search is as close to its end as the noise lets anyone see."""
+"""Convergence: a search is as close to its end as the noise lets anyone see."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How well one recording is described."""
+"""Goodness of fit of one recording."""
 
 from __future__ import annotations
 

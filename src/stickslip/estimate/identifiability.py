@@ -1,4 +1,4 @@
-"""Which parameters the recordings determine, in plain sentences."""
+"""Identifiability: the parameters that the recordings determine or leave open, in plain sentences."""
 
 from __future__ import annotations
 

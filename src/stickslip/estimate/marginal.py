@@ -1,4 +1,4 @@
-r"""When one value is not determined: what the others are, over all that it may be.
+r"""Marginal ranges of the other parameters where one is not determined.
 
 Where the data hardly see a value :math:`\psi` (the damping of the contact in slow samples), the valley of the
 sum of squares is long and bent, and narrow in other places than the curvature at its lowest point says: the

@@ -1,4 +1,4 @@
-"""What a fit is of: recordings, the parameters that describe them, and what is assumed of their noise.
+"""The fit problem: recordings, the parameters that describe them, and the assumed noise.
 
 Every identification builds a `Problem`; `fit_least_squares` makes a `Fit` of any.
 """

@@ -1,4 +1,4 @@
-"""What a fit found: values, how sure they are, and what the data did not determine.
+"""Result of a fit: values, uncertainty, and parameters that the data did not determine.
 
 Every parameter is fitted in a coordinate q: its logarithm (``log=True``, for positive parameters) or itself.
 Uncertainty is linearised in q, so the interval of a log-scaled parameter is asymmetric and stays positive.

@@ -1,4 +1,4 @@
-"""Whether a fit asks for one more parameter, before that is fitted: the score test."""
+"""Score test: evidence for one more parameter, before it is fitted."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether residuals are nothing but noise, so that no other values of the parameters can describe more."""
+"""Whiteness of residuals: autocorrelation that other values of the parameters could describe."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an experiment file may say. Quantities are numbers in SI or texts with a unit, "65 V"."""
+"""Schema of an experiment file. Quantities are numbers in SI or texts with a unit, "65 V"."""
 
 from __future__ import annotations
 

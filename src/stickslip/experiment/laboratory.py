@@ -1,4 +1,4 @@
-"""Where the recordings of an experiment file are made: on which rig, in which process."""
+"""The rig that an experiment file names, and the process that owns it."""
 
 from __future__ import annotations
 

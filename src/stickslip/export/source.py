@@ -1,4 +1,4 @@
-"""What is exported, from where: a model, and for each of its values the unit, meaning and source."""
+"""Source of an export: a model, and for each of its values the unit, meaning and source."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the translator to C knows: types, values with their C text, and how it refuses.
+"""The subset of Python that is translated to C: types, values with their C text, refusals.
 
 The subset: arithmetic, comparisons, conditionals, functions of ``math``, fields of records (named tuples),
 their properties and ``_replace``, tuples as results, loops over ``range`` with a bound known beforehand,

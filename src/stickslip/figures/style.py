@@ -1,4 +1,4 @@
-"""How all pictures look, in one place: palette, sizes, fonts, and the way to SVG."""
+"""Style of all pictures: palette, sizes, fonts, and the way to SVG."""
 
 from __future__ import annotations
 

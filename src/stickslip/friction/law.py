@@ -1,4 +1,4 @@
-r"""What a friction law is, for every engine.
+r"""Interface of a friction law, for every engine.
 
 A law is a frozen record (its parameters) and one compiled function in the symbols of its paper,
 

@@ -1,4 +1,4 @@
-"""What was done with the runs of a folder and left no file of its own: exports, renamings, drives sent."""
+"""Acts on the runs of a folder that leave no file of their own: exports, renamings, drives sent."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the index keeps of a file, read from the file."""
+"""Entries of the index, read from the files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which values of a model are free, where they start and how far they may go."""
+"""Free values of a model: names, starts and bounds."""
 
 from __future__ import annotations
 

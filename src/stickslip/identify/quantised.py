@@ -1,4 +1,4 @@
-"""What the steps of a converter or an encoder leave open: they are no noise that more samples average away.
+"""Uncertainty from the steps of a converter or an encoder, which more samples do not average away.
 
 Samples at one level say only that the quantity is within half a step of it. So each level is moved at random
 by up to half a step, and what the fit would make of that is added to its uncertainty, linearised.

@@ -1,4 +1,4 @@
-"""What a job file may say.
+"""Schema of a job file.
 
 A job is a title and its steps, one after the other::
 

@@ -1,4 +1,4 @@
-"""Who holds control of the rig: one page; the others watch, and may ask for it. Anybody may stop the rig.
+"""Control of the rig: one page holds it; the others watch, and may ask for it. Anybody may stop the rig.
 
 A page is known by a secret of its own, which only itself and the server have; others know it by what `shown`
 makes of that.

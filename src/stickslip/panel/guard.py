@@ -1,4 +1,4 @@
-"""Who may talk to the panel: hosts, origins, the token, the size of requests; and the headers of answers."""
+"""Access to the panel: hosts, origins, the token, the size of requests; and the headers of answers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What happened, for the page's log: the last lines, numbered, so that a page can ask for those it missed."""
+"""The page's log: the last lines, numbered, so that a page can ask for those it missed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the panel prepares in the background: compiled once on a machine, loaded from then on."""
+"""State of the background preparation: compiled once on a machine, loaded from then on."""
 
 from __future__ import annotations
 

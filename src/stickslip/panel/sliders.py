@@ -1,4 +1,4 @@
-"""What can be adjusted on the Explore page: every field with its unit, meaning and the range of its slider.
+"""Fields of the Explore page: each with its unit, meaning and the range of its slider.
 
 Units, symbols, meanings and what is allowed come from the records themselves. Only the range that a slider
 sweeps is chosen here, from what such actuators have; a typed value may lie outside of it.

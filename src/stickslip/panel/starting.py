@@ -1,4 +1,4 @@
-"""What begins a run: of the experiment on the bench, with a folder of its own, and the way home."""
+"""Start of a run: of the experiment on the bench, with a folder of its own, and the way home."""
 
 from __future__ import annotations
 

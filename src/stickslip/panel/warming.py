@@ -1,5 +1,5 @@
-"""What is made ready before somebody needs it: on the first start the solver, before the page is opened; else
-after the first page the solver, then fits and Explore."""
+"""Preparation in the background: on the first start the solver, before the page is opened; else after the
+first page the solver, then fits and Explore."""
 
 from __future__ import annotations
 

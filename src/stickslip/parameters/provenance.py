@@ -1,4 +1,4 @@
-"""Where the values of a record come from: its parameter set, an assumption of that set, or a later change."""
+"""Provenance of a record's values: its parameter set, an assumption of that set, or a later change."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What else a solver asks of a plant, as text for one layout: inputs, events, bounds, drift, ticks."""
+"""Further functions of a plant, as text for one layout: inputs, events, bounds, drift, ticks."""
 
 from __future__ import annotations
 

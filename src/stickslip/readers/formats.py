@@ -1,4 +1,4 @@
-"""Which format a file has: its content says it, its extension must not contradict."""
+"""Format of a file: by its content, which its extension must not contradict."""
 
 from __future__ import annotations
 

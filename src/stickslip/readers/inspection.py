@@ -1,4 +1,4 @@
-"""What a file holds before anything is done with it: columns, units, sampling, noise, names to give."""
+"""Inspection of a file before anything is done with it: columns, units, sampling, noise, names to give."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""How a text file of numbers is laid out: encoding, delimiter, decimal sign, where the data start, the
-header.
+"""Layout of a text file of numbers: encoding, delimiter, decimal sign, start of the data, header.
 
 Found from the first lines: of all ways to split them (delimiter and decimal sign) the one is taken that turns
 most lines into most numbers. Whatever stands above the header is noise.

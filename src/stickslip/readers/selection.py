@@ -1,4 +1,4 @@
-"""Which channels of a file become which variables, in which unit, on which clock."""
+"""Selection of channels: which becomes which variable, in which unit, on which clock."""
 
 from __future__ import annotations
 

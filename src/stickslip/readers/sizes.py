@@ -1,4 +1,4 @@
-"""How much a file may hold: checked before it is read, from what it says of itself."""
+"""Limits of size, checked before a file is read, from what it says of itself."""
 
 from __future__ import annotations
 

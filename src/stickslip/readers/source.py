@@ -1,4 +1,4 @@
-"""What a reader hands over: the channels of a file, and a way to read some of them.
+"""Interface of a reader: the channels of a file, and a way to read some of them.
 
 To add a format, write a function from a path to a `Source`, and make it known as a `Format` (`add_format`).
 """

@@ -1,4 +1,4 @@
-"""What a recording is: an ``xarray.Dataset`` over "time", the same from a file, a rig or a simulation.
+"""Schema of a recording: an ``xarray.Dataset`` over "time", the same from a file, a rig or a simulation.
 
 The schema and its reasons: docs/decisions/recording-schema.md.
 """

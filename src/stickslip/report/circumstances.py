@@ -1,4 +1,4 @@
-"""When, where and with what a report was made."""
+"""Circumstances of a report: date, machine, versions."""
 
 from __future__ import annotations
 

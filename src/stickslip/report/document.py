@@ -1,4 +1,4 @@
-"""What a report says, as plain data: no HTML, no plotting.
+"""Content of a report as plain data: no HTML, no plotting.
 
 A number never goes without its unit: it stands in a column that names one, or is a `Number`, which has one.
 All values are in SI; the prefixes that people like to read are chosen when the document is written.

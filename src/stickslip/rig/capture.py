@@ -1,4 +1,4 @@
-"""What to keep of what a rig records: length, interval, trigger, pre-trigger, averaging."""
+"""Capture settings: length, interval, trigger, pre-trigger, averaging."""
 
 from __future__ import annotations
 

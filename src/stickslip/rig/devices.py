@@ -1,4 +1,4 @@
-"""What a rig is made of, as JSON, so that a client can name it to the process that is to own it."""
+"""Descriptions of rigs as JSON, by which a client names one to the process that is to own it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where home is: positions of the end-effector count from there, over runs, repeats and restarts.
+"""Home: positions of the end-effector count from there, over runs, repeats and restarts.
 
 A rig's readings keep counting from run to run, or begin anew with each: then its `origin` says how far the
 end-effector had come before. Home is a reading and the origin at which it was taken, so the position is

@@ -1,4 +1,4 @@
-"""What a rig must be able to do, virtual or real: put out a drive, and record inputs on the same clock.
+"""Interface of a rig, virtual or real: put out a drive, and record inputs on the same clock.
 
 Everything is synchronous: output and inputs begin at the same moment, `start`. A rig knows nothing of
 calibrations, filters, triggers or files: `measure` sees to them in the same way for every rig.

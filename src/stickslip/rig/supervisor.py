@@ -1,4 +1,4 @@
-"""What the rig's process does with its rig: runs that go on by themselves, and end safe whatever happens.
+"""Supervision of a rig: runs that go on by themselves, and end safe whatever happens.
 
 A run is a thread that takes in what the rig gives, and looks at it, whether anybody asks for the samples or
 not. It ends by itself where the client that asked for it is silent or gone.

@@ -1,4 +1,4 @@
-r"""How the contact of a virtual rig differs from run to run, as that of a real one does.
+r"""Variation of a virtual rig's contact from run to run, as measured on real ones.
 
 Friction of all levels (Coulomb, stiction) is multiplied by one factor, the bristle's stiffness by another;
 what is a length goes with their ratio. In run k of a series the logarithms are, less half their variance, so

@@ -1,4 +1,4 @@
-"""How the rig's process and its clients talk: JSON and numbers over a socket of this machine.
+"""Protocol between the rig's process and its clients: JSON and numbers over a socket of this machine.
 
 A message is the length of its head (4 bytes, lowest first), the head, JSON with the shape of what follows as
 "shape", and that many float64. Every request has one answer; an answer with "error" says what is wrong, and

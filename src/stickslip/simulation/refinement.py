@@ -1,4 +1,4 @@
-"""How far a trajectory is from the true one, and smaller steps until that is near enough.
+"""Error estimate of a trajectory, and refinement until it is within the tolerance.
 
 A run is compared with one whose local errors, and so whose error, are a quarter: the error of the first is
 4/3 of their difference (docs/decisions/error-estimate.md). The first is returned, for its error is known.

@@ -1,4 +1,4 @@
-"""Which values of a model can vary, by name, and how they are put in: for fits and for ensembles."""
+"""Values of a model that vary by name: for fits and for ensembles."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is read from the log of steps: samples, and where the work of the drive went.
+"""Evaluation of the log of steps: samples, and the work of the drive.
 
 Steps are chosen without looking at the sample times: samples cost no steps and change none.
 """

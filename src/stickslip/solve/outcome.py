@@ -1,4 +1,4 @@
-"""How a run of an engine ends."""
+"""Outcomes of a run."""
 
 from __future__ import annotations
 

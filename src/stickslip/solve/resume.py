@@ -1,4 +1,4 @@
-"""Where a run can be taken up again: the last instant before its end had any influence on its steps.
+"""Points of continuation: the last instant before its end had any influence on a run's steps.
 
 That is the start of the last period of a drive that repeats, or a step from which the end is still far; from
 there a longer run takes the same steps to the last bit.

@@ -1,4 +1,4 @@
-"""What the parts of an identification file have in common: sources of data."""
+"""Common parts of identification files: sources of data."""
 
 from __future__ import annotations
 

@@ -23,8 +23,8 @@ from .file import Recorded, Study, StudyError, read_parts
 
 
 class LawSpec(Strict):
-    """A law to fit: its name (or ``path.py:Name``, beside the file), the values at which the fit starts, what is
-    free, and what is tied to others (see `identify_loops`); `label` for tables."""
+    """A law to fit: its name (or ``path.py:Name``, beside the file), the values at which the fit starts, what
+    is free, and what is tied to others (see `identify_loops`); `label` for tables."""
 
     law: str
     fields: dict[str, float | str | list[float | str]]

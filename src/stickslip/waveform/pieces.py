@@ -1,4 +1,4 @@
-"""How segment tables are built: a list of pieces, once or period after period."""
+"""Construction of segment tables: a list of pieces, once or period after period."""
 
 from __future__ import annotations
 

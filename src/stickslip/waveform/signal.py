@@ -1,4 +1,4 @@
-"""What every waveform has in common: the protocol, the shared methods, volts or metres, the range check."""
+"""Interface of waveforms: the protocol, the shared methods, volts or metres, the range check."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What sawtooth walks show without a model: steps, scatter, drift, vibration [kang2007, app. 8, 9]."""
+"""Sizes of sawtooth walks without a model: steps, scatter, drift, vibration [kang2007, app. 8, 9]."""
 
 from __future__ import annotations
 

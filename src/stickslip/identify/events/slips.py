@@ -1,4 +1,4 @@
-"""When the drive lets the end-effector slip: from the jumps of drive_voltage, or from the position alone."""
+"""Instants of slip: from the jumps of drive_voltage, or from the position alone."""
 
 from __future__ import annotations
 

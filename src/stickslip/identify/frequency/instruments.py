@@ -1,4 +1,4 @@
-"""What stands between a program and the mechanism whose frequency response is looked for.
+"""Instruments between a program and the mechanism whose frequency response is measured.
 
 The drive_voltage of a recording is often what was asked of the amplifier: held from sample to sample, before
 its bandwidth and its current limit. A response to it holds all of these, and the limit makes it depend on the

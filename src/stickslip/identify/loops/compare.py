@@ -1,4 +1,4 @@
-"""Which friction law describes the same loops best: each fitted alike, and judged on what it has not seen.
+"""Comparison of friction laws on the same loops: each fitted alike, and judged on unseen ones.
 
 Akaike's and Schwarz's criteria count the samples as independent. Residuals of loops are not (they are model
 error, correlated over many samples), so the criteria are too sure in favour of more parameters; r^2 on the

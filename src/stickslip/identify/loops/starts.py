@@ -1,4 +1,4 @@
-"""Where fits of friction loops begin: from the sizes of the loops, wherever the user starts."""
+"""Starting values for fits of friction loops, from the sizes of the loops."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What every identification asks of a recording: its channels, its drive, what it shows of its noise."""
+"""Common needs of all identifications of a recording: channels, drive, and the noise that it shows."""

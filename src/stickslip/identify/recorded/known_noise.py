@@ -1,4 +1,4 @@
-"""What a walk shows of its noise besides what a model leaves: rest, periods, and the steps of a converter."""
+"""Noise of a walk that is known without a model: at rest, between periods, from converter steps."""
 
 from __future__ import annotations
 

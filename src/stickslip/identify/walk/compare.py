@@ -1,4 +1,4 @@
-"""Which model describes a walk best: each fitted alike, and judged on walks it has not seen.
+"""Comparison of models on walks: each fitted alike, and judged on unseen walks.
 
 The candidates are all friction laws on the dynamic stage [kang2007, 3.2], that of Chang and Li among them
 (Coulomb friction [changli1999]), and Pohl's static model [pohl1987].

@@ -1,5 +1,4 @@
-r"""Whether one set of values explains recordings under several conditions, and how each value moves with
-them.
+r"""Dependence of parameters on conditions: a test of one common set, and how each value moves.
 
 Recordings carry what they were made under: the voltage or frequency of an experiment's matrix, a temperature
 or humidity that was noted. Those of one condition are fitted together, and all at once. If one set of values

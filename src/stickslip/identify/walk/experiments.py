@@ -1,4 +1,4 @@
-"""Which experiment would determine what: expected standard errors of walks that have not been made."""
+"""Expected standard errors of walks that have not been made."""
 
 from __future__ import annotations
 

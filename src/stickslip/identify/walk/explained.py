@@ -1,4 +1,4 @@
-"""Whether one set of values explains walks that were fitted and walks that were not, all at once.
+"""Joint test of one set of values on fitted and unseen walks.
 
 A wrong law that fits one walk within its noise seldom fits them all. But errors of the stage are no lack of
 the law, and a stage whose values are free takes up much that a wrong law leaves: so all walks are fitted with

@@ -1,4 +1,4 @@
-r"""Where a fit of friction begins: from what the actuator itself says of the sizes of its friction.
+r"""Starting values for fits of friction, from the sizes of the actuator itself.
 
 Let A be the stroke of the stage under the drive. Friction moves the end-effector (mass m) along with the slow
 stage and loses it at a jump, where the stage accelerates by up to A omega_n^2: it is below m A omega_n^2, and

@@ -1,4 +1,4 @@
-r"""How far simulated walks are from recordings, for many actuators at once, delay and offset integrated out.
+r"""Likelihood of recordings for many simulated actuators at once, delay and offset integrated out.
 
 A recording shows the position at a delay, and beside an offset. Residuals at a few delays, one simulation for
 all of them, are read in between along splines; so the sum of squares at any delay :math:`\delta` and offset o

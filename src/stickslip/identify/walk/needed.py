@@ -1,4 +1,4 @@
-"""Which values of the position channel a fit needs, though nobody asked for them: offset and delay."""
+"""Values of the position channel that a fit frees by default: offset and delay."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a position channel should show of an actuator: by a fit, or by given values in its place."""
+"""Prediction of a position channel, by a fit or by given values."""
 
 from __future__ import annotations
 
