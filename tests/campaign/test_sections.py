@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from stickslip.campaign.deeper import Deeper
-from stickslip.campaign.deeper_sections import deeper_numbers, deeper_sections
+from stickslip.campaign.additional import Additional
+from stickslip.campaign.additional_sections import additional_numbers, additional_sections
 from stickslip.campaign.features import feature_numbers, features_of, features_section
 from stickslip.estimate.bent import straight
 from stickslip.estimate.fit import fit_least_squares
@@ -36,9 +36,9 @@ def line(wrong: float = 0.0):
     return fit_least_squares([Residuals(function, Y, None, "walk", "m")], LINE)
 
 
-def found(**deeper):
+def found(**additional):
     fit = line()
-    return SimpleNamespace(friction=fit, stage=None, deeper=Deeper(**deeper))
+    return SimpleNamespace(friction=fit, stage=None, additional=Additional(**additional))
 
 
 def choice(rmse: dict[str, float]) -> Comparison:
@@ -48,8 +48,8 @@ def choice(rmse: dict[str, float]) -> Comparison:
 
 
 def test_nothing_asked_for_is_nothing_said() -> None:
-    assert deeper_sections(found(), figures=True) == []
-    assert deeper_numbers(found()) == {}
+    assert additional_sections(found(), figures=True) == []
+    assert additional_numbers(found()) == {}
 
 
 def test_profiles_and_samples_stand_beside_the_linearised_intervals() -> None:
@@ -61,11 +61,11 @@ def test_profiles_and_samples_stand_beside_the_linearised_intervals() -> None:
         max_simulations=4000,
     )
     what = found(profiles={"a": (0.9, 1.2)}, posterior=samples)
-    numbers = deeper_numbers(what)
+    numbers = additional_numbers(what)
     assert numbers["posterior"]["a"].value == pytest.approx(1.0, abs=0.01)
     assert numbers["posterior"]["b"].standard_error == pytest.approx(0.04, rel=0.2)
     assert (numbers["profiles"]["a"].low, numbers["profiles"]["a"].unit) == (0.9, "N")
-    (section,) = deeper_sections(what, figures=True)
+    (section,) = additional_sections(what, figures=True)
     compared, chain = section.tables
     assert [c.name for c in compared.columns] == [
         "parameter", "linearised", "profile likelihood", "posterior",
@@ -102,10 +102,10 @@ def test_the_conclusion_follows_from_the_numbers(rmse: dict[str, float], words: 
         made = Comparison({"LuGre": line(), "Twin": line()}, made.verifications)
     assert words in conclusion(made)
     what = found(choice=made)
-    assert deeper_numbers(what)["model_choice"]["LuGre"]["verification_rmse"].value == pytest.approx(
+    assert additional_numbers(what)["model_choice"]["LuGre"]["verification_rmse"].value == pytest.approx(
         rmse["LuGre"]
     )
-    (section,) = deeper_sections(what, figures=True)
+    (section,) = additional_sections(what, figures=True)
     assert section.tables[0].rows[0][0] == min(rmse, key=rmse.__getitem__)  # the best first
     assert section.figures[0].name == "campaign-models"
 

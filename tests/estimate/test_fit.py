@@ -248,7 +248,7 @@ def test_upper_bound_on_a_log_scale() -> None:
     assert fit.undetermined[0].startswith("rate ended at its bound 1.2 1/s")
 
 
-def test_many_starts_escape_the_wrong_valley() -> None:
+def test_many_starts_escape_the_wrong_minimum() -> None:
     t = np.linspace(0, 1, 100)
     y = np.sin(2 * np.pi * 7 * t) + 0.1 * np.random.default_rng(14).standard_normal(t.size)
 
@@ -263,7 +263,7 @@ def test_many_starts_escape_the_wrong_valley() -> None:
     assert many.values["frequency"] == pytest.approx(7, abs=0.02)
     assert many.starts == 40
     assert 1 < many.starts_agreeing < 20
-    assert many.doubt == f"several valleys: {many.starts_agreeing} of 40 searches ended in the lowest"
+    assert many.doubt == f"several local minima: {many.starts_agreeing} of 40 searches ended in the lowest"
     assert fit(1).doubt == ""
     assert fit(40).values == many.values
 
@@ -454,7 +454,7 @@ def wavy(noise: float):
     return lambda values: np.sin(values["omega"] * t) - measured
 
 
-def test_hops_find_the_deepest_valley() -> None:
+def test_hops_find_the_lowest_minimum() -> None:
     omega = Parameter("omega", 9.0, 0.3, 30.0)
     stuck = fit_least_squares(wavy(0.1), [omega])
     assert abs(stuck.values["omega"] - 2.3) > 1.0

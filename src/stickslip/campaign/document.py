@@ -19,8 +19,8 @@ from ..report.recordings import recorded_assumptions
 from ..study.alignment import POSITION, Aligned
 from ..study.verification import verification_numbers
 from ..units import with_prefix
+from .additional_sections import additional_numbers, additional_sections
 from .bands import walk_bands
-from .deeper_sections import deeper_numbers, deeper_sections
 from .evaluation import Found
 from .features import feature_numbers, features_section
 from .file import CampaignFile
@@ -57,7 +57,7 @@ def campaign_document(
         },
         "published_r_squared": {name: Number(value, "") for name, value in file.published.items()},
         "required": list(file.require),
-        **deeper_numbers(found),
+        **additional_numbers(found),
     }
     if found.stage is not None:
         numbers["stage"] = fit_numbers(found.stage, "m")
@@ -71,7 +71,7 @@ def campaign_document(
         features_section(found.features),
         _friction(found, bands),
         _verification(file, found, bands),
-        *deeper_sections(found, figures=figures),
+        *additional_sections(found, figures=figures),
     ]
     least = float(np.min(seen.table["r_squared"].values))
     errors = seen.table["net_step_error"].values
@@ -79,8 +79,8 @@ def campaign_document(
     steps = f" and the net step within {100 * known.max():.2g} %" if known.size else ""
     unseen = sum(one.use == "verify" for one in found.walks)
     lacking = [*dict.fromkeys(said((*friction.lack, *found.everything.lacks)))]
-    if lacking and found.deeper.choice is not None:
-        lacking.append(f"of the models compared, {found.deeper.choice.best} predicts unseen walks best")
+    if lacking and found.additional.choice is not None:
+        lacking.append(f"of the models compared, {found.additional.choice.best} predicts unseen walks best")
     return Document(
         title=file.title,
         summary=(

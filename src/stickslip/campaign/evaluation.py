@@ -20,8 +20,8 @@ from ..identify.walk.prediction import Predictor
 from ..study.alignment import Aligned
 from ..study.walk import changed
 from ..verification import Requirement, Verification, verify
+from .additional import Additional, additional
 from .budget import Budget, Inherited, budget, inherited
-from .deeper import Deeper, deeper
 from .features import features_of
 from .file import CampaignFile
 from .gathering import Progress, Scale, scale_of, scaled
@@ -40,7 +40,7 @@ class Found(NamedTuple):
     stage and scale, None without both or for a law without derivatives; `walks` are the recordings of
     `verification`, in its order, and `features` what they show without a model; `chain` is what the
     prediction takes between the model and the channel; `everything` are the fits to all walks, which say
-    whether one set of values explains them; `deeper` is what was done on request.
+    whether one set of values explains them; `additional` is what was done on request.
     """
 
     gathered: list[Aligned]
@@ -57,7 +57,7 @@ class Found(NamedTuple):
     verification: Verification
     everything: Explained
     failures: list[str]
-    deeper: Deeper
+    additional: Additional
 
 
 def evaluate(file: CampaignFile, folder: Path, gathered: Sequence[Aligned], progress: Progress) -> Found:
@@ -140,5 +140,5 @@ def evaluate(file: CampaignFile, folder: Path, gathered: Sequence[Aligned], prog
             *verification.unmet(requirements),
             *dict.fromkeys([*(stage.failures if stage else ()), *friction.failures, *lacking]),
         ],
-        deeper(file, friction, walks, stage, bool(lacking), progress),
+        additional(file, friction, walks, stage, bool(lacking), progress),
     )

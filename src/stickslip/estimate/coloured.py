@@ -1,4 +1,4 @@
-r"""Noise that remembers: least squares stays right, its uncertainty does not.
+r"""Autocorrelated noise: least squares stays right, its uncertainty does not.
 
 Noise of a filtered, drifting sensor is an autoregressive part and a random walk. The estimate by least
 squares is unbiased under both; its covariance is the sandwich

@@ -46,9 +46,9 @@ def fit_least_squares(
         described: a `Problem`; or its recordings, with its parameters and what else it takes (`about`).
         begin: where to, if not at the start of the parameters.
         starts: total number of starts; those after the first fill the bounds by a Latin hypercube.
-        hops: how many times at most to look for a lower valley than the best one found: from the best of
-            many points within the bounds, then beside it, with each parameter times 4, 2, 1/2 and 1/4 in
-            turn. It ends when none of that leads lower, or nothing but white noise is left to explain.
+        hops: basin hopping: how many times at most to look for a lower minimum than the best one found: from
+            the best of many points within the bounds, then beside it, with each parameter times 4, 2, 1/2 and
+            1/4 in turn. It ends when none of that leads lower, or nothing but white noise is left to explain.
         seed: of that hypercube.
         central: two-sided differences during all of the search; without, only towards its end.
         tolerance: relative change of the sum of squares, and of the parameters, at which the search ends.

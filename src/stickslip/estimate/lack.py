@@ -125,7 +125,7 @@ def independent(rows: Array) -> float:
 
 
 def independent_samples(r: Array, memory: int = 1) -> float:
-    """How many independent ones tell as much of the variance as one series [n] that remembers over some."""
+    """How many independent ones tell as much of the variance as one autocorrelated series [n]."""
     size = min(r.size, max(8 * memory, r.size // 8, 16))
     count = r.size // size
     return r.size / size * independent(r[: count * size].reshape(count, size))

@@ -3,7 +3,7 @@ r"""Marginal ranges of the other parameters where one is not determined.
 Where the data hardly see a value :math:`\psi` (the damping of the contact in slow samples), the valley of the
 sum of squares is long and bent, and narrow in other places than the curvature at its lowest point says: the
 estimate and its linearised intervals follow whatever noise put that point there. So the others are fitted
-with :math:`\psi` held at points all over its bounds, and these fits are averaged with the weights that the
+with :math:`\psi` fixed at points all over its bounds, and these fits are averaged with the weights that the
 data give them,
 
 .. math:: w_i \propto e^{-\chi^2_i / 2} \, |C_i|^{1/2} \, \Delta\psi_i,
@@ -40,7 +40,7 @@ NEGLIGIBLE = 5.0
 
 
 class Held(NamedTuple):
-    """A fit with one value held: where (its coordinate), the coordinates of the others [k], their covariance
+    """A fit with one value fixed: where (its coordinate), the coordinates of the others [k], their covariance
     [k, k], and the logarithm of its weight, up to a constant."""
 
     at: float
@@ -50,7 +50,7 @@ class Held(NamedTuple):
 
 
 class Mixture(NamedTuple):
-    """Mean and covariance of all coordinates, the held one last; and how many points share the weight."""
+    """Mean and covariance of all coordinates, the fixed one last; and how many points share the weight."""
 
     mean: Array
     covariance: Array
@@ -65,7 +65,7 @@ def points(parameter: Parameter) -> Array:
 
 
 def mixture(fits: Sequence[Held]) -> Mixture:
-    """The average over fits whose held coordinates go one way."""
+    """The average over fits whose fixed coordinates go one way."""
     at = np.array([fit.at for fit in fits])
     widths = np.abs(np.gradient(at)) if at.size > 1 else np.ones(1)
     widths[[0, -1]] *= 0.5
@@ -88,7 +88,7 @@ def integrated(fit: Fit, name: str, hold: Hold) -> Fit | Values:
     Args:
         fit: of all values, to white or coloured noise.
         name: of the value that it hardly determines.
-        hold: from what that value is held at, and where the others begin, to their fit: with the uncertainty
+        hold: from what that value is fixed at, and where the others begin, to their fit: with the uncertainty
             that the noise gives, and with that of what the fit took as known too.
 
     Returns:
@@ -110,7 +110,7 @@ def integrated(fit: Fit, name: str, hold: Hold) -> Fit | Values:
         return _values([p, *others], np.append(best.at, best.others))
     value = p.value(float(found.mean[-1]))
     alone, _ = hold(value, _values(others, found.mean[:-1]))
-    # `alone` has the held one beside the others.
+    # `alone` has the fixed one beside the others.
     order, none = np.insert(np.arange(len(others)), place, len(others)), np.zeros(len(others) + 1)
     return replace(
         alone,
@@ -130,7 +130,7 @@ def integrated(fit: Fit, name: str, hold: Hold) -> Fit | Values:
 
 
 class _Path:
-    """Fits with one value held at points from one of its bounds to the other."""
+    """Fits with one value fixed at points from one of its bounds to the other."""
 
     def __init__(self, fit: Fit, place: int, others: Sequence[Parameter], hold: Hold) -> None:
         self.parameter, self.others, self.hold = fit.parameters[place], others, hold
@@ -182,7 +182,7 @@ class _Path:
                 last, slope = one, self.secant(last, one)
 
     def mend(self) -> None:
-        """Again from a neighbour with weight, where a fit without stood in another valley."""
+        """Again from a neighbour with weight, where a fit without ended in another local minimum."""
         pairs = [(a, b) for one in itertools.pairwise(self.fits()) for a, b in (one, one[::-1])]
         for one, other in pairs:
             if self.counts(one) and not self.counts(other) and (other.at, one.at) not in self.tried:
@@ -198,7 +198,7 @@ class _Path:
                 self.add(here, self.ahead(one[:2], self.secant(one, other), here), one.at)
 
     def ahead(self, begin: tuple[float, Array], slope: Array, here: float) -> Array:
-        """Where the others begin at another value of the held one: along a line in what searches go along."""
+        """Where the others begin at another value of the fixed one: on a line in what searches go along."""
         at, others = begin
         step = self.parameter.to_search(here) - self.parameter.to_search(at)
         found = self._to_search(others) + slope * step
@@ -217,7 +217,7 @@ class _Path:
         return np.array([q.to_search(x) for q, x in zip(self.others, others, strict=True)])
 
     def _tangent(self, fit: Fit, place: int) -> Array:
-        """How the others follow the held one, at the estimate."""
+        """How the others follow the fixed one, at the estimate."""
         assert fit.jacobian is not None
         at = [p.to_search(p.coordinate(fit.values[p.name])) for p in fit.parameters]
         slopes = [p.search_slope(x) for p, x in zip(fit.parameters, at, strict=True)]

@@ -202,7 +202,8 @@ class Fit:
         if not self.converged:
             return f"not converged: {self.message}"
         if self.starts_agreeing < self.starts:
-            return f"several valleys: {self.starts_agreeing} of {self.starts} searches ended in the lowest"
+            agreeing = f"{self.starts_agreeing} of {self.starts} searches ended in the lowest"
+            return f"several local minima: {agreeing}"
         return ""
 
     @property

@@ -20,7 +20,7 @@ from .parameter import Values
 from .problem import FitError, Problem
 from .whiteness import white
 
-# Whether there is a lower valley is shown by searches of so many evaluations (`LOOK`): from the best few of
+# Whether there is a lower minimum is shown by searches of so many evaluations (`LOOK`): from the best few of
 # many points that fill the bounds, and from a parameter times or over these factors (of its range, where its
 # scale is linear).
 LOOK, SCREENED, LOOKED_AT, HOPS = 12, 64, 4, (0.25, 0.5, 2.0, 4.0)
@@ -85,7 +85,7 @@ class Searches:
         return min(self.ends, key=lambda end: end.cost)
 
     def agreeing(self) -> int:
-        """How many ended in the lowest valley."""
+        """How many ended in the lowest minimum."""
         most = self.best.cost * (1 + self.same) + 1e-12 * self.problem.scale**2
         return sum(end.cost <= most for end in self.ends)
 
@@ -104,7 +104,7 @@ class Searches:
             if best.converged and white(problem.residuals(best.q)[: problem.noise.size], problem.sizes):
                 break
             # The points that fill the bounds are the same each time: once is enough.
-            if not (hop == 0 and self._deeper(_screened(problem))) and not self._deeper(
+            if not (hop == 0 and self._improved(_screened(problem))) and not self._improved(
                 _beside(problem, best.q)
             ):
                 break
@@ -173,7 +173,7 @@ class Searches:
         if problem.evaluations - begun >= options.max_evaluations:
             raise _OutOfBudget
 
-    def _deeper(self, begins: Sequence[Array]) -> bool:
+    def _improved(self, begins: Sequence[Array]) -> bool:
         """Look around from these points; where the best look leads lower, search on from there."""
         starts, lowest = self.options.starts, self.best.cost
         looks = [self.search(starts, q, LOOK) for q in begins]
@@ -195,7 +195,7 @@ def scattered(problem: Problem, n: int, seed: int) -> Array:
 
 
 def _screened(problem: Problem) -> list[Array]:
-    """The best of many points that fill the bounds: some of them stand in the deepest valley."""
+    """The best of many points that fill the bounds: some of them stand near the lowest minimum."""
     if not np.all(np.isfinite(problem.upper - problem.lower)):
         return []
     found = []

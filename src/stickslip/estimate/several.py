@@ -15,7 +15,7 @@ from .problem import FitError
 from .result import Fit
 from .search import SAME_MINIMUM
 
-# Evaluations after which a search that comes from afar has come into a valley.
+# Evaluations after which a search that comes from afar has come near a local minimum.
 ENOUGH = 12
 # Only the lowest so many are followed to their ends.
 FOLLOWED = 3

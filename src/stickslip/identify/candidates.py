@@ -23,7 +23,7 @@ class Candidate(NamedTuple):
     model: Any
     free: tuple[str, ...]
     bounds: Bounds
-    starts: int = 1  # more for a law whose sum of squares has several valleys
+    starts: int = 1  # more for a law whose sum of squares has several local minima
     tied: Mapping[str, str] = {}  # never changed
 
 

@@ -64,7 +64,7 @@ def test_slopes_by_differences_of_a_contact_that_rings_on() -> None:
         assert np.linalg.norm(found - known) < 2e-3 * np.linalg.norm(known)
 
 
-def test_searches_for_a_law_of_several_valleys_end_and_say_how_many_agree() -> None:
+def test_searches_for_a_law_of_several_minima_end_and_say_how_many_agree() -> None:
     """A static law with a Stribeck curve, on a walk of LuGre: what remains free is what a walk shows."""
     true = load_actuator("kang2007").replace(stage_reaction=False)
     drives = [Sawtooth(volts, 20.0, periods=2) for volts in (65.0, 75.0)]
@@ -88,4 +88,4 @@ def test_searches_for_a_law_of_several_valleys_end_and_say_how_many_agree() -> N
     assert (fit.starts, fit.starts_agreeing) == (4, 4)
     # A fall shows a mean force and little of how it falls with speed.
     assert [line.split()[0] for line in fit.undetermined] == ["stiction_ratio", "stribeck_velocity"]
-    assert "valleys" not in found.report()
+    assert "local minima" not in found.report()

@@ -49,8 +49,8 @@ def identify_step(
 ) -> Fit:
     """Fit a second-order system, seen through a sensor with delay and lag, to step responses.
 
-    The model is exact (a sum of exponentials). The noise of a filtered sensor remembers; the intervals allow
-    for it (see `coloured`).
+    The model is exact (a sum of exponentials). The noise of a filtered sensor is autocorrelated, which the
+    intervals allow for (see `coloured`).
 
     Args:
         recordings: with end_effector_position [m, or rad where it turns], the end-effector fixed to the

@@ -1,6 +1,6 @@
 r"""Posterior distributions of an actuator's parameters: all values that the recordings leave possible.
 
-The likelihood is that of Gaussian noise at the level that the fit found. Noise that remembers is allowed for
+The likelihood is that of Gaussian noise at the level that the fit found. Autocorrelated noise is allowed for
 by an effective variance in each direction: the curvature of the likelihood at the estimate is made that of
 the fit's own covariance [ribatet2012], by asking for it at :math:`\hat q + C (q - \hat q)` with
 :math:`C = H^{-1/2} (H^{1/2} V H^{1/2})^{-1/2} H^{1/2}`, H the curvature for white noise, V the covariance.

@@ -39,7 +39,7 @@ def walk_candidates(coulomb_force: float, sigma_0: float, sigma_1: float, starts
 
     Without a friction law of its own (`model` None): Pohl's static model.
 
-    Two laws have a sum of squares with several valleys and are searched for from several `starts`: the
+    Two laws have a sum of squares with several local minima and are searched for from several `starts`: the
     Stribeck curve as a static law, of which a slip shows little more than one mean force, and Maxwell slip,
     whose contact rings on until an element slips once more or once less.
     """

@@ -62,7 +62,7 @@ def explained(
     if not more:
         return Explained(loose, loose, loose.lack)
     known = identify_friction(walks, fit.model, free, hops=0, **settings)
-    if known.cost > LEAST_RATIO**2 * loose.cost:  # it may have ended in a valley of its own
+    if known.cost > LEAST_RATIO**2 * loose.cost:  # it may have ended in a local minimum of its own
         law = loose.model.friction
         again = [
             identify_friction(walks, fit.model, free, **settings),

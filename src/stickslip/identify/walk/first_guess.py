@@ -92,7 +92,7 @@ def first_guess(
     beside: Sequence[Parameter] = (),
 ) -> tuple[list[Parameter], list[Values]]:
     """The parameters within bounds wide enough, and where to begin: first where a short part of a recording
-    is described best, then other valleys of it, at most `BEGINS`.
+    is described best, then at other local minima, at most `BEGINS`.
 
     Args:
         residuals: of that part, with the positions that were measured.
@@ -165,7 +165,7 @@ def first_guess(
 
 
 def _far(one: Values, other: Values, names: Sequence[str]) -> bool:
-    """Whether two points are in different valleys, as far as a short search tells."""
+    """Whether two points are in different local minima, as far as a short search tells."""
     return any(abs(math.log(one[name] / other[name])) > math.log(VALLEY) for name in names)
 
 

@@ -105,7 +105,8 @@ def identify_friction(
         begin: where "delay" and "offset" start; left out, at the delay of the stage, or 0.
         noise: standard deviation of the position, m; left out, it is estimated from the residuals.
         starts: how many; those after the first fill the bounds.
-        hops: see `fit_least_squares`; 0 looks for no start and no other valley: for a start that is near.
+        hops: see `fit_least_squares`; 0 looks for no start and no other local minimum: for a start that is
+            near.
         seed: of the further starts.
         tolerance: m, of the simulation; left out, 1e-10 for a law of one internal state, whose derivatives
             are those of `sensitivities`. For the others they are differences over half a percent of a

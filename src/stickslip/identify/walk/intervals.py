@@ -34,10 +34,10 @@ def profile_interval(
     level: float = 0.95,
     **options: Any,
 ) -> tuple[float, float]:
-    """The interval of one value by the profile likelihood: all others fitted again wherever it is held.
+    """The interval of one value by the profile likelihood: all others fitted again wherever it is fixed.
 
     Right where linearised intervals are not: when another value is hardly determined, as sigma_1 is by slow
-    samples, for the curvature at the estimate then says little. Noise that remembers counts as in the fit.
+    samples, for the curvature at the estimate then says little. Autocorrelated noise counts as in the fit.
 
     Args:
         fit: of `identify_friction`.
@@ -71,7 +71,7 @@ def profile_interval(
     )
 
     def distance(at: float, begin: Fit) -> tuple[float, Fit]:
-        """How far from the best fit, in standard errors, where the value is held."""
+        """How far from the best fit, in standard errors, where the value is fixed."""
         moved = _held(begin, recordings, name, p.value(at), options)
         return math.sqrt(max(sum(g.sse for g in moved.recordings) - sse, 0.0) / unit), moved
 
@@ -115,17 +115,17 @@ def _held(fit: Fit, recordings: Any, name: str, value: float, options: dict[str,
     bounds = dict(options.get("bounds") or {})
     for p in fit.parameters:
         bounds.setdefault(p.name, (p.lower, p.upper))
-    held = {n: b for n, b in bounds.items() if n in free}
+    fixed = {n: b for n, b in bounds.items() if n in free}
     if name in CHANNEL:
         width = 1e-9 * (abs(value) or 1.0)
-        free, held = [*free, name], held | {name: (value - width, value + width)}
+        free, fixed = [*free, name], fixed | {name: (value - width, value + width)}
     settings = _settings(fit, options)
     begin = {n: fit.values[n] for n in free if n in CHANNEL and n != name}
     return identify_friction(
         recordings,
         with_values(fit.model, own),
         free,
-        bounds=held,
+        bounds=fixed,
         hops=0,
         correlated=False,
         channel=(),
@@ -137,7 +137,7 @@ def _held(fit: Fit, recordings: Any, name: str, value: float, options: dict[str,
 def bootstrap(
     fit: Fit, recordings: xr.Dataset | Sequence[xr.Dataset], n: int = 100, *, seed: int = 0, **options: Any
 ) -> xr.Dataset:
-    """Values of fits to the model with resampled residuals, in blocks, so that they remember as they did.
+    """Values of fits to the model with resampled residuals, in blocks, which keep their autocorrelation.
 
     Args:
         fit: of `identify_friction`.

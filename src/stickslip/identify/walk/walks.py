@@ -1,4 +1,4 @@
-"""Searches over simulated walks: all recordings at once, or with one value held."""
+"""Searches over simulated walks: all recordings at once, or with one value fixed."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from .position_channel import CHANNEL
 # phase: over steps of 5e-3, the derivative by a stiffness is wrong by a quarter.
 DIFFERENCE_STEP = 5e-4
 # See `fit_least_squares`. The errors of simulated derivatives leave some thousandths anywhere; of the average
-# over fits where one value is held, a tenth is far less.
+# over fits where one value is fixed, a tenth is far less.
 SETTLED, NEAR = 1e-2, 0.1
 
 Array = NDArray[np.float64]
@@ -98,14 +98,14 @@ class Walks:
     def hold(
         self, name: str, parameters: Sequence[Parameter], most: int, value: float, begin: Values
     ) -> tuple[Fit, Fit]:
-        """The fit of the others with one value held, without the uncertainty of the stage and with it."""
-        held = [
+        """The fit of the others with one value fixed, without the uncertainty of the stage and with it."""
+        fixed = [
             p._replace(start=value, fixed=True, prior=None)
             if p.name == name
             else p._replace(start=begin[p.name])
             for p in parameters
         ]
-        alone = self._search(held, max_evaluations=most, settled=NEAR)
+        alone = self._search(fixed, max_evaluations=most, settled=NEAR)
         return alone, self._with_stage(alone)
 
     def problem(self, parameters: Sequence[Parameter]) -> Problem:

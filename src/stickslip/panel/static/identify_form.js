@@ -13,7 +13,7 @@ const CHANNEL = [
 // The gain too: a stage that nobody measured is wrong by some percent, and friction would make up for it.
 const USUAL = ["gain", "sigma_0", "sigma_1", "coulomb_force", "stiffness_1", "stiffness_2", "stiffness_3", "strength_1", "strength_2", "strength_3", "delay", "offset"];
 const STAGE = ["gain", "natural_frequency", "damping_ratio"]; // what clamped steps give
-const EFFORT = { quick: ["Quick: from the start values", 1, 0], hops: ["Careful: look for lower valleys", 1, 2], starts: ["Thorough: four starts", 4, 2] };
+const EFFORT = { quick: ["Quick: from the start values", 1, 0], hops: ["Careful: look for lower minima", 1, 2], starts: ["Thorough: four starts", 4, 2] };
 const HEADS = { Step: "The end-effector fixed to the stage: gives the stage's frequency, damping and gain", Fit: "A walk, to which the friction is fitted", Predict: "A walk that the fit has not seen", Recording: "" };
 const capital = (text) => text[0].toUpperCase() + text.slice(1);
 

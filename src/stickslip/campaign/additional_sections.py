@@ -1,4 +1,4 @@
-"""The sections of the report on what a campaign does on request: see `deeper`."""
+"""The sections of the report on what a campaign does on request: see `additional`."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from .evaluation import Found
 from .stage import unit_of
 
 
-def deeper_numbers(found: Found) -> dict[str, Any]:
+def additional_numbers(found: Found) -> dict[str, Any]:
     """For results.json: what was asked for."""
-    more, numbers = found.deeper, {}
+    more, numbers = found.additional, {}
     if more.profiles is not None:
         numbers["profiles"] = {
             name: Number(found.friction.values[name], unit_of(found.friction, name), *ends)
@@ -33,9 +33,9 @@ def deeper_numbers(found: Found) -> dict[str, Any]:
     return numbers
 
 
-def deeper_sections(found: Found, *, figures: bool) -> list[Section]:
+def additional_sections(found: Found, *, figures: bool) -> list[Section]:
     """Those that were asked for."""
-    more, sections = found.deeper, []
+    more, sections = found.additional, []
     if more.profiles is not None or more.posterior is not None:
         sections.append(_without_linearisation(found, figures))
     if more.choice is not None:
@@ -54,7 +54,7 @@ def _estimates(posterior: Posterior) -> dict[str, Number]:
 
 
 def _without_linearisation(found: Found, figures: bool) -> Section:
-    fit, more = found.friction, found.deeper
+    fit, more = found.friction, found.additional
     names = [p.name for p in fit.shown if not p.fixed and p.name not in CHANNEL]
     columns, said, tables, pictures = [Column("parameter"), Column("linearised")], [], [], []
     of: list[dict[str, Number]] = [
@@ -65,7 +65,7 @@ def _without_linearisation(found: Found, figures: bool) -> Section:
         of.append(
             {n: Number(fit.values[n], unit_of(fit, n), *ends) for n, ends in more.profiles.items()},
         )
-        said.append("Profile likelihood: each value is held, and all others fitted again.")
+        said.append("Profile likelihood: each value is fixed, and all others fitted again.")
     if more.posterior is not None:
         columns.append(Column("posterior"))
         of.append(_estimates(more.posterior))

@@ -22,7 +22,7 @@ _EVALUATIONS = 250  # of each search for a candidate
 _LONGEST_DELAY = 10.0
 
 
-class Deeper(NamedTuple):
+class Additional(NamedTuple):
     """Each None where the file does not ask for it; `profiles` by parameter, 95 % intervals in its unit."""
 
     posterior: Posterior | None = None
@@ -30,14 +30,14 @@ class Deeper(NamedTuple):
     choice: Comparison | None = None
 
 
-def deeper(
+def additional(
     file: CampaignFile,
     friction: Fit,
     walks: Sequence[Aligned],
     stage: Fit | None,
     lacking: bool,
     progress: Progress,
-) -> Deeper:
+) -> Additional:
     """What the file asks for, of a fit of friction; a choice of models too where the law is `lacking`.
 
     Raises:
@@ -48,7 +48,7 @@ def deeper(
     recordings = [one.recording for one in fitted]
     known: dict[str, Any] = {"drive": [one.drive for one in fitted], "slew_rate": file.known_slew_rate}
     unseen = [one for one in walks if one.use == "verify"]
-    found = Deeper()
+    found = Additional()
     if file.profiles:
         ends = {}
         for name in (p.name for p in friction.parameters if p.name not in CHANNEL):
