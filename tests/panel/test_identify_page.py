@@ -146,7 +146,7 @@ def test_the_page_is_there_while_files_are_read(identify: Page) -> None:
     identify.route("**/api/identify/recordings", lambda route: held.append(route))
     identify.reload()
     expect(identify.locator(".identify-list")).to_have_text("Reading the recordings …")
-    expect(identify.get_by_role("button", name="Start fit")).to_be_visible()
+    expect(identify.get_by_role("button", name="Start fit")).to_be_disabled()
     held[0].continue_()
     expect(identify.locator(".identify-list")).to_contain_text("walk_65V", timeout=LONG)
     identify.locator(".identify[data-phase]").wait_for(timeout=LONG)

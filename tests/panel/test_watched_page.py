@@ -189,6 +189,8 @@ def test_what_happened_while_the_network_was_lost_is_shown(page: Page, panel: Pa
     page.get_by_role("tab", name="Log").click()
     expect(page.locator("#tab-log li").first).to_contain_text("walk: finished")
     shown = page.locator(".plotter canvas").last
+    for close in page.locator(".notice button").all():  # they are above it
+        close.click()
     page.wait_for_timeout(300)
     with_it = shown.screenshot()
     page.reload()  # what a page shows that was not away

@@ -10,6 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 from weakref import WeakSet
@@ -91,15 +92,13 @@ def stop_all(most: float = 3.0) -> None:
         other = _greeted(folder, "a stop")
         if other is None:
             continue
-        try:
+        with other, suppress(OSError, EOFError):
             other.settimeout(1.0)
             while time.monotonic() < end:
                 send(other, {"do": "stop", "why": "the program ends"})
                 if not receive(other)[0].get("stopped"):
                     break
                 time.sleep(0.01)
-        except (OSError, EOFError):
-            continue
 
 
 class HostedRig:

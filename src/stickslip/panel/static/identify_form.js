@@ -50,7 +50,7 @@ export async function fitForm(app, choices, last, asked, start, cancel) {
   });
   const model = make("div", {});
   const effort = makeChoice("Effort", Object.entries(EFFORT).map(([name, [text]]) => [name, text]), "quick", () => {});
-  const go = make("button", { type: "submit", className: "primary", textContent: "Start fit" });
+  const go = make("button", { type: "submit", className: "primary", textContent: "Start fit", disabled: true }); // until the recordings are there
   const stop = button("Cancel", "End the fit; what was found until then stays", () => cancel().catch(say), "");
   const refresh = button("Refresh", "Look for new recordings and parameter sets", () => refreshed());
   element.append(
