@@ -18,7 +18,7 @@ from datetime import date
 from pathlib import Path
 
 from stickslip.actuator import load_actuator
-from stickslip.campaign.deeper import deeper
+from stickslip.campaign.additional import additional
 from stickslip.campaign.evaluation import evaluate
 from stickslip.campaign.file import read_campaign
 from stickslip.campaign.gathering import gather
@@ -49,7 +49,7 @@ def main(most: int) -> None:
         gathered, _ = gather(file, path.parent, Path(folder), lambda doing, done: None)
         found = evaluate(file, path.parent, gathered, lambda doing, done: None)
     cpu, wall = time.process_time(), time.perf_counter()
-    samples = deeper(
+    samples = additional(
         file, found.friction, found.walks, found.stage, False, lambda doing, done: None
     ).posterior
     cpu, wall = time.process_time() - cpu, time.perf_counter() - wall

@@ -17,7 +17,7 @@ import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stickslip.units import QuantityError, to_si, with_prefix
+from stickslip.units import QuantityError, near_one, to_si, with_prefix
 
 READ = [
     ("65 V", "V", 65.0),
@@ -240,3 +240,11 @@ def test_with_prefix_reads_back(value: float, digits: int) -> None:
     shown = with_prefix(value, "V", digits)
     assert to_si(shown, "V") == pytest.approx(value, rel=0.5000001 * 10.0 ** (1 - digits))
     assert 1 <= abs(float(shown.split()[0])) < 1000
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0.9987, "0.9987"), (0.99996, "0.999960"), (0.9999935, "0.9999935"), (1.0, "1.0000"), (-5.7, "-5.7000")],
+)
+def test_what_is_not_quite_one_does_not_look_like_it(value: float, text: str) -> None:
+    assert near_one(value) == text

@@ -159,6 +159,14 @@ def with_prefix(value: float, unit: str, digits: int = 4) -> str:
     return f"{float(rounded) / 10.0**exponent:.{max(digits, 3)}g} {_PREFIXES[exponent]}{unit}"
 
 
+def near_one(value: float, digits: int = 4) -> str:
+    """A number such as r² with so many decimals, or with more where it is not quite 1: "0.9999935"."""
+    lacking = 1.0 - value
+    if 0.0 < lacking < 0.5 * 10.0**-digits:
+        digits = max(digits, 1 - math.floor(math.log10(lacking)))
+    return f"{value:.{digits}f}"
+
+
 def with_unit(text: str) -> Any:
     """A text such as "0.1 ms" as pint's quantity, which arithmetic carries its unit through; "1" is a number.
 

@@ -18,7 +18,7 @@ from ..report.fits import chain_numbers, fit_numbers, lack_numbers, model_number
 from ..report.recordings import recorded_assumptions
 from ..study.alignment import POSITION, Aligned
 from ..study.verification import verification_numbers
-from ..units import with_prefix
+from ..units import near_one, with_prefix
 from .additional_sections import additional_numbers, additional_sections
 from .bands import walk_bands
 from .evaluation import Found
@@ -85,7 +85,7 @@ def campaign_document(
         title=file.title,
         summary=(
             f"Friction fitted to {len(found.walks) - unseen} of {len(found.walks)} walks, r² "
-            f"{friction.r_squared:.4f}; over all walks r² is {least:.4f} or more{steps}."
+            f"{near_one(friction.r_squared)}; over all walks r² is {near_one(least)} or more{steps}."
             + "".join(f" {text[0].upper()}{text[1:]}." for text in lacking)
         ),
         sections=sections,

@@ -7,6 +7,7 @@ from ..figures.campaign import Trace, step_responses
 from ..figures.style import svg
 from ..report import Column, Number, Picture, Section, Table
 from ..report.fits import parameter_table
+from ..units import near_one
 from .bands import step_bands
 from .evaluation import Found
 from .file import CampaignFile
@@ -54,7 +55,7 @@ def stage_section(file: CampaignFile, found: Found, figures: bool) -> Section:
         "Stage, from steps",
         paragraphs=(
             f"All samples of {len(steps)} steps at once, the end-effector fixed to the stage: r² "
-            f"{stage.r_squared:.4f}.{beside}",
+            f"{near_one(stage.r_squared)}.{beside}",
         ),
         tables=(
             parameter_table("Second-order stage, delay and lag of the sensor.", stage),

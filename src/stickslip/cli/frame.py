@@ -163,9 +163,17 @@ def write(document: Document, out: Path, begun: float, browser: str = "") -> Non
 
 
 def _shown(number: Number) -> str:
-    from ..units import with_prefix
+    from ..units import near_one, with_prefix
 
-    return number.note if number.value != number.value else with_prefix(number.value, number.unit)
+    if number.value != number.value:
+        return number.note
+    value = with_prefix(number.value, number.unit)
+    if not number.unit and 0.9 < number.value < 1.0:
+        return near_one(number.value)
+    if number.low is None or number.high is None:
+        return value
+    low, high = (with_prefix(end, number.unit) for end in (number.low, number.high))
+    return f"{value} ({100 * number.level:g} %: {low} to {high})"
 
 
 def _version(asked: bool) -> None:

@@ -18,7 +18,7 @@ from ..identify.walk.compare import compare_walks, walk_candidates
 from ..input_file import InputFileError
 from ..records import did_you_mean
 from ..report import Column, Document, Number, Picture, Section, Table
-from ..units import QuantityError
+from ..units import QuantityError, near_one
 from .file import read_parts
 from .walk import WalkFile
 
@@ -62,7 +62,7 @@ class ComparisonStudy(WalkFile):
         best = found.verifications[found.best]
         return Document(
             title=self.title,
-            summary=f"{found.best} predicts walks that no fit has seen best: r² {best.r_squared:.4f}, "
+            summary=f"{found.best} predicts walks that no fit has seen best: r² {near_one(best.r_squared)}, "
             f"rms error {1e9 * best.rmse:.4g} nm.",
             sections=[Section("Models", paragraphs=(self.notes,), sections=[section])]
             if self.notes

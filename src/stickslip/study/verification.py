@@ -21,6 +21,7 @@ from ..input_file import Seconds, explain, load_yaml
 from ..recording.drive import named_drive
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import chain_of, model_numbers, model_of
+from ..units import near_one
 from ..verification import Requirement, Verification, verify
 from ..waveform.signal import Waveform
 from .alignment import POSITION, aligned
@@ -64,8 +65,8 @@ class VerificationStudy(Study):
         failures = found.unmet(requirements)
         least = min(found.table["r_squared"].values)
         said = (
-            f"{len(parts)} recording{'s' * (len(parts) > 1)} predicted, nothing fitted: r² {least:.4f} or "
-            f"more, rms error {1e9 * found.rmse:.3g} nm."
+            f"{len(parts)} recording{'s' * (len(parts) > 1)} predicted, nothing fitted: r² {near_one(least)} "
+            f"or more, rms error {1e9 * found.rmse:.3g} nm."
         )
         if requirements:
             count = len(requirements)

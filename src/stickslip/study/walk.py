@@ -23,6 +23,7 @@ from ..identify.walk.position_channel import walked
 from ..input_file import quantity
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import estimates, fit_numbers, model_numbers, parameter_table
+from ..units import near_one
 from ..waveform.signal import Waveform
 from .file import Recorded, Study, StudyError, read_parts
 
@@ -211,13 +212,13 @@ def walk_document(
     unseen = [r[2] for r in rows if r[1] == "verify"]
     verified = ""
     if unseen:
-        verified = f" On {len(unseen)} that it has not seen, r² is {min(unseen):.4f} or more."
+        verified = f" On {len(unseen)} that it has not seen, r² is {near_one(min(unseen))} or more."
     fitted = len(rows) - len(unseen)
     columns = Column("recording"), Column("role"), Column("r²", "", 5), Column("rms error", unit, 3)
     return Document(
         title=title,
         summary=f"{len(fit.parameters)} parameters fitted to {fitted} recording{'s' if fitted > 1 else ''}: "
-        f"r² {fit.r_squared:.4f}."
+        f"r² {near_one(fit.r_squared)}."
         + verified
         + "".join(f" {text[0].upper()}{text[1:]}." for text in fit.failures),
         sections=(
