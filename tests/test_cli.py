@@ -327,3 +327,12 @@ def test_a_warning_is_one_line_and_among_the_assumptions(tmp_path: Path) -> None
     assert said[0].removeprefix("Warning: ") in html.unescape(
         (tmp_path / "out" / "report.html").read_text("utf-8")
     )
+
+
+def test_an_interval_of_a_number_without_unit_is_printed() -> None:
+    from stickslip.cli.frame import _shown
+    from stickslip.report import Number
+
+    assert _shown(Number(0.95, "", 0.91, 0.9999935)) == "0.9500 (95 %: 0.9100 to 0.9999935)"
+    assert _shown(Number(0.9999935, "")) == "0.9999935"
+    assert _shown(Number(0.5353, "N", 0.53, 0.5407)) == "535.3 mN (95 %: 530 mN to 540.7 mN)"

@@ -167,13 +167,13 @@ def _shown(number: Number) -> str:
 
     if number.value != number.value:
         return number.note
-    value = with_prefix(number.value, number.unit)
-    if not number.unit and 0.9 < number.value < 1.0:
-        return near_one(number.value)
+
+    def text(value: float) -> str:
+        return near_one(value) if not number.unit and 0.9 < value < 1.0 else with_prefix(value, number.unit)
+
     if number.low is None or number.high is None:
-        return value
-    low, high = (with_prefix(end, number.unit) for end in (number.low, number.high))
-    return f"{value} ({100 * number.level:g} %: {low} to {high})"
+        return text(number.value)
+    return f"{text(number.value)} ({100 * number.level:g} %: {text(number.low)} to {text(number.high)})"
 
 
 def _version(asked: bool) -> None:

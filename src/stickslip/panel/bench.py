@@ -173,8 +173,7 @@ def _add_experiment(
 
     @routes.get("/experiments")
     def experiments() -> list[str]:
-        names = [one.name for one in folder.files(".yaml")]
-        return [name for name in names if not name.startswith("recordings/")][:200]
+        return [name for name, *_ in folder.files(".yaml") if not name.startswith("recordings/")][:200]
 
     @routes.post("/load")
     def load(asked: Named, request: Request) -> dict[str, str]:

@@ -57,8 +57,7 @@ class Sets:
     def _saved(self) -> list[str]:
         if self._folder is None:
             return []
-        names = [one.name for one in self._folder.files(".toml")]
-        return [name for name in names if name.startswith(f"{SETS}/")][:MOST]
+        return [name for name, *_ in self._folder.files(".toml") if name.startswith(f"{SETS}/")][:MOST]
 
     def _read(self, name: str) -> tuple[str, Actuator]:
         assert self._folder is not None

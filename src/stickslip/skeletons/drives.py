@@ -31,9 +31,8 @@ def shown_drive(found: Inspection) -> Drive | None:
     moved = volts - rest
     if np.ptp(moved) == 0.0:
         return None
-    fitting = [
-        one for one in map(lambda one: _fitted(one, time, moved, rest), _candidates(time, moved)) if one
-    ]
+    fitted = [_fitted(one, time, moved, rest) for one in _candidates(time, moved)]
+    fitting = [one for one in fitted if one is not None]
     return min(fitting, key=lambda one: one[1])[0] if fitting else None
 
 

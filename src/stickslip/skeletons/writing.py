@@ -174,11 +174,7 @@ def _mapping(names: dict[str, str]) -> str:
 def _flow(drive: Drive) -> str:
     units = {"amplitude": " V", "offset": " V", "frequency": " Hz", "periods": ""}
     fields = {name: getattr(drive, name) for name in units if name in drive._fields}
-    said = {
-        name: f"{value:g}{units[name]}"
-        for name, value in fields.items()
-        if value and (name != "periods" or value)
-    }
+    said = {name: f"{value:g}{units[name]}" for name, value in fields.items() if value}
     return f"{{shape: {type(drive).__name__}, fields: {{{', '.join(f'{k}: {v}' for k, v in said.items())}}}}}"
 
 
@@ -236,12 +232,12 @@ def _identification(seen: list[_Recorded], folder: Path) -> tuple[dict[str, str]
 def _actuator(seen: list[_Recorded], folder: Path) -> tuple[dict[str, str], list[str]]:
     del folder
     gain, source = _gain(seen)
-    value, unit = (float(f"{1e6 * gain:.4g}"), "um/V") if gain else (0.1, "um/V")
+    value = float(f"{1e6 * gain:.4g}") if gain else 0.1
     said = f"source = {json.dumps(source)}" if gain else 'assumed = true\nreason = "a typical stack"'
     low, high, of = _voltages(seen)
     voltages = f'source = "{of}"' if of else 'assumed = true\nreason = "what such stacks take"'
     return {
-        "gain": f'value = {value}\nunit = "{unit}"\n{said}',
+        "gain": f'value = {value}\nunit = "um/V"\n{said}',
         "low": f"{low:g}",
         "high": f"{high:g}",
         "voltages": voltages,
