@@ -14,6 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip.progress import unheard
+
 from .problems import START
 from .truth import TRUTH
 
@@ -53,8 +55,8 @@ def prepare() -> None:
     path = Path(str(importlib.resources.files("stickslip") / "examples" / "kang2007_campaign.yaml"))
     file = read_campaign(path)
     with tempfile.TemporaryDirectory() as folder:
-        gathered, _ = gather(file, path.parent, Path(folder), lambda doing, done: None)
-        found = evaluate(file, path.parent, gathered, lambda doing, done: None)
+        gathered, _ = gather(file, path.parent, Path(folder), unheard)
+        found = evaluate(file, path.parent, gathered, unheard)
     (walk,) = (one for one in found.walks if one.use == "fit")
     assert walk.drive is not None
     time = walk.recording["time"].values

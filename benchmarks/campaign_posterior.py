@@ -22,6 +22,7 @@ from stickslip.campaign.additional import additional
 from stickslip.campaign.evaluation import evaluate
 from stickslip.campaign.file import read_campaign
 from stickslip.campaign.gathering import gather
+from stickslip.progress import unheard
 from stickslip.units import with_prefix
 
 PAGE = Path(__file__).parents[1] / "docs" / "benchmarks" / "posterior.md"
@@ -46,12 +47,10 @@ def main(most: int) -> None:
     path = Path(str(importlib.resources.files("stickslip") / "examples" / "kang2007_campaign.yaml"))
     file = read_campaign(path).model_copy(update={"posterior": True, "posterior_simulations": most})
     with tempfile.TemporaryDirectory() as folder:
-        gathered, _ = gather(file, path.parent, Path(folder), lambda doing, done: None)
-        found = evaluate(file, path.parent, gathered, lambda doing, done: None)
+        gathered, _ = gather(file, path.parent, Path(folder), unheard)
+        found = evaluate(file, path.parent, gathered, unheard)
     cpu, wall = time.process_time(), time.perf_counter()
-    samples = additional(
-        file, found.friction, found.walks, found.stage, False, lambda doing, done: None
-    ).posterior
+    samples = additional(file, found.friction, found.walks, found.stage, False, unheard).posterior
     cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
     assert samples is not None
     assert found.stage is not None

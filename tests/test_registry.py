@@ -20,7 +20,7 @@ from stickslip.experiment.cells import drive_of
 from stickslip.experiment.file import PartSpec, json_schema
 from stickslip.identify.saved import load_fit, save_fit
 from stickslip.input_file import yaml_text
-from stickslip.panel.document import Document
+from stickslip.panel.document import BenchDocument
 from stickslip.panel.exploration import State, python
 from stickslip.panel.folder import Folder
 from stickslip.panel.sets import Sets
@@ -30,7 +30,7 @@ from stickslip.recording.drive import named_drive
 from stickslip.registry import RegistryError
 from stickslip.rig.devices import open_device, virtual_device
 from stickslip.rig.hosted import stop_all
-from stickslip.study.file import Recorded
+from stickslip.study.file import RecordingFile
 from stickslip.study.loops import LawSpec
 
 LAW = '''
@@ -253,7 +253,7 @@ def test_an_own_waveform_is_read_from_recordings_once_it_is_known(folder: Path) 
 
 def test_the_panel_runs_no_file_that_a_request_names(folder: Path) -> None:
     reader: Any = None
-    bench = Document(Folder(folder), reader)
+    bench = BenchDocument(Folder(folder), reader)
     content = json.loads(json.dumps(bench.checked.content))
     content["runs"][0]["waveform"] = [
         {
@@ -306,14 +306,18 @@ class Ruler(NamedTuple):
 READER = '''
 import numpy as np
 
-from stickslip.readers.source import Channel, Source, add_format
+from stickslip.readers.source import FileChannel, FileContent, add_format
 
 
 def read_scope(path):
     """A raw file of our oscilloscope: pairs of float32, volts and micrometres."""
     columns = np.fromfile(path, dtype="<f4").reshape(-1, 2).astype(float).T
-    channels = (Channel("drive_voltage", "V"), Channel("end_effector_position", "um"))
-    return Source("scope", channels, lambda which, rows: [columns[i][rows.start : rows.stop] for i in which])
+    channels = (FileChannel("drive_voltage", "V"), FileChannel("end_effector_position", "um"))
+
+    def read(which, rows):
+        return [columns[i][rows.start : rows.stop] for i in which]
+
+    return FileContent("scope", channels, read)
 
 
 add_format(read_scope, "scope", (".raw",))
@@ -357,7 +361,7 @@ def test_an_own_reader(tmp_path: Path) -> None:
     samples.tofile(tmp_path / "scope.raw")
     with pytest.raises(ss.RecordingError, match="neither text nor"):
         ss.read_recording(tmp_path / "scope.raw", sample_rate=1e5)
-    spec = Recorded.model_validate(
+    spec = RecordingFile.model_validate(
         {"file": "scope.raw", "reader": "my_reader.py:scope", "sample_rate": "100 kHz"}
     )
     read = spec.read(tmp_path)

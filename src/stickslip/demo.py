@@ -15,11 +15,11 @@ from functools import partial
 from pathlib import Path
 
 from .campaign import run_campaign
-from .job.running import joined, within
+from .job.running import joined
+from .progress import Progress, unheard, within
 from .recording import RecordingError
 from .report import Document, Section
 from .study import run_file
-from .study.running import Progress
 
 CAMPAIGN = "kang2007_campaign.yaml"
 EXAMPLES = ("friction_loops.yaml", "piezo_mirror.yaml", "pulled_slider.yaml")
@@ -27,9 +27,8 @@ EXAMPLES = ("friction_loops.yaml", "piezo_mirror.yaml", "pulled_slider.yaml")
 _CAMPAIGN_SHARE = 0.5
 
 
-def run(out: str | os.PathLike[str], progress: Progress | None = None) -> Document:
+def run(out: str | os.PathLike[str], progress: Progress = unheard) -> Document:
     """Run everything; the campaign's recordings go into `out`, and are kept there for the next time."""
-    tell = progress or (lambda doing, done: None)
     folder = Path(str(importlib.resources.files("stickslip") / "examples"))
     share = (1.0 - _CAMPAIGN_SHARE) / max(len(EXAMPLES), 1)
     tasks: list[tuple[str, float, float, Callable[[Progress], Document]]] = [
@@ -40,7 +39,7 @@ def run(out: str | os.PathLike[str], progress: Progress | None = None) -> Docume
     parts, missing = [], []
     for name, begin, length, task in tasks:
         try:
-            parts.append(task(partial(within, tell, begin, length)))
+            parts.append(task(partial(within, progress, begin, length)))
         except RecordingError as error:
             missing.append(f"{name} could not be run: {error}")
     title = "stickslip: demonstration"

@@ -137,6 +137,11 @@ def to_si(value: float | str, unit: str, field: str = "value") -> float:
         raise QuantityError(f"{field} is too large for a number {expected}") from None
 
 
+def optional_si(value: float | str | None, unit: str, field: str) -> float | None:
+    """As `to_si`; None stays what it is."""
+    return None if value is None else to_si(value, unit, field)
+
+
 def _shortened(value: Any) -> str:
     text = repr(value)
     return text if len(text) <= _LONGEST_UNIT else f"{text[:_LONGEST_UNIT]}..."

@@ -21,7 +21,7 @@ from stickslip.calibration import (
 )
 from stickslip.calibration.storage import from_text
 from stickslip.recording import RecordingError, make_recording, open_recording, save_recording
-from stickslip.study.file import Recorded
+from stickslip.study.file import RecordingFile
 
 CHAIN = ["kang2007-inductive-5", "kang2007-recalibration"]
 
@@ -79,7 +79,7 @@ def test_a_calibrated_sensor_takes_a_standard_name() -> None:
 def test_an_identification_file_names_calibrations(tmp_path: Path) -> None:
     save_calibration(load_calibration("kang2007-recalibration"), tmp_path / "own.json")
     (tmp_path / "r.csv").write_text("time [s],sensor [V]\n0,6.8\n1,6.82\n2,6.85\n")
-    source = Recorded(
+    source = RecordingFile(
         file="r.csv",
         calibration={"sensor": ["kang2007-inductive-5", "own.json"]},
         rename={"sensor": "end_effector_position"},

@@ -12,7 +12,7 @@ from scipy import optimize, stats
 from stickslip.estimate.fit import fit_least_squares
 from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.problem import FitError, Residuals
-from stickslip.estimate.search import Progress
+from stickslip.estimate.search import SearchState
 from stickslip.units import QuantityError
 
 from . import nist
@@ -347,7 +347,7 @@ def test_given_jacobian_saves_evaluations() -> None:
 
 def test_progress_budget_and_a_model_that_fails_at_trial_points() -> None:
     t, y = decay(np.random.default_rng(12))
-    seen: list[Progress] = []
+    seen: list[SearchState] = []
     refused = []
 
     def residuals(p):
@@ -358,7 +358,7 @@ def test_progress_budget_and_a_model_that_fails_at_trial_points() -> None:
 
     # Next to the edge: even the first difference step is refused on one side.
     edge = Parameter("rate", 1.69995, 1e-3, 1e3)
-    fit = fit_least_squares(residuals, [DECAY[0], edge], progress=seen.append)
+    fit = fit_least_squares(residuals, [DECAY[0], edge], each=seen.append)
     assert refused
     assert fit.values["rate"] == pytest.approx(1.5, rel=0.1)
     assert [p.evaluations for p in seen] == sorted({p.evaluations for p in seen})

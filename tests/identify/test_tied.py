@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.identify.events.pulled import Rig, simulated_force, slider
+from stickslip.identify.events.pulled import PulledRig, simulated_force, slider
 from stickslip.identify.walk.displacement import Displacement
 from stickslip.identify.walk.explained import explained
 from stickslip.identify.walk.walks import by_coordinates, columns_of, position_slopes
@@ -203,7 +203,7 @@ def test_a_driven_mass() -> None:
 
 
 def test_a_pulled_slider() -> None:
-    rig = Rig(0.03, 168.0, 1100e-6)
+    rig = PulledRig(0.03, 168.0, 1100e-6)
     made = simulated_force(slider(rig, 0.36, 0.3), rig)
     made["force_ratio"] += 5e-4 * np.random.default_rng(0).standard_normal(made.sizes["time"])
     fit = ss.identify_pulled_slider(made, rig, tied={"stiction_excess": "0.2 * dynamic_coefficient"})

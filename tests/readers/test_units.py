@@ -9,7 +9,7 @@ import pytest
 
 import stickslip as ss
 from stickslip.readers.headers import named_unit
-from stickslip.readers.source import Channel
+from stickslip.readers.source import FileChannel
 from stickslip.recording import RecordingError
 from stickslip.recording.conversion import to_si_scale
 from stickslip.units import QuantityError
@@ -40,13 +40,13 @@ def written(path: Path, head: list[str], rows: list[str]) -> Path:
     ],
 )
 def test_units_at_the_end_of_names(name: str, stem: str, unit: str) -> None:
-    found = named_unit(Channel(name))
+    found = named_unit(FileChannel(name))
     assert (found.name, found.unit) == (stem, unit)
     assert found.shown == name
 
 
 def test_a_unit_in_brackets_is_stronger_than_the_name() -> None:
-    assert named_unit(Channel("disp_um", "nm")).unit == "nm"
+    assert named_unit(FileChannel("disp_um", "nm")).unit == "nm"
 
 
 def test_names_with_units_are_read_in_them(tmp_path: Path) -> None:

@@ -126,7 +126,7 @@ def test_a_disk_without_room_refuses_before_the_first_volt(tmp_path: Path) -> No
 def test_samples_are_beside_the_recording_while_it_is_made_and_gone_after(tmp_path: Path) -> None:
     seen: list[int] = []
 
-    def look(done: float) -> None:
+    def look(_doing: str, _done: float) -> None:
         seen.extend(file.stat().st_size for file in tmp_path.glob(".walk.*.samples"))
 
     made = measure(

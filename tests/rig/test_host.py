@@ -41,7 +41,7 @@ from rig.test_host import DRIVE, LONG, device
 from rig.laboratory import IDEAL
 from stickslip.rig import HostedRig, Limits, Link, measure
 
-def tell(done):
+def tell(doing, done):
     print(done, flush=True)
 
 rig = HostedRig(Link(Path(sys.argv[1]), "a script"), device(True))
@@ -108,6 +108,10 @@ def test_a_rig_that_was_stopped_is_given_back_when_the_next_is_opened(tmp_path: 
         assert one.stop("a test")
         one.join()
         host._open(device(), False)
+        for _ in range(500):  # the thread that watches the run lets go of the rig when it next looks
+            if held() is None:
+                break
+            time.sleep(0.02)
         assert held() is None
     finally:
         gc.enable()
@@ -163,7 +167,7 @@ def test_a_program_that_stalls_has_its_run_stopped(link: Link, tmp_path: Path) -
 
 
 def test_a_program_whose_rig_dies_keeps_what_it_has(link: Link) -> None:
-    def kill(done: float) -> None:
+    def kill(_doing: str, done: float) -> None:
         if done > 0.03:
             os.kill(number_of(link), signal.SIGKILL)
 

@@ -76,7 +76,7 @@ def test_watchdog() -> None:
 
 
 def test_an_interruption_stops_too() -> None:
-    def interrupt(done: float) -> None:
+    def interrupt(_doing: str, done: float) -> None:
         if done > 0.4:
             raise KeyboardInterrupt
 
@@ -118,7 +118,7 @@ def test_nothing_passes_the_limits_whenever_it_ends(volts, how, allowed: Limits,
         array = np.clip(array, allowed.min_voltage, allowed.max_voltage)
     drive = Sampled(np.linspace(0.0, 0.05, array.size) if array.size > 1 else np.zeros(1), array, how)
 
-    def stop(done: float) -> None:
+    def stop(_doing: str, done: float) -> None:
         if done >= end:
             raise KeyboardInterrupt
 

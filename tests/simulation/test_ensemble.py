@@ -125,13 +125,13 @@ def test_a_member_that_cannot_be_finished_keeps_what_it_has() -> None:
 @pytest.mark.compiled
 def test_threads_and_blocks_do_not_change_a_number_and_progress_is_told() -> None:
     values = {"sigma_0": np.geomspace(5e5, 3e6, 600)}
-    told: list[tuple[int, int]] = []
+    told: list[tuple[str, float]] = []
     one = simulate_ensemble(MODEL, DRIVE, 0.02, parameters=values, threads=1)
     two = simulate_ensemble(
-        MODEL, DRIVE, 0.02, parameters=values, threads=2, progress=lambda done, of: told.append((done, of))
+        MODEL, DRIVE, 0.02, parameters=values, threads=2, progress=lambda *said: told.append(said)
     )
     np.testing.assert_array_equal(one["net_displacement"], two["net_displacement"])
-    assert told == [(256, 600), (512, 600), (600, 600)]
+    assert told == [("simulating", 256 / 600), ("simulating", 512 / 600), ("simulating", 1.0)]
 
 
 @pytest.mark.parametrize(

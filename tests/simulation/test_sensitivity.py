@@ -9,7 +9,7 @@ from stickslip.actuator import Actuator
 from stickslip.friction import Coulomb, Dahl, Elastoplastic, LuGre
 from stickslip.simulation import sensitivities, simulate, steady_step, steady_step_derivatives
 from stickslip.simulation.models import SLIDER
-from stickslip.simulation.trajectory import follow
+from stickslip.simulation.trajectory import follow_model
 from stickslip.simulation.varied import with_values
 from stickslip.units import QuantityError
 from stickslip.waveform.periodic import Sawtooth
@@ -104,7 +104,7 @@ def test_derivatives_side_by_side_are_those_alone(law: str) -> None:
 
 def test_the_position_is_that_of_the_simulation_and_units_are_told() -> None:
     found = sensitivities(MODEL, DRIVE, times=TIMES, parameters=["sigma_0", "initial_stage_velocity"])
-    alone = follow(MODEL, DRIVE, TIMES).samples[:, SLIDER]
+    alone = follow_model(MODEL, DRIVE, TIMES).samples[:, SLIDER]
     # Two kernels, compiled by themselves: products and sums are not rounded alike in both.
     np.testing.assert_allclose(found["end_effector_position"], alone, rtol=0, atol=1e-13)
     assert found["unit"].values.tolist() == ["N/m", "m/s"]

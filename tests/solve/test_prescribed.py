@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import RK23, solve_ivp
 
 from stickslip.friction import Coulomb, Dahl, LuGre, MaxwellSlip
-from stickslip.solve.prescribed import advance, follow
+from stickslip.solve.prescribed import advance, follow_position
 
 SIGMA_0, F_C, V = 1e6, 0.5, -2e-5
 DAHL = Dahl(SIGMA_0, F_C)
@@ -58,7 +58,7 @@ def test_what_cannot_be_followed_is_said() -> None:
     assert z == pytest.approx(START, rel=1e-2)
     time, samples = np.linspace(0.0, 1.0, 5), np.zeros((5, 2))
     position = np.array([0.0, 1e-6, 2e-6, math.nan, 0.0])
-    assert follow(DAHL, time, position, np.ones(5), np.zeros(1), 1e-12, True, samples) == 3
+    assert follow_position(DAHL, time, position, np.ones(5), np.zeros(1), 1e-12, True, samples) == 3
 
 
 def test_elements_add_up_under_their_load() -> None:
@@ -76,14 +76,16 @@ def test_elements_add_up_under_their_load() -> None:
         expected.append([load[k] * (stiffness @ z + sigma_2 * v), *z])
     state, samples = np.array([0.5e-7, -1e-7]), np.zeros((time.size, 3))
     law = MaxwellSlip(tuple(stiffness), tuple(strength), sigma_2)
-    assert follow(law, time, position, load, state, 1e-13, True, samples) == time.size
+    assert follow_position(law, time, position, load, state, 1e-13, True, samples) == time.size
     np.testing.assert_allclose(samples, expected, rtol=1e-9, atol=1e-13)
     np.testing.assert_array_equal(state, samples[-1, 1:])
 
 
 def test_a_bristle_starts_where_it_is_and_shows_the_force_of_the_interval_ahead() -> None:
     law, state, samples = LuGre(SIGMA_0, 30.0, 2.0, F_C, F_C), np.array([1e-7]), np.zeros((2, 2))
-    follow(law, np.array([0.0, 1e-9]), np.array([0.0, 1e-12]), np.ones(2), state, 1e-13, True, samples)
+    follow_position(
+        law, np.array([0.0, 1e-9]), np.array([0.0, 1e-12]), np.ones(2), state, 1e-13, True, samples
+    )
     v = 1e-3
     rate = v - SIGMA_0 * v / F_C * 1e-7
     assert samples[0] == pytest.approx([SIGMA_0 * 1e-7 + 30.0 * rate + 2.0 * v, 1e-7], rel=1e-12)
@@ -92,7 +94,7 @@ def test_a_bristle_starts_where_it_is_and_shows_the_force_of_the_interval_ahead(
 def test_a_static_law_keeps_its_direction_while_the_motion_pauses() -> None:
     time, state, samples = np.arange(5.0), np.array([1.0]), np.zeros((5, 2))
     position = np.array([0.0, -1.0, -1.0, 2.0, 2.0])
-    assert follow(Coulomb(0.3), time, position, np.full(5, 2.0), state, 1e-12, True, samples) == 5
+    assert follow_position(Coulomb(0.3), time, position, np.full(5, 2.0), state, 1e-12, True, samples) == 5
     np.testing.assert_allclose(samples[:, 0], [-0.6, -0.6, -0.6, 0.6, 0.6])
     np.testing.assert_allclose(samples[:, 1], [-1.0, -1.0, -1.0, 1.0, 1.0])
 
@@ -133,7 +135,7 @@ def test_many_steps_under_a_growing_normal_force() -> None:
 def test_each_interval_has_its_own_normal_forces() -> None:
     time, position = np.array([0.0, 0.1, 0.2, 0.3]), np.array([0.0, -1e-7, -1e-7, -3e-7])
     load, z, samples = np.array([1.0, 0.5, 2.0, 3.0]), np.array([START]), np.zeros((4, 2))
-    assert follow(DAHL, time, position, load, z, 1e-14, False, samples) == 4
+    assert follow_position(DAHL, time, position, load, z, 1e-14, False, samples) == 4
     expected = START
     for k in (1, 2, 3):
         v = (position[k] - position[k - 1]) / 0.1
@@ -144,5 +146,5 @@ def test_each_interval_has_its_own_normal_forces() -> None:
 def test_a_static_contact_that_was_lost_has_no_direction() -> None:
     time, position = np.arange(5.0), np.array([0.0, 1e-6, 1e-6, 1e-6, 1e-6])
     load, z, samples = np.array([1.0, 1.0, 1.0, 0.0, 1.0]), np.zeros(1), np.zeros((5, 2))
-    follow(Coulomb(0.3), time, position, load, z, 1e-12, False, samples)
+    follow_position(Coulomb(0.3), time, position, load, z, 1e-12, False, samples)
     assert samples[:, 0].tolist() == [0.3, 0.3, 0.3, 0.0, 0.0]

@@ -18,7 +18,7 @@ from stickslip.recording import RecordingWarning, make_recording, save_recording
 from stickslip.report import write_report
 from stickslip.simulation import simulate
 from stickslip.study import run_file
-from stickslip.study.file import Recorded, StudyError, read_parts
+from stickslip.study.file import RecordingFile, StudyError, read_parts
 from stickslip.study.running import json_schema
 from stickslip.waveform.periodic import Sawtooth
 
@@ -275,10 +275,10 @@ def test_what_is_no_number_of_the_model_names_the_file(tmp_path: Path) -> None:
 def test_a_label_is_used_once_and_a_file_read_once(tmp_path: Path) -> None:
     time = np.arange(0.0, 2.0, 5e-4)
     save_recording(make_recording(time, {"force_ratio": (time, "")}), tmp_path / "r.nc")
-    one = Recorded(file="r.nc", start=0.5, end=1.0)
+    one = RecordingFile(file="r.nc", start=0.5, end=1.0)
     with pytest.raises(StudyError, match="two are called 'r'; give each a 'name'"):
         read_parts([one, one], tmp_path)
-    parts = read_parts([one, Recorded(file="r.nc", end=0.3, name="early")], tmp_path)
+    parts = read_parts([one, RecordingFile(file="r.nc", end=0.3, name="early")], tmp_path)
     assert {label: part.attrs["title"] for label, part in parts.items()} == {"r": "r", "early": "early"}
     assert [part.sizes["time"] for part in parts.values()] == [1001, 601]
     assert np.shares_memory(*(part["force_ratio"].values.base for part in parts.values()))

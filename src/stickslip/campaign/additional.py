@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 from ..estimate.posterior import Posterior
@@ -12,10 +13,10 @@ from ..identify.walk.bayes import posterior
 from ..identify.walk.compare import compare_walks
 from ..identify.walk.intervals import profile_interval
 from ..identify.walk.position_channel import CHANNEL
+from ..progress import Progress, within
 from ..study.alignment import Aligned
 from ..study.comparison import candidates_of, named
 from .file import CampaignFile
-from .gathering import Progress
 
 _EVALUATIONS = 250  # of each search for a candidate
 # Over the delay that was found: within it, other laws find theirs.
@@ -68,7 +69,7 @@ def additional(
             bounds={"delay": (0.0, _LONGEST_DELAY * delay)} if delay > 0.0 else None,
             hops=0,
             max_evaluations=_EVALUATIONS,
-            progress=lambda label, i, n: progress(f"fitting {label}", 0.75 + 0.1 * i / n),
+            progress=partial(within, progress, 0.75, 0.1),
             **known,
         )
         found = found._replace(choice=choice)
@@ -80,7 +81,7 @@ def additional(
             recordings,
             stage=stage,
             max_simulations=file.posterior_simulations,
-            progress=lambda done, most: progress(doing, 0.85 + 0.15 * done / most),
+            progress=partial(within, progress, 0.85, 0.15),
             **known,
         )
         found = found._replace(posterior=samples)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from ..estimate.result import Fit
-from ..identify.step.fit import STAGE
+from ..identify.step.fit import STAGE_PARAMETERS
 from ..identify.step.formulas import step_tests
 from ..identify.walk.displacement import Displacement, has_slopes
 from ..identify.walk.walks import by_coordinates, by_values, columns_of
@@ -34,15 +34,18 @@ def walk_bands(
         return None
     known = np.flatnonzero(np.isfinite(np.diag(fit.uncertainty.covariance)))
     spread = fit.uncertainty.covariance[np.ix_(known, known)]
-    moves, of_stage = np.zeros((len(fit.parameters), len(STAGE))), np.zeros((len(STAGE), len(STAGE)))
+    moves, of_stage = (
+        np.zeros((len(fit.parameters), len(STAGE_PARAMETERS))),
+        np.zeros((len(STAGE_PARAMETERS), len(STAGE_PARAMETERS))),
+    )
     if taken is not None and taken.stage is not None:
         moves, of_stage = taken.by_stage(), taken.stage
-    bands, names = [], [*(p.name for p in fit.parameters), *STAGE]
+    bands, names = [], [*(p.name for p in fit.parameters), *STAGE_PARAMETERS]
     for one in shown:
         motion = Displacement(one.recording, one.drive, one.name, fit.model, _TOLERANCE, slew_rate)
         columns = columns_of(motion, fit, names)
         g = by_coordinates(columns, fit)
-        whole = g @ moves + by_values(columns, fit, STAGE)
+        whole = g @ moves + by_values(columns, fit, STAGE_PARAMETERS)
         variance = np.einsum("ij,jk,ik->i", g[:, known], spread, g[:, known])
         variance += np.einsum("ij,jk,ik->i", whole, of_stage, whole)
         bands.append(_t(fit) * np.sqrt(variance))

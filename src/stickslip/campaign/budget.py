@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..estimate.result import Fit
-from ..identify.step.fit import STAGE
+from ..identify.step.fit import STAGE_PARAMETERS
 from ..identify.walk.displacement import Displacement, has_slopes
 from ..identify.walk.position_channel import CHANNEL
 from ..identify.walk.walks import by_coordinates, by_values, columns_of
@@ -44,7 +44,7 @@ class Inherited(NamedTuple):
 
     def by_stage(self) -> Array:
         """How the coordinates move with the stage's values, [coordinates, `STAGE`]."""
-        return np.column_stack([self.moved[name] for name in STAGE])
+        return np.column_stack([self.moved[name] for name in STAGE_PARAMETERS])
 
 
 def budget(fit: Fit, taken: Inherited | None, scale: Scale | None) -> Budget:
@@ -81,20 +81,20 @@ def inherited(
     """Of a friction fit to `fitted` with the stage of `stage`; None for a law without derivatives."""
     if fit.model is None or not has_slopes(fit.model):
         return None
-    columns, names = [], [*(p.name for p in fit.parameters), *STAGE]
+    columns, names = [], [*(p.name for p in fit.parameters), *STAGE_PARAMETERS]
     for one in fitted:
         motion = Displacement(one.recording, one.drive, one.name, fit.model, _TOLERANCE, slew_rate)
         columns.append({**columns_of(motion, fit, names), "scale": one.recording[POSITION].values})
     stacked = {name: np.concatenate([c[name] for c in columns]) for name in columns[0]}
     jacobian = by_coordinates(stacked, fit)
     size = np.linalg.norm(jacobian, axis=0)
-    taken = np.column_stack([by_values(stacked, fit, STAGE), stacked["scale"]])
+    taken = np.column_stack([by_values(stacked, fit, STAGE_PARAMETERS), stacked["scale"]])
     moved = {
         name: -np.linalg.lstsq(jacobian / size, column, rcond=None)[0] / size
-        for name, column in zip((*STAGE, "scale"), taken.T, strict=True)
+        for name, column in zip((*STAGE_PARAMETERS, "scale"), taken.T, strict=True)
     }
     if stage is None:
         return Inherited(moved, None)
     names = [p.name for p in stage.parameters]
-    at = [names.index(name) for name in STAGE]
+    at = [names.index(name) for name in STAGE_PARAMETERS]
     return Inherited(moved, stage.covariance[np.ix_(at, at)])

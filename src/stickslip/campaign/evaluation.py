@@ -17,6 +17,7 @@ from ..identify.step.fit import identify_step, step_formula_errors
 from ..identify.walk.explained import Explained, explained
 from ..identify.walk.friction import identify_friction
 from ..identify.walk.prediction import Predictor
+from ..progress import Progress
 from ..study.alignment import Aligned
 from ..study.walk import changed
 from ..verification import Requirement, Verification, verify
@@ -24,7 +25,7 @@ from .additional import Additional, additional
 from .budget import Budget, Inherited, budget, inherited
 from .features import features_of
 from .file import CampaignFile
-from .gathering import Progress, Scale, scale_of, scaled
+from .gathering import Scale, scale_of, scaled
 from .plausible import check_walk
 
 # Of the steps' formulas with other noise.

@@ -10,7 +10,7 @@ from pydantic import Discriminator, Field, Tag, ValidationError, field_validator
 
 from ..experiment.file import FilterSpec, PartSpec
 from ..input_file import InputFileError, Seconds, Strict, explain, load_yaml, quantity
-from ..study.file import Recorded
+from ..study.file import RecordingFile
 from ..units import QuantityError
 
 # `step`: the end-effector fixed to the stage; `fit` and `verify`: it walks.
@@ -24,7 +24,7 @@ class CellsSpec(Strict):
     use: Use
 
 
-class OwnSpec(Recorded):
+class OwnSpec(RecordingFile):
     """A recording in a file of one's own, and the drive as in an experiment file.
 
     Its channel drive_voltage shows when the drive begins; without a `waveform` the channel is the drive.

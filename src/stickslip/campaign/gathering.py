@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import NamedTuple
@@ -17,6 +17,7 @@ from ..experiment.file import ExperimentFile
 from ..experiment.running import read_experiment, record_experiment
 from ..identify.recorded.channels import channel
 from ..input_file import InputFileError
+from ..progress import Progress
 from ..recording import RecordingError
 from ..study.alignment import POSITION, Aligned, aligned
 from ..units import QuantityError
@@ -25,8 +26,6 @@ from .file import CampaignFile, OwnSpec
 
 # s, beside a step: the mean over so much of rest is a level.
 LEVEL = 0.05
-
-Progress = Callable[[str, float], None]
 
 
 class Scale(NamedTuple):

@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 import os
+from functools import partial
 from pathlib import Path
 
 from ..experiment.file import ExperimentFile
 from ..input_file import InputFileError
 from ..parameters import ParameterSetError
+from ..progress import Progress, unheard, within
 from ..report import Document
 from ..units import QuantityError
 from .document import campaign_document
 from .evaluation import evaluate
 from .file import CampaignFile, read_campaign
-from .gathering import Progress, gather
+from .gathering import gather
 
 
 def run_campaign(
     path: str | os.PathLike[str],
     out: str | os.PathLike[str],
-    progress: Progress | None = None,
+    progress: Progress = unheard,
     *,
     figures: bool = True,
 ) -> Document:
@@ -46,7 +48,7 @@ def campaign_of(
     file: CampaignFile,
     folder: Path,
     out: Path,
-    progress: Progress | None = None,
+    progress: Progress = unheard,
     experiment: tuple[ExperimentFile, Path] | None = None,
     *,
     figures: bool = True,
@@ -57,8 +59,7 @@ def campaign_of(
         file, folder, out, progress, figures: see `run_campaign`.
         experiment: whose cells are meant where the file names none, and the folder of its paths.
     """
-    tell = progress or (lambda doing, done: None)
-    gathered, recorded = gather(file, folder, out, lambda doing, done: tell(doing, 0.4 * done), experiment)
-    found = evaluate(file, folder, gathered, lambda doing, done: tell(doing, 0.4 + 0.4 * done))
-    tell("drawing" if figures else "writing", 0.8)
+    gathered, recorded = gather(file, folder, out, partial(within, progress, 0.0, 0.4), experiment)
+    found = evaluate(file, folder, gathered, partial(within, progress, 0.4, 0.4))
+    progress("drawing" if figures else "writing", 0.8)
     return campaign_document(file, found, recorded, figures=figures)

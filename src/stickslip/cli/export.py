@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 export = typer.Typer(help="Export a model as C or as an FMU.", no_args_is_help=True)
 app.add_typer(export, name="export")
 
-Source = Annotated[
+ModelArgument = Annotated[
     str,
     typer.Argument(
         metavar="SET|FILE.toml|results.json",
@@ -40,7 +40,7 @@ class Mode(StrEnum):
 
 @export.command("c")
 def export_as_c(
-    source: Source,
+    source: ModelArgument,
     out: Folder = Path("out/c"),
     step: StepSize = "20 us",
     amplitude: Annotated[str, typer.Option(help='Of the sawtooth to play, such as "65 V".')] = "",
@@ -61,7 +61,7 @@ def export_as_c(
 
 @export.command("fmu")
 def export_as_fmu(
-    source: Source,
+    source: ModelArgument,
     out: Folder = Path("out/fmu"),
     fmi: Annotated[int, typer.Option(help="Version of the standard, 2 or 3.")] = 2,
     mode: Annotated[Mode, typer.Option(help="What goes in and out.")] = Mode.PLANT,

@@ -24,8 +24,8 @@ except ModuleNotFoundError as missing:  # this module is the command's entry: no
     raise SystemExit(f"Error: the command line needs {missing.name}; {_INSTALL}") from None
 
 if TYPE_CHECKING:
+    from ..progress import Progress
     from ..report import Document, Number
-    from ..study.running import Progress
 
 app = typer.Typer(
     help="Identify, verify, simulate and design piezoelectric stick-slip actuators from recordings.",

@@ -38,7 +38,7 @@ from ..friction import (
 )
 from ..simulation import friction_response, simulate, steady_step
 from ..simulation.models import SLIDER
-from ..simulation.trajectory import follow
+from ..simulation.trajectory import follow_model
 from ..waveform.periodic import Sine
 from ..waveform.sequence import Sequence
 from ..waveform.shapes import Ramp
@@ -190,7 +190,7 @@ def _breakaway(law: Any, sliding: float) -> float:
     until = 2.0 * sliding / (_PULL_SPRING * _PULL_SPEED)
     # Unchecked, for what comes after the first slip is nobody's concern: jerks that no tolerance holds
     # together.
-    samples = follow(model, Ramp(_PULL_SPEED, unit="m"), np.arange(0.0, until, 5e-5)).samples
+    samples = follow_model(model, Ramp(_PULL_SPEED, unit="m"), np.arange(0.0, until, 5e-5)).samples
     before = samples[:, SLIDER + 1] < 0.1 * _PULL_SPEED
     first_slip = int(np.argmin(before)) if not before.all() else before.size
     return float(-samples[:first_slip, 4].min())

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..progress import Progress, unheard
 from .blas import single_threaded
 from .covariance import LOSSES, Noise, uncertainty
 from .goodness import goodness
@@ -21,7 +22,7 @@ from .minima import Minimum, still_fits
 from .parameter import Parameter, Values
 from .problem import FitError, Problem, Residuals
 from .result import Fit
-from .search import End, Options, Progress, Searches
+from .search import End, Options, Searches, SearchState
 
 
 @single_threaded
@@ -37,7 +38,8 @@ def fit_least_squares(
     tolerance: float = 1e-10,
     settled: float = 1e-6,
     max_evaluations: int = 10_000,
-    progress: Callable[[Progress], None] | None = None,
+    progress: Progress = unheard,
+    each: Callable[[SearchState], None] | None = None,
     **about: Any,
 ) -> Fit:
     """Minimise the sum of squared residuals, each over its noise, within the bounds of the parameters.
@@ -55,7 +57,8 @@ def fit_least_squares(
         settled: of the radius of the confidence region: where the next step is below it, the search ends too
             (see `relative_offset`); [bates1981] propose 1e-3.
         max_evaluations: of the model, for each start.
-        progress: called after each evaluation.
+        progress: called after each evaluation with what is being done and how much of all, from 0 to 1.
+        each: called after each evaluation with where the search stands.
 
     Raises:
         FitError: see `Problem`; or no start.
@@ -63,7 +66,7 @@ def fit_least_squares(
     if starts < 1:
         raise FitError(f"starts = {starts} must be at least 1")
     problem = described if isinstance(described, Problem) else Problem(described, parameters, **about)
-    options = Options(begin, starts, hops, seed, central, tolerance, settled, max_evaluations, progress)
+    options = Options(begin, starts, hops, seed, central, tolerance, settled, max_evaluations, progress, each)
     searches = Searches(problem, options)
     searches.run()
     return problem.completed(_described(searches))

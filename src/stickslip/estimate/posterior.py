@@ -18,6 +18,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from ..progress import Progress, unheard
 from .bent import Mixture
 from .blas import single_threaded
 from .parameter import Parameter
@@ -97,7 +98,7 @@ def sample(
     max_simulations: int,
     ties: Ties | None = None,
     seed: int = 0,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress = unheard,
 ) -> Posterior:
     """Sample a density.
 
@@ -119,8 +120,7 @@ def sample(
         return _Draws(points, density - mixture.log_density(points), density, shown)
 
     def told(done: int) -> None:
-        if progress is not None:
-            progress(done, max_simulations)
+        progress("sampling the posterior", done / max_simulations)
 
     mixture, mixtures, everything, kept, done = begin, [], [], [], 0
     count = max(1, min(ROUND, max_simulations // 4) // CHAINS) * CHAINS

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import qmc
 
+from ..progress import Progress
 from .convergence import relative_offset
 from .covariance import LOSSES
 from .parameter import Values
@@ -30,7 +31,7 @@ SAME_MINIMUM = 0.01
 Array = np.ndarray
 
 
-class Progress(NamedTuple):
+class SearchState(NamedTuple):
     """Where a fit stands, after each evaluation of the model."""
 
     evaluations: int
@@ -51,7 +52,8 @@ class Options(NamedTuple):
     tolerance: float
     settled: float
     max_evaluations: int
-    progress: Callable[[Progress], None] | None
+    progress: Progress
+    each: Callable[[SearchState], None] | None
 
 
 class End(NamedTuple):
@@ -166,10 +168,12 @@ class Searches:
 
     def _after(self, number: int, begun: int) -> None:
         problem, options = self.problem, self.options
-        if options.progress is not None:
+        if options.each is not None:
             lowest = problem.best_cost * problem.scale**2
             values = problem.values(problem.best)
-            options.progress(Progress(problem.evaluations, number, options.starts, lowest, values))
+            options.each(SearchState(problem.evaluations, number, options.starts, lowest, values))
+        of = f", start {number} of {options.starts}" if options.starts > 1 else ""
+        options.progress(f"fitting{of}", (number - 1) / options.starts)
         if problem.evaluations - begun >= options.max_evaluations:
             raise _OutOfBudget
 

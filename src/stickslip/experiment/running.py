@@ -15,6 +15,7 @@ import xarray as xr
 from pydantic import ValidationError
 
 from ..input_file import InputFileError, explain, load_yaml
+from ..progress import Progress, unheard
 from ..readers import read_recording
 from ..recording import RecordingError, open_recording, save_csv, save_matlab
 from ..recording.replacing import remove_leftovers
@@ -24,7 +25,6 @@ from .cells import Cell, cells, variables_attribute
 from .file import ExperimentFile
 from .laboratory import Laboratory, open_laboratory
 
-Progress = Callable[[str, float], None]
 Watch = Callable[[Cell, Rig], Rig]
 _EXPORTS = {"mat": ".mat", "controldesk": "_controldesk.mat", "csv": ".csv"}
 
@@ -40,7 +40,7 @@ class Recorded(NamedTuple):
 def run_experiment(
     path: str | os.PathLike[str],
     out: str | os.PathLike[str],
-    progress: Progress | None = None,
+    progress: Progress = unheard,
     each: Callable[[Cell, xr.Dataset], None] | None = None,
 ) -> list[Recorded]:
     """Record what an experiment file asks for into a folder: ``NAME.nc`` for each cell, and experiment.log.
@@ -62,8 +62,7 @@ def run_experiment(
         OSError: a file cannot be written.
     """
     path = Path(path)
-    if progress is not None:
-        progress("checking", 0.0)
+    progress("checking", 0.0)
     return record_experiment(read_experiment(path), path.parent, out, progress, each, label=path)
 
 
@@ -71,7 +70,7 @@ def record_experiment(
     file: ExperimentFile,
     folder: Path,
     out: str | os.PathLike[str],
-    progress: Progress | None = None,
+    progress: Progress = unheard,
     each: Callable[[Cell, xr.Dataset], None] | None = None,
     *,
     label: str | os.PathLike[str] = "experiment",
@@ -92,7 +91,6 @@ def record_experiment(
         read: reads the recordings that the file takes drives from.
     """
     label, out = Path(label), Path(out)
-    tell = progress or (lambda doing, done: None)
     laboratory = _opened(label, file, folder, rigs, who)
     try:
         wanted = _cells(label, file, folder, laboratory, read)
@@ -107,7 +105,7 @@ def record_experiment(
         try:
             done = []
             for i, cell in enumerate(wanted):
-                part = partial(_tell, tell, cell.name, i, len(wanted))
+                part = partial(_tell, progress, cell.name, i, len(wanted))
                 one, recording = _recorded(file, cell, out, laboratory, log, part, watch)
                 done.append(one)
                 if each is not None:
@@ -121,8 +119,8 @@ def record_experiment(
         laboratory.close()
 
 
-def _tell(tell: Progress, doing: str, index: int, count: int, part: float) -> None:
-    tell(doing, (index + part) / count)
+def _tell(progress: Progress, cell: str, index: int, count: int, _doing: str, part: float) -> None:
+    progress(cell, (index + part) / count)
 
 
 def read_experiment(path: str | os.PathLike[str]) -> ExperimentFile:
@@ -160,11 +158,11 @@ def _recorded(
     out: Path,
     laboratory: Laboratory,
     log: _Log,
-    progress: Callable[[float], None],
+    progress: Progress,
     watch: Watch | None,
 ) -> tuple[Recorded, xr.Dataset]:
     path = out / f"{cell.name}.nc"
-    progress(0.0)
+    progress("", 0.0)
     recording = _finished(path, cell.key)
     kept = recording is not None
     if recording is None:
@@ -193,7 +191,7 @@ def _recorded(
 
 
 def _measured(
-    file: ExperimentFile, cell: Cell, rig: Rig, home: Home, path: Path, progress: Callable[[float], None]
+    file: ExperimentFile, cell: Cell, rig: Rig, home: Home, path: Path, progress: Progress
 ) -> xr.Dataset:
     return measure(
         rig,

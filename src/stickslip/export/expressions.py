@@ -24,8 +24,8 @@ from .subset import (
     SUM,
     UNARY,
     Array,
+    FunctionSource,
     Record,
-    Source,
     Value,
     real,
     record_type,
@@ -41,7 +41,7 @@ _FUNCTIONS |= {abs: "r_abs", math.fabs: "r_abs", min: "r_min", max: "r_max", mat
 class Context(Protocol):
     """What an expression needs of the function around it."""
 
-    source: Source
+    source: FunctionSource
     variables: dict[str, Any]
     pointers: set[str]
 

@@ -15,9 +15,18 @@ from typing import Any, get_args
 from ..actuator import Actuator
 from ..chain import Chain
 from ..electronics import Amplifier, StrainGauge
-from ..units import QuantityError, to_si
+from ..units import optional_si
 from .description import build_description, model_description, sources
-from .portable import C, checked_step, core_files, default_waveform, heading, signal_chain, write_files
+from .portable import (
+    C,
+    checked_noise,
+    checked_step,
+    core_files,
+    default_waveform,
+    heading,
+    signal_chain,
+    write_files,
+)
 from .source import ExportError, exported
 from .variables import Mode, variables, variables_h
 from .writing import whole
@@ -61,6 +70,8 @@ def export_fmu(
         ExportError: nothing that can be exported, `out` exists, a wrong mode or version, no compiler.
         TranslationError, ParameterSetError, QuantityError: as `export_c`.
     """
+    h, noise = checked_step(step), checked_noise(measurement_noise)
+    farad = optional_si(piezo_capacitance, "F", "piezo_capacitance")
     if fmi not in _BINARIES:
         raise ExportError(f"fmi = {fmi!r}: known are versions 2 and 3")
     if mode not in get_args(Mode):
@@ -70,11 +81,7 @@ def export_fmu(
         raise ExportError(f"mode = {mode!r} is for an Actuator, not for a {type(found.model).__name__}")
     if compiler and shutil.which(compiler) is None:
         raise ExportError(f"the compiler {compiler!r} is not installed; compiler = '' leaves the binary out")
-    h = checked_step(step)
-    noise = to_si(measurement_noise, "m", "measurement_noise")
-    if not noise > 0.0:
-        raise QuantityError(f"measurement_noise = {noise:g} m must be > 0 m")
-    parts = signal_chain(found, amplifier, piezo_capacitance, sensor, chain)
+    parts = signal_chain(found, amplifier, farad, sensor, chain)
     files = core_files(found, parts, h, noise)
     name = re.sub(r"\W", "_", Path(found.model.name).stem) or type(found.model).__name__.lower()
     identifier = f"{name}_{mode}" if name[0].isalpha() else f"model_{name}_{mode}"

@@ -13,7 +13,7 @@ from ..actuator import Actuator
 from ..chain import Chain
 from ..electronics import Amplifier, StrainGauge
 from ..simulation.models import checked_drive
-from ..units import QuantityError, to_si
+from ..units import QuantityError, optional_si, to_si
 from ..waveform.periodic import Sawtooth, Sine
 from ..waveform.signal import Waveform
 from .equations import SignalChain, equations
@@ -71,19 +71,19 @@ def export_c(
         TranslationError: the law is not written in the subset of Python that can be translated to C.
         ParameterSetError, QuantityError: a file or a value is wrong.
     """
+    h, noise = checked_step(step), checked_noise(measurement_noise)
+    seconds, farad = (
+        optional_si(duration, "s", "duration"),
+        optional_si(piezo_capacitance, "F", "piezo_capacitance"),
+    )
     found = exported(source)
-    h = checked_step(step)
-    parts = signal_chain(found, amplifier, piezo_capacitance, sensor, chain)
+    parts = signal_chain(found, amplifier, farad, sensor, chain)
     amplifier = parts.amplifier
-    noise = to_si(measurement_noise, "m", "measurement_noise")
-    if not noise > 0.0:
-        raise QuantityError(f"measurement_noise = {noise:g} m must be > 0 m")
     drive = waveform or default_waveform(found.model, amplifier)
     if amplifier is None:  # behind one, what is out of range is cut
         checked_drive(found.model, drive, h, periodic=False)
     elif drive.unit != "V":
         raise QuantityError(f"the input of an amplifier is in V, not in {drive.unit}")
-    seconds = to_si(duration, "s", "duration") if duration is not None else None
     files = core_files(found, parts, h, noise)
     table = table_h("stickslip_waveform", repr_of(drive), played(drive, h, seconds), h)
     rest = f"#define STICKSLIP_REST_INPUT R({float(drive.drive(h).before)!r})"
@@ -140,10 +140,18 @@ def checked_step(step: float | str) -> float:
     return h
 
 
+def checked_noise(noise: float | str) -> float:
+    """The noise of a sample in m; raises QuantityError if it is out of range."""
+    metres = to_si(noise, "m", "measurement_noise")
+    if not metres > 0.0:
+        raise QuantityError(f"measurement_noise = {metres:g} m must be > 0 m")
+    return metres
+
+
 def signal_chain(
     found: Exported,
     amplifier: Amplifier | None,
-    piezo_capacitance: float | str | None,
+    farad: float | None,
     sensor: StrainGauge | None,
     chain: Chain | None,
 ) -> SignalChain:
@@ -158,12 +166,11 @@ def signal_chain(
         if amplifier is None and chain.known_slew_rate is not None:
             low, high = max(found.model.min_voltage, -1e6), min(found.model.max_voltage, 1e6)
             amplifier = Amplifier(1.0, 0.0, AT_ONCE, chain.slew_rate, math.inf, low, high)
-            piezo_capacitance = piezo_capacitance or 1e-6  # without a limit of the current it does not count
+            farad = farad or 1e-6  # without a limit of the current it does not count
     if amplifier is None:
         return SignalChain(sensor=seen)
-    if piezo_capacitance is None:
+    if farad is None:
         raise QuantityError("an amplifier needs the piezo_capacitance [F] that it charges")
-    farad = to_si(piezo_capacitance, "F", "piezo_capacitance")
     if not farad > 0.0:
         raise QuantityError(f"piezo_capacitance = {farad:g} F must be > 0 F")
     return SignalChain(amplifier, farad, seen)

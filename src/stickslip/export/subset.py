@@ -70,7 +70,7 @@ class Value(NamedTuple):
         return self.text if self.level <= level else f"({self.text})"
 
 
-class Source(NamedTuple):
+class FunctionSource(NamedTuple):
     """A Python function as the translator reads it."""
 
     function: Callable[..., Any]
@@ -84,7 +84,7 @@ class Source(NamedTuple):
         return TranslationError(f"{self.name} ({self.where}, line {line}) cannot be exported to C: {what}")
 
 
-def source_of(function: Callable[..., Any]) -> Source:
+def source_of(function: Callable[..., Any]) -> FunctionSource:
     """The source of a plain or compiled function.
 
     Raises:
@@ -100,7 +100,7 @@ def source_of(function: Callable[..., Any]) -> Source:
         raise TranslationError(
             f"{name} ({where}) cannot be exported to C: its source cannot be read"
         ) from None
-    made = Source(plain, name, where, first, tree)  # type: ignore[arg-type]
+    made = FunctionSource(plain, name, where, first, tree)  # type: ignore[arg-type]
     if not isinstance(tree, ast.FunctionDef):
         raise made.error(None, "it must be a function that begins with def")
     if not name.isascii():

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import Any
 
 from .expressions import as_bool, as_real, expression, identifier, outside
-from .subset import BOOL, INT, REAL, Array, Pair, Record, Source, Value, source_of
+from .subset import BOOL, INT, REAL, Array, FunctionSource, Pair, Record, Value, source_of
 
 _CHECK = ("check",)
 _TEXT = "const char *"
@@ -102,7 +102,11 @@ class _Function:
     """One function on its way to C: what `expressions.Context` asks for, and the statements."""
 
     def __init__(
-        self, translation: Translation, source: Source, kinds: tuple[Any, ...], members: tuple[str, ...]
+        self,
+        translation: Translation,
+        source: FunctionSource,
+        kinds: tuple[Any, ...],
+        members: tuple[str, ...],
     ) -> None:
         self.translation, self.source, self.kinds, self.members = translation, source, kinds, members
         self.variables: dict[str, Any] = {}

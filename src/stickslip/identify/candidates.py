@@ -11,6 +11,7 @@ import xarray as xr
 
 from ..estimate.goodness import Goodness, goodness
 from ..estimate.result import Fit
+from ..progress import Progress
 from .free import Bounds
 from .recorded.channels import channel, names_of, recordings_of
 
@@ -83,7 +84,7 @@ def compared(
     unseen: xr.Dataset | Sequence[xr.Dataset],
     drives: Sequence[Any] | None,
     observed: tuple[str, str],
-    progress: Callable[[str, int, int], None] | None,
+    progress: Progress,
 ) -> Comparison:
     """Fit each law, and predict what none has seen.
 
@@ -93,15 +94,14 @@ def compared(
         unseen: to judge by, predicted with nothing fitted again.
         drives: waveform of each of them; None where the recordings are all that a prediction needs.
         observed: the channel that is predicted, and its unit.
-        progress: called before each law with its label, number and how many there are.
+        progress: called before each law.
     """
     recordings = recordings_of(unseen)
     given = [()] * len(recordings) if drives is None else [(drive,) for drive in drives]
     measured = [channel(r, observed[0], n) for r, n in zip(recordings, names_of(recordings), strict=True)]
     fits, seen = {}, {}
-    for i, law in enumerate(laws, start=1):
-        if progress is not None:
-            progress(law.label, i, len(laws))
+    for i, law in enumerate(laws):
+        progress(f"fitting {law.label}", i / len(laws))
         found = fit(law)
         assert found.predict is not None  # all of them predict
         residuals = [found.predict(r, *w) - m for r, w, m in zip(recordings, given, measured, strict=True)]

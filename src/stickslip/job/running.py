@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -14,6 +14,7 @@ from ..experiment.running import record_experiment
 from ..export import export_c, export_fmu
 from ..input_file import InputFileError
 from ..parameters import ParameterSetError
+from ..progress import Progress, unheard, within
 from ..report import Document, Section
 from ..report.circumstances import circumstances
 from ..report.recordings import recordings_document
@@ -23,13 +24,11 @@ from ..study.running import run_study
 from ..units import QuantityError
 from .file import Content, ExportSpec, Step, checked, read_job
 
-Progress = Callable[[str, float], None]
-
 
 def run_job(
     path: str | os.PathLike[str],
     out: str | os.PathLike[str],
-    progress: Progress | None = None,
+    progress: Progress = unheard,
     *,
     figures: bool = True,
 ) -> Document:
@@ -46,11 +45,11 @@ def run_job(
         InputFileError: the file is not as it must be, before anything is done; names the file and the field.
         RecordingError, FitError, RigError, ExportError: a step cannot be done; what was done before is kept.
     """
-    tell, job, out = progress or (lambda doing, done: None), read_job(Path(path)), Path(out)
+    job, out = read_job(Path(path)), Path(out)
     running = _Running(out, figures)
     documents = []
     for i, step in enumerate(job.steps):
-        part = partial(within, tell, i / len(job.steps), 1.0 / len(job.steps))
+        part = partial(within, progress, i / len(job.steps), 1.0 / len(job.steps))
         try:
             documents.append(running.do(i + 1, step, part))
         except (QuantityError, ParameterSetError) as error:
@@ -129,11 +128,6 @@ def _found(content: Content, folder: Path, out: Path) -> Content:
         return str((out / value).absolute()) if made and (out / value).exists() else value
 
     return resolved(content)
-
-
-def within(tell: Progress, begin: float, share: float, doing: str, done: float) -> None:
-    """Tell the progress of a part as that of the whole."""
-    tell(doing, begin + share * done)
 
 
 def joined(title: str, notes: str, documents: Sequence[Document], *, told: bool = True) -> Document:

@@ -11,7 +11,7 @@ from fastapi import APIRouter, Request, Response
 from ..input_file import Strict
 from ..units import QuantityError
 from .control import Control
-from .document import Document
+from .document import BenchDocument
 from .folder import Folder
 from .journal import Journal
 from .live import Live
@@ -69,7 +69,7 @@ def bench_routes(
     journal: Journal,
     runner: Runner,
     live: Live,
-    document: Document,
+    document: BenchDocument,
     starter: Starter,
 ) -> APIRouter:
     """The routes of the Bench page."""
@@ -100,12 +100,17 @@ def bench_routes(
     return routes
 
 
-def _described(document: Document) -> str:
+def _described(document: BenchDocument) -> str:
     return json.dumps({"kind": "experiment", **document.described()})
 
 
 def _add_runs(
-    routes: APIRouter, folder: Folder, control: Control, runner: Runner, document: Document, starter: Starter
+    routes: APIRouter,
+    folder: Folder,
+    control: Control,
+    runner: Runner,
+    document: BenchDocument,
+    starter: Starter,
 ) -> None:
     """Start, stop, home and notes."""
 
@@ -153,7 +158,7 @@ def _add_experiment(
     control: Control,
     journal: Journal,
     runner: Runner,
-    document: Document,
+    document: BenchDocument,
 ) -> None:
     """The experiment on the bench: changed, undone, loaded, saved."""
 

@@ -40,7 +40,7 @@ class Checked(NamedTuple):
     units: dict[str, str]
 
 
-class Document:
+class BenchDocument:
     """The experiment that is on the bench; `name` is that of its file, "" for one that was not saved."""
 
     def __init__(self, folder: Folder, read: Reader) -> None:

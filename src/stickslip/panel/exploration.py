@@ -17,7 +17,7 @@ from ..actuator import Actuator
 from ..input_file import Strict
 from ..records import Quantity
 from ..simulation import SimulationError, steady_step
-from ..simulation.trajectory import COMPLETE, follow
+from ..simulation.trajectory import COMPLETE, follow_model
 from ..units import QuantityError
 from ..waveform.drive import evaluate
 from ..waveform.signal import Waveform
@@ -158,7 +158,7 @@ def motion(state: State, sets: Sets = PACKAGE) -> Motion:
     """The trajectory of a state; SimulationError where not even two samples can be computed."""
     actuator, waveform, duration = state.experiment(sets)
     wanted, last = sample_times(actuator, waveform, duration)
-    found = follow(actuator, waveform, wanted, tolerance=TOLERANCE, max_steps=MOST_STEPS)
+    found = follow_model(actuator, waveform, wanted, tolerance=TOLERANCE, max_steps=MOST_STEPS)
     if found.times.size < 2:
         raise SimulationError(found.outcome)
     end = last + (_period(waveform) or duration)

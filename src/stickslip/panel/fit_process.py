@@ -96,7 +96,7 @@ def prepare(law: str) -> None:
     from ..actuator import load_actuator
     from ..identify.walk.friction import identify_friction
     from ..simulation import sensitivities, simulate
-    from ..study.walk import Walk, walk_document
+    from ..study.walk import UsedWalk, walk_document
     from ..verification import verify
     from ..waveform.periodic import Sawtooth
 
@@ -113,4 +113,4 @@ def prepare(law: str) -> None:
         warnings.simplefilter("ignore")  # nobody looks at this fit
         fit = identify_friction(walk, model, ["end_effector_mass", "offset"], hops=0, max_evaluations=3)
         verify(fit, [walk])
-        walk_document("", fit, model, {"walk": Walk("fit", walk)})
+        walk_document("", fit, model, {"walk": UsedWalk("fit", walk)})

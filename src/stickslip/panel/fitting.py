@@ -20,8 +20,8 @@ from pydantic import Field
 from ..actuator import Actuator
 from ..chain import Chain
 from ..estimate.result import Fit
-from ..estimate.search import Progress
-from ..identify.step.fit import STAGE, identify_step
+from ..estimate.search import SearchState
+from ..identify.step.fit import STAGE_PARAMETERS, identify_step
 from ..identify.walk.displacement import Displacement
 from ..identify.walk.friction import identify_friction
 from ..identify.walk.position_channel import CHANNEL, OBSERVED
@@ -79,11 +79,14 @@ def fit_recordings(request: FitRequest, folder: Folder, out: str, say: Say) -> N
     Raises:
         RecordingError, QuantityError, FitError: see `identify_friction`.
     """
-    from ..study.walk import Walk, walk_document  # it draws: matplotlib is not for the server, only for fits
+    from ..study.walk import (  # it draws: matplotlib is not for the server, only for fits
+        UsedWalk,
+        walk_document,
+    )
 
     start = request.actuator(Sets(folder))
     rate = None if request.slew_rate is None else to_si(request.slew_rate, "V/s", "slew_rate")
-    taken = sorted({*STAGE} & {*request.free}) if request.steps else []
+    taken = sorted({*STAGE_PARAMETERS} & {*request.free}) if request.steps else []
     if taken:
         raise QuantityError(f"{', '.join(taken)}: given by the steps, and so not free in the walk")
     seen = [_read(folder, name, request) for name in request.recordings]
@@ -103,7 +106,7 @@ def fit_recordings(request: FitRequest, folder: Folder, out: str, say: Say) -> N
             bounds={name: (limits[0], limits[1]) for name, limits in request.bounds.items()},  # type: ignore[arg-type]
             starts=request.starts,
             hops=request.hops,
-            progress=drafts,
+            each=drafts,
         )
         drafts.draw(fit.values)
         say(
@@ -113,8 +116,8 @@ def fit_recordings(request: FitRequest, folder: Folder, out: str, say: Say) -> N
             found = verify(fit, unseen)
             traces = [p[k].values for p in found.predictions for k in ("time", "measured", "predicted")]
             say("verified", {"verification": found.to_dict()}, [_thin(one) for one in traces])
-        walks = {str(r.title): Walk("fit", r) for r in seen}
-        walks |= {str(r.title): Walk("verify", r) for r in unseen}
+        walks = {str(r.title): UsedWalk("fit", r) for r in seen}
+        walks |= {str(r.title): UsedWalk("verify", r) for r in unseen}
         notes = "" if stage is None else _said_of(stage, request.steps)
         document = walk_document("Identification", fit, actuator, walks, notes)
         # What `stickslip verify` needs beside the model: the amplifier's slew rate is no part of a fit.
@@ -154,7 +157,7 @@ def _said_of(stage: Fit, names: Sequence[str]) -> str:
         f"{p.name.replace('_', ' ')} {stage.values[p.name]:.4g} {p.unit}".strip() + f" ± {error:.2g}"
         for p in stage.parameters
         for error in [stage.standard_errors[p.name]]
-        if p.name in STAGE
+        if p.name in STAGE_PARAMETERS
     ]
     return f"The stage is that of the clamped steps {', '.join(names)}: {'; '.join(found)} (standard errors)."
 
@@ -182,23 +185,23 @@ class _Drafts:
         self._say("recordings", {"names": names}, [_thin(one) for one in traces])
         self.draw({})  # where it starts
 
-    def __call__(self, progress: Progress) -> None:
+    def __call__(self, state: SearchState) -> None:
         now = time.monotonic()
         if now < self._next:
             return
         self._next = now + PAUSE
         fields = {
-            "evaluations": progress.evaluations,
-            "start": progress.start,
-            "starts": progress.starts,
-            "rmse": math.sqrt(progress.sum_of_squares / self._count),
-            "values": progress.values,
+            "evaluations": state.evaluations,
+            "start": state.start,
+            "starts": state.starts,
+            "rmse": math.sqrt(state.sum_of_squares / self._count),
+            "values": state.values,
         }
-        if progress.sum_of_squares == self._shown:
+        if state.sum_of_squares == self._shown:
             self._say("step", fields, [])
         else:
-            self._shown = progress.sum_of_squares
-            self.draw(progress.values, fields)
+            self._shown = state.sum_of_squares
+            self.draw(state.values, fields)
 
     def draw(self, values: Mapping[str, float], fields: dict[str, Any] | None = None) -> None:
         """Say what the model gives for these values."""

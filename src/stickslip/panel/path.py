@@ -29,7 +29,7 @@ from ..simulation import simulate, steady_step
 from ..units import QuantityError, to_si, with_prefix
 from ..waveform.signal import shape
 from .control import Control
-from .document import Document
+from .document import BenchDocument
 from .folder import Folder, FolderError
 from .journal import Journal
 from .stream import Hub
@@ -74,7 +74,7 @@ class Check(Strict):
 
 
 def path_routes(
-    folder: Folder, hub: Hub, control: Control, journal: Journal, document: Document, read: Reader
+    folder: Folder, hub: Hub, control: Control, journal: Journal, document: BenchDocument, read: Reader
 ) -> APIRouter:
     """The routes, of the Identify page and of the history."""
     routes = APIRouter(prefix="/path")

@@ -16,7 +16,7 @@ from ..input_file import Strict
 from ..rig import RigError
 from ..units import QuantityError, to_si
 from .control import Control
-from .document import Document
+from .document import BenchDocument
 from .running import Runner
 from .starting import Starter
 from .stream import Client, Hub
@@ -59,7 +59,7 @@ class Step(NamedTuple):
 class Sequencer:
     """Runs one sequence at a time, in a thread; a stop of the run ends it too."""
 
-    def __init__(self, hub: Hub, document: Document, runner: Runner, starter: Starter) -> None:
+    def __init__(self, hub: Hub, document: BenchDocument, runner: Runner, starter: Starter) -> None:
         self._hub, self._document, self._runner, self._starter = hub, document, runner, starter
         self._lock = threading.Lock()
         self._ending = threading.Event()  # now

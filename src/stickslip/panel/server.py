@@ -25,7 +25,7 @@ from ..rig.samples import recover
 from ..units import to_si
 from .bench import bench_routes
 from .control import Control, shown
-from .document import Document
+from .document import BenchDocument
 from .explore import explore_routes
 from .fits import Fitting
 from .folder import Folder
@@ -87,7 +87,7 @@ def create_app(
     runner = Runner(hub, live, journal, files.root / ".rig", read, statistics)
     for one in recovered:
         journal(f"{files.name(one)}: kept of a run that was killed", "warning")
-    document = Document(files, read)
+    document = BenchDocument(files, read)
     starter = Starter(files, hub, journal, document, runner, read)
     sequencer = Sequencer(hub, document, runner, starter)
     readiness = Readiness(hub)

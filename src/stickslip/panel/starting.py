@@ -28,7 +28,7 @@ from ..recording.replacing import replaced_whole
 from ..rig import RigError
 from ..rig.measurement import DRIVE, POSITION
 from ..units import QuantityError, to_si, with_prefix
-from .document import Document
+from .document import BenchDocument
 from .folder import Folder
 from .journal import Journal
 from .path import predicted_of
@@ -43,7 +43,13 @@ class Starter:
     """Starts runs; keeps what somebody notes meanwhile with their recordings."""
 
     def __init__(
-        self, folder: Folder, hub: Hub, journal: Journal, document: Document, runner: Runner, read: Reader
+        self,
+        folder: Folder,
+        hub: Hub,
+        journal: Journal,
+        document: BenchDocument,
+        runner: Runner,
+        read: Reader,
     ) -> None:
         self._folder, self._hub, self._journal, self._read = folder, hub, journal, read
         self._document, self._runner = document, runner
@@ -172,7 +178,7 @@ def _slug(text: str) -> str:
     return re.sub(r"[^A-Za-z0-9-]+", "-", text)[:60].strip("-") or "run"
 
 
-def homing(folder: Folder, document: Document, position: float) -> Job:
+def homing(folder: Folder, document: BenchDocument, position: float) -> Job:
     """Walk towards home until the end-effector is there while the drive is at 0 V."""
     content, file, _, units = document.checked
     walk = {"forward_voltage", "reverse_voltage", "frequency"}

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..recording import RecordingError
-from .source import Channel, Rows, Source
+from .source import FileChannel, FileContent, Rows
 
 
 class Leaf(NamedTuple):
@@ -46,7 +46,9 @@ def array_parts(name: str, shape: tuple[int, ...]) -> list[Part]:
     return [Part(name, axis, index, alone=max(others, default=1) == 1) for index in np.ndindex(*others)]
 
 
-def array_source(reader: str, leaves: Mapping[str, Leaf], channels: Sequence[tuple[Part, Channel]]) -> Source:
+def array_source(
+    reader: str, leaves: Mapping[str, Leaf], channels: Sequence[tuple[Part, FileChannel]]
+) -> FileContent:
     """A source whose channels are parts of arrays. An array is loaded once per reading."""
 
     def read(indices: Sequence[int], rows: Rows) -> list[np.ndarray]:
@@ -62,7 +64,7 @@ def array_source(reader: str, leaves: Mapping[str, Leaf], channels: Sequence[tup
             result.append(np.array(samples, dtype=np.float64))
         return result
 
-    return Source(reader, tuple(channel for _, channel in channels), read)
+    return FileContent(reader, tuple(channel for _, channel in channels), read)
 
 
 def _load(name: str, leaf: Leaf) -> np.ndarray:

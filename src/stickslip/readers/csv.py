@@ -17,12 +17,12 @@ import pandas as pd
 from ..recording import RecordingError
 from .layout import LINE_END, MISSING, TextLayout, find_layout
 from .progress import reading_progress
-from .source import Rows, Source
+from .source import FileContent, Rows
 
 CHUNK = 1 << 23  # bytes of text
 
 
-def read_csv(path: Path, delimiter: str | None, decimal: str | None, skip: int) -> Source:
+def read_csv(path: Path, delimiter: str | None, decimal: str | None, skip: int) -> FileContent:
     r"""The columns of a text file; see `find_layout` for the arguments.
 
     Raises:
@@ -40,7 +40,7 @@ def read_csv(path: Path, delimiter: str | None, decimal: str | None, skip: int) 
             _check_last_line(path, layout)
         return _read_columns(path, layout, list(indices), rows)
 
-    return Source("csv", channels, read, lambda row: f"line {_line_of(path, layout, row)}")
+    return FileContent("csv", channels, read, lambda row: f"line {_line_of(path, layout, row)}")
 
 
 def _read_columns(path: Path, layout: TextLayout, indices: list[int], rows: Rows) -> list[np.ndarray]:

@@ -16,9 +16,9 @@ import numpy as np
 
 from ..recording import RecordingError
 from .arrays import Leaf, Part, array_parts
-from .source import Channel
+from .source import FileChannel
 
-Capture = tuple[dict[str, Leaf], list[tuple[Part, Channel]]]
+Capture = tuple[dict[str, Leaf], list[tuple[Part, FileChannel]]]
 
 
 def find_capture(tree: dict[str, Any]) -> Capture | None:
@@ -41,10 +41,12 @@ def _flat(trace_x: Leaf, trace_y: Leaf) -> Capture:
         raise RecordingError(f"trace_y has the shape {trace_y.shape}, trace_x {samples} samples")
     # A square capture, as many signals as samples, is in rows as all others are.
     axis = 1 if trace_y.shape[1] == samples else 0
-    channels = [(array_parts("trace_x", trace_x.shape)[0], Channel("trace_x", "s", ("trace_x", 0), 0))]
+    channels = [(array_parts("trace_x", trace_x.shape)[0], FileChannel("trace_x", "s", ("trace_x", 0), 0))]
     for row in range(trace_y.shape[1 - axis]):
         name = f"trace_y({row + 1},:)" if axis == 1 else f"trace_y(:,{row + 1})"
-        channels.append((Part("trace_y", axis, (row,), False), Channel(name, key=("trace_y", row), clock=0)))
+        channels.append(
+            (Part("trace_y", axis, (row,), False), FileChannel(name, key=("trace_y", row), clock=0))
+        )
     return {"trace_x": trace_x, "trace_y": trace_y}, channels
 
 
@@ -59,7 +61,7 @@ def _structure(clocks: list[dict[str, Any]], signals: list[dict[str, Any]]) -> C
             clock = k if letter == "X" else _clock_of(element, clocks)
             unit = _text(element.get("Unit")) or ("s" if letter == "X" else "")
             part = array_parts(array, element["Data"].shape)[0]
-            channels.append((part, Channel(name, unit, (letter, k), clock)))
+            channels.append((part, FileChannel(name, unit, (letter, k), clock)))
     return leaves, channels
 
 

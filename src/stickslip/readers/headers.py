@@ -10,7 +10,7 @@ import re
 from collections.abc import Sequence
 
 from ..recording.conversion import is_unit
-from .source import Channel, is_clock
+from .source import FileChannel, is_clock
 
 _UNIT_LINE = re.compile(r"(?P<axis>vertical|horizontal|x|y)[ _]units?([ _]label)?:?", re.IGNORECASE)
 # Ends of names that are units, spelled as names are. Of one letter only V: "x_m" may be "measured", and SI
@@ -22,7 +22,7 @@ _ENDS |= {f"{one}_{per}": f"{one}/s" for one in ("nm", "um", "mm", "m") for per 
 _ENDED = re.compile(rf"(?P<name>.*[^\W_])_(?P<unit>{'|'.join(sorted(_ENDS, key=len, reverse=True))})", re.I)
 
 
-def named_unit(channel: Channel) -> Channel:
+def named_unit(channel: FileChannel) -> FileChannel:
     """The channel with the unit that ends its name, "disp_um": displacement in um; else as it is."""
     found = _ENDED.fullmatch(channel.name.replace("µ", "u").replace("μ", "u"))
     if channel.unit or not channel.numeric or not found:
@@ -44,8 +44,8 @@ def said_units(rows: Sequence[Sequence[str]]) -> tuple[list[str], list[str]]:
 
 
 def with_said_units(
-    channels: Sequence[Channel], across: Sequence[str], upward: Sequence[str]
-) -> list[Channel]:
+    channels: Sequence[FileChannel], across: Sequence[str], upward: Sequence[str]
+) -> list[FileChannel]:
     """Channels without a unit with those that lines above the data say: the clock's, and the others in order;
     without a clock by name, the first column of numbers is it. One vertical unit is that of all."""
     made, numeric = list(channels), [i for i, one in enumerate(channels) if one.numeric]

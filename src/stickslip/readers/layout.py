@@ -17,7 +17,7 @@ from typing import NamedTuple
 from ..recording import RecordingError
 from ..recording.conversion import is_unit
 from .headers import said_units, with_said_units
-from .source import Channel, is_clock
+from .source import FileChannel, is_clock
 
 HEAD = 1 << 18  # bytes to look at
 SAMPLE = 100  # lines, at least and spread over the head, that settle the delimiter
@@ -60,7 +60,7 @@ class TextLayout(NamedTuple):
     comment: str | None
     first_line: int  # lines above the data
     line_bytes: float  # mean length of a line
-    channels: tuple[Channel, ...]
+    channels: tuple[FileChannel, ...]
     kinds: str  # "n" numbers, "d" dates, "s" text, "e" always empty
 
     def split(self, line: str) -> list[str]:
@@ -224,7 +224,7 @@ def _header_fields(line: str, delimiter: str, count: int, last_is_blank: bool) -
     return fields
 
 
-def _header(lines: Sequence[str], above: dict[int, list[str]], kinds: str, decimal: str) -> list[Channel]:
+def _header(lines: Sequence[str], above: dict[int, list[str]], kinds: str, decimal: str) -> list[FileChannel]:
     """The columns by name and unit, from the fields of the lines above the data."""
     rows = {i: fields for i, fields in above.items() if len(fields) == len(kinds)}
     texts = [i for i, fields in rows.items() if set(_kinds(fields, decimal)) in ({"s"}, {"s", "e"})]
@@ -236,29 +236,31 @@ def _header(lines: Sequence[str], above: dict[int, list[str]], kinds: str, decim
             hint = "" if texts else f" (if the line is no data: skip={i + 1})"
             raise RecordingError(f"line {i + 1}, column {name!r}: {fields[k]!r} is not a number{hint}")
     if not texts:
-        return [Channel(str(k)) for k in range(len(kinds))]
+        return [FileChannel(str(k)) for k in range(len(kinds))]
     columns = [_channel(field) for field in rows[header]]
     names = rows.get(header - 1, [])  # a row of names, a row of units
     if any("s" in _kind(name, decimal) for name in names) and _all_units(rows[header], columns):
-        columns = [Channel(name, unit) for name, unit in zip(names, rows[header], strict=True)]
+        columns = [FileChannel(name, unit) for name, unit in zip(names, rows[header], strict=True)]
     return _distinct(columns)
 
 
-def _all_units(fields: Sequence[str], columns: Sequence[Channel]) -> bool:
+def _all_units(fields: Sequence[str], columns: Sequence[FileChannel]) -> bool:
     return all(map(is_unit, fields)) and not any(map(is_clock, columns))
 
 
-def _channel(header: str) -> Channel:
+def _channel(header: str) -> FileChannel:
     """Name and unit: "Position [mm]" is in mm, but "Force (left)" is in no unit."""
     found = _NAME_AND_UNIT.match(header)
     if not found:
-        return Channel(header)
+        return FileChannel(header)
     unit = (found["square"] or found["round"] or found["slash"] or "").strip()
     certain = found["square"] is not None
-    return Channel(found["name"], unit, header=header) if certain or is_unit(unit) else Channel(header)
+    return (
+        FileChannel(found["name"], unit, header=header) if certain or is_unit(unit) else FileChannel(header)
+    )
 
 
-def _distinct(columns: Sequence[Channel]) -> list[Channel]:
+def _distinct(columns: Sequence[FileChannel]) -> list[FileChannel]:
     """Names told apart: "Time", "x", "Time (2)", "x (2)"."""
     seen: Counter[str] = Counter()
     result = []

@@ -23,7 +23,7 @@ from ..recording import RecordingError
 from . import dspace
 from .arrays import Leaf, Part, array_parts, array_source, total_bytes
 from .sizes import allowed_bytes, check_size
-from .source import Channel, Source, add_format
+from .source import FileChannel, FileContent, add_format
 
 _HEADER, _COMPRESSED, _PART = 128, 15, 1 << 20  # bytes, the type of a compressed variable, bytes
 _MOST_NODES = 100_000
@@ -31,7 +31,7 @@ _HDF5 = b"\x89HDF\r\n\x1a\n"
 _V73_BLOCK = 512  # MATLAB puts its own header before that of HDF5
 
 
-def read_matlab(path: Path) -> Source:
+def read_matlab(path: Path) -> FileContent:
     """The channels of a MAT file: every array of real numbers, or the signals of a dSPACE capture.
 
     Raises:
@@ -54,7 +54,7 @@ def read_matlab(path: Path) -> Source:
     return array_source(version if capture is None else f"dspace, {version}", leaves, channels)
 
 
-def _plain(tree: dict[str, Any]) -> tuple[dict[str, Leaf], list[tuple[Part, Channel]]]:
+def _plain(tree: dict[str, Any]) -> tuple[dict[str, Leaf], list[tuple[Part, FileChannel]]]:
     leaves: dict[str, Leaf] = {}
     _collect("", tree, leaves)
     named = [
@@ -62,7 +62,7 @@ def _plain(tree: dict[str, Any]) -> tuple[dict[str, Leaf], list[tuple[Part, Chan
     ]
     if not named:
         raise RecordingError("the MAT file holds no arrays of real numbers")
-    channels = [(part, Channel(name, key=(part.array, *part.others))) for part, name in named]
+    channels = [(part, FileChannel(name, key=(part.array, *part.others))) for part, name in named]
     return leaves, channels
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..recording import RecordingError
 from .sizes import check_size
-from .source import Channel, Rows, Source, add_format
+from .source import FileChannel, FileContent, Rows, add_format
 
 _NUMBERS = range(6)  # data types of the standard: integers and reals of either byte order
 _TEXTS = range(7, 12)  # conversions whose result is text
@@ -24,7 +24,7 @@ class _Place(NamedTuple):
     master: bool
 
 
-def read_mdf(path: Path) -> Source:
+def read_mdf(path: Path) -> FileContent:
     """The channels of an MDF 4 file: each group's own time is the clock of its channels.
 
     Raises:
@@ -40,7 +40,9 @@ def read_mdf(path: Path) -> Source:
     if not channels:
         raise RecordingError("the MDF file has no channel with samples")
     check_size(path, declared, "channels")
-    return Source("MDF 4", tuple(channels), lambda wanted, rows: _read(path, places, channels, wanted, rows))
+    return FileContent(
+        "MDF 4", tuple(channels), lambda wanted, rows: _read(path, places, channels, wanted, rows)
+    )
 
 
 def _opened(path: Path) -> Any:
@@ -58,9 +60,9 @@ def _opened(path: Path) -> Any:
     return file
 
 
-def _listed(file: Any) -> tuple[list[_Place], list[Channel], int]:
+def _listed(file: Any) -> tuple[list[_Place], list[FileChannel], int]:
     places: list[_Place] = []
-    channels: list[Channel] = []
+    channels: list[FileChannel] = []
     declared = 0
     for number, group in enumerate(file.groups):
         cycles = int(group.channel_group.cycles_nr)
@@ -75,13 +77,13 @@ def _listed(file: Any) -> tuple[list[_Place], list[Channel], int]:
             numeric = one.data_type in _NUMBERS and changed not in _TEXTS
             unit = str(one.unit or (one.conversion.unit if one.conversion is not None else "") or "")
             places.append(_Place(number, i, i == master))
-            channels.append(Channel(str(one.name), unit, (number, i), clock, numeric))
+            channels.append(FileChannel(str(one.name), unit, (number, i), clock, numeric))
         declared += 8 * cycles * len(order)
     return places, channels, declared
 
 
 def _read(
-    path: Path, places: Sequence[_Place], channels: Sequence[Channel], wanted: Sequence[int], rows: Rows
+    path: Path, places: Sequence[_Place], channels: Sequence[FileChannel], wanted: Sequence[int], rows: Rows
 ) -> list[np.ndarray]:
     file = _opened(path)
     try:

@@ -10,10 +10,10 @@ import numpy as np
 from ..recording import RecordingError
 from .arrays import Leaf, array_parts, array_source, total_bytes
 from .sizes import check_size
-from .source import Channel, Source, add_format
+from .source import FileChannel, FileContent, add_format
 
 
-def read_npy(path: Path) -> Source:
+def read_npy(path: Path) -> FileContent:
     """The channels of a .npy file: an index along each axis but the longest, which is time.
 
     In a two-dimensional array the index of a column is that of the channel; in a higher one it is a tuple, in
@@ -30,7 +30,7 @@ def read_npy(path: Path) -> Source:
     return _source(path, "npy", {"": Leaf(array.shape, lambda: array)})
 
 
-def read_npz(path: Path) -> Source:
+def read_npz(path: Path) -> FileContent:
     """The channels of a .npz file; one of a two-dimensional array is ("name", 3), the fourth column.
 
     Raises:
@@ -57,7 +57,7 @@ def read_npz(path: Path) -> Source:
     return _source(path, "npz", leaves)
 
 
-def _source(path: Path, reader: str, leaves: dict[str, Leaf]) -> Source:
+def _source(path: Path, reader: str, leaves: dict[str, Leaf]) -> FileContent:
     check_size(path, total_bytes(leaves.values()))
     channels = []
     for name, leaf in leaves.items():
@@ -65,7 +65,7 @@ def _source(path: Path, reader: str, leaves: dict[str, Leaf]) -> Source:
             raise RecordingError(f"the array {name!r} of the shape {leaf.shape} holds no samples")
         for part in array_parts(name, leaf.shape):
             label = name if name and part.alone else f"{name}[{', '.join(part.subscripts)}]"
-            channels.append((part, Channel(label, key=(name, *part.others) if name else part.others)))
+            channels.append((part, FileChannel(label, key=(name, *part.others) if name else part.others)))
     return array_source(reader, leaves, channels)
 
 

@@ -7,12 +7,12 @@ from pathlib import Path
 from .. import registry
 from .csv import read_csv
 from .headers import named_unit
-from .source import Source
+from .source import FileContent
 
 
 def source_of(
     path: Path, kind: str, delimiter: str | None = None, decimal: str | None = None, skip: int = 0
-) -> Source:
+) -> FileContent:
     """The channels of a file of that format, with the units that their names say; see `find_layout` for the
     arguments of text.
 

@@ -13,7 +13,7 @@ from ..recording.conversion import to_si_unit
 from ..units import QuantityError
 from .formats import find_format
 from .opening import source_of
-from .source import Channel, Rows, is_clock
+from .source import FileChannel, Rows, is_clock
 
 SHOWN = 8  # values of a column
 MOST_COLUMNS = 200
@@ -68,7 +68,7 @@ def _as_of_an_actuator(columns: list[dict[str, Any]]) -> None:
         drive["guess"], moved["guess"] = "drive_voltage", "end_effector_position"
 
 
-def _described(i: int, channel: Channel, values: np.ndarray | None) -> dict[str, Any]:
+def _described(i: int, channel: FileChannel, values: np.ndarray | None) -> dict[str, Any]:
     found: dict[str, Any] = {
         "index": i, "name": channel.shown, "numeric": channel.numeric, "unit": channel.unit, "guess": "",
         "guessed_unit": "", "first": [], "low": None, "high": None,
@@ -88,7 +88,7 @@ def _described(i: int, channel: Channel, values: np.ndarray | None) -> dict[str,
     return found
 
 
-def _meaning(channel: Channel) -> str:
+def _meaning(channel: FileChannel) -> str:
     text = re.sub(r"[_\W]+", " ", channel.name.lower()).strip()
     whole = text.replace(" ", "_")
     if whole in STANDARD_NAMES:

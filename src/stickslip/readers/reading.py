@@ -19,12 +19,12 @@ import xarray as xr
 
 from .. import registry
 from ..recording import STANDARD_NAMES, RecordingError, make_recording, open_recording
-from ..units import to_si
+from ..units import optional_si, to_si
 from .clocks import Clocked, complete_samples, onto_one_clock, without_empty_end
 from .formats import find_format
 from .opening import source_of
 from .selection import Selection, Variable, select
-from .source import Column, Rows, Source
+from .source import Column, FileContent, Rows
 from .unlikely import refuse_unlikely
 
 # No recording runs for three years: a clock beyond this counts from 1970.
@@ -81,6 +81,7 @@ def read_recording(
     path = Path(path)
     text_options = delimiter is not None or decimal is not None or skip != 0
     with _named(path):
+        rate, start_time = _rate(sample_rate), optional_si(start_time, "s", "start_time")
         _check_arguments(columns=columns, units=units, clocks=clocks, missing=missing, skip=skip)
         kind = _kind(path, reader)
         if kind != "text" and text_options:
@@ -95,7 +96,6 @@ def read_recording(
         return open_recording(path)
     with _named(path):
         source = source_of(path, kind, delimiter, decimal, skip)
-        rate = _rate(sample_rate)
         chosen = select(source.channels, columns or {}, units or {}, clocks or {}, equally_spaced=rate > 0)
         window = _window(rows)
         groups = _load(source, chosen, window, rate)
@@ -169,7 +169,7 @@ def _window(rows: tuple[int, int | None]) -> Rows:
     return window
 
 
-def _load(source: Source, chosen: Selection, window: Rows, rate: float) -> list[Clocked]:
+def _load(source: FileContent, chosen: Selection, window: Rows, rate: float) -> list[Clocked]:
     """The variables in SI, by clock, the common clock first."""
     wanted = [v for v in (*chosen.clocks.values(), *chosen.variables) if v is not None]
     channels = list(dict.fromkeys(v.channel for v in wanted))
@@ -197,7 +197,11 @@ def _load(source: Source, chosen: Selection, window: Rows, rate: float) -> list[
 
 
 def _on_one_clock(
-    source: Source, chosen: Selection, groups: list[Clocked], missing: Literal["error", "drop"], window: Rows
+    source: FileContent,
+    chosen: Selection,
+    groups: list[Clocked],
+    missing: Literal["error", "drop"],
+    window: Rows,
 ) -> tuple[Clocked, list[str]]:
     """All variables at common times, and what was done to them, step by step."""
     labels = {v.name: v.label for v in chosen.variables}
@@ -217,13 +221,13 @@ def _on_one_clock(
     return onto_one_clock(common, others), steps
 
 
-def _from_start(time: np.ndarray, start_time: float | str | None) -> tuple[np.ndarray, str]:
+def _from_start(time: np.ndarray, start_time: float | None) -> tuple[np.ndarray, str]:
     """The time, shifted to its start, and the date of time zero if the clock has one."""
     first = float(time[0])
     dated = first >= _SINCE_1970
     if start_time is None and not dated:
         return time, ""
-    start = 0.0 if start_time is None else to_si(start_time, "s", "start_time")
+    start = start_time or 0.0
     if first > _LAST_DATE:
         raise RecordingError(
             f"time starts at {first:.4g} s; say units={{'time': ...}} if it is in ms, us or ns"

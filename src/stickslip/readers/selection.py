@@ -9,7 +9,7 @@ from typing import NamedTuple
 from ..recording import STANDARD_NAMES, RecordingError
 from ..recording.conversion import Conversion, is_unit, to_si_scale, to_si_unit
 from ..units import QuantityError, turned
-from .source import Channel, Column, find_channel, is_clock, listing
+from .source import Column, FileChannel, find_channel, is_clock, listing
 
 
 class Variable(NamedTuple):
@@ -17,7 +17,7 @@ class Variable(NamedTuple):
 
     name: str
     channel: int
-    column: Channel
+    column: FileChannel
     unit: str  # of the file; "" if nobody says it
     conversion: Conversion
     clock: int | None  # the channel of its time; None: equally spaced
@@ -36,7 +36,7 @@ class Selection(NamedTuple):
 
 
 def select(
-    channels: Sequence[Channel],
+    channels: Sequence[FileChannel],
     columns: Mapping[str, Column],
     units: Mapping[str, str],
     clocks: Mapping[str, Column],
@@ -75,7 +75,12 @@ def select(
 
 
 def _variable(
-    channels: Sequence[Channel], i: int, name: str, unit: str | None, clock: int | None, standard: str | None
+    channels: Sequence[FileChannel],
+    i: int,
+    name: str,
+    unit: str | None,
+    clock: int | None,
+    standard: str | None,
 ) -> Variable:
     """A channel as a variable. `unit` is the user's word, `standard` the SI unit that it must be in."""
     column = channels[i]
@@ -107,12 +112,12 @@ def _scale(said: str, own: str) -> Conversion:
     return Conversion(quantity, made.factor * volts.factor, 0.0)
 
 
-def in_seconds(channel: Channel) -> bool:
+def in_seconds(channel: FileChannel) -> bool:
     """Whether a channel is in a unit of time."""
     return is_unit(channel.unit) and to_si_unit(channel.unit).unit == "s"
 
 
-def _all(channels: Sequence[Channel]) -> dict[str, int]:
+def _all(channels: Sequence[FileChannel]) -> dict[str, int]:
     """Every channel that is no clock and holds numbers, by a name made from that in the file."""
     result: dict[str, int] = {}
     for i, channel in enumerate(channels):
@@ -124,7 +129,7 @@ def _all(channels: Sequence[Channel]) -> dict[str, int]:
 
 
 def _common_clock(
-    channels: Sequence[Channel],
+    channels: Sequence[FileChannel],
     columns: Mapping[str, Column],
     named: Mapping[str, int],
     own_clocks: Mapping[str, int],

@@ -27,7 +27,7 @@ class Rows(NamedTuple):
     stop: int | None = None
 
 
-class Channel(NamedTuple):
+class FileChannel(NamedTuple):
     """One signal of a file."""
 
     name: str  # in the file
@@ -43,11 +43,11 @@ class Channel(NamedTuple):
         return self.header or self.name
 
 
-class Source(NamedTuple):
+class FileContent(NamedTuple):
     """A file's channels, and how to read some of them, float64 and in the file's units, in one pass."""
 
     reader: str
-    channels: tuple[Channel, ...]
+    channels: tuple[FileChannel, ...]
     read: Callable[[Sequence[int], Rows], list[np.ndarray]]
     place: Callable[[int], str] = "sample {}".format  # where a sample stands in the file, for errors
 
@@ -59,11 +59,11 @@ class Format(NamedTuple):
     name: str
     endings: tuple[str, ...]
     recognises: Callable[[bytes, str], bool]
-    read: Callable[[Path], Source]
+    read: Callable[[Path], FileContent]
 
 
 def add_format(
-    read: Callable[[Path], Source],
+    read: Callable[[Path], FileContent],
     name: str,
     endings: Sequence[str],
     recognises: Callable[[bytes, str], bool] | None = None,
@@ -87,12 +87,12 @@ _TIME = re.compile(
 )
 
 
-def is_clock(channel: Channel) -> bool:
+def is_clock(channel: FileChannel) -> bool:
     """Whether a channel is called like a time."""
     return _TIME.fullmatch(channel.name.strip().lower()) is not None
 
 
-def find_channel(channels: Sequence[Channel], column: Column) -> int:
+def find_channel(channels: Sequence[FileChannel], column: Column) -> int:
     """The index of the channel that `column` points at.
 
     Raises:
@@ -110,7 +110,7 @@ def find_channel(channels: Sequence[Channel], column: Column) -> int:
     raise RecordingError(f"{problem} {column!r}; the file has {listing(channels)}")
 
 
-def listing(channels: Sequence[Channel], most: int = 20) -> str:
+def listing(channels: Sequence[FileChannel], most: int = 20) -> str:
     """The channels by index and name, for errors."""
     shown = ", ".join(f"{i}: {channel.shown!r}" for i, channel in enumerate(channels[:most]))
     return shown + (f", ... ({len(channels)} in all)" if len(channels) > most else "")

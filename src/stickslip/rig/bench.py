@@ -29,6 +29,7 @@ from ..electronics import (
 )
 from ..parameters import Entry, ParameterSetError, build, read_entries
 from ..records import did_you_mean
+from ..units import to_si
 
 T = TypeVar("T")
 
@@ -63,6 +64,11 @@ class Bench:
     anti_alias: Filter
     sensors: dict[str, Mounted]
     assumptions: dict[str, str]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "sample_rate", to_si(self.sample_rate, "Hz", "sample_rate"))
+        capacitance = to_si(self.piezo_capacitance, "F", "piezo_capacitance")
+        object.__setattr__(self, "piezo_capacitance", capacitance)
 
     def replace(self, **changes: Any) -> Bench:
         """The same bench with some fields changed."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,6 +14,7 @@ import xarray as xr
 
 from ..calibration import CalibrationError
 from ..calibration.applying import calibration_chain
+from ..progress import Progress, unheard, within
 from ..recording import STANDARD_NAMES, save_recording
 from ..records import did_you_mean
 from ..units import QuantityError, with_prefix
@@ -50,7 +51,7 @@ def measure(
     title: str = "",
     notes: str = "",
     attributes: Mapping[str, Any] | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress = unheard,
     home: Home | None = None,
     save: Path | None = None,
 ) -> xr.Dataset:
@@ -66,7 +67,7 @@ def measure(
         capture: length, interval, trigger, averaging.
         limits: what the output may not pass.
         title, notes, attributes: kept with the recording.
-        progress: called with the part done, from 0 to 1.
+        progress: called with each block that comes; see `progress`.
         home: where positions count from; by default where the end-effector was when this rig was first used.
             A `HostedRig` has a home of its own.
         save: the file to save the recording to, NAME.nc. Room for it is taken before the first volt, and the
@@ -96,7 +97,8 @@ def measure(
         for run in range(int(capture.average)):
             if samples is not None and run:
                 samples.restart()
-            raw, failure = _run(rig, plan, making, home, samples, partial(_tell, progress, run, capture))
+            part = partial(within, progress, run / capture.average, 1.0 / capture.average)
+            raw, failure = _run(rig, plan, making, home, samples, part)
             if failure is None:
                 try:
                     for name, values in making.values(raw).items():
@@ -145,11 +147,6 @@ def _why(failure: BaseException) -> str:
     return str(failure) or {"KeyboardInterrupt": "interrupted"}.get(
         type(failure).__name__, type(failure).__name__
     )
-
-
-def _tell(progress: Callable[[float], None] | None, run: int, capture: Capture, part: float) -> None:
-    if progress is not None:
-        progress((run + part) / capture.average)
 
 
 def plan_run(
@@ -268,7 +265,7 @@ def _run(
     making: Making,
     home: Home,
     samples: Samples | None,
-    progress: Callable[[float], None],
+    progress: Progress,
 ) -> tuple[Array, BaseException | None]:
     """One run: the raw samples [inputs, n], and what ended it before all of them were there, if anything
     did."""
@@ -283,7 +280,7 @@ def _run(
     blocks, done, failure = [np.zeros((len(making.inputs), 0))], 0, None
     try:
         if isinstance(rig, HostedRig):
-            rig.waiting = partial(progress, 0.0)
+            rig.waiting = partial(progress, "recording", 0.0)
         gate.start()
         while done < plan.samples:
             block = rig.fetch()
@@ -292,7 +289,7 @@ def _run(
                 samples.add(block)
             gate.take(block)
             done += block.shape[1]
-            progress(done / plan.samples)
+            progress("recording", done / plan.samples)
     except BaseException as error:
         failure = error
     try:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from .. import registry
+from ..units import to_si
 from .protocols import Array, Capabilities, RigError
 
 
@@ -23,7 +24,8 @@ class ScpiRig:
         RigError: PyVISA is not installed, or nobody answers there.
     """
 
-    def __init__(self, resource: str, *, timeout: float = 10.0, backend: str = "@py") -> None:
+    def __init__(self, resource: str, *, timeout: float | str = 10.0, backend: str = "@py") -> None:
+        timeout = to_si(timeout, "s", "timeout")
         try:
             import pyvisa
         except ModuleNotFoundError:

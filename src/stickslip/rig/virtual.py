@@ -12,8 +12,8 @@ from .. import registry
 from ..actuator import Actuator
 from ..electronics import adc_output, amplifier_output, dac_output, filtered
 from ..simulation.models import SLIDER, STAGE
-from ..simulation.trajectory import COMPLETE, follow
-from ..units import QuantityError
+from ..simulation.trajectory import COMPLETE, follow_model
+from ..units import QuantityError, to_si
 from ..waveform.sampled import Sampled
 from .bench import Bench, Mounted
 from .limits import LONGEST_STOP
@@ -52,8 +52,9 @@ class VirtualRig:
         seed: int = 0,
         repeats: Repeats = EXACT,
         real_time: bool = False,
-        tolerance: float = 1e-9,
+        tolerance: float | str = 1e-9,
     ) -> None:
+        tolerance = to_si(tolerance, "m", "tolerance")
         for value, kind in ((actuator, Actuator), (bench, Bench)):
             if not isinstance(value, kind):
                 raise QuantityError(
@@ -182,7 +183,7 @@ class VirtualRig:
         times, volts = amplifier_output(
             bench.amplifier, codes, bench.dac.update_rate, bench.piezo_capacitance
         )
-        moved = follow(
+        moved = follow_model(
             self._repeats.actuator(self.actuator, self._runs),
             Sampled(times, volts),
             np.arange(OVERSAMPLING * self._samples) / rate,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -12,9 +12,10 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from ..actuator import Actuator
+from ..progress import Progress, unheard
 from ..solve.outcome import DONE, STEP_TOO_SMALL, TOO_MANY_STEPS
 from ..solve.periods import integrate_members
-from ..units import QuantityError, to_si
+from ..units import QuantityError, optional_si, to_si
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
 from .errors import SimulationWarning
@@ -61,14 +62,14 @@ def simulate_ensemble(
     duration: float | str | None = None,
     *,
     parameters: Mapping[str, ArrayLike],
-    sample_rate: float | None = None,
+    sample_rate: float | str | None = None,
     times: ArrayLike | None = None,
     tolerance: float | str = 1e-9,
     load: Waveform | float = 1.0,
     max_steps: int = 2_000_000,
     threads: int | None = None,
     engine: Literal["cpu", "cuda"] = "cpu",
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress = unheard,
 ) -> xr.Dataset:
     """Simulate many members of a model and its drive signal, from rest, on all processors.
 
@@ -77,8 +78,8 @@ def simulate_ensemble(
         waveform: the drive, V.
         duration: s; left out, that of the waveform, if it ends (of each member's own, where no samples are
             asked for).
-        parameters: one array per name, all [members], SI. Names are the fields of the law, of the actuator
-            and of the waveform ("amplitude", "frequency"; "value_3" and "time_2" of a list),
+        parameters: one array per name, all [members], in SI or as strings. Names are the fields of the law,
+            of the actuator and of the waveform ("amplitude", "frequency"; "value_3" and "time_2" of a list),
             "stiction_ratio", "breakaway_share" (see `identify_friction`), "drive_scale" (a factor on the
             waveform), and "load" (the normal force over its reference). Stiction and breakaway deflection
             that are not among them keep their ratio to Coulomb friction.
@@ -91,7 +92,7 @@ def simulate_ensemble(
         engine: "cuda" runs the same steps on a GPU, a thread for each member (extra ``stickslip[cuda]``);
             where it cannot (no GPU, trajectories wanted, a law with other than one internal state), the
             processors do it, with a `SimulationWarning` that says why.
-        progress: called with the members done and all members, after each block.
+        progress: called after each block of members with what is being done and the share that is.
 
     Returns:
         Dataset over "member" with the parameters, net_displacement (m, up to the time reached), status
@@ -102,14 +103,16 @@ def simulate_ensemble(
     Raises:
         QuantityError: an unknown name, arrays of different length, or see `simulate`.
     """
+    tolerance = to_si(tolerance, "m", "tolerance")
+    duration = optional_si(duration, "s", "duration")
+    sample_rate = optional_si(sample_rate, "Hz", "sample_rate")
     varied = checked_columns(model, waveform, parameters)
     count = next(iter(varied.values())).size
     wanted = np.zeros(0)
     if times is not None or sample_rate is not None:
         wanted = sample_times(waveform, duration, sample_rate or 1e3, times)
         duration = float(wanted[-1])
-    tolerance = to_si(tolerance, "m", "tolerance")
-    end = waveform.duration if duration is None else to_si(duration, "s", "duration")
+    end = waveform.duration if duration is None else duration
     if not (math.isfinite(end) and end > 0.0):
         raise QuantityError(f"duration = {end} s must be finite and > 0 s")
     if not tolerance > 0.0:
@@ -141,8 +144,7 @@ def simulate_ensemble(
         for all_of_them, some in zip(found[:-1], block[:-1], strict=True):
             all_of_them[part] = some
         found.reasons.extend(block.reasons)
-        if progress is not None:
-            progress(part.stop, count)
+        progress("simulating", part.stop / count)
     off = int(np.sum((found.status == DONE) & ~(found.error <= tolerance)))
     if off:
         warnings.warn(

@@ -14,14 +14,14 @@ from numpy.typing import ArrayLike, NDArray
 from ..actuator import Actuator
 from ..plant.generated import with_values as plant_with
 from ..plant.system import Plant, values_of
-from ..records import did_you_mean, quantities
-from ..units import QuantityError
+from ..records import Quantity, did_you_mean, quantities
+from ..units import QuantityError, to_si
 from ..waveform.drive import Drive
 from ..waveform.members import Drives, stacked
 from ..waveform.members import common as common_drive
 from ..waveform.signal import Waveform
 from .models import System, contact_load, out_of_range, refuse_jumps
-from .varied import changed_fields, free_names, waveform_field, waveform_names, with_values
+from .varied import changed_fields, element_of, free_names, waveform_field, waveform_names, with_values
 
 T = TypeVar("T")
 Columns = Mapping[str, NDArray[np.float64]]
@@ -70,7 +70,7 @@ def checked_columns(
             raise QuantityError(
                 f"{name!r} cannot vary: it may be the field of {type(waveform).__name__} or that of the model"
             )
-        columns[name] = np.atleast_1d(np.asarray(values, dtype=float))
+        columns[name] = _column(values, _quantity(model, waveform, name), name)
         if columns[name].ndim != 1 or columns[name].size == 0:
             raise QuantityError(f"{name} must be a list of values, one per member")
     sizes = {name: column.size for name, column in columns.items()}
@@ -79,16 +79,29 @@ def checked_columns(
     return columns
 
 
+def _quantity(model: Actuator, waveform: Waveform, name: str) -> Quantity | None:
+    """What the name of a parameter means; None for a ratio or a factor."""
+    if name in waveform_names(waveform):
+        quantity = quantities(type(waveform))[waveform_field(waveform, name)[0]]
+        return quantity._replace(unit=quantity.unit.replace("V", waveform.unit))
+    element = element_of(model.friction, name)
+    field = element[0] if element else name
+    return (quantities(type(model)) | quantities(type(model.friction))).get(field)
+
+
+def _column(values: ArrayLike, quantity: Quantity | None, name: str) -> NDArray[np.float64]:
+    """Values of one parameter; strings have their units."""
+    given = np.atleast_1d(np.asarray(values))
+    if given.dtype.kind in "UO":
+        return np.array([to_si(value, quantity.unit if quantity else "", name) for value in given.tolist()])
+    return given.astype(float)
+
+
 def labelled(model: Actuator, waveform: Waveform, columns: Columns) -> dict[str, Any]:
     """The columns as variables over "member"."""
-    known = quantities(type(model)) | quantities(type(model.friction))
-    of_waveform = waveform_columns(waveform, columns)
     made = {}
     for name, column in columns.items():
-        quantity = known.get(name)
-        if name in of_waveform:
-            quantity = quantities(type(waveform))[waveform_field(waveform, name)[0]]
-            quantity = quantity._replace(unit=quantity.unit.replace("V", waveform.unit))
+        quantity = _quantity(model, waveform, name)
         about = {"units": quantity.unit, "long_name": quantity.meaning} if quantity else {}
         made[name] = ("member", column, about)
     return made

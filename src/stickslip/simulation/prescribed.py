@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from ..friction import elements, is_law
 from ..recording import make_recording
-from ..solve.prescribed import follow
-from ..units import QuantityError
+from ..solve.prescribed import follow_position
+from ..units import QuantityError, to_si
 from .errors import SimulationError
 from .models import strained
 
@@ -22,10 +22,10 @@ def friction_response(
     position: ArrayLike,
     *,
     normal_force: ArrayLike | None = None,
-    reference_normal_force: float = 1.0,
+    reference_normal_force: float | str = 1.0,
     proportional: bool = False,
-    initial_force: float = 0.0,
-    tolerance: float = 1e-10,
+    initial_force: float | str = 0.0,
+    tolerance: float | str = 1e-10,
 ) -> xr.Dataset:
     """The force of a friction law under a prescribed motion (a tribometer).
 
@@ -52,6 +52,9 @@ def friction_response(
     Raises:
         QuantityError: arrays of different length, times not ascending, no law.
     """
+    reference = to_si(reference_normal_force, "N", "reference_normal_force")
+    initial_force = to_si(initial_force, "N", "initial_force")
+    tolerance = to_si(tolerance, "m", "tolerance")
     if not is_law(law):
         raise QuantityError(f"{law!r} is no friction law")
     t, x = (np.ascontiguousarray(a, dtype=float) for a in (time, position))
@@ -59,14 +62,14 @@ def friction_response(
         raise QuantityError("time [s] and position [m] must be of one length, at least 2, and time ascending")
     ratio = np.ones(t.size)
     if normal_force is not None:
-        ratio = np.ascontiguousarray(normal_force, dtype=float) / reference_normal_force
+        ratio = np.ascontiguousarray(normal_force, dtype=float) / reference
         if ratio.shape != t.shape:
             raise QuantityError("normal_force [N] must have one value per time")
     z = np.zeros(max(elements(law), 1))
     if initial_force != 0.0 and elements(law) > 0 and ratio[0] > 0.0:
         z[:] = strained(law, initial_force / ratio[0])
     samples = np.full((t.size, 1 + z.size), np.nan)
-    reached = follow(law, t, x, ratio, z, float(tolerance), proportional, samples)
+    reached = follow_position(law, t, x, ratio, z, tolerance, proportional, samples)
     if reached < t.size:
         raise SimulationError(f"the friction law could not be followed from t = {t[reached - 1]:.6g} s on")
     variables: dict[str, Any] = {"position": x, "friction_force": samples[:, 0]}

@@ -16,7 +16,7 @@ from ..records import did_you_mean, quantities
 from ..solve.neighbours import neighbours
 from ..solve.outcome import DONE
 from ..solve.periods import LOG_ROWS, integrate_near
-from ..units import QuantityError, to_si
+from ..units import QuantityError, optional_si, to_si
 from ..waveform.drive import Drive, constant
 from ..waveform.members import Drives, stacked
 from ..waveform.signal import Waveform
@@ -239,13 +239,14 @@ def sensitivities(
             change of a field, or see `simulate`.
         SimulationError: the motion could not be followed to the end.
     """
+    tolerance, sample_rate = to_si(tolerance, "m", "tolerance"), to_si(sample_rate, "Hz", "sample_rate")
+    duration = optional_si(duration, "s", "duration")
     wanted = sample_times(waveform, duration, sample_rate, times)
     end = float(wanted[-1])
     drive = checked_drive(model, waveform, end, periodic=False)
     contact = contact_load(load, end)
     state = contact.rest(contact.system(model), drive.before)
     of = moved(model, parameters, state, drive.before, contact, waveform, end)
-    tolerance = to_si(tolerance, "m", "tolerance")
     samples, by, _ = follow_moved(of, drive, state, wanted, tolerance, load=contact.table)
     return xr.Dataset(
         {
@@ -273,7 +274,7 @@ def steady_step_derivatives(
     waveform: Waveform,
     *,
     parameters: Sequence[str],
-    tolerance: float = 1e-10,
+    tolerance: float | str = 1e-10,
     load: Waveform | float = 1.0,
 ) -> dict[str, float]:
     """Derivatives of `steady_step` by parameters, m per unit of the parameter.
@@ -286,6 +287,7 @@ def steady_step_derivatives(
     """
     if set(parameters) & set(INITIAL):
         raise QuantityError("the steady step does not depend on the initial state")
+    tolerance = to_si(tolerance, "m", "tolerance")
     orbit = steady_orbit(model, waveform, tolerance=tolerance, load=load)
     period, drive = periodic_drive(model, waveform)
     state = orbit.state.copy()

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..actuator import Actuator
 from ..solve.periodic import Orbit, find_orbit
-from ..units import QuantityError, with_prefix
+from ..units import QuantityError, to_si, with_prefix
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
 from .errors import NotPeriodicError, SimulationError, SimulationWarning
@@ -24,7 +24,7 @@ STABLE = 1.0 + 1e-6
 
 
 def steady_orbit(
-    model: Actuator, waveform: Waveform, *, tolerance: float = 1e-10, load: Waveform | float = 1.0
+    model: Actuator, waveform: Waveform, *, tolerance: float | str = 1e-10, load: Waveform | float = 1.0
 ) -> Orbit:
     """The periodic motion under a periodic drive, with its multipliers; see `solve.periodic`.
 
@@ -37,14 +37,13 @@ def steady_orbit(
         QuantityError: the waveform has no period, or see `simulate`.
         SimulationError: the motion could not be followed over one period.
     """
+    tolerance = to_si(tolerance, "m", "tolerance")
     period, table = periodic_drive(model, waveform)
     contact = contact_load(load, period)
     of = contact.system(model)
     start = contact.rest(of, table.before)
     try:
-        return find_orbit(
-            of.plant, of.slider, table, contact.drive, start, period, float(tolerance), MAX_PERIODS
-        )
+        return find_orbit(of.plant, of.slider, table, contact.drive, start, period, tolerance, MAX_PERIODS)
     except FloatingPointError as error:
         raise SimulationError(f"no steady stepping: {error}") from error
 
@@ -92,7 +91,7 @@ def unstable(largest: float) -> str:
 
 
 def steady_step(
-    model: Actuator, waveform: Waveform, *, tolerance: float = 1e-10, load: Waveform | float = 1.0
+    model: Actuator, waveform: Waveform, *, tolerance: float | str = 1e-10, load: Waveform | float = 1.0
 ) -> float:
     """Net displacement of the end-effector per period once the motion is periodic, m; negative when it walks
     back.
@@ -104,6 +103,7 @@ def steady_step(
         NotPeriodicError: no orbit of the drive's period was found, or it is unstable.
         QuantityError: see `steady_orbit`.
     """
+    tolerance = to_si(tolerance, "m", "tolerance")
     orbit = steady_orbit(model, waveform, tolerance=tolerance, load=load)
     largest = float(np.max(np.abs(orbit.multipliers), initial=0.0))
     if not orbit.converged:

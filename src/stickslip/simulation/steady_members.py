@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,6 +11,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from ..actuator import Actuator
+from ..progress import Progress, unheard
 from ..solve.outcome import DONE
 from ..solve.periodic import NOT_FOUND, Found, has_neighbours, orbits, room_for
 from ..units import QuantityError, to_si
@@ -50,7 +51,7 @@ def steady_steps(
     tolerance: float | str = 1e-10,
     load: Waveform | float = 1.0,
     threads: int | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress = unheard,
 ) -> xr.Dataset:
     """`steady_step` of many members of a model and its drive signal, on all processors.
 
@@ -61,7 +62,7 @@ def steady_steps(
         tolerance: m, on the net step.
         load: normal force over its reference, for all members.
         threads: how many; all processors if left out.
-        progress: called with the members done and all members, after each block.
+        progress: called after each block of members with what is being done and the share that is.
 
     Returns:
         Dataset over "member" with the parameters, net_step (m per period; NaN where there is none),
@@ -71,9 +72,9 @@ def steady_steps(
     Raises:
         QuantityError: an unknown name, arrays of different length, or see `steady_orbit`.
     """
+    tolerance = to_si(tolerance, "m", "tolerance")
     period, waveform = period_of(waveform), endless(waveform)
     columns = checked_columns(model, waveform, parameters)
-    tolerance = to_si(tolerance, "m", "tolerance")
     if not tolerance > 0.0:
         raise QuantityError(f"tolerance = {tolerance} m must be > 0 m")
     contact_load(load, period)  # what is wrong with it is said at once
@@ -84,8 +85,7 @@ def steady_steps(
     count, blocks = next(iter(columns.values())).size, []
     for start, block in in_blocks(lambda part: _block(task, part), columns, size, threads):
         blocks.append(block)
-        if progress is not None:
-            progress(start + block.status.size, count)
+        progress("solving for periodic motion", (start + block.status.size) / count)
     made = _dataset(model, waveform, columns, blocks)
     off = int(np.sum((made["status"] == CONVERGED) & ~(made["error_estimate"] <= tolerance)))
     if off:

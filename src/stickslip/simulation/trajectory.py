@@ -17,7 +17,7 @@ from ..solve.log import TERMS
 from ..solve.outcome import DONE, STEP_TOO_SMALL
 from ..solve.periods import integrate
 from ..solve.resume import row_size
-from ..units import QuantityError, to_si, with_prefix
+from ..units import QuantityError, optional_si, to_si, with_prefix
 from ..waveform.drive import Drive, evaluate
 from ..waveform.signal import Waveform
 from .errors import SimulationError, SimulationWarning
@@ -75,9 +75,10 @@ def simulate(
         QuantityError: a drive outside the actuator's voltage range, wrong unit, bad times, tolerance or rate.
         SimulationError: not even two samples could be computed.
     """
-    tolerance = to_si(tolerance, "m", "tolerance")
+    tolerance, sample_rate = to_si(tolerance, "m", "tolerance"), to_si(sample_rate, "Hz", "sample_rate")
+    duration = optional_si(duration, "s", "duration")
     begin = final_state(initial_state) if isinstance(initial_state, xr.Dataset) else initial_state
-    found = follow(
+    found = follow_model(
         model,
         waveform,
         sample_times(waveform, duration, sample_rate, times, begin.time if begin else 0.0),
@@ -206,7 +207,7 @@ class _Task(NamedTuple):
         return Followed(times, samples, work, start, self.drive, text, *counts)
 
 
-def follow(
+def follow_model(
     model: Actuator | PulledSlider,
     waveform: Waveform,
     times: NDArray[np.float64],
@@ -260,8 +261,8 @@ def _final(run: Followed, by: str) -> State:
 
 def sample_times(
     waveform: Waveform,
-    duration: float | str | None,
-    sample_rate: float | str,
+    duration: float | None,
+    sample_rate: float,
     times: ArrayLike | None,
     start: float = 0.0,
 ) -> NDArray[np.float64]:
@@ -276,8 +277,7 @@ def sample_times(
             raise QuantityError("times [s] must be at least two numbers, ascending, from 0 s or later")
         return made
     refuse_no_waveform(waveform)
-    duration = waveform.duration - start if duration is None else to_si(duration, "s", "duration")
-    sample_rate = to_si(sample_rate, "Hz", "sample_rate")
+    duration = waveform.duration - start if duration is None else duration
     if not (math.isfinite(duration) and duration > 0.0):
         raise QuantityError(
             f"duration = {duration} s must be finite and > 0 s (this drive has no end of its own)"

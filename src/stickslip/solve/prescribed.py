@@ -48,7 +48,7 @@ def advance(one, v, z, duration, tolerance, before, after):
 
 
 @kernel
-def follow(law, time, position, load, z, tolerance, proportional, samples):
+def follow_position(law, time, position, load, z, tolerance, proportional, samples):
     """The force of a law at each sample of a motion.
 
     Args:

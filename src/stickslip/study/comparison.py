@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -16,6 +16,7 @@ from ..figures.style import svg
 from ..identify.candidates import Candidate, Comparison
 from ..identify.walk.compare import compare_walks, walk_candidates
 from ..input_file import InputFileError
+from ..progress import Progress
 from ..records import did_you_mean
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..units import QuantityError, near_one
@@ -40,7 +41,7 @@ class ComparisonStudy(WalkFile):
         named(walk_candidates(1.0, 1.0, 1.0), laws, "")
         return laws
 
-    def run(self, folder: Path, progress: Callable[[str, float], None]) -> Document:
+    def run(self, folder: Path, progress: Progress) -> Document:
         """Fit and judge."""
         model = self.actuator(folder)
         parts = read_parts(self.recordings, folder)
@@ -56,7 +57,7 @@ class ComparisonStudy(WalkFile):
             named(candidates_of(model), self.laws or True, "laws"),
             drive=[w for _, w in data["fit"]],
             unseen_drive=[w for _, w in data["verify"]],
-            progress=lambda label, i, count: progress(f"fitting {label}", (i - 1) / count),
+            progress=progress,
         )
         section = choice_section(found, sum(d.sizes["time"] for d, _ in data["fit"]), True)
         best = found.verifications[found.best]

@@ -18,7 +18,7 @@ from ..registry import own_path
 StudyError = InputFileError
 
 
-class Source(Strict):
+class SourceFile(Strict):
     """Where data come from: a `file`, relative to the identification file, or a file of a published
     `dataset`."""
 
@@ -34,7 +34,7 @@ class Source(Strict):
         return dataset_path(self.dataset, self.file) if self.dataset else folder / self.file
 
 
-class Recorded(Source):
+class RecordingFile(SourceFile):
     """A recording in a file: `columns` and `units` as for `read_recording`; `calibration` names those of a
     variable, in order, and `rename` calls it otherwise then; `start` and `end` cut a part of it out. `reader`
     is its format, where the content does not tell, or one of one's own, "my_reader.py:scope"."""
@@ -86,7 +86,7 @@ class Recorded(Source):
         return part.assign_attrs(title=self.label)
 
 
-def read_parts(recordings: Sequence[Recorded], folder: Path) -> dict[str, xr.Dataset]:
+def read_parts(recordings: Sequence[RecordingFile], folder: Path) -> dict[str, xr.Dataset]:
     """The recordings by label, in order; a file of which several are parts is read once.
 
     Raises:

@@ -3,7 +3,6 @@ drives."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -21,9 +20,10 @@ from ..identify.frequency.modal import identify_frequency, modal_response, stead
 from ..identify.frequency.response import frequency_response
 from ..input_file import Hertz, Strict
 from ..parameters import cite
+from ..progress import Progress
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import estimates, fit_numbers, parameter_table
-from .file import Source, Study, StudyError
+from .file import SourceFile, Study, StudyError
 
 _TWO_PI = 2.0 * np.pi
 
@@ -33,8 +33,8 @@ class Level(Strict):
 
     name: str
     amplitude: float
-    drive: Source
-    response: Source
+    drive: SourceFile
+    response: SourceFile
 
 
 class FrequencyStudy(Study):
@@ -60,7 +60,7 @@ class FrequencyStudy(Study):
     time_domain: list[str] = []  # noqa: RUF012  # pydantic copies it
     levels: list[Level]
 
-    def run(self, folder: Path, progress: Callable[[str, float], None]) -> Document:
+    def run(self, folder: Path, progress: Progress) -> Document:
         """Estimate, fit and verify at every level."""
         results = []
         for i, level in enumerate(self.levels):
@@ -108,7 +108,7 @@ class _Level(NamedTuple):
     in_time: Fit | None
 
 
-def _array(source: Source, folder: Path) -> NDArray[np.float64]:
+def _array(source: SourceFile, folder: Path) -> NDArray[np.float64]:
     path = source.path(folder)
     try:
         array = np.load(path, allow_pickle=False)

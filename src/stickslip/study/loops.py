@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -16,10 +15,11 @@ from ..identify.candidates import Candidate, Comparison
 from ..identify.loops.compare import compare_laws
 from ..input_file import Strict, quantity
 from ..parameters import cite
+from ..progress import Progress
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import fit_numbers, parameter_table
 from ..verification import verify
-from .file import Recorded, Study, StudyError, read_parts
+from .file import RecordingFile, Study, StudyError, read_parts
 
 
 class LawSpec(Strict):
@@ -53,9 +53,9 @@ class LoopStudy(Study):
     flip: bool = False
     marks: dict[str, float] = Field(default_factory=dict)
     laws: list[LawSpec]
-    recordings: list[Recorded]
+    recordings: list[RecordingFile]
 
-    def run(self, folder: Path, progress: Callable[[str, float], None]) -> Document:
+    def run(self, folder: Path, progress: Progress) -> Document:
         """Fit every law, verify it, and report the one that predicts best."""
         parts = read_parts(self.recordings, folder)
         data = {
@@ -69,7 +69,7 @@ class LoopStudy(Study):
             data["verify"],
             [spec.candidate(folder) for spec in self.laws],
             channel_free=(),
-            progress=lambda label, i, count: progress(f"fitting {label}", (i - 1) / count),
+            progress=progress,
             reference_normal_force=self.reference_normal_force,
         )
         return self._document(data, results)

@@ -3,7 +3,6 @@ others."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -11,15 +10,16 @@ import numpy as np
 
 from ..figures.events import event_prediction
 from ..figures.style import svg
-from ..identify.events.pulled import Rig, identify_pulled_slider, simulated_force, slider, slip_events
+from ..identify.events.pulled import PulledRig, identify_pulled_slider, simulated_force, slider, slip_events
 from ..input_file import quantity
 from ..parameters import cite
+from ..progress import Progress
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import estimates, parameter_table
-from .file import Recorded, Study, StudyError, read_parts
+from .file import RecordingFile, Study, StudyError, read_parts
 
 
-class PulledRecording(Recorded):
+class PulledRecording(RecordingFile):
     """A recording of the spring force over the weight (`force_ratio`), and how the slider was pulled."""
 
     stiffness: Annotated[float, quantity("N/m")]
@@ -34,7 +34,7 @@ class PulledStudy(Study):
     tied: dict[str, str] = {}  # noqa: RUF012  # pydantic copies it
     recordings: list[PulledRecording]
 
-    def run(self, folder: Path, progress: Callable[[str, float], None]) -> Document:
+    def run(self, folder: Path, progress: Progress) -> Document:
         """Fit and predict."""
         fitted = [r for r in self.recordings if r.use == "fit"]
         if len(fitted) != 1:
@@ -43,7 +43,9 @@ class PulledStudy(Study):
             )
         progress(f"fitting {fitted[0].label}", 0.0)
         parts = read_parts(self.recordings, folder)
-        data = {r.label: (parts[r.label], Rig(self.mass, r.stiffness, r.speed)) for r in self.recordings}
+        data = {
+            r.label: (parts[r.label], PulledRig(self.mass, r.stiffness, r.speed)) for r in self.recordings
+        }
         fit = identify_pulled_slider(*data[fitted[0].label], tied=self.tied)
         dynamic = fit.values["dynamic_coefficient"]
         static = dynamic + fit.values["stiction_excess"]

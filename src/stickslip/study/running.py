@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,6 +12,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 
 from ..input_file import explain, load_yaml
 from ..parameters import ParameterSetError
+from ..progress import Progress, unheard
 from ..recording import RecordingWarning
 from ..report import Document
 from ..units import QuantityError
@@ -24,9 +24,6 @@ from .pulled import PulledStudy
 from .verification import VerificationStudy
 from .walk import WalkStudy
 
-# What is called as the work goes on: what is being done, and how much of all is done, from 0 to 1.
-Progress = Callable[[str, float], None]
-
 _Any = Annotated[
     LoopStudy | FrequencyStudy | PulledStudy | VerificationStudy | WalkStudy | ComparisonStudy,
     Field(discriminator="kind"),
@@ -34,7 +31,7 @@ _Any = Annotated[
 _FILE: TypeAdapter[Any] = TypeAdapter(_Any)
 
 
-def run_file(path: str | os.PathLike[str], progress: Progress | None = None) -> Document:
+def run_file(path: str | os.PathLike[str], progress: Progress = unheard) -> Document:
     """Fit and verify as an identification file says; what had to be assumed about a recording is among the
     document's assumptions.
 
@@ -55,11 +52,11 @@ def run_file(path: str | os.PathLike[str], progress: Progress | None = None) -> 
         raise StudyError(f"{path}: {error}") from error
 
 
-def run_study(study: Any, folder: Path, progress: Progress | None = None) -> Document:
+def run_study(study: Any, folder: Path, progress: Progress = unheard) -> Document:
     """As `run_file`, of what an identification file says; other files are relative to the folder."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", RecordingWarning)
-        document = study.run(folder, progress or (lambda doing, done: None))
+        document = study.run(folder, progress)
     unseen = {str(w.message): w for w in caught if issubclass(w.category, RecordingWarning)}
     for w in (*unseen.values(), *(w for w in caught if not issubclass(w.category, RecordingWarning))):
         warnings.warn_explicit(w.message, w.category, w.filename, w.lineno)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -18,6 +18,7 @@ from ..figures.identification import fit_with_residuals
 from ..figures.style import svg
 from ..identify.walk.prediction import Predictor
 from ..input_file import Seconds, explain, load_yaml
+from ..progress import Progress
 from ..recording.drive import named_drive
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import chain_of, model_numbers, model_of
@@ -44,7 +45,7 @@ class VerificationStudy(Study):
     recordings: list[WalkRecording] = Field(min_length=1)
     require: list[str] = Field(default_factory=list)
 
-    def run(self, folder: Path, progress: Callable[[str, float], None]) -> Document:
+    def run(self, folder: Path, progress: Progress) -> Document:
         """Predict everything."""
         requirements = [Requirement.parse(text) for text in self.require]
         predictor, chain = self._predictor(folder)

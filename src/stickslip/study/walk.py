@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -21,16 +22,17 @@ from ..identify.walk.conditions import Conditions, identify_conditions
 from ..identify.walk.friction import identify_friction
 from ..identify.walk.position_channel import walked
 from ..input_file import quantity
+from ..progress import Progress, unheard, within
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import estimates, fit_numbers, model_numbers, parameter_table
 from ..units import near_one
 from ..waveform.signal import Waveform
-from .file import Recorded, Study, StudyError, read_parts
+from .file import RecordingFile, Study, StudyError, read_parts
 
 _ROLE = {"fit": "fitted", "verify": "predicted"}
 
 
-class WalkRecording(Recorded):
+class WalkRecording(RecordingFile):
     """A recording with end_effector_position; the drive is given here, as in an experiment file, or is its
     channel drive_voltage."""
 
@@ -82,7 +84,7 @@ class WalkStudy(WalkFile):
     tolerance: Annotated[float, quantity("m")] | None = None
     by: str | None = None
 
-    def run(self, folder: Path, progress: Callable[[str, float], None]) -> Document:
+    def run(self, folder: Path, progress: Progress) -> Document:
         """Fit and verify."""
         model = self.actuator(folder)
         parts = read_parts(self.recordings, folder)
@@ -100,7 +102,7 @@ class WalkStudy(WalkFile):
             "starts": self.starts,
             "hops": self.hops,
             "tolerance": self.tolerance,
-            "progress": lambda p: progress(f"fitting, start {p.start}", 0.7 * (p.start - 1) / p.starts),
+            "progress": partial(within, progress, 0.0, 0.7),
         }
         under = None
         if self.by is None:
@@ -108,9 +110,9 @@ class WalkStudy(WalkFile):
         else:
             under = identify_conditions([d for d, _ in fitted], model, self.free, self.by, **options)
             fit = under.together
-        walks = {label: Walk(source.use, d, w) for label, (source, d, w) in data.items()}
+        walks = {label: UsedWalk(source.use, d, w) for label, (source, d, w) in data.items()}
         document = walk_document(
-            self.title, fit, model, walks, self.notes, lambda doing, part: progress(doing, 0.7 + 0.3 * part)
+            self.title, fit, model, walks, self.notes, partial(within, progress, 0.7, 0.3)
         )
         return document if under is None else _with_conditions(document, under)
 
@@ -164,7 +166,7 @@ def _with_conditions(document: Document, found: Conditions) -> Document:
     )
 
 
-class Walk(NamedTuple):
+class UsedWalk(NamedTuple):
     """A recording of a walk, fitted or to be predicted, and its drive (None: as recorded)."""
 
     use: Literal["fit", "verify"]
@@ -176,9 +178,9 @@ def walk_document(
     title: str,
     fit: Fit,
     model: Actuator,
-    walks: Mapping[str, Walk],
+    walks: Mapping[str, UsedWalk],
     notes: str = "",
-    progress: Callable[[str, float], None] = lambda doing, part: None,
+    progress: Progress = unheard,
 ) -> Document:
     """The report of a fit: its parameters, and each recording, by name, beside what the model predicts.
 

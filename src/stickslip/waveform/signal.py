@@ -125,10 +125,11 @@ def check_range(waveform: Waveform, minimum: float | str, maximum: float | str) 
         QuantityError: it leaves them; the message names the value reached, the limit and the unit.
     """
     unit = waveform.unit
+    least, most = to_si(minimum, unit, "minimum"), to_si(maximum, unit, "maximum")
     low, high = waveform.range()
     for value, limit, sign, words in (
-        (low, to_si(minimum, unit, "minimum"), -1, "below the minimum"),
-        (high, to_si(maximum, unit, "maximum"), 1, "above the maximum"),
+        (low, least, -1, "below the minimum"),
+        (high, most, 1, "above the maximum"),
     ):
         if math.isnan(limit):
             raise QuantityError(f"the limit of the drive is no number (expected {unit})")

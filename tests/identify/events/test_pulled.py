@@ -11,7 +11,7 @@ from tests.datasets import DATASETS
 
 from stickslip.estimate.problem import FitError
 from stickslip.identify.events.pulled import (
-    Rig,
+    PulledRig,
     identify_pulled_slider,
     simulate_events,
     simulated_force,
@@ -30,10 +30,10 @@ FOLDER = DATASETS / "lyon-stickslip"
 def measured(stiffness: int, speed: int):
     path = FOLDER / f"k{stiffness}Nm_v{speed}.mat"
     recording = read_recording(path, columns={"time": "t", "force_ratio": "Fnorm"})
-    return recording, Rig(MASS, float(stiffness), speed * 1e-6)
+    return recording, PulledRig(MASS, float(stiffness), speed * 1e-6)
 
 
-def period(rig: Rig, static: float, dynamic: float) -> float:
+def period(rig: PulledRig, static: float, dynamic: float) -> float:
     """Rest until stiction, then half an ellipse of slip: the classical result for two friction
     coefficients."""
     w, a = rig.natural_frequency, 9.80665 * (static - dynamic)
@@ -42,7 +42,7 @@ def period(rig: Rig, static: float, dynamic: float) -> float:
 
 @pytest.mark.parametrize("speed", [4300e-6, 200e-6, 1100e-6])
 def test_simulated_period_and_forces_are_the_closed_form(speed: float) -> None:
-    rig, static, dynamic = Rig(MASS, 168.0, speed), 0.37, 0.33
+    rig, static, dynamic = PulledRig(MASS, 168.0, speed), 0.37, 0.33
     events = simulate_events(slider(rig, static, dynamic), rig)
     top, bottom, found = events.summary()[0]
     assert found == pytest.approx(period(rig, static, dynamic), rel=5e-3)
@@ -54,7 +54,7 @@ def test_simulated_period_and_forces_are_the_closed_form(speed: float) -> None:
 
 
 def test_known_coefficients_are_found_again_from_noisy_events() -> None:
-    rig = Rig(MASS, 168.0, 1100e-6)
+    rig = PulledRig(MASS, 168.0, 1100e-6)
     made = simulate(slider(rig, 0.37, 0.33), Ramp(rate=rig.speed, unit="m"), 8.0, sample_rate=2000.0)
     noise = 0.002 * np.random.default_rng(0).standard_normal(made.sizes["time"])
     late = made.sel(time=slice(3.0, None))
@@ -87,7 +87,7 @@ def test_one_speed_predicts_regime_and_period_at_others() -> None:
 
 def test_regimes_are_told_by_the_free_period() -> None:
     """Seven free periods apart is no inertial motion, though the force climbs at 0.3 of the rate at rest."""
-    rig = Rig(MASS, 2254.0, 42e-6)
+    rig = PulledRig(MASS, 2254.0, 42e-6)
     free = 2.0 * math.pi / rig.natural_frequency
     time = np.arange(0.0, 60.0 * free, free / 200.0)
     phase = time / (7.0 * free) % 1.0
@@ -107,7 +107,7 @@ def test_a_period_shorter_than_the_free_one_is_remarked() -> None:
     assert "mass" in said
     assert slip_events(*measured(1002, 1100)).impossible == ""
     assert slip_events(*measured(168, 4300)).impossible == ""
-    rig = Rig(MASS, 168.0, 4300e-6)
+    rig = PulledRig(MASS, 168.0, 4300e-6)
     made = simulated_force(slider(rig, 0.37, 0.33), rig)
     assert slip_events(made, rig).impossible == ""
     assert slip_events(made, rig._replace(mass=1.3 * MASS)).impossible != ""
@@ -115,7 +115,7 @@ def test_a_period_shorter_than_the_free_one_is_remarked() -> None:
 
 def test_recordings_without_events_are_refused() -> None:
     time = np.arange(0.0, 5.0, 5e-4)
-    rig = Rig(MASS, 168.0, 1100e-6)
+    rig = PulledRig(MASS, 168.0, 1100e-6)
     flat = make_recording(time, {"force_ratio": (np.full(time.size, 0.3), "")})
     assert slip_events(flat, rig).regime == "steady"
     with pytest.raises(FitError, match="0 stick-slip events"):

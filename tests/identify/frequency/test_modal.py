@@ -7,7 +7,6 @@ import pytest
 
 from stickslip.estimate.fit import fit_least_squares
 from stickslip.estimate.problem import FitError
-from stickslip.estimate.search import Progress
 from stickslip.identify.frequency.modal import ModalModel, identify_frequency, modal_response, steady_response
 from stickslip.identify.frequency.response import frequency_response
 
@@ -85,16 +84,16 @@ def test_one_channel_of_one_real_mode() -> None:
     drive = system.multisines(rng, 2000, 3)[:, :1]
     response = steady_response(model, drive, system.SAMPLE_RATE) + 1e-9 * rng.standard_normal(drive.shape)
     found = frequency_response(drive, response, system.SAMPLE_RATE).sel(output=1, input=1)
-    seen: list[Progress] = []
+    seen: list[tuple[str, float]] = []
     fit = identify_frequency(
-        found, [(300.0, 0.1)], complex_modes=False, remainder=False, progress=seen.append
+        found, [(300.0, 0.1)], complex_modes=False, remainder=False, progress=lambda *told: seen.append(told)
     )
     truth = {"natural_frequency_1": 3303.1, "damping_ratio_1": 0.524, "delay": 1e-4, "gain_1": 1.057e-7}
     assert list(fit.values) == list(truth)
     assert fit.values == pytest.approx(truth, rel=2e-3)
     for name, (low, high) in fit.confidence_intervals(0.999).items():
         assert low < truth[name] < high
-    assert seen
+    assert set(seen) == {("fitting", 0.0)}
     assert not fit.model.rate_gain.any()
     assert not fit.model.remainder.any()
 

@@ -31,10 +31,10 @@ def test_the_law_that_made_the_loops_wins() -> None:
         unseen,
         laws,
         reference_normal_force=5.0,
-        progress=lambda label, i, n: seen.append((label, i, n)),
+        progress=lambda *told: seen.append(told),
     )
     assert found.best == "MaxwellSlip, 2 elements"
-    assert seen[0] == ("Dahl", 1, 5)
+    assert seen[0] == ("fitting Dahl", 0.0)
     table = found.table
     assert list(table["law"].values) == [c.label for c in laws]
     best = table.sel(law=found.best)

@@ -13,7 +13,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -27,6 +27,7 @@ from ...estimate.parameter import Parameter
 from ...estimate.problem import FitError, Residuals
 from ...estimate.result import Fit
 from ...friction import StictionCoulombViscous
+from ...records import Quantity, record
 from ...simulation import simulate
 from ...units import with_prefix
 from ...waveform.shapes import Ramp
@@ -43,12 +44,13 @@ QUICKER, SURE = 0.02, 3.0
 _EVENTS = 12
 
 
-class Rig(NamedTuple):
-    """How the slider was pulled: mass [kg], stiffness of the spring [N/m], speed of its far end [m/s]."""
+@record
+class PulledRig(NamedTuple):
+    """How the slider was pulled."""
 
-    mass: float
-    stiffness: float
-    speed: float
+    mass: Annotated[float, Quantity("kg", "m", "mass of the slider", above=0.0)]
+    stiffness: Annotated[float, Quantity("N/m", "k", "stiffness of the spring", above=0.0)]
+    speed: Annotated[float, Quantity("m/s", "v", "speed of the far end of the spring", above=0.0)]
 
     @property
     def weight(self) -> float:
@@ -114,7 +116,7 @@ class Events:
         return means, np.array([np.std(a, ddof=1) / math.sqrt(a.size) for a in parts])
 
 
-def slip_events(recording: xr.Dataset, rig: Rig, channel: str = "force_ratio") -> Events:
+def slip_events(recording: xr.Dataset, rig: PulledRig, channel: str = "force_ratio") -> Events:
     """The events in a recording of the spring force over the weight.
 
     A median filter as long as an eighth of the slip takes out the impulsive noise; an event is a fall of more
@@ -148,14 +150,14 @@ def slip_events(recording: xr.Dataset, rig: Rig, channel: str = "force_ratio") -
     return Events(smooth[tops[:-1]], smooth[bottoms], period, sticking, free)
 
 
-def slider(rig: Rig, static: float, dynamic: float, damping: float = 0.0) -> PulledSlider:
+def slider(rig: PulledRig, static: float, dynamic: float, damping: float = 0.0) -> PulledSlider:
     """The pulled slider with the given friction coefficients and damping [N s/m] by the air and the
     spring."""
     law = StictionCoulombViscous(dynamic * rig.weight, static * rig.weight, damping)
     return PulledSlider(rig.mass, rig.stiffness, 0.0, law)
 
 
-def simulated_force(model: PulledSlider, rig: Rig) -> xr.Dataset:
+def simulated_force(model: PulledSlider, rig: PulledRig) -> xr.Dataset:
     """The stationary spring force over the weight (`force_ratio`), some ten events of it, of the model when
     pulled at the speed of the rig; its attribute `period` [s] is how long an event takes at most."""
     law = model.friction
@@ -169,13 +171,17 @@ def simulated_force(model: PulledSlider, rig: Rig) -> xr.Dataset:
     return late.assign(force_ratio=late["spring_force"] / rig.weight).assign_attrs(period=period)
 
 
-def simulate_events(model: PulledSlider, rig: Rig) -> Events:
+def simulate_events(model: PulledSlider, rig: PulledRig) -> Events:
     """The stationary events of the model, pulled at the speed of the rig."""
     return slip_events(simulated_force(model, rig), rig)
 
 
 def identify_pulled_slider(
-    recording: xr.Dataset, rig: Rig, channel: str = "force_ratio", *, tied: Mapping[str, str] | None = None
+    recording: xr.Dataset,
+    rig: PulledRig,
+    channel: str = "force_ratio",
+    *,
+    tied: Mapping[str, str] | None = None,
 ) -> Fit:
     """Static and dynamic friction coefficients from the events of one recording.
 

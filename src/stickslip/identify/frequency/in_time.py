@@ -9,7 +9,7 @@ to that frequency the two assumptions part further.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
 
@@ -22,8 +22,9 @@ from ...estimate.fit import fit_least_squares
 from ...estimate.parameter import Values
 from ...estimate.problem import FitError
 from ...estimate.result import Fit
-from ...estimate.search import Progress
 from ...estimate.separable import Design, Linear, separable
+from ...progress import Progress, unheard
+from ...units import to_si
 from ..free import with_ties
 from .modal import ModalModel, pole_parameters
 
@@ -85,14 +86,14 @@ def _held_delay(drive: np.ndarray, delay: float, sample: float, periodic: bool) 
 def identify_in_time(
     drive: np.ndarray,
     response: np.ndarray,
-    sample_rate: float,
+    sample_rate: float | str,
     start: ModalModel,
     *,
     periodic: bool = False,
     unit: str = "m/V",
     correlated: bool = True,
     tied: Mapping[str, str] | None = None,
-    progress: Callable[[Progress], None] | None = None,
+    progress: Progress = unheard,
 ) -> Fit:
     """Fit a modal model to recordings by free simulation; all recordings and channels share poles and delay.
 
@@ -106,7 +107,7 @@ def identify_in_time(
         unit: of response by drive.
         correlated: allow for errors that are correlated in time, as those of a model always are.
         tied: poles that follow from others, as for `identify_frequency`.
-        progress: called after each evaluation.
+        progress: called as the work goes on; see `progress`.
 
     Returns:
         As `identify_frequency`, without the delay. Every sample counts alike: it follows what moves most.
@@ -115,6 +116,7 @@ def identify_in_time(
         QuantityError: an expression that ties is wrong.
         FitError: the shapes do not fit.
     """
+    sample_rate = to_si(sample_rate, "Hz", "sample_rate")
     if drive.ndim != 3 or response.ndim != 3 or drive.shape[::2] != response.shape[::2]:
         raise FitError(f"drive {drive.shape}, response {response.shape}: not (samples, channels, recordings)")
     n_samples, n_inputs, _ = drive.shape

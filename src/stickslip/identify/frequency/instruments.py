@@ -15,6 +15,7 @@ from scipy import signal
 
 from ...electronics import Amplifier, Filter, amplifier_output
 from ...electronics.filters import sections
+from ...units import to_si
 
 # The output is computed at so many times the sample rate, within so many volts, and passed through a low-pass
 # that leaves everything up to 0.8 of half the sample rate as it is.
@@ -23,7 +24,7 @@ _SPAN, _EDGE = 32, 0.9
 
 
 def applied_voltage(
-    command: ArrayLike, sample_rate: float, amplifier: Amplifier, capacitance: float
+    command: ArrayLike, sample_rate: float | str, amplifier: Amplifier, capacitance: float | str
 ) -> NDArray[np.float64]:
     """What an amplifier did with a command, as an ideal recorder would have seen it.
 
@@ -43,6 +44,8 @@ def applied_voltage(
     Raises:
         QuantityError: the capacitance or the rate is out of range.
     """
+    sample_rate = to_si(sample_rate, "Hz", "sample_rate")
+    capacitance = to_si(capacitance, "F", "capacitance")
     volts = np.asarray(command, dtype=float)
     own = amplifier._replace(gain=1.0, offset=0.0)
     times, output = amplifier_output(own, volts, sample_rate, capacitance, tolerance=_TOLERANCE)
@@ -52,7 +55,7 @@ def applied_voltage(
     return seen[: volts.size * _FINER : _FINER]
 
 
-def without_filter(response: xr.Dataset, filter: Filter, sample_rate: float) -> xr.Dataset:
+def without_filter(response: xr.Dataset, filter: Filter, sample_rate: float | str) -> xr.Dataset:
     """A frequency response without a known filter behind the sensor; its deviations are divided alike.
 
     Args:
@@ -63,6 +66,7 @@ def without_filter(response: xr.Dataset, filter: Filter, sample_rate: float) -> 
     Raises:
         QuantityError: the corner is not below half the sample rate.
     """
+    sample_rate = to_si(sample_rate, "Hz", "sample_rate")
     frequency = response["frequency"]
     passed = signal.sosfreqz(sections(filter, sample_rate), frequency.to_numpy(), fs=sample_rate)[1]
     by = xr.DataArray(passed, {"frequency": frequency})

@@ -11,7 +11,7 @@ is (outputs, inputs).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from typing import Any, NamedTuple
@@ -24,8 +24,9 @@ from ...estimate.fit import fit_least_squares
 from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import FitError
 from ...estimate.result import Fit
-from ...estimate.search import Progress
 from ...estimate.separable import Design, Linear, separable
+from ...progress import Progress, unheard
+from ...units import to_si
 from ..free import with_ties
 
 # Damping ratios among which a further mode is looked for.
@@ -79,14 +80,14 @@ def steady_response(model: ModalModel, drive: np.ndarray, sample_rate: float) ->
 @single_threaded
 def identify_frequency(
     response: xr.Dataset,
-    modes: int | Sequence[tuple[float, float]] = 1,
+    modes: int | Sequence[tuple[float | str, float]] = 1,
     *,
     complex_modes: bool = True,
     remainder: bool = True,
     noise_known: bool = False,
     correlated: bool = False,
     tied: Mapping[str, str] | None = None,
-    progress: Callable[[Progress], None] | None = None,
+    progress: Progress = unheard,
 ) -> Fit:
     """Fit a modal model to measured frequency responses; all channels share poles and delay.
 
@@ -103,7 +104,7 @@ def identify_frequency(
             lines by `welch_frequency_response`.
         tied: poles and delay that follow from others, as for `identify_friction`; modes are numbered by
             frequency: ``{"damping_ratio_2": "damping_ratio_1"}``.
-        progress: called after each evaluation.
+        progress: called as the work goes on; see `progress`.
 
     Returns:
         A `Fit` with natural_frequency_1 [rad/s], damping_ratio_1, ..., delay [s], gain_1, rate_gain_1, ...,
@@ -113,6 +114,8 @@ def identify_frequency(
         QuantityError: an expression that ties is wrong.
         FitError: no deviations in `response`, or too few frequencies for so many modes.
     """
+    if not isinstance(modes, int):
+        modes = [(to_si(frequency, "Hz", "modes"), damping) for frequency, damping in modes]
     missing = [d for d in ("output", "input") if d not in response["response"].dims]
     response = response.expand_dims(missing).transpose("frequency", "output", "input")
     if not np.all(response["deviation"] > 0):

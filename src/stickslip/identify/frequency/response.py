@@ -16,6 +16,7 @@ from scipy import signal
 from scipy.ndimage import uniform_filter1d
 
 from ...estimate.blas import single_threaded
+from ...units import to_si
 
 # A line is excited if its drive is above this share of the strongest one.
 EXCITED = 0.01
@@ -29,9 +30,9 @@ class ResponseError(ValueError):
 def frequency_response(
     drive: ArrayLike,
     response: ArrayLike,
-    sample_rate: float,
+    sample_rate: float | str,
     *,
-    band: tuple[float, float] = (0.0, np.inf),
+    band: tuple[float | str, float | str] = (0.0, np.inf),
     smoothing: int = 21,
     units: tuple[str, str] = ("V", "m"),
 ) -> xr.Dataset:
@@ -57,6 +58,7 @@ def frequency_response(
     Raises:
         ResponseError: the shapes do not fit, or the inputs cannot be told apart.
     """
+    sample_rate, lowest, highest = _hertz(sample_rate, band)
     u, y = _four_axes(drive, "drive"), _four_axes(response, "response")
     if (u.shape[0], *u.shape[2:]) != (y.shape[0], *y.shape[2:]):
         raise ResponseError(
@@ -71,7 +73,7 @@ def frequency_response(
     Y = np.fft.rfft(y, axis=0) * 2 / u.shape[0]
     power = np.sqrt(np.mean(np.abs(U) ** 2, axis=(1, 2)))
     power[0] = 0.0
-    lines = (power > EXCITED * power.max()) & (frequency >= band[0]) & (frequency <= band[1])
+    lines = (power > EXCITED * power.max()) & (frequency >= lowest) & (frequency <= highest)
     U, Y = U[lines], Y[lines]
     if np.linalg.cond(U).max() > 1e3:
         raise ResponseError("the realisations do not tell the inputs apart: drive them independently")
@@ -100,10 +102,10 @@ def frequency_response(
 def welch_frequency_response(
     drive: ArrayLike,
     response: ArrayLike,
-    sample_rate: float,
+    sample_rate: float | str,
     *,
     segment: int,
-    band: tuple[float, float] = (0.0, np.inf),
+    band: tuple[float | str, float | str] = (0.0, np.inf),
     units: tuple[str, str] = ("V", "m"),
 ) -> xr.Dataset:
     """The response to any other persistent drive (noise, sweeps), by Welch's method with Hann's window.
@@ -124,6 +126,7 @@ def welch_frequency_response(
     Raises:
         ResponseError: the shapes do not fit, or the record is too short for as many segments as inputs.
     """
+    sample_rate, lowest, highest = _hertz(sample_rate, band)
     u, y = _four_axes(drive, "drive")[:, :, 0, 0].T, _four_axes(response, "response")[:, :, 0, 0].T
     averages = 2 * u.shape[1] // segment - 1
     if u.shape[1] != y.shape[1]:
@@ -137,7 +140,7 @@ def welch_frequency_response(
         return np.moveaxis(s, -1, 0)
 
     frequency = np.fft.rfftfreq(segment, 1 / sample_rate)
-    lines = (frequency > 0) & (frequency >= band[0]) & (frequency <= band[1])
+    lines = (frequency > 0) & (frequency >= lowest) & (frequency <= highest)
     uu, yu, yy = spectra(u, u)[lines], spectra(y, u)[lines], spectra(y, y)[lines]
     inverse = np.linalg.inv(uu)
     G = yu @ inverse
@@ -165,6 +168,12 @@ def mean_gain(response: xr.Dataset, band: tuple[float, float]) -> xr.Dataset:
     # Half of the variance of a line turns its phase and leaves its magnitude alone.
     error = (2 * weights.sum("frequency")) ** -0.5
     return xr.Dataset({"gain": gain.assign_attrs(unit), "standard_error": error.assign_attrs(unit)})
+
+
+def _hertz(sample_rate: float | str, band: tuple[float | str, float | str]) -> tuple[float, float, float]:
+    """The sample rate and the ends of the band."""
+    lowest, highest = band
+    return to_si(sample_rate, "Hz", "sample_rate"), to_si(lowest, "Hz", "band"), to_si(highest, "Hz", "band")
 
 
 def _four_axes(data: ArrayLike, name: str) -> np.ndarray:

@@ -7,7 +7,7 @@ unseen part decides.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,7 @@ from ...friction import (
     StictionCoulombViscous,
     Stribeck,
 )
+from ...progress import Progress, unheard
 from ..candidates import Candidate, Comparison, compared
 from ..free import Bounds
 from ..recorded.channels import channel, names_of, recordings_of
@@ -107,7 +108,7 @@ def compare_laws(
     laws: Sequence[Candidate] | None = None,
     *,
     channel_free: Sequence[str] = ("bias",),
-    progress: Callable[[str, int, int], None] | None = None,
+    progress: Progress = unheard,
     **options: Any,
 ) -> Comparison:
     """Fit each law to friction loops and judge it on loops that it has not seen.
@@ -117,7 +118,7 @@ def compare_laws(
         verification: to judge by, each predicted freely from its first sample.
         laws: the candidates; all laws of the package if left out.
         channel_free: what is free of the force channel, for all laws alike: "bias", "curvature", "drift".
-        progress: called before each law with its label, number and how many there are.
+        progress: called before each law; see `progress`.
         options: of `identify_loops`.
 
     Raises:

@@ -29,12 +29,12 @@ from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import Problem, Residuals
 from ...estimate.result import Fit
 from ...estimate.score import ASKED, gain, step
-from ...estimate.search import Progress
 from ...estimate.several import ENOUGH, followed, from_several, lowest
+from ...progress import Progress, unheard
 from ...recording import RecordingError
 from ...simulation import SimulationError, friction_response
 from ...simulation.varied import free_names, with_values
-from ...units import turned
+from ...units import optional_si, to_si, turned
 from ..free import Bounds, beside, check_names, known_of, parameter
 from ..quantised import with_steps
 from ..recorded.channels import channel, names_of, recordings_of, unit_of
@@ -65,16 +65,16 @@ def identify_loops(
     model: Any,
     free: Sequence[str],
     *,
-    reference_normal_force: float | None = None,
+    reference_normal_force: float | str | None = None,
     bounds: Bounds | None = None,
     tied: Mapping[str, str] | None = None,
-    noise: float | None = None,
+    noise: float | str | None = None,
     starts: int = 1,
     seed: int = 0,
-    tolerance: float = 1e-9,
+    tolerance: float | str = 1e-9,
     correlated: bool = True,
     max_evaluations: int = 3000,
-    progress: Callable[[Progress], None] | None = None,
+    progress: Progress = unheard,
 ) -> Fit:
     """Fit a friction law to friction loops: position prescribed, force measured.
 
@@ -109,17 +109,19 @@ def identify_loops(
         QuantityError: a name that cannot be free, or bounds that do not fit.
         FitError: see `fit_least_squares`.
     """
+    tolerance = to_si(tolerance, "m", "tolerance")
+    reference = optional_si(reference_normal_force, "N", "reference_normal_force")
     found = recordings_of(recordings)
-    names = names_of(found)
+    names, turns = names_of(found), _turns(found)
+    units = {name: turned(unit) if turns else unit for name, unit in CHANNEL.items()}
+    noise = optional_si(noise, units["bias"], "noise")
     bounds = bounds or {}
     check_names(free, [*free_names(model), *CHANNEL], bounds)
     measured = [channel(r, OBSERVED, name, varies=True) for r, name in zip(found, names, strict=True)]
     origin = float(found[0]["time"].values[0])
-    settings = (reference_normal_force, origin, tolerance)
+    settings = (reference, origin, tolerance)
     responses = [_response(r, name, *settings) for r, name in zip(found, names, strict=True)]
     reach = _reach(found, measured, origin)
-    turns = _turns(found)
-    units = {name: turned(unit) if turns else unit for name, unit in CHANNEL.items()}
     parameters = [
         _of_channel(name, units[name], reach.get(name, 0.0), bounds)
         if name in CHANNEL

@@ -28,7 +28,7 @@ from ...estimate.fit import fit_least_squares
 from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import FitError, Residuals
 from ...estimate.result import Fit
-from ...units import turned
+from ...units import to_si, turned
 from ..free import with_ties
 from ..recorded.channels import channel, names_of, recordings_of, unit_of
 
@@ -48,7 +48,7 @@ UNITS = ("kg", "N s/m", "N")
 def identify_inertia(
     recordings: xr.Dataset | Sequence[xr.Dataset],
     *,
-    window: float,
+    window: float | str,
     position: str = "position",
     force: str = "force",
     tied: Mapping[str, str] | None = None,
@@ -73,6 +73,7 @@ def identify_inertia(
         QuantityError: an expression that ties is wrong.
         FitError: the window has fewer than 16 samples, or is longer than a recording.
     """
+    window = to_si(window, "s", "window")
     found = recordings_of(recordings)
     parts, moved = [], []
     for recording, name in zip(found, names_of(found), strict=True):

@@ -18,6 +18,7 @@ from ...estimate.lack import KnownNoise
 from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import Residuals
 from ...estimate.result import Fit
+from ...units import optional_si, to_si
 from ..free import with_ties
 from ..recorded.channels import recordings_of, unit_of
 from ..recorded.known_noise import converter_step
@@ -28,7 +29,7 @@ from .linear import filter_zeros_poles, second_order_poles, step_response
 WINDOW = 8.0
 # Of the response time, below which a lag is none.
 LEAST_LAG = 1e-6
-STAGE = ("damping_ratio", "natural_frequency", "gain")
+STAGE_PARAMETERS = ("damping_ratio", "natural_frequency", "gain")
 
 Array = NDArray[np.float64]
 
@@ -37,12 +38,12 @@ def identify_step(
     recordings: xr.Dataset | Sequence[xr.Dataset],
     model: Actuator | None = None,
     *,
-    voltages: Sequence[float] | None = None,
-    start: float | None = None,
+    voltages: Sequence[float | str] | None = None,
+    start: float | str | None = None,
     filter: Filter | None = None,
-    slew_rate: float | None = None,
+    slew_rate: float | str | None = None,
     lag: bool = True,
-    window: float | None = None,
+    window: float | str | None = None,
     timing: Timing = THESIS,
     observed: str = POSITION,
     tied: Mapping[str, str] | None = None,
@@ -78,6 +79,8 @@ def identify_step(
         QuantityError: an expression that ties is wrong.
         FitError: as `fit_least_squares`.
     """
+    slew_rate = optional_si(slew_rate, "V/s", "slew_rate")
+    window, start = optional_si(window, "s", "window"), optional_si(start, "s", "start")
     tests = step_tests(recordings, voltages, start, observed)
     first = [classical(test, timing) for test in tests]
     reach = WINDOW * float(np.mean([row["peak_time"] for row in first])) if window is None else window
@@ -102,10 +105,10 @@ def identify_step(
     left = [residuals(test, i)(fit.values) for i, test in enumerate(until, start=1)]
     fit = with_coloured_noise(fit, coloured(left))
 
-    voltage = None if voltages is None else float(voltages[0])
+    voltage = None if voltages is None else to_si(voltages[0], "V", "voltages")
     return replace(
         fit,
-        model=model and model.replace(**{name: fit.values[name] for name in STAGE}),
+        model=model and model.replace(**{name: fit.values[name] for name in STAGE_PARAMETERS}),
         observed=observed,
         predict=StepPrediction(fit.values, filter, slew_rate, voltage, start, observed).predict,
     )
@@ -176,8 +179,8 @@ def step_formula_errors(
     fit: Fit,
     recordings: xr.Dataset | Sequence[xr.Dataset],
     *,
-    voltages: Sequence[float] | None = None,
-    start: float | None = None,
+    voltages: Sequence[float | str] | None = None,
+    start: float | str | None = None,
     timing: Timing = THESIS,
     n: int = 200,
     seed: int = 0,
@@ -200,7 +203,7 @@ def step_formula_errors(
         Over "parameter" `fitted`, `by_sensor` and `by_noise` (both formula minus truth, in the parameter's
         unit), and `scatter`, the standard deviation of the formula's result.
     """
-    tests = step_tests(recordings, voltages, start, fit.observed)
+    tests = step_tests(recordings, voltages, start, observed=fit.observed)
     assert fit.predict is not None  # identify_step always gives it
     clean = [fit.predict(r) for r in recordings_of(recordings)]
     random = np.random.default_rng(seed)
@@ -216,11 +219,13 @@ def step_formula_errors(
 
     exact = np.array(read(False))
     noisy = np.array([read(True) for _ in range(n)])
-    truth = np.array([fit.values[name] for name in STAGE])
+    truth = np.array([fit.values[name] for name in STAGE_PARAMETERS])
     columns = {
         "fitted": truth,
         "by_sensor": exact - truth,
         "by_noise": np.nanmean(noisy, axis=0) - exact,
         "scatter": np.nanstd(noisy, axis=0),
     }
-    return xr.Dataset({k: ("parameter", v) for k, v in columns.items()}, coords={"parameter": list(STAGE)})
+    return xr.Dataset(
+        {k: ("parameter", v) for k, v in columns.items()}, coords={"parameter": list(STAGE_PARAMETERS)}
+    )

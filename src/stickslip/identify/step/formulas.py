@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
 from ...recording import RecordingError
+from ...records import Quantity, record
+from ...units import optional_si, to_si
 from ..recorded.channels import channel, names_of, recordings_of, refuse_clipped, same_number, unit_of
 
 POSITION = "end_effector_position"
@@ -31,12 +33,19 @@ class StepTest(NamedTuple):
     voltage: float  # V, height of the step
 
 
+@record
 class Timing(NamedTuple):
-    """Where the classical numbers are read, s after the rise; the bias is that of the two samples before."""
+    """Where the classical numbers are read; the bias is that of the two samples before the rise."""
 
-    steady_after: float = 4e-3
-    steady_over: float = 1e-3
-    peak_within: float = 5e-3
+    steady_after: Annotated[
+        float, Quantity("s", "", "time from the rise until the motion has settled", above=0.0)
+    ] = 4e-3
+    steady_over: Annotated[
+        float, Quantity("s", "", "time over which the steady value is averaged", above=0.0)
+    ] = 1e-3
+    peak_within: Annotated[
+        float, Quantity("s", "", "time after the rise in which the peak is", above=0.0)
+    ] = 5e-3
 
 
 THESIS = Timing()
@@ -44,15 +53,19 @@ THESIS = Timing()
 
 def step_tests(
     recordings: xr.Dataset | Sequence[xr.Dataset],
-    voltages: Sequence[float] | None = None,
-    start: float | None = None,
+    voltages: Sequence[float | str] | None = None,
+    start: float | str | None = None,
     observed: str = POSITION,
 ) -> list[StepTest]:
     """The steps of recordings: height and instant from drive_voltage [V], unless they are given.
 
     Raises:
         RecordingError: a channel is missing, too short, constant or clipped, or its drive is no single step.
+        QuantityError: a voltage or the start is no number, or in another unit.
     """
+    start = optional_si(start, "s", "start")
+    if voltages is not None:
+        voltages = [to_si(volts, "V", "voltages") for volts in voltages]
     found = recordings_of(recordings)
     tests = []
     for recording, name, volts in zip(
@@ -164,9 +177,9 @@ def _onset(t: Array, x: Array, where: str, timing: Timing) -> float:
 def step_features(
     recordings: xr.Dataset | Sequence[xr.Dataset],
     *,
-    voltages: Sequence[float] | None = None,
-    start: float | None = None,
-    delay: float | None = None,
+    voltages: Sequence[float | str] | None = None,
+    start: float | str | None = None,
+    delay: float | str | None = None,
     timing: Timing = THESIS,
     observed: str = POSITION,
 ) -> xr.Dataset:
@@ -190,6 +203,7 @@ def step_features(
     Raises:
         RecordingError: a channel is missing, empty, constant, clipped, too short or too coarsely sampled.
     """
+    delay = optional_si(delay, "s", "delay")
     tests = step_tests(recordings, voltages, start, observed)
     rows = [classical(test, timing, delay) for test in tests]
     unit = unit_of(recordings_of(recordings), observed) or "m"

@@ -10,7 +10,7 @@ Delay and offset of the channel are integrated out (see `likelihood`), and drawn
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +24,8 @@ from ...estimate.parameter import Parameter
 from ...estimate.posterior import Posterior, sample
 from ...estimate.problem import FitError
 from ...estimate.result import Fit
+from ...progress import Progress, unheard
+from ...units import optional_si, to_si
 from ...waveform.signal import Waveform
 from ..recorded.channels import channel, drives_of, names_of, recordings_of
 from .displacement import Displacement
@@ -40,12 +42,12 @@ def posterior(
     recordings: xr.Dataset | Sequence[xr.Dataset],
     *,
     drive: Waveform | Sequence[Waveform | None] | None = None,
-    slew_rate: float | None = None,
+    slew_rate: float | str | None = None,
     stage: Fit | None = None,
     max_simulations: int = 30_000,
     seed: int = 0,
-    tolerance: float = 3e-10,
-    progress: Callable[[int, int], None] | None = None,
+    tolerance: float | str = 3e-10,
+    progress: Progress = unheard,
 ) -> Posterior:
     """Sample the posterior distribution of what `identify_friction` fitted.
 
@@ -63,11 +65,13 @@ def posterior(
         max_simulations: of each recording; it ends sooner when it has converged (see `Posterior`).
         seed: of the proposals.
         tolerance: m, of the simulations.
-        progress: called with simulations done and the most there can be.
+        progress: called after each round, with the share of the most simulations there can be.
 
     Raises:
         FitError: the fit is no such one, or arviz is missing (extra ``stickslip[bayes]``).
     """
+    slew_rate = optional_si(slew_rate, "V/s", "slew_rate")
+    tolerance = to_si(tolerance, "m", "tolerance")
     if not isinstance(fit.model, Actuator) or fit.jacobian is None or not math.isfinite(fit.log_likelihood):
         raise FitError("a posterior needs a fit of an actuator by identify_friction, without a robust loss")
     found = recordings_of(recordings)

@@ -6,7 +6,7 @@ The candidates are all friction laws on the dynamic stage [kang2007, 3.2], that 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import xarray as xr
@@ -24,6 +24,8 @@ from ...friction import (
     StictionCoulombViscous,
     Stribeck,
 )
+from ...progress import Progress, unheard
+from ...units import to_si
 from ..candidates import Candidate, Comparison, compared
 from ..free import Bounds
 from ..recorded.channels import drives_of, recordings_of
@@ -34,7 +36,9 @@ from .static import identify_static_walk
 POHL, CHANG_LI = "Pohl: static", "Coulomb (Chang & Li)"
 
 
-def walk_candidates(coulomb_force: float, sigma_0: float, sigma_1: float, starts: int = 8) -> list[Candidate]:
+def walk_candidates(
+    coulomb_force: float | str, sigma_0: float | str, sigma_1: float | str, starts: int = 8
+) -> list[Candidate]:
     """All models of a walk, from the same Coulomb force [N], stiffness [N/m] and damping [N s/m].
 
     Without a friction law of its own (`model` None): Pohl's static model.
@@ -43,7 +47,9 @@ def walk_candidates(coulomb_force: float, sigma_0: float, sigma_1: float, starts
     Stribeck curve as a static law, of which a slip shows little more than one mean force, and Maxwell slip,
     whose contact rings on until an element slips once more or once less.
     """
-    f, k, viscous = coulomb_force, sigma_0, 0.1 * sigma_1
+    f, k = to_si(coulomb_force, "N", "coulomb_force"), to_si(sigma_0, "N/m", "sigma_0")
+    sigma_1 = to_si(sigma_1, "N s/m", "sigma_1")
+    viscous = 0.1 * sigma_1
     sigma_2: Bounds = {"sigma_2": (0.0, 20.0 * sigma_1)}
     damping: Bounds = {"sigma_1": (0.0, 20.0 * sigma_1)}
     two = MaxwellSlip((0.7 * k, 0.3 * k), (0.5 * f, 0.5 * f), viscous)
@@ -107,7 +113,7 @@ def compare_walks(
     channel_free: Sequence[str] = ("delay", "offset"),
     bounds: Any = None,
     unseen_drive: Any = None,
-    progress: Callable[[str, int, int], None] | None = None,
+    progress: Progress = unheard,
     **options: Any,
 ) -> Comparison:
     """Fit each model to walks of an actuator and judge it on walks that it has not seen.
@@ -121,7 +127,7 @@ def compare_walks(
         bounds: of what is free in all laws.
         unseen_drive: waveform of each recording for verification (one: of all), if drive= gives those of
             the others.
-        progress: called before each with its label, number and how many there are.
+        progress: called before each law; see `progress`.
         options: of `identify_friction`.
 
     Raises:

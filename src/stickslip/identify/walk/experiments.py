@@ -3,26 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import xarray as xr
 
 from ...actuator import Actuator
 from ...recording import make_recording
+from ...records import Quantity, record
 from ...waveform.signal import Waveform
 from ..free import parameter
 from .displacement import Displacement
 
 
+@record
 class Walk(NamedTuple):
     """An experiment: the drive, how long and at what rate the position is sampled, the noise of a sample,
     and how often all is repeated."""
 
     drive: Waveform
-    duration: float  # s
-    sample_rate: float  # Hz
-    noise: float  # m
+    duration: Annotated[float, Quantity("s", "", "length of the recording", above=0.0)]
+    sample_rate: Annotated[float, Quantity("Hz", "", "rate of its samples", above=0.0)]
+    noise: Annotated[float, Quantity("m", "", "standard deviation of a sample's noise", above=0.0)]
     repeats: int = 1
 
 

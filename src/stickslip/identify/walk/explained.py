@@ -18,7 +18,7 @@ from ...estimate.lack import LEAST_RATIO, Lack, left_over
 from ...estimate.result import Fit
 from ...waveform.signal import Waveform
 from ..recorded.channels import names_of
-from ..step.fit import STAGE
+from ..step.fit import STAGE_PARAMETERS
 from .displacement import Displacement, has_slopes
 from .friction import identify_friction
 from .walks import position_slopes, stage_beside
@@ -57,7 +57,7 @@ def explained(
     begin = {name: fit.values[name] for name in ("delay", "offset") if name in fit.values}
     settings: dict[str, Any] = {"drive": drives, "channel": (), "begin": begin, "correlated": False}
     settings |= {"slew_rate": slew_rate, "tied": fit.tied, **options}
-    more = [name for name in STAGE if name not in (*free, *fit.tied) and name in fit.model._fields]
+    more = [name for name in STAGE_PARAMETERS if name not in (*free, *fit.tied) and name in fit.model._fields]
     loose = identify_friction(walks, fit.model, [*free, *more], hops=0, **settings)
     if not more:
         return Explained(loose, loose, loose.lack)

@@ -19,13 +19,14 @@ from ...estimate.marginal import integrated
 from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import Residuals
 from ...estimate.result import Fit
-from ...estimate.search import Progress
+from ...estimate.search import SearchState
 from ...estimate.several import lowest
 from ...estimate.tied import Ties
 from ...estimate.whiteness import white
+from ...progress import Progress, unheard
 from ...records import did_you_mean
 from ...simulation.varied import free_names, with_values
-from ...units import QuantityError
+from ...units import QuantityError, optional_si
 from ...waveform.signal import Waveform
 from ..free import Bounds, beside, check_names, known_of, parameter, with_prior
 from ..quantised import with_steps
@@ -49,23 +50,24 @@ def identify_friction(
     free: Sequence[str],
     *,
     drive: Waveform | Sequence[Waveform | None] | None = None,
-    slew_rate: float | None = None,
+    slew_rate: float | str | None = None,
     stage: Fit | None = None,
     bounds: Bounds | None = None,
     priors: Bounds | None = None,
     tied: Mapping[str, str] | None = None,
     channel: Sequence[str] | None = None,
     begin: Values | None = None,
-    noise: float | None = None,
+    noise: float | str | None = None,
     starts: int = 1,
     hops: int = 6,
     seed: int = 0,
-    tolerance: float | None = None,
+    tolerance: float | str | None = None,
     correlated: bool | None = None,
     loss: str = "linear",
     loss_scale: float = 1.0,
     max_evaluations: int = 200,
-    progress: Callable[[Progress], None] | None = None,
+    progress: Progress = unheard,
+    each: Callable[[SearchState], None] | None = None,
 ) -> Fit:
     """Fit an actuator to recordings of its end-effector's position, raw samples, all recordings at once.
 
@@ -119,7 +121,7 @@ def identify_friction(
             scale is in m unless the noise is given.
         max_evaluations: of all recordings, for each start, with slopes; where these are differences, their
             evaluations come on top.
-        progress: called after each evaluation.
+        progress, each: called after each evaluation; see `fit_least_squares`.
 
     Returns:
         A fit whose `model` is the actuator with the values put in, and whose ``predict(recording,
@@ -135,7 +137,11 @@ def identify_friction(
         RecordingWarning: a drive_voltage whose samples do not show its jumps stood in for the waveform; or a
             walk is sampled more coarsely than the stage vibrates.
     """
+    slew_rate = optional_si(slew_rate, "V/s", "slew_rate")
+    tolerance = optional_si(tolerance, "m", "tolerance")
     found = recordings_of(recordings)
+    unit = unit_of(found, OBSERVED)
+    noise = optional_si(noise, unit or "m", "noise")
     names, drives = names_of(found), drives_of(drive, found)
     bounds, priors = bounds or {}, priors or {}
     _check(model, free, bounds, priors, noise)
@@ -145,7 +151,6 @@ def identify_friction(
     first = ({"delay": stage.values["delay"]} if stage is not None else {}) | (begin or {})
     tolerance = tolerance or (1e-10 if has_slopes(model) else 1e-12)
 
-    unit = unit_of(found, OBSERVED)
     turns = unit == "rad"
 
     def parameters(free: Sequence[str]) -> list[Parameter]:
@@ -177,6 +182,7 @@ def identify_friction(
         loss_scale,
         seed,
         progress,
+        each,
     )
 
     def fitted(free: Sequence[str]) -> Fit:

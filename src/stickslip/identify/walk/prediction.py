@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import xarray as xr
 from numpy.typing import NDArray
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ...actuator import Actuator
 from ...chain import Chain
 from ...recording import RecordingError
+from ...records import Quantity, record
 from ..recorded.channels import names_of
 from .displacement import Displacement
 from .position_channel import OBSERVED
@@ -18,12 +19,13 @@ from .position_channel import OBSERVED
 TOLERANCE = 1e-10
 
 
+@record
 class Predictor(NamedTuple):
     """An actuator with given values, and the chain to its channel; `tolerance` [m] of the simulations."""
 
     model: Actuator
     chain: Chain = Chain()
-    tolerance: float = TOLERANCE
+    tolerance: Annotated[float, Quantity("m", "", "tolerance of the simulations", above=0.0)] = TOLERANCE
 
     observed = OBSERVED
 

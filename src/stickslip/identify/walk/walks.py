@@ -17,11 +17,12 @@ from ...estimate.lack import KnownNoise
 from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import Problem, Residuals
 from ...estimate.result import Fit
-from ...estimate.search import Progress
+from ...estimate.search import SearchState
 from ...estimate.tied import Ties
+from ...progress import Progress
 from ...simulation.varied import with_values
 from ..free import value_of
-from ..step.fit import STAGE
+from ..step.fit import STAGE_PARAMETERS
 from .displacement import Displacement, has_slopes
 from .position_channel import CHANNEL
 
@@ -70,7 +71,8 @@ class Walks:
     loss: str
     loss_scale: float
     seed: int
-    progress: Callable[[Progress], None] | None
+    progress: Progress
+    each: Callable[[SearchState], None] | None
     varied: Varied = field(init=False)
 
     def __post_init__(self) -> None:
@@ -158,6 +160,7 @@ class Walks:
             problem,
             seed=self.seed,
             progress=self.progress,
+            each=self.each,
             settled=settled,
             max_evaluations=max_evaluations * each,
             **options,
@@ -184,7 +187,7 @@ class Walks:
 def stage_beside(stage: Fit, fit: Fit) -> list[int]:
     """Where in the fit of a stage those of its values stand that a fit of friction took as known."""
     own = {p.name for p in (*fit.parameters, *fit.beside) if not p.fixed}
-    return [i for i, p in enumerate(stage.parameters) if p.name in STAGE and p.name not in own]
+    return [i for i, p in enumerate(stage.parameters) if p.name in STAGE_PARAMETERS and p.name not in own]
 
 
 def own_values(values: Values) -> Values:

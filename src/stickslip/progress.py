@@ -1,0 +1,17 @@
+"""Progress of long calls: every `progress` argument is called as ``progress(doing, done)``, with what is
+being done in words and how much of all is done, from 0 to 1."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+Progress = Callable[[str, float], None]
+
+
+def unheard(doing: str, done: float) -> None:
+    """The progress of a call that nobody follows."""
+
+
+def within(progress: Progress, begin: float, length: float, doing: str, done: float) -> None:
+    """Tell the progress of a part, which begins at `begin` and is `length` of the whole."""
+    progress(doing, begin + length * done)
