@@ -162,7 +162,7 @@ def _load(d: _Dice, frequency: float) -> Any:
         return ss.Sine(d.even(0.05, 0.5), frequency * d.log(0.3, 3.0), offset=1.0)
     start, end = d.even(0.5, 1.5), d.even(0.5, 1.5)
     begins, lasts = d.even(0.0, 1.0) / frequency, d.even(0.5, 2.5) / frequency
-    return ss.Ramp((end - start) / lasts, begins, lasts, offset=start)
+    return ss.waveform.Ramp((end - start) / lasts, begins, lasts, offset=start)
 
 
 def member(number: int, seed: int) -> Member:
@@ -244,7 +244,7 @@ def measure(m: Member, position: NDArray[np.float64]) -> Found:
         warnings.simplefilter("always")
         try:
             d = ss.simulate(m.actuator, m.waveform, times=m.times, tolerance=TOLERANCE, load=m.load)
-        except ss.SimulationError as error:
+        except ss.simulation.SimulationError as error:
             return Found(math.inf, math.nan, time.perf_counter() - start, 0, str(error))
     seconds = time.perf_counter() - start
     words = "; ".join(str(w.message) for w in said)

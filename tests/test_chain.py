@@ -44,13 +44,13 @@ def test_the_rig_shows_what_the_prediction_says() -> None:
     # Predictions are in the scale of the plant.
     shown = recording.assign(end_effector_position=position.copy(data=position.values / CHAIN.scale))
     off = CHAIN._replace(offset=CHAIN.offset / CHAIN.scale)
-    drive = Slewed(ss.Sequence(ss.Rest(0.01), DRIVE), CHAIN.slew_rate)
-    found = ss.verify(ss.Predictor(KANG, off), shown, drive=drive)
+    drive = Slewed(ss.waveform.Sequence(ss.waveform.Rest(0.01), DRIVE), CHAIN.slew_rate)
+    found = ss.verify(ss.identify.Predictor(KANG, off), shown, drive=drive)
     assert found.rmse < KANG.gain * 2.0 * half_step  # what the converter's steps are of the position
     for wrong in (off._replace(delay=0.0), off._replace(offset=0.0)):
-        assert ss.verify(ss.Predictor(KANG, wrong), shown, drive=drive).rmse > 50.0 * found.rmse
-    at_once = ss.Sequence(ss.Rest(0.01), DRIVE)
-    assert ss.verify(ss.Predictor(KANG, off), shown, drive=at_once).rmse > 3.0 * found.rmse
+        assert ss.verify(ss.identify.Predictor(KANG, wrong), shown, drive=drive).rmse > 50.0 * found.rmse
+    at_once = ss.waveform.Sequence(ss.waveform.Rest(0.01), DRIVE)
+    assert ss.verify(ss.identify.Predictor(KANG, off), shown, drive=at_once).rmse > 3.0 * found.rmse
 
 
 PROGRAM = """

@@ -33,10 +33,10 @@ def test_law(example: Any) -> None:
     stiffness, coulomb, viscous, speed = 1.4e6, 0.54, 30.0, 1e-3
     law = example("my_law").ViscousDahl("1.4 N/um", coulomb, viscous)
     time = np.linspace(0.0, 2e-3, 201)
-    found = ss.friction_response(law, time, speed * time, tolerance=1e-12)["friction_force"].values
+    found = ss.simulation.friction_response(law, time, speed * time, tolerance=1e-12)["friction_force"].values
     expected = coulomb * (1.0 - np.exp(-stiffness * speed * time / coulomb)) + viscous * speed
     np.testing.assert_allclose(found[1:], expected[1:], rtol=1e-5)  # at time 0 it rests
-    with pytest.raises(ss.QuantityError, match="sigma_0"):
+    with pytest.raises(ss.units.QuantityError, match="sigma_0"):
         law._replace(sigma_0=-1.0)
 
 
@@ -44,7 +44,7 @@ def test_reader(example: Any, tmp_path: Path) -> None:
     samples = np.array([[0.0, 0.0], [65.0, 6.5], [30.0, 3.25]], dtype="<f4")
     samples.tofile(tmp_path / "scope.raw")
     recording = example("my_reader").read_scope(tmp_path / "scope.raw")
-    ss.validate_recording(recording)
+    ss.recording.validate_recording(recording)
     np.testing.assert_allclose(recording["time"], [0.0, 1e-5, 2e-5], rtol=1e-12)
     np.testing.assert_allclose(recording["end_effector_position"], [0.0, 6.5e-6, 3.25e-6], rtol=1e-6)
     assert recording["end_effector_position"].attrs["units"] == "m"

@@ -10,6 +10,7 @@ import sys
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 from packaging.requirements import Requirement
@@ -118,7 +119,8 @@ def test_public_name(name: str) -> None:
 
 def test_no_module_hides_a_public_function() -> None:
     modules = {file.stem for file in PACKAGE.iterdir() if file.is_dir() or file.suffix == ".py"}
-    assert not modules & public_names().keys()
+    rooms = {name for name in public_names() if isinstance(getattr(stickslip, name), ModuleType)}
+    assert not modules & (public_names().keys() - rooms)
 
 
 def test_nothing_large_or_built_is_committed() -> None:
@@ -164,7 +166,10 @@ def test_compiled_code_stands_only_in_the_rooms_that_the_kernel_cache_hashes() -
     assert signs.search((PACKAGE / "solve" / "periods.py").read_text())
 
 
-@pytest.mark.parametrize(("missing", "name"), [("pydantic", "run_campaign"), ("anywidget", "plot_widget")])
+@pytest.mark.parametrize(
+    ("missing", "name"),
+    [("matplotlib", "plot"), ("pydantic", "campaign"), ("anywidget", "panel.plot_widget")],
+)
 def test_a_missing_extra_is_named(missing: str, name: str) -> None:
     program = f"import sys; sys.modules[{missing!r}] = None; import stickslip; stickslip.{name}"
     result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)

@@ -36,7 +36,7 @@ from stickslip.study.loops import LawSpec
 LAW = '''
 from typing import Annotated, NamedTuple
 
-from stickslip import register_law
+from stickslip.friction import register_law
 from stickslip.records import Quantity, record
 
 
@@ -181,7 +181,7 @@ def test_own_law_and_waveform_from_files_to_results_and_back(
 def test_own_law_in_fits_that_are_saved(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     law: Any = registry.laws.find("my_law.py:ViscousDahl", folder)(1.4e6, 0.54, 5.0)
     time = np.linspace(0.0, 0.02, 201)
-    moved = ss.friction_response(law, time, 2e-6 * np.sin(2 * np.pi * 100 * time))
+    moved = ss.simulation.friction_response(law, time, 2e-6 * np.sin(2 * np.pi * 100 * time))
     channels = {
         "position": (moved["position"].values, "m"),
         "friction_force": (moved["friction_force"].values, "N"),
@@ -192,9 +192,9 @@ def test_own_law_in_fits_that_are_saved(folder: Path, monkeypatch: pytest.Monkey
     save_fit(fit, folder / "fit.json")
     assert load_fit(folder / "fit.json").values == fit.values
     forget(monkeypatch)
-    with pytest.raises(ss.FitError, match=r"my_law.py, which is not run because a result names it"):
+    with pytest.raises(ss.estimate.FitError, match=r"my_law.py, which is not run because a result names it"):
         load_fit(folder / "fit.json")
-    ss.use_file(folder / "my_law.py")
+    ss.registry.use_file(folder / "my_law.py")
     assert type(load_fit(folder / "fit.json").model).__name__ == "ViscousDahl"
 
 
@@ -273,8 +273,8 @@ def test_the_panel_runs_no_file_that_a_request_names(folder: Path) -> None:
     sets = Sets(Folder(folder))
     assert "parameters/mine.toml" not in sets.offered()
     assert not [name for name in sys.modules if name.startswith("own_")]
-    ss.use_file(folder / "my_law.py")
-    ss.use_file(folder / "my_waveform.py")
+    ss.registry.use_file(folder / "my_law.py")
+    ss.registry.use_file(folder / "my_waveform.py")
     assert "parameters/mine.toml" in sets.offered()
     assert bench.check(content)
 
@@ -323,7 +323,8 @@ def read_scope(path):
 add_format(read_scope, "scope", (".raw",))
 '''
 RIG = '''
-from stickslip import VirtualRig, load_actuator, load_bench, registry
+from stickslip import load_actuator, registry
+from stickslip.rig import VirtualRig, load_bench
 
 
 @registry.rigs.add
@@ -348,18 +349,18 @@ unit = "nm"
 source = "drawing"
 """
     (tmp_path / "bench.toml").write_text(text + table)
-    sensor: Any = ss.load_bench(tmp_path / "bench.toml").sensors["ruler"].sensor
+    sensor: Any = ss.rig.load_bench(tmp_path / "bench.toml").sensors["ruler"].sensor
     assert sensor.sense(np.array([51e-9]), 1e3, None) == pytest.approx([60e-9])
     (tmp_path / "bench.toml").write_text(text + table.replace("ruler.py:Ruler", "ruler.py:Rular"))
     with pytest.raises(ValueError, match=r"no sensor 'Rular' \(did you mean 'Ruler'\?\)"):
-        ss.load_bench(tmp_path / "bench.toml")
+        ss.rig.load_bench(tmp_path / "bench.toml")
 
 
 def test_an_own_reader(tmp_path: Path) -> None:
     (tmp_path / "my_reader.py").write_text(READER)
     samples = np.array([[0.0, 0.0], [65.0, 6.5], [30.0, 3.25]], dtype="<f4")
     samples.tofile(tmp_path / "scope.raw")
-    with pytest.raises(ss.RecordingError, match="neither text nor"):
+    with pytest.raises(ss.recording.RecordingError, match="neither text nor"):
         ss.read_recording(tmp_path / "scope.raw", sample_rate=1e5)
     spec = RecordingFile.model_validate(
         {"file": "scope.raw", "reader": "my_reader.py:scope", "sample_rate": "100 kHz"}
@@ -374,7 +375,7 @@ def test_an_own_reader(tmp_path: Path) -> None:
     np.save(tmp_path / "still.npy", np.zeros((5, 2)))
     assert ss.inspect_file(tmp_path / "still.npy").reader == "npy"
     (tmp_path / "still.npy").rename(tmp_path / "still.raw")
-    with pytest.raises(ss.RecordingError):  # its ending says scope
+    with pytest.raises(ss.recording.RecordingError):  # its ending says scope
         ss.read_recording(tmp_path / "still.raw", sample_rate=1e5, reader="npz")
 
 
@@ -396,14 +397,14 @@ def test_an_own_rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ],
     }
     (tmp_path / "experiment.yaml").write_text(yaml_text(experiment))
-    ss.run_experiment(tmp_path / "experiment.yaml", tmp_path / "out")
+    ss.experiment.run_experiment(tmp_path / "experiment.yaml", tmp_path / "out")
     stop_all()
     recorded = ss.open_recording(tmp_path / "out" / "walk.nc")
     assert float(recorded["drive_voltage"].max()) == pytest.approx(10.0, rel=0.05)
     experiment["rig"] = {"kind": "scpy"}
     (tmp_path / "experiment.yaml").write_text(yaml_text(experiment))
     with pytest.raises(ValueError, match=r"rig.*no rig 'scpy' \(did you mean 'scpi'\?\)"):
-        ss.run_experiment(tmp_path / "experiment.yaml", tmp_path / "out")
+        ss.experiment.run_experiment(tmp_path / "experiment.yaml", tmp_path / "out")
 
 
 def test_an_installed_package_adds_by_its_entry_points(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ DURATION = PERIODS * PERIOD
 
 # Each period is by 1e-9 of the amplitude larger than the one before, which moves the end-effector by some
 # 1e-14 m: the same solution, but no two periods of the drive are equal, so none is a copy of another.
-UNLIKE = ss.Sequence(
+UNLIKE = ss.waveform.Sequence(
     *((ss.Sawtooth(AMPLITUDE * (1.0 + 1e-9 * k), FREQUENCY), PERIOD) for k in range(PERIODS))
 )
 

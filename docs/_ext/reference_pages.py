@@ -3,35 +3,40 @@
 from __future__ import annotations
 
 import inspect
+from importlib import import_module
 from pathlib import Path
 from typing import Any
+
+from public_names import ROOMS, TOP, everything
 
 import stickslip
 from stickslip.records import quantities
 
-_NO_ROOM = "stickslip"
+_TOP_LEVEL = "stickslip"
 
 
-def _room(value: Any) -> str:
-    parts = str(getattr(value, "__module__", "") or _NO_ROOM).split(".")
-    return parts[1] if len(parts) > 1 and parts[0] == "stickslip" else _NO_ROOM
+def _room(name: str, value: Any) -> str:
+    """The page of a name: its sub-package, or that in which it is made."""
+    room, dot, _ = name.partition(".")
+    if dot:
+        return room
+    parts = str(getattr(value, "__module__", "")).split(".")
+    return parts[1] if len(parts) > 1 and parts[0] == "stickslip" else _TOP_LEVEL
 
 
-def _entries(names: list[str]) -> list[str]:
+def _entries(names: dict[str, Any]) -> list[str]:
     """Of a page; the equations of a friction law stand at the head of its file."""
     found, file = [], ""
-    for name in names:
-        value = getattr(stickslip, name)
-        if inspect.isclass(value) and _room(value) == "friction" and value.__module__ != file:
+    for name, value in names.items():
+        if value in stickslip.LAWS and value.__module__ != file:
             file = value.__module__
             title = file.rpartition(".")[2].replace("_", " ")
             found.append(f"{title}\n{'-' * len(title)}\n\n.. automodule:: {file}\n   :no-index:\n")
-        found.append(_entry(name))
+        found.append(_entry(name, value))
     return found
 
 
-def _entry(name: str) -> str:
-    value = getattr(stickslip, name)
+def _entry(name: str, value: Any) -> str:
     if inspect.isclass(value):
         return f".. autoclass:: stickslip.{name}\n   :members:\n"
     if callable(value):
@@ -43,22 +48,22 @@ def write(app: Any) -> None:
     """Into docs/api, which git ignores."""
     folder = Path(app.srcdir) / "api"
     folder.mkdir(exist_ok=True)
-    rooms: dict[str, list[str]] = {}
-    for name in sorted(stickslip.__all__, key=str.lower):
-        if not name.startswith("_"):
-            rooms.setdefault(_room(getattr(stickslip, name)), []).append(name)
+    rooms: dict[str, dict[str, Any]] = {}
+    for name, value in sorted(everything().items(), key=lambda item: item[0].lower()):
+        rooms.setdefault(_room(name, value), {})[name] = value
+    laws = rooms["friction"]  # those of one file one after the other, under its equations once
+    rooms["friction"] = dict(sorted(laws.items(), key=lambda item: (item[1].__module__, item[0])))
     pages = {}
     for room, names in rooms.items():
-        if room == "friction":  # laws of one file one after the other, under its equations once
-            names.sort(key=lambda name: (getattr(stickslip, name).__module__, name))
-        module = getattr(__import__(f"stickslip.{room}"), room) if room != _NO_ROOM else stickslip
+        module = ROOMS.get(room) or (stickslip if room == _TOP_LEVEL else import_module(f"stickslip.{room}"))
         first = (inspect.getdoc(module) or "").split("\n\n")[0]
         title = f"{room}\n{'=' * len(room)}\n"
         pages[room] = "\n".join([title, first, "", *_entries(names)])
     listed = "\n".join(f"   {room}" for room in sorted(pages))
+    daily = ", ".join(f":any:`stickslip.{name}`" for name in sorted(TOP, key=str.lower))
     pages["index"] = (
-        "API reference\n=============\n\nAll public names, ``import stickslip as ss``, by room.\n\n"
-        f".. toctree::\n\n{listed}\n"
+        "API reference\n=============\n\n``import stickslip as ss``. What daily work needs is at the top: "
+        f"{daily}. The rest is in sub-packages: ``ss.rig.VirtualRig``.\n\n.. toctree::\n\n{listed}\n"
     )
     for old in folder.glob("*.rst"):
         if old.stem not in pages:
@@ -71,7 +76,10 @@ def write(app: Any) -> None:
 
 def fields(app: Any, what: str, name: str, value: Any, options: Any, lines: list[str]) -> None:
     """A list of the fields of a record, each with symbol, unit and meaning, behind its docstring."""
-    if what == "module":  # |v| is an absolute value there, and no substitution; formulas stay as they are
+    if what in (
+        "module",
+        "class",
+    ):  # |v| is an absolute value there, and no substitution; formulas stay as they are
         lines[:] = [line if line.startswith((" ", "..")) else line.replace("|", "\\|") for line in lines]
     known = quantities(value) if what == "class" and hasattr(value, "_fields") else {}
     if known:

@@ -1,19 +1,31 @@
 """stickslip: identify, verify, simulate and design piezoelectric stick-slip actuators.
 
-Public names are listed, with their types, in ``__init__.pyi``; each is imported when it is first used, so
-that ``import stickslip`` costs next to nothing.
+What daily work needs is here, everything else in sub-packages: ``ss.simulate``, ``ss.rig.VirtualRig``. Public
+names are listed, with their types, in ``__init__.pyi``; each is imported when it is first used, so that
+``import stickslip`` costs next to nothing.
 """
 
-import lazy_loader as _lazy
+from ._lazy import attach as _attach
 
-_imported, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)
+_imported, __dir__, __all__ = _attach(__name__, __file__)
 
 
 def __getattr__(name: str) -> object:
     try:
         return _imported(name)
-    except ModuleNotFoundError as missing:
-        if str(missing.name).startswith("stickslip"):
+    except AttributeError:
+        if name.startswith("_"):
             raise
-        needs = f"stickslip.{name} needs {missing.name}, which is not installed"
-        raise ModuleNotFoundError(f'{needs}: pip install "stickslip[all]"', name=missing.name) from None
+        return _elsewhere(name)
+
+
+def _elsewhere(name: str) -> object:
+    """A name of a sub-package, where all names stood once; to be removed with 0.2."""
+    from warnings import warn
+
+    for room in filter(str.islower, __all__):
+        found = getattr(_imported(room), name, None)
+        if str(getattr(found, "__module__", "")).startswith(f"stickslip.{room}"):
+            warn(f"stickslip.{name} is stickslip.{room}.{name}", DeprecationWarning, stacklevel=3)
+            return found
+    raise AttributeError(f"stickslip has no {name!r}, nor have its sub-packages")

@@ -1,23 +1,39 @@
-from ._version import __version__ as __version__
+# isort: skip_file
+
+# Sub-packages: what is not daily work
+from . import calibration as calibration
+from . import campaign as campaign
+from . import chain as chain
+from . import comparison as comparison
+from . import electronics as electronics
+from . import estimate as estimate
+from . import experiment as experiment
+from . import export as export
+from . import friction as friction
+from . import history as history
+from . import identify as identify
+from . import panel as panel
+from . import parameters as parameters
+from . import readers as readers
+from . import recording as recording
+from . import registry as registry
+from . import report as report
+from . import rig as rig
+from . import simulation as simulation
+from . import units as units
+from . import verification as verification
+from . import waveform as waveform
+
+# Models, and where their numbers are from
 from .actuator import Actuator as Actuator
 from .actuator import PulledSlider as PulledSlider
 from .actuator import load_actuator as load_actuator
 from .actuator import load_pulled_slider as load_pulled_slider
-from .calibration import Calibration as Calibration
-from .calibration import CalibrationError as CalibrationError
-from .calibration import apply_calibration as apply_calibration
-from .calibration import fit_calibration as fit_calibration
-from .calibration import load_calibration as load_calibration
-from .calibration import save_calibration as save_calibration
-from .campaign import run_campaign as run_campaign
 from .chain import Chain as Chain
-from .estimate.problem import FitError as FitError
-from .estimate.result import Fit as Fit
-from .experiment import run_experiment as run_experiment
-from .export import ExportError as ExportError
-from .export import TranslationError as TranslationError
-from .export import export_c as export_c
-from .export import export_fmu as export_fmu
+from .known import catalogue as catalogue
+from .parameters import cite as cite
+
+# Friction laws
 from .friction import LAWS as LAWS
 from .friction import Coulomb as Coulomb
 from .friction import CoulombViscous as CoulombViscous
@@ -28,102 +44,49 @@ from .friction import MaxwellSlip as MaxwellSlip
 from .friction import ResetIntegrator as ResetIntegrator
 from .friction import StictionCoulombViscous as StictionCoulombViscous
 from .friction import Stribeck as Stribeck
-from .friction import register_law as register_law
-from .history import runs as runs
-from .identify.events.pulled import identify_pulled_slider as identify_pulled_slider
-from .identify.events.sawtooth import sawtooth_features as sawtooth_features
-from .identify.frequency.in_time import identify_in_time as identify_in_time
-from .identify.frequency.instruments import applied_voltage as applied_voltage
-from .identify.frequency.instruments import without_filter as without_filter
-from .identify.frequency.modal import identify_frequency as identify_frequency
-from .identify.frequency.response import frequency_response as frequency_response
-from .identify.frequency.response import welch_frequency_response as welch_frequency_response
-from .identify.loops.compare import compare_laws as compare_laws
-from .identify.loops.fit import identify_loops as identify_loops
-from .identify.loops.inertia import identify_inertia as identify_inertia
-from .identify.saved import load_fit as load_fit
-from .identify.saved import save_fit as save_fit
-from .identify.step.fit import identify_step as identify_step
-from .identify.step.fit import step_formula_errors as step_formula_errors
-from .identify.step.formulas import step_features as step_features
-from .identify.walk.bayes import Posterior as Posterior
-from .identify.walk.bayes import posterior as posterior
-from .identify.walk.compare import compare_walks as compare_walks
-from .identify.walk.compare import walk_candidates as walk_candidates
-from .identify.walk.conditions import Conditions as Conditions
-from .identify.walk.conditions import identify_conditions as identify_conditions
-from .identify.walk.experiments import Walk as Walk
-from .identify.walk.experiments import expected_errors as expected_errors
-from .identify.walk.friction import identify_friction as identify_friction
-from .identify.walk.intervals import bootstrap as bootstrap
-from .identify.walk.intervals import prediction_band as prediction_band
-from .identify.walk.intervals import profile_interval as profile_interval
-from .identify.walk.prediction import Predictor as Predictor
-from .job import run_job as run_job
-from .known import catalogue as catalogue
-from .panel.notebook import plot_widget as plot_widget
-from .parameters import ParameterSetError as ParameterSetError
-from .parameters import available_sets as available_sets
-from .parameters import cite as cite
-from .parameters import load_friction as load_friction
-from .parameters import load_set as load_set
-from .parameters import print_citations as print_citations
-from .readers import inspect_file as inspect_file
-from .readers import read_recording as read_recording
-from .recording import RecordingError as RecordingError
-from .recording import RecordingWarning as RecordingWarning
-from .recording import make_recording as make_recording
-from .recording import open_recording as open_recording
-from .recording import save_csv as save_csv
-from .recording import save_matlab as save_matlab
-from .recording import save_recording as save_recording
-from .recording import validate_recording as validate_recording
-from .registry import use_file as use_file
-from .rig import Bench as Bench
-from .rig import Capture as Capture
-from .rig import Channel as Channel
-from .rig import HostedRig as HostedRig
-from .rig import LimitError as LimitError
-from .rig import Limits as Limits
-from .rig import Link as Link
-from .rig import Repeats as Repeats
-from .rig import RigError as RigError
-from .rig import ScpiRig as ScpiRig
-from .rig import Trigger as Trigger
-from .rig import Variation as Variation
-from .rig import VirtualRig as VirtualRig
-from .rig import load_bench as load_bench
-from .rig import measure as measure
-from .simulation import NotPeriodicError as NotPeriodicError
-from .simulation import SimulationError as SimulationError
-from .simulation import SimulationWarning as SimulationWarning
-from .simulation import State as State
+
+# Drive signals
+from .waveform import Constant as Constant
+from .waveform import PeriodicKnots as PeriodicKnots
+from .waveform import ReverseSawtooth as ReverseSawtooth
+from .waveform import Sampled as Sampled
+from .waveform import Sawtooth as Sawtooth
+from .waveform import Sine as Sine
+from .waveform import Step as Step
+from .waveform import Triangle as Triangle
+
+# Simulation
 from .simulation import final_state as final_state
-from .simulation import friction_response as friction_response
 from .simulation import sensitivities as sensitivities
 from .simulation import simulate as simulate
 from .simulation import simulate_ensemble as simulate_ensemble
 from .simulation import steady_orbit as steady_orbit
 from .simulation import steady_step as steady_step
-from .simulation import steady_step_derivatives as steady_step_derivatives
 from .simulation import steady_steps as steady_steps
-from .units import QuantityError as QuantityError
-from .verification import Requirement as Requirement
-from .verification import Verification as Verification
+
+# Recordings
+from .history import runs as runs
+from .readers import inspect_file as inspect_file
+from .readers import read_recording as read_recording
+from .recording import make_recording as make_recording
+from .recording import open_recording as open_recording
+from .recording import save_recording as save_recording
+
+# Identification and verification
+from .estimate import Fit as Fit
+from .identify import compare_walks as compare_walks
+from .identify import identify_frequency as identify_frequency
+from .identify import identify_friction as identify_friction
+from .identify import identify_loops as identify_loops
+from .identify import identify_step as identify_step
+from .identify import load_fit as load_fit
+from .identify import posterior as posterior
+from .identify import save_fit as save_fit
 from .verification import verify as verify
-from .waveform.knots import PeriodicKnots as PeriodicKnots
-from .waveform.multisine import Multisine as Multisine
-from .waveform.periodic import Cycloid as Cycloid
-from .waveform.periodic import ReverseSawtooth as ReverseSawtooth
-from .waveform.periodic import Sawtooth as Sawtooth
-from .waveform.periodic import Sine as Sine
-from .waveform.periodic import Triangle as Triangle
-from .waveform.sampled import Sampled as Sampled
-from .waveform.sequence import Sequence as Sequence
-from .waveform.shapes import Chirp as Chirp
-from .waveform.shapes import Constant as Constant
-from .waveform.shapes import Ramp as Ramp
-from .waveform.shapes import Rest as Rest
-from .waveform.shapes import Step as Step
-from .waveform.signal import Waveform as Waveform
-from .waveform.signal import check_range as check_range
+
+# Pictures, files whose steps do all of this, code for others
+from .figures.plotting import plot as plot
+from .job import run_job as run_job
+from .export import export_c as export_c
+from .export import export_fmu as export_fmu
+from ._version import __version__ as __version__

@@ -8,15 +8,16 @@ goes into a compiled kernel as it is: there is no second, "fast" copy of any par
 from __future__ import annotations
 
 import functools
+import html
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from difflib import get_close_matches
 from types import NoneType
 from typing import Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from .units import QuantityError, to_si
+from .units import QuantityError, to_si, with_prefix
 
 T = TypeVar("T")
 
@@ -144,6 +145,26 @@ def _bind(
     return [given[name] for name in fields]
 
 
+def _as_html(self: Any) -> str:
+    """What a notebook shows of a record: a table of its fields, and of the records in them."""
+    return f"<table><caption>{type(self).__name__}</caption>{''.join(_rows(self))}</table>"
+
+
+def _rows(one: Any) -> Iterator[str]:
+    known = quantities(type(one))
+    for name, value in one._asdict().items():
+        quantity = known.get(name)
+        if hasattr(value, "_asdict"):
+            yield f"<tr><th colspan=3>{name}: {type(value).__name__}</th></tr>"
+            yield from _rows(value)
+        elif quantity is None:
+            yield f"<tr><td>{name}</td><td>{html.escape(str(value))}</td><td></td></tr>"
+        else:
+            several = value if isinstance(value, tuple) else (value,)
+            shown = ", ".join("-" if v is None else with_prefix(v, quantity.unit, 6) for v in several)
+            yield f"<tr><td>{name}</td><td>{shown}</td><td>{quantity.symbol} {quantity.meaning}</td></tr>"
+
+
 def record(named_tuple: type[T]) -> type[T]:
     """Make construction of a ``NamedTuple`` check every `Quantity` and run the class's ``_check``, if any.
 
@@ -178,6 +199,7 @@ def record(named_tuple: type[T]) -> type[T]:
 
     namespace = {
         "__slots__": (),
+        "_repr_html_": _as_html,
         "__new__": __new__,
         "_make": classmethod(_make),
         "_replace": _replace,

@@ -179,7 +179,7 @@ def not_run(noun: str, name: str, place: str) -> str:
     """Why something of a user's own that results name is not known."""
     return (
         f"its {noun} {name} is of {place}, which is not run because a result names it: if you trust it, name "
-        f"it yourself, stickslip --use {place} ..., or stickslip.use_file({place!r}) in Python"
+        f"it yourself, stickslip --use {place} ..., or stickslip.registry.use_file({place!r}) in Python"
     )
 
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from .estimate.goodness import Goodness, goodness, pooled_r_squared, pooled_rmse
 from .estimate.lack import Lack, lack_of_fit
 from .estimate.result import Fit
+from .estimate.shown import preformatted
 from .identify.recorded.channels import channel, drives_of, names_of, recordings_of, same_number
 from .identify.recorded.drives import periodic_part
 from .identify.recorded.known_noise import known_noise
@@ -181,6 +182,8 @@ class Verification:
                 *self.statements,
             ]
         )
+
+    _repr_html_ = preformatted
 
     def to_dict(self) -> dict[str, Any]:
         """Every number with its unit, ready for JSON; None where r^2 does not exist."""

@@ -18,7 +18,7 @@ NOISE = 50e-9
 
 def walk(path: Path, model: ss.Actuator, volts: float, hertz: float, seed: int) -> dict:
     """A walk of eight periods after 0.1 s of rest, with noise, as a file; and how a campaign names it."""
-    drive = ss.Sequence(ss.Rest(0.1), ss.Sawtooth(volts, hertz, periods=8))
+    drive = ss.waveform.Sequence(ss.waveform.Rest(0.1), ss.Sawtooth(volts, hertz, periods=8))
     shown = ss.simulate(model, drive, 0.1 + 8.2 / hertz, sample_rate=2e3)
     random = np.random.default_rng(seed)
     shown["end_effector_position"] += NOISE * random.standard_normal(shown["time"].size)

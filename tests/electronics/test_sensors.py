@@ -12,13 +12,10 @@ from stickslip.electronics import (
     Interferometer,
     PositionSensor,
     StrainGauge,
-    delayed,
     filtered,
-    first_order,
-    random_walk,
-    white_noise,
 )
-from stickslip.electronics.filters import sections
+from stickslip.electronics.filters import first_order, sections
+from stickslip.electronics.noise import delayed, random_walk, white_noise
 from stickslip.units import QuantityError
 
 RATE = 100e3

@@ -10,11 +10,12 @@ import pytest
 
 from export.building import ARM_COMPILERS, COMPILERS, C, compiled, output, walk
 from friction.samples import ALL, name
-from stickslip import PulledSlider, load_actuator, load_bench, simulate
+from stickslip import PulledSlider, load_actuator, simulate
 from stickslip.electronics import StrainGauge, amplifier_output
 from stickslip.export import export_c
 from stickslip.export.signal_chain import amplifier_after, sensor_after, sensor_output
 from stickslip.friction import Coulomb, LuGre
+from stickslip.rig import load_bench
 from stickslip.waveform.periodic import ReverseSawtooth, Sawtooth, Sine
 from stickslip.waveform.shapes import Ramp, Step
 

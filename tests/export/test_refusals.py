@@ -11,10 +11,11 @@ import pytest
 from typer.testing import CliRunner
 
 from export.building import compiled, output
-from stickslip import load_actuator, load_bench
+from stickslip import load_actuator
 from stickslip.cli import app
 from stickslip.export import ExportError, export_c, export_fmu
 from stickslip.report.fits import model_numbers
+from stickslip.rig import load_bench
 from stickslip.waveform.periodic import Sawtooth
 
 KANG = load_actuator("kang2007")

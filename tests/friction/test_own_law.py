@@ -98,7 +98,7 @@ def test_compiled_laws_are_kept_and_no_edit_is_ever_stale(folder):
 
 @pytest.mark.compiled
 def test_compiled_laws_of_a_file_named_by_its_path_are_kept_too(folder):
-    load = f"from stickslip import use_file\nown_law = use_file({str(folder / 'own_law.py')!r})"
+    load = f"from stickslip.registry import use_file\nown_law = use_file({str(folder / 'own_law.py')!r})"
     edit(folder / "program.py", "import own_law", load)
     assert run(folder) == (23.0, 0.1, True)
     assert run(folder) == (23.0, 0.1, False)

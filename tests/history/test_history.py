@@ -28,7 +28,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("lab")
     run_experiment(written(folder, SMALL), folder / "whole")
     stopped = {**SMALL, "operator": "Another", "limits": {"max_position": "1 um"}}
-    with pytest.raises(ss.LimitError):
+    with pytest.raises(ss.rig.LimitError):
         run_experiment(written(folder, stopped), folder / "stopped")
     (folder / "own.csv").write_text("time [s],force [mN]\n0,1\n1,2\n2,3\n")
     hanging(folder / "damaged.nc")

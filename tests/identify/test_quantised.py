@@ -18,7 +18,7 @@ def strokes(law: LuGre, seed: int, count: float):
     time = np.linspace(0.0, 2.0, 801)
     stroke = 1.5 * COUNT * random.uniform(0.9, 1.1)
     position = stroke * np.sin(2.0 * np.pi * time) + COUNT * random.uniform()
-    force = ss.friction_response(law, time, position)["friction_force"].values
+    force = ss.simulation.friction_response(law, time, position)["friction_force"].values
     force = force + 2e-3 * random.standard_normal(time.size)
     shown = np.round(position / count) * count if count else position
     return ss.make_recording(time, {"position": shown, "friction_force": force}, title="strokes")

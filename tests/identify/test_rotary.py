@@ -100,10 +100,10 @@ def test_steps_and_features() -> None:
     assert units["gain"] == "rad/V"
     assert units["offset_1"] == "rad"
     assert fit.values["gain"] == pytest.approx(straight.values["gain"] / RADIUS, rel=1e-6)
-    assert ss.step_features(angular)["gain"].attrs["units"] == "rad/V"
+    assert ss.identify.step_features(angular)["gain"].attrs["units"] == "rad/V"
     walk = ss.simulate(ss.load_actuator("kang2007"), DRIVE, 0.15, sample_rate=5e3)
     shown = on_radius(walk[["end_effector_position", "drive_voltage"]], end_effector_position=-1)
-    features = ss.sawtooth_features(shown)
+    features = ss.identify.sawtooth_features(shown)
     assert features["net_step"].attrs["units"] == features["peak"].attrs["units"] == "rad"
     assert features["period"].attrs["units"] == "s"
 

@@ -14,7 +14,7 @@ from stickslip.estimate.result import Fit
 from .stops import made_loops
 
 KANG = ss.load_actuator("kang2007").replace(stage_reaction=False)
-SAW = ss.Sequence(ss.Rest(0.1), ss.Sawtooth(65.0, 5.0, periods=3))
+SAW = ss.waveform.Sequence(ss.waveform.Rest(0.1), ss.Sawtooth(65.0, 5.0, periods=3))
 
 
 def walk():
@@ -74,7 +74,7 @@ def test_what_it_says_in_short() -> None:
 def test_files_without_a_fit_are_refused(tmp_path: Path) -> None:
     for text in ("", "{}", '{"format": "stickslip fit", "fit": {"type": "Popen"}}', "[1]"):
         (tmp_path / "no.json").write_text(text, "utf-8")
-        with pytest.raises(ss.FitError, match=r"no\.json: there is no fit in it"):
+        with pytest.raises(ss.estimate.FitError, match=r"no\.json: there is no fit in it"):
             ss.load_fit(tmp_path / "no.json")
-    with pytest.raises(ss.FitError, match="there is no fit"):
+    with pytest.raises(ss.estimate.FitError, match="there is no fit"):
         ss.load_fit(tmp_path / "nowhere.json")

@@ -107,11 +107,11 @@ def test_what_the_stage_is_off_moves_what_is_tied_to_it(tied_walk: ss.Fit) -> No
 
 def test_a_profile_a_posterior_and_a_look_at_all_walks_keep_the_tie(tied_walk: ss.Fit) -> None:
     fit = tied_walk
-    low, high = ss.profile_interval(fit, walk(), "sigma_0", drive=DRIVE)
+    low, high = ss.identify.profile_interval(fit, walk(), "sigma_0", drive=DRIVE)
     linear = fit.confidence_intervals()["sigma_0"]
     assert (low, high) == pytest.approx(linear, rel=0.02)
-    with pytest.raises(ss.FitError, match="'sigma_1' is none: there are sigma_0, coulomb_force"):
-        ss.profile_interval(fit, walk(), "sigma_1", drive=DRIVE)
+    with pytest.raises(ss.estimate.FitError, match="'sigma_1' is none: there are sigma_0, coulomb_force"):
+        ss.identify.profile_interval(fit, walk(), "sigma_1", drive=DRIVE)
     found = ss.posterior(fit, walk(), drive=DRIVE, max_simulations=2000)
     sigma_0, sigma_1 = (found.samples[name].values for name in ("sigma_0", "sigma_1"))
     assert sigma_1 == pytest.approx(0.1 * np.sqrt(0.1 * sigma_0), rel=1e-9)
@@ -175,7 +175,7 @@ def test_frequency_responses() -> None:
     drive = modal_system.multisines(random, 1000, 4)
     clean = modal_system.steady(drive)
     noisy = clean + 2e-9 * random.standard_normal(clean.shape)
-    response = ss.frequency_response(drive, noisy, modal_system.SAMPLE_RATE)
+    response = ss.identify.frequency_response(drive, noisy, modal_system.SAMPLE_RATE)
     tied = {"damping_ratio_2": "2.5 * damping_ratio_1", "damping_ratio_3": "1.5 * damping_ratio_1"}
     fit, free = ss.identify_frequency(response, 3, tied=tied), ss.identify_frequency(response, 3)
     assert fit.converged
@@ -186,27 +186,29 @@ def test_frequency_responses() -> None:
     assert len(fit.parameters) == len(free.parameters) - 2
     # The coefficients' errors hold for a single search over everything as well.
     assert fit.standard_errors["gain_1[1,1]"] == pytest.approx(free.standard_errors["gain_1[1,1]"], rel=0.3)
-    in_time = ss.identify_in_time(drive, noisy, modal_system.SAMPLE_RATE, fit.model, periodic=True, tied=tied)
+    in_time = ss.identify.identify_in_time(
+        drive, noisy, modal_system.SAMPLE_RATE, fit.model, periodic=True, tied=tied
+    )
     assert in_time.values["damping_ratio_2"] == pytest.approx(2.5 * in_time.values["damping_ratio_1"])
     assert in_time.model.damping_ratio == pytest.approx(modal_system.ZETA, rel=2e-2)
 
 
 def test_a_driven_mass() -> None:
     """Its offset known to be a fifth of its Coulomb friction."""
-    fit = ss.identify_inertia(driven(0), window=0.15, tied={"offset": "0.2 * coulomb_force"})
-    free = ss.identify_inertia(driven(0), window=0.15)
+    fit = ss.identify.identify_inertia(driven(0), window=0.15, tied={"offset": "0.2 * coulomb_force"})
+    free = ss.identify.identify_inertia(driven(0), window=0.15)
     assert fit.values["mass"] == pytest.approx(2.0, rel=0.02)
     assert fit.values["offset"] == pytest.approx(0.3, rel=0.1)
     assert fit.standard_errors["offset"] < free.standard_errors["offset"]
     with pytest.raises(QuantityError, match=r"offset \[N\] is tied to 'mass'"):
-        ss.identify_inertia(driven(0), window=0.15, tied={"offset": "mass"})
+        ss.identify.identify_inertia(driven(0), window=0.15, tied={"offset": "mass"})
 
 
 def test_a_pulled_slider() -> None:
     rig = PulledRig(0.03, 168.0, 1100e-6)
     made = simulated_force(slider(rig, 0.36, 0.3), rig)
     made["force_ratio"] += 5e-4 * np.random.default_rng(0).standard_normal(made.sizes["time"])
-    fit = ss.identify_pulled_slider(made, rig, tied={"stiction_excess": "0.2 * dynamic_coefficient"})
+    fit = ss.identify.identify_pulled_slider(made, rig, tied={"stiction_excess": "0.2 * dynamic_coefficient"})
     assert fit.values["dynamic_coefficient"] == pytest.approx(0.3, rel=0.01)
     assert fit.values["stiction_excess"] == 0.2 * fit.values["dynamic_coefficient"]
 

@@ -27,7 +27,9 @@ def save_walk(path: Path, volts: float, seed: int) -> None:
     """A simulated walk with noise on the position."""
     actuator = ss.load_actuator("kang2007")
     law = actuator.friction._replace(**TRUTH, stiction_force=TRUTH["coulomb_force"])
-    drive = ss.Sequence(ss.Rest(0.1), ss.Sawtooth(volts, 10.0, periods=4), ss.Rest(0.1))
+    drive = ss.waveform.Sequence(
+        ss.waveform.Rest(0.1), ss.Sawtooth(volts, 10.0, periods=4), ss.waveform.Rest(0.1)
+    )
     walk = ss.simulate(actuator.replace(friction=law), drive, sample_rate=2e3)
     noise = np.random.default_rng(seed).normal(0.0, NOISE, walk.sizes["time"])
     walk["end_effector_position"] = walk["end_effector_position"].copy(

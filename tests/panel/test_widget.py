@@ -33,7 +33,7 @@ def recording() -> xr.Dataset:
 
 def test_the_frame_holds_the_channels() -> None:
     walk = recording()
-    widget = ss.plot_widget(walk, ["end_effector_position", "friction_force"], height=300)
+    widget = ss.panel.plot_widget(walk, ["end_effector_position", "friction_force"], height=300)
     assert widget.series == [
         {"label": "end-effector position", "unit": "m"},
         {"label": walk["friction_force"].attrs["long_name"], "unit": "N"},
@@ -47,18 +47,18 @@ def test_the_frame_holds_the_channels() -> None:
 
 
 def test_left_out_channels_are_the_usual_ones() -> None:
-    assert [one["unit"] for one in ss.plot_widget(recording()).series] == ["m", "m", "V"]
+    assert [one["unit"] for one in ss.panel.plot_widget(recording()).series] == ["m", "m", "V"]
 
 
 def test_an_unknown_channel_is_refused() -> None:
     with pytest.raises(
-        ss.RecordingError, match=r"no channel 'stage_positon' \(did you mean 'stage_position'"
+        ss.recording.RecordingError, match=r"no channel 'stage_positon' \(did you mean 'stage_position'"
     ):
-        ss.plot_widget(recording(), ["stage_positon"])
+        ss.panel.plot_widget(recording(), ["stage_positon"])
 
 
 def test_it_needs_no_server() -> None:
-    program = "import sys, stickslip as ss; ss.plot_widget; print('fastapi' in sys.modules)"
+    program = "import sys, stickslip as ss; ss.panel.plot_widget; print('fastapi' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
 
@@ -67,7 +67,7 @@ def test_it_needs_no_server() -> None:
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_a_browser_draws_it(browser: Browser, tmp_path: Path, scheme: str) -> None:
     walk = recording().assign_coords(time=recording()["time"] + 3.0)
-    widget = ss.plot_widget(walk)
+    widget = ss.panel.plot_widget(walk)
     values = {"frame": list(widget.frame), "series": widget.series, "height": widget.height}
     colour = "white" if scheme == "dark" else "black"
     files = {

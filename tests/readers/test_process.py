@@ -51,7 +51,7 @@ def test_what_computes_for_too_long_is_given_up(
     monkeypatch.setattr(process, "PATIENCE", 1.0)
     path = hanging(tmp_path / "damaged.nc")
     for _ in range(2):
-        with pytest.raises(ss.RecordingError, match="within 1 s of computing") as refused:
+        with pytest.raises(ss.recording.RecordingError, match="within 1 s of computing") as refused:
             read(path)
         assert not isinstance(refused.value, ReaderBusy)
         monkeypatch.setattr(process, "STUCK", 0.0)  # it is not even tried again

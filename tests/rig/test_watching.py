@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stickslip import Capture, Channel, Limits, RigError, Step, VirtualRig, load_actuator, load_bench, measure
+from stickslip import Step, load_actuator
 from stickslip.calibration import load_calibration
 from stickslip.electronics import Filter
-from stickslip.rig import WatchedRig
+from stickslip.rig import Capture, Channel, Limits, RigError, VirtualRig, WatchedRig, load_bench, measure
 
 CHANNELS = {
     "drive_voltage": Channel("drive"),

@@ -69,7 +69,7 @@ def simulated(of: Drawn, tolerance: float) -> tuple[Any, bool]:
                 tolerance=tolerance,
                 max_steps=MOST,
             )
-        except (ss.SimulationError, ss.QuantityError):
+        except (ss.simulation.SimulationError, ss.units.QuantityError):
             return None, True
     return made, bool(said)
 

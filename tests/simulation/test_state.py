@@ -36,7 +36,7 @@ CASES: dict[str, tuple[Any, Any, float, dict[str, Any]]] = {
     "a sequence": (KANG, ss.Sawtooth(65.0, 40.0, 0.95, periods=3), 0.2, {}),
     "a pulled slider": (
         ss.PulledSlider(0.3, 2e3, 1.0, ss.LuGre(1e5, 100.0, 0.4, 1.0, 1.4, 1e-3)),
-        ss.Ramp(1e-3, 0.0, 2.0, unit="m"),
+        ss.waveform.Ramp(1e-3, 0.0, 2.0, unit="m"),
         0.6,
         {},
     ),
@@ -101,7 +101,7 @@ def test_survives_a_file(tmp_path: Any) -> None:
 def test_state_of_ones_own() -> None:
     """A stage that is let go rings as a damped oscillator; the end-effector without friction flies."""
     free = KANG.replace(friction=ss.LuGre(1.0, 0.0, 0.0, 1e-12, 1e-12, 1e-3), stage_reaction=False)
-    state = ss.State(stage_position=1e-6, stage_velocity=0.0, end_effector_velocity=2e-3)
+    state = ss.simulation.State(stage_position=1e-6, stage_velocity=0.0, end_effector_velocity=2e-3)
     d = ss.simulate(free, ss.Constant(0.0), 0.01, sample_rate=2e4, initial_state=state, tolerance=1e-12)
     w, z = free.natural_frequency, free.damping_ratio
     damped, t = w * math.sqrt(1.0 - z * z), d.time.values
@@ -159,23 +159,25 @@ def test_the_energy_account_costs_a_continuation_nothing(cut: float) -> None:
 @pytest.mark.parametrize(
     ("state", "said"),
     [
-        (ss.State(bristle_deflections=(0.0, 0.0)), "2 bristle deflections"),
-        (ss.State(stage_velocity=math.nan), "finite"),
-        (ss.State(time=-1.0), "0 s or later"),
+        (ss.simulation.State(bristle_deflections=(0.0, 0.0)), "2 bristle deflections"),
+        (ss.simulation.State(stage_velocity=math.nan), "finite"),
+        (ss.simulation.State(time=-1.0), "0 s or later"),
     ],
 )
-def test_refused(state: ss.State, said: str) -> None:
-    with pytest.raises(ss.QuantityError, match=said):
+def test_refused(state: ss.simulation.State, said: str) -> None:
+    with pytest.raises(ss.units.QuantityError, match=said):
         ss.simulate(KANG, ss.Sawtooth(65.0, 5.0), 0.1, initial_state=state)
 
 
 def test_times_before_the_state_are_refused() -> None:
-    with pytest.raises(ss.QuantityError, match=r"before the initial state at 0\.5 s"):
-        ss.simulate(KANG, ss.Sine(5.0, 5.0, offset=9.0), times=[0.4, 0.6], initial_state=ss.State(time=0.5))
+    with pytest.raises(ss.units.QuantityError, match=r"before the initial state at 0\.5 s"):
+        ss.simulate(
+            KANG, ss.Sine(5.0, 5.0, offset=9.0), times=[0.4, 0.6], initial_state=ss.simulation.State(time=0.5)
+        )
 
 
 def test_what_is_no_trajectory_has_no_final_state() -> None:
-    with pytest.raises(ss.QuantityError, match="final_state"):
+    with pytest.raises(ss.units.QuantityError, match="final_state"):
         ss.final_state(xr.Dataset())
 
 

@@ -102,7 +102,7 @@ def test_an_experiment_and_an_actuator_as_recorded(recorded: Path, tmp_path: Pat
     content = yaml.safe_load((tmp_path / "again.yaml").read_text())
     assert content["limits"]["max_voltage"] == "80 V"
     assert content["runs"][0]["capture"]["interval"] == "250 us"
-    ss.run_experiment(tmp_path / "again.yaml", tmp_path / "out")
+    ss.experiment.run_experiment(tmp_path / "again.yaml", tmp_path / "out")
     now, before = (
         ss.open_recording(file)["drive_voltage"].values
         for file in (tmp_path / "out" / "run_1.nc", recorded / "walk_75V.nc")
@@ -186,7 +186,9 @@ def test_what_cannot_be_written_is_said(
 @pytest.mark.parametrize("late", [0.0, 0.3, 0.7])
 def test_the_drive_that_a_channel_shows(drive: Any, late: float, tmp_path: Path) -> None:
     time = np.arange(4000) * 0.5e-3
-    volts = ss.Sequence(ss.Rest(0.1 + late * 0.5e-3, level=drive.offset), (drive, 1.8)).value(time)
+    volts = ss.waveform.Sequence(
+        ss.waveform.Rest(0.1 + late * 0.5e-3, level=drive.offset), (drive, 1.8)
+    ).value(time)
     volts += 0.01 * np.random.default_rng(7).standard_normal(time.size)
     recording = ss.make_recording(time, {"drive_voltage": (volts, "V")})
     ss.save_recording(recording, tmp_path / "one.nc")

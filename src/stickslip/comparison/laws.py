@@ -39,6 +39,7 @@ from ..friction import (
 from ..simulation import friction_response, simulate, steady_step
 from ..simulation.models import SLIDER
 from ..simulation.trajectory import follow_model
+from ..units import optional_si, to_si
 from ..waveform.periodic import Sine
 from ..waveform.sequence import Sequence
 from ..waveform.shapes import Ramp
@@ -83,9 +84,9 @@ def characterise_laws(laws: Mapping[str, Any], actuator: Actuator, waveform: Wav
 
 def example_laws(
     contact: LuGre,
-    stiction_force: float | None = None,
-    stribeck_velocity: float = 1e-3,
-    sigma_2: float = 5.0,
+    stiction_force: float | str | None = None,
+    stribeck_velocity: float | str = 1e-3,
+    sigma_2: float | str = 5.0,
 ) -> dict[str, Any]:
     """One law of each kind for one contact: its σ₀, σ₁ and F_C, and effects that the contact itself may lack.
 
@@ -95,8 +96,11 @@ def example_laws(
         stribeck_velocity: m/s.
         sigma_2: N s/m, of the laws with viscous friction.
     """
+    sigma_2 = to_si(sigma_2, "N s/m", "sigma_2")
+    stribeck_velocity = to_si(stribeck_velocity, "m/s", "stribeck_velocity")
+    stiction = optional_si(stiction_force, "N", "stiction_force")
     sigma_0, sigma_1, f_c = contact.sigma_0, contact.sigma_1, contact.coulomb_force
-    f_s = 1.3 * f_c if stiction_force is None else stiction_force
+    f_s = 1.3 * f_c if stiction is None else stiction
     z_c = f_c / sigma_0
     stribeck = {"stiction_force": f_s, "stribeck_velocity": stribeck_velocity}
     shares = np.array(

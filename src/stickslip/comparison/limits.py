@@ -25,6 +25,7 @@ from ..friction import (
     Stribeck,
 )
 from ..simulation import simulate
+from ..units import optional_si
 from ..waveform.signal import Waveform
 
 
@@ -43,7 +44,7 @@ class Limit:
 
 
 def compare_limits(
-    actuator: Actuator, waveform: Waveform, stiction_force: float | None = None
+    actuator: Actuator, waveform: Waveform, stiction_force: float | str | None = None
 ) -> list[Limit]:
     """Each limit as two simulations of two periods, of a law close to the limit and of what it should become.
 
@@ -52,9 +53,10 @@ def compare_limits(
         waveform: a periodic drive.
         stiction_force: N, of the laws that have one; 1.3 F_C if left out.
     """
+    stiction = optional_si(stiction_force, "N", "stiction_force")
     contact = actuator.friction
     sigma_0, sigma_1, f_c = contact.sigma_0, contact.sigma_1, contact.coulomb_force
-    f_s = 1.3 * f_c if stiction_force is None else stiction_force
+    f_s = 1.3 * f_c if stiction is None else stiction
     z_c, hard, v_s, sigma_2 = f_c / sigma_0, 1e4 * sigma_0, 1e-3, 5.0
     pure = LuGre(sigma_0, 0.0, 0.0, f_c, f_c)
     pairs = [

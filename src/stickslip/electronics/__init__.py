@@ -13,11 +13,7 @@ from .converter import adc_output as adc_output
 from .converter import dac_output as dac_output
 from .filters import Filter as Filter
 from .filters import filtered as filtered
-from .filters import first_order as first_order
 from .inductive import InductiveSensor as InductiveSensor
 from .interferometer import Interferometer as Interferometer
 from .interferometer import PositionSensor as PositionSensor
-from .noise import delayed as delayed
-from .noise import random_walk as random_walk
-from .noise import white_noise as white_noise
 from .strain_gauge import StrainGauge as StrainGauge

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..records import Quantity, record
-from ..units import QuantityError
+from ..units import QuantityError, to_si
 
 _CAPACITANCE = Quantity("F", "C_p", "capacitance of the piezo", above=0)
 _RATE = Quantity("Hz", "f", "samples of the input per second", above=0)
@@ -45,10 +45,10 @@ class Amplifier(NamedTuple):
 def amplifier_output(
     amplifier: Amplifier,
     volts: ArrayLike,
-    sample_rate: float,
-    capacitance: float,
+    sample_rate: float | str,
+    capacitance: float | str,
     *,
-    tolerance: float = 5e-3,
+    tolerance: float | str = 5e-3,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The output for an input that is held from sample to sample, as points to be joined by lines.
 
@@ -62,6 +62,7 @@ def amplifier_output(
     Returns:
         times [s], ascending from 0, the last one n / sample_rate; and the output there [V].
     """
+    tolerance = to_si(tolerance, "V", "tolerance")
     capacitance = _CAPACITANCE.check(capacitance, "capacitance")
     rate = _RATE.check(sample_rate, "sample_rate")
     targets = np.clip(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy import signal as dsp
 
 from ..records import Quantity, record
-from ..units import QuantityError, with_prefix
+from ..units import QuantityError, to_si, with_prefix
 
 Family = Literal["butterworth", "bessel", "chebyshev", "elliptic"]
 _DESIGN = {"butterworth": "butter", "chebyshev": "cheby1", "elliptic": "ellip"}
@@ -70,9 +70,9 @@ def sections(filter: Filter, sample_rate: float) -> NDArray[np.float64]:
     return np.asarray(made)
 
 
-def filtered(filter: Filter, signal: NDArray[np.float64], sample_rate: float) -> NDArray[np.float64]:
+def filtered(filter: Filter, signal: NDArray[np.float64], sample_rate: float | str) -> NDArray[np.float64]:
     """The signal [n] behind the filter; raises QuantityError as `sections`."""
-    made = sections(filter, sample_rate)
+    made = sections(filter, to_si(sample_rate, "Hz", "sample_rate"))
     return dsp.sosfilt(made, signal, zi=dsp.sosfilt_zi(made) * signal[0])[0]
 
 

@@ -23,6 +23,7 @@ from .bent import Mixture
 from .blas import single_threaded
 from .parameter import Parameter
 from .problem import FitError
+from .shown import preformatted
 from .tied import Ties
 
 Array = NDArray[np.float64]
@@ -67,6 +68,8 @@ class Posterior:
             "sample_stats": self.samples[["log_posterior"]].rename(log_posterior="lp"),
         }
         return _arviz().InferenceData(**parts)
+
+    _repr_html_ = preformatted
 
     def report(self) -> str:
         """A text table of the summary, and whether it may be relied on."""

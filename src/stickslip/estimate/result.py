@@ -6,7 +6,6 @@ Uncertainty is linearised in q, so the interval of a log-scaled parameter is asy
 
 from __future__ import annotations
 
-import html
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -24,7 +23,7 @@ from .identifiability import undetermined
 from .lack import KnownNoise, Lack, lack_of_fit
 from .minima import APART, Minimum, bound
 from .parameter import Parameter, Values
-from .shown import as_dict, as_text
+from .shown import as_dict, as_text, preformatted
 from .tied import Ties
 
 
@@ -305,9 +304,7 @@ class Fit:
     def __repr__(self) -> str:
         return f"<Fit, {self.summary}>"
 
-    def _repr_html_(self) -> str:
-        """What a notebook shows."""
-        return f"<pre>{html.escape(self.report())}</pre>"
+    _repr_html_ = preformatted
 
     def plot(self, axes: Any = None) -> Any:
         """Each recording over time, measured and by the model, and the residuals below with their noise.

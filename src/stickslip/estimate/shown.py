@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -43,6 +44,11 @@ def as_text(fit: Fit, level: float) -> str:
             "the residuals are correlated, which these intervals do not allow for: they are too narrow"
         )
     return "\n".join([*lines, *fit.undetermined, *fit.remarks])
+
+
+def preformatted(result: Any) -> str:
+    """The `_repr_html_` of what has a `report`: what a notebook shows."""
+    return f"<pre>{html.escape(result.report())}</pre>"
 
 
 def as_dict(fit: Fit, level: float) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from ..estimate.problem import FitError
 from ..estimate.result import Fit
-from ..units import QuantityError
+from ..units import QuantityError, near_one
 from .identification import beside
 from .style import WIDTH, drawn
 
@@ -43,7 +43,7 @@ def draw_fit(fit: Fit, axes: Any = None) -> Any:
             noise=noise,
             known_by=said,
         )
-        axes[i, 0].set_title(f"{g.name}: r² = {g.r_squared:.5f}", loc="right")
+        axes[i, 0].set_title(f"{g.name}: r² = {near_one(g.r_squared, 5)}", loc="right")
     return axes
 
 

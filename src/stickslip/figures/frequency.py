@@ -62,14 +62,14 @@ def frequency_response(
     for label, response in measured.items():
         _band(axes[0], response, scale, colours[label])
         dots = {**_DOTS, "color": colours[label], "label": f"{label}, measured"}
-        _polar(axes[0], axes[1], response, scale, **dots)
+        polar(axes[0], axes[1], response.frequency, response.value, scale, **dots)
     for label, response in models.items():
         line = {
             "color": colours[label],
             "lw": 1.1,
             "label": f"{label}, model" if label in measured else label,
         }
-        _polar(axes[0], axes[1], response, scale, **line)
+        polar(axes[0], axes[1], response.frequency, response.value, scale, **line)
     axes[0].set_yscale("log")
     moduli = scale(np.concatenate([np.abs(np.asarray(value)) for value in everything]))
     axes[0].set_ylim(bottom=0.5 * moduli[moduli > 0.0].min())  # not down to where the bands have no bound
@@ -97,10 +97,12 @@ def frequency_response(
     return figure
 
 
-def _polar(gain: Axes, phase: Axes, response: Response, scale: Scale, **how: Any) -> None:
+def polar(
+    gain: Axes, phase: Axes, frequency: ArrayLike, response: ArrayLike, scale: Scale, **how: Any
+) -> None:
     """Modulus, and phase in degrees without jumps, begun between -270 and 90 degrees: measurement and model
     of a negative gain, which is at -180 or 180 degrees, then begin alike."""
-    f, value = np.asarray(response.frequency, dtype=float), np.asarray(response.value, dtype=complex)
+    f, value = np.asarray(frequency, dtype=float), np.asarray(response, dtype=complex)
     trace(gain, f, scale(np.abs(value)), **how)
     degrees = np.degrees(np.unwrap(np.angle(value)))
     trace(phase, f, degrees - 360.0 * np.ceil((degrees[0] - 90.0) / 360.0), **how)

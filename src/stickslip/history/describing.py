@@ -30,9 +30,12 @@ def described(recording: xr.Dataset) -> dict[str, Any]:
     attrs = {str(name): value for name, value in recording.attrs.items()}
     time = recording["time"].values
     settings = {
-        name: _read(attrs[name]) for name in ("variables", "capture", "limits", "contact") if attrs.get(name)
+        name: _read(attrs[name])
+        for name in ("variables", "capture", "limits", "contact", "drive")
+        if attrs.get(name)
     }
-    settings |= {name: str(attrs[name]) for name in ("drive", "actuator") if attrs.get(name)}
+    if attrs.get("actuator"):
+        settings["actuator"] = str(attrs["actuator"])
     named = re.search(r"\bname='([\w.-]+)'", str(attrs.get("actuator", "")))
     return {
         "begun": str(attrs.get("epoch", "")),

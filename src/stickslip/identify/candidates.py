@@ -11,6 +11,7 @@ import xarray as xr
 
 from ..estimate.goodness import Goodness, goodness
 from ..estimate.result import Fit
+from ..estimate.shown import preformatted
 from ..progress import Progress
 from .free import Bounds
 from .recorded.channels import channel, names_of, recordings_of
@@ -58,6 +59,8 @@ class Comparison:
             {name: ("law", values, {"units": unit}) for name, (values, unit) in columns.items()},
             coords={"law": list(self.fits)},
         )
+
+    _repr_html_ = preformatted
 
     def report(self) -> str:
         """The table as text, AIC and BIC as differences from the lowest."""

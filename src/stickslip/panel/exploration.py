@@ -274,15 +274,16 @@ def _record(record: Any) -> str:
         for field, value in record._asdict().items()
         if field not in defaults or defaults[field] != value
     )
-    name = type(record).__name__
-    return f"{'' if registry.origin(type(record)) else 'ss.'}{name}({', '.join(fields)})"
+    kind = type(record)
+    room = "" if registry.origin(kind) else f"ss.{kind.__module__.split('.')[1]}."
+    return f"{room}{kind.__name__}({', '.join(fields)})"
 
 
 def _own(kind: type) -> str:
     """The line that gets somebody's own law or waveform."""
     place = registry.origin(kind)
     if kind.__module__.startswith("own_"):
-        return f"{kind.__name__} = ss.use_file({place!r}).{kind.__name__}"
+        return f"{kind.__name__} = ss.registry.use_file({place!r}).{kind.__name__}"
     return f"from {kind.__module__} import {kind.__name__}" if place else ""
 
 

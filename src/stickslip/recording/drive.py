@@ -1,39 +1,69 @@
-"""The waveform that a recording's attribute "drive" names."""
+"""The waveform of a recording as data: the attribute "drive" is JSON, whole, for other programs as well.
+
+``{"waveform": "Sawtooth", "amplitude": 65.0, "frequency": 5.0, "periods": 8}``: the name that it is known by
+and the fields that are not at their defaults, SI; of a sequence its parts, of a user's own where it is from.
+"""
 
 from __future__ import annotations
 
-import ast
+import json
 import math
+from dataclasses import fields, is_dataclass
 from typing import Any
 
+import numpy as np
 import xarray as xr
 
+from .. import registry
 from ..waveform.sequence import Sequence
-from ..waveform.signal import Waveform, shape
+from ..waveform.signal import Waveform
+
+
+def drive_text(waveform: Waveform) -> str:
+    """The waveform as the attribute "drive"."""
+    return json.dumps(_data(waveform))
 
 
 def named_drive(recording: xr.Dataset) -> Waveform | None:
-    """The waveform from its own begin on; None where the attribute is missing or names none that is known.
-
-    The attribute is the waveform as Python shows it: names of waveforms, numbers and texts are read, nothing
-    is run.
-    """
+    """The waveform from its own begin on; None where the attribute is missing, or names one that is not known
+    here (see `registry.use_file`) or cannot be."""
     try:
-        made = _read(ast.parse(str(recording.attrs.get("drive", "")), mode="eval").body)
-    except (SyntaxError, ValueError, TypeError, KeyError, RecursionError):
+        made = _made(json.loads(str(recording.attrs.get("drive", ""))))
+    except (ValueError, TypeError, KeyError, RecursionError):
         return None
     return made if hasattr(made, "drive") else None
 
 
-def _read(node: ast.expr) -> Any:
-    if isinstance(node, ast.Tuple):
-        return tuple(_read(one) for one in node.elts)
-    if isinstance(node, ast.Name) and node.id == "inf":
-        return math.inf
-    if not isinstance(node, ast.Call):
-        return ast.literal_eval(node)
-    name = str(getattr(node.func, "id", ""))
-    fields = {str(field.arg): _read(field.value) for field in node.keywords}
-    if name == "Sequence":
-        return Sequence(*fields["parts"])
-    return shape(name)(*map(_read, node.args), **fields)
+def _data(value: Any) -> Any:
+    if hasattr(value, "drive"):
+        return registry.waveforms.written(type(value)) | _fields(value)
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, tuple | list):
+        return [_data(one) for one in value]
+    return str(value) if isinstance(value, float) and math.isinf(value) else value
+
+
+def _fields(waveform: Any) -> dict[str, Any]:
+    if isinstance(waveform, Sequence):
+        return {"parts": _data(waveform.parts)}
+    if is_dataclass(waveform):
+        of = {field.name: (getattr(waveform, field.name), field.default) for field in fields(waveform)}
+    else:
+        defaults = getattr(waveform, "_field_defaults", {})
+        values = waveform._asdict() if hasattr(waveform, "_asdict") else vars(waveform)
+        of = {name: (value, defaults.get(name, ...)) for name, value in values.items()}
+    # An array is nobody's default, and is not compared.
+    kept = {n: value for n, (value, usual) in of.items() if isinstance(value, np.ndarray) or value != usual}
+    return {name: _data(value) for name, value in kept.items()}
+
+
+def _made(data: Any) -> Any:
+    if isinstance(data, list) and data and isinstance(data[0], dict):  # a part of a sequence, and how long
+        return tuple(map(_made, data))
+    if not isinstance(data, dict):
+        return data
+    kind = registry.waveforms.of_results(data)
+    if kind is Sequence:
+        return Sequence(*map(_made, data["parts"]))
+    return kind(**{name: _made(value) for name, value in data.items() if not name.startswith("waveform")})

@@ -7,6 +7,7 @@ import os
 from pathlib import Path
 
 from ..recording.replacing import part_of, replaced_whole
+from ..units import optional_si
 from .circumstances import circumstances
 from .document import Document
 from .html import report_html
@@ -14,7 +15,11 @@ from .results import results_json
 
 
 def write_report(
-    document: Document, folder: str | os.PathLike[str], *, command: str = "", elapsed: float | None = None
+    document: Document,
+    folder: str | os.PathLike[str],
+    *,
+    command: str = "",
+    elapsed: float | str | None = None,
 ) -> Path:
     """Write ``report.html``, ``results.json`` and ``figures/NAME.svg`` into a folder, made if missing.
 
@@ -35,7 +40,7 @@ def write_report(
         DocumentError: a number without a unit.
         OSError: the folder or a file cannot be written.
     """
-    made = circumstances(command, elapsed)
+    made = circumstances(command, optional_si(elapsed, "s", "elapsed"))
     folder = Path(folder)
     numbers = folder / "results.json"
     with replaced_whole(numbers) as temporary:

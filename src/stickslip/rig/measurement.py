@@ -16,6 +16,7 @@ from ..calibration import CalibrationError
 from ..calibration.applying import calibration_chain
 from ..progress import Progress, unheard, within
 from ..recording import STANDARD_NAMES, save_recording
+from ..recording.drive import drive_text
 from ..records import did_you_mean
 from ..units import QuantityError, with_prefix
 from ..waveform.signal import Waveform, value_at
@@ -88,8 +89,7 @@ def measure(
     told = getattr(rig, "told", None)  # of a virtual rig: what is true of these runs
     told = {} if told is None else told(int(capture.average))
     texts = {"title": title, "notes": notes, **(attributes or {}), **told}
-    shown = repr(drive)[:2000]
-    making = Making(can, channels, units, capture, limits, plan.begin, plan.wait, shown, texts)
+    making = Making(can, channels, units, capture, limits, plan.begin, plan.wait, drive_text(drive), texts)
     home = _home_of(rig) if home is None else home
     total: dict[str, Array] = {}
     samples = None if save is None else Samples(save, making, plan.samples)

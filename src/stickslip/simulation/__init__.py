@@ -1,5 +1,6 @@
 """From a model and a drive signal to a labelled trajectory: the public calls over the engines in `solve`."""
 
+from ..solve.periodic import Orbit as Orbit
 from .ensemble import simulate_ensemble as simulate_ensemble
 from .errors import NotPeriodicError as NotPeriodicError
 from .errors import SimulationError as SimulationError

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..actuator import Actuator, PulledSlider
 from ..friction import elements
 from ..recording import make_recording
+from ..recording.drive import drive_text
 from ..solve.log import TERMS
 from ..solve.outcome import DONE, STEP_TOO_SMALL
 from ..solve.periods import integrate
@@ -108,7 +109,7 @@ def simulate(
         steps=found.steps,
         rejected_steps=found.rejected,
         model=repr(model),
-        drive=repr(waveform),
+        drive=drive_text(waveform),
     )
     if found.final is not None:
         made.attrs["final_state"] = as_text(found.final)

@@ -16,4 +16,22 @@ from . import knots as knots
 from . import multisine as multisine
 from . import sampled as sampled
 from . import sequence as sequence
+
 # isort: on
+from .drive import Drive as Drive
+from .knots import PeriodicKnots as PeriodicKnots
+from .multisine import Multisine as Multisine
+from .periodic import Cycloid as Cycloid
+from .periodic import ReverseSawtooth as ReverseSawtooth
+from .periodic import Sawtooth as Sawtooth
+from .periodic import Sine as Sine
+from .periodic import Triangle as Triangle
+from .sampled import Sampled as Sampled
+from .sequence import Sequence as Sequence
+from .shapes import Chirp as Chirp
+from .shapes import Constant as Constant
+from .shapes import Ramp as Ramp
+from .shapes import Rest as Rest
+from .shapes import Step as Step
+from .signal import Waveform as Waveform
+from .signal import check_range as check_range

@@ -64,7 +64,7 @@ def test_what_turns_has_a_moment_of_inertia() -> None:
 
 
 def test_a_window_that_fits_no_recording_is_refused() -> None:
-    with pytest.raises(ss.FitError, match=r"a window of 0\.005 s has 5 samples"):
+    with pytest.raises(ss.estimate.FitError, match=r"a window of 0\.005 s has 5 samples"):
         identify_inertia(driven(0), window=0.005)
-    with pytest.raises(ss.FitError, match="no more than there are"):
+    with pytest.raises(ss.estimate.FitError, match="no more than there are"):
         identify_inertia(driven(0), window=50.0)

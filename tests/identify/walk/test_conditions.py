@@ -31,7 +31,7 @@ def walk(seed: int, celsius: float, softening: float):
 
 def test_a_force_that_moves_is_found_and_named() -> None:
     walks = [walk(i, celsius, 5e-3) for i, celsius in enumerate((40.0, 20.0, 30.0, 20.0))]
-    found = ss.identify_conditions(walks, KANG, FREE, "temperature", **OPTIONS)
+    found = ss.identify.identify_conditions(walks, KANG, FREE, "temperature", **OPTIONS)
     assert found.at == pytest.approx((293.15, 303.15, 313.15))
     assert found.unit == "K"
     assert not found.one_set_explains_all
@@ -51,7 +51,7 @@ def test_where_nothing_moves_nothing_is_said_to() -> None:
     chances = []
     for seed in range(12):
         walks = [walk(10 * seed + i, celsius, 0.0) for i, celsius in enumerate((20.0, 30.0, 40.0))]
-        found = ss.identify_conditions(walks, KANG, FREE, "temperature", **OPTIONS)
+        found = ss.identify.identify_conditions(walks, KANG, FREE, "temperature", **OPTIONS)
         chances.append(found.chance)
     assert min(chances) > 1e-3
     assert 0.2 < np.mean(chances) < 0.8
@@ -62,20 +62,22 @@ def test_the_matrix_of_an_experiment_tells_the_conditions() -> None:
     for i, volts in enumerate((55.0, 65.0)):
         one = walk(i, 20.0, 0.0)
         walks.append(one.assign_attrs(variables=json.dumps({"voltage": f"{volts} V", "operator": "x"})))
-    found = ss.identify_conditions(walks, KANG, FREE, "voltage", **OPTIONS)
+    found = ss.identify.identify_conditions(walks, KANG, FREE, "voltage", **OPTIONS)
     assert found.at == (55.0, 65.0)
     assert found.unit == "V"
 
 
 def test_what_cannot_be_told_apart_is_refused() -> None:
     walks = [walk(i, 20.0, 0.0) for i in range(2)]
-    with pytest.raises(ss.RecordingError, match=r"temperature is 293\.1 K in all recordings"):
-        ss.identify_conditions(walks, KANG, FREE, "temperature", **OPTIONS)
-    with pytest.raises(ss.RecordingError, match=r"walk 0 does not say its 'temperatur' \(did you mean 'temp"):
-        ss.identify_conditions(walks, KANG, FREE, "temperatur", **OPTIONS)
+    with pytest.raises(ss.recording.RecordingError, match=r"temperature is 293\.1 K in all recordings"):
+        ss.identify.identify_conditions(walks, KANG, FREE, "temperature", **OPTIONS)
+    with pytest.raises(
+        ss.recording.RecordingError, match=r"walk 0 does not say its 'temperatur' \(did you mean 'temp"
+    ):
+        ss.identify.identify_conditions(walks, KANG, FREE, "temperatur", **OPTIONS)
     wrong = [walks[0], walks[1].assign_attrs(temperature="3 V")]
     with pytest.raises(QuantityError, match="temperature of walk 1 = '3 V'"):
-        ss.identify_conditions(wrong, KANG, FREE, "temperature", **OPTIONS)
+        ss.identify.identify_conditions(wrong, KANG, FREE, "temperature", **OPTIONS)
 
 
 def test_a_file_asks_for_it(tmp_path: Path) -> None:

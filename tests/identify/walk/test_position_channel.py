@@ -18,7 +18,7 @@ def walk(rest: float, offset: float = 0.0, late: int = 0, seed: int = 0):
     """At 1 kHz, behind the drive by so many samples; the drive, and what the channel shows."""
     drive = ss.Sawtooth(65.0, 5.0, periods=6)
     if rest:
-        drive = ss.Sequence(ss.Rest(rest), drive)
+        drive = ss.waveform.Sequence(ss.waveform.Rest(rest), drive)
     shown = ss.simulate(KANG, drive, rest + 1.15, sample_rate=1e3, tolerance=1e-10)
     x = shown["end_effector_position"].values
     x = np.concatenate([np.full(late, x[0]), x[: x.size - late]])

@@ -25,6 +25,7 @@ from scipy import stats
 from ...actuator import Actuator
 from ...estimate.lack import independent_samples
 from ...estimate.result import Fit
+from ...estimate.shown import preformatted
 from ...recording import RecordingError
 from ...records import did_you_mean
 from ...units import to_si, with_prefix
@@ -91,6 +92,8 @@ class Conditions:
         moves = [name for name, chance in self.moving.items() if chance < SURE]
         which = f": {' and '.join(moves)} move{'s' * (len(moves) == 1)}" if moves else ""
         return f"no one set of values explains all {self.by} (chance {self.chance:.2g}){which}"
+
+    _repr_html_ = preformatted
 
     def report(self) -> str:
         """A text table, a line for each condition, and what follows."""

@@ -1,0 +1,11 @@
+from .fit import fit_least_squares as fit_least_squares
+from .goodness import Goodness as Goodness
+from .lack import Lack as Lack
+from .parameter import Parameter as Parameter
+from .posterior import Posterior as Posterior
+from .problem import FitError as FitError
+from .problem import Problem as Problem
+from .problem import Residuals as Residuals
+from .result import Fit as Fit
+from .result import Minimum as Minimum
+from .search import SearchState as SearchState
