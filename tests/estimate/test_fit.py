@@ -198,7 +198,7 @@ def test_parameter_without_any_effect_and_parameters_that_only_act_together() ->
     assert fit.standard_errors["idle"] == math.inf
     assert fit.confidence_intervals()["idle"] == (1.0, 80.0)
     assert fit.undetermined == (
-        "idle is not determined by these recordings: any value from 1 to 80 N fits as well",
+        "idle is not determined by these recordings: any value from 1 N to 80 N fits as well",
     )
     alone = fit_least_squares(lambda p: p["height"] * np.exp(-p["rate"] * t) - y, DECAY)
     assert fit.standard_errors["rate"] == pytest.approx(alone.standard_errors["rate"], rel=0.02)
@@ -504,3 +504,12 @@ def test_a_prior_wants_a_known_noise_and_a_place_within_the_bounds() -> None:
     for prior in ((10.0, 0.1), (2.0, 0.0), (2.0, -1.0)):
         with pytest.raises(QuantityError, match="prior of a is out of range"):
             Parameter("a", 1.0, 0.1, 9.0, "N", prior=prior)
+
+
+def test_the_table_of_a_fit() -> None:
+    t, y = decay(np.random.default_rng(12))
+    fit = fit_least_squares(lambda p: p["height"] * np.exp(-p["rate"] * t) - y, DECAY)
+    row = fit.table.to_dataframe().loc["rate"]
+    assert row["value"] == fit.values["rate"]
+    assert (row["low"], row["high"]) == fit.confidence_intervals()["rate"]
+    assert row["unit"] == next(p.unit for p in DECAY if p.name == "rate")

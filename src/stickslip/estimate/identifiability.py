@@ -52,12 +52,12 @@ def undetermined(fit: Fit) -> tuple[str, ...]:
     intervals = fit.confidence_intervals()
     for p, side in zip(fit.parameters, fit.uncertainty.bounded, strict=True):
         low, high = intervals[p.name]
-        ends = f"0 to {with_prefix(high, p.unit, 3)}" if low == 0 else f"{low:.3g} to {p.shown(high, 3)}"
+        ends = f"{with_prefix(low, p.unit, 3) if low else 0} to {with_prefix(high, p.unit, 3)}"
         as_well = f"any value from {ends} fits as well"
         if p.name in named:
             sentences.append(f"{p.name} is not determined by these recordings: {as_well}")
         elif side:
-            bound = p.shown(p.lower if side < 0 else p.upper, 3)
+            bound = with_prefix(p.lower if side < 0 else p.upper, p.unit, 3)
             sentences.append(f"{p.name} ended at its bound {bound}, and {as_well}")
     strong = np.abs(fit.correlation.to_numpy()) > INDISTINGUISHABLE
     names = np.array([p.name for p in fit.parameters])

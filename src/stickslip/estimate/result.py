@@ -285,6 +285,20 @@ class Fit:
         """A plain sentence for each parameter, or group of them, that the data do not determine."""
         return undetermined(self)
 
+    @property
+    def table(self) -> xr.Dataset:
+        """value, standard_error, low and high (of the 95 % interval) over "parameter", with its unit as a
+        coordinate; ``fit.table.to_dataframe()`` is pandas'."""
+        ends, errors, names = self.confidence_intervals(), self.standard_errors, [p.name for p in self.shown]
+        columns = {
+            "value": [self.values[name] for name in names],
+            "standard_error": [errors[name] for name in names],
+            "low": [ends[name][0] for name in names],
+            "high": [ends[name][1] for name in names],
+        }
+        coords = {"parameter": names, "unit": ("parameter", [p.unit for p in self.shown])}
+        return xr.Dataset({name: ("parameter", column) for name, column in columns.items()}, coords=coords)
+
     def report(self, level: float = 0.95) -> str:
         """A text table of values with units and intervals, goodness of fit, and what is not determined."""
         return as_text(self, level)
