@@ -1,0 +1,150 @@
+"""The pages of docs/ whose code runs in the documentation: what they show is so."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+from stickslip.actuator import load_actuator
+from stickslip.identify.frequency.modal import ModalModel, modal_response
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+KANG = load_actuator("kang2007")
+
+
+@pytest.fixture
+def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], dict[str, Any]]]:
+    """Run the cells and programs of a page in order; the names that they leave."""
+    monkeypatch.chdir(tmp_path)
+
+    def of(name: str) -> dict[str, Any]:
+        text = (DOCS / name).read_text(encoding="utf-8")
+        names: dict[str, Any] = {}
+        for code in re.findall(r"```(?:\{code-cell\} ipython3|python)\n(.*?)```", text, re.DOTALL):
+            exec(code, names)
+        return names
+
+    yield of
+    plt.close("all")
+
+
+def test_first_walk(run: Callable, capsys: pytest.CaptureFixture[str]) -> None:
+    names = run("first-walk.md")
+    assert 0.0 < names["walk"].attrs["error_estimate"] <= 1e-9
+    steps = [float(text) for text in re.findall(r": ([\d.]+) um per period", capsys.readouterr().out)]
+    assert len(steps) == 3
+    assert steps == sorted(steps)
+    assert steps[1] == pytest.approx(3.139, abs=1e-3)
+
+
+def test_verification(run: Callable) -> None:
+    names = run("verify.md")
+    verified, intervals = names["verified"], names["fit"].confidence_intervals()
+    assert verified.statements == ()
+    assert verified.table["net_step_error"].values.max() < 1e-3
+    assert verified.rmse == pytest.approx(20e-9, rel=0.05)
+    low, high = intervals["coulomb_force"]
+    assert low < KANG.friction.coulomb_force < high
+    text = (DOCS / "verify.md").read_text(encoding="utf-8")
+    for figure in re.findall(r"`(\w+)`", text[text.index("| figure") : text.index("`verified.table`")]):
+        assert figure in verified.table
+
+
+def test_design(run: Callable) -> None:
+    names = run("design.md")
+    assert np.nanmax(names["step"]) == pytest.approx(8e-6, rel=0.1)
+    assert -0.3 < names["forward"].min() < -0.05
+    assert names["low"] < 3.14 < names["high"]
+    scan = names["scan"]
+    assert -names["best"].fun >= scan.max() > scan[-1]
+    assert np.sum((scan[1:-1] > scan[:-2]) & (scan[1:-1] > scan[2:])) >= 2
+
+
+def test_many_simulations(run: Callable) -> None:
+    found = run("scale.md")["found"]
+    assert found.sizes["member"] == 10_000
+    assert np.ptp(found["net_displacement"].values) > 1e-6
+
+
+def test_other_tools(run: Callable) -> None:
+    names = run("bridges.md")
+    stage = names["stage"].values
+    assert names["transfer"](0.0).real == pytest.approx(KANG.gain, rel=1e-3)
+    assert stage["natural_frequency"] == pytest.approx(KANG.natural_frequency, rel=0.02)
+    modal, s = names["modal"], 2j * np.pi * np.array([50.0, 500.0])
+    assert modal.natural_frequency[0] == pytest.approx(KANG.natural_frequency, rel=1e-3)
+    np.testing.assert_allclose(
+        names["state_space"](modal)(s).ravel(), modal_response(modal, s.imag / (2 * np.pi)).ravel(), rtol=1e-3
+    )
+    assert set(names["intervals"].index) >= {"gain", "natural_frequency", "damping_ratio"}
+    assert np.abs(names["smooth"].end_effector_position - names["position"]).max() < 1e-6
+    assert names["widget"].frame
+    assert np.abs(names["difference"]).max() < 0.004 * 8 * KANG.gain * 65.0
+    modal_of_two = random_modal_model()
+    np.testing.assert_allclose(
+        names["state_space"](modal_of_two)(s),
+        np.moveaxis(modal_response(modal_of_two, s.imag / (2 * np.pi)), 0, -1),
+        rtol=1e-6,
+    )
+
+
+def random_modal_model() -> ModalModel:
+    """Three modes, two outputs, two inputs, complex mode shapes, and a delay."""
+    random = np.random.default_rng(0)
+    gain, rate = random.standard_normal((2, 3, 2, 2))
+    omega = 2.0 * np.pi * np.array([200.0, 450.0, 900.0])
+    return ModalModel(omega, np.array([0.02, 0.05, 0.3]), 1e-6, gain, rate, random.standard_normal((2, 2)))
+
+
+ACCURACY = (DOCS / "accuracy.md").read_text(encoding="utf-8")
+
+
+def test_every_claim_of_accuracy_links_to_what_shows_it() -> None:
+    rows = [
+        line for line in ACCURACY.splitlines() if line.startswith("| ") and not line.startswith("| claim")
+    ]
+    assert len(rows) >= 15
+    for row in rows:
+        claim, measured, conditions, shown = (cell.strip() for cell in row.strip("| ").split(" | "))
+        assert claim
+        assert measured
+        assert conditions
+        assert "](" in shown or shown == "the same", row
+    for target in re.findall(r"\]\(([^)#]+)", ACCURACY):
+        assert (DOCS / target).is_file(), target
+
+
+def test_figures_of_accuracy_are_those_that_were_measured() -> None:
+    folder = DOCS / "benchmarks"
+    random = (folder / "random-actuators.md").read_text(encoding="utf-8")
+    median, most, worst = re.search(r"\| all \| 1951 \| ([\d.]+) \| ([\d.]+) \| ([\d.]+) \|", random).groups()  # type: ignore[union-attr]
+    assert f"error {median} nm (median), below {float(most):.2f} nm for 99 %" in ACCURACY
+    assert f"off by {worst} nm" in ACCURACY
+    factor, small = re.search(
+        r"for ([\d.]+) % of 1951, more than 3 times too small for ([\d.]+) %", random
+    ).groups()  # type: ignore[union-attr]
+    assert f"within a factor of 3 for {factor} %, more than 3 times too small for {small} %" in ACCURACY
+    coverage = (folder / "coverage.md").read_text(encoding="utf-8")
+    for name in ("ζ", "ω_n", "gain", "F_C", "σ₀", "σ₁"):
+        share = re.search(rf"^\| {name} \| ([\d.]+ %)", coverage, re.MULTILINE)[1]  # type: ignore[index]
+        assert f"{share} ({name})" in ACCURACY
+    lack = json.loads((folder / "lack-of-fit.json").read_text(encoding="utf-8"))
+    bent, right, curved = lack["Elastoplastic"], lack["LuGre"], lack["Stribeck"]
+    assert f"{bent['noticed_of_visible']} of {bent['visible']} where it leaves more" in ACCURACY
+    assert f"{bent['noticed']} of {bent['campaigns']} of all" in ACCURACY
+    assert f"| {curved['noticed']} of {curved['campaigns']} |" in ACCURACY
+    assert f"{right['noticed']} of {right['campaigns']} said to lack" in ACCURACY
+    second = re.search(
+        r"200 actuators .* worst ([\d.]+)\.$", (folder / "README.md").read_text("utf-8"), re.MULTILINE
+    )
+    assert second
+    assert f"worst of 200: {second[1]} nm" in ACCURACY
+    assert "2,392 of 2,392 trials" in ACCURACY
+    assert "What was wrong, in 2,392 trials" in (folder / "faults.md").read_text(encoding="utf-8")
