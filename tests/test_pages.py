@@ -124,26 +124,27 @@ def test_every_claim_of_accuracy_links_to_what_shows_it() -> None:
 def test_figures_of_accuracy_are_those_that_were_measured() -> None:
     folder = DOCS / "benchmarks"
     random = (folder / "random-actuators.md").read_text(encoding="utf-8")
-    median, most, worst = re.search(r"\| all \| 1951 \| ([\d.]+) \| ([\d.]+) \| ([\d.]+) \|", random).groups()  # type: ignore[union-attr]
+    found = re.search(r"\| all \| 1951 \| ([\d.]+) \| ([\d.]+) \| ([\d.]+) \|", random)
+    assert found
+    median, most, worst = found.groups()
     assert f"error {median} nm (median), below {float(most):.2f} nm for 99 %" in ACCURACY
     assert f"off by {worst} nm" in ACCURACY
-    factor, small = re.search(
-        r"for ([\d.]+) % of 1951, more than 3 times too small for ([\d.]+) %", random
-    ).groups()  # type: ignore[union-attr]
-    assert f"within a factor of 3 for {factor} %, more than 3 times too small for {small} %" in ACCURACY
+    found = re.search(r"for ([\d.]+) % of 1951, more than 3 times too small for ([\d.]+) %", random)
+    assert found
+    assert f"within a factor of 3 for {found[1]} %, more than 3 times too small for {found[2]} %" in ACCURACY
     coverage = (folder / "coverage.md").read_text(encoding="utf-8")
     for name in ("ζ", "ω_n", "gain", "F_C", "σ₀", "σ₁"):
-        share = re.search(rf"^\| {name} \| ([\d.]+ %)", coverage, re.MULTILINE)[1]  # type: ignore[index]
-        assert f"{share} ({name})" in ACCURACY
+        share = re.search(rf"^\| {name} \| ([\d.]+ %)", coverage, re.MULTILINE)
+        assert share
+        assert f"{share[1]} ({name})" in ACCURACY
     lack = json.loads((folder / "lack-of-fit.json").read_text(encoding="utf-8"))
     bent, right, curved = lack["Elastoplastic"], lack["LuGre"], lack["Stribeck"]
     assert f"{bent['noticed_of_visible']} of {bent['visible']} where it leaves more" in ACCURACY
     assert f"{bent['noticed']} of {bent['campaigns']} of all" in ACCURACY
     assert f"| {curved['noticed']} of {curved['campaigns']} |" in ACCURACY
     assert f"{right['noticed']} of {right['campaigns']} said to lack" in ACCURACY
-    second = re.search(
-        r"200 actuators .* worst ([\d.]+)\.$", (folder / "README.md").read_text("utf-8"), re.MULTILINE
-    )
+    page = (folder / "README.md").read_text(encoding="utf-8")
+    second = re.search(r"200 actuators .* worst ([\d.]+)\.$", page, re.MULTILINE)
     assert second
     assert f"worst of 200: {second[1]} nm" in ACCURACY
     assert "2,392 of 2,392 trials" in ACCURACY
