@@ -35,6 +35,7 @@ napoleon_numpy_docstring = False
 napoleon_use_ivar = True
 
 nb_execution_mode = "force"
+nb_execution_in_temp = True  # what a page writes does not stay
 nb_execution_raise_on_error = True
 nb_execution_timeout = 240
 nb_merge_streams = True
