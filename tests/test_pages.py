@@ -14,6 +14,7 @@ import pytest
 
 from stickslip.actuator import load_actuator
 from stickslip.identify.frequency.modal import ModalModel, modal_response
+from stickslip.parameters.load import Entry
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 KANG = load_actuator("kang2007")
@@ -42,6 +43,20 @@ def test_first_walk(run: Callable, capsys: pytest.CaptureFixture[str]) -> None:
     assert len(steps) == 3
     assert steps == sorted(steps)
     assert steps[1] == pytest.approx(3.139, abs=1e-3)
+
+
+def test_parameter_set(run: Callable, tmp_path: Path) -> None:
+    text = (DOCS / "parameter-sets.md").read_text(encoding="utf-8")
+    (toml,) = re.findall(r"```toml\n(.*?)```", text, re.DOTALL)
+    (tmp_path / "my_actuator.toml").write_text(toml, encoding="utf-8")
+    actuator = run("parameter-sets.md")["actuator"]
+    assert actuator.natural_frequency == pytest.approx(2.0 * np.pi * 540.0)
+    assert actuator.friction.sigma_0 == 1.4e6
+    assert set(actuator.assumptions) == {
+        f"friction.{name}" for name in ("sigma_0", "sigma_1", "sigma_2", "stiction_force")
+    }
+    described = "".join(re.findall(r"^\| (.*?) \|", text, re.MULTILINE))
+    assert set(re.findall(r"`(\w+)`", described)) == set(Entry._fields)
 
 
 def test_verification(run: Callable) -> None:
