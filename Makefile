@@ -5,7 +5,7 @@
 #   make check      lint, format, types, layers
 #   make mutation   flips signs in the physics and asks the tests to notice
 #   make bench      everything measured beside other tools: docs/benchmarks/; PART=fit for one part
-#   make docs       the documentation, out/docs/index.html; every warning is an error
+#   make docs       the documentation, out/docs/index.html; every warning is an error (needs gcc)
 #   make lock       resolve the dependencies anew (LOCK_FLAGS=--upgrade for newer versions)
 
 PYTHON ?= python3

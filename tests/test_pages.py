@@ -164,4 +164,4 @@ def test_figures_of_accuracy_are_those_that_were_measured() -> None:
     assert second
     assert f"worst of 200: {second[1]} nm" in ACCURACY
     assert "2,392 of 2,392 trials" in ACCURACY
-    assert "What was wrong, in 2,392 trials" in (folder / "faults.md").read_text(encoding="utf-8")
+    assert "Failures in 2,392 trials" in (folder / "faults.md").read_text(encoding="utf-8")
