@@ -8,8 +8,11 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import tempfile
+from collections.abc import Iterator
 
+import pytest
 from hypothesis import settings
 
 os.environ["MPLBACKEND"] = "Agg"  # here and in commands that tests start: no display
@@ -23,3 +26,12 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 # The same examples on every run of continuous integration, new ones at a desk; the first example compiles.
 settings.register_profile("stickslip", deadline=None, max_examples=40, derandomize="CI" in os.environ)
 settings.load_profile("stickslip")
+
+
+@pytest.fixture(autouse=True)
+def _figures_are_closed() -> Iterator[None]:
+    """Those that `plot` opened: Matplotlib keeps them all, and warns of the twenty-first."""
+    yield
+    pyplot = sys.modules.get("matplotlib.pyplot")
+    if pyplot is not None:
+        pyplot.close("all")

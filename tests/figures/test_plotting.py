@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib import pyplot
 from matplotlib.figure import Figure
 
 import stickslip as ss
@@ -12,6 +13,12 @@ from stickslip.units import QuantityError
 
 KANG = ss.load_actuator("kang2007")
 DRIVE = ss.Sawtooth(65.0, 50.0, periods=3)
+
+
+def test_a_new_figure_is_one_that_notebooks_and_windows_show() -> None:
+    (axes,) = ss.plot(ss.simulate(KANG, DRIVE)[["drive_voltage"]])
+    assert pyplot.gcf() is axes.figure
+    assert axes.figure.number in pyplot.get_fignums()
 
 
 def test_a_trajectory() -> None:

@@ -5,13 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from ..estimate.problem import FitError
 from ..estimate.result import Fit
 from ..units import QuantityError, near_one
 from .identification import beside
-from .style import WIDTH, drawn
+from .style import WIDTH, drawn, shown
 
 
 @drawn
@@ -21,7 +20,7 @@ def draw_fit(fit: Fit, axes: Any = None) -> Any:
     if not all(t.size and t.size == r.size for t, r in zip(fit.times, fit.residuals, strict=True)):
         raise FitError("there is no figure of this fit: it is not of recordings over time")
     if axes is None:
-        figure = Figure(figsize=(WIDTH, 3.9 * count), layout="constrained")
+        figure = shown(WIDTH, 3.9 * count)
         grid = figure.add_gridspec(2 * count, 1, height_ratios=(2.4, 1.3) * count)
         above = [figure.add_subplot(grid[2 * i]) for i in range(count)]
         axes = [[one, figure.add_subplot(grid[2 * i + 1], sharex=one)] for i, one in enumerate(above)]

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from ..estimate.result import Fit
@@ -19,7 +18,7 @@ from .fits import draw_fit
 from .frequency import polar
 from .identification import beside
 from .scale import Scale, scale_for
-from .style import BLUE, SERIES, WIDTH, drawn, legend_above, trace
+from .style import BLUE, SERIES, WIDTH, drawn, legend_above, shown, trace
 
 # What is drawn of members, over what varies; parameters stand before it.
 _RESULTS = {"net_step": "net step per period", "net_displacement": "net displacement"}
@@ -35,7 +34,8 @@ def plot(data: Any, axes: Any = None) -> NDArray[Any]:
             ``data[["drive_voltage"]]``), over "frequency" as `frequency_response` gives it (gain and phase),
             or over "member" as `simulate_ensemble` and `steady_steps` give it (a line over one parameter, a
             map over two).
-        axes: Matplotlib's to draw on, as many as there are panels; left out, those of a new figure.
+        axes: Matplotlib's to draw on, as many as there are panels; left out, those of a new figure, which a
+            notebook shows below the cell and ``matplotlib.pyplot.show()`` in a window.
 
     Returns:
         The axes, shape (panels,); of a fit or a verification (recordings, 2): ``axes.flat[0].figure`` is the
@@ -60,8 +60,7 @@ def plot(data: Any, axes: Any = None) -> NDArray[Any]:
 def _panels(axes: Any, count: int, height: float) -> NDArray[Any]:
     """The axes given, or those of a new figure of panels one above the other."""
     if axes is None:
-        figure = Figure(figsize=(WIDTH, height * count), layout="constrained")
-        return figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
+        return shown(WIDTH, height * count).subplots(count, 1, sharex=True, squeeze=False)[:, 0]
     found = np.asarray(axes, dtype=object).reshape(-1)
     if found.size != count:
         raise QuantityError(f"{found.size} axes are given, and {count} panels need {count}")
@@ -142,11 +141,11 @@ def _map(panel: Axes, x: NDArray[Any], y: NDArray[Any], value: NDArray[Any], lab
     cells = np.full((up.size, across.size), np.nan)
     cells[np.searchsorted(up, y), np.searchsorted(across, x)] = value
     if across.size * up.size == x.size:
-        shown: Any = panel.pcolormesh(across, up, cells, shading="nearest", cmap="viridis")
+        colours: Any = panel.pcolormesh(across, up, cells, shading="nearest", cmap="viridis")
     else:
-        shown = panel.scatter(x, y, c=value, cmap="viridis", s=14)
+        colours = panel.scatter(x, y, c=value, cmap="viridis", s=14)
     panel.grid(False)
-    panel.figure.colorbar(shown, ax=panel, label=label)
+    panel.figure.colorbar(colours, ax=panel, label=label)
 
 
 def _spans_decades(values: NDArray[Any]) -> bool:

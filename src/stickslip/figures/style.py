@@ -81,6 +81,13 @@ def drawn(make: Callable[P, R]) -> Callable[P, R]:
     return run
 
 
+def shown(width: float, height: float) -> Figure:
+    """A figure for somebody who looks: a notebook shows it below its cell, ``pyplot.show()`` in a window."""
+    from matplotlib import pyplot  # only here: it keeps all its figures
+
+    return pyplot.figure(figsize=(width, height), layout="constrained")
+
+
 def panels(
     heights: Sequence[float], *, width: float = WIDTH, share_x: bool = True
 ) -> tuple[Figure, list[Axes]]:
