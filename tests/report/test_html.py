@@ -127,6 +127,8 @@ def test_digits(value: float, digits: int, shown: str) -> None:
     ("number", "shown"),
     [
         (Number(0.1, "kg"), "0.1&nbsp;kg"),
+        (Number(0.9999935, ""), "0.9999935"),
+        (Number(1.0, ""), "1"),
         (Number(3303.1, "rad/s"), "3303&nbsp;rad/s"),
         (Number(0.5401, "N", 0.54007, 0.54013), "540.100&nbsp;mN [540.070, 540.130]"),
         (Number(34.9, "N s/m", 0.01, 340.0), "34.90&nbsp;N s/m [0.010, 340]"),

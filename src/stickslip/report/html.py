@@ -14,6 +14,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from ..figures.scale import Scale, scale_for
+from ..units import near_one
 from .circumstances import Circumstances
 from .document import Cell, Column, Document, Number, Picture, Table
 
@@ -66,7 +67,8 @@ def number_text(number: Number, scale: Scale | None = None, digits: int = 4) -> 
         return Markup(f'<span class="missing">{html.escape(number.note)}</span>')
     unit = f"&nbsp;{html.escape(own.unit)}" if scale is None and own.unit else ""
     if number.low is None or number.high is None:
-        text = significant(value, digits)
+        close = not own.unit and 0.9 < value < 1.0  # 0.9999935 is not 1
+        text = near_one(value, digits) if close else significant(value, digits)
         if scale is None and "." in text and "×" not in text:
             text = text.rstrip("0").rstrip(".")  # 0.1 kg is given, not measured to four digits
         return Markup(text + unit)
