@@ -44,6 +44,17 @@ def _entry(name: str, value: Any) -> str:
     return f".. autodata:: stickslip.{name}\n   :no-value:\n"
 
 
+def _daily() -> str:
+    """A list of the names at the top, in the groups of the stub."""
+    groups: dict[str, list[str]] = {}
+    for line in Path(stickslip.__file__).with_suffix(".pyi").read_text(encoding="utf-8").splitlines():
+        if line.startswith("# ") and "isort" not in line:
+            groups[line[2:]] = []
+        elif line.startswith("from ") and (name := line.split()[-1]) in TOP:
+            groups[list(groups)[-1]].append(f":any:`{name} <stickslip.{name}>`")
+    return "".join(f"- {group}: {', '.join(names)}\n" for group, names in groups.items() if names)
+
+
 def write(app: Any) -> None:
     """Into docs/api, which git ignores."""
     folder = Path(app.srcdir) / "api"
@@ -60,10 +71,10 @@ def write(app: Any) -> None:
         title = f"{room}\n{'=' * len(room)}\n"
         pages[room] = "\n".join([title, first, "", *_entries(names)])
     listed = "\n".join(f"   {room}" for room in sorted(pages))
-    daily = ", ".join(f":any:`stickslip.{name}`" for name in sorted(TOP, key=str.lower))
     pages["index"] = (
-        "API reference\n=============\n\n``import stickslip as ss``. What daily work needs is at the top: "
-        f"{daily}. The rest is in sub-packages: ``ss.rig.VirtualRig``.\n\n.. toctree::\n\n{listed}\n"
+        "API reference\n=============\n\n``import stickslip as ss``. What daily work needs is at the top:\n\n"
+        f"{_daily()}\nThe rest is in sub-packages: ``ss.rig.VirtualRig``.\n\n"
+        f".. toctree::\n   :maxdepth: 1\n\n{listed}\n"
     )
     for old in folder.glob("*.rst"):
         if old.stem not in pages:
@@ -86,6 +97,11 @@ def fields(app: Any, what: str, name: str, value: Any, options: Any, lines: list
         lines += ["", *(_field(field, quantity) for field, quantity in known.items()), ""]
 
 
+def no_field_numbers(app: Any, what: str, name: str, value: Any, skip: bool, options: Any) -> bool | None:
+    """Leave out what a named tuple says of its fields: "Alias for field number 0"."""
+    return True if str(getattr(value, "__doc__", "")).startswith("Alias for field number") else None
+
+
 def _field(name: str, quantity: Any) -> str:
     unit = f" [{quantity.unit}]" if quantity.unit else ""
     symbol = f"{quantity.symbol}, " if quantity.symbol else ""
@@ -95,5 +111,6 @@ def _field(name: str, quantity: Any) -> str:
 def setup(app: Any) -> dict[str, bool]:
     """As Sphinx asks for."""
     app.connect("builder-inited", write)
+    app.connect("autodoc-skip-member", no_field_numbers)
     app.connect("autodoc-process-docstring", fields, priority=900)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
