@@ -22,7 +22,7 @@ FILES = [(name, path) for name, dataset in DATASETS.items() for path in dataset.
 @pytest.mark.parametrize(("name", "path"), FILES)
 def test_checksums_are_those_of_the_data(name: str, path: str) -> None:
     found = dataset_path(name, Path(path).name)
-    assert found == FOLDER / name / Path(path).name
+    assert found.samefile(FOLDER / name / Path(path).name)
     assert hashlib.sha256(found.read_bytes()).hexdigest() == DATASETS[name].files[path]
 
 
@@ -48,7 +48,15 @@ def test_a_folder_of_ones_own_comes_first(tmp_path: Path, monkeypatch: pytest.Mo
     own.touch()
     monkeypatch.setenv("STICKSLIP_DATASETS", str(tmp_path))
     assert dataset_path("yan9a-dbo", "Model_Vi_Do.dat") == own
-    assert dataset_path("yan9a-dbo", "Test_Vi_Do_Di.dat").parent == FOLDER / "yan9a-dbo"
+    assert dataset_path("yan9a-dbo", "Test_Vi_Do_Di.dat").parent.samefile(FOLDER / "yan9a-dbo")
+
+
+def test_the_folder_beside_a_checkout_may_be_a_link(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    link = tmp_path / "shared"
+    link.symlink_to(FOLDER.parent, target_is_directory=True)
+    monkeypatch.setattr(datasets, "_BESIDE_CHECKOUT", link / "datasets")
+    for name, path in FILES:
+        assert dataset_path(name, Path(path).name).samefile(FOLDER / name / Path(path).name)
 
 
 def test_unknown_names() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,6 +17,8 @@ from .units import QuantityError, to_si
 LARGEST = 1_000_000  # bytes
 MOST_VALUES = 1_000_000
 _UNKNOWN = "unknown_field"
+_TAG = ("union_tag_invalid", "union_tag_not_found")
+_NAMED = (_UNKNOWN, *_TAG)  # errors that name the key themselves
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # ten times as fast
 
 
@@ -98,14 +101,53 @@ def yaml_text(content: dict[str, Any]) -> str:
     return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110)
 
 
-def explain(path: str | os.PathLike[str], error: ValidationError, inside: str = "") -> InputFileError:
-    """What is wrong in a file, in one line: a mistyped key, else the first thing; `inside` is where it is."""
+def explain(
+    path: str | os.PathLike[str], error: ValidationError, inside: str = "", *, content: Any
+) -> InputFileError:
+    """What is wrong in a file, in one line: a mistyped key, else the first thing.
+
+    Args:
+        path: of the file.
+        error: what the schema says.
+        inside: where in the file the content is, "steps.0.".
+        content: what was checked: the place is told by its keys, not by the schema's names of alternatives.
+    """
     found = error.errors()
     first = next((one for one in found if one["type"] == _UNKNOWN), found[0])
+    place = _keys(content, first["loc"]) + [
+        str(part) for part in first["loc"][-1:] if first["type"] == "missing"
+    ]
     # A file that does not say its kind is wrong as a whole: there is no field to name.
-    where = inside + ".".join(str(part) for part in first["loc"])
-    where = where.rstrip(".") or ("" if first["type"] == _UNKNOWN else "kind")
+    where = (inside + ".".join(place)).rstrip(".") or ("" if first["type"] in _NAMED else "kind")
     more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
     cause = first.get("ctx", {}).get("error")
-    text = str(cause) if isinstance(cause, QuantityError) else first["msg"]
+    text = str(cause) if isinstance(cause, QuantityError) else _about_kind(first) or first["msg"]
     return InputFileError(": ".join(filter(None, (str(path), where, f"{text}{more}"))))
+
+
+def _about_kind(error: Any) -> str:
+    """What is wrong with the key that says which of several kinds a part is; "" for other errors."""
+    if error["type"] not in _TAG:
+        return ""
+    key = error["ctx"]["discriminator"].strip("'")
+    if error["type"] == "union_tag_invalid":
+        kinds = [one.strip("'") for one in error["ctx"]["expected_tags"].split(", ")]
+        tag = error["ctx"]["tag"]
+        return f"there is no {key} {tag!r}{did_you_mean(tag, kinds)}; there are {', '.join(kinds)}"
+    given = error["input"] if isinstance(error["input"], dict) else {}
+    wrong = next((one for one in map(str, given) if did_you_mean(one, [key])), None)
+    return f"there is no field {wrong!r} (did you mean {key!r}?)" if wrong else f"{key} is missing"
+
+
+def _keys(content: Any, place: Sequence[int | str]) -> list[str]:
+    """Of a place in a schema those parts that are keys of the content: the others name alternatives."""
+    found = []
+    for part in place:
+        if (
+            part in content
+            if isinstance(content, dict)
+            else isinstance(content, list) and isinstance(part, int)
+        ):
+            content = content[part]  # type: ignore[index]
+            found.append(str(part))
+    return found

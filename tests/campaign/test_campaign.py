@@ -288,15 +288,15 @@ def test_a_pdf_without_a_browser_is_refused_before_the_work(
         ({"slew_rate": "3 V"}, "slew_rate"),
         (
             {"recordings": [{"cells": "*", "use": "guess"}]},
-            r"recordings\.0\.cells\.use: Input should be 'step'",
+            r"recordings\.0\.use: Input should be 'step'",
         ),
         (
             {"recordings": [{"file": "a.csv", "use": "guess"}]},
-            r"recordings\.0\.own\.use: Input should be 'step'",
+            r"recordings\.0\.use: Input should be 'step'",
         ),
         (
             {"recordings": [{"file": "a.csv", "waveform": [{"shape": "Sawtoth"}]}]},
-            r"recordings\.0\.own\.waveform\.0\.shape: .*did you mean 'Sawtooth'",
+            r"recordings\.0\.waveform\.0\.shape: .*did you mean 'Sawtooth'",
         ),
         ({"free": []}, "free: List should have at least 1 item"),
     ],
@@ -310,6 +310,7 @@ def test_wrong_files_are_refused_by_field(tmp_path: Path, changes, words: str) -
     ("changes", "words"),
     [
         ({"change": {"gian": "1 um/V"}}, "Actuator has no field 'gian'"),
+        ({"published": {"wakl": 0.9}}, r"published: there is no recording 'wakl' \(did you mean 'walk'\?\)"),
         ({"model": "kang2008"}, "there is no parameter set 'kang2008'"),
         ({"require": ["rsquared > 0.9"]}, "'rsquared' cannot be required"),
         (

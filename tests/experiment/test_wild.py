@@ -26,7 +26,7 @@ from experiment.files import SMALL, changed, written  # isort: skip
     [
         ("title", None, "title: Field required"),
         ("colour", "red", "there is no field 'colour'"),
-        ("rig", {"kind": "magic"}, r"rig\.own\.kind: .*virtual"),
+        ("rig", {"kind": "magic"}, r"rig\.kind: .*virtual"),
         ("rig.bench", "kang2007-bank", "did you mean 'kang2007-bench'"),
         ("rig.bench", "own.toml", r"own\.toml cannot be read"),
         ("actuator", {"set": "kang"}, "no parameter set 'kang'"),

@@ -160,7 +160,7 @@ def test_other_kinds_of_files_are_jobs_of_one_step(tmp_path: Path) -> None:
         ),
         (
             lambda job: job["steps"][0]["identify"].update(fre=job["steps"][0]["identify"].pop("free")),
-            "job.yaml: steps.0.identify.walk: there is no field 'fre' (did you mean 'free'?)",
+            "job.yaml: steps.0.identify: there is no field 'fre' (did you mean 'free'?)",
         ),
         (
             lambda job: job["steps"][1]["verify"]["recordings"][0].update(flie="x"),
@@ -191,7 +191,7 @@ def test_other_kinds_of_files_are_jobs_of_one_step(tmp_path: Path) -> None:
         ),
         (
             lambda job: job["steps"][0].update(identify="other.yaml"),
-            "other.yaml: walk: there is no field 'steps'",
+            "other.yaml: there is no field 'steps'",
         ),
     ],
 )  # fmt: skip

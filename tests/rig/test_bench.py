@@ -53,7 +53,13 @@ def test_what_the_thesis_does_not_print_is_said() -> None:
     [
         ('kind = "bench"', 'kind = "actuator"', "kind must be 'bench'"),
         ("[dac.bits]", "[dac.bytes]", "[dac]: [bytes] is unknown"),
-        ("[piezo_capacitance]", "[piezo]", "[piezo_capacitance] is missing"),
+        (
+            "[piezo_capacitance]",
+            "[piezo_capacity]",
+            "[piezo_capacity] is unknown (did you mean 'piezo_capacitance'?)",
+        ),
+        ('kind = "bench"', 'kid = "bench"', "[kid] is unknown (did you mean 'kind'?)"),
+        ('on = "stage"', 'onn = "stage"', "[sensor.strain_gauge] onn is unknown (did you mean 'on'?)"),
         ('type = "StrainGauge"', 'type = "Ruler"', "type = 'Ruler': there is no sensor 'Ruler'"),
         ('on = "stage"', 'on = "floor"', "on = 'floor'"),
         ('adc = "adc16"', 'adc = "adc24"', "adc = 'adc24'"),

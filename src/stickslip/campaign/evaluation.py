@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 import xarray as xr
@@ -17,9 +16,10 @@ from ..identify.step.fit import identify_step, step_formula_errors
 from ..identify.walk.explained import Explained, explained
 from ..identify.walk.friction import identify_friction
 from ..identify.walk.prediction import Predictor
+from ..input_file import InputFileError
 from ..progress import Progress
+from ..records import did_you_mean
 from ..study.alignment import Aligned
-from ..study.walk import changed
 from ..verification import Requirement, Verification, verify
 from .additional import Additional, additional
 from .budget import Budget, Inherited, budget, inherited
@@ -61,21 +61,28 @@ class Found(NamedTuple):
     additional: Additional
 
 
-def evaluate(file: CampaignFile, folder: Path, gathered: Sequence[Aligned], progress: Progress) -> Found:
-    """Fit and verify.
+def evaluate(file: CampaignFile, model: Actuator, gathered: Sequence[Aligned], progress: Progress) -> Found:
+    """Fit and verify; `model` is where the fits start.
 
     Raises:
         RecordingError: a recording is not what it must be.
+        InputFileError: there is no recording of a name.
         FitError, QuantityError: a fit has nothing to begin with, or the file names what does not exist.
     """
     requirements = [Requirement.parse(text) for text in file.require]
     recordings = list(gathered)
+    known = ["step", *(one.name for one in recordings)]
+    for name in file.published:
+        if name not in known:
+            raise InputFileError(
+                f"published: there is no recording {name!r}{did_you_mean(name, known)}; "
+                f"there are {', '.join(known)}"
+            )
     scale, rate = None, file.known_slew_rate
     if file.reference is not None:
         steps = [one for one in recordings if one.use == "step"]
         scale = scale_of(steps, file.reference, file.settling)
         recordings = [scaled(one, scale.value) for one in recordings]
-    model = changed(folder, file.model, file.change, file.friction)
     stage = formulas = None
     steps = [one for one in recordings if one.use == "step"]
     if steps:

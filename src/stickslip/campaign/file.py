@@ -10,6 +10,7 @@ from pydantic import Discriminator, Field, Tag, ValidationError, field_validator
 
 from ..experiment.file import FilterSpec, PartSpec
 from ..input_file import InputFileError, Seconds, Strict, explain, load_yaml, quantity
+from ..records import did_you_mean
 from ..study.file import RecordingFile
 from ..units import QuantityError
 
@@ -34,13 +35,19 @@ class OwnSpec(RecordingFile):
     waveform: list[PartSpec] = Field(default_factory=list)
 
 
+# No keys of the file: an error tells its place by these.
+_CELLS, _OWN = "of an experiment", "of a file"
+
+
 def _kind(one: Any) -> str:
     """Which of both a recording is: an error is then said of that one alone."""
-    return "cells" if isinstance(one, CellsSpec) or (isinstance(one, dict) and "cells" in one) else "own"
+    if isinstance(one, dict):  # with a mistyped key it is one of them nevertheless
+        return _CELLS if "file" not in one and any(did_you_mean(str(key), ["cells"]) for key in one) else _OWN
+    return _CELLS if isinstance(one, CellsSpec) else _OWN
 
 
 RecordingSpec = Annotated[
-    Annotated[CellsSpec, Tag("cells")] | Annotated[OwnSpec, Tag("own")], Discriminator(_kind)
+    Annotated[CellsSpec, Tag(_CELLS)] | Annotated[OwnSpec, Tag(_OWN)], Discriminator(_kind)
 ]
 
 
@@ -98,10 +105,11 @@ def read_campaign(path: Path) -> CampaignFile:
     Raises:
         InputFileError: it is not as it must be; names the file and the field.
     """
+    content = load_yaml(path)
     try:
-        file = CampaignFile.model_validate(load_yaml(path))
+        file = CampaignFile.model_validate(content)
     except ValidationError as error:
-        raise explain(path, error) from error
+        raise explain(path, error, content=content) from error
     if file.experiment is None and any(isinstance(r, CellsSpec) for r in file.recordings):
         raise InputFileError(
             f"{path}: recordings: 'cells' are of an experiment, and no 'experiment' is named"

@@ -11,6 +11,7 @@ from ..input_file import InputFileError
 from ..parameters import ParameterSetError
 from ..progress import Progress, unheard, within
 from ..report import Document
+from ..study.walk import changed
 from ..units import QuantityError
 from .document import campaign_document
 from .evaluation import evaluate
@@ -59,7 +60,8 @@ def campaign_of(
         file, folder, out, progress, figures: see `run_campaign`.
         experiment: whose cells are meant where the file names none, and the folder of its paths.
     """
+    model = changed(folder, file.model, file.change, file.friction)  # wrong: said before anything is recorded
     gathered, recorded = gather(file, folder, out, partial(within, progress, 0.0, 0.4), experiment)
-    found = evaluate(file, folder, gathered, partial(within, progress, 0.4, 0.4))
+    found = evaluate(file, model, gathered, partial(within, progress, 0.4, 0.4))
     progress("drawing" if figures else "writing", 0.8)
     return campaign_document(file, found, recorded, figures=figures)

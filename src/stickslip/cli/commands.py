@@ -257,6 +257,13 @@ def verify(
         list[str],
         typer.Option(metavar="'FIGURE > LIMIT'", help="'r_squared > 0.99', 'rmse < 100 nm', ..."),
     ] = [],  # noqa: B006  # typer copies it
+    column: Annotated[
+        list[str],
+        typer.Option(metavar="NAME=COLUMN", help="A table's column: end_effector_position='Disp (um)'."),
+    ] = [],  # noqa: B006
+    unit: Annotated[
+        list[str], typer.Option(metavar="NAME=UNIT", help="Unit of a column that says none.")
+    ] = [],  # noqa: B006
     out: Out = Path("out/verify"),
     show_traceback: Traceback = False,
 ) -> None:
@@ -267,7 +274,7 @@ def verify(
         from ..study.running import run_study
         from ..study.verification import verification_study
 
-        study, folder = verification_study(fit, recordings or [], require)
+        study, folder = verification_study(fit, recordings or [], require, column, unit)
         with progress_bar() as progress:
             document = run_study(study, folder, progress)
         write(document, out, begun)

@@ -133,7 +133,7 @@ def check_experiment(content: dict[str, Any], path: str | os.PathLike[str] = "ex
     try:
         return ExperimentFile.model_validate(content)
     except ValidationError as error:
-        raise explain(path, error) from error
+        raise explain(path, error, content=content) from error
 
 
 def _opened(path: Path, file: ExperimentFile, folder: Path, rigs: Path | None, who: str) -> Laboratory:

@@ -49,6 +49,8 @@ class ExportSpec(Strict):
 
 Study = Annotated[LoopStudy | FrequencyStudy | PulledStudy | WalkStudy, Field(discriminator="kind")]
 _STUDY: TypeAdapter[Any] = TypeAdapter(Study)
+# What a campaign has none of, and each other kind of file has one of.
+_TELLING = ("steps", "runs", "kind")
 STEPS = ("record", "identify", "verify", "compare", "export")
 
 
@@ -170,9 +172,18 @@ def checked(step: Step, where: str = "") -> Any:
             return ExportSpec.model_validate(content)
         if "kind" in content:
             return _STUDY.validate_python(content)
+        _refuse_mistyped_kind(content, f"{step.path}: {where.rstrip('.')}".removesuffix(": "))
         return CampaignFile.model_validate(content)
     except ValidationError as error:
-        raise explain(step.path, error, where) from error
+        raise explain(step.path, error, where, content=content) from error
+
+
+def _refuse_mistyped_kind(content: Content, where: str) -> None:
+    """Raise InputFileError for what is no campaign, but has the key mistyped that says so."""
+    for key in map(str, content):
+        hint = did_you_mean(key, (*CampaignFile.model_fields, *_TELLING))
+        if key not in CampaignFile.model_fields and any(repr(one) in hint for one in _TELLING):
+            raise InputFileError(f"{where}: there is no field {key!r}{hint}")
 
 
 def json_schema() -> dict[str, Any]:

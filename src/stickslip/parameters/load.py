@@ -107,7 +107,9 @@ def _read(name: str, file: Path) -> ParameterSet:
 
     for key, kind in _TOP.items():
         if key not in content:
-            raise ParameterSetError(f"{file}: {key} is missing")
+            wrong = next((one for one in content if one not in _TOP and did_you_mean(one, [key])), None)
+            said = f"{wrong} is unknown at the top (did you mean {key!r}?)" if wrong else f"{key} is missing"
+            raise ParameterSetError(f"{file}: {said}")
         if not isinstance(content[key], kind):
             raise ParameterSetError(f"{file}: {key} = {content[key]!r} must be a {kind.__name__}")
     if not all(isinstance(key, str) for key in content["citations"]):
@@ -126,6 +128,9 @@ def _read(name: str, file: Path) -> ParameterSet:
         raise ParameterSetError(
             f"{file}: [friction] is missing; its law is one of {', '.join(registry.laws.names())}"
         )
+    for key in friction if "law" not in friction else ():
+        if hint := did_you_mean(key, ["law"]):
+            raise ParameterSetError(f"{file}: [friction] {key} is unknown{hint}")
     law = str(friction.pop("law", ""))
     try:
         registry.laws.find(law, file.parent)

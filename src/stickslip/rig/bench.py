@@ -36,6 +36,11 @@ T = TypeVar("T")
 _BENCHES = Path(__file__).parent / "benches"
 Sensor = StrainGauge | InductiveSensor | Interferometer | PositionSensor | Chain
 _PLACES = ("stage", "end_effector")
+_KEYS = (
+    *("kind", "title", "citations", "sample_rate", "piezo_capacitance"),
+    *("dac", "adc", "amplifier", "anti_alias", "sensor"),
+)
+_OF_SENSOR = ("type", "on", "adc")
 
 
 @dataclass(frozen=True)
@@ -121,6 +126,11 @@ class _Reading:
         self.file, self.content, self.assumptions = file, content, dict[str, str]()
 
     def bench(self, name: str) -> Bench:
+        for key in self.content:
+            if key not in _KEYS:
+                raise ParameterSetError(
+                    f"{self.file}: [{key}] is unknown{did_you_mean(key, _KEYS)}; there are {', '.join(_KEYS)}"
+                )
         if self.content.pop("kind", None) != "bench":
             raise ParameterSetError(f"{self.file}: kind must be 'bench'")
         title, citations = self.content.pop("title", ""), self.content.pop("citations", [])
@@ -133,8 +143,6 @@ class _Reading:
         amplifier = self._part(Amplifier, "amplifier", self._table("amplifier"))
         anti_alias = self._part(Filter, "anti_alias", self._table("anti_alias"))
         sensors = {key: self._sensor(key, table, adcs) for key, table in self._table("sensor").items()}
-        for key in self.content:
-            raise ParameterSetError(f"{self.file}: [{key}] is unknown")
         bench = Bench(
             name=name,
             title=title,
@@ -175,7 +183,10 @@ class _Reading:
         where = f"{self.file}: [sensor.{name}]"
         if not isinstance(table, dict):
             raise ParameterSetError(f"{where} must be a table")
-        kind, place, adc = (table.pop(key, None) for key in ("type", "on", "adc"))
+        for key, given in table.items():
+            if key not in _OF_SENSOR and not isinstance(given, dict):
+                raise ParameterSetError(f"{where} {key} is unknown{did_you_mean(key, _OF_SENSOR)}")
+        kind, place, adc = (table.pop(key, None) for key in _OF_SENSOR)
         try:
             made = registry.sensors.find(str(kind), self.file.parent)
         except registry.RegistryError as error:

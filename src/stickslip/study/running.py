@@ -42,10 +42,11 @@ def run_file(path: str | os.PathLike[str], progress: Progress = unheard) -> Docu
     Warns:
         RecordingWarning: a recording does not show something that matters.
     """
+    content = load_yaml(path)
     try:
-        study = _FILE.validate_python(load_yaml(path))
+        study = _FILE.validate_python(content)
     except ValidationError as error:
-        raise explain(path, error) from error
+        raise explain(path, error, content=content) from error
     try:
         return run_study(study, Path(path).parent, progress)
     except (QuantityError, ParameterSetError) as error:

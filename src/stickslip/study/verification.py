@@ -19,6 +19,7 @@ from ..figures.style import svg
 from ..identify.walk.prediction import Predictor
 from ..input_file import Seconds, explain, load_yaml
 from ..progress import Progress
+from ..readers import inspect_file
 from ..recording.drive import named_drive
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import chain_of, model_numbers, model_of
@@ -30,6 +31,8 @@ from .file import Study, StudyError, read_parts
 from .walk import WalkRecording, changed
 
 MOST_PICTURES = 8
+DRIVE = "drive_voltage"
+_EXAMPLES = {"--column": 'end_effector_position="Disp (um)"', "--unit": "drive_voltage=kV"}
 
 
 class VerificationStudy(Study):
@@ -54,8 +57,8 @@ class VerificationStudy(Study):
         for name, part in parts.items():
             if POSITION not in part:
                 raise StudyError(
-                    f"{name} has no {POSITION} [m]; it has {', '.join(map(str, part.data_vars))}. A table's "
-                    "columns are named in a verification file (columns: ...), or by saving it as a recording"
+                    f"{name} has no {POSITION} [m], which 'columns' names; "
+                    f"it has {', '.join(map(str, part.data_vars))}"
                 )
         drives = [r.waveform(folder) for r in self.recordings]
         progress("predicting", 0.2)
@@ -120,7 +123,12 @@ def _results(path: Path) -> tuple[Actuator, Chain]:
     try:
         numbers = json.loads(path.read_text(encoding="utf-8"))["numbers"]
         return model_of(numbers["model"]), chain_of(numbers)
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except KeyError as error:
+        raise StudyError(
+            f"{path}: no results of an identification with a model: there is no {error} in it; "
+            "what stickslip identify, campaign or run has written of a walk holds one"
+        ) from error
+    except (OSError, ValueError, TypeError) as error:
         raise StudyError(f"{path}: no results of an identification with a model: {error}") from error
 
 
@@ -137,7 +145,7 @@ def _verified(
     found = []
     for (name, part), given in zip(parts.items(), drives, strict=True):
         drive = named_drive(part) if given is None else given
-        known = None if drive is None or "drive_voltage" in part else float(part["time"][0])
+        known = None if drive is None or DRIVE in part else float(part["time"][0])
         found.append(aligned(part, drive, name, chain.slew_rate, chain.scale, known))
     return verify(
         predictor,
@@ -148,7 +156,11 @@ def _verified(
 
 
 def verification_study(
-    path: str | os.PathLike[str], recordings: Sequence[str | os.PathLike[str]], require: Sequence[str]
+    path: str | os.PathLike[str],
+    recordings: Sequence[str | os.PathLike[str]],
+    require: Sequence[str],
+    columns: Sequence[str] = (),
+    units: Sequence[str] = (),
 ) -> tuple[VerificationStudy, Path]:
     """What the command line asks for, and the folder that its files are relative to.
 
@@ -156,29 +168,73 @@ def verification_study(
         path: a verification file, or a results.json.
         recordings: with a results.json, the files to predict; their drive is the channel drive_voltage.
         require: further requirements.
+        columns, units: of these files, "NAME=COLUMN" and "NAME=UNIT"; what they leave out is found as
+            `inspect_file` finds it, and said in the report.
 
     Raises:
         StudyError: the file is not as it must be, or recordings are named twice or not at all.
+        RecordingError: a recording cannot be read.
     """
     path = Path(path)
     if path.suffix == ".json":
         if not recordings:
-            raise StudyError(f"{path}: name the recordings that the model is to predict")
+            raise StudyError(f"{path}: name the recordings to predict: stickslip verify {path.name} my.csv")
+        named, said = _pairs("--column", columns), _pairs("--unit", units)
+        entries = [_entry(Path(file), named, said) for file in recordings]
         content: dict[str, Any] = {
             "kind": "verification",
             "title": "Verification",
+            "notes": " ".join(note for _, note in entries if note),
             "fit": path.name,
-            "recordings": [{"file": os.path.abspath(file)} for file in recordings],
+            "recordings": [entry for entry, _ in entries],
         }
     else:
         content = load_yaml(path)
-        if recordings:
-            raise StudyError(f"{path} names its recordings itself; {recordings[0]} is one too many")
+        if recordings or columns or units:
+            wrong = f"recording {recordings[0]}" if recordings else "--column" if columns else "--unit"
+            raise StudyError(
+                f"{wrong}: goes with a results.json; {path} is a verification file and names its recordings"
+            )
     try:
         study = VerificationStudy.model_validate(content)
     except ValidationError as error:
-        raise explain(path, error) from error
+        raise explain(path, error, content=content) from error
     return study.model_copy(update={"require": [*study.require, *require]}), path.parent
+
+
+def _pairs(option: str, given: Sequence[str]) -> dict[str, str]:
+    found = {}
+    for text in given:
+        name, equals, value = text.partition("=")
+        if not equals or not name.strip() or not value.strip():
+            raise StudyError(f"{option} {text}: write NAME=..., such as {option} {_EXAMPLES[option]}")
+        found[name.strip()] = value.strip()
+    return found
+
+
+def _entry(file: Path, named: Mapping[str, str], units: Mapping[str, str]) -> tuple[dict[str, Any], str]:
+    """What a verification file would say of a recording, and what had to be guessed, in words.
+
+    Raises:
+        StudyError: a column that is needed is not named and not found; says the option that names it.
+        RecordingError: the file cannot be read.
+    """
+    entry: dict[str, Any] = {"file": os.path.abspath(file)}
+    found = inspect_file(file)
+    if found.reader == "recording":
+        return entry, ""
+    columns = {**{name: one for name, one in found.named.items() if one not in named.values()}, **named}
+    there = ", ".join(repr(one["name"]) for one in found.columns if one["numeric"])
+    for name in (POSITION, DRIVE):
+        if name not in columns:
+            raise StudyError(f"{file}: which column is {name}? Say --column {name}=..., of {there}")
+    said = {name: units.get(name, found.units.get(name, "")) for name in {**columns, **units}}
+    entry |= {"columns": columns, "units": {name: unit for name, unit in said.items() if unit}}
+    guessed = [f"{name} from {columns[name]!r}" for name in columns if name not in named]
+    guessed += [
+        f"{name} in {unit}" for name, unit in found.units.items() if name in columns and name not in units
+    ]
+    return entry, f"Read from {file.name} without being told: {', '.join(guessed)}." if guessed else ""
 
 
 def verification_table(found: Verification, roles: Sequence[str] = ()) -> Table:
