@@ -51,12 +51,14 @@ def prepare() -> None:
     from stickslip.campaign.evaluation import evaluate
     from stickslip.campaign.file import read_campaign
     from stickslip.campaign.gathering import gather
+    from stickslip.study.walk import changed
 
     path = Path(str(importlib.resources.files("stickslip") / "examples" / "kang2007_campaign.yaml"))
     file = read_campaign(path)
     with tempfile.TemporaryDirectory() as folder:
         gathered, _ = gather(file, path.parent, Path(folder), unheard)
-        found = evaluate(file, path.parent, gathered, unheard)
+        model = changed(path.parent, file.model, file.change, file.friction)
+        found = evaluate(file, model, gathered, unheard)
     (walk,) = (one for one in found.walks if one.use == "fit")
     assert walk.drive is not None
     time = walk.recording["time"].values

@@ -23,6 +23,7 @@ from stickslip.campaign.evaluation import evaluate
 from stickslip.campaign.file import read_campaign
 from stickslip.campaign.gathering import gather
 from stickslip.progress import unheard
+from stickslip.study.walk import changed
 from stickslip.units import with_prefix
 
 PAGE = Path(__file__).parents[1] / "docs" / "benchmarks" / "posterior.md"
@@ -48,7 +49,8 @@ def main(most: int) -> None:
     file = read_campaign(path).model_copy(update={"posterior": True, "posterior_simulations": most})
     with tempfile.TemporaryDirectory() as folder:
         gathered, _ = gather(file, path.parent, Path(folder), unheard)
-        found = evaluate(file, path.parent, gathered, unheard)
+        model = changed(path.parent, file.model, file.change, file.friction)
+        found = evaluate(file, model, gathered, unheard)
     cpu, wall = time.process_time(), time.perf_counter()
     samples = additional(file, found.friction, found.walks, found.stage, False, unheard).posterior
     cpu, wall = time.process_time() - cpu, time.perf_counter() - wall

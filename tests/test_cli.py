@@ -51,6 +51,41 @@ def test_version_and_help() -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("words", "found"),
+    [
+        ("simulate kang", ["kang2007"]),
+        ("simulate --law Lu", ["LuGre"]),
+        ("simulate --waveform reverse", ["reverse-sawtooth"]),
+        ("instrument --bench k", ["kang2007-bench"]),
+        ("export c col", ["colas2019"]),
+        ("calibrate --after kang2007-s", ["kang2007-strain-gauge"]),
+        ("cite Dah", ["Dahl"]),
+        ("list la", ["laws"]),
+        ("new camp", ["campaign"]),
+        ("verif", ["verify"]),
+    ],
+)
+def test_the_shell_completes_commands_and_names(words: str, found: list[str]) -> None:
+    """What the shell's script asks: `stickslip --show-completion` prints that."""
+    asked = f"stickslip {words}"
+    environment = {
+        "_STICKSLIP_COMPLETE": "complete_bash",
+        "COMP_WORDS": asked,
+        "COMP_CWORD": str(len(asked.split()) - 1),
+    }
+    assert CliRunner().invoke(app, [], prog_name="stickslip", env=environment).stdout.split() == found
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_the_shells_script_is_shown(shell: str) -> None:
+    done = python(
+        f"from stickslip.cli import app; app(['--show-completion', {shell!r}], prog_name='stickslip')"
+    )
+    assert done.returncode == 0, done.stderr
+    assert f"_STICKSLIP_COMPLETE=complete_{shell}" in done.stdout
+
+
 def test_help_does_not_wait_for_the_solver() -> None:
     program = (
         "import sys\nfrom stickslip.cli import app\napp(['--help'], standalone_mode=False)\n"

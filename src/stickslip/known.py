@@ -13,7 +13,7 @@ from .records import did_you_mean
 from .rig.bench import available_benches, load_bench
 from .units import QuantityError
 
-_KINDS: Mapping[str, Callable[[], dict[str, str]]] = {
+KINDS: Mapping[str, Callable[[], dict[str, str]]] = {
     "laws": lambda: _lines(registry.laws),
     "actuators": lambda: {name: load_set(name).title for name in available_sets()},
     "waveforms": lambda: _lines(registry.waveforms),
@@ -37,11 +37,11 @@ def catalogue(*kinds: str) -> dict[str, dict[str, str]]:
         QuantityError: there is no such kind.
     """
     for kind in kinds:
-        if kind not in _KINDS:
+        if kind not in KINDS:
             raise QuantityError(
-                f"there is no kind {kind!r}{did_you_mean(kind, _KINDS)}; there are {', '.join(_KINDS)}"
+                f"there is no kind {kind!r}{did_you_mean(kind, KINDS)}; there are {', '.join(KINDS)}"
             )
-    return {kind: _KINDS[kind]() for kind in kinds or _KINDS}
+    return {kind: KINDS[kind]() for kind in kinds or KINDS}
 
 
 def _lines(kind: registry.Kind) -> dict[str, str]:

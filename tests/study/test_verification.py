@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from stickslip.actuator import load_actuator
 from stickslip.cli import app
 from stickslip.friction import MaxwellSlip
-from stickslip.recording import save_recording
+from stickslip.recording import open_recording, save_recording
 from stickslip.report import Document, write_report
 from stickslip.report.fits import model_numbers, model_of
 from stickslip.simulation import simulate
@@ -82,14 +82,73 @@ def test_results_of_an_identification_are_verified(folder: Path) -> None:
     assert "Warning: drive_voltage [V] of walk changes too fast" in done.stderr
     assert done.exit_code == 0, done.stderr
     assert run(results, "--out", str(folder / "o4")).exit_code == 2
-    (folder / "table.csv").write_text("t,x,u\n" + "".join(f"{i},0,1\n" for i in range(20)))
-    table = run(results, str(folder / "table.csv"), "--out", str(folder / "o7"))
-    assert table.exit_code == 2
-    assert "table has no end_effector_position [m]; it has x, u. A table's columns" in table.stderr
     assert run(str(folder / "o2" / "report.html"), "--out", str(folder / "o5")).exit_code == 2
     both = run(str(folder / "check.yaml"), str(folder / "walk.nc"), "--out", str(folder / "o6"))
     assert both.exit_code == 2
-    assert "one too many" in both.stderr
+    assert "is a verification file and names its recordings" in both.stderr
+
+
+@pytest.mark.filterwarnings("default")
+def test_a_table_of_one_s_own_is_verified_in_the_words_of_the_command(folder: Path) -> None:
+    write_report(
+        Document("A fit", "Made.", [], numbers={"model": model_numbers(MODEL)}), folder / "table-fit"
+    )
+    results = str(folder / "table-fit" / "results.json")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        direct = run(results, str(folder / "walk.nc"), "--out", str(folder / "t0"))
+    assert direct.exit_code == 0, direct.stderr
+    expected = json.loads((folder / "t0" / "results.json").read_bytes())["numbers"]["verification"]["walk"]
+
+    def table(name: str, header: str) -> str:
+        walk = open_recording(folder / "walk.nc")
+        columns = (
+            1e3 * walk["time"].values,
+            1e6 * walk["end_effector_position"].values,
+            walk["drive_voltage"].values,
+        )
+        np.savetxt(folder / name, np.column_stack(columns), "%.12g", ",", header=header, comments="")
+        return str(folder / name)
+
+    def verified(file: str, *options: str):
+        done = run(results, file, *options, "--out", str(folder / "t1"))
+        assert done.exit_code == 0, done.stderr
+        said = json.loads((folder / "t1" / "results.json").read_bytes())["numbers"]["verification"]
+        (found,) = said.values()
+        assert found["rmse"]["value"] == pytest.approx(expected["rmse"]["value"], rel=1e-6)
+        return (folder / "t1" / "report.html").read_text("utf-8")
+
+    strange = table("scope.csv", "a [ms],b,c")
+    done = run(results, strange, "--out", str(folder / "t2"))
+    assert done.exit_code == 2
+    (line,) = done.stderr.splitlines()
+    assert line.endswith(
+        "which column is end_effector_position? Say --column end_effector_position=..., of 'a', 'b', 'c'"
+    )
+    named = ["--column", "time=a", "--column", "end_effector_position=b", "--column", "drive_voltage=c"]
+    page = verified(strange, *named, "--unit", "end_effector_position=um")
+    assert "without being told" not in page
+    page = verified(table("usual.csv", "time [ms],position [um],drive voltage [V]"))
+    assert "end_effector_position from" in page
+
+    for options, words in (
+        (["--column", "position"], "--column position: write NAME=..."),
+        (["--unit", "=um"], "--unit =um: write NAME=..."),
+        ([*named, "--unit", "drive_volts=V"], "did you mean 'drive_voltage'"),
+        (["--column", "end_effector_positon=b"], "did you mean 'end_effector_position'"),
+    ):
+        done = run(results, strange, *options, "--out", str(folder / "t3"))
+        assert done.exit_code == 2
+        assert words in done.stderr.splitlines()[-1]
+    done = run(str(folder / "check.yaml"), "--unit", "drive_voltage=V", "--out", str(folder / "t4"))
+    assert "--unit: goes with a results.json" in done.stderr
+
+
+def test_results_without_an_actuator_say_which_have_one(folder: Path) -> None:
+    write_report(Document("A simulation", "Made.", [], numbers={"step": 1.0}), folder / "none")
+    done = run(str(folder / "none" / "results.json"), str(folder / "walk.nc"), "--out", str(folder / "n1"))
+    assert done.exit_code == 2
+    assert "there is no 'model' in it; what stickslip identify, campaign or run has written" in done.stderr
 
 
 def test_a_model_comes_back_from_its_numbers() -> None:

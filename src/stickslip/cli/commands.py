@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from . import completion
 from .frame import Out, Traceback, app, check_output, errors_in_one_line, progress_bar, write
 
 if TYPE_CHECKING:
@@ -23,18 +24,24 @@ OPTIONS = ("amplitude", "frequency", "periods")
 
 @app.command()
 def simulate(
-    parameters: Annotated[str, typer.Argument(metavar="[SET|FILE.toml]", help="Parameter set.")] = "kang2007",
+    parameters: Annotated[
+        str,
+        typer.Argument(metavar="[SET|FILE.toml]", help="Parameter set.", autocompletion=completion.sets),
+    ] = "kang2007",
     waveform: Annotated[
         str,
         typer.Option(
             metavar="NAME|FILE.py:NAME",
+            autocompletion=completion.waveforms,
             help="Drive: sawtooth, reverse-sawtooth, ...; stickslip list waveforms.",
         ),
     ] = "sawtooth",
     law: Annotated[
         str,
         typer.Option(
-            metavar="NAME|FILE.py:NAME", help="Another friction law; it keeps the values both have."
+            metavar="NAME|FILE.py:NAME",
+            autocompletion=completion.laws,
+            help="Another friction law; it keeps the values both have.",
         ),
     ] = "",
     amplitude: Annotated[str, typer.Option(help='Amplitude, such as "65 V".')] = "",
@@ -297,7 +304,11 @@ def demo(out: Out = Path("out/demo"), show_traceback: Traceback = False) -> None
 def cite(
     names: Annotated[
         list[str],
-        typer.Argument(metavar="NAME...", help="Parameter sets (or files), friction laws, citation keys."),
+        typer.Argument(
+            metavar="NAME...",
+            autocompletion=completion.cited,
+            help="Parameter sets (or files), friction laws, citation keys.",
+        ),
     ],
     show_traceback: Traceback = False,
 ) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from . import completion
 from .frame import Traceback, app, errors_in_one_line
 
 if TYPE_CHECKING:
@@ -20,13 +21,18 @@ ModelArgument = Annotated[
     str,
     typer.Argument(
         metavar="SET|FILE.toml|results.json",
+        autocompletion=completion.sets,
         help="Parameter set, by name or file, or what stickslip identify found on a walk.",
     ),
 ]
 Folder = Annotated[Path, typer.Option(help="Folder to make; it must not exist.")]
 StepSize = Annotated[str, typer.Option(help="Step of the examples and longest internal step of an FMU.")]
 BenchName = Annotated[
-    str, typer.Option(help="Put the amplifier of this bench (its name or file) before the actuator.")
+    str,
+    typer.Option(
+        autocompletion=completion.benches,
+        help="Put the amplifier of this bench (its name or file) before the actuator.",
+    ),
 ]
 
 

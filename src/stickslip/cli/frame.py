@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 app = typer.Typer(
     help="Identify, verify, simulate and design piezoelectric stick-slip actuators from recordings.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # plain help: four times as fast, and the same in a log
 )

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from . import completion
 from .frame import Traceback, app, errors_in_one_line
 
 
@@ -37,7 +38,11 @@ def inspect(
 @app.command()
 def new(
     kind: Annotated[
-        str, typer.Argument(help="campaign, identification, experiment, actuator, law or waveform.")
+        str,
+        typer.Argument(
+            autocompletion=completion.skeletons,
+            help="campaign, identification, experiment, actuator, law or waveform.",
+        ),
     ],
     recordings: Annotated[
         list[Path] | None,
@@ -65,8 +70,9 @@ def list_known(
     kinds: Annotated[
         list[str] | None,
         typer.Argument(
+            autocompletion=completion.kinds,
             help="laws, actuators, waveforms, sensors, readers, rigs, benches, calibrations, datasets; all, "
-            "if left out."
+            "if left out.",
         ),
     ] = None,
     show_traceback: Traceback = False,

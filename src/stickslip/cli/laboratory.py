@@ -11,6 +11,7 @@ from typing import Annotated
 
 import typer
 
+from . import completion
 from .frame import Out, Traceback, app, check_output, errors_in_one_line, progress_bar, write
 
 
@@ -55,8 +56,12 @@ def record(
 
 @app.command()
 def instrument(
-    parameters: Annotated[str, typer.Argument(metavar="[SET|FILE.toml]", help="Actuator.")] = "kang2007",
-    bench: Annotated[str, typer.Option(help="Bench, by name or file.")] = "kang2007-bench",
+    parameters: Annotated[
+        str, typer.Argument(metavar="[SET|FILE.toml]", help="Actuator.", autocompletion=completion.sets)
+    ] = "kang2007",
+    bench: Annotated[
+        str, typer.Option(help="Bench, by name or file.", autocompletion=completion.benches)
+    ] = "kang2007-bench",
     host: Annotated[str, typer.Option(help="Address to serve; by default this machine only.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(help="TCP port; 0 takes a free one.", min=0, max=65535)] = 5025,
     seed: Annotated[int, typer.Option(help="Of the sensors' noise.", min=0)] = 0,
@@ -106,7 +111,10 @@ def calibrate(
     ] = "auto",
     after: Annotated[
         list[str],
-        typer.Option(help="A calibration that the readings go through first: the new one corrects it."),
+        typer.Option(
+            autocompletion=completion.calibrations,
+            help="A calibration that the readings go through first: the new one corrects it.",
+        ),
     ] = [],  # noqa: B006  # typer copies it
     name: Annotated[str, typer.Option(help="What to call it; that of the table and the order.")] = "",
     out: Out = Path("out/calibrate"),

@@ -21,6 +21,7 @@ from ..input_file import Seconds, explain, load_yaml
 from ..progress import Progress
 from ..readers import inspect_file
 from ..recording.drive import named_drive
+from ..records import did_you_mean
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import chain_of, model_numbers, model_of
 from ..units import near_one
@@ -32,6 +33,7 @@ from .walk import WalkRecording, changed
 
 MOST_PICTURES = 8
 DRIVE = "drive_voltage"
+_READ = ("time", POSITION, DRIVE)
 _EXAMPLES = {"--column": 'end_effector_position="Disp (um)"', "--unit": "drive_voltage=kV"}
 
 
@@ -223,17 +225,23 @@ def _entry(file: Path, named: Mapping[str, str], units: Mapping[str, str]) -> tu
     found = inspect_file(file)
     if found.reader == "recording":
         return entry, ""
-    columns = {**{name: one for name, one in found.named.items() if one not in named.values()}, **named}
+    for option, given in (("--column", named), ("--unit", units)):
+        for name in given:
+            if name not in _READ:
+                hint = did_you_mean(name, _READ)
+                raise StudyError(
+                    f"{option} {name}: there is no {name!r} here{hint}; there are {', '.join(_READ)}"
+                )
+    columns = {name: one for name, one in found.named.items() if name in _READ and one not in named.values()}
+    columns |= named
     there = ", ".join(repr(one["name"]) for one in found.columns if one["numeric"])
     for name in (POSITION, DRIVE):
         if name not in columns:
             raise StudyError(f"{file}: which column is {name}? Say --column {name}=..., of {there}")
-    said = {name: units.get(name, found.units.get(name, "")) for name in {**columns, **units}}
+    said = {name: units.get(name, found.units.get(name, "")) for name in _READ}
     entry |= {"columns": columns, "units": {name: unit for name, unit in said.items() if unit}}
     guessed = [f"{name} from {columns[name]!r}" for name in columns if name not in named]
-    guessed += [
-        f"{name} in {unit}" for name, unit in found.units.items() if name in columns and name not in units
-    ]
+    guessed += [f"{name} in {unit}" for name, unit in said.items() if unit and name not in units]
     return entry, f"Read from {file.name} without being told: {', '.join(guessed)}." if guessed else ""
 
 

@@ -1,0 +1,78 @@
+"""What the shell completes: names that are known, where an argument takes one."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable
+
+
+def _completing(names: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
+    """What typer asks for the names that begin so; nothing is imported before it does."""
+
+    def complete(incomplete: str) -> list[str]:
+        return [name for name in names() if name.startswith(incomplete)]
+
+    return complete
+
+
+def _sets() -> Iterable[str]:
+    from ..parameters.load import available_sets
+
+    return available_sets()
+
+
+def _laws() -> Iterable[str]:
+    from ..registry import laws
+
+    return laws.names()
+
+
+def _waveforms() -> Iterable[str]:
+    """Those that have fields, as they are written on command lines: "reverse-sawtooth"."""
+    from ..registry import waveforms
+
+    return (
+        re.sub(r"(?<=[a-z])(?=[A-Z])", "-", name).lower()
+        for name, one in waveforms.all()
+        if hasattr(one, "_fields")
+    )
+
+
+def _benches() -> Iterable[str]:
+    from ..rig.bench import available_benches
+
+    return available_benches()
+
+
+def _calibrations() -> Iterable[str]:
+    from ..calibration.storage import available_calibrations
+
+    return available_calibrations()
+
+
+def _cited() -> Iterable[str]:
+    from ..parameters.citations import references
+
+    return dict.fromkeys((*_sets(), *_laws(), *references()))
+
+
+def _kinds() -> Iterable[str]:
+    from ..known import KINDS
+
+    return KINDS
+
+
+def _skeletons() -> Iterable[str]:
+    from ..skeletons import KINDS
+
+    return KINDS
+
+
+sets = _completing(_sets)
+laws = _completing(_laws)
+waveforms = _completing(_waveforms)
+benches = _completing(_benches)
+calibrations = _completing(_calibrations)
+cited = _completing(_cited)
+kinds = _completing(_kinds)
+skeletons = _completing(_skeletons)
