@@ -139,7 +139,7 @@ def test_features_are_numbers_and_tables_and_say_where_there_are_none() -> None:
     ]
     features = features_of(walks)
     numbers = feature_numbers(features)
-    assert numbers["walk"]["forward"]["net_step"].value == pytest.approx(2.5e-6, rel=0.01)
+    assert numbers["walk"]["forward"]["step_of_peaks"].value == pytest.approx(2.5e-6, rel=0.01)
     assert numbers["walk"]["forward"]["up"].value == pytest.approx(4e-6, rel=0.02)
     assert numbers["walk"]["forward"]["down"].value == pytest.approx(1.5e-6, rel=0.03)
     assert "throughout" in numbers["flat"]["none"]

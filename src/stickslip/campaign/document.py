@@ -15,6 +15,7 @@ from ..figures.campaign import Trace, walks
 from ..figures.style import svg
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import chain_numbers, fit_numbers, lack_numbers, model_numbers, parameter_table
+from ..report.origin import origin_of
 from ..report.recordings import recorded_assumptions
 from ..study.alignment import POSITION, Aligned
 from ..study.verification import verification_numbers
@@ -73,6 +74,8 @@ def campaign_document(
         _verification(file, found, bands),
         *additional_sections(found, figures=figures),
     ]
+    fitted = {*file.free, *file.tied, *(p.name for p in (found.stage.parameters if found.stage else ()))}
+    origin = origin_of(friction.model, [one.recording for one in found.gathered], fitted)
     least = float(np.min(seen.table["r_squared"].values))
     errors = seen.table["net_step_error"].values
     known = errors[np.isfinite(errors)]
@@ -96,8 +99,8 @@ def campaign_document(
             ("rms error", Number(seen.rmse, "m")),
         ],
         numbers=numbers,
-        assumptions=[*dict.fromkeys((*_assumptions(file, found, recorded),))],
-        citations=friction.model.citation,
+        assumptions=[*dict.fromkeys((*origin.assumptions, *_assumptions(file, found, recorded)))],
+        citations=origin.citations,
         failures=found.failures,
     )
 
@@ -233,7 +236,7 @@ def _friction(found: Found, bands: Bands | None) -> Section:
                 bands,
                 [one for one in found.walks if one.use == "fit"],
                 "campaign-fit",
-                "The walk that the friction was fitted to (fig. 5.2 of the thesis)",
+                "The walk that the friction was fitted to",
                 whole=True,
             )
         ]
@@ -250,6 +253,7 @@ def _friction(found: Found, bands: Bands | None) -> Section:
 
 def _verification(file: CampaignFile, found: Found, bands: Bands | None) -> Section:
     table = found.verification.table
+    published = [Column("r², published", "", 4)] if file.published else []
     rows = []
     for i, one in enumerate(found.walks):
         r_squared, rmse, step, error = (
@@ -262,7 +266,7 @@ def _verification(file: CampaignFile, found: Found, bands: Bands | None) -> Sect
                 one.name,
                 _ROLE[one.use],
                 r_squared,
-                file.published.get(one.name),
+                *([file.published.get(one.name)] if published else []),
                 most,
                 rmse,
                 step if known else None,
@@ -273,7 +277,7 @@ def _verification(file: CampaignFile, found: Found, bands: Bands | None) -> Sect
         Column("recording"),
         Column("role"),
         Column("r²", "", 5),
-        Column("r², published", "", 4),
+        *published,
         Column("r² that noise allows", "", 5),
         Column("rms error", "m", 3),
         Column("net step, measured", "m", 4),
@@ -286,8 +290,7 @@ def _verification(file: CampaignFile, found: Found, bands: Bands | None) -> Sect
             if one.use == "verify":
                 groups.setdefault(one.name.rpartition("_")[0] or "walks", []).append(one)
         for i, (name, group) in enumerate(groups.items()):
-            words = "fig. 5.4 of the thesis" if i == 0 and file.published else "not fitted"
-            said = f"{name.replace('_', ' ')}: predicted, and measured ({words})"
+            said = f"{name.replace('_', ' ')}: predicted, not fitted, and measured"
             pictures.append(_walks_picture(found, bands, group[:4], f"campaign-predicted-{i + 1}", said))
     return Section(
         "Verification",
@@ -298,7 +301,7 @@ def _verification(file: CampaignFile, found: Found, bands: Bands | None) -> Sect
                 "Measured and predicted walks.",
                 columns,
                 rows,
-                notes="r² = (SST − SSE)/SST (app. 6 of the thesis). The noise before the drive begins "
+                notes="r² = (SST − SSE)/SST. The noise before the drive begins "
                 "allows no more than the r² beside it, and the less the smaller the walk.",
             ),
         ),
@@ -333,10 +336,7 @@ def _walks_picture(
 
 
 def _assumptions(file: CampaignFile, found: Found, recorded: Sequence[Recorded]) -> list[str]:
-    model = found.friction.model
-    fitted = {*(p.name for p in (found.stage.parameters if found.stage else ()))}
-    fitted |= {f"friction.{name}" for name in (*file.free, *file.tied)}
-    said = [f"{field} = {words}" for field, words in model.assumptions.items() if field not in fitted]
+    said = []
     if file.known_slew_rate is not None:
         words = file.slew_rate_source or "as the campaign file says"
         said.append(f"slew_rate = {with_prefix(file.slew_rate, 'V/s')}: {words}")

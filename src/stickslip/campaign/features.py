@@ -14,7 +14,7 @@ from ..report import Column, Number, Section, Table
 from ..study.alignment import Aligned
 
 _DIRECTION = {1.0: "forward", -1.0: "back"}
-_STEPS = ("up", "down", "net_step", "scatter", "drift")
+_STEPS = ("up", "down", "scatter", "drift")
 _WHOLE = ("delay", "asymmetry", "vibration_amplitude", "vibration_frequency", "vibration_decay")
 _UNITS = dict(zip(_WHOLE, ("s", "", "m", "Hz", "1/s"), strict=True))
 
@@ -40,7 +40,7 @@ def feature_numbers(features: dict[str, xr.Dataset | str]) -> dict[str, Any]:
         numbers[name] = {key: Number(float(of.attrs[key]), unit) for key, unit in _UNITS.items()}
         for i, direction in enumerate(of["direction"].values):
             row = {key: Number(float(of[key][i]), "m") for key in _STEPS}
-            row["net_step"] = Number(
+            row["step_of_peaks"] = Number(
                 float(of["net_step"][i]), "m", standard_error=float(of["net_step_error"][i])
             )
             row["slips"] = Number(float(of["n_slips"][i]), "")
@@ -79,7 +79,7 @@ def features_section(features: dict[str, xr.Dataset | str]) -> Section:
             Column("slips", ""),
             Column("up-step a", "m"),
             Column("down-step b", "m"),
-            Column("net step [95 %]", "m"),
+            Column("step of the peaks [95 %]", "m"),
             Column("scatter", "m", 2),
             Column("drift per slip", "m", 2),
         )
@@ -88,8 +88,9 @@ def features_section(features: dict[str, xr.Dataset | str]) -> Section:
                 "Steps of the walks.",
                 columns,
                 steps,
-                notes="a and b as in app. 9 of the thesis; the net step is the slope of a line through the "
-                "peaks, the scatter that of single steps, the drift their change from one to the next.",
+                notes="Between slips a walk rises by a, in a slip it falls by b. The step of the peaks is the "
+                "slope of a line through them, the scatter that of single steps, the drift their change from "
+                "one to the next. (The net step under Verification is that of the mean position.)",
             )
         )
         columns = (
@@ -98,7 +99,7 @@ def features_section(features: dict[str, xr.Dataset | str]) -> Section:
             Column("vibration", "m", 3),
             Column("its frequency", "Hz", 3),
             Column("its decay", "1/s", 3),
-            Column("net step back over forward, less one", "%", 2),
+            Column("step back over forward, less one", "%", 2),
         )
         tables.append(
             Table(

@@ -23,7 +23,7 @@ def unit_of(fit: Fit, name: str) -> str:
 
 
 def stage_section(file: CampaignFile, found: Found, figures: bool) -> Section:
-    """The fit, and what the formulas of the thesis make of the same steps."""
+    """The fit, and what the classical formulas make of the same steps."""
     stage = found.stage
     assert stage is not None
     assert stage.predict is not None
@@ -44,7 +44,7 @@ def stage_section(file: CampaignFile, found: Found, figures: bool) -> Section:
         pictures.append(
             Picture(
                 "campaign-steps",
-                "Step responses, measured and by the second-order stage (fig. 5.1 of the thesis).",
+                "Step responses, measured and by the second-order stage.",
                 svg(step_responses(traces)),
                 "Position over the milliseconds after a step, measured and model, and the residuals below",
             )
@@ -66,7 +66,7 @@ def stage_section(file: CampaignFile, found: Found, figures: bool) -> Section:
 
 
 def _formulas(found: Found, stage: Fit) -> Table:
-    """The thesis's formulas (peak time, overshoot) beside the fit."""
+    """The classical formulas (peak time, overshoot) beside the fit."""
     known = found.formulas
     assert known is not None
     rows = []
@@ -75,7 +75,7 @@ def _formulas(found: Found, stage: Fit) -> Table:
         columns = ("fitted", "by_sensor", "by_noise", "scatter")
         rows.append((str(name), *(Number(float(known[c][i]), unit) for c in columns)))
     return Table(
-        "What the formulas of peak time and overshoot (app. 5 of the thesis) make of the same steps.",
+        "What the formulas of peak time and overshoot make of the same steps.",
         (
             Column("parameter"),
             Column("fitted"),

@@ -18,3 +18,4 @@ from .load import load_set as load_set
 from .load import read_entries as read_entries
 from .provenance import assumptions as assumptions
 from .provenance import changes as changes
+from .provenance import unchanged as unchanged

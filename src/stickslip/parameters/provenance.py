@@ -33,6 +33,16 @@ def changes(record: Any, original: Any) -> dict[str, str]:
     }
 
 
+def unchanged(record: Any, original: Any, parameters: ParameterSet) -> dict[str, str]:
+    """The values of a parameter set that a record still has: field -> value, in words."""
+    before, now = flat(original), flat(record)
+    return {
+        field: _shown(record, field)
+        for field in parameters.entries()
+        if field in now and _same(now[field], before.get(field))
+    }
+
+
 def assumptions(record: Any, original: Any, parameters: ParameterSet) -> dict[str, str]:
     """Which values of the record the source does not print: field -> value and reason, in words.
 

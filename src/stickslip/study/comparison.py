@@ -19,12 +19,13 @@ from ..input_file import InputFileError
 from ..progress import Progress
 from ..records import did_you_mean
 from ..report import Column, Document, Number, Picture, Section, Table
+from ..report.origin import origin_of
 from ..units import QuantityError, near_one
 from .file import read_parts
 from .walk import WalkFile
 
-# The thesis's choice (ch. 3), with its steady friction constant.
-THESIS = "LuGre"
+# The usual choice for such actuators [kang2007, ch. 3], its steady friction constant.
+USUAL = "LuGre"
 # Errors on what was not fitted that differ by less are the same.
 SAME = 0.01
 
@@ -61,6 +62,7 @@ class ComparisonStudy(WalkFile):
         )
         section = choice_section(found, sum(d.sizes["time"] for d, _ in data["fit"]), True)
         best = found.verifications[found.best]
+        origin = origin_of(model, parts.values())
         return Document(
             title=self.title,
             summary=f"{found.best} predicts walks that no fit has seen best: r² {near_one(best.r_squared)}, "
@@ -70,8 +72,8 @@ class ComparisonStudy(WalkFile):
             else [section],
             highlights=[("r² of the best on unseen walks", Number(best.r_squared, ""))],
             numbers={"best": found.best, "models": choice_numbers(found)},
-            assumptions=[f"{field} = {words}" for field, words in model.assumptions.items()],
-            citations=model.citation,
+            assumptions=origin.assumptions,
+            citations=origin.citations,
         )
 
 
@@ -111,24 +113,24 @@ def choice_numbers(choice: Comparison) -> dict[str, Any]:
 
 
 def conclusion(choice: Comparison) -> str:
-    """Whether the thesis's choice holds, in numbers."""
+    """Whether the usual choice holds, in numbers."""
     table = choice.table
     rmse, bic = table["verification_rmse"], table["bic"] - table["bic"].min()
     best, least = choice.best, float(rmse.min())
-    own = float(rmse.sel(law=THESIS)) / least - 1.0
+    own = float(rmse.sel(law=USUAL)) / least - 1.0
     simplest = str(bic.idxmin("law").item())
     seen = (
         f"By the error on walks that were not fitted {best} is best, {1e9 * least:.4g} nm; by BIC "
         f"{simplest}. "
-        f"{THESIS}, the thesis's choice, is {100 * own:.2g} % above the least error and "
-        f"{float(bic.sel(law=THESIS)):.3g} above the least BIC"
+        f"{USUAL}, the usual choice, is {100 * own:.2g} % above the least error and "
+        f"{float(bic.sel(law=USUAL)):.3g} above the least BIC"
     )
     rivals = [
         str(law)
         for law in table["law"].values
-        if law != THESIS and float(rmse.sel(law=law)) < least * (1 + SAME) and float(bic.sel(law=law)) < 10.0
+        if law != USUAL and float(rmse.sel(law=law)) < least * (1 + SAME) and float(bic.sel(law=law)) < 10.0
     ]
-    if own >= SAME or float(bic.sel(law=THESIS)) >= 10.0:
+    if own >= SAME or float(bic.sel(law=USUAL)) >= 10.0:
         return f"{seen}: these recordings do not confirm it."
     if rivals:
         return f"{seen}: confirmed, though these recordings cannot tell it from {', '.join(rivals)}."
@@ -136,7 +138,7 @@ def conclusion(choice: Comparison) -> str:
 
 
 def choice_section(choice: Comparison, n_data: int, figures: bool) -> Section:
-    """The ranking, and whether the thesis's choice holds."""
+    """The ranking, and whether the usual choice holds."""
     table = choice.table
     order = np.argsort(table["verification_rmse"].values)
     laws = [str(law) for law in table["law"].values]
@@ -186,7 +188,7 @@ def choice_section(choice: Comparison, n_data: int, figures: bool) -> Section:
         paragraphs=(
             f"All models fitted alike to the same walk ({n_data} samples), with delay and offset free, and "
             "judged on the walks that none has seen.",
-            *((conclusion(choice),) if THESIS in choice.fits else ()),
+            *((conclusion(choice),) if USUAL in choice.fits else ()),
         ),
         tables=(Table("Models by their error on walks that were not fitted.", columns, rows),),
         figures=pictures,

@@ -24,6 +24,7 @@ from ..recording.drive import named_drive
 from ..records import did_you_mean
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import chain_of, model_numbers, model_of
+from ..report.origin import origin_of
 from ..units import near_one
 from ..verification import Requirement, Verification, verify
 from ..waveform.signal import Waveform
@@ -80,6 +81,7 @@ class VerificationStudy(Study):
             said += f" {'NOT a' if failures else 'A'}{all_of_them} met."
         said += "".join(f" {text[0].upper()}{text[1:]}." for text in found.statements)
         progress("drawing", 0.6)
+        origin = origin_of(predictor.model, parts.values())
         return Document(
             title=self.title,
             summary=said,
@@ -101,8 +103,8 @@ class VerificationStudy(Study):
                 "model": model_numbers(predictor.model),
                 "required": list(self.require),
             },
-            assumptions=[f"{name} = {words}" for name, words in predictor.model.assumptions.items()],
-            citations=predictor.model.citation,
+            assumptions=origin.assumptions,
+            citations=origin.citations,
             failures=failures,
         )
 

@@ -25,6 +25,7 @@ from ..input_file import quantity
 from ..progress import Progress, unheard, within
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import estimates, fit_numbers, model_numbers, parameter_table
+from ..report.origin import origin_of
 from ..units import near_one
 from ..waveform.signal import Waveform
 from .file import RecordingFile, Study, StudyError, read_parts
@@ -216,6 +217,9 @@ def walk_document(
     if unseen:
         verified = f" On {len(unseen)} that it has not seen, r² is {near_one(min(unseen))} or more."
     fitted = len(rows) - len(unseen)
+    origin = origin_of(
+        model, [walk.recording for walk in walks.values()], [p.name for p in fit.shown if not p.fixed]
+    )
     columns = Column("recording"), Column("role"), Column("r²", "", 5), Column("rms error", unit, 3)
     return Document(
         title=title,
@@ -231,16 +235,14 @@ def walk_document(
             ),
             Section(
                 "Recordings",
-                tables=(
-                    Table("Coefficient of determination (app. 6 of the thesis), rms error.", columns, rows),
-                ),
+                tables=(Table("Coefficient of determination, rms error.", columns, rows),),
                 figures=pictures,
             ),
         ),
         highlights=list(estimates(fit).items()),
         numbers={**fit_numbers(fit, unit), "recordings": numbers, "model": model_numbers(fit.model)},
-        assumptions=[f"{field} = {words}" for field, words in model.assumptions.items()],
-        citations=model.citation,
+        assumptions=origin.assumptions,
+        citations=origin.citations,
     )
 
 

@@ -149,7 +149,7 @@ def recorded_drive(recording: xr.Dataset, where: str, slew_rate: float | None = 
         warnings.warn(
             f"drive_voltage [V] of {where} changes too fast for its samples {assumed.total()} times, first "
             f"after {recording['time'].values[min(hidden)]:g} s, and a fit depends on how. Taken: {taken}. "
-            "If the waveform is known, give it as drive=",
+            "If the waveform is known, give it as the drive",
             RecordingWarning,
             stacklevel=4,
         )

@@ -1,0 +1,69 @@
+"""Origin of the values of a model that no fit found: its parameter set, or that of another actuator."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from typing import NamedTuple
+
+import xarray as xr
+
+from ..actuator import Actuator, load_actuator
+from ..parameters import available_sets, bibtex, citation_keys, load_set, unchanged
+from ..records import quantities
+
+# Of the model's limits, not of its motion.
+_LIMITS = ("min_voltage", "max_voltage")
+
+
+class Origin(NamedTuple):
+    """What a report says of it: assumptions, a sentence each, and BibTeX."""
+
+    assumptions: list[str]
+    citations: str
+
+
+def origin_of(model: Actuator, recordings: Iterable[xr.Dataset], fitted: Collection[str] = ()) -> Origin:
+    """The origin of a model's values in a report on recordings.
+
+    A parameter set of this package is that of another actuator, unless the recordings name it as theirs, as
+    those of a virtual rig and simulations do. Its assumptions say nothing of the actuator that was measured then.
+
+    Args:
+        model: its `name` is the parameter set.
+        recordings: all that were fitted or predicted.
+        fitted: what a fit found, "gain" or "friction.sigma_0"; of friction also "sigma_0".
+    """
+    inner = quantities(type(model.friction))
+    found = {f"friction.{name}" if name in inner else name for name in fitted} | set(fitted)
+    named = [f"{one.attrs.get('actuator')} {one.attrs.get('model')}" for one in recordings]
+    theirs = all(f"name={model.name!r}" in one for one in named)
+    if theirs or model.name not in available_sets():
+        said = [f"{field} = {words}" for field, words in model.assumptions.items() if field not in found]
+        return Origin(said, model.citation)
+    taken = {
+        field: words
+        for field, words in unchanged(model, load_actuator(model.name), load_set(model.name)).items()
+        if field not in found and not _without_effect(model, field)
+    }
+    reason = f"taken over from the parameter set {model.name}, which is of another actuator"
+    said = [f"{field} = {words}: {reason}{_scaled(model, field)}" for field, words in taken.items()]
+    law = citation_keys(model.friction)
+    if not taken:
+        return Origin(said, bibtex(*law))
+    comment = f"% Of the parameter set {model.name}, which is of another actuator: {', '.join(taken)}."
+    return Origin(said, f"{bibtex(*model.citation_keys)}\n\n{comment}")
+
+
+def _without_effect(model: Actuator, field: str) -> bool:
+    """Whether no simulated motion depends on a value."""
+    law = model.friction
+    if field == "friction.stribeck_velocity":
+        return getattr(law, "stiction_force", None) == getattr(law, "coulomb_force", None)
+    return field in _LIMITS or (field == "stage_mass" and not model.stage_reaction)
+
+
+def _scaled(model: Actuator, field: str) -> str:
+    """What follows from a wrong mass: without reaction on the stage only ratios to it show in a motion."""
+    if field != "end_effector_mass" or model.stage_reaction:
+        return ""
+    return "; the friction that is found, forces and stiffness, is in proportion to it"
