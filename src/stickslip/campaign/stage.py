@@ -54,7 +54,7 @@ def stage_section(file: CampaignFile, found: Found, figures: bool) -> Section:
     return Section(
         "Stage, from steps",
         paragraphs=(
-            f"All samples of {len(steps)} steps at once, the end-effector fixed to the stage: r² "
+            f"All samples of {len(steps)} step{'s at once' if len(steps) > 1 else ''}, the end-effector fixed to the stage: r² "
             f"{near_one(stage.r_squared)}.{beside}",
         ),
         tables=(

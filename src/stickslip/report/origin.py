@@ -26,7 +26,7 @@ def origin_of(model: Actuator, recordings: Iterable[xr.Dataset], fitted: Collect
     """The origin of a model's values in a report on recordings.
 
     A parameter set of this package is that of another actuator, unless the recordings name it as theirs, as
-    those of a virtual rig and simulations do. Its assumptions say nothing of the actuator that was measured then.
+    those of a virtual rig and simulations do. Its assumptions say nothing of the one that was measured then.
 
     Args:
         model: its `name` is the parameter set.
