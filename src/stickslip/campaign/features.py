@@ -89,8 +89,8 @@ def features_section(features: dict[str, xr.Dataset | str]) -> Section:
                 columns,
                 steps,
                 notes="Between slips a walk rises by a, in a slip it falls by b. The step of the peaks is "
-                "the slope of a line through them, the scatter that of single steps, the drift their change from "
-                "one to the next. (The net step under Verification is that of the mean position.)",
+                "the slope of a line through them, the scatter that of single steps, the drift their change "
+                "from one to the next. (The net step under Verification is that of the mean position.)",
             )
         )
         columns = (

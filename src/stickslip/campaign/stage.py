@@ -54,8 +54,8 @@ def stage_section(file: CampaignFile, found: Found, figures: bool) -> Section:
     return Section(
         "Stage, from steps",
         paragraphs=(
-            f"All samples of {len(steps)} step{'s at once' if len(steps) > 1 else ''}, the end-effector fixed to the stage: r² "
-            f"{near_one(stage.r_squared)}.{beside}",
+            f"All samples of {len(steps)} step{'s at once' if len(steps) > 1 else ''}, the end-effector "
+            f"fixed to the stage: r² {near_one(stage.r_squared)}.{beside}",
         ),
         tables=(
             parameter_table("Second-order stage, delay and lag of the sensor.", stage),
