@@ -71,13 +71,7 @@ def evaluate(file: CampaignFile, model: Actuator, gathered: Sequence[Aligned], p
     """
     requirements = [Requirement.parse(text) for text in file.require]
     recordings = list(gathered)
-    known = ["step", *(one.name for one in recordings)]
-    for name in file.published:
-        if name not in known:
-            raise InputFileError(
-                f"published: there is no recording {name!r}{did_you_mean(name, known)}; "
-                f"there are {', '.join(known)}"
-            )
+    _check_published(file, [one.name for one in recordings])
     scale, rate = None, file.known_slew_rate
     if file.reference is not None:
         steps = [one for one in recordings if one.use == "step"]
@@ -150,3 +144,13 @@ def evaluate(file: CampaignFile, model: Actuator, gathered: Sequence[Aligned], p
         ],
         additional(file, friction, walks, stage, bool(lacking), progress),
     )
+
+
+def _check_published(file: CampaignFile, names: Sequence[str]) -> None:
+    known = ["step", *names]
+    for name in file.published:
+        if name not in known:
+            raise InputFileError(
+                f"published: there is no recording {name!r}{did_you_mean(name, known)}; "
+                f"there are {', '.join(known)}"
+            )

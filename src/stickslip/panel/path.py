@@ -79,32 +79,10 @@ def path_routes(
     """The routes, of the Identify page and of the history."""
     routes = APIRouter(prefix="/path")
 
-    def linked(name: str) -> dict[str, Any]:
-        """What was made of a fit so far: parameter sets, predictions, recordings, verifications."""
-        with Index(folder.root, read) as index:
-            rows = index.rows()
-        links = {row["name"]: json.loads(row["links"] or "{}") for row in rows}
-
-        def of(kind: str, key: str, sources: list[str]) -> list[str]:
-            named = {row["name"] for row in rows if row["kind"] == kind}
-            return [one for one in links if one in named and set(links[one].get(key, [])) & {*sources}]
-
-        sets = of("parameters", "fit", [name])
-        predictions = of("prediction", "parameters", sets)
-        seen = {*links.get(name, {}).get("fitted", []), *links.get(name, {}).get("steps", [])}
-        others = [r["name"] for r in rows if r["kind"] == "recording" and not r["problem"]]
-        return {
-            "sets": sets,
-            "predictions": predictions,
-            "recordings": of("recording", "prediction", predictions),
-            "others": [one for one in others if one not in seen][:100],
-            "verifications": of("verification", "fit", [name]),
-        }
-
     @routes.get("")
     def state(fit: str) -> dict[str, Any]:
         folder.path(fit)
-        return linked(fit)
+        return _linked(folder, read, fit)
 
     @routes.post("/save")
     def save(asked: Save) -> dict[str, str]:
@@ -162,6 +140,29 @@ def path_routes(
         return {"name": name}
 
     return routes
+
+
+def _linked(folder: Folder, read: Reader, name: str) -> dict[str, Any]:
+    """What was made of a fit so far: parameter sets, predictions, recordings, verifications."""
+    with Index(folder.root, read) as index:
+        rows = index.rows()
+    links = {row["name"]: json.loads(row["links"] or "{}") for row in rows}
+
+    def of(kind: str, key: str, sources: list[str]) -> list[str]:
+        named = {row["name"] for row in rows if row["kind"] == kind}
+        return [one for one in links if one in named and set(links[one].get(key, [])) & {*sources}]
+
+    sets = of("parameters", "fit", [name])
+    predictions = of("prediction", "parameters", sets)
+    seen = {*links.get(name, {}).get("fitted", []), *links.get(name, {}).get("steps", [])}
+    others = [r["name"] for r in rows if r["kind"] == "recording" and not r["problem"]]
+    return {
+        "sets": sets,
+        "predictions": predictions,
+        "recordings": of("recording", "prediction", predictions),
+        "others": [one for one in others if one not in seen][:100],
+        "verifications": of("verification", "fit", [name]),
+    }
 
 
 def predicted_of(run: dict[str, Any]) -> str | None:

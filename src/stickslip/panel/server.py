@@ -129,13 +129,22 @@ def create_app(
     app.include_router(recording_routes(files, hub, control, read))
     app.include_router(history_routes(files, hub, control, read))
 
-    @app.websocket("/stream")
-    async def stream(socket: WebSocket) -> None:
-        await hub.serve(socket)
-
     sets = Sets(files)
     app.include_router(explore_routes(sets))
     app.include_router(identify_routes(files, fitting, read, sets))
+
+    _page_routes(app, hub)
+    _explain_errors(app, files)
+    app.add_middleware(Guard, hosts=hosts, any_address=any_address, token=token, largest_body=largest_body)
+    return app
+
+
+def _page_routes(app: FastAPI, hub: Hub) -> None:
+    """What every page asks for: its files, the stream, what a typed quantity is."""
+
+    @app.websocket("/stream")
+    async def stream(socket: WebSocket) -> None:
+        await hub.serve(socket)
 
     @app.post("/quantity")
     def quantity(asked: Text) -> dict[str, float]:
@@ -146,9 +155,6 @@ def create_app(
         return FileResponse(STATIC / "index.html")
 
     app.mount("/static", StaticFiles(directory=STATIC), name="static")
-    _explain_errors(app, files)
-    app.add_middleware(Guard, hosts=hosts, any_address=any_address, token=token, largest_body=largest_body)
-    return app
 
 
 def _explain_errors(app: FastAPI, folder: Folder) -> None:

@@ -148,108 +148,8 @@ def _estimates(numbers: list[Number]) -> Estimates:
 
 
 def _document(study: FrequencyStudy, results: list[_Level]) -> Document:
-    at = [r.level.amplitude for r in results]
-    followed: dict[str, list[Number]] = {"static gain": [_static_gain(r.fits[-1]) for r in results]}
-    for m in study.follow:
-        pairs = [_mode(r.fits[-1], m) for r in results]
-        about = f"{np.mean([f.value for f, _ in pairs]):.0f} Hz"
-        followed[f"mode near {about}"] = [f for f, _ in pairs]
-        followed[f"damping ratio near {about}"] = [z for _, z in pairs]
-    scores = [
-        (r.level.name, f"{len(modes)}", *score)
-        for r in results
-        for modes, score in zip(study.modes, r.scores, strict=True)
-    ]
+    followed = _followed(study, results)
     best = [r.scores[-1][0] for r in results]
-    frequency = results[0].measured["frequency"].values
-    show = slice(None, None, max(1, frequency.size // 1500))
-    tables = [
-        Table(
-            "Prediction of held-out realisations (other drives than in the fit, on all inputs).",
-            (Column("level"), Column("modes"), Column("r²", "", 5), Column("rms error", "m", 3)),
-            scores,
-        ),
-        Table(
-            f"What changes with the amplitude ({len(study.modes[-1])} modes); 95 % confidence intervals.",
-            (Column("quantity"), *(Column(r.level.name) for r in results)),
-            [(name, *numbers) for name, numbers in followed.items()],
-        ),
-    ]
-    sections = [
-        Section(
-            "Model order and prediction",
-            paragraphs=(study.notes,) if study.notes else (),
-            tables=tables[:1],
-            figures=(
-                Picture(
-                    "frequency_response",
-                    f"Response of output {study.output} to input 1: measured, and the model of "
-                    f"{len(study.modes[-1])} modes.",
-                    svg(
-                        frequency_response_figure(
-                            {r.level.name: _measured(r, frequency, show) for r in results},
-                            {r.level.name: _modelled(r, frequency, show) for r in results},
-                            unit="m/V",
-                        )
-                    ),
-                    "Gain and phase over frequency at each level, measured and modelled; residuals below",
-                ),
-            ),
-        ),
-        Section(
-            "Change with the amplitude",
-            tables=tables[1:],
-            figures=(
-                Picture(
-                    "amplitude_dependence",
-                    "Static gain, frequencies and damping ratios over the amplitude of the drive.",
-                    svg(
-                        parameter_intervals(
-                            at,
-                            {name: _estimates(numbers) for name, numbers in followed.items()},
-                            setting_name="rms drive",
-                            setting_unit=study.units[0],
-                        )
-                    ),
-                    "One panel for each quantity, values with confidence intervals over the drive",
-                ),
-            ),
-        ),
-    ]
-    for r in results:
-        if r.in_time is not None:
-            rows = [
-                (f"mode {m}", *_mode(r.fits[-1], m), *_mode(r.in_time, m))
-                for m in range(1, len(study.modes[-1]) + 1)
-            ]
-            columns = (
-                "frequency, by response",
-                "damping, by response",
-                "frequency, in time",
-                "damping, in time",
-            )
-            sections.append(
-                Section(
-                    f"The same modes fitted in time, {r.level.name}",
-                    paragraphs=(
-                        "Free simulation of one period of the steady state. Its residuals are correlated, "
-                        f"so its intervals are too narrow; r² of that fit is {r.in_time.r_squared:.4f}.",
-                    ),
-                    tables=(
-                        Table(
-                            "Two ways to the same modes.",
-                            (Column("mode"), *(Column(c) for c in columns)),
-                            rows,
-                        ),
-                    ),
-                )
-            )
-    sections.append(
-        Section(
-            "All parameters",
-            tables=[parameter_table(f"{r.level.name}: identified parameters.", r.fits[-1]) for r in results],
-        )
-    )
     gains = followed["static gain"]
     change = 100.0 * (gains[-1].value / gains[0].value - 1.0)
     return Document(
@@ -259,7 +159,17 @@ def _document(study: FrequencyStudy, results: list[_Level]) -> Document:
             f"every level. From {results[0].level.name} to {results[-1].level.name} the static gain grows by "
             f"{change:.1f} %."
         ),
-        sections=sections,
+        sections=[
+            _prediction_section(study, results),
+            _amplitude_section(study, results, followed),
+            *(_in_time_section(study, r, r.in_time) for r in results if r.in_time is not None),
+            Section(
+                "All parameters",
+                tables=[
+                    parameter_table(f"{r.level.name}: identified parameters.", r.fits[-1]) for r in results
+                ],
+            ),
+        ],
         highlights=(
             ("r² of held-out drives, least of all levels", Number(min(best), "")),
             (f"static gain at {results[0].level.name}", gains[0]),
@@ -275,6 +185,107 @@ def _document(study: FrequencyStudy, results: list[_Level]) -> Document:
             for r, gain in zip(results, gains, strict=True)
         },
         citations=cite(*study.citation) if study.citation else "",
+    )
+
+
+def _followed(study: FrequencyStudy, results: list[_Level]) -> dict[str, list[Number]]:
+    """What is shown over the amplitude, level by level: static gain, frequencies and damping ratios."""
+    followed: dict[str, list[Number]] = {"static gain": [_static_gain(r.fits[-1]) for r in results]}
+    for m in study.follow:
+        pairs = [_mode(r.fits[-1], m) for r in results]
+        about = f"{np.mean([f.value for f, _ in pairs]):.0f} Hz"
+        followed[f"mode near {about}"] = [f for f, _ in pairs]
+        followed[f"damping ratio near {about}"] = [z for _, z in pairs]
+    return followed
+
+
+def _prediction_section(study: FrequencyStudy, results: list[_Level]) -> Section:
+    """How well each model predicts what was held out, and the responses under the last one."""
+    scores = [
+        (r.level.name, f"{len(modes)}", *score)
+        for r in results
+        for modes, score in zip(study.modes, r.scores, strict=True)
+    ]
+    frequency = results[0].measured["frequency"].values
+    show = slice(None, None, max(1, frequency.size // 1500))
+    return Section(
+        "Model order and prediction",
+        paragraphs=(study.notes,) if study.notes else (),
+        tables=[
+            Table(
+                "Prediction of held-out realisations (other drives than in the fit, on all inputs).",
+                (Column("level"), Column("modes"), Column("r²", "", 5), Column("rms error", "m", 3)),
+                scores,
+            )
+        ],
+        figures=(
+            Picture(
+                "frequency_response",
+                f"Response of output {study.output} to input 1: measured, and the model of "
+                f"{len(study.modes[-1])} modes.",
+                svg(
+                    frequency_response_figure(
+                        {r.level.name: _measured(r, frequency, show) for r in results},
+                        {r.level.name: _modelled(r, frequency, show) for r in results},
+                        unit="m/V",
+                    )
+                ),
+                "Gain and phase over frequency at each level, measured and modelled; residuals below",
+            ),
+        ),
+    )
+
+
+def _amplitude_section(
+    study: FrequencyStudy, results: list[_Level], followed: dict[str, list[Number]]
+) -> Section:
+    """What changes with the amplitude."""
+    return Section(
+        "Change with the amplitude",
+        tables=[
+            Table(
+                f"What changes with the amplitude ({len(study.modes[-1])} modes); 95 % confidence intervals.",
+                (Column("quantity"), *(Column(r.level.name) for r in results)),
+                [(name, *numbers) for name, numbers in followed.items()],
+            )
+        ],
+        figures=(
+            Picture(
+                "amplitude_dependence",
+                "Static gain, frequencies and damping ratios over the amplitude of the drive.",
+                svg(
+                    parameter_intervals(
+                        [r.level.amplitude for r in results],
+                        {name: _estimates(numbers) for name, numbers in followed.items()},
+                        setting_name="rms drive",
+                        setting_unit=study.units[0],
+                    )
+                ),
+                "One panel for each quantity, values with confidence intervals over the drive",
+            ),
+        ),
+    )
+
+
+def _in_time_section(study: FrequencyStudy, r: _Level, in_time: Fit) -> Section:
+    """The modes of a level beside those that were fitted in time."""
+    columns = ("frequency, by response", "damping, by response", "frequency, in time", "damping, in time")
+    return Section(
+        f"The same modes fitted in time, {r.level.name}",
+        paragraphs=(
+            "Free simulation of one period of the steady state. Its residuals are correlated, "
+            f"so its intervals are too narrow; r² of that fit is {in_time.r_squared:.4f}.",
+        ),
+        tables=(
+            Table(
+                "Two ways to the same modes.",
+                (Column("mode"), *(Column(c) for c in columns)),
+                [
+                    (f"mode {m}", *_mode(r.fits[-1], m), *_mode(in_time, m))
+                    for m in range(1, len(study.modes[-1]) + 1)
+                ],
+            ),
+        ),
     )
 
 

@@ -81,80 +81,11 @@ class LoopStudy(Study):
         return recording.assign(friction_force=flipped.assign_attrs(recording["friction_force"].attrs))
 
     def _document(self, data: dict[str, list[xr.Dataset]], results: Comparison) -> Document:
-        rows = [(label, fit, results.verifications[label]) for label, fit in results.fits.items()]
         best, best_fit = results.best, results.fits[results.best]
         score = results.verifications[best].r_squared
-        table = Table(
-            "Friction laws, fitted on one part of the measurement and verified on another.",
-            (
-                Column("law"),
-                Column("parameters", "", 3),
-                Column("r², fitted", "", 5),
-                Column("r², predicted", "", 5),
-                Column("rms error, predicted", "N", 3),
-                Column("AIC", "", 6),
-                Column("BIC", "", 6),
-                Column("converged"),
-            ),
-            [
-                (
-                    label, fit.n_estimated, fit.r_squared, verification.r_squared, verification.rmse,
-                    fit.aic, fit.bic, "yes" if fit.converged else "NO",
-                )
-                for label, fit, verification in rows
-            ],
-            notes="Information criteria are those of the fit. "
-            + " ".join(f"Known mark: {what}, {value:g}." for what, value in self.marks.items()),
-        )  # fmt: skip
-        seen, unseen = data["fit"][0], data["verify"][0]
-        predicted = verify(best_fit, unseen).predictions[0]
-        last = slice(-len(predicted["time"]) // 4, None)
-        pictures = (
-            Picture(
-                "law_ranking",
-                "What each law leaves unexplained.",
-                svg(
-                    law_ranking(
-                        [f"{label} ({fit.n_estimated})" for label, fit, _ in rows],
-                        [fit.r_squared for _, fit, _ in rows],
-                        [verification.r_squared for _, _, verification in rows],
-                        [fit.bic for _, fit, _ in rows],
-                        self.marks,
-                    )
-                ),
-                "One minus r² of each law, where it was fitted and where it predicts",
-            ),
-            Picture(
-                "friction_loop",
-                f"Friction loops, measured and predicted by {best}: the last quarter of the part that "
-                "the fit has not seen.",
-                svg(
-                    friction_loop(
-                        unseen["position"].values[last],
-                        predicted["measured"].values[last],
-                        predicted["predicted"].values[last],
-                    )
-                ),
-                "Friction force over position: measured loops under the predicted ones; residuals below",
-            ),
-            Picture(
-                "friction_over_time",
-                f"Friction force over time, measured and predicted by {best}, free-running from the "
-                "first sample.",
-                svg(
-                    fit_with_residuals(
-                        unseen["time"].values,
-                        predicted["measured"].values,
-                        predicted["predicted"].values,
-                        name="friction force",
-                        unit="N",
-                    )
-                ),
-                "Friction force over time: measurement, prediction and the residuals below",
-            ),
-        )
         span = ", ".join(
-            f"{float(d['time'][0]):.0f} to {float(d['time'][-1]):.0f} s" for d in (seen, *data["verify"])
+            f"{float(d['time'][0]):.0f} to {float(d['time'][-1]):.0f} s"
+            for d in (data["fit"][0], *data["verify"])
         )
         return Document(
             title=self.title,
@@ -166,23 +97,108 @@ class LoopStudy(Study):
                 Section(
                     "Laws compared",
                     paragraphs=(self.notes,) if self.notes else (),
-                    tables=(table,),
-                    figures=pictures[:1],
+                    tables=(_laws_table(results, self.marks),),
+                    figures=(_ranking_picture(results, self.marks),),
                 ),
                 Section(
                     f"{best}: parameters and prediction",
                     tables=(parameter_table("Identified parameters.", best_fit),),
-                    figures=pictures[1:],
+                    figures=_prediction_pictures(results, data["verify"][0]),
                 ),
             ),
             highlights=(("r² of predicted friction", Number(score, "")),),
             numbers={
                 label: {
                     **fit_numbers(fit, "N"),
-                    "r_squared_predicted": Number(verification.r_squared, ""),
-                    "rmse_predicted": Number(verification.rmse, "N"),
+                    "r_squared_predicted": Number(results.verifications[label].r_squared, ""),
+                    "rmse_predicted": Number(results.verifications[label].rmse, "N"),
                 }
-                for label, fit, verification in rows
+                for label, fit in results.fits.items()
             },
             citations=cite(*self.citation) if self.citation else "",
         )
+
+
+def _laws_table(results: Comparison, marks: dict[str, float]) -> Table:
+    return Table(
+        "Friction laws, fitted on one part of the measurement and verified on another.",
+        (
+            Column("law"),
+            Column("parameters", "", 3),
+            Column("r², fitted", "", 5),
+            Column("r², predicted", "", 5),
+            Column("rms error, predicted", "N", 3),
+            Column("AIC", "", 6),
+            Column("BIC", "", 6),
+            Column("converged"),
+        ),
+        [
+            (
+                label, fit.n_estimated, fit.r_squared, verification.r_squared, verification.rmse,
+                fit.aic, fit.bic, "yes" if fit.converged else "NO",
+            )
+            for label, fit, verification in _rows(results)
+        ],
+        notes="Information criteria are those of the fit. "
+        + " ".join(f"Known mark: {what}, {value:g}." for what, value in marks.items()),
+    )  # fmt: skip
+
+
+def _rows(results: Comparison) -> list[tuple[str, Any, Any]]:
+    """Of each law its label, fit and verification."""
+    return [(label, fit, results.verifications[label]) for label, fit in results.fits.items()]
+
+
+def _ranking_picture(results: Comparison, marks: dict[str, float]) -> Picture:
+    rows = _rows(results)
+    return Picture(
+        "law_ranking",
+        "What each law leaves unexplained.",
+        svg(
+            law_ranking(
+                [f"{label} ({fit.n_estimated})" for label, fit, _ in rows],
+                [fit.r_squared for _, fit, _ in rows],
+                [verification.r_squared for _, _, verification in rows],
+                [fit.bic for _, fit, _ in rows],
+                marks,
+            )
+        ),
+        "One minus r² of each law, where it was fitted and where it predicts",
+    )
+
+
+def _prediction_pictures(results: Comparison, unseen: xr.Dataset) -> tuple[Picture, Picture]:
+    """Of the best law on a recording that its fit has not seen: over the position, and over time."""
+    best = results.best
+    predicted = verify(results.fits[best], unseen).predictions[0]
+    last = slice(-len(predicted["time"]) // 4, None)
+    return (
+        Picture(
+            "friction_loop",
+            f"Friction loops, measured and predicted by {best}: the last quarter of the part that "
+            "the fit has not seen.",
+            svg(
+                friction_loop(
+                    unseen["position"].values[last],
+                    predicted["measured"].values[last],
+                    predicted["predicted"].values[last],
+                )
+            ),
+            "Friction force over position: measured loops under the predicted ones; residuals below",
+        ),
+        Picture(
+            "friction_over_time",
+            f"Friction force over time, measured and predicted by {best}, free-running from the "
+            "first sample.",
+            svg(
+                fit_with_residuals(
+                    unseen["time"].values,
+                    predicted["measured"].values,
+                    predicted["predicted"].values,
+                    name="friction force",
+                    unit="N",
+                )
+            ),
+            "Friction force over time: measurement, prediction and the residuals below",
+        ),
+    )

@@ -16,7 +16,7 @@ are the same; samples without load tell which it is.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -132,15 +132,11 @@ def identify_loops(
     neutral = {name: (1.0 if name == "load_exponent" else 0.0, unit) for name, unit in units.items()}
     others = beside(free, tied or {}, known_of(model, neutral, turns))
 
-    def residuals(response: Callable[..., Any], force: NDArray[np.float64]) -> Any:
-        def of(values: Values) -> NDArray[np.float64]:
-            return response(model, values) - force
-
-        return of
-
     problem = Problem(
         [
-            Residuals(residuals(response, force), force, noise, name, units["bias"], time=one["time"].values)
+            Residuals(
+                _residuals(model, response, force), force, noise, name, units["bias"], time=one["time"].values
+            )
             for response, force, name, one in zip(responses, measured, names, found, strict=True)
         ],
         [*parameters, *others],
@@ -168,8 +164,7 @@ def identify_loops(
     if starts > 1:
         fit = lowest([fit, search(fit.values, max_evaluations, starts)])
     fit = _with_steps(fit, found, measured, model, settings)
-    had = {*free, *(tied or {})}
-    unasked = [n for n in NOTICED if n not in had and not (n == "contact_offset" and "bias" in had)]
+    unasked = _unasked({*free, *(tied or {})})
     noticed = [_noticed(fit, name, responses, model, reach) for name in unasked]
     return replace(
         fit,
@@ -178,6 +173,20 @@ def identify_loops(
         predict=LoopPrediction(model, fit.values, *settings).predict,
         remarks=(*fit.remarks, *filter(None, noticed)),
     )
+
+
+def _residuals(
+    model: Any, response: Callable[..., Any], force: NDArray[np.float64]
+) -> Callable[[Values], NDArray[np.float64]]:
+    def of(values: Values) -> NDArray[np.float64]:
+        return response(model, values) - force
+
+    return of
+
+
+def _unasked(had: Collection[str]) -> list[str]:
+    """What is noticed where a fit has not had it: without a varying load an offset may be the channel's."""
+    return [n for n in NOTICED if n not in had and not (n == "contact_offset" and "bias" in had)]
 
 
 def _turns(recordings: Sequence[xr.Dataset]) -> bool:
