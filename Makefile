@@ -6,6 +6,7 @@
 #   make mutation   flips signs in the physics and asks the tests to notice
 #   make bench      everything measured beside other tools: docs/benchmarks/; PART=fit for one part
 #   make docs       the documentation, out/docs/index.html; every warning is an error (needs gcc)
+#   make lowest     a core of the tests with the lowest versions that pyproject.toml allows; PYTHON= one of them
 #   make lock       resolve the dependencies anew (LOCK_FLAGS=--upgrade for newer versions)
 
 PYTHON ?= python3
@@ -25,11 +26,18 @@ COVERAGE ?= 94
 LOCK_FLAGS ?=
 # Of trajectory, steady, ensemble, fit, accuracy, startup; all of them if empty.
 PART ?=
+# Where another version of a dependency shows: units, data, files, the command line, figures, reports, fits.
+LOWEST_TESTS := $(addprefix tests/,test_records.py test_units.py test_registry.py test_known.py test_cli.py \
+  test_mistyped_keys.py parameters recording calibration figures friction/test_contract.py solve/test_step.py \
+  simulation/test_state.py estimate/test_fit.py identify/test_saved.py rig/test_gate.py rig/test_scpi.py \
+  $(addprefix readers/test_,text.py matlab.py arrays.py) \
+  $(addprefix report/test_,document.py html.py results.py writing.py) study/test_verification.py)
+LOWEST := .venv-lowest
 # Other tools, only for the benchmarks, in an environment of their own.
 PEERS := .venv-peers
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test tools check format mutation bench docs peers lock clean
+.PHONY: help setup demo test tools check format mutation bench docs peers lowest lock clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -104,6 +112,15 @@ $(PEERS)/.ready: benchmarks/peers/requirements.txt benchmarks/peers/numbalsoda.t
 	@command -v octave-cli >/dev/null || echo "GNU Octave is not installed (Debian: apt install octave)" >&2
 	@touch $@
 
+# In an environment of its own; what was deprecated since is only told.
+lowest: $(READY)
+	@rm -rf $(LOWEST) && $(BIN)/uv venv --quiet --python $(PYTHON) $(LOWEST)
+	$(BIN)/uv pip compile --quiet --resolution lowest-direct --python $(LOWEST)/bin/python --extra all \
+	  pyproject.toml -o $(LOWEST)/requirements.txt
+	$(BIN)/uv pip install --quiet --python $(LOWEST)/bin/python -r $(LOWEST)/requirements.txt pytest hypothesis httpx
+	$(BIN)/uv pip install --quiet --python $(LOWEST)/bin/python --no-deps .
+	$(LOWEST)/bin/python -m pytest -q -p no:cacheprovider -o filterwarnings=default $(LOWEST_TESTS)
+
 lock: $(READY)
 	$(BIN)/uv pip compile --quiet --universal --fork-strategy fewest --python-version 3.11 --extra dev \
 	  --generate-hashes --no-emit-index-url --custom-compile-command "make lock" $(LOCK_FLAGS) \
@@ -112,4 +129,4 @@ lock: $(READY)
 	  --custom-compile-command "make lock" $(LOCK_FLAGS) benchmarks/peers/requirements.in -o benchmarks/peers/requirements.txt
 
 clean:
-	rm -rf $(VENV) $(PEERS) out .pytest_cache .ruff_cache .import_linter_cache .hypothesis .coverage*
+	rm -rf $(VENV) $(PEERS) $(LOWEST) out .pytest_cache .ruff_cache .import_linter_cache .hypothesis .coverage*
