@@ -27,11 +27,12 @@ LOCK_FLAGS ?=
 # Of trajectory, steady, ensemble, fit, accuracy, startup; all of them if empty.
 PART ?=
 # Where another version of a dependency shows: units, data, files, the command line, figures, reports, fits.
-LOWEST_TESTS := $(addprefix tests/,test_records.py test_units.py test_registry.py test_known.py test_cli.py \
-  test_mistyped_keys.py parameters recording calibration figures friction/test_contract.py solve/test_step.py \
-  simulation/test_state.py estimate/test_fit.py identify/test_saved.py rig/test_gate.py rig/test_scpi.py \
-  $(addprefix readers/test_,text.py matlab.py arrays.py) \
-  $(addprefix report/test_,document.py html.py results.py writing.py) study/test_verification.py)
+LOWEST_TESTS := tests/test_records.py tests/test_units.py tests/test_registry.py tests/test_known.py tests/test_cli.py \
+  tests/test_mistyped_keys.py tests/parameters tests/recording tests/calibration tests/figures \
+  tests/friction/test_contract.py tests/solve/test_step.py tests/simulation/test_state.py tests/estimate/test_fit.py \
+  tests/identify/test_saved.py tests/rig/test_gate.py tests/rig/test_scpi.py tests/readers/test_text.py \
+  tests/readers/test_matlab.py tests/readers/test_arrays.py tests/report/test_document.py tests/report/test_html.py \
+  tests/report/test_results.py tests/report/test_writing.py tests/study/test_verification.py
 LOWEST := .venv-lowest
 # Other tools, only for the benchmarks, in an environment of their own.
 PEERS := .venv-peers
