@@ -22,6 +22,12 @@ from .source import FileContent, Rows
 CHUNK = 1 << 23  # bytes of text
 
 
+# Numbers are read to the last bit: what pandas does from 3.1 on, and did before where asked to.
+_EXACT: Any = (
+    {} if (*map(int, pd.__version__.split(".")[:2]),) >= (3, 1) else {"float_precision": "round_trip"}
+)
+
+
 def read_csv(path: Path, delimiter: str | None, decimal: str | None, skip: int) -> FileContent:
     r"""The columns of a text file; see `find_layout` for the arguments.
 
@@ -83,7 +89,7 @@ def _chunks(file: TextIO, layout: TextLayout, indices: list[int], stop: int | No
     # would not see rows that are too long.
     types: dict[Hashable, Any] = dict.fromkeys(range(len(layout.kinds)), "S1")
     types |= {i: np.float64 if layout.kinds[i] == "n" else str for i in indices}
-    with pd.read_csv(
+    chunks: Any = pd.read_csv(
         file,
         header=None,
         names=range(len(layout.kinds)),
@@ -93,10 +99,12 @@ def _chunks(file: TextIO, layout: TextLayout, indices: list[int], stop: int | No
         comment=layout.comment,
         skipinitialspace=True,
         keep_default_na=False,
+        **_EXACT,
         na_values=MISSING,
         nrows=stop,
         chunksize=max(int(CHUNK / layout.line_bytes), 1),
-    ) as reader:
+    )
+    with chunks as reader:
         yield from reader
 
 
