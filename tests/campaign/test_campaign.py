@@ -54,6 +54,7 @@ def written(folder: Path, name: str = "campaign.yaml", **changes) -> str:
     file = {
         **CAMPAIGN,
         "experiment": "experiment.yaml",
+        "published": {"step": 0.9708, "sawtooth_20Hz_75V": 0.99},
         "recordings": [
             {"cells": "step_*", "use": "step"},
             {"cells": "*65V", "use": "fit"},
