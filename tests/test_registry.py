@@ -26,7 +26,7 @@ from stickslip.panel.folder import Folder
 from stickslip.panel.sets import Sets
 from stickslip.panel.sliders import choices
 from stickslip.parameters.writing import parameter_text
-from stickslip.recording.drive import named_drive
+from stickslip.recording.drive import drive_text, named_drive
 from stickslip.registry import RegistryError
 from stickslip.rig.devices import open_device, virtual_device
 from stickslip.rig.hosted import stop_all
@@ -246,7 +246,7 @@ def test_own_things_are_listed_and_have_sliders(folder: Path) -> None:
 def test_an_own_waveform_is_read_from_recordings_once_it_is_known(folder: Path) -> None:
     wave = registry.waveforms.find("my_waveform.py:Plateau", folder)(65.0, 5.0, 0.2, periods=2.0)
     recording = ss.make_recording([0.0, 1.0], {"drive_voltage": ([0.0, 1.0], "V")}).assign_attrs(
-        drive=repr(wave)
+        drive=drive_text(wave)
     )
     assert named_drive(recording) == wave
 
