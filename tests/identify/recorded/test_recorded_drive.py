@@ -115,7 +115,7 @@ def test_a_flank_within_one_interval_is_never_passed_over() -> None:
     for fall in (1e-5, 2e-4, 4e-4):
         for begin in (0.05, 0.0502, 0.0505):
             saw = Sawtooth(65.0, 5.0, rise_fraction=1 - 5 * fall, periods=3)
-            with pytest.warns(RecordingWarning, match="drive="):
+            with pytest.warns(RecordingWarning, match="give it as the drive"):
                 sampled(Sequence((Rest(1.0), begin), (saw, 2.0)))
 
 
