@@ -59,7 +59,7 @@ def differences(found: RecordedDrive, truth: Waveform) -> np.ndarray:
 )
 def test_jumps_are_where_the_slopes_beside_them_point(waveform: Waveform, jumps: int) -> None:
     message = (
-        f"of the walk .* {jumps} times, first after 7.* Taken: {jumps} as jumps at the instants .* drive="
+        f"of the walk .* {jumps} times, first after 7.* Taken: {jumps} as jumps at the instants .* the drive"
     )
     with pytest.warns(RecordingWarning, match=message):
         found = sampled(waveform)
