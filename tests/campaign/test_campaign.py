@@ -173,7 +173,7 @@ def test_on_request_it_samples_follows_profiles_and_compares_models(folder: Path
     assert rmse["LuGre"] < 0.2 * rmse["Pohl: static"]
     assert models["LuGre"]["bic"]["value"] < models["Pohl: static"]["bic"]["value"] - 1000.0
     page = (out / "report.html").read_text("utf-8")
-    for words in ("Intervals without linearisation", "Choice of model", "the thesis&#39;s choice", "R-hat"):
+    for words in ("Intervals without linearisation", "Choice of model", "the usual choice", "R-hat"):
         assert words in page, words
     assert {p.name for p in (out / "figures").iterdir()} >= {"campaign-posterior.svg", "campaign-models.svg"}
     wrong = run(written(folder, "wrong.yaml", model_choice=["Lugre"]), "--no-figures", "--out", str(out))
@@ -224,7 +224,13 @@ def test_own_recordings_and_what_is_wrong_with_them(folder: Path) -> None:
             {"shape": "Sawtooth", "fields": {"amplitude": "65 V", "frequency": "20 Hz", "periods": 8}}
         ],
     }
-    plain = {"experiment": None, "reference": None, "slew_rate": "inf V/s", "recordings": [own]}
+    plain = {
+        "experiment": None,
+        "reference": None,
+        "slew_rate": "inf V/s",
+        "published": {},
+        "recordings": [own],
+    }
 
     def saved(x, n: int = time.size) -> None:
         rows = (

@@ -32,7 +32,9 @@ TAKEN = "end_effector_mass = 0.1 kg: taken over from the parameter set kang2007,
 
 def table(path: Path, model: ss.Actuator, drive: Any, length: float, seed: int) -> Path:
     """A recording as a table, after 50 ms of rest, with noise."""
-    shown = ss.simulate(model, ss.Sequence(ss.Rest(0.05), (drive, length)), 0.05 + length, sample_rate=10e3)
+    shown = ss.simulate(
+        model, ss.waveform.Sequence(ss.waveform.Rest(0.05), (drive, length)), 0.05 + length, sample_rate=10e3
+    )
     noise = 20e-9 * np.random.default_rng(seed).standard_normal(shown["time"].size)
     moved = shown["end_effector_position"] + noise
     columns = np.column_stack([1e3 * shown["time"], shown["drive_voltage"], 1e6 * moved])
