@@ -17,6 +17,7 @@ from stickslip.experiment import run_experiment
 from stickslip.history import Index, differences
 from stickslip.history.comparing import on_one_clock
 from stickslip.recording import RecordingError
+from stickslip.recording.drive import drive_text
 
 from damaged import hanging  # isort: skip
 from experiment.files import SMALL, written  # isort: skip
@@ -148,3 +149,19 @@ def test_two_who_ask_at_once_and_a_folder_that_cannot_be_written(lab: Path, monk
     shutil.rmtree(lab / ".stickslip")
     (lab / ".stickslip").write_text("in the way")
     assert len(ss.runs(lab)) == 12
+
+
+def test_a_drive_of_many_samples_stays_in_its_file(tmp_path: Path) -> None:
+    """The index says how many there are, and whether they differ."""
+    times = np.arange(20_000) * 1e-5
+    volts = np.random.default_rng(2).uniform(0.0, 60.0, times.size)
+    for name, values in (("one", volts), ("same", volts), ("other", volts[::-1])):
+        recording = ss.make_recording(times[:20], {"drive_voltage": (values[:20], "V")})
+        text = drive_text(ss.Sampled(times, values))
+        ss.save_recording(recording.assign_attrs(drive=text), tmp_path / f"{name}.nc")
+    found = ss.runs(tmp_path).set_index("name")["settings"]
+    assert found["one.nc"]["drive"]["values"].startswith("20000 values, ")
+    assert len(json.dumps(found["one.nc"])) < 300
+    assert found["one.nc"]["drive"] == found["same.nc"]["drive"]
+    assert found["one.nc"]["drive"]["times"] == found["other.nc"]["drive"]["times"]
+    assert found["one.nc"]["drive"]["values"] != found["other.nc"]["drive"]["values"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from ..recording.storage import save_recording
 
 RECORDINGS = (".nc", ".csv", ".mat", ".npz", ".npy", ".tsv", ".txt", ".mf4")
 
+MOST_LISTED = 50  # values of a list that an entry holds
 
 NOTES = ("notes.json", "links.json")  # in a fit's folder: somebody's words, and what it was made of
 
@@ -30,7 +32,7 @@ def described(recording: xr.Dataset) -> dict[str, Any]:
     attrs = {str(name): value for name, value in recording.attrs.items()}
     time = recording["time"].values
     settings = {
-        name: _read(attrs[name])
+        name: _brief(_read(attrs[name]))
         for name in ("variables", "capture", "limits", "contact", "drive")
         if attrs.get(name)
     }
@@ -85,6 +87,15 @@ def described_fit(path: Path) -> dict[str, Any]:
         "settings": json.dumps(results.get("numbers", {}), ensure_ascii=False),
         "links": json.dumps({name: given for name, given in links.items() if given}, ensure_ascii=False),
     }
+
+
+def _brief(value: Any) -> Any:
+    """As it is, but of long lists their number and a checksum: a drive of samples stays in its file."""
+    if isinstance(value, dict):
+        return {key: _brief(one) for key, one in value.items()}
+    if isinstance(value, list) and len(value) > MOST_LISTED:
+        return f"{len(value)} values, {zlib.crc32(json.dumps(value).encode()):08x}"
+    return [_brief(one) for one in value] if isinstance(value, list) else value
 
 
 def _read(text: object) -> Any:
