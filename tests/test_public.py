@@ -29,6 +29,15 @@ def test_a_name_that_stood_at_the_top_says_where_it_is(name: str, room: str) -> 
         assert getattr(ss, name) is getattr(getattr(ss, room), name)
 
 
+def test_an_extra_that_is_missing_hides_nothing_else() -> None:
+    program = (
+        "import sys; sys.modules['matplotlib'] = sys.modules['pydantic'] = None; import stickslip as ss; "
+        "print(ss.VirtualRig.__name__, hasattr(ss, 'simulat'))"
+    )
+    command = [sys.executable, "-W", "ignore", "-c", program]
+    assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == "VirtualRig False\n"
+
+
 def test_a_name_that_there_is_not() -> None:
     for name in ("simulat", "Path", "np"):  # nor what a room imports for itself
         with pytest.raises(AttributeError, match=f"no '{name}'"):

@@ -21,10 +21,14 @@ def __getattr__(name: str) -> object:
 
 def _elsewhere(name: str) -> object:
     """A name of a sub-package, where all names stood once; to be removed with 0.2."""
+    from contextlib import suppress
+    from pkgutil import iter_modules
     from warnings import warn
 
-    for room in filter(str.islower, __all__):
-        found = getattr(_imported(room), name, None)
+    for room in sorted({module.name for module in iter_modules(__path__)} & {*__all__}):
+        found = None
+        with suppress(ModuleNotFoundError):  # of an extra, which need not be that of what is looked for
+            found = getattr(_imported(room), name, None)
         if str(getattr(found, "__module__", "")).startswith(f"stickslip.{room}"):
             warn(f"stickslip.{name} is stickslip.{room}.{name}", DeprecationWarning, stacklevel=3)
             return found
