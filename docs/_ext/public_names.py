@@ -16,10 +16,10 @@ def names_of(room: ModuleType) -> dict[str, Any]:
     """What is made in a room, or handed on by its `__init__`, by name."""
     listed = getattr(room, "__all__", None) or vars(room)
     found = {name: getattr(room, name) for name in listed if not name.startswith("_")}
-    return {name: one for name, one in found.items() if _own(one, room, name)}
+    return {name: one for name, one in found.items() if _own(one, room)}
 
 
-def _own(one: Any, room: ModuleType, name: str) -> bool:
+def _own(one: Any, room: ModuleType) -> bool:
     if isinstance(one, ModuleType) or not (inspect.isclass(one) or inspect.isfunction(one)):
         return False
     package = hasattr(room, "__path__")  # whose `__init__` says what is public

@@ -34,10 +34,8 @@ def walk_bands(
         return None
     known = np.flatnonzero(np.isfinite(np.diag(fit.uncertainty.covariance)))
     spread = fit.uncertainty.covariance[np.ix_(known, known)]
-    moves, of_stage = (
-        np.zeros((len(fit.parameters), len(STAGE_PARAMETERS))),
-        np.zeros((len(STAGE_PARAMETERS), len(STAGE_PARAMETERS))),
-    )
+    count = len(STAGE_PARAMETERS)
+    moves, of_stage = np.zeros((len(fit.parameters), count)), np.zeros((count, count))
     if taken is not None and taken.stage is not None:
         moves, of_stage = taken.by_stage(), taken.stage
     bands, names = [], [*(p.name for p in fit.parameters), *STAGE_PARAMETERS]

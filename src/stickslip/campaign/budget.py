@@ -37,13 +37,14 @@ class Budget(NamedTuple):
 
 class Inherited(NamedTuple):
     """What a fit took as known: how its coordinates move with each of the stage's values and with the log of
-    the sensor's scale, and the covariance of the stage's values [`STAGE`], None where they are exact."""
+    the sensor's scale, and the covariance of the stage's values [`STAGE_PARAMETERS`], None where they are
+    exact."""
 
     moved: dict[str, Array]
     stage: Array | None
 
     def by_stage(self) -> Array:
-        """How the coordinates move with the stage's values, [coordinates, `STAGE`]."""
+        """How the coordinates move with the stage's values, [coordinates, `STAGE_PARAMETERS`]."""
         return np.column_stack([self.moved[name] for name in STAGE_PARAMETERS])
 
 

@@ -72,9 +72,9 @@ def export_c(
         ParameterSetError, QuantityError: a file or a value is wrong.
     """
     h, noise = checked_step(step), checked_noise(measurement_noise)
-    seconds, farad = (
-        optional_si(duration, "s", "duration"),
+    farad, seconds = (
         optional_si(piezo_capacitance, "F", "piezo_capacitance"),
+        optional_si(duration, "s", "duration"),
     )
     found = exported(source)
     parts = signal_chain(found, amplifier, farad, sensor, chain)

@@ -31,19 +31,23 @@ def draw_fit(fit: Fit, axes: Any = None) -> Any:
     for i, g in enumerate(fit.recordings):
         residuals, measured = fit.residuals[i], fit.measured[i]
         noise, said = _noise(fit, i)
-        name = fit.observed.replace("_", " ").replace("end effector", "end-effector") or "measured"
         beside(
             (axes[i, 0], axes[i, 1]),
             fit.times[i],
             measured,
             measured + residuals,
-            name=name,
+            name=called(fit.observed),
             unit=g.unit,
             noise=noise,
             known_by=said,
         )
         axes[i, 0].set_title(f"{g.name}: r² = {near_one(g.r_squared, 5)}", loc="right")
     return axes
+
+
+def called(observed: str) -> str:
+    """What an axis says of a channel."""
+    return observed.replace("_", " ").replace("end effector", "end-effector") or "measured"
 
 
 def _noise(fit: Fit, i: int) -> tuple[Any, str]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..estimate.result import Fit
 from ..units import QuantityError, near_one
 from ..verification import Verification
-from .fits import draw_fit
+from .fits import called, draw_fit
 from .frequency import polar
 from .identification import beside
 from .scale import Scale, scale_for
@@ -86,8 +86,7 @@ def _verification(data: Verification, axes: Any) -> NDArray[Any]:
     panels = _panels(axes, 2 * len(data.predictions), 1.9).reshape(-1, 2)
     for (above, below), found, of in zip(panels, data.predictions, data.recordings, strict=True):
         columns = (found[name].values for name in ("time", "measured", "predicted"))
-        name = data.observed.replace("_", " ").replace("end effector", "end-effector")
-        beside((above, below), *columns, name=name, unit=data.unit)
+        beside((above, below), *columns, name=called(data.observed), unit=data.unit)
         above.set_title(f"{of.name}: r² = {near_one(of.r_squared, 5)}", loc="right")
     return panels
 

@@ -164,8 +164,7 @@ def identify_loops(
     if starts > 1:
         fit = lowest([fit, search(fit.values, max_evaluations, starts)])
     fit = _with_steps(fit, found, measured, model, settings)
-    unasked = _unasked({*free, *(tied or {})})
-    noticed = [_noticed(fit, name, responses, model, reach) for name in unasked]
+    noticed = [_noticed(fit, name, responses, model, reach) for name in _unasked({*free, *(tied or {})})]
     return replace(
         fit,
         model=with_values(model, _own(fit.values)),
