@@ -4,7 +4,7 @@ from dataclasses import replace
 import pytest
 
 from stickslip.figures.scale import scale_for
-from stickslip.report import Column, Number, Section, Table
+from stickslip.report import Column, Document, Number, Section, Table
 from stickslip.report.circumstances import circumstances
 from stickslip.report.html import number_text, report_html, significant, table_body, table_heads
 
@@ -161,3 +161,15 @@ def test_sections_are_numbered_by_depth() -> None:
     page = Page(report_html(replace(sample(), sections=[deep]), circumstances()))
     assert page.text["h4"] == ["d"]
     assert {"section-1", "section-1.2", "section-1.2.1"} <= set(page.values("id"))
+
+
+def test_a_cell_near_one_is_not_one() -> None:
+    table = Table(
+        "Fits.", (Column("r²", "", 5), Column("share", "%", 3)), [(0.9999989, 0.9999989), (1.0, 1.0)]
+    )
+    page = Page(
+        report_html(
+            Document("Near one", "Two rows.", sections=[Section("Fits", tables=(table,))]), circumstances()
+        )
+    )
+    assert page.text["td"] == ["0.9999989", "1.00", "1.0000", "1.00"]

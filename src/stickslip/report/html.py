@@ -59,6 +59,11 @@ def significant(value: float, digits: int = 4) -> str:
     return f"{mantissa} × 10{raised}".replace("-", "−")
 
 
+def _digits(value: float, own: Scale, digits: int) -> str:
+    """As `significant`; but of a plain number, r² say, 0.9999935 is not 1."""
+    return near_one(value, digits) if not own.unit and 0.9 < value < 1.0 else significant(value, digits)
+
+
 def number_text(number: Number, scale: Scale | None = None, digits: int = 4) -> Markup:
     """A number, its interval and its unit; the unit is left out where the scale of a column gives it."""
     own = scale or scale_for(number.unit, number.value)
@@ -67,8 +72,7 @@ def number_text(number: Number, scale: Scale | None = None, digits: int = 4) -> 
         return Markup(f'<span class="missing">{html.escape(number.note)}</span>')
     unit = f"&nbsp;{html.escape(own.unit)}" if scale is None and own.unit else ""
     if number.low is None or number.high is None:
-        close = not own.unit and 0.9 < value < 1.0  # 0.9999935 is not 1
-        text = near_one(value, digits) if close else significant(value, digits)
+        text = _digits(value, own, digits)
         if scale is None and "." in text and "×" not in text:
             text = text.rstrip("0").rstrip(".")  # 0.1 kg is given, not measured to four digits
         return Markup(text + unit)
@@ -142,7 +146,8 @@ def _cell(cell: Cell, scale: Scale | None, digits: int) -> Markup:
         return Markup(html.escape(cell))
     if isinstance(cell, Number):
         return number_text(cell, scale, digits)
-    return Markup(html.escape(significant(_shown(cell, scale or Scale(1.0, "")), digits)))
+    own = scale or Scale(1.0, "")
+    return Markup(html.escape(_digits(_shown(cell, own), own, digits)))
 
 
 def drawing(picture: Picture) -> Markup:
