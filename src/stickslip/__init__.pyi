@@ -14,6 +14,7 @@ from . import history as history
 from . import identify as identify
 from . import panel as panel
 from . import parameters as parameters
+from . import piezo as piezo
 from . import readers as readers
 from . import recording as recording
 from . import registry as registry
@@ -78,7 +79,9 @@ from .identify import compare_walks as compare_walks
 from .identify import identify_frequency as identify_frequency
 from .identify import identify_friction as identify_friction
 from .identify import identify_loops as identify_loops
+from .identify import identify_piezo as identify_piezo
 from .identify import identify_step as identify_step
+from .identify import inverse_drive as inverse_drive
 from .identify import load_fit as load_fit
 from .identify import posterior as posterior
 from .identify import save_fit as save_fit

@@ -14,6 +14,8 @@ from .frequency.response import welch_frequency_response as welch_frequency_resp
 from .loops.compare import compare_laws as compare_laws
 from .loops.fit import identify_loops as identify_loops
 from .loops.inertia import identify_inertia as identify_inertia
+from .piezo.fit import identify_piezo as identify_piezo
+from .piezo.inverse import inverse_drive as inverse_drive
 from .saved import load_fit as load_fit
 from .saved import save_fit as save_fit
 from .step.fit import identify_step as identify_step

@@ -20,9 +20,11 @@ from ..estimate.problem import FitError
 from ..estimate.result import Fit
 from ..estimate.saved import packed, unpacked
 from ..friction import is_law
+from ..piezo import Piezo
 from ..recording.replacing import replaced_whole
 from .frequency.modal import ModalModel
 from .loops.fit import LoopPrediction
+from .piezo.prediction import PiezoPrediction
 from .step.fit import StepPrediction
 from .walk.prediction import Predictor
 from .walk.static import StaticPrediction
@@ -30,7 +32,7 @@ from .walk.static import StaticPrediction
 FORMAT = "stickslip fit"
 _TYPES: tuple[type, ...] = (
     Actuator, Chain, Filter, Uncertainty, KnownNoise, Minimum, Parameter, Fit, Goodness, LoopPrediction,
-    ModalModel, Predictor, StaticPrediction, StepPrediction,
+    ModalModel, Piezo, PiezoPrediction, Predictor, StaticPrediction, StepPrediction,
 )  # fmt: skip
 
 
@@ -56,7 +58,7 @@ def load_fit(path: str | os.PathLike[str]) -> Fit:
     Raises:
         FitError: the file cannot be read, holds no fit, or one of the user's own law that is not known here.
     """
-    types = {one.__name__: one for one in _TYPES} | registry.laws.packaged()
+    types = {one.__name__: one for one in _TYPES} | registry.laws.packaged() | registry.piezos.packaged()
     try:
         content = json.loads(Path(path).read_text(encoding="utf-8"))
         if content["format"] != FORMAT:

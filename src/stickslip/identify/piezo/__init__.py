@@ -1,0 +1,1 @@
+"""Hysteresis and creep of a piezo from recordings of voltage and displacement."""

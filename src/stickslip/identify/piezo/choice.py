@@ -1,0 +1,86 @@
+"""How many plays, and whether asymmetry and creep: the smallest model that predicts what it was not fitted
+to."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import product
+from typing import NamedTuple
+
+from ...units import QuantityError
+from .columns import CREEP_BEGINS, Grid, Observed, Timing, columns
+from .linear import cross_validated
+
+# Plays that are tried; more than the last predict no better on any data that were looked at.
+PLAYS = (1, 2, 4, 6, 8, 12, 16)
+FOLDS = 6
+# What a smaller model may predict worse than the best, relative.
+ENOUGH = 0.02
+# A recording shows creep if it is so many times longer than where creep begins.
+LONG_ENOUGH = 20.0
+SAMPLES_PER_PLAY = 10
+
+
+class Choice(NamedTuple):
+    """The columns of a fit, and sentences on what was tried."""
+
+    grid: Grid
+    remarks: tuple[str, ...]
+
+
+def range_of(observed: Sequence[Observed]) -> tuple[float, float]:
+    """Least and greatest voltage of all recordings, those at rest among them, V."""
+    lows = [min(float(one.drive.min()), one.rest) for one in observed]
+    highs = [max(float(one.drive.max()), one.rest) for one in observed]
+    return min(lows), max(highs)
+
+
+def chosen(
+    observed: Sequence[Observed],
+    timing: Timing,
+    operators: int | None,
+    asymmetric: bool | None,
+    creep: bool | None,
+) -> Choice:
+    """The columns that predict best, or nearly so, among those that were left open.
+
+    Raises:
+        QuantityError: no such number of plays; creep is wanted of recordings too short for it.
+    """
+    lasts = max(float(one.time[-1]) for one in observed)
+    fewest = min(one.time.size for one in observed)
+    if operators is not None and not 1 <= operators <= fewest // SAMPLES_PER_PLAY:
+        raise QuantityError(
+            f"operators = {operators} is out of range: 1 to {fewest // SAMPLES_PER_PLAY} for {fewest} samples"
+        )
+    long_enough = lasts >= LONG_ENOUGH * CREEP_BEGINS
+    if creep and not long_enough:
+        raise QuantityError(
+            f"creep = True, but the recordings last {lasts:.3g} s: "
+            f"at least {LONG_ENOUGH * CREEP_BEGINS:g} s are needed"
+        )
+    plays = PLAYS if operators is None else (operators,)
+    open_ = product(
+        [n for n in plays if n * SAMPLES_PER_PLAY <= fewest],
+        (False, True) if asymmetric is None else (asymmetric,),
+        (False, long_enough) if creep is None and long_enough else (bool(creep),),
+    )
+    tried = []
+    positions = [one.position for one in observed]
+    for n, bent, creeps in open_:
+        grid = Grid.over(*range_of(observed), n, bent, lasts if creeps else 0.0)
+        parts = [columns(one, timing, grid) for one in observed]
+        tried.append((cross_validated(parts, positions, grid, FOLDS), n + bent + creeps, grid))
+    best = min(score for score, _, _ in tried)
+    score, _, grid = min((one for one in tried if one[0] <= (1.0 + ENOUGH) * best), key=lambda one: one[1])
+    remarks = []
+    if len(tried) > 1:
+        remarks.append(
+            f"{grid.thresholds.size} plays, {'with' if grid.zones.size else 'without'} asymmetry, "
+            f"{'with' if grid.times.size else 'without'} creep: the smallest of {len(tried)} models that "
+            f"predicts parts left out ({score:.3g} m rms) within {100 * ENOUGH:g} % of the "
+            f"best ({best:.3g} m)"
+        )
+    if creep is None and not long_enough:
+        remarks.append(f"creep is left out: it does not show within {lasts:.3g} s")
+    return Choice(grid, tuple(remarks))

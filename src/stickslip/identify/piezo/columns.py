@@ -1,0 +1,148 @@
+r"""What a piezo makes of a recorded drive, as columns that its coefficients multiply.
+
+.. math:: y = y_0 + S + g\,L[S], \qquad S = \sum_i w_i P_{r_i}[u] + \kappa\,B(u)
+
+u is the voltage at the piezo: the recorded one, late and lagging. P are plays, B is the square of the voltage
+above its least, drawn with dead zones, and L the logarithmic creep of one share per decade. See `piezo`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ...piezo.creep import PER_DECADE, Lags, relaxed, spread
+from ...piezo.operators import Operators, states
+from ...piezo.prandtl_ishlinskii import rested
+from ...recording import RecordingError
+from ..recorded.channels import channel
+
+# Dead zones that draw the square, over the range of the drive.
+ZONES = 8
+# s, at which creep is taken to begin: the convention of data sheets, "per decade of time after 0.1 s".
+CREEP_BEGINS = 0.1
+# Of the drive's range: smaller ways back are no reversal.
+TURNED = 0.05
+
+Array = NDArray[np.float64]
+
+
+class Observed(NamedTuple):
+    """A recording: `time` [n] from its first sample, s; `drive` [n], V; `position` [n], m; `rest`, V at which
+    it rested before."""
+
+    name: str
+    time: Array
+    drive: Array
+    position: Array
+    rest: float
+
+
+class Timing(NamedTuple):
+    """How late the piezo's voltage is: `delay`, s, then a first-order `lag`, s."""
+
+    delay: float = 0.0
+    lag: float = 0.0
+
+
+class Grid(NamedTuple):
+    """What the columns are of: `thresholds` of plays [V], `zones` of the square [V], time constants of the
+    creep [s]; either of the latter may be empty."""
+
+    thresholds: Array
+    zones: Array
+    times: Array
+
+    @classmethod
+    def over(cls, low: float, high: float, plays: int, bent: bool, lasts: float) -> Grid:
+        """For drives from `low` to `high` [V] and recordings of `lasts` s; 0: without creep.
+
+        A play wider than half the range never moves back, so that nothing tells its weight.
+        """
+        return cls(
+            0.5 * (high - low) * np.arange(plays) / plays,
+            low + (high - low) * np.arange(ZONES if bent else 0) / ZONES,
+            spread(CREEP_BEGINS, lasts) if lasts > CREEP_BEGINS else np.zeros(0),
+        )
+
+    @property
+    def bends(self) -> Array:
+        """Change of slope at each zone for a coefficient of 1, V."""
+        return np.full(self.zones.size, 2.0 * (self.zones[1] - self.zones[0]) if self.zones.size else 0.0)
+
+
+class Columns(NamedTuple):
+    """Of one recording: `at_once` [n, k], the plays and, as the last if there is one, the square; `crept`
+    [n, k], the creep of each."""
+
+    at_once: Array
+    crept: Array
+
+
+def observe(recording: xr.Dataset, name: str, channel_name: str, rest: float | None) -> Observed:
+    """A recording's channels, checked.
+
+    Raises:
+        RecordingError: one is missing, not finite or constant.
+    """
+    position = channel(recording, channel_name, name, varies=True)
+    drive = channel(recording, "drive_voltage", name, varies=True)
+    time = recording["time"].values - float(recording["time"].values[0])
+    return Observed(name, time, drive, position, float(drive[0]) if rest is None else rest)
+
+
+def turns(observed: Observed) -> bool:
+    """Whether the drive turns back anywhere, by more than a small part of its range."""
+    way = np.append(observed.rest, observed.drive)
+    fallen = float(np.max(np.maximum.accumulate(way) - way))
+    risen = float(np.max(way - np.minimum.accumulate(way)))
+    return min(fallen, risen) > TURNED * max(fallen, risen)
+
+
+def refuse_one_way(observed: Sequence[Observed]) -> None:
+    """Raise RecordingError if no drive turns back."""
+    if not any(turns(one) for one in observed):
+        one = observed[0]
+        raise RecordingError(
+            f"drive_voltage [V] of {one.name} has no reversal: it goes from {one.drive[0]:g} V to "
+            f"{one.drive[-1]:g} V without turning back, and hysteresis shows only after a reversal"
+        )
+
+
+def at_piezo(observed: Observed, timing: Timing) -> Array:
+    """The voltage at the piezo, V, shape (n,)."""
+    time, rest = observed.time, observed.rest
+    late = observed.drive
+    if timing.delay > 0.0:
+        late = np.interp(time - timing.delay, time, observed.drive, left=rest)
+    return lagged(time, late, np.array([timing.lag]), rest)[:, 0] if timing.lag > 0.0 else late
+
+
+def lagged(time: Array, values: Array, tau: Array, rest: float) -> Array:
+    """First-order lags [n, k] of what is joined by lines, all at `rest` before."""
+    found = np.empty((time.size, tau.size))
+    relaxed(Lags(tau), time, np.ascontiguousarray(values), np.full(tau.size, rest), found)
+    return found
+
+
+def columns(observed: Observed, timing: Timing, grid: Grid) -> Columns:
+    """All columns of a recording."""
+    u = np.ascontiguousarray(at_piezo(observed, timing))
+    r, none = grid.thresholds, np.zeros(0)
+    at_once = np.empty((u.size, r.size))
+    states(Operators(r, np.ones(r.size), none, none), u, rested(r, observed.rest), at_once)
+    first = rested(r, observed.rest)
+    if grid.zones.size:
+        bent = np.maximum(u[:, None] - grid.zones, 0.0) @ grid.bends
+        at_once = np.column_stack([at_once, bent])
+        first = np.append(first, np.maximum(observed.rest - grid.zones, 0.0) @ grid.bends)
+    crept = np.zeros_like(at_once)
+    if grid.times.size:
+        for i in range(first.size):
+            terms = lagged(observed.time, at_once[:, i], grid.times, float(first[i]))
+            crept[:, i] = terms.sum(axis=1) / PER_DECADE
+    return Columns(at_once, crept)

@@ -1,0 +1,228 @@
+"""`identify_piezo`: hysteresis, its asymmetry, creep and lateness of a piezo, with intervals."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ...actuator import Actuator
+from ...estimate.fit import fit_least_squares
+from ...estimate.lack import KnownNoise
+from ...estimate.parameter import Parameter, Values
+from ...estimate.problem import Problem, Residuals
+from ...estimate.result import Fit
+from ...piezo import Creep, Piezo, PrandtlIshlinskii
+from ...piezo.creep import PER_DECADE
+from ...units import QuantityError, optional_si
+from ..recorded.channels import names_of, recordings_of, refuse_clipped, unit_of
+from ..recorded.known_noise import converter_step
+from .choice import chosen, range_of
+from .columns import Columns, Grid, Observed, Timing, columns, observe, refuse_one_way
+from .linear import Solution, solve
+from .prediction import PiezoPrediction
+from .timing import Lateness, edges_of, lateness
+
+OBSERVED = "stage_position"
+FIRST_PLAYS = 8  # of the model by which rest and lateness are found
+
+Array = NDArray[np.float64]
+
+
+def identify_piezo(
+    recordings: xr.Dataset | Sequence[xr.Dataset],
+    model: Actuator | None = None,
+    *,
+    operators: int | None = None,
+    asymmetric: bool | None = None,
+    creep: bool | None = None,
+    delay: float | str | None = None,
+    lag: float | str | None = None,
+    rest_voltage: float | str | None = None,
+    observed: str = OBSERVED,
+) -> Fit:
+    r"""Fit Prandtl-Ishlinskii hysteresis and creep to recordings of voltage and displacement.
+
+    .. math:: y = y_0 + S + g\,L[S], \qquad S = \sum_i w_i P_{r_i}[u] + \kappa\,B(u)
+
+    Slow against the stage's resonance, free of contact: the recorded displacement is the piezo's. Thresholds
+    are spread evenly over half the range of the drive, and creep is logarithmic from 0.1 s to the recording's
+    length: wider plays and slower creep are not determined. How many plays, and whether the square B(u) and
+        creep are
+    there, is chosen by cross-validation: the smallest model that predicts parts of the recordings that it was
+    not fitted to about as well as the best one. Delay and lag are those seen after edges of the drive;
+    without edges, a lag cannot be told from hysteresis and is taken as 0.
+
+    Args:
+        recordings: with drive_voltage [V] and stage_position [m].
+        model: an actuator into which gain and piezo are put.
+        operators: number of plays; left out, chosen.
+        asymmetric: whether B(u) is there; left out, chosen.
+        creep: whether creep is there; left out, chosen.
+        delay: s, of the voltage at the piezo; left out, seen after edges.
+        lag: s, of the voltage at the piezo, of first order: amplifier, capacitance and sensor; likewise.
+        rest_voltage: V at which the piezo rested before each recording, reached from 0 V; left out, that
+            which the first position shows.
+        observed: name of the position channel.
+
+    Returns:
+        A fit of weight_1, ... [m/V] of the plays, curvature κ [m/V²], creep g (share per decade), and the
+        offset of each recording [m]; beside them gain, their sum, delay and lag [s]. `predict(recording)` is
+        the position, m: its level is that of the recording's own positions, where it has any. `model` is the
+        actuator given, or a `Piezo`.
+
+    Raises:
+        RecordingError: a channel is missing, too short, not finite, clipped, constant, or the drive never
+            turns back.
+        QuantityError: a number out of range.
+        FitError: see `fit_least_squares`.
+    """
+    given = optional_si(delay, "s", "delay"), optional_si(lag, "s", "lag")
+    rest = optional_si(rest_voltage, "V", "rest_voltage")
+    found = recordings_of(recordings)
+    unit = unit_of(found, observed) or "m"
+    seen = [observe(r, name, observed, rest) for r, name in zip(found, names_of(found), strict=True)]
+    for one in seen:
+        refuse_clipped(one.position, observed, one.name)
+    refuse_one_way(seen)
+    late = _lateness(seen, *given)
+    for assumed in (0.0, None) if rest is None else ():
+        rested = _rested(seen, late.timing, assumed)
+        if rested == [one.rest for one in seen]:
+            break
+        seen = [one._replace(rest=r) for one, r in zip(seen, rested, strict=True)]
+        late = _lateness(seen, *given)
+    choice = chosen(seen, late.timing, operators, asymmetric, creep)
+    fit = fit_least_squares(_problem(seen, choice.grid, late, unit))
+    prediction = _prediction(fit.values, choice.grid, late.timing, seen, observed)
+    gain, piezo = prediction.gain, prediction.piezo
+    return replace(
+        fit,
+        model=model.replace(gain=gain, piezo=piezo) if model else piezo,
+        observed=observed,
+        predict=prediction.predict,
+        remarks=(*choice.remarks, *late.remarks),
+    )
+
+
+def _rested(seen: Sequence[Observed], timing: Timing, assumed: float | None) -> list[float]:
+    """The voltages at which the piezo rested before each recording, by a first model without creep; where it
+    is not as it was taken, that `assumed`, if any: the model has yet to learn how late the voltage is."""
+    grid = Grid.over(*range_of(seen), FIRST_PLAYS, True, 0.0)
+    parts = [columns(one, timing, grid) for one in seen]
+    first = _prediction(_named(_solved(seen, parts, grid), grid), grid, timing, seen, "")
+    found = [first.rest_shown(one) for one in seen]
+    if assumed is None:
+        return found
+    return [one.rest if rest == one.rest else assumed for one, rest in zip(seen, found, strict=True)]
+
+
+def _lateness(seen: Sequence[Observed], delay: float | None, lag: float | None) -> Lateness:
+    """As given, or as the edges show."""
+    if delay is not None or lag is not None:
+        given = Timing(delay or 0.0, lag or 0.0)
+        if min(given) < 0.0:
+            raise QuantityError(f"delay = {given.delay:g} s and lag = {given.lag:g} s must be >= 0 s")
+        return Lateness(given, Timing(), ("delay and lag are as given",))
+    grid = Grid.over(*range_of(seen), FIRST_PLAYS, True, 0.0)
+    parts = [columns(one, Timing(), grid) for one in seen]
+    found = _solved(seen, parts, grid)
+    still = [found.position(c) + o for c, o in zip(parts, found.offsets, strict=True)]
+    return lateness(seen, grid, edges_of(seen, still))
+
+
+def _solved(seen: Sequence[Observed], parts: Sequence[Columns], grid: Grid) -> Solution:
+    """The least squares over all samples."""
+    return solve(parts, [one.position for one in seen], grid, [np.ones(one.time.size, bool) for one in seen])
+
+
+def _named(found: Solution, grid: Grid) -> Values:
+    """A solution by the names of a fit."""
+    values = {f"weight_{i}": float(w) for i, w in enumerate(found.weights, start=1)}
+    if grid.zones.size:
+        values["curvature"] = found.curvature
+    if grid.times.size:
+        values["creep"] = found.creep
+    values |= {f"offset_{i}": float(o) for i, o in enumerate(found.offsets, start=1)}
+    return values | {"gain": found.gain}
+
+
+def _problem(seen: Sequence[Observed], grid: Grid, late: Lateness, unit: str) -> Problem:
+    parts = [columns(one, late.timing, grid) for one in seen]
+    begin = _named(_solved(seen, parts, grid), grid)
+    plays = [f"weight_{i}" for i in range(1, grid.thresholds.size + 1)]
+    names = [*plays, *(["curvature"] if grid.zones.size else [])]
+    creeps = "creep" in begin
+
+    def residuals(number: int) -> Callable[[Values], Array]:
+        part, position = parts[number], seen[number].position
+
+        def of(values: Values) -> Array:
+            x = np.array([values[name] for name in names])
+            shown = part.at_once @ x + values.get("creep", 0.0) * (part.crept @ x)
+            return shown + values[f"offset_{number + 1}"] - position
+
+        return of
+
+    def jacobian(values: Values) -> Array:
+        x = np.array([values[name] for name in names])
+        rows = []
+        for i, part in enumerate(parts):
+            slopes = [part.at_once + values.get("creep", 0.0) * part.crept]
+            if creeps:
+                slopes.append((part.crept @ x)[:, None])
+            offsets = np.zeros((part.at_once.shape[0], len(parts)))
+            offsets[:, i] = 1.0
+            rest = np.zeros((part.at_once.shape[0], 3))  # gain, delay, lag: by nothing
+            rows.append(np.hstack([*slopes, offsets, rest[:, :1]]))
+        return np.concatenate(rows)
+
+    units = {"curvature": f"{unit}/V²", "creep": ""}
+    reach = {name: 2.0 * begin["gain"] for name in plays} | {"creep": 1.0}
+    parameters = [
+        Parameter(
+            name,
+            value,
+            0.0 if name in reach else -math.inf,
+            reach.get(name, math.inf),
+            units.get(name, unit if name.startswith("offset") else f"{unit}/V"),
+            log=False,
+        )
+        for name, value in begin.items()
+        if name != "gain"
+    ]
+    beside = [
+        Parameter("gain", unit=f"{unit}/V", tied=" + ".join(plays)),
+        Parameter("delay", late.timing.delay, unit="s", fixed=True),
+        Parameter("lag", late.timing.lag, unit="s", fixed=True),
+    ]
+    recordings = [
+        Residuals(residuals(i), one.position, None, one.name, unit, _known(one), one.time)
+        for i, one in enumerate(seen)
+    ]
+    return Problem(recordings, [*parameters, *beside], jacobian=jacobian, correlated=True)
+
+
+def _known(observed: Observed) -> KnownNoise:
+    return KnownNoise(step=converter_step(observed.position))
+
+
+def _prediction(
+    values: Values, grid: Grid, timing: Timing, seen: Sequence[Observed], observed: str
+) -> PiezoPrediction:
+    ends, count = range_of(seen), len(seen)
+    weights = np.array([values[f"weight_{i}"] for i in range(1, grid.thresholds.size + 1)])
+    gain = values["gain"]
+    slopes = values.get("curvature", 0.0) * grid.bends / gain
+    rows = (grid.thresholds, weights / gain, grid.zones, slopes)
+    hysteresis = PrandtlIshlinskii(*(tuple(row.tolist()) for row in rows))
+    creep = None
+    if grid.times.size:
+        shares = (values["creep"] / PER_DECADE,) * grid.times.size
+        creep = Creep(tuple(grid.times.tolist()), shares)
+    offset = float(np.mean([values[f"offset_{i}"] for i in range(1, count + 1)]))
+    return PiezoPrediction(Piezo(hysteresis, creep), gain, offset, *timing, *ends, observed)

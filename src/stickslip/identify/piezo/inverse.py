@@ -1,0 +1,96 @@
+"""The drive under which a piezo moves as wanted: the inverse of what was identified."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...estimate.problem import FitError
+from ...estimate.result import Fit
+from ...piezo.creep import Lags, before_creep
+from ...recording import RecordingWarning
+from ...units import QuantityError, optional_si
+from ...waveform import Sampled
+from .prediction import PiezoPrediction
+
+# Of the range of the drives that were fitted to: so far beyond it the model is not asked without a warning.
+BEYOND = 0.02
+
+Array = NDArray[np.float64]
+
+
+def inverse_drive(
+    fit: Fit,
+    times: ArrayLike,
+    positions: ArrayLike,
+    *,
+    rest_voltage: float | str | None = None,
+) -> Sampled:
+    """The drive under which the piezo of a fit goes through positions: its creep, hysteresis, lag and delay
+    undone.
+
+    Hysteresis and creep are inverted exactly, sample by sample; the lag by the slope of what comes out, so
+    that positions should be smooth within it. What remains in operation is about what the fit leaves of
+    recordings that it has not seen (`verify`), and what its delay and lag are off.
+
+    Args:
+        fit: of `identify_piezo`.
+        times: s, shape (n,), ascending from 0 or later.
+        positions: m, shape (n,), as the recordings of the fit count them (`fit.values["offset_1"]`, ... is
+            where 0 V is, at first).
+        rest_voltage: V at which it rests before, reached from 0 V; left out, that which holds the first
+            position.
+
+    Returns:
+        Samples of voltage at the times, joined by lines.
+
+    Raises:
+        FitError: the fit is not one of `identify_piezo`.
+        QuantityError: times do not ascend, or lengths differ, or no voltage reaches a position.
+
+    Warns:
+        RecordingWarning: the drive leaves the voltages that the fit is from.
+    """
+    rest = optional_si(rest_voltage, "V", "rest_voltage")
+    prediction = getattr(fit.predict, "__self__", None)
+    if not isinstance(prediction, PiezoPrediction):
+        raise FitError("inverse_drive needs a fit of identify_piezo")
+    t, y = np.array(times, dtype=float), np.array(positions, dtype=float)
+    if t.ndim != 1 or t.shape != y.shape or t.size < 2 or np.any(np.diff(t) <= 0.0) or t[0] < 0.0:
+        raise QuantityError(
+            f"times [s] of shape {t.shape} must ascend from 0 s or later, with as many positions [m], "
+            f"which have the shape {y.shape}"
+        )
+    if not np.all(np.isfinite(y)):
+        raise QuantityError(f"positions [m] are not finite at sample {int(np.argmin(np.isfinite(y)))}")
+    wanted = (y - prediction.offset) / prediction.gain
+    if rest is None:
+        rest = prediction.piezo.resting_at(float(wanted[0]))
+    h = _before_creep(prediction, t, wanted, rest)
+    try:
+        u = prediction.piezo.hysteresis.inverse(h, rest)
+    except QuantityError as error:
+        raise QuantityError(f"positions [m] cannot be reached: {error}") from None
+    ahead = u + prediction.lag * np.gradient(u, t)
+    drive = np.interp(t + prediction.delay, t, ahead)
+    margin = BEYOND * (prediction.high - prediction.low)
+    if drive.min() < prediction.low - margin or drive.max() > prediction.high + margin:
+        warnings.warn(
+            f"the drive goes from {drive.min():.4g} V to {drive.max():.4g} V; the fit is of recordings from "
+            f"{prediction.low:.4g} V to {prediction.high:.4g} V",
+            RecordingWarning,
+            stacklevel=2,
+        )
+    return Sampled(t, drive)
+
+
+def _before_creep(prediction: PiezoPrediction, t: Array, wanted: Array, rest: float) -> Array:
+    creep = prediction.piezo.creep
+    if creep is None:
+        return wanted
+    tau, h = np.array(creep.time_constants), np.empty(t.size)
+    first = float(prediction.piezo.hysteresis.output([rest], rest)[0])
+    before_creep(Lags(tau), t, wanted, np.array(creep.shares), np.full(tau.size, first), h)
+    return h

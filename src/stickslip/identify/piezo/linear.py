@@ -1,0 +1,140 @@
+"""Coefficients at a given timing: weights that are not negative, the rest free, and how well they predict."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cholesky, solve_triangular
+from scipy.optimize import nnls
+
+from .columns import Columns, Grid
+
+# Relative; what is added to the diagonal, for plays of neighbouring thresholds are nearly alike.
+RIDGE = 1e-12
+PASSES = 2  # for the creep, whose column needs the weights
+
+Array = NDArray[np.float64]
+
+
+class Solution(NamedTuple):
+    """`weights` [m/V] of the plays, `curvature` [m/V²] or 0, `creep` per decade, `offset` [m] of each
+    recording."""
+
+    weights: Array
+    curvature: float
+    creep: float
+    offsets: Array
+
+    @property
+    def gain(self) -> float:
+        """m/V"""
+        return float(self.weights.sum())
+
+    def coefficients(self, of: Columns) -> Array:
+        """Those of its columns."""
+        bent = of.at_once.shape[1] > self.weights.size
+        return np.append(self.weights, self.curvature) if bent else self.weights
+
+    def position(self, of: Columns) -> Array:
+        """m, without the offset."""
+        x = self.coefficients(of)
+        return of.at_once @ x + self.creep * (of.crept @ x)
+
+
+class _Normal(NamedTuple):
+    """Normal equations A x = b of some samples, and their sum of squares."""
+
+    a: Array
+    b: Array
+    c: float
+
+    def __add__(self, other: _Normal) -> _Normal:  # type: ignore[override]
+        return _Normal(self.a + other.a, self.b + other.b, self.c + other.c)
+
+    def __sub__(self, other: _Normal) -> _Normal:
+        return _Normal(self.a - other.a, self.b - other.b, self.c - other.c)
+
+    def left(self, x: Array) -> float:
+        """Sum of squares that x leaves."""
+        return max(float(x @ self.a @ x - 2.0 * self.b @ x + self.c), 0.0)
+
+
+def solve(
+    parts: Sequence[Columns], positions: Sequence[Array], grid: Grid, kept: Sequence[NDArray[np.bool_]]
+) -> Solution:
+    """The least squares over the samples that are `kept` (a mask of each recording)."""
+    creeping, found = bool(grid.times.size), None
+    levels = np.array([y.mean() for y in positions])
+    for _ in range(PASSES if creeping else 1):
+        rows = [_design(c, found, creeping) for c in parts]
+        normal = [
+            _normal(_with_offset(row[k], i, len(parts)), y[k] - level)
+            for i, (row, y, k, level) in enumerate(zip(rows, positions, kept, levels, strict=True))
+        ]
+        found = _read(_solved(sum(normal[1:], normal[0]), grid, creeping), grid, creeping)
+    assert found is not None
+    return found._replace(offsets=found.offsets + levels)
+
+
+def cross_validated(parts: Sequence[Columns], positions: Sequence[Array], grid: Grid, folds: int) -> float:
+    """The root mean square [m] that is left of each fold of a recording by the fit of all others."""
+    creeping = bool(grid.times.size)
+    blocks = []
+    for i, (c, y) in enumerate(zip(parts, [y - y.mean() for y in positions], strict=True)):
+        rows = _with_offset(_design(c, None, creeping), i, len(parts))
+        for part in np.array_split(np.arange(y.size), folds):
+            blocks.append(_normal(rows[part], y[part]))
+    total = sum(blocks[1:], blocks[0])
+    left = sum(block.left(_solved(total - block, grid, creeping)) for block in blocks)
+    return float(np.sqrt(left / sum(y.size for y in positions)))
+
+
+def _design(of: Columns, before: Solution | None, creeping: bool) -> Array:
+    """Plays and square at once, then one column of creep, by the weights known before."""
+    if not creeping:
+        return of.at_once
+    # at first, that of the voltage itself
+    crept = of.crept[:, 0] if before is None else of.crept @ before.coefficients(of) / before.gain
+    return np.column_stack([of.at_once, crept])
+
+
+def _with_offset(rows: Array, number: int, count: int) -> Array:
+    ones = np.zeros((len(rows), count))
+    ones[:, number] = 1.0
+    return np.hstack([rows, ones])
+
+
+def _normal(rows: Array, y: Array) -> _Normal:
+    return _Normal(rows.T @ rows, rows.T @ y, float(y @ y))
+
+
+def _solved(of: _Normal, grid: Grid, creeping: bool) -> Array:
+    """x of the least squares, plays and creep not negative."""
+    plays, bent = grid.thresholds.size, int(grid.zones.size > 0)
+    k = plays + bent + int(creeping)
+    free = np.ones(of.b.size, dtype=bool)
+    free[:plays] = False
+    if creeping:
+        free[k - 1] = False
+    scale = 1.0 / np.sqrt(np.diag(of.a) + 1e-300)
+    a, b = of.a * scale * scale[:, None], of.b * scale
+    a = a + RIDGE * np.eye(len(a))
+    lower = cholesky(a, lower=True)
+    right = solve_triangular(lower, b, lower=True)
+    # a free one is the difference of two that are not negative
+    doubled = np.hstack([lower.T, -lower.T[:, free]])
+    x = nnls(doubled, right)[0]
+    made = x[: free.size].copy()
+    made[free] -= x[free.size :]
+    return made * scale
+
+
+def _read(x: Array, grid: Grid, creeping: bool) -> Solution:
+    plays, bent = grid.thresholds.size, int(grid.zones.size > 0)
+    weights = x[:plays]
+    gain = float(weights.sum())
+    creep = float(x[plays + bent] / gain) if creeping and gain > 0.0 else 0.0
+    return Solution(weights, float(x[plays]) if bent else 0.0, creep, x[plays + bent + int(creeping) :])

@@ -1,0 +1,81 @@
+"""What a fitted piezo makes of a recording."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ...piezo import Piezo
+from ..recorded.channels import channel, names_of
+from .columns import Observed, Timing, at_piezo, lagged, observe
+
+# Of the stroke: nearer than this the first position is where the drive's first value has it.
+AT_REST = 0.05
+# Of the voltages used: a rest farther outside is none.
+FAR = 0.5
+
+Array = NDArray[np.float64]
+
+
+class PiezoPrediction(NamedTuple):
+    """A fit's model, with its `gain` [m/V], the level `offset` [m], `delay` and `lag` [s]; `low` and `high`
+    [V] are the ends of the drives that it was fitted to."""
+
+    piezo: Piezo
+    gain: float
+    offset: float
+    delay: float
+    lag: float
+    low: float
+    high: float
+    observed: str
+
+    def predict(self, recording: xr.Dataset, drive: object = None) -> Array:
+        """The position, m, shape (n,), under the recording's drive_voltage.
+
+        Where the recording has positions, they say what a model cannot know: its level (the zero of the
+        sensor), and at what voltage the piezo rested before. Otherwise the level is that of the fit, and the
+        piezo rested at the first voltage.
+        """
+        del drive
+        name = names_of([recording])[0]
+        if self.observed not in recording:
+            voltage = channel(recording, "drive_voltage", name)
+            time = recording["time"].values - float(recording["time"].values[0])
+            return self.position(Observed(name, time, voltage, voltage, float(voltage[0]))) + self.offset
+        one = observe(recording, name, self.observed, None)
+        one = one._replace(rest=self.rest_shown(one))
+        shown = self.position(one)
+        return shown + float(np.mean(one.position - shown))
+
+    def position(self, observed: Observed) -> Array:
+        """m, without the level."""
+        u = at_piezo(observed, Timing(self.delay, self.lag))
+        return self.gain * after_hysteresis(self.piezo, observed.time, u, observed.rest)
+
+    def rest_shown(self, observed: Observed) -> float:
+        """The voltage at which the piezo rested before, V: that assumed, or 0 V, or else the one at which it
+        is where the first position has it."""
+        first = 0.0
+        for rest in (observed.rest, 0.0):
+            shown = self.position(observed._replace(rest=rest))
+            first = float(observed.position[0] - np.median(observed.position - shown))
+            if abs(first - float(shown[0])) < AT_REST * float(np.ptp(shown)):
+                return rest
+        found = self.piezo.resting_at(first / self.gain)
+        low, high = min(0.0, float(observed.drive.min())), max(0.0, float(observed.drive.max()))
+        margin = FAR * (high - low)
+        return found if low - margin < found < high + margin else observed.rest
+
+
+def after_hysteresis(piezo: Piezo, time: Array, u: Array, rest: float) -> Array:
+    """Hysteresis and creep of a voltage [V], shape (n,)."""
+    h = piezo.hysteresis.output(u, rest)
+    if piezo.creep is None:
+        return h
+    first = float(piezo.hysteresis.output([rest], rest)[0])
+    terms = lagged(time, h, np.array(piezo.creep.time_constants), first)
+    return h + terms @ np.array(piezo.creep.shares)

@@ -1,0 +1,152 @@
+r"""How late a piezo's voltage is, from the edges of its drive.
+
+Under a slow periodic drive a lag and hysteresis both open the loop, and what a model of hysteresis lacks is
+taken up by the lag: a record of one frequency does not tell them apart. After an edge they look different:
+the lag relaxes, the hysteresis is there at once. So the delay and the lag are those that fit best after the
+edges, the rest of the model being fitted elsewhere. Where there is no edge, nothing is said of them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from .columns import Columns, Grid, Observed, Timing, columns
+from .linear import Solution, solve
+
+# An edge: of the drive's range within one sample, and over its usual change.
+EDGE, UNUSUAL = 0.05, 8.0
+# Of an edge's height, what is left of it when it is over; how much longer than that it is looked at; and
+# samples of a window, at least and at most.
+OVER, LONGER, FEWEST, MOST = 0.05, 1.5, 8, 400
+EDGES = 40  # that are looked at, evenly chosen
+# Where the search begins: delays in samples, lags over the length of the windows.
+DELAYS, LAGS = (0.2, 0.8, 1.4, 2.2), (0.1, 0.2, 0.4)
+
+Array = NDArray[np.float64]
+
+
+class Edges(NamedTuple):
+    """`windows`, samples (first, end) after edges; `masks` [n], the samples outside of all."""
+
+    windows: tuple[tuple[tuple[int, int], ...], ...]
+    masks: tuple[NDArray[np.bool_], ...]
+
+    @property
+    def number(self) -> int:
+        """Of all windows."""
+        return sum(map(len, self.windows))
+
+
+class Lateness(NamedTuple):
+    """`timing`, its standard errors `spread`, and sentences on where they are from."""
+
+    timing: Timing
+    spread: Timing
+    remarks: tuple[str, ...]
+
+
+def edges_of(observed: Sequence[Observed], still: Sequence[Array]) -> Edges:
+    """The edges of all drives.
+
+    Args:
+        observed: the recordings.
+        still: position [n] by a model without delay and lag, m, offset included.
+    """
+    windows, masks = [], []
+    for one, shown in zip(observed, still, strict=True):
+        change = np.abs(np.diff(one.drive, prepend=one.rest))
+        usual = float(np.median(change))
+        range_ = float(np.ptp(one.drive))
+        found = np.flatnonzero(change > max(EDGE * range_, UNUSUAL * usual)).tolist()
+        ends = [*found[1:], one.time.size][: len(found)]
+        made = [
+            (first, _until(one.position, shown, first, end))
+            for first, end in zip(found, ends, strict=True)
+            if end - first >= FEWEST
+        ]
+        mask = np.ones(one.time.size, dtype=bool)
+        for first, end in made:
+            mask[first:end] = False
+        every = max(1, math.ceil(len(made) / EDGES))
+        windows.append(tuple(made[::every]))
+        masks.append(mask)
+    return Edges(tuple(windows), tuple(masks))
+
+
+def _until(position: Array, shown: Array, first: int, end: int) -> int:
+    """The sample until which an edge is looked at: a model without lag is off by its height at first, and by
+    little once it is over."""
+    left = np.abs(position[first:end] - shown[first:end])[:MOST]
+    high = np.flatnonzero(left > OVER * left.max())
+    return first + int(np.clip(LONGER * (high[-1] + 1), FEWEST, left.size))
+
+
+def lateness(observed: Sequence[Observed], grid: Grid, edges: Edges) -> Lateness:
+    """Delay and lag that fit best after the edges."""
+    if not edges.number:
+        said = (
+            "the drive has no edges: a lag of the voltage cannot be told from hysteresis, and is taken as 0 s"
+        )
+        return Lateness(Timing(), Timing(), (said,))
+    positions = [one.position for one in observed]
+
+    def misfit(x: Array) -> Array:
+        timing = Timing(abs(float(x[0])), abs(float(x[1])))
+        parts = [columns(one, timing, grid) for one in observed]
+        return after(parts, positions, solve(parts, positions, grid, edges.masks), edges)
+
+    def square(x: Array) -> float:
+        return float(np.sum(misfit(x) ** 2))
+
+    step = float(np.median(np.diff(observed[0].time)))
+    lengths = [end - first for windows in edges.windows for first, end in windows]
+    lasts = float(np.median(lengths)) * step
+    # every sample within which an edge falls is a valley of its own
+    starts = [np.array([d * step, share * lasts]) for d in DELAYS for share in LAGS]
+    start = min(starts, key=square)
+    simplex = start + np.array([[0.0, 0.0], [0.3 * step, 0.0], [0.0, 0.3 * start[1]]])
+    size = square(start) or 1.0
+    end = minimize(
+        lambda x: square(x) / size,
+        start,
+        method="Nelder-Mead",
+        options={"initial_simplex": simplex, "xatol": 1e-3 * step, "fatol": 1e-5, "maxfev": 120},
+    )
+    best = np.abs(end.x)
+    spread = _spread(misfit, best, step)
+    said = (
+        f"delay {best[0]:.3g} s and lag {best[1]:.3g} s (standard errors {spread.delay:.1g} s, "
+        f"{spread.lag:.1g} s) are those seen after {edges.number} edge{'s' * (edges.number > 1)} of the "
+        "drive; the intervals of the others hold for them"
+    )
+    return Lateness(Timing(*best.tolist()), spread, (said,))
+
+
+def after(parts: Sequence[Columns], positions: Sequence[Array], found: Solution, edges: Edges) -> Array:
+    """What is left after the edges, m, each window without its mean: creep from before is not the lag's."""
+    left = []
+    for of, y, windows in zip(parts, positions, edges.windows, strict=True):
+        shown = found.position(of)
+        for first, end in windows:
+            r = shown[first:end] - y[first:end]
+            left.append(r - r.mean())
+    return np.concatenate(left)
+
+
+def _spread(misfit: Callable[[Array], Array], best: Array, step: float) -> Timing:
+    """Standard errors of both, linearised; NaN where they cannot be told."""
+    h, r = 0.05 * step, misfit(best)
+    slopes = np.column_stack(
+        [(misfit(best + d) - misfit(np.abs(best - d))) / (2.0 * h) for d in h * np.eye(2)]
+    )
+    try:
+        covariance = np.linalg.inv(slopes.T @ slopes) * float(r @ r) / max(r.size - 2, 1)
+    except np.linalg.LinAlgError:
+        return Timing(math.nan, math.nan)
+    return Timing(*np.sqrt(np.diag(covariance)).tolist())

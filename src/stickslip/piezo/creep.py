@@ -1,0 +1,109 @@
+r"""Creep: Kelvin-Voigt terms, each a first-order lag; evenly spread over decades they are the logarithmic
+law.
+
+.. math:: y = C \Bigl( h + \sum_k a_k x_k \Bigr), \qquad \tau_k \dot x_k = h - x_k
+
+h [V] is the hysteresis' output. Of a step at t = 0, terms of equal share spread over the decades creep as
+:math:`1 + g \log_{10}(t/t_0)` between the first and the last time constant, with g = a per decade: 0.01 to
+0.02 for PZT stacks [pi-tutorial]. Time constants beyond the length of a recording are not determined by
+it.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import registry
+from .._jit import kernel
+from ..records import Quantity, record
+from ..units import QuantityError, to_si
+
+Array = NDArray[np.float64]
+
+# Terms per decade of the logarithmic law: it then deviates from a straight line by 0.02 of g.
+PER_DECADE = 2
+
+
+@registry.piezos.add
+@record
+class Creep(NamedTuple):
+    """See the module."""
+
+    time_constants: Annotated[tuple[float, ...], Quantity("s", "τ_k", "time constant of each term", above=0)]
+    shares: Annotated[tuple[float, ...], Quantity("", "a_k", "share of each term", minimum=0)]
+
+    def _check(self) -> None:
+        if len(self.time_constants) != len(self.shares) or not self.shares:
+            raise QuantityError(
+                f"Creep has {len(self.time_constants)} time_constants [s] and {len(self.shares)} shares: "
+                "each term needs one of both"
+            )
+        if list(self.time_constants) != sorted(set(self.time_constants)):
+            raise QuantityError(f"Creep.time_constants [s] must ascend: {list(self.time_constants)}")
+
+    @classmethod
+    def logarithmic(cls, per_decade: float, begin: float | str = 0.1, end: float | str = 100.0) -> Creep:
+        """Logarithmic creep by `per_decade` (a share) from `begin` to `end`, s."""
+        times = spread(to_si(begin, "s", "begin"), to_si(end, "s", "end"))
+        share = to_si(per_decade, "", "per_decade") / PER_DECADE
+        return cls(tuple(times.tolist()), (share,) * times.size)
+
+    @property
+    def per_decade(self) -> float:
+        """The shares of all terms, over the decades that they cover."""
+        return sum(self.shares) * PER_DECADE / len(self.shares)
+
+
+def spread(begin: float, end: float) -> Array:
+    """Time constants [s], evenly over the decades between two times."""
+    if not 0.0 < begin < end:
+        raise QuantityError(f"creep from {begin:g} s to {end:g} s is out of range: 0 s < begin < end")
+    count = max(1, round(PER_DECADE * float(np.log10(end / begin))))
+    return begin * 10 ** ((np.arange(count) + 0.5) * np.log10(end / begin) / count)
+
+
+class Lags(NamedTuple):
+    """As kernels see time constants, s."""
+
+    tau: Array
+
+
+@kernel
+def relaxed(lags, times, values, x, out):
+    """First-order lags of what is joined by lines, exactly: out[sample, lag], from the states x on, which are
+    left as they are at the end."""
+    for i in range(lags.tau.size):
+        out[0, i] = x[i]
+    for k in range(1, times.size):
+        step = times[k] - times[k - 1]
+        slope = (values[k] - values[k - 1]) / step
+        for i in range(lags.tau.size):
+            tau = lags.tau[i]
+            decay = np.exp(-step / tau)
+            x[i] = decay * x[i] + (1.0 - decay) * (values[k - 1] - tau * slope) + slope * step
+            out[k, i] = x[i]
+
+
+@kernel
+def before_creep(lags, times, values, shares, x, out):
+    """What creeps into `values` at the times: h of h + sum of shares x lags of h, joined by lines, from the
+    states x on."""
+    out[0] = values[0]
+    for i in range(lags.tau.size):
+        out[0] -= shares[i] * x[i]
+    for k in range(1, times.size):
+        step = times[k] - times[k - 1]
+        known, slope = 0.0, 1.0
+        for i in range(lags.tau.size):
+            tau = lags.tau[i]
+            decay = np.exp(-step / tau)
+            late = tau * (1.0 - decay) / step  # of a line from 0 to 1 within the step, what the lag is behind
+            x[i] = decay * x[i] + (late - decay) * out[k - 1]
+            known += shares[i] * x[i]
+            slope += shares[i] * (1.0 - late)
+        out[k] = (values[k] - known) / slope
+        for i in range(lags.tau.size):
+            x[i] += (1.0 - lags.tau[i] * (1.0 - np.exp(-step / lags.tau[i])) / step) * out[k]

@@ -1,0 +1,32 @@
+"""A piezo between voltage and free stroke: hysteresis at once, then creep."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from .. import registry
+from ..records import record
+from ..units import QuantityError
+
+
+@record
+class Piezo(NamedTuple):
+    """`hysteresis`, a model of it (`PrandtlIshlinskii`), and `creep` of what that gives (`Creep`); None:
+    there is none. The actuator's gain times what they give is the stroke at rest."""
+
+    hysteresis: Any = None
+    creep: Any = None
+
+    def _check(self) -> None:
+        for field in ("hysteresis", "creep"):
+            value = getattr(self, field)
+            if value is not None and type(value).__name__ not in registry.piezos.names():
+                known = ", ".join(registry.piezos.names())
+                raise QuantityError(
+                    f"Piezo.{field} = {value!r} must be a piezo model with its values: {known}"
+                )
+
+    def resting_at(self, wanted: float) -> float:
+        """The voltage [V], reached from 0 V, at which both give `wanted` [V] for ever."""
+        share = 1.0 + (sum(self.creep.shares) if self.creep is not None else 0.0)
+        return float(self.hysteresis.inverse([wanted / share])[0])

@@ -1,0 +1,127 @@
+r"""Play operators and dead zones on samples: their response, and the drive that gives a wanted one.
+
+.. math:: z_i(t) = \max\bigl(u - r_i, \min(u + r_i, z_i(t^-))\bigr), \qquad
+          H[u] = \sum_i w_i z_i + \sum_j c_j \max(u - s_j, 0)
+
+A play stands still until the drive has turned back by 2 r_i [krejci2001; kuhnen2003]. Both sums grow with u
+on each way, so that H has an inverse on any history: between the points where a play is taken along, or a
+dead zone ends, it is a straight line.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._jit import compiled, kernel
+
+Array = NDArray[np.float64]
+
+# Relative; a play that is nearer to its edge than that is on it.
+ROUNDING = 1e-13
+
+
+class Operators(NamedTuple):
+    """As kernels see them, whatever their number: thresholds r [V] and weights w of the plays, ends s [V] and
+    slopes c of the dead zones."""
+
+    threshold: Array
+    weight: Array
+    zone: Array
+    slope: Array
+
+
+@compiled
+def taken_along(plays, u, z):
+    """The plays' states for the drive value u; in place."""
+    for i in range(z.size):
+        z[i] = max(u - plays.threshold[i], min(u + plays.threshold[i], z[i]))
+
+
+@compiled
+def output(plays, u, z):
+    """H [V] for the drive value u and the states z."""
+    total = 0.0
+    for i in range(z.size):
+        total += plays.weight[i] * z[i]
+    for j in range(plays.zone.size):
+        total += plays.slope[j] * max(u - plays.zone[j], 0.0)
+    return total
+
+
+@kernel
+def response(plays, drive, z, out):
+    """H at each sample of a drive, from the states z, which are left as they are at the end."""
+    for k in range(drive.size):
+        taken_along(plays, drive[k], z)
+        out[k] = output(plays, drive[k], z)
+
+
+@kernel
+def states(plays, drive, z, out):
+    """The state of each play at each sample, out[sample, play]."""
+    for k in range(drive.size):
+        taken_along(plays, drive[k], z)
+        for i in range(z.size):
+            out[k, i] = z[i]
+
+
+@compiled
+def next_corner(plays, u, z, up):
+    """The next drive value beyond u, in the direction of `up` (1.0 or -1.0), at which H bends; infinite if
+    there is none."""
+    corner = math.inf
+    for i in range(z.size):
+        at = up * (z[i] + up * plays.threshold[i])  # where this play is taken along
+        if at > up * u + ROUNDING * (abs(u) + plays.threshold[i]):
+            corner = min(corner, at)
+    for j in range(plays.zone.size):
+        if up * plays.zone[j] > up * u:
+            corner = min(corner, up * plays.zone[j])
+    return up * corner
+
+
+@compiled
+def steepness(plays, u, z, up):
+    """dH/du just beyond u."""
+    total = 0.0
+    for i in range(z.size):
+        if up * (u - z[i]) >= plays.threshold[i] - ROUNDING * (abs(u) + plays.threshold[i]):
+            total += plays.weight[i]
+    for j in range(plays.zone.size):
+        if u > plays.zone[j] or (up > 0.0 and u == plays.zone[j]):
+            total += plays.slope[j]
+    return total
+
+
+@compiled
+def solved(plays, u, z, wanted):
+    """The drive value for which H is as wanted, from u and the states z, which are taken along; NaN where
+    none gives it."""
+    missing = wanted - output(plays, u, z)
+    up = 1.0 if missing > 0.0 else -1.0
+    for _ in range(2 * (z.size + plays.zone.size) + 2):  # each is passed once
+        if missing == 0.0:
+            break
+        corner, slope = next_corner(plays, u, z, up), steepness(plays, u, z, up)
+        if slope > 0.0 and abs(missing) <= slope * abs(corner - u):
+            u += missing / slope
+            missing = 0.0
+        elif math.isinf(corner) or slope < 0.0:
+            return math.nan
+        else:
+            missing -= slope * (corner - u)
+            u = corner
+        taken_along(plays, u, z)
+    return u
+
+
+@kernel
+def inverse(plays, wanted, u, z, out):
+    """The drive [V] at which H is as wanted at each sample, from the drive u and the states z on."""
+    for k in range(wanted.size):
+        u = solved(plays, u, z, wanted[k])
+        out[k] = u
