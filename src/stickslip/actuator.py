@@ -33,6 +33,7 @@ from .parameters import (
     friction_of,
     load_kind,
 )
+from .piezo.model import Piezo
 from .records import Quantity, record
 from .units import QuantityError
 
@@ -103,7 +104,8 @@ class Actuator(NamedTuple):
     """A piezoelectric stick-slip actuator [kang2007, sec. 3.4]. All values in SI; unit strings are accepted.
 
     `stage_mass` is the effective mass m = 4 m_p/π² + m_s (see `from_parts`). `incline` is the slope of +x; it
-    changes the weight along x only, not the friction. `name` is the parameter set that the values come from,
+    changes the weight along x only, not the friction. `piezo`, hysteresis and creep of the stroke under the
+    voltage; None: y = C u at rest. `name` is the parameter set that the values come from,
     as `load_actuator` takes it, or empty. Raises QuantityError for a wrong value.
     """
 
@@ -126,12 +128,17 @@ class Actuator(NamedTuple):
     blocked_force_per_volt: Annotated[
         float | None, Quantity("N/V", "E", "force per volt of a static stage that is held")
     ] = None
+    piezo: Piezo | None = None
     name: str = ""
 
     citation, citation_keys, assumptions = _citation, _citation_keys, _assumptions
 
     def _check(self) -> None:
         _check_friction(self)
+        if self.piezo is not None and not isinstance(self.piezo, Piezo):
+            raise QuantityError(
+                f"Actuator.piezo = {self.piezo!r} must be a Piezo, with its hysteresis and creep, or None"
+            )
         for field in ("stage_reaction", "clamped"):
             if not isinstance(getattr(self, field), bool):
                 raise QuantityError(f"Actuator.{field} = {getattr(self, field)!r} must be True or False")
