@@ -21,14 +21,19 @@ from ...piezo.creep import PER_DECADE
 from ...units import QuantityError, optional_si
 from ..recorded.channels import names_of, recordings_of, refuse_clipped, unit_of
 from ..recorded.known_noise import converter_step
+from ..recorded.recorded_drive import noise_level
 from .choice import chosen, range_of
 from .columns import Columns, Grid, Observed, Timing, columns, observe, refuse_one_way
 from .linear import Solution, solve
 from .prediction import PiezoPrediction
-from .timing import Lateness, edges_of, lateness
+from .timing import Edges, Lateness, edges_of, lateness
 
 OBSERVED = "stage_position"
 FIRST_PLAYS = 8  # of the model by which rest and lateness are found
+# What a model leaves, over white noise of the positions, if that is all.
+NOISY = 1.3
+# Of a sample's interval, the step of derivatives by delay and lag; and timings whose columns are kept.
+DIFFERENCE, KEPT = 0.02, 4
 
 Array = NDArray[np.float64]
 
@@ -97,16 +102,29 @@ def identify_piezo(
         seen = [one._replace(rest=r) for one, r in zip(seen, rested, strict=True)]
         late = _lateness(seen, *given)
     choice = chosen(seen, late.timing, operators, asymmetric, creep)
-    fit = fit_least_squares(_problem(seen, choice.grid, late, unit))
-    prediction = _prediction(fit.values, choice.grid, late.timing, seen, observed)
+    fit, remarks = _fitted(seen, choice.grid, late, unit)
+    timing = Timing(fit.values["delay"], fit.values["lag"])
+    prediction = _prediction(fit.values, choice.grid, timing, seen, observed)
     gain, piezo = prediction.gain, prediction.piezo
     return replace(
         fit,
         model=model.replace(gain=gain, piezo=piezo) if model else piezo,
         observed=observed,
         predict=prediction.predict,
-        remarks=(*choice.remarks, *late.remarks),
+        remarks=(*choice.remarks, *remarks),
     )
+
+
+def _fitted(seen: Sequence[Observed], grid: Grid, late: Lateness, unit: str) -> tuple[Fit, tuple[str, ...]]:
+    """The fit, and what is to be said of its timing. Delay and lag are fitted with all else where the model
+    leaves no more than noise; where it leaves more, what it lacks would bend them, and they are those of the
+    edges."""
+    if late.edges.number:
+        whole = fit_least_squares(_problem(seen, grid, late.timing, unit, timed=True))
+        noise = [noise_level(one.position) for one in seen]
+        if all(g.rmse <= NOISY * sigma for g, sigma in zip(whole.recordings, noise, strict=True)):
+            return whole, ()
+    return fit_least_squares(_problem(seen, grid, late.timing, unit, timed=False)), late.remarks
 
 
 def _rested(seen: Sequence[Observed], timing: Timing, assumed: float | None) -> list[float]:
@@ -127,7 +145,7 @@ def _lateness(seen: Sequence[Observed], delay: float | None, lag: float | None) 
         given = Timing(delay or 0.0, lag or 0.0)
         if min(given) < 0.0:
             raise QuantityError(f"delay = {given.delay:g} s and lag = {given.lag:g} s must be >= 0 s")
-        return Lateness(given, Timing(), ("delay and lag are as given",))
+        return Lateness(given, Timing(), ("delay and lag are as given",), Edges((), ()))
     grid = Grid.over(*range_of(seen), FIRST_PLAYS, True, 0.0)
     parts = [columns(one, Timing(), grid) for one in seen]
     found = _solved(seen, parts, grid)
@@ -151,38 +169,14 @@ def _named(found: Solution, grid: Grid) -> Values:
     return values | {"gain": found.gain}
 
 
-def _problem(seen: Sequence[Observed], grid: Grid, late: Lateness, unit: str) -> Problem:
-    parts = [columns(one, late.timing, grid) for one in seen]
-    begin = _named(_solved(seen, parts, grid), grid)
+def _problem(seen: Sequence[Observed], grid: Grid, timing: Timing, unit: str, timed: bool) -> Problem:
+    """All coefficients at once, and delay and lag with them where these are `timed`."""
+    begin = _named(_solved(seen, [columns(one, timing, grid) for one in seen], grid), grid)
     plays = [f"weight_{i}" for i in range(1, grid.thresholds.size + 1)]
-    names = [*plays, *(["curvature"] if grid.zones.size else [])]
-    creeps = "creep" in begin
-
-    def residuals(number: int) -> Callable[[Values], Array]:
-        part, position = parts[number], seen[number].position
-
-        def of(values: Values) -> Array:
-            x = np.array([values[name] for name in names])
-            shown = part.at_once @ x + values.get("creep", 0.0) * (part.crept @ x)
-            return shown + values[f"offset_{number + 1}"] - position
-
-        return of
-
-    def jacobian(values: Values) -> Array:
-        x = np.array([values[name] for name in names])
-        rows = []
-        for i, part in enumerate(parts):
-            slopes = [part.at_once + values.get("creep", 0.0) * part.crept]
-            if creeps:
-                slopes.append((part.crept @ x)[:, None])
-            offsets = np.zeros((part.at_once.shape[0], len(parts)))
-            offsets[:, i] = 1.0
-            rest = np.zeros((part.at_once.shape[0], 3))  # gain, delay, lag: by nothing
-            rows.append(np.hstack([*slopes, offsets, rest[:, :1]]))
-        return np.concatenate(rows)
-
-    units = {"curvature": f"{unit}/V²", "creep": ""}
+    described = _Described(seen, grid, [*plays, *(["curvature"] if grid.zones.size else [])], timed)
+    units = {"curvature": f"{unit}/V²", "creep": "", "delay": "s", "lag": "s"}
     reach = {name: 2.0 * begin["gain"] for name in plays} | {"creep": 1.0}
+    reach |= {name: max(10.0 * sum(timing), 1e-9) for name in Timing._fields}
     parameters = [
         Parameter(
             name,
@@ -192,19 +186,66 @@ def _problem(seen: Sequence[Observed], grid: Grid, late: Lateness, unit: str) ->
             units.get(name, unit if name.startswith("offset") else f"{unit}/V"),
             log=False,
         )
-        for name, value in begin.items()
+        for name, value in (begin | (timing._asdict() if timed else {})).items()
         if name != "gain"
     ]
-    beside = [
-        Parameter("gain", unit=f"{unit}/V", tied=" + ".join(plays)),
-        Parameter("delay", late.timing.delay, unit="s", fixed=True),
-        Parameter("lag", late.timing.lag, unit="s", fixed=True),
-    ]
+    beside = [Parameter("gain", unit=f"{unit}/V", tied=" + ".join(plays))]
+    if not timed:
+        beside += [Parameter(name, value, unit="s", fixed=True) for name, value in timing._asdict().items()]
     recordings = [
-        Residuals(residuals(i), one.position, None, one.name, unit, _known(one), one.time)
+        Residuals(described.residuals(i), one.position, None, one.name, unit, _known(one), one.time)
         for i, one in enumerate(seen)
     ]
-    return Problem(recordings, [*parameters, *beside], jacobian=jacobian, correlated=True)
+    return Problem(recordings, [*parameters, *beside], jacobian=described.jacobian, correlated=True)
+
+
+class _Described:
+    """The residuals of a problem and their derivatives; columns are made anew only for another timing."""
+
+    def __init__(self, seen: Sequence[Observed], grid: Grid, names: Sequence[str], timed: bool) -> None:
+        self.seen, self.grid, self.names, self.timed = seen, grid, names, timed
+        self.known: dict[Timing, list[Columns]] = {}
+
+    def parts(self, timing: Timing) -> list[Columns]:
+        if timing not in self.known:
+            if len(self.known) > KEPT:
+                self.known.clear()
+            self.known[timing] = [columns(one, timing, self.grid) for one in self.seen]
+        return self.known[timing]
+
+    def shown(self, values: Values, timing: Timing, number: int) -> Array:
+        """Position without offset, m."""
+        part, x = self.parts(timing)[number], np.array([values[name] for name in self.names])
+        return part.at_once @ x + values.get("creep", 0.0) * (part.crept @ x)
+
+    def residuals(self, number: int) -> Callable[[Values], Array]:
+        position = self.seen[number].position
+
+        def of(values: Values) -> Array:
+            timing = Timing(values["delay"], values["lag"])
+            return self.shown(values, timing, number) + values[f"offset_{number + 1}"] - position
+
+        return of
+
+    def jacobian(self, values: Values) -> Array:
+        """By weights, curvature, creep, offsets, timing where it is free, and gain, by nothing."""
+        x = np.array([values[name] for name in self.names])
+        timing = Timing(values["delay"], values["lag"])
+        rows = []
+        for i, (part, one) in enumerate(zip(self.parts(timing), self.seen, strict=True)):
+            slopes = [part.at_once + values.get("creep", 0.0) * part.crept]
+            if "creep" in values:
+                slopes.append((part.crept @ x)[:, None])
+            offsets = np.zeros((one.time.size, len(self.seen)))
+            offsets[:, i] = 1.0
+            slopes.append(offsets)
+            for name in Timing._fields if self.timed else ():
+                step = DIFFERENCE * float(one.time[1])
+                later = timing._replace(**{name: getattr(timing, name) + step})
+                change = self.shown(values, later, i) - self.shown(values, timing, i)
+                slopes.append((change / step)[:, None])
+            rows.append(np.hstack([*slopes, np.zeros((one.time.size, 1))]))
+        return np.concatenate(rows)
 
 
 def _known(observed: Observed) -> KnownNoise:
