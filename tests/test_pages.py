@@ -72,6 +72,17 @@ def test_verification(run: Callable) -> None:
         assert figure in verified.table
 
 
+def test_piezo(run: Callable, capsys: pytest.CaptureFixture[str]) -> None:
+    names = run("piezo.md")
+    assert not names["fit"].failures
+    assert names["left"].std() < 3e-8
+    by_inverse, by_line, plain, bent = (
+        float(text) for text in re.findall(r"([\d.]+) (?:nm rms\n|um per)", capsys.readouterr().out)[-4:]
+    )
+    assert by_inverse < 0.1 * by_line
+    assert bent < 0.9 * plain
+
+
 def test_design(run: Callable) -> None:
     names = run("design.md")
     assert names["found"].net_step.max() == pytest.approx(8e-6, rel=0.1)

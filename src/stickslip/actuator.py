@@ -32,6 +32,7 @@ from .parameters import (
     citation_keys,
     friction_of,
     load_kind,
+    piezo_of,
 )
 from .piezo.model import Piezo
 from .records import Quantity, record
@@ -294,5 +295,7 @@ def _build(system_type: Any, name: str | os.PathLike[str]) -> Any:
 
 
 def _built(system_type: Any, parameters: ParameterSet) -> Any:
-    given = {"friction": friction_of(parameters), "name": parameters.name}
+    given: dict[str, Any] = {"friction": friction_of(parameters), "name": parameters.name}
+    if "piezo" in system_type._fields:
+        given["piezo"] = piezo_of(parameters)
     return build(system_type, parameters.values, str(parameters.file), **given)

@@ -55,12 +55,11 @@ def identify_piezo(
     .. math:: y = y_0 + S + g\,L[S], \qquad S = \sum_i w_i P_{r_i}[u] + \kappa\,B(u)
 
     Slow against the stage's resonance, free of contact: the recorded displacement is the piezo's. Thresholds
-    are spread evenly over half the range of the drive, and creep is logarithmic from 0.1 s to the recording's
-    length: wider plays and slower creep are not determined. How many plays, and whether the square B(u) and
-        creep are
-    there, is chosen by cross-validation: the smallest model that predicts parts of the recordings that it was
-    not fitted to about as well as the best one. Delay and lag are those seen after edges of the drive;
-    without edges, a lag cannot be told from hysteresis and is taken as 0.
+    are spread evenly over half the range of the drive, and creep is logarithmic from 0.1 s to the length of
+    the recording: wider plays and slower creep are not determined. How many plays, and whether the square
+    B(u) and creep are there, is chosen by cross-validation: the smallest model that predicts parts of the
+    recordings that it was not fitted to about as well as the best one. Delay and lag are those seen after
+    edges of the drive; without edges, a lag cannot be told from hysteresis and is taken as 0.
 
     Args:
         recordings: with drive_voltage [V] and stage_position [m].
