@@ -44,6 +44,10 @@ def test_evenly_spread_terms_are_logarithmic() -> None:
     assert creep.per_decade == pytest.approx(0.015)
 
 
+def test_time_constants_are_spread_over_the_decades() -> None:
+    np.testing.assert_allclose(spread(0.1, 10.0), 10.0 ** np.array([-0.75, -0.25, 0.25, 0.75]))
+
+
 def test_what_creeps_into_a_motion_is_found() -> None:
     random = np.random.default_rng(5)
     creep, times = Creep.logarithmic(0.02, 0.1, 50.0), np.arange(0.0, 20.0, 0.05)

@@ -82,8 +82,6 @@ def creeping(of: Creep, drive: Drive, end: float, rest: float, period: float | N
         x /= -np.expm1(-period / lags.tau)
     polynomial = cut.polynomial.copy()
     before = rest * (1.0 + float(shares.sum()))
-    if period is not None:
-        before = float(drive.before + shares @ x)
     creep(lags, shares, cut, end, x, polynomial)
     harmonic = cut.harmonic.copy()
     if len(harmonic):

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from .._jit import compiled, kernel
 from ..piezo.operators import Operators, next_corner, output, steepness, taken_along
+from ..units import QuantityError
 from ..waveform.drive import Drive, value_slope_curvature
 from .creeping import moved_on
 
@@ -24,6 +25,7 @@ Array = NDArray[np.float64]
 LOOKS = 8.0 / math.pi
 # Of an interval, to which an instant is found.
 INSTANT = 4e-16
+MOST_PIECES = 4_000_000
 
 
 class Pieces(NamedTuple):
@@ -165,6 +167,8 @@ def through(plays: Operators, drive: Drive, end: float, z: Array, cycle: int = 0
         if count >= 0:
             break
         room *= 4
+        if room > MOST_PIECES + 64 * drive.start.size:
+            raise QuantityError(f"hysteresis makes more than {MOST_PIECES} segments of the drive up to {end:g} s")
     rest = float(_output(plays, drive.before, before))
     made = Pieces(pieces.start[:count], pieces.source[:count], pieces.slope[:count], pieces.level[:count])
     return _table(drive, _repeated(made, drive, cycle, end) if some < end else made, rest)
@@ -174,7 +178,7 @@ def _repeated(pieces: Pieces, drive: Drive, cycle: int, end: float) -> Pieces:
     """The pieces of two periods, and the second ones again to the end."""
     second = pieces.source >= cycle
     tau = (pieces.start - drive.start[pieces.source])[second]
-    more = -(-drive.start.size // cycle) - 2
+    more = drive.start.size // cycle  # at least; what is beyond the end is cut
     source = (pieces.source[second] + cycle * np.arange(1, more + 1)[:, None]).ravel()
     there = source < drive.start.size
     source = source[there]
