@@ -168,7 +168,9 @@ def through(plays: Operators, drive: Drive, end: float, z: Array, cycle: int = 0
             break
         room *= 4
         if room > MOST_PIECES + 64 * drive.start.size:
-            raise QuantityError(f"hysteresis makes more than {MOST_PIECES} segments of the drive up to {end:g} s")
+            raise QuantityError(
+                f"hysteresis makes more than {MOST_PIECES} segments of the drive up to {end:g} s"
+            )
     rest = float(_output(plays, drive.before, before))
     made = Pieces(pieces.start[:count], pieces.source[:count], pieces.slope[:count], pieces.level[:count])
     return _table(drive, _repeated(made, drive, cycle, end) if some < end else made, rest)

@@ -145,6 +145,26 @@ def test_it_goes_into_an_actuator_and_into_a_file(tmp_path: Path) -> None:
     assert ss.verify(again, [record]).r_squared > 0.9999
 
 
+def test_a_model_that_lacks_is_noticed() -> None:
+    """By what repeats from period to period: a straight line always, the truth not."""
+    time = np.arange(6000) / RATE
+    volts = np.where(time >= 0.5, 50.0 - 50.0 * np.cos(2.0 * np.pi * (time - 0.5)), 0.0)
+    for seed in range(5):
+        of = truth(seed)._replace(delay=0.0, lag=1e-6)
+        shown = recording(of, volts, noise_of(of), seed)
+        assert not ss.identify_piezo(shown, **KNOWN).failures  # type: ignore[arg-type]
+        linear = ss.identify_piezo(shown, operators=1, asymmetric=False, creep=False)
+        assert any("does not explain recording 1" in said for said in linear.failures)
+
+
+def test_time_constants_may_be_given() -> None:
+    of = truth(3)
+    shown = recording(of, drive(3), noise_of(of))
+    fit = ss.identify_piezo(shown, creep=True, time_constants=["0.2 s", "1 s", "5 s"])
+    assert fit.model.creep.time_constants == (0.2, 1.0, 5.0)
+    assert fit.values["creep"] == pytest.approx(of.creep, rel=0.4)
+
+
 def test_without_edges_a_lag_is_not_made_up() -> None:
     of = truth(2)._replace(lag=1e-6, delay=0.0)
     volts = 50.0 - 50.0 * np.cos(2.0 * np.pi * np.arange(3000) / RATE)
@@ -162,6 +182,8 @@ def test_what_cannot_be_identified_is_refused_by_name() -> None:
     with pytest.raises(QuantityError, match=r"creep = True, but the recordings last 1\.2 s"):
         ss.identify_piezo(short, creep=True)
     assert any("creep is left out" in remark for remark in ss.identify_piezo(short).remarks)
+    with pytest.raises(QuantityError, match=r"time_constants has 30 s, which recordings of 1\.2 s do not"):
+        ss.identify_piezo(short, time_constants=["0.5 s", "30 s"])
     with pytest.raises(QuantityError, match="operators = 0 is out of range"):
         ss.identify_piezo(short, operators=0)
     with pytest.raises(QuantityError, match="must be >= 0 s"):

@@ -18,12 +18,12 @@ from ...estimate.problem import Problem, Residuals
 from ...estimate.result import Fit
 from ...piezo import Creep, Piezo, PrandtlIshlinskii
 from ...piezo.creep import PER_DECADE
-from ...units import QuantityError, optional_si
+from ...units import QuantityError, optional_si, to_si
 from ..recorded.channels import names_of, recordings_of, refuse_clipped, unit_of
 from ..recorded.known_noise import converter_step
 from ..recorded.recorded_drive import noise_level
 from .choice import chosen, range_of
-from .columns import Columns, Grid, Observed, Timing, columns, observe, refuse_one_way
+from .columns import Columns, Grid, Observed, Timing, columns, observe, refuse_one_way, repeated
 from .linear import Solution, solve
 from .prediction import PiezoPrediction
 from .timing import Edges, Lateness, edges_of, lateness
@@ -32,6 +32,8 @@ OBSERVED = "stage_position"
 FIRST_PLAYS = 8  # of the model by which rest and lateness are found
 # What a model leaves, over white noise of the positions, if that is all.
 NOISY = 1.3
+# Of its range: a drive further from its first value has moved.
+MOVED = 0.01
 # Of a sample's interval, the step of derivatives by delay and lag; and timings whose columns are kept.
 DIFFERENCE, KEPT = 0.02, 4
 
@@ -45,6 +47,7 @@ def identify_piezo(
     operators: int | None = None,
     asymmetric: bool | None = None,
     creep: bool | None = None,
+    time_constants: Sequence[float | str] = (),
     delay: float | str | None = None,
     lag: float | str | None = None,
     rest_voltage: float | str | None = None,
@@ -67,6 +70,8 @@ def identify_piezo(
         operators: number of plays; left out, chosen.
         asymmetric: whether B(u) is there; left out, chosen.
         creep: whether creep is there; left out, chosen.
+        time_constants: s, of creep, with equal shares; left out, two to the decade from 0.1 s to the length
+            of the recordings.
         delay: s, of the voltage at the piezo; left out, seen after edges.
         lag: s, of the voltage at the piezo, of first order: amplifier, capacitance and sensor; likewise.
         rest_voltage: V at which the piezo rested before each recording, reached from 0 V; left out, that
@@ -85,6 +90,7 @@ def identify_piezo(
         QuantityError: a number out of range.
         FitError: see `fit_least_squares`.
     """
+    taus = sorted(to_si(tau, "s", "time_constants") for tau in time_constants)
     given = optional_si(delay, "s", "delay"), optional_si(lag, "s", "lag")
     rest = optional_si(rest_voltage, "V", "rest_voltage")
     found = recordings_of(recordings)
@@ -100,7 +106,7 @@ def identify_piezo(
             break
         seen = [one._replace(rest=r) for one, r in zip(seen, rested, strict=True)]
         late = _lateness(seen, *given)
-    choice = chosen(seen, late.timing, operators, asymmetric, creep)
+    choice = chosen(seen, late.timing, operators, asymmetric, creep, taus)
     fit, remarks = _fitted(seen, choice.grid, late, unit)
     timing = Timing(fit.values["delay"], fit.values["lag"])
     prediction = _prediction(fit.values, choice.grid, timing, seen, observed)
@@ -248,7 +254,11 @@ class _Described:
 
 
 def _known(observed: Observed) -> KnownNoise:
-    return KnownNoise(step=converter_step(observed.position))
+    """What a recording shows of its noise: before the drive moves, and between periods that it repeats."""
+    u = observed.drive
+    moved = np.abs(u - u[0]) > MOVED * np.ptp(u)
+    at_rest = int(np.argmax(moved)) if observed.rest == u[0] else 0
+    return KnownNoise(None, at_rest, repeated(u), converter_step(observed.position))
 
 
 def _prediction(
