@@ -36,6 +36,7 @@ from .parameters import (
 )
 from .piezo.model import Piezo
 from .records import Quantity, record
+from .state_space import StateSpace
 from .units import QuantityError
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
@@ -192,6 +193,20 @@ class Actuator(NamedTuple):
     def axial_force(self) -> float:
         """Force on the end-effector along +x other than friction: external force and weight [N]."""
         return self.external_force - self.end_effector_mass * STANDARD_GRAVITY * np.sin(self.incline)
+
+    def state_space(self) -> StateSpace:
+        """The stage from voltage [V] to position [m], without contact, hysteresis and creep: one mode; of a
+        static stage the gain alone."""
+        if self.static:
+            none = np.zeros((0, 0))
+            return StateSpace(none, np.zeros((0, 1)), np.zeros((1, 0)), np.array([[self.gain]]))
+        omega, zeta = self.natural_frequency, self.damping_ratio
+        return StateSpace(
+            np.array([[0.0, 1.0], [-(omega**2), -2.0 * zeta * omega]]),
+            np.array([[0.0], [self.gain * omega**2]]),
+            np.array([[1.0, 0.0]]),
+            np.zeros((1, 1)),
+        )
 
     @classmethod
     def from_parts(

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
+from scipy.linalg import block_diag
 
 from ...estimate.blas import single_threaded
 from ...estimate.fit import fit_least_squares
@@ -26,6 +27,7 @@ from ...estimate.problem import FitError
 from ...estimate.result import Fit
 from ...estimate.separable import Design, Linear, separable
 from ...progress import Progress, unheard
+from ...state_space import StateSpace
 from ...units import to_si
 from ..free import with_ties
 
@@ -53,6 +55,22 @@ class ModalModel(NamedTuple):
     gain: np.ndarray
     rate_gain: np.ndarray
     remainder: np.ndarray
+
+    def state_space(self) -> StateSpace:
+        """The same as a linear system; states are, of each mode and input, coordinate and velocity."""
+        outputs, inputs = self.remainder.shape
+        each, omega = np.eye(inputs), self.natural_frequency
+        blocks = [
+            np.kron(each, [[0.0, 1.0], [-(w**2), -2.0 * zeta * w]])
+            for w, zeta in zip(omega, self.damping_ratio, strict=True)
+        ]
+        b = np.asarray(np.tile(np.kron(each, [[0.0], [1.0]]), (omega.size, 1)), dtype=float)
+        c = [
+            np.stack([gain * w**2, rate * w], axis=2).reshape(outputs, 2 * inputs)
+            for w, gain, rate in zip(omega, self.gain, self.rate_gain, strict=True)
+        ]
+        a = np.asarray(block_diag(*blocks), dtype=float)
+        return StateSpace(a, b, np.hstack(c), self.remainder, self.delay)
 
 
 def modal_response(model: ModalModel, frequency: np.ndarray) -> np.ndarray:
