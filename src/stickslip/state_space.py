@@ -36,7 +36,8 @@ class StateSpace(NamedTuple):
 
     def to_control(self, order: int = 3) -> Any:
         """As ``control.StateSpace`` of python-control (the extra "control"), whose `bode_plot`, `tf` and
-        loops take it; the delay becomes a Padé approximation.
+        loops take it; the delay becomes a Padé approximation, one below 0, as a
+        fit may have it, is left out.
 
         Args:
             order: of that approximation.
@@ -49,7 +50,7 @@ class StateSpace(NamedTuple):
         except ImportError:
             raise QuantityError("to_control needs python-control: pip install 'stickslip[control]'") from None
         made = control.ss(self.a, self.b, self.c, self.d)
-        if self.delay == 0.0:
+        if self.delay <= 0.0:
             return made
         if order < 1:
             raise QuantityError(f"order = {order} is out of range: a Padé approximation has an order >= 1")
