@@ -138,7 +138,7 @@ def identify_frequency(
     response = response.expand_dims(missing).transpose("frequency", "output", "input")
     if not np.all(response["deviation"] > 0):
         raise FitError("the responses have no deviations: they need more realisations or periods")
-    kind = _Kind(complex_modes, remainder)
+    kind = Kind(complex_modes, remainder)
     starts, delay = _found(response, modes, kind) if isinstance(modes, int) else (list(modes), 0.0)
     options: dict[str, Any] = {"noise_known": noise_known, "correlated": correlated, "progress": progress}
     options["tied"] = tied
@@ -150,7 +150,7 @@ def identify_frequency(
     return fit
 
 
-def _found(response: xr.Dataset, n_modes: int, kind: _Kind) -> tuple[list[tuple[float, float]], float]:
+def _found(response: xr.Dataset, n_modes: int, kind: Kind) -> tuple[list[tuple[float, float]], float]:
     """Starts of so many modes, and of the delay: each mode explains most of what those before it left.
 
     All lines count alike here: weighed by their deviations, quiet bands would be served before large motion.
@@ -175,7 +175,9 @@ def _found(response: xr.Dataset, n_modes: int, kind: _Kind) -> tuple[list[tuple[
     return starts, delay
 
 
-class _Kind(NamedTuple):
+class Kind(NamedTuple):
+    """Which coefficients a model has beside the gains."""
+
     complex_modes: bool
     remainder: bool
 
@@ -187,7 +189,7 @@ class _Kind(NamedTuple):
 
 
 def _fit(
-    response: xr.Dataset, starts: Sequence[tuple[float, float]], delay: float, kind: _Kind, **options: Any
+    response: xr.Dataset, starts: Sequence[tuple[float, float]], delay: float, kind: Kind, **options: Any
 ) -> Fit:
     frequency = response["frequency"].to_numpy()
     outputs, inputs = response["output"].to_numpy(), response["input"].to_numpy()
@@ -206,7 +208,7 @@ def _fit(
         deviation = response["deviation"].to_numpy()[:, o, i]
         recordings.append(
             Linear(
-                _real_over_imaginary(measured),
+                real_over_imaginary(measured),
                 np.tile(deviation / math.sqrt(2), 2),
                 tuple((name + channel, unit) for name in kind.names(len(starts))),
                 f"response{channel}",
@@ -215,7 +217,7 @@ def _fit(
         )
 
     def designs(values: Values) -> list[Design]:
-        return [_design(frequency, np.array([values[name] for name in names]), kind)] * len(recordings)
+        return [modal_design(frequency, np.array([values[name] for name in names]), kind)] * len(recordings)
 
     about = {name: options.pop(name) for name in ("noise_known", "correlated") if name in options}
     problem = separable(recordings, designs, with_ties(parameters, options.pop("tied", None)), **about)
@@ -233,17 +235,24 @@ def pole_parameters(starts: Sequence[tuple[float, float]], limits: tuple[float, 
     return parameters
 
 
-def _model(fit: Fit, names: Sequence[str], n_outputs: int, n_inputs: int, kind: _Kind) -> ModalModel:
+def _model(fit: Fit, names: Sequence[str], n_outputs: int, n_inputs: int, kind: Kind) -> ModalModel:
     """Of a fit whose coefficients come after the poles and the delay, whose `names` are given."""
     *poles, delay = (fit.values[name] for name in names)
-    n_modes = len(poles) // 2
     rest = np.array([fit.values[p.name] for p in fit.parameters if p.name not in names])
-    coefficients = np.moveaxis(rest.reshape(n_outputs, n_inputs, -1), -1, 0)
-    zero = np.zeros((n_modes, n_outputs, n_inputs))
+    return modal_model(
+        np.array([*poles, delay]), np.moveaxis(rest.reshape(n_outputs, n_inputs, -1), -1, 0), kind
+    )
+
+
+def modal_model(poles: np.ndarray, coefficients: np.ndarray, kind: Kind) -> ModalModel:
+    """The record of natural frequency and damping ratio of each mode, then the delay, and of the coefficients
+    (names of `kind`, outputs, inputs)."""
+    n_modes = len(poles) // 2
+    zero = np.zeros((n_modes, *coefficients.shape[1:]))
     return ModalModel(
-        np.array(poles[0::2]),
-        np.array(poles[1::2]),
-        float(delay),
+        poles[0:-1:2],
+        poles[1:-1:2],
+        float(poles[-1]),
         coefficients[:n_modes],
         coefficients[n_modes : 2 * n_modes] if kind.complex_modes else zero,
         coefficients[-1] if kind.remainder else zero.sum(axis=0),
@@ -257,11 +266,12 @@ def _modes(s: np.ndarray, omega: np.ndarray, zeta: np.ndarray) -> tuple[np.ndarr
     return mode, mode * s / omega
 
 
-def _real_over_imaginary(values: np.ndarray) -> np.ndarray:
+def real_over_imaginary(values: np.ndarray) -> np.ndarray:
+    """Complex values, shape (n, ...), as real ones, (2 n, ...)."""
     return np.concatenate([np.real(values), np.imag(values)])
 
 
-def _design(frequency: np.ndarray, values: np.ndarray, kind: _Kind) -> Design:
+def modal_design(frequency: np.ndarray, values: np.ndarray, kind: Kind) -> Design:
     """Real over imaginary parts of the modes' responses, and their derivatives by poles and delay."""
     omega, zeta, delay = values[0:-1:2], values[1:-1:2], values[-1]
     s = 2j * np.pi * frequency
@@ -281,6 +291,6 @@ def _design(frequency: np.ndarray, values: np.ndarray, kind: _Kind) -> Design:
         slopes[:, 0:-1:2] = a * by_omega + b * rate_by_omega
         slopes[:, 1:-1:2] = by_zeta * (a + b * s / omega)
         slopes[:, -1] = -s[:, 0] * (basis @ x)
-        return _real_over_imaginary(slopes)
+        return real_over_imaginary(slopes)
 
-    return Design(_real_over_imaginary(basis), tangent)
+    return Design(real_over_imaginary(basis), tangent)
