@@ -94,6 +94,7 @@ def predict_response(
     drive: ArrayLike | xr.Dataset,
     sample_rate: float | str | None = None,
     *,
+    amplitude: float | str | None = None,
     periodic: bool = True,
 ) -> Array:
     """The response to a drive, each realisation at its own amplitude.
@@ -102,6 +103,7 @@ def predict_response(
         drive: V, shape (samples,), (samples, inputs) or (samples, inputs, realisations); or a recording with
             drive_voltage, of an actuator with one input.
         sample_rate: Hz; of a recording, its own.
+        amplitude: V rms; left out, that of the whole drive over all inputs, which a long rest would lower.
         periodic: the drive is whole periods of a steady state, without power above half the sample rate;
             otherwise it begins at rest, and is held from sample to sample.
 
@@ -114,7 +116,7 @@ def predict_response(
     Warns:
         RecordingWarning: see `at_amplitude`.
     """
-    rate = optional_si(sample_rate, "Hz", "sample_rate")
+    rate, rms = optional_si(sample_rate, "Hz", "sample_rate"), optional_si(amplitude, "V", "amplitude")
     if isinstance(drive, xr.Dataset):
         (name,) = names_of([drive])
         time = drive["time"].to_numpy()
@@ -130,10 +132,12 @@ def predict_response(
         )
     found = np.empty((len(volts), n_outputs, volts.shape[2]))
     for r in range(volts.shape[2]):
-        own, u = at_amplitude(model, drive_rms(volts[..., r])), volts[..., r]
+        u = volts[..., r]
+        own = at_amplitude(model, drive_rms(u) if rms is None else rms)
         found[..., r] = steady_response(own, u, rate) if periodic else held_response(own, u, rate)
-    shape = (len(volts), n_outputs, volts.shape[2])[: given.ndim]
-    return found.reshape(shape if given.ndim > 1 or n_outputs > 1 else len(volts))
+    if given.ndim == 1 and n_outputs == 1:
+        return found[:, 0, 0]
+    return found if given.ndim == 3 else found[..., 0]
 
 
 def law(ratio: float | Array, p: float) -> Array:
