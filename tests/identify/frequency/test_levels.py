@@ -176,7 +176,7 @@ def test_one_channel_by_a_recording() -> None:
 def test_modes_that_move_by_many_widths_are_followed() -> None:
     rng = np.random.default_rng(12)
     truth = random_truth(rng)._replace(
-        zeta=np.full(3, 0.01), softening=np.array([-0.1, -0.105, -0.11]), loss=np.zeros(3), exponent=1.0
+        zeta=np.full(3, 0.008), softening=np.array([-0.2, -0.205, -0.21]), loss=np.zeros(3), exponent=1.0
     )
     levels = (0.05, 0.1, 0.2, 0.4)
     fit = identify_levels(measured(truth, rng, levels), 3)
