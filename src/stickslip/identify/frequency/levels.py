@@ -22,11 +22,13 @@ from .amplitude import ALIKE, AmplitudeModel, law, law_by_exponent
 from .modal import (
     LINES_IN_SEARCH,
     Kind,
+    ModalModel,
     identify_frequency,
     modal_design,
     modal_model,
     pole_parameters,
     real_over_imaginary,
+    starts_of,
 )
 
 Array = NDArray[np.float64]
@@ -42,7 +44,7 @@ SHIFTS = np.linspace(-0.2, 0.2, 81)
 @single_threaded
 def identify_levels(
     responses: Sequence[xr.Dataset],
-    modes: int | Sequence[tuple[float | str, float]],
+    modes: int | Sequence[tuple[float | str, float]] | ModalModel,
     amplitudes: Sequence[float | str] | None = None,
     *,
     exponent: float | None = None,
@@ -57,7 +59,7 @@ def identify_levels(
     Args:
         responses: one for each level, as `frequency_response` gives them, or selections of the same outputs
             and inputs; weighed as by `identify_frequency`.
-        modes: how many, or the start of each, at the level in the middle; see `identify_frequency`.
+        modes: how many, or their starts, at the level in the middle; see `identify_frequency`.
         amplitudes: V rms of the drive at each level; left out, the "drive_rms" that each response has.
         exponent: of the law, see `amplitude`; left out, it is fitted to three levels or more, and taken as
             0.5 for two, which do not show it.
@@ -74,8 +76,7 @@ def identify_levels(
             `identify_frequency`.
     """
     given = None if amplitudes is None else [to_si(one, "V", "amplitudes") for one in amplitudes]
-    if not isinstance(modes, int):
-        modes = [(to_si(frequency, "Hz", "modes"), damping) for frequency, damping in modes]
+    starts_of(modes)
     volts = _amplitudes(responses, given)
     order = np.argsort(volts)
     volts, levels = volts[order], [_with_channels(responses[i]) for i in order]

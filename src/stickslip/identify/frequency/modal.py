@@ -98,7 +98,7 @@ def steady_response(model: ModalModel, drive: np.ndarray, sample_rate: float) ->
 @single_threaded
 def identify_frequency(
     response: xr.Dataset,
-    modes: int | Sequence[tuple[float | str, float]] = 1,
+    modes: int | Sequence[tuple[float | str, float]] | ModalModel = 1,
     *,
     complex_modes: bool = True,
     remainder: bool = True,
@@ -113,8 +113,9 @@ def identify_frequency(
         response: as `frequency_response` gives it, or a selection of its outputs, inputs or frequencies. Each
             line weighs by its `deviation`; a model of too few modes may want equal ones, to follow what moves
             most rather than what is best known.
-        modes: how many, or the start of each: natural frequency [Hz] and damping ratio. By their number, they
-            are found one after the other, each where it explains most of what is left.
+        modes: how many, or the start of each: natural frequency [Hz] and damping ratio; or a model to start
+            from, its delay as well. By their number, they are found one after the other, each where it
+            explains most of what is left.
         complex_modes: fit rate gains (B) as well.
         remainder: fit the remainder (D).
         noise_known: take the deviations in `response` as they are; by default the misfit sets their level.
@@ -132,14 +133,13 @@ def identify_frequency(
         QuantityError: an expression that ties is wrong.
         FitError: no deviations in `response`, or too few frequencies for so many modes.
     """
-    if not isinstance(modes, int):
-        modes = [(to_si(frequency, "Hz", "modes"), damping) for frequency, damping in modes]
+    given = starts_of(modes)
     missing = [d for d in ("output", "input") if d not in response["response"].dims]
     response = response.expand_dims(missing).transpose("frequency", "output", "input")
     if not np.all(response["deviation"] > 0):
         raise FitError("the responses have no deviations: they need more realisations or periods")
     kind = Kind(complex_modes, remainder)
-    starts, delay = _found(response, modes, kind) if isinstance(modes, int) else (list(modes), 0.0)
+    starts, delay = _found(response, given, kind) if isinstance(given, int) else given
     options: dict[str, Any] = {"noise_known": noise_known, "correlated": correlated, "progress": progress}
     options["tied"] = tied
     fit = _fit(response, sorted(starts), delay, kind, **options)
@@ -148,6 +148,22 @@ def identify_frequency(
         starts = sorted(zip(frequencies / (2 * np.pi), dampings, strict=True))
         fit = _fit(response, starts, delay, kind, **options)
     return fit
+
+
+def starts_of(
+    modes: int | Sequence[tuple[float | str, float]] | ModalModel,
+) -> int | tuple[list[tuple[float, float]], float]:
+    """How many modes; or natural frequency [Hz] and damping ratio of each, and the delay [s].
+
+    Raises:
+        QuantityError: a frequency is none.
+    """
+    if isinstance(modes, ModalModel):
+        poles = zip(modes.natural_frequency / (2 * np.pi), modes.damping_ratio, strict=True)
+        return [(float(frequency), float(damping)) for frequency, damping in poles], modes.delay
+    if isinstance(modes, int):
+        return modes
+    return [(to_si(frequency, "Hz", "modes"), damping) for frequency, damping in modes], 0.0
 
 
 def _found(response: xr.Dataset, n_modes: int, kind: Kind) -> tuple[list[tuple[float, float]], float]:
