@@ -225,6 +225,38 @@ def test_a_linear_plant_has_no_slopes() -> None:
     )
 
 
+def after_hysteresis(drive: np.ndarray, share: float, thresholds: np.ndarray) -> np.ndarray:
+    """Play operators of equal weight on a periodic drive (samples, ...), in the steady state, one by one."""
+    state, found = np.zeros((thresholds.size, *drive.shape[1:])), np.empty_like(drive)
+    half = thresholds.reshape(-1, *(1,) * (drive.ndim - 1))
+    for _ in range(2):
+        for n, u in enumerate(drive):
+            state = np.clip(state, u - half, u + half)
+            found[n] = u + share * state.sum(axis=0)
+    return found
+
+
+def test_rayleigh_hysteresis_has_the_exponent_one() -> None:
+    """Thresholds spread evenly beyond the drive: what hysteresis adds goes with the square of the drive,
+    so the gain goes with the drive, and the natural frequencies behind it stay."""
+    rng = np.random.default_rng(20)
+    base = drives(rng, 1.0, samples=2000)
+    truth = random_truth(rng)
+    thresholds = np.linspace(0.0, 1.2 * np.ptp(base), 400)[1:]
+    plant = truth._replace(softening=np.zeros(3), loss=np.zeros(3), growth=0 * truth.growth)
+    responses = []
+    for rms in (0.25, 0.5, 1.0):
+        seen = plant.steady(after_hysteresis(rms * base, 0.002, thresholds))
+        responses.append(frequency_response(rms * base, seen, SAMPLE_RATE, band=(20.0, 1000.0)))
+    fit = identify_levels(responses, 3)
+    assert fit.model.exponent == pytest.approx(1.0, abs=0.1)
+    # More of the drive comes through at every amplitude: no mode loses gain, none moves by much.
+    largest = np.abs(fit.model.reference.gain) > 0.5e-6
+    growth = (fit.model.slope.gain / fit.model.reference.gain)[largest]
+    assert np.all((growth > 0.02) & (growth < 0.08))
+    assert fit.model.slope.natural_frequency == pytest.approx(0.0, abs=1e-3)
+
+
 @pytest.mark.parametrize("exponent", [-1.5, -1e-3, -1e-9, 0.0, 1e-9, 1e-6, 1e-3, 0.5, 1.0, 3.0])
 def test_the_law_of_the_amplitude(exponent: float) -> None:
     ratio = np.geomspace(0.1, 10.0, 41)

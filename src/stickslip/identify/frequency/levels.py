@@ -33,7 +33,7 @@ from .modal import (
 
 Array = NDArray[np.float64]
 
-# Near what three levels of a mirror's piezos show (0.52 to 0.55); with 1, the two outer ones predict worse.
+# As three levels of a mirror's piezos show (0.41 to 0.60); with 1, the two outer ones predict worse.
 TWO_LEVELS_EXPONENT = 0.5
 LEAST_EXPONENT, MOST_EXPONENT = -3.0, 4.0
 STEEPEST = 1.0  # slope of a pole: its relative change by that of the amplitude
