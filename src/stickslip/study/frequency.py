@@ -84,6 +84,8 @@ class FrequencyStudy(Study):
             raise refused("give either 'held_out' or the files to 'test'")
         if self.one_model and len(self.levels) < 2:
             raise refused("'one_model' needs two levels or more")
+        if self.one_model and self.tied:
+            raise refused("'tied' is for models of single levels, not for 'one_model'")
         return self
 
     def run(self, folder: Path, progress: Progress) -> Document:
@@ -91,8 +93,8 @@ class FrequencyStudy(Study):
         share = 0.6 if self.one_model else 1.0
         read = [self._read(level, folder) for level in self.levels]
         progress("finding the modes", 0.0)
-        middle = read[len(read) // 2].weighted
-        models = [started(middle, modes) for modes in self.modes]
+        by_drive = sorted(read, key=lambda data: float(data.measured["drive_rms"]))
+        models = [started(by_drive[len(read) // 2].weighted, modes) for modes in self.modes]
         results = []
         for i, data in enumerate(read):
             progress(f"fitting the response at {data.level.name}", share * (i + 0.5) / len(read))
@@ -121,6 +123,7 @@ class FrequencyStudy(Study):
         unseen = (drive[:, :, last:], response[:, :, last:]) if last else ()
         if level.test:
             unseen = tuple(_array(source, folder) for source in (level.test.drive, level.test.response))
+            _check_test(level.name, unseen, (drive.shape[1], response.shape[1]))
         # The mean over the periods, without the offset of the sensor: the steady state that the model has.
         tested, steady = (array.mean(axis=3) for array in unseen)
         steady = steady[:, channels] - steady[:, channels].mean(axis=0)
@@ -182,6 +185,16 @@ def _array(source: SourceFile, folder: Path) -> NDArray[np.float64]:
             f"{path} has the shape {array.shape}, not (samples, channels, realisations, periods)"
         )
     return array
+
+
+def _check_test(name: str, test: tuple[NDArray[np.float64], ...], channels: tuple[int, int]) -> None:
+    """Raise StudyError unless files to test have the level's channels, and as much of drive and response."""
+    drive, response = (array.shape for array in test)
+    if (drive[0], *drive[2:]) != (response[0], *response[2:]) or (drive[1], response[1]) != channels:
+        raise StudyError(
+            f"test of {name}: drive {drive} and response {response} do not fit each other, or the level's "
+            f"{channels[0]} inputs and {channels[1]} outputs"
+        )
 
 
 def _static_gain(fit: Fit) -> Number:
