@@ -5,6 +5,7 @@ r"""A linear system from voltages to positions, with a delay: for control and fr
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -46,7 +47,7 @@ class StateSpace(NamedTuple):
             QuantityError: python-control is not installed, or the order is below 1.
         """
         try:
-            import control
+            control: Any = import_module("control")
         except ImportError:
             raise QuantityError("to_control needs python-control: pip install 'stickslip[control]'") from None
         made = control.ss(self.a, self.b, self.c, self.d)
