@@ -7,10 +7,13 @@ noise.
 
 from .amplifier import Amplifier as Amplifier
 from .amplifier import amplifier_output as amplifier_output
+from .amplifier import small_signal_bandwidth as small_signal_bandwidth
 from .converter import Adc as Adc
 from .converter import Dac as Dac
 from .converter import adc_output as adc_output
 from .converter import dac_output as dac_output
+from .driven import driven as driven
+from .driven import driven_period as driven_period
 from .filters import Filter as Filter
 from .filters import filtered as filtered
 from .inductive import InductiveSensor as InductiveSensor
