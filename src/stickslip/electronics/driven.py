@@ -5,8 +5,9 @@ in closed form (see `charging`); half of the tolerance is for either. A lag and 
 error on enlarged, so the tolerance is a bound; where the current folds back (see `amplifier`), the moment at
 which it does moves with the target, and the tolerance is an estimate.
 
-Under a periodic drive the first periods differ, later ones repeat: as soon as a period ends in the state that
-it began in, but for a small part of the tolerance, the last one is repeated.
+Under a periodic drive the first periods differ, later ones repeat: as soon as a period ends so close to the
+state that it began in that all later ones together move on by no more than a small part of the tolerance, it
+is repeated.
 """
 
 from __future__ import annotations
@@ -26,8 +27,8 @@ from .lines import Lines, clipped, jumps, lines_of
 
 Array = NDArray[np.float64]
 
-# Of the tolerance, what later periods may still differ by from the one that is repeated; of the square of
-# the rms current, what its mean square may.
+# Of the tolerance, what all later periods may together move on by from the one that is repeated; of the square
+# of the rms current, what the mean square may.
 _SAME_VOLTS, _SAME_SQUARE = 0.02, 1e-4
 _MOST_PERIODS = 100_000
 
@@ -70,7 +71,7 @@ def driven(
     period = _endless(waveform)
     if period is None or duration < 2.0 * period:
         asked = _asked(of, amplifier, waveform, duration, tolerance)
-        return Sampled(*charged(of, *asked[1:], rest(asked.before), 0.5 * tolerance))
+        return Sampled(*_answer(of, asked, rest(asked.before), tolerance))
     asked = _asked(of, amplifier, waveform, period, tolerance)
     whole = math.floor(duration / period * (1.0 + SLIVER))
     times, volts, state, repeats = _until_it_repeats(of, asked, tolerance, whole)
@@ -82,7 +83,7 @@ def driven(
     left = duration - whole * period
     if left > SLIVER * duration:
         asked = _asked(of, amplifier, waveform, left, tolerance)
-        more, last = charged(of, *asked[1:], state, 0.5 * tolerance)
+        more, last = _answer(of, asked, state, tolerance)
         times.append(more + whole * period)
         volts.append(last)
     return Sampled(*_joined(times, volts))
@@ -128,7 +129,10 @@ def _asked(of: Limits, amplifier: Amplifier, waveform: Waveform, duration: float
         raise QuantityError(f"{type(waveform).__name__} is in {waveform.unit}: an amplifier gives volts")
     lines = lines_of(waveform.drive(duration), duration, 0.5 * tolerance)
     asked = clipped(lines, amplifier.low, amplifier.high)
-    if of.tau == 0.0 and math.isinf(of.rate) and np.abs(jumps(asked)[0]).max() > tolerance:
+    jumped = np.abs(jumps(asked)[0]).max()
+    if _endless(waveform) is not None:  # at the end of a period too
+        jumped = max(jumped, abs(asked.values[0] - asked.end))
+    if of.tau == 0.0 and math.isinf(of.rate) and jumped > tolerance:
         raise QuantityError(
             f"{type(waveform).__name__} jumps beyond {with_prefix(amplifier.low, 'V')} to "
             f"{with_prefix(amplifier.high, 'V')}, and the amplifier would jump with it: give it a bandwidth, "
@@ -137,37 +141,35 @@ def _asked(of: Limits, amplifier: Amplifier, waveform: Waveform, duration: float
     return asked
 
 
+def _answer(of: Limits, asked: Lines, state: Array, tolerance: float) -> tuple[Array, Array]:
+    """Times and volts of the output, from the state on, which is left as it is at the end."""
+    if of.tau == 0.0 and math.isinf(of.rate):  # it does as it is told
+        state[0] = asked.end
+        return asked.bounds, np.append(asked.values, state[0])
+    return charged(of, *asked[1:], state, 0.5 * tolerance)
+
+
 def _until_it_repeats(
     of: Limits, asked: Lines, tolerance: float, most: int, keep: bool = True
 ) -> tuple[list[Array], list[Array], Array, bool]:
     """Period after period, until one ends as it began: times, from the begin of the first one, and volts of
     each (of the last one only, unless they are to be kept); the state at the end; whether it repeats."""
     state, times, volts = rest(asked.before), list[Array](), list[Array]()
-    period, moved = asked.bounds[-1], np.full(2, math.inf)
+    period = asked.bounds[-1]
     for k in range(most):
         before = state.copy()
-        t, u = charged(of, *asked[1:], state, 0.5 * tolerance)
+        t, u = _answer(of, asked, state, tolerance)
         if not keep:
             times, volts = [], []
         times.append(t + k * period)
         volts.append(u)
-        last, moved = moved, np.abs(state - before)[:2]
-        if _settles(of, moved, last, state, tolerance):
+        moved = np.abs(state - before)
+        # A lag and a limit of the slope bring two outputs no further apart, so no later period moves more;
+        # of the mean square a fixed part of what is lacking is forgotten in each.
+        lacks = -moved[1] / math.expm1(-period / of.memory) if math.isfinite(of.memory) else 0.0
+        if moved[0] * (most - k) <= _SAME_VOLTS * tolerance and lacks <= _SAME_SQUARE * of.steady_square:
             return times, volts, state, True
     return times, volts, state, False
-
-
-def _settles(of: Limits, moved: Array, last: Array, state: Array, tolerance: float) -> bool:
-    """Whether the state is where it will be, if what it moves by in a period falls as it fell in the last."""
-    small = np.array([_SAME_VOLTS * tolerance, _SAME_SQUARE * of.steady_square])
-    if math.isinf(of.memory):
-        small[1] = math.inf
-    if not np.all((moved <= small) & (np.isfinite(last) | (moved == 0.0))):  # how it falls takes two periods
-        return False
-    with np.errstate(divide="ignore", invalid="ignore"):
-        left = np.where(moved > 0.0, moved / np.maximum(last / moved - 1.0, 0.0), 0.0)
-    still = state[1] + left[1] < of.steady_square or state[2] > 0.0 or bool(left[1] == 0.0)
-    return bool(np.all(left <= small)) and (math.isinf(of.memory) or still)
 
 
 def _joined(times: list[Array], volts: list[Array]) -> tuple[Array, Array]:

@@ -26,6 +26,16 @@ class Lines(NamedTuple):
     values: Array
     slopes: Array
 
+    @property
+    def ends(self) -> Array:
+        """V, of each line"""
+        return self.values + self.slopes * np.diff(self.bounds)
+
+    @property
+    def end(self) -> float:
+        """V, of the last line"""
+        return float(self.ends[-1])
+
 
 def lines_of(drive: Drive, duration: float, tolerance: float) -> Lines:
     """A drive for 0 <= t < duration [s] as lines that leave it by at most the tolerance [V]."""
@@ -104,5 +114,4 @@ def clipped(lines: Lines, low: float, high: float) -> Lines:
 
 def jumps(lines: Lines) -> tuple[Array, Array]:
     """What is jumped at each bound but the last [V], the first of them from rest; and the times of them."""
-    ends = lines.values + lines.slopes * np.diff(lines.bounds)
-    return lines.values - np.append(lines.before, ends[:-1]), lines.bounds[:-1]
+    return lines.values - np.append(lines.before, lines.ends[:-1]), lines.bounds[:-1]
