@@ -27,8 +27,8 @@ from .lines import Lines, clipped, jumps, lines_of
 
 Array = NDArray[np.float64]
 
-# Of the tolerance, what all later periods may together move on by from the one that is repeated; of the square
-# of the rms current, what the mean square may.
+# Of the tolerance, what all later periods may together move on by from the one that is repeated; of the
+# square of the rms current, what the mean square may.
 _SAME_VOLTS, _SAME_SQUARE = 0.02, 1e-4
 _MOST_PERIODS = 100_000
 
