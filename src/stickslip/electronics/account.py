@@ -109,7 +109,7 @@ def electrical(
 
 def _points(source: Any, duration: float | None, tolerance: float) -> tuple[Array, Array]:
     """Times [s] and voltages of the run, joined by lines."""
-    if not hasattr(source, "drive"):
+    if isinstance(source, Mapping):
         return _samples(source)
     if duration is None or not 0.0 < duration < math.inf:
         raise QuantityError(f"duration = {duration} s: of a waveform it must be said, > 0 s and finite")
@@ -118,10 +118,10 @@ def _points(source: Any, duration: float | None, tolerance: float) -> tuple[Arra
         raise QuantityError(f"{name} is in {source.unit}: a piezo is driven by volts")
     lines = lines_of(source.drive(duration), duration, tolerance)
     jumped, at = jumps(lines)
-    worst = int(np.argmax(np.abs(jumped)))
-    if abs(jumped[worst]) > 2.0 * tolerance:
+    far = np.flatnonzero(np.abs(jumped) > 2.0 * tolerance)
+    if far.size:
         raise QuantityError(
-            f"{name} jumps by {with_prefix(float(jumped[worst]), 'V')} at {at[worst]:g} s, which takes an "
+            f"{name} jumps by {with_prefix(float(jumped[far[0]]), 'V')} at {at[far[0]]:g} s, which takes an "
             "infinite current: electronics.driven says what an amplifier makes of it"
         )
     return lines.bounds, np.append(lines.values, lines.end)

@@ -8,6 +8,7 @@ large ones.
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,13 +18,12 @@ Index = NDArray[np.int64]
 
 
 def turning_points(values: Array) -> Index:
-    """Where a signal turns, its first and last sample included; a flat stretch turns at its end."""
-    if values.size < 2:
-        return np.arange(values.size)
-    moving = np.flatnonzero(np.diff(values))
-    ways = np.sign(np.diff(values)[moving])
-    turns = moving[np.flatnonzero(np.diff(ways)) + 1]
-    return np.unique(np.concatenate([[0], turns, [values.size - 1]])).astype(np.int64)
+    """Where a signal begins to move, turns (a flat stretch at its begin), and ends to move; none if it never
+    does."""
+    step = np.diff(values)
+    moving = np.flatnonzero(step)
+    turns = moving[np.flatnonzero(np.diff(np.sign(step[moving])))] + 1
+    return np.concatenate([moving[:1], turns, moving[-1:] + 1])
 
 
 def half_cycles(values: Array) -> tuple[Array, Index, Index]:
@@ -48,7 +48,7 @@ def half_cycles(values: Array) -> tuple[Array, Index, Index]:
             note(inner, b, c)
             note(inner, c, d)
             del open_points[-3:-1]
-    for begin, end in zip(open_points[:-1], open_points[1:], strict=True):
+    for begin, end in pairwise(open_points):
         note(abs(volts[end] - volts[begin]), begin, end)
     return np.array(swings), np.array(begins, dtype=np.int64), np.array(ends, dtype=np.int64)
 

@@ -1,4 +1,4 @@
-r"""What a piezo stack is to its amplifier, and to its surroundings: a capacitance that loses energy, and heat.
+r"""A piezo stack as its amplifier and its surroundings see it: a capacitance with losses, and heat.
 
 .. math:: E(U) = \frac{\pi}{4} C \tan\delta \, m(U) \, U^2, \qquad
           m(U) = 1 + (M - 1) \frac{U}{U_{full}}, \qquad
@@ -10,7 +10,7 @@ data sheet alone are wrong by an order of magnitude. Between, the loss tangent i
 the field, as Rayleigh's law has it: an assumption. Loss within the stack's mechanics is not in it, nor what
 the leads and the amplifier lose.
 
-One temperature for the whole stack: right where the stack's own resistance to heat is small beside that to its
+One temperature for the whole stack: right where its own resistance to heat is small beside that to its
 surroundings, as of a short one, or in still air; the core of a long stack that is cooled well is warmer.
 """
 
@@ -32,8 +32,8 @@ TEMPERATURE = Quantity("K", "ϑ", "temperature", minimum=0)
 
 @record
 class Stack(NamedTuple):
-    """See the module. `capacitance` and `loss_tangent` are those of the data sheet, of small signals; `current`
-    flows into `capacitance_factor` times that, which may be 1.5 [useurotek]."""
+    """See the module. `capacitance` and `loss_tangent` are those of the data sheet, of small signals; the
+    current flows into `capacitance_factor` times that, which may be 1.5 [useurotek]."""
 
     capacitance: Annotated[float, Quantity("F", "C", "capacitance at small signals", above=0)]
     loss_tangent: Annotated[float, Quantity("", "tan δ", "loss tangent at small signals", minimum=0)]
@@ -79,8 +79,8 @@ class TemperatureDependence(NamedTuple):
     def _check(self) -> None:
         if not self.low <= self.reference <= self.high:
             raise QuantityError(
-                f"TemperatureDependence.reference = {self.reference:g} K is out of range: it must be from low = "
-                f"{self.low:g} K to high = {self.high:g} K"
+                f"TemperatureDependence.reference = {self.reference:g} K is out of range: it must be from "
+                f"low = {self.low:g} K to high = {self.high:g} K"
             )
         for field in ("gain", "capacitance"):
             slope = getattr(self, field)
