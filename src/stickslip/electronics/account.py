@@ -21,6 +21,8 @@ from .stack import TEMPERATURE, Stack
 
 Array = NDArray[np.float64]
 
+_WARMING = 0.02  # of the stack's time constant: points no farther apart show how it warms and cools
+
 _OVER_TIME = {
     "drive_voltage": ("V", "drive voltage"),
     "current": ("A", "current"),
@@ -60,7 +62,8 @@ def electrical(
         tolerance: V, greatest error of the lines by which a waveform is drawn.
 
     Returns:
-        Over "time": `drive_voltage` [V], `charge` [C] and `temperature` [K] at each point, `current` [A],
+        Over "time", which is that of the lines or samples, and closer where the stack's temperature bends:
+        `drive_voltage` [V], `charge` [C] and `temperature` [K] at each point, `current` [A],
         `reactive_power` (into the field, negative: out of it) and `loss_power` [W] from it to the next. Of
         the whole: `peak_current`, `rms_current`, `mean_loss`, and `steady_temperature`, which it would have
         at last if it went on like this.
@@ -75,6 +78,7 @@ def electrical(
     if not volts_off > 0.0:
         raise QuantityError(f"tolerance = {volts_off:g} V is out of range: it must be > 0 V")
     times, volts = _points(source, seconds, volts_off)
+    times, volts = _closer(times, volts, _WARMING * stack.time_constant)
     step = np.diff(times)
     current = stack.load * np.diff(volts) / step
     stored = 0.5 * stack.load * np.diff(volts * volts) / step
@@ -125,6 +129,17 @@ def _points(source: Any, duration: float | None, tolerance: float) -> tuple[Arra
             "infinite current: electronics.driven says what an amplifier makes of it"
         )
     return lines.bounds, np.append(lines.values, lines.end)
+
+
+def _closer(times: Array, volts: Array, farthest: float) -> tuple[Array, Array]:
+    """The points, and more on the lines between those that are farther apart [s]."""
+    parts = np.maximum(np.ceil(np.diff(times) / farthest), 1.0).astype(np.int64)
+    if parts.max() == 1:
+        return times, volts
+    which = np.repeat(np.arange(parts.size), parts)
+    share = (np.arange(which.size) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[which]
+    finer = times[which] + share * np.diff(times)[which]
+    return np.append(finer, times[-1]), np.append(volts[which] + share * np.diff(volts)[which], volts[-1])
 
 
 def _samples(recording: Any) -> tuple[Array, Array]:
