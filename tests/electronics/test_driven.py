@@ -182,6 +182,17 @@ def test_after_a_rest_the_peak_is_there_again() -> None:
     assert any(abs(slope - 500.0) < 1e-6)
 
 
+def test_a_short_window_under_a_slow_drive_is_none() -> None:
+    """Long before the current falls off, the window is over; and nothing is computed in steps of it."""
+    peak = amplifier(bandwidth=4.0, max_current=0.5e-3, rms_current=0.3e-3, peak_duration="3 us")
+    steady = amplifier(bandwidth=4.0, max_current=0.3e-3)
+    slow = ss.waveform.Cycloid(60.0, 0.02, rise_fraction=0.7)
+    t = np.linspace(0.0, 99.0, 2001)
+    found, expected = (driven(of, slow, 1e-4, 100.0).value(t) for of in (peak, steady))  # type: ignore[attr-defined]
+    np.testing.assert_allclose(found, expected, atol=0.01)
+    assert np.abs(found - slow.value(t)).max() > 1.0
+
+
 def test_under_a_sine_the_rms_current_is_the_limit() -> None:
     """Long enough, what a fold-back gives of a sine that asks for more has the rms current."""
     of = amplifier(bandwidth="50 kHz", max_current=2.0, rms_current=0.3, peak_duration="50 us")

@@ -75,6 +75,13 @@ def _with_room(array, count):
 
 
 @compiled
+def _until_as_fast(tau, rate, s, bend):
+    """How long [s] until an output that begins `bend` [V] from following a slope s [V/s] is as fast as
+    `rate`, below abs(s)."""
+    return -tau * math.log(tau * (rate - abs(s)) / (bend if s > 0.0 else -bend))
+
+
+@compiled
 def _ramped(of, d, over, side, s, rate, square, folded, least):
     """Of d seconds at the limit: how many it lasts (at least the `least`), the mean square and whether the
     steady current limits after them, and whether that is the end of the piece."""
@@ -102,14 +109,21 @@ def _lagged(of, d, gap, s, rate, square, folded, least):
     to_end = True
     bend = gap - s * of.tau
     if abs(s) > rate and of.tau > 0.0:  # it falls behind until the limit is reached
-        left = of.tau * (rate - abs(s)) / (bend if s > 0.0 else -bend)
-        until = max(-of.tau * math.log(left), least)
+        until = max(_until_as_fast(of.tau, rate, s, bend), least)
         if until < d:
             d, to_end = until, False
     if not math.isinf(of.memory):
-        fastest = max(abs(s), abs(gap) / of.tau) if of.tau > 0.0 else abs(s)
-        if (of.farad * fastest) ** 2 > of.steady_square and d > _OFTEN * of.memory:
-            d, to_end = _OFTEN * of.memory, False
+        if not folded:  # the steady current may be reached: look often, but only while there is more of it
+            calm = math.sqrt(of.steady_square) / of.farad
+            above = abs(s) > calm
+            if of.tau > 0.0:
+                above = abs(gap) >= calm * of.tau * (1.0 - _BELOW)
+                if not above and abs(s) > calm:
+                    until = max(_until_as_fast(of.tau, calm, s, bend), least)
+                    if until < d:
+                        d, to_end = until, False
+            if above and d > _OFTEN * of.memory:
+                d, to_end = _OFTEN * of.memory, False
         after = _mean_square(of, d, square, s, bend)
         if not folded and after > of.steady_square * (1.0 + _SAME):
             low, high = 0.0, d
