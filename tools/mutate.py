@@ -54,7 +54,7 @@ LAWS = tuple(
 MOTION = ("tests/test_mechanism.py",)
 ONE_SIDE = ("tests/friction/test_one_side.py",)
 BRANCHES = (*LAWS, "tests/friction/test_branches.py")
-CHARGING = ("tests/electronics/test_driven.py",)
+CHARGING = ("tests/electronics/test_charging.py", "tests/electronics/test_driven.py")
 # The first row that fits a file counts.
 TARGETS = (
     Target(

@@ -64,12 +64,6 @@ def test_a_sine_of_a_waveform_and_of_its_samples() -> None:
         assert again[name] == pytest.approx(float(found[name]), rel=3e-3), name
 
 
-def test_of_a_simulated_trajectory() -> None:
-    a = ss.load_actuator("kang2007")
-    run = ss.simulate(a, ss.Triangle(65.0, 5.0), duration=0.4, sample_rate=1e3)
-    assert electrical(run, STACK)["mean_loss"] == pytest.approx(5.0 * loss_of(65.0), rel=1e-6)
-
-
 def naive_loss(volts: np.ndarray, stack: Stack) -> float:
     """Rainflow as it is told: as long as there is a cycle within its neighbours, take it out; quadratic."""
     left = [volts[0]]

@@ -232,18 +232,6 @@ def test_a_slow_drift_is_no_repetition() -> None:
     np.testing.assert_allclose(u, 0.4 * (0.4e-3 + 0.2e-3 * (k - 1)), atol=1e-6)
 
 
-def test_a_simulation_takes_what_is_driven() -> None:
-    """The slip edge of a starved amplifier is a ramp, and the actuator steps less."""
-    a = ss.load_actuator("kang2007")
-    saw = ss.Sawtooth(65.0, 50.0)
-    of = amplifier(bandwidth="20 kHz", max_current="0.2 A", low=-1.0)
-    steady = driven_period(of, saw, NEC)
-    starved, free = ss.steady_step(a, steady), ss.steady_step(a, saw)
-    assert 0.0 < starved < 0.97 * free
-    run = ss.simulate(a, driven(of, saw, NEC, 1.0), duration=0.1, sample_rate=1e3)
-    assert run["drive_voltage"].max() < 65.0
-
-
 def test_small_signal_bandwidth_over_the_load() -> None:
     """PD200X4 manual, table 6, p. 13, without the loads at which it peaks."""
     of = amplifier(bandwidth="717 kHz", output_resistance=2.35)
