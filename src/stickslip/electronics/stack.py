@@ -5,7 +5,7 @@ r"""A piezo stack as its amplifier and its surroundings see it: a capacitance wi
           C_\vartheta \dot\vartheta = P - \frac{\vartheta - \vartheta_a}{R_\vartheta}
 
 E is what a cycle of swing U (peak to peak) loses. A data sheet's C and tan(delta) are of small signals; of a
-cycle of the full field their product is M = 7 to 10 times that [noliacheat], so that current and heat by the
+cycle of the full field their product is M = 7 to 10 times that [noliac2026], so that current and heat by the
 data sheet alone are wrong by an order of magnitude. Between, the loss tangent is taken to grow linearly with
 the field, as Rayleigh's law has it: an assumption. Loss within the stack's mechanics is not in it, nor what
 the leads and the amplifier lose.
@@ -33,7 +33,7 @@ TEMPERATURE = Quantity("K", "ϑ", "temperature", minimum=0)
 @record
 class Stack(NamedTuple):
     """See the module. `capacitance` and `loss_tangent` are those of the data sheet, of small signals; the
-    current flows into `capacitance_factor` times that, which may be 1.5 [useurotek]."""
+    current flows into `capacitance_factor` times that, which may be 1.5 [useurotek2026]."""
 
     capacitance: Annotated[float, Quantity("F", "C", "capacitance at small signals", above=0)]
     loss_tangent: Annotated[float, Quantity("", "tan δ", "loss tangent at small signals", minimum=0)]
@@ -68,7 +68,7 @@ class Stack(NamedTuple):
 class TemperatureDependence(NamedTuple):
     """How gain and capacitance go with the temperature, linearly, from `low` to `high`: outside it is not
     used. In the cold a line says nothing: at 4 K the gain is 20 to 30 % of that at room temperature
-    [pi-tutorial]."""
+    [pi2009]."""
 
     reference: Annotated[float, Quantity("K", "ϑ_0", "temperature of the values", minimum=0)]
     gain: Annotated[float, Quantity("1/K", "α_G", "change of the gain")]
