@@ -254,3 +254,18 @@ def walk_lugre(model: Any, volts: float, frequency: float, periods: int, times: 
         )
         found[inside], state = done.y[2, :-1], done.y[:, -1]
     return found
+
+
+# ---- A piezo
+
+
+def prandtl_ishlinskii(p: Any, drive: Array, rest: float) -> Array:
+    """Play operators by their definition, sample by sample, and dead zones beside them."""
+    z = [np.sign(rest) * max(abs(rest) - r, 0.0) for r in p.thresholds]
+    found = []
+    for u in drive:
+        z = [max(u - r, min(u + r, before)) for r, before in zip(p.thresholds, z, strict=True)]
+        plays = sum(w * state for w, state in zip(p.weights, z, strict=True))
+        zones = sum(c * max(u - s, 0.0) for s, c in zip(p.dead_zones, p.slopes, strict=True))
+        found.append(plays + zones)
+    return np.array(found)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
@@ -25,7 +26,7 @@ def test_the_rig_in_a_process_of_its_own(tmp_path: Path, monkeypatch: pytest.Mon
 
 
 def test_the_program_on_the_page() -> None:
-    _, program, _ = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    _, program, *_ = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
     names: dict = {}
     exec(program, names)
     recording = names["recording"]
@@ -36,12 +37,19 @@ def test_the_program_on_the_page() -> None:
 
 
 def test_the_frequency_response_on_the_page() -> None:
-    _, _, program = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    _, _, program, _ = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
     names: dict = {}
     exec(program, names)
     assert names["fit"].values["natural_frequency_1"] == pytest.approx(3303.1, rel=1e-4)
     assert names["fit"].values["damping_ratio_1"] == pytest.approx(0.524, rel=1e-4)
     assert names["fit"].values["gain_1"] == pytest.approx(0.1057e-6, rel=1e-4)
+
+
+def test_one_model_for_all_amplitudes_on_the_page() -> None:
+    *_, program = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    names: dict = {}
+    exec(program, names)
+    assert 1e9 * np.sqrt(np.mean(names["error"] ** 2)) == pytest.approx(167.2, abs=0.5)  # as the table says
 
 
 def test_files_on_the_page_exist_and_its_rig_is_one() -> None:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from stickslip.actuator import load_actuator
-from stickslip.identify.frequency.modal import ModalModel, modal_response
+from stickslip.identify.frequency.modal import modal_response
 from stickslip.parameters.load import Entry
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
@@ -72,6 +72,18 @@ def test_verification(run: Callable) -> None:
         assert figure in verified.table
 
 
+def test_piezo(run: Callable, capsys: pytest.CaptureFixture[str]) -> None:
+    names = run("piezo.md")
+    assert "before it moves" in names["fit"].failures[0]
+    assert names["fit"].rmse < 2e-3 * 16e-6
+    assert names["left"].std() < 3e-8
+    by_inverse, by_line, plain, bent = (
+        float(text) for text in re.findall(r"([\d.]+) (?:nm rms\n|um per)", capsys.readouterr().out)[-4:]
+    )
+    assert by_inverse < 0.1 * by_line
+    assert bent < 0.9 * plain
+
+
 def test_design(run: Callable) -> None:
     names = run("design.md")
     assert names["found"].net_step.max() == pytest.approx(8e-6, rel=0.1)
@@ -97,26 +109,12 @@ def test_other_tools(run: Callable) -> None:
     modal, s = names["modal"], 2j * np.pi * np.array([50.0, 500.0])
     assert modal.natural_frequency[0] == pytest.approx(KANG.natural_frequency, rel=1e-3)
     np.testing.assert_allclose(
-        names["state_space"](modal)(s).ravel(), modal_response(modal, s.imag / (2 * np.pi)).ravel(), rtol=1e-3
+        names["system"](s).ravel(), modal_response(modal, s.imag / (2 * np.pi)).ravel(), rtol=1e-3
     )
     assert set(names["intervals"].index) >= {"gain", "natural_frequency", "damping_ratio"}
     assert np.abs(names["smooth"].end_effector_position - names["position"]).max() < 1e-6
     assert names["widget"].frame
     assert np.abs(names["difference"]).max() < 0.004 * 8 * KANG.gain * 65.0
-    modal_of_two = random_modal_model()
-    np.testing.assert_allclose(
-        names["state_space"](modal_of_two)(s),
-        np.moveaxis(modal_response(modal_of_two, s.imag / (2 * np.pi)), 0, -1),
-        rtol=1e-6,
-    )
-
-
-def random_modal_model() -> ModalModel:
-    """Three modes, two outputs, two inputs, complex mode shapes, and a delay."""
-    random = np.random.default_rng(0)
-    gain, rate = random.standard_normal((2, 3, 2, 2))
-    omega = 2.0 * np.pi * np.array([200.0, 450.0, 900.0])
-    return ModalModel(omega, np.array([0.02, 0.05, 0.3]), 1e-6, gain, rate, random.standard_normal((2, 2)))
 
 
 ACCURACY = (DOCS / "accuracy.md").read_text(encoding="utf-8")

@@ -32,8 +32,11 @@ from .parameters import (
     citation_keys,
     friction_of,
     load_kind,
+    piezo_of,
 )
+from .piezo.model import Piezo
 from .records import Quantity, record
+from .state_space import StateSpace
 from .units import QuantityError
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
@@ -103,7 +106,8 @@ class Actuator(NamedTuple):
     """A piezoelectric stick-slip actuator [kang2007, sec. 3.4]. All values in SI; unit strings are accepted.
 
     `stage_mass` is the effective mass m = 4 m_p/π² + m_s (see `from_parts`). `incline` is the slope of +x; it
-    changes the weight along x only, not the friction. `name` is the parameter set that the values come from,
+    changes the weight along x only, not the friction. `piezo`, hysteresis and creep of the stroke under the
+    voltage; None: y = C u at rest. `name` is the parameter set that the values come from,
     as `load_actuator` takes it, or empty. Raises QuantityError for a wrong value.
     """
 
@@ -126,12 +130,17 @@ class Actuator(NamedTuple):
     blocked_force_per_volt: Annotated[
         float | None, Quantity("N/V", "E", "force per volt of a static stage that is held")
     ] = None
+    piezo: Piezo | None = None
     name: str = ""
 
     citation, citation_keys, assumptions = _citation, _citation_keys, _assumptions
 
     def _check(self) -> None:
         _check_friction(self)
+        if self.piezo is not None and not isinstance(self.piezo, Piezo):
+            raise QuantityError(
+                f"Actuator.piezo = {self.piezo!r} must be a Piezo, with its hysteresis and creep, or None"
+            )
         for field in ("stage_reaction", "clamped"):
             if not isinstance(getattr(self, field), bool):
                 raise QuantityError(f"Actuator.{field} = {getattr(self, field)!r} must be True or False")
@@ -184,6 +193,20 @@ class Actuator(NamedTuple):
     def axial_force(self) -> float:
         """Force on the end-effector along +x other than friction: external force and weight [N]."""
         return self.external_force - self.end_effector_mass * STANDARD_GRAVITY * np.sin(self.incline)
+
+    def state_space(self) -> StateSpace:
+        """The stage from voltage [V] to position [m], without contact, hysteresis and creep: one mode; of a
+        static stage the gain alone."""
+        if self.static:
+            none = np.zeros((0, 0))
+            return StateSpace(none, np.zeros((0, 1)), np.zeros((1, 0)), np.array([[self.gain]]))
+        omega, zeta = self.natural_frequency, self.damping_ratio
+        return StateSpace(
+            np.array([[0.0, 1.0], [-(omega**2), -2.0 * zeta * omega]]),
+            np.array([[0.0], [self.gain * omega**2]]),
+            np.array([[1.0, 0.0]]),
+            np.zeros((1, 1)),
+        )
 
     @classmethod
     def from_parts(
@@ -287,5 +310,7 @@ def _build(system_type: Any, name: str | os.PathLike[str]) -> Any:
 
 
 def _built(system_type: Any, parameters: ParameterSet) -> Any:
-    given = {"friction": friction_of(parameters), "name": parameters.name}
+    given: dict[str, Any] = {"friction": friction_of(parameters), "name": parameters.name}
+    if "piezo" in system_type._fields:
+        given["piezo"] = piezo_of(parameters)
     return build(system_type, parameters.values, str(parameters.file), **given)

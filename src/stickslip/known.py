@@ -17,6 +17,7 @@ from .units import QuantityError
 KINDS: Mapping[str, Callable[[], dict[str, str]]] = {
     "laws": lambda: _lines(registry.laws),
     "actuators": lambda: {name: load_set(name).title for name in available_sets()},
+    "piezo models": lambda: _lines(registry.piezos),
     "waveforms": lambda: _lines(registry.waveforms),
     "sensors": lambda: _lines(registry.sensors),
     "readers": lambda: _lines(registry.readers),
@@ -33,8 +34,9 @@ def catalogue(*kinds: str) -> dict[str, dict[str, str]]:
     """What is known by name, by kind, each with a line of what it is.
 
     Args:
-        kinds: of "laws", "actuators" (parameter sets), "waveforms", "sensors", "readers", "rigs", "benches",
-            "amplifiers", "stacks", "calibrations" and "datasets"; all of them, if left out.
+        kinds: of "laws", "actuators" (parameter sets), "piezo models", "waveforms", "sensors", "readers",
+            "rigs", "amplifiers", "stacks", "benches", "calibrations" and "datasets"; all of them, if left
+            out.
 
     Raises:
         QuantityError: there is no such kind.

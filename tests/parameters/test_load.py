@@ -88,7 +88,7 @@ def test_by_name_in_the_working_folder(tmp_path: Path, monkeypatch: pytest.Monke
     assert load_actuator("kang2007.toml").gain == 1e-7  # a file
     assert load_actuator("kang2007").gain == 0.1057e-6  # the shipped set
     with pytest.raises(
-        ParameterSetError, match=r"no parameter set 'my'.*available are changli1999, .*kang2007, pohl1987"
+        ParameterSetError, match=r"no parameter set 'my'.*available are changli1999, .*kang2007, .*pohl1987"
     ):
         load_actuator("my")
 

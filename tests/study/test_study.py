@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from tests.identify.frequency import modal_system
 from tests.identify.stops import made_loops
 
 from stickslip import demo
@@ -43,19 +42,6 @@ def test_friction_loops_are_predicted_better_than_the_known_marks(tmp_path: Path
     write_report(document, tmp_path)
     results = json.loads((tmp_path / "results.json").read_text("utf-8"))
     assert "Elastoplastic" in json.dumps(results)
-
-
-def test_piezo_mirror_softens_with_the_amplitude() -> None:
-    document = run_file(EXAMPLES / "piezo_mirror.yaml")
-    levels = [document.numbers[f"{v} mV"] for v in (100, 200, 300)]
-    gains = [abs(level["static_gain"].value) for level in levels]
-    assert gains == sorted(gains)
-    assert gains[0] == pytest.approx(2.7e-6, rel=0.02)
-    first = [level["parameters"]["natural_frequency_1"].value / (2 * np.pi) for level in levels]
-    assert first == sorted(first, reverse=True)
-    assert first[0] == pytest.approx(640.9, abs=1.0)
-    assert all(level["r_squared_held_out"]["8_modes"].value > 0.985 for level in levels)
-    assert all(level["r_squared_held_out"]["1_modes"].value < 0.6 for level in levels)
 
 
 def test_pulled_slider_is_predicted_at_other_speeds(tmp_path: Path) -> None:
@@ -196,54 +182,6 @@ def test_a_walk_in_short(tmp_path: Path) -> None:
     assert document.numbers["parameters"]["coulomb_force"].value == pytest.approx(0.5401, rel=1e-4)
     assert document.numbers["recordings"]["recording_1"]["r_squared"].value > 0.999999
     assert not document.numbers["undetermined"]
-
-
-def test_modes_of_a_mirror_from_arrays(tmp_path: Path) -> None:
-    """A mirror that SciPy simulates: three modes predict the drives held out, one does not."""
-    rng = np.random.default_rng(0)
-    levels = []
-    for name, amplitude in (("low", 0.1), ("high", 0.2)):
-        drive = amplitude * np.repeat(modal_system.multisines(rng, 1000, 4)[..., None], 2, axis=3)
-        response = np.stack([modal_system.steady(drive[..., p]) for p in range(2)], axis=3)
-        response += 1e-9 * rng.standard_normal(response.shape)
-        for what, array in (("u", drive), ("y", response)):
-            np.save(tmp_path / f"{what}_{name}.npy", array)
-        sources = {"drive": {"file": f"u_{name}.npy"}, "response": {"file": f"y_{name}.npy"}}
-        levels.append({"name": name, "amplitude": amplitude, **sources})
-    file = {
-        "kind": "frequency_response",
-        "title": "A mirror",
-        "sample_rate": "4 kHz",
-        "band": ["20 Hz", "1.5 kHz"],
-        "modes": [[[150.0, 0.02]], [[152.0, 0.03], [415.0, 0.04], [705.0, 0.02]]],
-        "follow": [1],
-        "time_domain": ["low"],
-        "levels": levels,
-    }
-    (tmp_path / "mirror.yaml").write_text(yaml.safe_dump(file), "utf-8")
-    document = run_file(tmp_path / "mirror.yaml")
-    for level in ("low", "high"):
-        found = document.numbers[level]
-        assert (
-            found["r_squared_held_out"]["3_modes"].value
-            > 0.999
-            > found["r_squared_held_out"]["1_modes"].value
-        )
-        omega = found["parameters"]["natural_frequency_2"]
-        assert omega.low < modal_system.OMEGA[1] < omega.high
-    (in_time,) = [s for s in document.sections if "fitted in time" in s.title]
-    _, by_response, _, by_time, _ = in_time.tables[0].rows[0]
-    assert by_time.value == pytest.approx(by_response.value, rel=1e-3)
-    assert by_time.unit == "Hz"
-    file |= {"tied": {"damping_ratio_2": "2.5 * damping_ratio_1"}, "levels": levels[:1]}
-    (tmp_path / "mirror.yaml").write_text(yaml.safe_dump(file), "utf-8")
-    ends = run_file(tmp_path / "mirror.yaml").numbers["low"]["parameters"]
-    assert ends["damping_ratio_2"].value == pytest.approx(2.5 * ends["damping_ratio_1"].value)
-    assert ends["damping_ratio_2"].low < modal_system.ZETA[1] < ends["damping_ratio_2"].high
-    file["levels"][0]["drive"]["file"] = "mirror.yaml"
-    (tmp_path / "mirror.yaml").write_text(yaml.safe_dump(file), "utf-8")
-    with pytest.raises(StudyError, match=r"mirror\.yaml"):
-        run_file(tmp_path / "mirror.yaml")
 
 
 @pytest.mark.parametrize(

@@ -15,9 +15,10 @@ so that from rest I_max flows for t_peak. That the measure is exponential is an 
 the window and what is left after it, not the circuit.
 
 One lag with the sum of both time constants is not two in a row, but closer to what is measured
-[piezodrive2021, p. 13]: of PiezoDrive's PD200X4 from 0 to 30 uF (seven loads, 684 to 2.4 kHz) it leaves 5.6 % rms and at most
-10 % of the bandwidth, with 717 kHz and 2.35 ohm; two lags in a row leave 8.6 and 14 %. At 10 and 30 nF that
-amplifier peaks (759 and 720 kHz), which neither does, and at 110 uF both are 30 to 35 % too slow.
+[piezodrive2021, p. 13]: of PiezoDrive's PD200X4 from 0 to 30 uF (seven loads, 684 to 2.4 kHz) it leaves 5.6 %
+rms and at most 10 % of the bandwidth, with 717 kHz and 2.35 ohm; two lags in a row leave 8.6 and 14 %. At 10
+and 30 nF that amplifier peaks (759 and 720 kHz), which neither does, and at 110 uF both are 30 to 35 % too
+slow.
 
 A charge amplifier is none of these: into the linear capacitance here, charge and voltage are the same. What
 it saves is hysteresis between both, which belongs to the piezo's model.

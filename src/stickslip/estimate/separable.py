@@ -86,7 +86,10 @@ def separable(
         key = tuple(values.values())
         if key not in known:
             known.clear()
-            known[key] = [_solve(c, d) for c, d in zip(recordings, designs(values), strict=True)]
+            found: list[_Solved] = []
+            for c, d in zip(recordings, designs(values), strict=True):
+                found.append(_solve(c, d, found[-1] if found else None))
+            known[key] = found
         return known[key]
 
     def residuals(number: int) -> Callable[[Values], np.ndarray]:
@@ -114,10 +117,15 @@ def separable(
     return problem
 
 
-def _solve(recording: Linear, design: Design) -> _Solved:
+def _solve(recording: Linear, design: Design, before: _Solved | None) -> _Solved:
+    """The factors of the recording before are kept if its weighted design is the same, as of channels that
+    count alike."""
     noise = 1.0 if recording.noise is None else recording.noise
     weights = np.broadcast_to(1 / np.asarray(noise, dtype=float), recording.measured.shape)
-    q, r = np.linalg.qr(weights[:, None] * design.matrix)
+    if before and before.design.matrix is design.matrix and np.array_equal(before.weights, weights):
+        q, r = before.q, before.r
+    else:
+        q, r = np.linalg.qr(weights[:, None] * design.matrix)
     return _Solved(design, weights, q, r, np.linalg.solve(r, q.T @ (weights * recording.measured)))
 
 

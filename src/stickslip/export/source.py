@@ -39,6 +39,11 @@ def exported(source: Any) -> Exported:
         ExportError: it has no actuator, or is nothing of these.
         ParameterSetError, QuantityError: a file is missing or wrong.
     """
+    if getattr(getattr(source, "model", source), "piezo", None) is not None:
+        raise ExportError(
+            "hysteresis and creep of a piezo are not part of exported code: export the actuator with "
+            "replace(piezo=None), and play the drive of inverse_drive"
+        )
     if isinstance(source, Actuator | PulledSlider):
         return Exported(source, _sources(source, {}))
     if isinstance(source, Fit):

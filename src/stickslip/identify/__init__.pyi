@@ -3,9 +3,13 @@ from .candidates import Comparison as Comparison
 from .events.pulled import PulledRig as PulledRig
 from .events.pulled import identify_pulled_slider as identify_pulled_slider
 from .events.sawtooth import sawtooth_features as sawtooth_features
+from .frequency.amplitude import AmplitudeModel as AmplitudeModel
+from .frequency.amplitude import at_amplitude as at_amplitude
+from .frequency.amplitude import predict_response as predict_response
 from .frequency.in_time import identify_in_time as identify_in_time
 from .frequency.instruments import applied_voltage as applied_voltage
 from .frequency.instruments import without_filter as without_filter
+from .frequency.levels import identify_levels as identify_levels
 from .frequency.modal import ModalModel as ModalModel
 from .frequency.modal import identify_frequency as identify_frequency
 from .frequency.response import ResponseError as ResponseError

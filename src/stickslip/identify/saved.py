@@ -22,6 +22,7 @@ from ..estimate.saved import packed, unpacked
 from ..friction import is_law
 from ..piezo import Piezo
 from ..recording.replacing import replaced_whole
+from .frequency.amplitude import AmplitudeModel
 from .frequency.modal import ModalModel
 from .loops.fit import LoopPrediction
 from .piezo.prediction import PiezoPrediction
@@ -31,8 +32,8 @@ from .walk.static import StaticPrediction
 
 FORMAT = "stickslip fit"
 _TYPES: tuple[type, ...] = (
-    Actuator, Chain, Filter, Uncertainty, KnownNoise, Minimum, Parameter, Fit, Goodness, LoopPrediction,
-    ModalModel, Piezo, PiezoPrediction, Predictor, StaticPrediction, StepPrediction,
+    Actuator, AmplitudeModel, Chain, Filter, Uncertainty, KnownNoise, Minimum, Parameter, Fit, Goodness,
+    LoopPrediction, ModalModel, Piezo, PiezoPrediction, Predictor, StaticPrediction, StepPrediction,
 )  # fmt: skip
 
 

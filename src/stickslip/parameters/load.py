@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from .. import registry
+from ..piezo.model import Piezo
 from ..records import did_you_mean, quantities
 from ..units import QuantityError, to_si
 
@@ -52,6 +53,13 @@ class Entry(NamedTuple):
         return to_si(_with_unit(self.value, self.unit, unit), unit)
 
 
+class Part(NamedTuple):
+    """A part of a piezo as read: the name of its model, and its values."""
+
+    model: str
+    values: dict[str, Entry]
+
+
 class ParameterSet(NamedTuple):
     """A parameter file as read. `name` is what it was loaded by, `law` that of its friction."""
 
@@ -64,10 +72,14 @@ class ParameterSet(NamedTuple):
     law: str
     friction: dict[str, Entry]
     reported: dict[str, Entry]
+    piezo: dict[str, Part]
 
     def entries(self) -> dict[str, Entry]:
         """All values that go into the record, those of friction as "friction.sigma_0"."""
-        return self.values | {f"friction.{name}": entry for name, entry in self.friction.items()}
+        found = self.values | {f"friction.{name}": entry for name, entry in self.friction.items()}
+        for name, part in self.piezo.items():
+            found |= {f"piezo.{name}.{field}": entry for field, entry in part.values.items()}
+        return found
 
 
 def available_sets() -> tuple[str, ...]:
@@ -136,7 +148,7 @@ def _read(name: str, file: Path) -> ParameterSet:
         registry.laws.find(law, file.parent)
     except registry.RegistryError as error:
         raise ParameterSetError(f"{file}: [friction] law = {law!r}: {error}") from error
-    reported = tables.pop("reported", {})
+    reported, piezo = tables.pop("reported", {}), tables.pop("piezo", {})
     if content["kind"] == "friction" and tables:
         raise ParameterSetError(f"{file}: [{next(iter(tables))}] is unknown in a set of kind 'friction'")
     return ParameterSet(
@@ -149,12 +161,32 @@ def _read(name: str, file: Path) -> ParameterSet:
         law=law,
         friction=read_entries(file, "friction.", friction),
         reported=read_entries(file, "reported.", reported),
+        piezo=_read_piezo(file, piezo),
     )
 
 
 def read_entries(file: Path, prefix: str, tables: dict[str, Any]) -> dict[str, Entry]:
     """The tables of values [prefix + key] of a file, checked; raises ParameterSetError."""
     return {key: _entry(f"{file}: [{prefix}{key}]", table) for key, table in tables.items()}
+
+
+def _read_piezo(file: Path, table: dict[str, Any]) -> dict[str, Part]:
+    """``[piezo.hysteresis]`` and ``[piezo.creep]``, each with the name of its model."""
+    parts = {}
+    for name, content in table.items():
+        if name not in Piezo._fields or not isinstance(content, dict):
+            hint, known = did_you_mean(name, Piezo._fields), ", ".join(Piezo._fields)
+            raise ParameterSetError(
+                f"{file}: [piezo.{name}] is unknown{hint}; known are the tables {known}, each with its model"
+            )
+        values = dict(content)
+        model = str(values.pop("model", ""))
+        try:
+            registry.piezos.find(model, file.parent)
+        except registry.RegistryError as error:
+            raise ParameterSetError(f"{file}: [piezo.{name}] model = {model!r}: {error}") from error
+        parts[name] = Part(model, read_entries(file, f"piezo.{name}.", values))
+    return parts
 
 
 def _entry(where: str, table: Any) -> Entry:
@@ -232,6 +264,19 @@ def friction_of(parameters: ParameterSet) -> Any:
     """The friction law of a set, as a record; raises ParameterSetError as `build` does."""
     law = registry.laws.find(parameters.law, parameters.file.parent)
     return build(law, parameters.friction, f"{parameters.file}, [friction]")
+
+
+def piezo_of(parameters: ParameterSet) -> Piezo | None:
+    """The piezo of a set, None where it has none; raises ParameterSetError as `build` does."""
+    made = {
+        name: build(
+            registry.piezos.find(part.model, parameters.file.parent),
+            part.values,
+            f"{parameters.file}, [piezo.{name}]",
+        )
+        for name, part in parameters.piezo.items()
+    }
+    return Piezo(**made) if made else None
 
 
 def load_friction(name: str | os.PathLike[str]) -> Any:

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import math
+from operator import attrgetter
 from typing import Any
 
-from ..friction import is_law
 from ..records import quantities
 from ..units import with_prefix
 from .load import ParameterSet
 
 
 def flat(record: Any) -> dict[str, Any]:
-    """The values of a record by field; of the friction law its name, and its fields as "friction.sigma_0"."""
+    """The values of a record by field; of a record in it its name, and its fields as "friction.sigma_0"."""
     values = {}
     for field, value in record._asdict().items():
-        if is_law(value):
+        if hasattr(value, "_asdict"):
             values[field] = type(value).__name__
-            values.update({f"{field}.{inner}": v for inner, v in value._asdict().items()})
+            values.update({f"{field}.{inner}": v for inner, v in flat(value).items()})
         elif field != "name":
             values[field] = value
     return values
@@ -70,7 +70,7 @@ def _shown(record: Any, field: str) -> str:
     if value is None:
         return "none"
     owner, _, inner = field.rpartition(".")
-    spec = quantities(type(getattr(record, owner) if owner else record)).get(inner)
+    spec = quantities(type(attrgetter(owner)(record) if owner else record)).get(inner)
     values = value if isinstance(value, tuple) else (value,)
     words = [with_prefix(v, spec.unit, 6) if spec and isinstance(v, float) else str(v) for v in values]
     return f"[{', '.join(words)}]" if isinstance(value, tuple) else words[0]

@@ -10,8 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from .. import registry
+from ..piezo.model import Piezo
 from ..records import quantities
 from .load import load_set
+
+_NONE = Piezo()
 
 
 def parameter_text(
@@ -31,6 +34,10 @@ def parameter_text(
     lines += _tables(record, "", source, errors or {})
     lines += ["[friction]", f"law = {_text(law)}", ""]
     lines += _tables(record.friction, "friction.", source, errors or {})
+    for name, part in (getattr(record, "piezo", None) or _NONE)._asdict().items():
+        if part is not None:
+            lines += [f"[piezo.{name}]", f"model = {_text(registry.piezos.name_of(type(part)))}", ""]
+            lines += _tables(part, f"piezo.{name}.", source, {})
     return "\n".join(lines)
 
 

@@ -5,7 +5,7 @@ law.
 
 h [V] is the hysteresis' output. Of a step at t = 0, terms of equal share spread over the decades creep as
 :math:`1 + g \log_{10}(t/t_0)` between the first and the last time constant, with g = a per decade: 0.01 to
-0.02 for PZT stacks [pi-tutorial]. Time constants beyond the length of a recording are not determined by
+0.02 for PZT stacks [pi2009]. Time constants beyond the length of a recording are not determined by
 it.
 """
 

@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 
 # Relative; a play that is nearer to its edge than that is on it.
 ROUNDING = 1e-13
+# Corners on one way, each of which is passed once; against loops without an end.
+MOST = 2_000
 
 
 class Operators(NamedTuple):
@@ -103,7 +105,7 @@ def solved(plays, u, z, wanted):
     none gives it."""
     missing = wanted - output(plays, u, z)
     up = 1.0 if missing > 0.0 else -1.0
-    for _ in range(2 * (z.size + plays.zone.size) + 2):  # each is passed once
+    for _ in range(MOST):
         if missing == 0.0:
             break
         corner, slope = next_corner(plays, u, z, up), steepness(plays, u, z, up)
@@ -111,7 +113,8 @@ def solved(plays, u, z, wanted):
             u += missing / slope
             missing = 0.0
         elif math.isinf(corner) or slope < 0.0:
-            return math.nan
+            u = math.nan
+            break
         else:
             missing -= slope * (corner - u)
             u = corner

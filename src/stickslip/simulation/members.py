@@ -20,7 +20,7 @@ from ..waveform.drive import Drive
 from ..waveform.members import Drives, stacked
 from ..waveform.members import common as common_drive
 from ..waveform.signal import Waveform
-from .models import System, contact_load, out_of_range, refuse_jumps
+from .models import System, contact_load, drive_table, out_of_range, refuse_jumps
 from .varied import changed_fields, element_of, free_names, waveform_field, waveform_names, with_values
 
 T = TypeVar("T")
@@ -210,11 +210,11 @@ def _tables(
     if not fine.size:
         return common_drive(waveform.drive(1e-9)), which, ends
     ends[fine] = [end or _end(rows[m], periodic) for m in fine.tolist()]
-    if hasattr(waveform, "drives"):
+    if hasattr(waveform, "drives") and model.piezo is None:
         fields = _changed(waveform, {name: c[fine] for name, c in columns.items()})
         drives = tuple.__new__(type(waveform), fields.values()).drives(ends[fine])
     else:
-        drives = stacked([rows[m].drive(ends[m]) for m in fine.tolist()])
+        drives = stacked([drive_table(model, rows[m], float(ends[m]), periodic) for m in fine.tolist()])
     if model.static:
         for m in fine.tolist():
             try:

@@ -13,6 +13,7 @@ from ..actuator import Actuator, PulledSlider
 from ..friction import breakaway, elements, rate
 from ..friction import element as element_of
 from ..mechanism import Mechanism
+from ..plant.at_piezo import at_piezo
 from ..plant.system import Element, Mode, Plant
 from ..solve.periods import LONGEST_CYCLE
 from ..units import QuantityError
@@ -262,7 +263,7 @@ def checked_drive(model: Actuator | PulledSlider, waveform: Waveform, end: float
     refuse_no_waveform(waveform)
     if waveform.unit != unit:
         raise QuantityError(f"the drive of an {type(model).__name__} is in {unit}, not in {waveform.unit}")
-    table = waveform.drive(end)
+    table = drive_table(model, waveform, end, periodic)
     if isinstance(model, Actuator):
         low, high = waveform.range()
         if low < model.min_voltage or high > model.max_voltage:
@@ -271,9 +272,20 @@ def checked_drive(model: Actuator | PulledSlider, waveform: Waveform, end: float
             refuse_jumps(model, table, end if periodic else None)
     period = getattr(waveform, "period", None) or 0.0
     if not periodic and end < 2.0 * period and table.start.size <= LONGEST_CYCLE:
-        table = waveform.drive(2.0 * period)  # two periods, that it can be seen to be periodic
+        table = drive_table(model, waveform, 2.0 * period)  # two periods, that it can be seen to be periodic
     # For an array of another layout all kernels would be compiled anew.
     return table._replace(polynomial=np.ascontiguousarray(table.polynomial))
+
+
+def drive_table(
+    model: Actuator | PulledSlider, waveform: Waveform, end: float, settled: bool = False
+) -> Drive:
+    """The table of a waveform up to `end` [s], of an actuator with a piezo model after that; `settled`: of
+    one period, after many."""
+    table, piezo = waveform.drive(end), getattr(model, "piezo", None)
+    if piezo is None:
+        return table
+    return at_piezo(piezo, table, end, getattr(waveform, "period", None), settled)
 
 
 def out_of_range(model: Actuator, low: float, high: float, minimum: float, maximum: float) -> str:

@@ -21,7 +21,7 @@ from ..waveform.drive import Drive, constant
 from ..waveform.members import Drives, stacked
 from ..waveform.signal import Waveform
 from .errors import SimulationError
-from .models import Contact, System, checked_drive, contact_load
+from .models import Contact, System, checked_drive, contact_load, drive_table
 from .state import row_of
 from .steady import endless, periodic_drive, steady_orbit
 from .trajectory import sample_times
@@ -106,7 +106,7 @@ def moved(
         if name not in known:
             drive, step = _beside(waveform, name)
             if before is not None:
-                own = contact.rest(of, drive.drive(end).before)
+                own = contact.rest(of, drive_table(model, drive, end).before)
         elif name in INITIAL:
             step = INITIAL[name][1]
             own[initial_row(of, name)] += step
@@ -131,7 +131,7 @@ def moved(
         np.array(values).reshape(n, values_of(of.plant).shape[1]),
         np.array(states).reshape(n, state.size),
         np.array(steps),
-        _drives(waveform, waveforms, names, end) if moving else None,
+        _drives(model, waveform, waveforms, names, end) if moving else None,
         np.array([getattr(w, "period", None) or 0.0 for w in waveforms]) if moving else None,
     )
 
@@ -150,14 +150,16 @@ def _beside(waveform: Any, name: str) -> tuple[Any, float]:
             raise QuantityError(f"no derivative by {name!r} at {value:g}: {error}") from None
 
 
-def _drives(waveform: Any, waveforms: list[Any], names: Sequence[str], end: float) -> Drives:
+def _drives(model: Actuator, waveform: Any, waveforms: list[Any], names: Sequence[str], end: float) -> Drives:
     """The tables of the neighbours, over a little more than the trajectory.
 
     Raises:
         QuantityError: one has other segments than the waveform itself, so that there is no derivative.
     """
-    tables = [w.drive(LONGER * max(end, 2.0 * (getattr(w, "period", None) or 0.0))) for w in waveforms]
-    itself = waveform.drive(max(end, 2.0 * (getattr(waveform, "period", None) or 0.0)))
+    tables = [
+        drive_table(model, w, LONGER * max(end, 2.0 * (getattr(w, "period", None) or 0.0))) for w in waveforms
+    ]
+    itself = drive_table(model, waveform, max(end, 2.0 * (getattr(waveform, "period", None) or 0.0)))
     for name, table in zip(names, tables, strict=True):
         n = itself.start.size
         alike = table.start.size >= n and np.array_equal(table.first[: n + 1], itself.first[: n + 1])

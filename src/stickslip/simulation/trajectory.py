@@ -97,7 +97,7 @@ def simulate(
     elif not found.error - (begin.error_estimate if begin else 0.0) <= tolerance:
         warnings.warn(not_within(found.error, tolerance), SimulationWarning, stacklevel=2)
     times, samples = found.times, found.samples
-    variables: dict[str, Any] = _variables(model, samples, found.drive, times)
+    variables: dict[str, Any] = _variables(model, samples, found.drive, times, waveform)
     if energy:
         assert isinstance(model, Actuator)
         variables |= _account(model, samples, found.work, found.start)
@@ -304,9 +304,15 @@ def not_within(error: float, tolerance: float) -> str:
 
 
 def _variables(
-    model: Actuator | PulledSlider, samples: NDArray[np.float64], table: Drive, times: NDArray[np.float64]
+    model: Actuator | PulledSlider,
+    samples: NDArray[np.float64],
+    table: Drive,
+    times: NDArray[np.float64],
+    waveform: Waveform,
 ) -> dict[str, Any]:
     y, w, x, s, force = samples[:, :5].T
+    if isinstance(model, Actuator) and model.piezo is not None:  # the table is that of its stroke
+        table = waveform.drive(float(times[-1]))
     drive = evaluate(table, times)[0]
     variables: dict[str, Any] = {"end_effector_position": x}
     if isinstance(model, Actuator):

@@ -42,7 +42,7 @@ SAME = 0.02
 # tolerance.
 CREEPING, LEAST = 2.0 / LOCAL, 1e-4
 # Segments of a period, at most.
-LONGEST_CYCLE = 16
+LONGEST_CYCLE = 64
 # Not the literal 0, for which Numba would compile what is called with it once more.
 ZERO = np.int64(0)
 # More than a period needs at any tolerance in use: a period that does not fit is never copied.
@@ -67,15 +67,31 @@ def _alike(drive, i, j):
 
 @inlined
 def cycle_of(drive, load):
-    """How many segments make a period of the drive; 0 where it has none, or the normal force varies."""
+    """How many segments make a period of the drive, and the one with which the first such period begins; 0
+    where it has none, or the normal force varies.
+
+    Behind a piezo with hysteresis the first period is unlike the others: the second begins with a jump, or
+    within the segments of a period."""
     constant = load.start.size == 1 and load.first[1] == 0
     for c in range(1, 4):
         constant = constant and load.polynomial[0, c] == 0.0
     if constant:
-        for k in range(1, LONGEST_CYCLE + 1):
-            if k < drive.start.size and _alike(drive, ZERO, k):
-                return k
-    return 0
+        for begin in range(LONGEST_CYCLE + 1):
+            for k in range(max(begin, 1), LONGEST_CYCLE + 1):
+                if _periodic(drive, begin, k):
+                    return k, begin
+    return ZERO, ZERO
+
+
+@inlined
+def _periodic(drive, begin, cycle):
+    """Whether the segments after the first `cycle` ones from `begin` on are like these."""
+    if begin + cycle >= drive.start.size:
+        return False
+    for j in range(begin, min(begin + cycle, drive.start.size - cycle)):
+        if not _alike(drive, j, j + cycle):
+            return False
+    return True
 
 
 @inlined
@@ -126,10 +142,10 @@ def follow(
         resumed = True
         t, h, fresh = resume[TIME], resume[STEP], resume[FRESH] > 0.0
         sides, q, _ = stored(plant, resume)
-    cycle = cycle_of(drive, load) if moves_freely(plant) else 0
+    cycle, first = cycle_of(drive, load) if moves_freely(plant) else (ZERO, ZERO)
     outcome, accepted, rejected, k = DONE, 0, 0, ZERO
     i = segment_of(drive, t)
-    if cycle > 0 and (i % cycle != 0 or drive.start[i] != t):
+    if cycle > 0 and ((i >= first and (i - first) % cycle != 0) or drive.start[i] != t):
         cycle = 0
     compared, before, still = False, q, scaled(0.0, q)
     if sampled(plant) and not resumed:
@@ -143,7 +159,10 @@ def follow(
         ends = resume[: 0 if cycle > 0 else resume.size]
     while t < t_end:
         stop = t_end
-        whole = cycle > 0 and i + cycle < drive.start.size and drive.start[i + cycle] < t_end
+        ahead = cycle > 0 and i < first
+        if ahead:
+            stop = min(drive.start[first], t_end)
+        whole = cycle > 0 and not ahead and i + cycle < drive.start.size and drive.start[i + cycle] < t_end
         if whole:
             stop = drive.start[i + cycle]
         if resume is not None and resume.size > 0 and cycle > 0 and not ending:
@@ -184,7 +203,10 @@ def follow(
         if outcome != DONE:
             return outcome, t, accepted, rejected, q
         if not whole:
-            cycle = 0
+            if ahead:
+                i = first
+            else:
+                cycle = 0
             continue
         i += cycle
         period = stop - period_start

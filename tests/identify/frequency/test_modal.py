@@ -127,6 +127,14 @@ def test_modes_are_numbered_by_frequency_and_may_be_given_in_any_order() -> None
     assert fit.model.natural_frequency == pytest.approx(system.OMEGA, rel=1e-4)
 
 
+def test_a_model_to_start_from_has_the_delay_as_well() -> None:
+    """Modes in a row started without the delay end where another one turns the phases back."""
+    response = measured(np.random.default_rng(9), 1e-9).sel(output=[2])
+    fit = identify_frequency(response, TRUE)
+    assert fit.model.delay == pytest.approx(system.DELAY, rel=1e-2)
+    assert fit.model.gain[:, 0] == pytest.approx(system.GAIN[:, 1], abs=5e-9)
+
+
 def test_known_noise_gives_the_chi_squared_its_meaning() -> None:
     response = measured(np.random.default_rng(6), 1e-8, realisations=12)
     fit = identify_frequency(response, 3, noise_known=True)

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
+from scipy.linalg import block_diag
 
 from ...estimate.blas import single_threaded
 from ...estimate.fit import fit_least_squares
@@ -26,6 +27,7 @@ from ...estimate.problem import FitError
 from ...estimate.result import Fit
 from ...estimate.separable import Design, Linear, separable
 from ...progress import Progress, unheard
+from ...state_space import StateSpace
 from ...units import to_si
 from ..free import with_ties
 
@@ -54,6 +56,22 @@ class ModalModel(NamedTuple):
     rate_gain: np.ndarray
     remainder: np.ndarray
 
+    def state_space(self) -> StateSpace:
+        """The same as a linear system; states are, of each mode and input, coordinate and velocity."""
+        outputs, inputs = self.remainder.shape
+        each, omega = np.eye(inputs), self.natural_frequency
+        blocks = [
+            np.kron(each, [[0.0, 1.0], [-(w**2), -2.0 * zeta * w]])
+            for w, zeta in zip(omega, self.damping_ratio, strict=True)
+        ]
+        b = np.asarray(np.tile(np.kron(each, [[0.0], [1.0]]), (omega.size, 1)), dtype=float)
+        c = [
+            np.stack([gain * w**2, rate * w], axis=2).reshape(outputs, 2 * inputs)
+            for w, gain, rate in zip(omega, self.gain, self.rate_gain, strict=True)
+        ]
+        a = np.asarray(block_diag(*blocks), dtype=float)
+        return StateSpace(a, b, np.hstack(c), self.remainder, self.delay)
+
 
 def modal_response(model: ModalModel, frequency: np.ndarray) -> np.ndarray:
     """The frequency response at the frequencies [Hz], shape (frequencies, outputs, inputs), complex."""
@@ -80,7 +98,7 @@ def steady_response(model: ModalModel, drive: np.ndarray, sample_rate: float) ->
 @single_threaded
 def identify_frequency(
     response: xr.Dataset,
-    modes: int | Sequence[tuple[float | str, float]] = 1,
+    modes: int | Sequence[tuple[float | str, float]] | ModalModel = 1,
     *,
     complex_modes: bool = True,
     remainder: bool = True,
@@ -95,8 +113,9 @@ def identify_frequency(
         response: as `frequency_response` gives it, or a selection of its outputs, inputs or frequencies. Each
             line weighs by its `deviation`; a model of too few modes may want equal ones, to follow what moves
             most rather than what is best known.
-        modes: how many, or the start of each: natural frequency [Hz] and damping ratio. By their number, they
-            are found one after the other, each where it explains most of what is left.
+        modes: how many, or the start of each: natural frequency [Hz] and damping ratio; or a model to start
+            from, its delay as well. By their number, they are found one after the other, each where it
+            explains most of what is left.
         complex_modes: fit rate gains (B) as well.
         remainder: fit the remainder (D).
         noise_known: take the deviations in `response` as they are; by default the misfit sets their level.
@@ -114,14 +133,13 @@ def identify_frequency(
         QuantityError: an expression that ties is wrong.
         FitError: no deviations in `response`, or too few frequencies for so many modes.
     """
-    if not isinstance(modes, int):
-        modes = [(to_si(frequency, "Hz", "modes"), damping) for frequency, damping in modes]
+    given = starts_of(modes)
     missing = [d for d in ("output", "input") if d not in response["response"].dims]
     response = response.expand_dims(missing).transpose("frequency", "output", "input")
     if not np.all(response["deviation"] > 0):
         raise FitError("the responses have no deviations: they need more realisations or periods")
-    kind = _Kind(complex_modes, remainder)
-    starts, delay = _found(response, modes, kind) if isinstance(modes, int) else (list(modes), 0.0)
+    kind = Kind(complex_modes, remainder)
+    starts, delay = _found(response, given, kind) if isinstance(given, int) else given
     options: dict[str, Any] = {"noise_known": noise_known, "correlated": correlated, "progress": progress}
     options["tied"] = tied
     fit = _fit(response, sorted(starts), delay, kind, **options)
@@ -132,7 +150,23 @@ def identify_frequency(
     return fit
 
 
-def _found(response: xr.Dataset, n_modes: int, kind: _Kind) -> tuple[list[tuple[float, float]], float]:
+def starts_of(
+    modes: int | Sequence[tuple[float | str, float]] | ModalModel,
+) -> int | tuple[list[tuple[float, float]], float]:
+    """How many modes; or natural frequency [Hz] and damping ratio of each, and the delay [s].
+
+    Raises:
+        QuantityError: a frequency is none.
+    """
+    if isinstance(modes, ModalModel):
+        poles = zip(modes.natural_frequency / (2 * np.pi), modes.damping_ratio, strict=True)
+        return [(float(frequency), float(damping)) for frequency, damping in poles], modes.delay
+    if isinstance(modes, int):
+        return modes
+    return [(to_si(frequency, "Hz", "modes"), damping) for frequency, damping in modes], 0.0
+
+
+def _found(response: xr.Dataset, n_modes: int, kind: Kind) -> tuple[list[tuple[float, float]], float]:
     """Starts of so many modes, and of the delay: each mode explains most of what those before it left.
 
     All lines count alike here: weighed by their deviations, quiet bands would be served before large motion.
@@ -157,7 +191,9 @@ def _found(response: xr.Dataset, n_modes: int, kind: _Kind) -> tuple[list[tuple[
     return starts, delay
 
 
-class _Kind(NamedTuple):
+class Kind(NamedTuple):
+    """Which coefficients a model has beside the gains."""
+
     complex_modes: bool
     remainder: bool
 
@@ -169,7 +205,7 @@ class _Kind(NamedTuple):
 
 
 def _fit(
-    response: xr.Dataset, starts: Sequence[tuple[float, float]], delay: float, kind: _Kind, **options: Any
+    response: xr.Dataset, starts: Sequence[tuple[float, float]], delay: float, kind: Kind, **options: Any
 ) -> Fit:
     frequency = response["frequency"].to_numpy()
     outputs, inputs = response["output"].to_numpy(), response["input"].to_numpy()
@@ -188,7 +224,7 @@ def _fit(
         deviation = response["deviation"].to_numpy()[:, o, i]
         recordings.append(
             Linear(
-                _real_over_imaginary(measured),
+                real_over_imaginary(measured),
                 np.tile(deviation / math.sqrt(2), 2),
                 tuple((name + channel, unit) for name in kind.names(len(starts))),
                 f"response{channel}",
@@ -197,7 +233,7 @@ def _fit(
         )
 
     def designs(values: Values) -> list[Design]:
-        return [_design(frequency, np.array([values[name] for name in names]), kind)] * len(recordings)
+        return [modal_design(frequency, np.array([values[name] for name in names]), kind)] * len(recordings)
 
     about = {name: options.pop(name) for name in ("noise_known", "correlated") if name in options}
     problem = separable(recordings, designs, with_ties(parameters, options.pop("tied", None)), **about)
@@ -215,17 +251,24 @@ def pole_parameters(starts: Sequence[tuple[float, float]], limits: tuple[float, 
     return parameters
 
 
-def _model(fit: Fit, names: Sequence[str], n_outputs: int, n_inputs: int, kind: _Kind) -> ModalModel:
+def _model(fit: Fit, names: Sequence[str], n_outputs: int, n_inputs: int, kind: Kind) -> ModalModel:
     """Of a fit whose coefficients come after the poles and the delay, whose `names` are given."""
     *poles, delay = (fit.values[name] for name in names)
-    n_modes = len(poles) // 2
     rest = np.array([fit.values[p.name] for p in fit.parameters if p.name not in names])
-    coefficients = np.moveaxis(rest.reshape(n_outputs, n_inputs, -1), -1, 0)
-    zero = np.zeros((n_modes, n_outputs, n_inputs))
+    return modal_model(
+        np.array([*poles, delay]), np.moveaxis(rest.reshape(n_outputs, n_inputs, -1), -1, 0), kind
+    )
+
+
+def modal_model(poles: np.ndarray, coefficients: np.ndarray, kind: Kind) -> ModalModel:
+    """The record of natural frequency and damping ratio of each mode, then the delay, and of the coefficients
+    (names of `kind`, outputs, inputs)."""
+    n_modes = len(poles) // 2
+    zero = np.zeros((n_modes, *coefficients.shape[1:]))
     return ModalModel(
-        np.array(poles[0::2]),
-        np.array(poles[1::2]),
-        float(delay),
+        poles[0:-1:2],
+        poles[1:-1:2],
+        float(poles[-1]),
         coefficients[:n_modes],
         coefficients[n_modes : 2 * n_modes] if kind.complex_modes else zero,
         coefficients[-1] if kind.remainder else zero.sum(axis=0),
@@ -239,11 +282,12 @@ def _modes(s: np.ndarray, omega: np.ndarray, zeta: np.ndarray) -> tuple[np.ndarr
     return mode, mode * s / omega
 
 
-def _real_over_imaginary(values: np.ndarray) -> np.ndarray:
+def real_over_imaginary(values: np.ndarray) -> np.ndarray:
+    """Complex values, shape (n, ...), as real ones, (2 n, ...)."""
     return np.concatenate([np.real(values), np.imag(values)])
 
 
-def _design(frequency: np.ndarray, values: np.ndarray, kind: _Kind) -> Design:
+def modal_design(frequency: np.ndarray, values: np.ndarray, kind: Kind) -> Design:
     """Real over imaginary parts of the modes' responses, and their derivatives by poles and delay."""
     omega, zeta, delay = values[0:-1:2], values[1:-1:2], values[-1]
     s = 2j * np.pi * frequency
@@ -263,6 +307,6 @@ def _design(frequency: np.ndarray, values: np.ndarray, kind: _Kind) -> Design:
         slopes[:, 0:-1:2] = a * by_omega + b * rate_by_omega
         slopes[:, 1:-1:2] = by_zeta * (a + b * s / omega)
         slopes[:, -1] = -s[:, 0] * (basis @ x)
-        return _real_over_imaginary(slopes)
+        return real_over_imaginary(slopes)
 
-    return Design(_real_over_imaginary(basis), tangent)
+    return Design(real_over_imaginary(basis), tangent)

@@ -54,6 +54,7 @@ def frequency_response(
         by noise and nonlinear distortion, from realisations beyond the number of inputs (if there are none:
         by noise alone); `noise_deviation`, that by noise, from the periods. Each is sqrt(E|error|^2), and NaN
         without the repetitions. Over "frequency" and "output": `coherence`, the share of the power explained.
+        The coordinate `drive_rms` is the amplitude of the drive, over all inputs, for `identify_levels`.
 
     Raises:
         ResponseError: the shapes do not fit, or the inputs cannot be told apart.
@@ -95,6 +96,7 @@ def frequency_response(
         np.sqrt(noise[:, :, None] * factor),
         coherence,
         units,
+        drive_rms(u),
     )
 
 
@@ -152,7 +154,19 @@ def welch_frequency_response(
     factor = np.real(np.diagonal(inverse, axis1=1, axis2=2))[:, None, :] / averages * 19 / 18
     nothing = np.full(G.shape, np.nan)
     coherence = np.clip(explained / measured, 0, 1)
-    return _labelled(frequency[lines], G, np.sqrt(rest[:, :, None] * factor), nothing, coherence, units)
+    return _labelled(
+        frequency[lines], G, np.sqrt(rest[:, :, None] * factor), nothing, coherence, units, drive_rms(u.T)
+    )
+
+
+def drive_rms(drive: ArrayLike) -> float:
+    """The amplitude of a drive, V rms: over all samples, inputs and realisations, without each one's mean.
+
+    Args:
+        drive: V, shape (samples, ...).
+    """
+    volts = np.asarray(drive, dtype=float)
+    return float(np.sqrt(np.mean((volts - volts.mean(axis=0)) ** 2)))
 
 
 def mean_gain(response: xr.Dataset, band: tuple[float, float]) -> xr.Dataset:
@@ -195,7 +209,7 @@ def _variance(squares: np.ndarray, freedom: int, smoothing: int) -> np.ndarray:
     return uniform_filter1d(squares / freedom, smoothing, axis=0, mode="nearest")
 
 
-def _labelled(frequency, response, deviation, noise_deviation, coherence, units) -> xr.Dataset:
+def _labelled(frequency, response, deviation, noise_deviation, coherence, units, rms) -> xr.Dataset:
     full, unit = ("frequency", "output", "input"), f"{units[1]}/{units[0]}"
     return xr.Dataset(
         {
@@ -212,5 +226,6 @@ def _labelled(frequency, response, deviation, noise_deviation, coherence, units)
             "frequency": ("frequency", frequency, {"units": "Hz", "long_name": "frequency"}),
             "output": np.arange(1, response.shape[1] + 1),
             "input": np.arange(1, response.shape[2] + 1),
+            "drive_rms": ((), rms, {"units": units[0], "long_name": "rms drive"}),
         },
     )

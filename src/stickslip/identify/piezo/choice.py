@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from itertools import product
 from typing import NamedTuple
 
+import numpy as np
+
 from ...units import QuantityError
 from .columns import CREEP_BEGINS, Grid, Observed, Timing, columns
 from .linear import cross_validated
@@ -41,6 +43,7 @@ def chosen(
     operators: int | None,
     asymmetric: bool | None,
     creep: bool | None,
+    time_constants: Sequence[float] = (),
 ) -> Choice:
     """The columns that predict best, or nearly so, among those that were left open.
 
@@ -53,6 +56,13 @@ def chosen(
         raise QuantityError(
             f"operators = {operators} is out of range: 1 to {fewest // SAMPLES_PER_PLAY} for {fewest} samples"
         )
+    for tau in time_constants:
+        shortest = 2.0 * float(observed[0].time[1])
+        if not shortest <= tau <= lasts:
+            raise QuantityError(
+                f"time_constants has {tau:g} s, which recordings of {lasts:.3g} s do not determine: "
+                f"from {shortest:.3g} s to {lasts:.3g} s"
+            )
     long_enough = lasts >= LONG_ENOUGH * CREEP_BEGINS
     if creep and not long_enough:
         raise QuantityError(
@@ -69,6 +79,8 @@ def chosen(
     positions = [one.position for one in observed]
     for n, bent, creeps in open_:
         grid = Grid.over(*range_of(observed), n, bent, lasts if creeps else 0.0)
+        if creeps and len(time_constants):
+            grid = grid._replace(times=np.array(time_constants))
         parts = [columns(one, timing, grid) for one in observed]
         tried.append((cross_validated(parts, positions, grid, FOLDS), n + bent + creeps, grid))
     best = min(score for score, _, _ in tried)

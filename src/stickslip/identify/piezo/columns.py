@@ -27,6 +27,8 @@ ZONES = 8
 CREEP_BEGINS = 0.1
 # Of the drive's range: smaller ways back are no reversal.
 TURNED = 0.05
+# Of the range, to which periods are the same; and samples of one, at least.
+SAME, FEWEST_IN_PERIOD = 2e-3, 16
 
 Array = NDArray[np.float64]
 
@@ -111,6 +113,22 @@ def refuse_one_way(observed: Sequence[Observed]) -> None:
             f"drive_voltage [V] of {one.name} has no reversal: it goes from {one.drive[0]:g} V to "
             f"{one.drive[-1]:g} V without turning back, and hysteresis shows only after a reversal"
         )
+
+
+def repeated(drive: Array) -> tuple[float, float, float]:
+    """First sample, length and end of what a drive repeats from some sample to its own end, as `KnownNoise`
+    has it; a length of 0 if it does not."""
+    none = (0.0, 0.0, 0.0)
+    half = drive[drive.size // 2 :] - drive[drive.size // 2 :].mean()
+    line = int(np.argmax(np.abs(np.fft.rfft(half))[1:])) + 1
+    for length in {round(half.size / line) + d for d in (-2, -1, 0, 1, 2)}:
+        if not FEWEST_IN_PERIOD <= length <= drive.size // 4:
+            continue
+        other = np.abs(drive[length:] - drive[:-length]) > SAME * np.ptp(drive)
+        first = int(np.flatnonzero(other)[-1]) + 1 if np.any(other) else 0
+        if drive.size - first >= 4 * length:
+            return float(first), float(length), float(drive.size - first)
+    return none
 
 
 def at_piezo(observed: Observed, timing: Timing) -> Array:

@@ -18,17 +18,24 @@ from ...estimate.problem import Problem, Residuals
 from ...estimate.result import Fit
 from ...piezo import Creep, Piezo, PrandtlIshlinskii
 from ...piezo.creep import PER_DECADE
-from ...units import QuantityError, optional_si
+from ...units import QuantityError, optional_si, to_si
 from ..recorded.channels import names_of, recordings_of, refuse_clipped, unit_of
 from ..recorded.known_noise import converter_step
+from ..recorded.recorded_drive import noise_level
 from .choice import chosen, range_of
-from .columns import Columns, Grid, Observed, Timing, columns, observe, refuse_one_way
+from .columns import Columns, Grid, Observed, Timing, columns, observe, refuse_one_way, repeated
 from .linear import Solution, solve
 from .prediction import PiezoPrediction
-from .timing import Lateness, edges_of, lateness
+from .timing import Edges, Lateness, edges_of, lateness
 
 OBSERVED = "stage_position"
 FIRST_PLAYS = 8  # of the model by which rest and lateness are found
+# What a model leaves, over white noise of the positions, if that is all.
+NOISY = 1.3
+# Of its range: a drive further from its first value has moved.
+MOVED = 0.01
+# Of a sample's interval, the step of derivatives by delay and lag; and timings whose columns are kept.
+DIFFERENCE, KEPT = 0.02, 4
 
 Array = NDArray[np.float64]
 
@@ -40,6 +47,7 @@ def identify_piezo(
     operators: int | None = None,
     asymmetric: bool | None = None,
     creep: bool | None = None,
+    time_constants: Sequence[float | str] = (),
     delay: float | str | None = None,
     lag: float | str | None = None,
     rest_voltage: float | str | None = None,
@@ -50,12 +58,11 @@ def identify_piezo(
     .. math:: y = y_0 + S + g\,L[S], \qquad S = \sum_i w_i P_{r_i}[u] + \kappa\,B(u)
 
     Slow against the stage's resonance, free of contact: the recorded displacement is the piezo's. Thresholds
-    are spread evenly over half the range of the drive, and creep is logarithmic from 0.1 s to the recording's
-    length: wider plays and slower creep are not determined. How many plays, and whether the square B(u) and
-        creep are
-    there, is chosen by cross-validation: the smallest model that predicts parts of the recordings that it was
-    not fitted to about as well as the best one. Delay and lag are those seen after edges of the drive;
-    without edges, a lag cannot be told from hysteresis and is taken as 0.
+    are spread evenly over half the range of the drive, and creep is logarithmic from 0.1 s to the length of
+    the recording: wider plays and slower creep are not determined. How many plays, and whether the square
+    B(u) and creep are there, is chosen by cross-validation: the smallest model that predicts parts of the
+    recordings that it was not fitted to about as well as the best one. Delay and lag are those seen after
+    edges of the drive; without edges, a lag cannot be told from hysteresis and is taken as 0.
 
     Args:
         recordings: with drive_voltage [V] and stage_position [m].
@@ -63,6 +70,8 @@ def identify_piezo(
         operators: number of plays; left out, chosen.
         asymmetric: whether B(u) is there; left out, chosen.
         creep: whether creep is there; left out, chosen.
+        time_constants: s, of creep, with equal shares; left out, two to the decade from 0.1 s to the length
+            of the recordings.
         delay: s, of the voltage at the piezo; left out, seen after edges.
         lag: s, of the voltage at the piezo, of first order: amplifier, capacitance and sensor; likewise.
         rest_voltage: V at which the piezo rested before each recording, reached from 0 V; left out, that
@@ -81,6 +90,7 @@ def identify_piezo(
         QuantityError: a number out of range.
         FitError: see `fit_least_squares`.
     """
+    taus = sorted(to_si(tau, "s", "time_constants") for tau in time_constants)
     given = optional_si(delay, "s", "delay"), optional_si(lag, "s", "lag")
     rest = optional_si(rest_voltage, "V", "rest_voltage")
     found = recordings_of(recordings)
@@ -96,17 +106,30 @@ def identify_piezo(
             break
         seen = [one._replace(rest=r) for one, r in zip(seen, rested, strict=True)]
         late = _lateness(seen, *given)
-    choice = chosen(seen, late.timing, operators, asymmetric, creep)
-    fit = fit_least_squares(_problem(seen, choice.grid, late, unit))
-    prediction = _prediction(fit.values, choice.grid, late.timing, seen, observed)
+    choice = chosen(seen, late.timing, operators, asymmetric, creep, taus)
+    fit, remarks = _fitted(seen, choice.grid, late, unit)
+    timing = Timing(fit.values["delay"], fit.values["lag"])
+    prediction = _prediction(fit.values, choice.grid, timing, seen, observed)
     gain, piezo = prediction.gain, prediction.piezo
     return replace(
         fit,
         model=model.replace(gain=gain, piezo=piezo) if model else piezo,
         observed=observed,
         predict=prediction.predict,
-        remarks=(*choice.remarks, *late.remarks),
+        remarks=(*choice.remarks, *remarks),
     )
+
+
+def _fitted(seen: Sequence[Observed], grid: Grid, late: Lateness, unit: str) -> tuple[Fit, tuple[str, ...]]:
+    """The fit, and what is to be said of its timing. Delay and lag are fitted with all else where the model
+    leaves no more than noise; where it leaves more, what it lacks would bend them, and they are those of the
+    edges."""
+    if late.edges.number:
+        whole = fit_least_squares(_problem(seen, grid, late.timing, unit, timed=True))
+        noise = [noise_level(one.position) for one in seen]
+        if all(g.rmse <= NOISY * sigma for g, sigma in zip(whole.recordings, noise, strict=True)):
+            return whole, ()
+    return fit_least_squares(_problem(seen, grid, late.timing, unit, timed=False)), late.remarks
 
 
 def _rested(seen: Sequence[Observed], timing: Timing, assumed: float | None) -> list[float]:
@@ -127,7 +150,7 @@ def _lateness(seen: Sequence[Observed], delay: float | None, lag: float | None) 
         given = Timing(delay or 0.0, lag or 0.0)
         if min(given) < 0.0:
             raise QuantityError(f"delay = {given.delay:g} s and lag = {given.lag:g} s must be >= 0 s")
-        return Lateness(given, Timing(), ("delay and lag are as given",))
+        return Lateness(given, Timing(), ("delay and lag are as given",), Edges((), ()))
     grid = Grid.over(*range_of(seen), FIRST_PLAYS, True, 0.0)
     parts = [columns(one, Timing(), grid) for one in seen]
     found = _solved(seen, parts, grid)
@@ -151,38 +174,14 @@ def _named(found: Solution, grid: Grid) -> Values:
     return values | {"gain": found.gain}
 
 
-def _problem(seen: Sequence[Observed], grid: Grid, late: Lateness, unit: str) -> Problem:
-    parts = [columns(one, late.timing, grid) for one in seen]
-    begin = _named(_solved(seen, parts, grid), grid)
+def _problem(seen: Sequence[Observed], grid: Grid, timing: Timing, unit: str, timed: bool) -> Problem:
+    """All coefficients at once, and delay and lag with them where these are `timed`."""
+    begin = _named(_solved(seen, [columns(one, timing, grid) for one in seen], grid), grid)
     plays = [f"weight_{i}" for i in range(1, grid.thresholds.size + 1)]
-    names = [*plays, *(["curvature"] if grid.zones.size else [])]
-    creeps = "creep" in begin
-
-    def residuals(number: int) -> Callable[[Values], Array]:
-        part, position = parts[number], seen[number].position
-
-        def of(values: Values) -> Array:
-            x = np.array([values[name] for name in names])
-            shown = part.at_once @ x + values.get("creep", 0.0) * (part.crept @ x)
-            return shown + values[f"offset_{number + 1}"] - position
-
-        return of
-
-    def jacobian(values: Values) -> Array:
-        x = np.array([values[name] for name in names])
-        rows = []
-        for i, part in enumerate(parts):
-            slopes = [part.at_once + values.get("creep", 0.0) * part.crept]
-            if creeps:
-                slopes.append((part.crept @ x)[:, None])
-            offsets = np.zeros((part.at_once.shape[0], len(parts)))
-            offsets[:, i] = 1.0
-            rest = np.zeros((part.at_once.shape[0], 3))  # gain, delay, lag: by nothing
-            rows.append(np.hstack([*slopes, offsets, rest[:, :1]]))
-        return np.concatenate(rows)
-
-    units = {"curvature": f"{unit}/V²", "creep": ""}
+    described = _Described(seen, grid, [*plays, *(["curvature"] if grid.zones.size else [])], timed)
+    units = {"curvature": f"{unit}/V²", "creep": "", "delay": "s", "lag": "s"}
     reach = {name: 2.0 * begin["gain"] for name in plays} | {"creep": 1.0}
+    reach |= {name: max(10.0 * sum(timing), 1e-9) for name in Timing._fields}
     parameters = [
         Parameter(
             name,
@@ -192,23 +191,74 @@ def _problem(seen: Sequence[Observed], grid: Grid, late: Lateness, unit: str) ->
             units.get(name, unit if name.startswith("offset") else f"{unit}/V"),
             log=False,
         )
-        for name, value in begin.items()
+        for name, value in (begin | (timing._asdict() if timed else {})).items()
         if name != "gain"
     ]
-    beside = [
-        Parameter("gain", unit=f"{unit}/V", tied=" + ".join(plays)),
-        Parameter("delay", late.timing.delay, unit="s", fixed=True),
-        Parameter("lag", late.timing.lag, unit="s", fixed=True),
-    ]
+    beside = [Parameter("gain", unit=f"{unit}/V", tied=" + ".join(plays))]
+    if not timed:
+        beside += [Parameter(name, value, unit="s", fixed=True) for name, value in timing._asdict().items()]
     recordings = [
-        Residuals(residuals(i), one.position, None, one.name, unit, _known(one), one.time)
+        Residuals(described.residuals(i), one.position, None, one.name, unit, _known(one), one.time)
         for i, one in enumerate(seen)
     ]
-    return Problem(recordings, [*parameters, *beside], jacobian=jacobian, correlated=True)
+    return Problem(recordings, [*parameters, *beside], jacobian=described.jacobian, correlated=True)
+
+
+class _Described:
+    """The residuals of a problem and their derivatives; columns are made anew only for another timing."""
+
+    def __init__(self, seen: Sequence[Observed], grid: Grid, names: Sequence[str], timed: bool) -> None:
+        self.seen, self.grid, self.names, self.timed = seen, grid, names, timed
+        self.known: dict[Timing, list[Columns]] = {}
+
+    def parts(self, timing: Timing) -> list[Columns]:
+        if timing not in self.known:
+            if len(self.known) > KEPT:
+                self.known.clear()
+            self.known[timing] = [columns(one, timing, self.grid) for one in self.seen]
+        return self.known[timing]
+
+    def shown(self, values: Values, timing: Timing, number: int) -> Array:
+        """Position without offset, m."""
+        part, x = self.parts(timing)[number], np.array([values[name] for name in self.names])
+        return part.at_once @ x + values.get("creep", 0.0) * (part.crept @ x)
+
+    def residuals(self, number: int) -> Callable[[Values], Array]:
+        position = self.seen[number].position
+
+        def of(values: Values) -> Array:
+            timing = Timing(values["delay"], values["lag"])
+            return self.shown(values, timing, number) + values[f"offset_{number + 1}"] - position
+
+        return of
+
+    def jacobian(self, values: Values) -> Array:
+        """By weights, curvature, creep, offsets, timing where it is free, and gain, by nothing."""
+        x = np.array([values[name] for name in self.names])
+        timing = Timing(values["delay"], values["lag"])
+        rows = []
+        for i, (part, one) in enumerate(zip(self.parts(timing), self.seen, strict=True)):
+            slopes = [part.at_once + values.get("creep", 0.0) * part.crept]
+            if "creep" in values:
+                slopes.append((part.crept @ x)[:, None])
+            offsets = np.zeros((one.time.size, len(self.seen)))
+            offsets[:, i] = 1.0
+            slopes.append(offsets)
+            for name in Timing._fields if self.timed else ():
+                step = DIFFERENCE * float(one.time[1])
+                later = timing._replace(**{name: getattr(timing, name) + step})
+                change = self.shown(values, later, i) - self.shown(values, timing, i)
+                slopes.append((change / step)[:, None])
+            rows.append(np.hstack([*slopes, np.zeros((one.time.size, 1))]))
+        return np.concatenate(rows)
 
 
 def _known(observed: Observed) -> KnownNoise:
-    return KnownNoise(step=converter_step(observed.position))
+    """What a recording shows of its noise: before the drive moves, and between periods that it repeats."""
+    u = observed.drive
+    moved = np.abs(u - u[0]) > MOVED * np.ptp(u)
+    at_rest = int(np.argmax(moved)) if observed.rest == u[0] else 0
+    return KnownNoise(None, at_rest, repeated(u), converter_step(observed.position))
 
 
 def _prediction(

@@ -49,6 +49,7 @@ class Lateness(NamedTuple):
     timing: Timing
     spread: Timing
     remarks: tuple[str, ...]
+    edges: Edges
 
 
 def edges_of(observed: Sequence[Observed], still: Sequence[Array]) -> Edges:
@@ -93,7 +94,7 @@ def lateness(observed: Sequence[Observed], grid: Grid, edges: Edges) -> Lateness
         said = (
             "the drive has no edges: a lag of the voltage cannot be told from hysteresis, and is taken as 0 s"
         )
-        return Lateness(Timing(), Timing(), (said,))
+        return Lateness(Timing(), Timing(), (said,), edges)
     positions = [one.position for one in observed]
 
     def misfit(x: Array) -> Array:
@@ -125,7 +126,7 @@ def lateness(observed: Sequence[Observed], grid: Grid, edges: Edges) -> Lateness
         f"{spread.lag:.1g} s) are those seen after {edges.number} edge{'s' * (edges.number > 1)} of the "
         "drive; the intervals of the others hold for them"
     )
-    return Lateness(Timing(*best.tolist()), spread, (said,))
+    return Lateness(Timing(*best.tolist()), spread, (said,), edges)
 
 
 def after(parts: Sequence[Columns], positions: Sequence[Array], found: Solution, edges: Edges) -> Array:

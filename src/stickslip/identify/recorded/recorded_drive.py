@@ -299,7 +299,7 @@ def _splines(t: Array, u: Array, knots: list[Knot], slew_rate: float | None) -> 
         polynomial.append(spline.c[::-1].T)
     start.append(t[-1:])
     polynomial.append([[u[-1], 0.0, 0.0, 0.0]])
-    within = SURELY * _noise(u)
+    within = SURELY * noise_level(u)
     least, greatest = float(u.min()) + within, float(u.max()) - within
     middle = 0.5 * (least + greatest)
     return RecordedDrive(
@@ -311,9 +311,9 @@ def _splines(t: Array, u: Array, knots: list[Knot], slew_rate: float | None) -> 
     )
 
 
-def _noise(u: Array) -> float:
-    """Standard deviation of the samples' noise, V: by fourth differences, which leave nothing of what is
-    smooth; their median is not moved by jumps and kinks.
+def noise_level(u: Array) -> float:
+    """Standard deviation of the samples' noise, in their unit: by fourth differences, which leave nothing of
+    what is smooth; their median is not moved by jumps and kinks.
     """
     change = np.abs(np.diff(u, 4))
     return float(np.median(change)) / (0.6745 * math.sqrt(70.0)) if change.size else 0.0

@@ -1,0 +1,59 @@
+"""Pictures of piezos: loops over the voltage, and creep over decades of time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
+
+from .scale import scale_for
+from .style import SERIES, WIDTH, drawn, trace
+
+
+@drawn
+def hysteresis_loops(loops: Mapping[str, tuple[ArrayLike, ArrayLike]]) -> Figure:
+    """Stroke over voltage, and what it is off a straight line between the ends, in percent of the stroke.
+
+    Args:
+        loops: voltage [V] and stroke [m], arrays (n,), by label.
+    """
+    figure = Figure(figsize=(WIDTH, 3.0))
+    left, right = figure.subplots(1, 2)
+    volts = np.concatenate([np.asarray(u, dtype=float) for u, _ in loops.values()])
+    strokes = np.concatenate([np.asarray(y, dtype=float) for _, y in loops.values()])
+    slope = (strokes[volts.argmax()] - strokes[volts.argmin()]) / np.ptp(volts)
+    level, most = strokes[volts.argmin()] - slope * volts.min(), np.ptp(strokes)
+    way = scale_for("m", strokes)
+    for (label, (u, y)), color in zip(loops.items(), SERIES, strict=False):
+        u, y = np.asarray(u, dtype=float), np.asarray(y, dtype=float)
+        trace(left, u, way(y), color=color, lw=0.9, label=label)
+        trace(right, u, 100.0 * (y - level - slope * u) / most, color=color, lw=0.9)
+    left.set(xlabel="voltage (V)", ylabel=way.label("stroke"))
+    right.set(xlabel="voltage (V)", ylabel="off a straight line (% of the stroke)")
+    if len(loops) > 1:
+        left.legend(loc="upper left")
+    return figure
+
+
+@drawn
+def creep_over_decades(steps: Mapping[str, tuple[ArrayLike, ArrayLike]], begin: float = 0.1) -> Figure:
+    """Stroke after steps over that at `begin` [s], over the logarithm of time.
+
+    Args:
+        steps: time since the step [s] and stroke since before it [m], arrays (n,), by label.
+        begin: s.
+    """
+    figure = Figure(figsize=(WIDTH, 2.8))
+    axes = figure.subplots()
+    for (label, (time, stroke)), color in zip(steps.items(), SERIES, strict=False):
+        t, y = np.asarray(time, dtype=float), np.asarray(stroke, dtype=float)
+        later = t >= 0.1 * begin
+        share = 100.0 * (y / np.interp(begin, t, y) - 1.0)
+        trace(axes, t[later], share[later], color=color, label=label)
+    axes.set_xscale("log")
+    axes.set(xlabel="time since the step (s)", ylabel=f"stroke over that at {begin:g} s (%)")
+    if len(steps) > 1:
+        axes.legend(loc="upper left")
+    return figure

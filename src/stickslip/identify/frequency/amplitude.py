@@ -1,0 +1,160 @@
+r"""One modal model for all amplitudes of the drive: modes that soften, gains that rise.
+
+A piezo's gain and losses grow with its field, and its modes soften, so a modal model is right at one
+amplitude alone. Here every parameter follows the rms drive a by one law, the same exponent p for all,
+
+.. math:: \xi(a) = \frac{(a/a_0)^p - 1}{p}, \qquad
+          \omega_m = \omega_{m0}\, e^{\omega_m' \xi}, \quad \zeta_m = \zeta_{m0}\, e^{\zeta_m' \xi}, \quad
+          A_m = A_{m0} + A_m' \xi
+
+(B and D like A; p = 0 is the logarithm; the delay stays). p = 1 is Rayleigh's law, in which the coefficients
+are linear in the amplitude [hall2001]. Slopes are per relative change of the amplitude at a_0, whatever p is.
+
+Good for drives whose spectra have one shape: only then does one number say what the amplitude is. The
+response at each amplitude is a linear one, the best approximation [pintelon2012]: what distortion adds to it
+is in no prediction.
+"""
+
+from __future__ import annotations
+
+import warnings
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from ...estimate.problem import FitError
+from ...recording import RecordingWarning
+from ...units import optional_si, to_si
+from ..recorded.channels import channel, names_of
+from .in_time import held_response
+from .modal import ModalModel, steady_response
+from .response import drive_rms
+
+Array = NDArray[np.float64]
+
+# Of an amplitude: levels nearer to each other are one, and so far beyond them a prediction is not warned of.
+ALIKE = 0.02
+
+
+class AmplitudeModel(NamedTuple):
+    """A modal model that depends on the amplitude; see the module for the equation.
+
+    Attributes:
+        reference: the model at the reference amplitude.
+        slope: change by the relative change of the amplitude there: of natural frequencies and damping ratios
+            relative, of gain, rate gain and remainder in their unit; the delay's is 0.
+        exponent: p.
+        amplitude: the reference, V rms.
+        lowest, highest: of the levels that it was fitted to, V rms.
+    """
+
+    reference: ModalModel
+    slope: ModalModel
+    exponent: float
+    amplitude: float
+    lowest: float
+    highest: float
+
+
+def at_amplitude(model: AmplitudeModel, amplitude: float | str) -> ModalModel:
+    """The modal model at an amplitude [V rms].
+
+    Raises:
+        QuantityError: the amplitude is no voltage.
+        FitError: it is not above zero.
+
+    Warns:
+        RecordingWarning: it is outside of the levels that the model was fitted to.
+    """
+    volts = to_si(amplitude, "V", "amplitude")
+    if not 0.0 < volts < np.inf:
+        raise FitError(f"amplitude = {volts:g} V must be above 0 V: a model has no modes at rest")
+    if not model.lowest * (1 - ALIKE) <= volts <= model.highest * (1 + ALIKE):
+        warnings.warn(
+            f"{volts:.4g} V rms is outside of the levels that the model was fitted to, {model.lowest:.4g} to "
+            f"{model.highest:.4g} V rms: nothing says that its law holds there",
+            RecordingWarning,
+            stacklevel=2,
+        )
+    start, slope, x = model.reference, model.slope, float(law(volts / model.amplitude, model.exponent))
+    return ModalModel(
+        start.natural_frequency * np.exp(slope.natural_frequency * x),
+        start.damping_ratio * np.exp(slope.damping_ratio * x),
+        start.delay,
+        start.gain + slope.gain * x,
+        start.rate_gain + slope.rate_gain * x,
+        start.remainder + slope.remainder * x,
+    )
+
+
+def predict_response(
+    model: AmplitudeModel,
+    drive: ArrayLike | xr.Dataset,
+    sample_rate: float | str | None = None,
+    *,
+    amplitude: float | str | None = None,
+    periodic: bool = True,
+) -> Array:
+    """The response to a drive, each realisation at its own amplitude.
+
+    Args:
+        drive: V, shape (samples,), (samples, inputs) or (samples, inputs, realisations); or a recording with
+            drive_voltage, of an actuator with one input.
+        sample_rate: Hz; of a recording, its own.
+        amplitude: V rms; left out, that of the whole drive over all inputs, which a long rest would lower.
+        periodic: the drive is whole periods of a steady state, without power above half the sample rate;
+            otherwise it begins at rest, and is held from sample to sample.
+
+    Returns:
+        m, of the shape of the drive with outputs for inputs; (samples,) for one output if the drive was.
+
+    Raises:
+        FitError: the drive's shape does not fit, it is constant, or its sample rate is missing.
+
+    Warns:
+        RecordingWarning: see `at_amplitude`.
+    """
+    rate, rms = optional_si(sample_rate, "Hz", "sample_rate"), optional_si(amplitude, "V", "amplitude")
+    if isinstance(drive, xr.Dataset):
+        (name,) = names_of([drive])
+        time = drive["time"].to_numpy()
+        drive, rate = channel(drive, "drive_voltage", name), float((time.size - 1) / (time[-1] - time[0]))
+    if rate is None:
+        raise FitError("sample_rate is missing: an array does not have its own")
+    given = np.asarray(drive, dtype=float)
+    n_outputs, n_inputs = model.reference.remainder.shape
+    volts = given.reshape(*given.shape, *(1,) * (3 - given.ndim))
+    if volts.ndim != 3 or volts.shape[1] != n_inputs:
+        raise FitError(
+            f"the drive has the shape {given.shape}, not (samples, {n_inputs} inputs, realisations)"
+        )
+    found = np.empty((len(volts), n_outputs, volts.shape[2]))
+    for r in range(volts.shape[2]):
+        u = volts[..., r]
+        own = at_amplitude(model, drive_rms(u) if rms is None else rms)
+        found[..., r] = steady_response(own, u, rate) if periodic else held_response(own, u, rate)
+    if given.ndim == 1 and n_outputs == 1:
+        return found[:, 0, 0]
+    return found if given.ndim == 3 else found[..., 0]
+
+
+def law(ratio: float | Array, p: float) -> Array:
+    """xi at an amplitude over the reference."""
+    logarithm = np.log(ratio)
+    return logarithm * _mean_power(p * logarithm)
+
+
+def _mean_power(z: Array) -> Array:
+    """(e^z - 1)/z, 1 at 0."""
+    return np.where(np.abs(z) < 1e-12, 1.0, np.expm1(z) / np.where(z == 0.0, 1.0, z))
+
+
+def law_by_exponent(ratio: Array, p: float) -> Array:
+    """d xi/d p."""
+    logarithm = np.log(ratio)
+    z = p * logarithm
+    series = logarithm**2 * (0.5 + z / 3 + z**2 / 8)
+    exact = (logarithm * np.exp(z) - law(ratio, p)) / (p or 1.0)
+    return np.where(np.abs(z) < 1e-4, series, exact)

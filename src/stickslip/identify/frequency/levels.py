@@ -1,0 +1,272 @@
+"""Fit one modal model to frequency responses at several amplitudes of the drive; see `amplitude`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise, product
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ...estimate.blas import single_threaded
+from ...estimate.fit import fit_least_squares
+from ...estimate.parameter import Parameter, Values
+from ...estimate.problem import FitError
+from ...estimate.result import Fit
+from ...estimate.separable import Design, Linear, separable
+from ...progress import Progress, unheard, within
+from ...units import to_si
+from .amplitude import ALIKE, AmplitudeModel, law, law_by_exponent
+from .modal import (
+    LINES_IN_SEARCH,
+    Kind,
+    ModalModel,
+    identify_frequency,
+    modal_design,
+    modal_model,
+    pole_parameters,
+    real_over_imaginary,
+    starts_of,
+)
+
+Array = NDArray[np.float64]
+
+# As three levels of a mirror's piezos show (0.41 to 0.60); with 1, the two outer ones predict worse.
+TWO_LEVELS_EXPONENT = 0.5
+LEAST_EXPONENT, MOST_EXPONENT = -3.0, 4.0
+STEEPEST = 1.0  # slope of a pole: its relative change by that of the amplitude
+# Of all natural frequencies together, between levels next to each other; modes are often 1 % wide.
+SHIFTS = np.linspace(-0.2, 0.2, 81)
+
+
+@single_threaded
+def identify_levels(
+    responses: Sequence[xr.Dataset],
+    modes: int | Sequence[tuple[float | str, float]] | ModalModel,
+    amplitudes: Sequence[float | str] | None = None,
+    *,
+    exponent: float | None = None,
+    complex_modes: bool = True,
+    remainder: bool = True,
+    noise_known: bool = False,
+    correlated: bool = False,
+    progress: Progress = unheard,
+) -> Fit:
+    """Fit one modal model to the frequency responses at several amplitudes of the drive.
+
+    Args:
+        responses: one for each level, as `frequency_response` gives them, or selections of the same outputs
+            and inputs; weighed as by `identify_frequency`.
+        modes: how many, or their starts, at the level in the middle; see `identify_frequency`.
+        amplitudes: V rms of the drive at each level; left out, the "drive_rms" that each response has.
+        exponent: of the law, see `amplitude`; left out, it is fitted to three levels or more, and taken as
+            0.5 for two, which do not show it.
+        complex_modes, remainder, noise_known, correlated, progress: as for `identify_frequency`.
+
+    Returns:
+        As `identify_frequency`, at the reference amplitude (the geometric mean of the levels), and besides
+        natural_frequency_slope_1, damping_ratio_slope_1, ..., exponent, gain_slope_1, .... Its `model` is an
+        `AmplitudeModel`, for `at_amplitude` and `predict_response`.
+
+    Raises:
+        QuantityError: an amplitude is no voltage.
+        FitError: fewer than two different levels, levels of different channels, no amplitudes, or see
+            `identify_frequency`.
+    """
+    given = None if amplitudes is None else [to_si(one, "V", "amplitudes") for one in amplitudes]
+    starts_of(modes)
+    volts = _amplitudes(responses, given)
+    order = np.argsort(volts)
+    volts, levels = volts[order], [_with_channels(responses[i]) for i in order]
+    _check(levels, volts)
+    kind = Kind(complex_modes, remainder)
+    progress("fitting the level in the middle", 0.0)
+    middle = levels[len(levels) // 2]
+    found = identify_frequency(middle, modes, complex_modes=complex_modes, remainder=remainder).model
+    poles = np.append(np.stack(found[:2], axis=1).ravel(), found.delay)
+    start, remarks = _exponent(exponent, len(levels))
+    problem = _Levels(levels, volts, poles, start, kind)
+    options = {"noise_known": noise_known, "correlated": correlated}
+    described = separable(problem.recordings(), problem.designs, problem.parameters, **options)
+    fit = fit_least_squares(described, tolerance=1e-8, progress=_second_half(progress))
+    return replace(fit, model=problem.model(fit), remarks=(*fit.remarks, *remarks))
+
+
+def _exponent(given: float | None, n_levels: int) -> tuple[Parameter, tuple[str, ...]]:
+    """The exponent as a parameter, and what is assumed of it."""
+    remarks: tuple[str, ...] = ()
+    if given is None and n_levels == 2:
+        given = TWO_LEVELS_EXPONENT
+        remarks = (f"two levels do not show the exponent of their law: taken as {given:g}",)
+    if given is None:
+        return Parameter("exponent", 1.0, LEAST_EXPONENT, MOST_EXPONENT, log=False), remarks
+    if not LEAST_EXPONENT <= given <= MOST_EXPONENT:
+        raise FitError(f"exponent = {given:g} must be from {LEAST_EXPONENT:g} to {MOST_EXPONENT:g}")
+    return Parameter("exponent", float(given), log=False, fixed=True), remarks
+
+
+def _second_half(progress: Progress) -> Progress:
+    return lambda said, share: within(progress, 0.5, 0.5, said, share)
+
+
+def _amplitudes(responses: Sequence[xr.Dataset], given: Sequence[float] | None) -> Array:
+    """V rms of each level."""
+    if given is None:
+        without = [i for i, r in enumerate(responses, 1) if "drive_rms" not in r.coords]
+        if without:
+            raise FitError(f"response {without[0]} has no drive_rms: say the amplitudes")
+        given = [float(r["drive_rms"]) for r in responses]
+    if len(given) != len(responses):
+        raise FitError(f"{len(given)} amplitudes for {len(responses)} responses")
+    volts = np.array(given, dtype=float)
+    if not np.all((volts > 0.0) & np.isfinite(volts)):
+        raise FitError(f"amplitudes {volts.tolist()} V must be above 0 V")
+    return volts
+
+
+def _with_channels(response: xr.Dataset) -> xr.Dataset:
+    missing = [d for d in ("output", "input") if d not in response["response"].dims]
+    return response.expand_dims(missing).transpose("frequency", "output", "input")
+
+
+def _check(levels: Sequence[xr.Dataset], volts: Array) -> None:
+    """Raise FitError unless the levels, in order, differ in their amplitude alone."""
+    if len(levels) < 2:
+        raise FitError("one level does not show what changes with the amplitude: there must be two or more")
+    for low, high in pairwise(volts):
+        if high <= low * (1 + ALIKE):
+            raise FitError(f"two levels are alike, {low:.4g} and {high:.4g} V rms: join their realisations")
+    for axis in ("output", "input"):
+        if any(not np.array_equal(level[axis], levels[0][axis]) for level in levels):
+            raise FitError(f"the levels differ in their {axis}s")
+    if not all(np.all(level["deviation"] > 0) for level in levels):
+        raise FitError("the responses have no deviations: they need more realisations or periods")
+
+
+def _softening(levels: Sequence[xr.Dataset], poles: Array, kind: Kind) -> Array:
+    """Of all natural frequencies alike, the logarithm of their shift at each level from the middle one.
+
+    Modes of two levels are not paired one by one: fitted alone, each level has its own idea of the weak ones.
+    """
+    middle = len(levels) // 2
+    shifts = np.zeros(len(levels))
+    for side in (range(middle + 1, len(levels)), range(middle - 1, -1, -1)):
+        so_far = 0.0
+        for i in side:
+            trial = so_far + np.array([0.0, *SHIFTS])
+            so_far = shifts[i] = trial[np.argmin([_left(levels[i], poles, t, kind) for t in trial])]
+    return shifts
+
+
+def _left(level: xr.Dataset, poles: Array, shift: float, kind: Kind) -> float:
+    """What modes of shifted frequencies leave of the responses, all lines alike."""
+    level = level.isel(frequency=slice(None, None, max(1, level.sizes["frequency"] // LINES_IN_SEARCH)))
+    shifted = np.append(poles[:-1].reshape(-1, 2) * [np.exp(shift), 1.0], poles[-1])
+    basis = modal_design(level["frequency"].to_numpy(), shifted, kind).matrix
+    measured = real_over_imaginary(level["response"].to_numpy().reshape(level.sizes["frequency"], -1))
+    return float(np.sum((measured - basis @ np.linalg.lstsq(basis, measured, rcond=None)[0]) ** 2))
+
+
+class _Levels:
+    """The least squares over all levels: rows level by level, columns at the reference, then slopes."""
+
+    def __init__(
+        self, levels: Sequence[xr.Dataset], volts: Array, poles: Array, exponent: Parameter, kind: Kind
+    ) -> None:
+        self.levels, self.kind, self.volts = levels, kind, volts
+        self.amplitude = float(np.exp(np.mean(np.log(volts))))
+        self.ratios = volts / self.amplitude
+        self.frequencies = [level["frequency"].to_numpy() for level in levels]
+        self.n_modes = len(poles) // 2
+        self.parameters = [*self._at_reference(poles, exponent.start), exponent]
+        self.names = [p.name for p in self.parameters]
+        self.outputs, self.inputs = (levels[0][axis].to_numpy() for axis in ("output", "input"))
+
+    def _at_reference(self, poles: Array, exponent: float) -> list[Parameter]:
+        """Poles, delay and slopes, from those of the middle level and the softening of all modes together."""
+        lowest, highest = min(f[0] for f in self.frequencies), max(f[-1] for f in self.frequencies)
+        longest = 10 / highest
+        lines = np.stack([np.ones(len(self.levels)), law(self.ratios, exponent)], axis=1)
+        shifts = _softening(self.levels, poles, self.kind)
+        shift, slope = np.linalg.lstsq(lines, shifts, rcond=None)[0]
+        starts = [(float(w * np.exp(shift)), float(z)) for w, z in poles[:-1].reshape(-1, 2)]
+        found = pole_parameters(starts, (np.pi * lowest, 4 * np.pi * highest))
+        found.append(Parameter("delay", float(poles[-1]), -longest, longest, "s", log=False))
+        for m in range(1, self.n_modes + 1):
+            for name, value in (("natural_frequency", float(slope)), ("damping_ratio", 0.0)):
+                inside = min(max(value, -STEEPEST), STEEPEST)
+                found.append(Parameter(f"{name}_slope_{m}", inside, -STEEPEST, STEEPEST, log=False))
+        return found
+
+    def recordings(self) -> list[Linear]:
+        """One for each channel, of all levels."""
+        unit = self.levels[0]["response"].attrs["units"]
+        single = self.outputs.size * self.inputs.size == 1
+        names = self.kind.names(self.n_modes)
+        names = [*names, *(_slope_of(name) for name in names)]
+        found = []
+        for o, i in product(range(self.outputs.size), range(self.inputs.size)):
+            label = "" if single else f"[{self.outputs[o]},{self.inputs[i]}]"
+            measured, deviation = (
+                [level[what].to_numpy()[:, o, i] for level in self.levels]
+                for what in ("response", "deviation")
+            )
+            found.append(
+                Linear(
+                    np.concatenate([real_over_imaginary(one) for one in measured]),
+                    np.concatenate([np.tile(one / np.sqrt(2), 2) for one in deviation]),
+                    tuple((name + label, unit) for name in names),
+                    f"response{label}",
+                    unit,
+                )
+            )
+        return found
+
+    def designs(self, values: Values) -> list[Design]:
+        """The same for every channel."""
+        base, slope, p = self._split(values)
+        along, by_p = law(self.ratios, p), law_by_exponent(self.ratios, p)
+        factors = np.exp(along[:, None] * slope)
+        parts = [
+            modal_design(f, base * factor, self.kind)
+            for f, factor in zip(self.frequencies, factors, strict=True)
+        ]
+        half = parts[0].matrix.shape[1]
+        matrix = np.concatenate(
+            [np.hstack([d.matrix, x * d.matrix]) for d, x in zip(parts, along, strict=True)]
+        )
+
+        def tangent(c: Array) -> Array:
+            rows = []
+            for d, x, dx, factor in zip(parts, along, by_p, factors, strict=True):
+                at_level = d.tangent(c[:half] + x * c[half:]) * factor
+                by_slope = (at_level * (base * x))[:, :-1]  # all but the delay's, which has none
+                by_exponent = dx * (d.matrix @ c[half:] + at_level @ (base * slope))
+                columns = [at_level, by_slope, by_exponent[:, None]]
+                rows.append(np.hstack(columns[: 2 if self.parameters[-1].fixed else 3]))
+            return np.concatenate(rows)
+
+        return [Design(matrix, tangent)] * (self.outputs.size * self.inputs.size)
+
+    def _split(self, values: Values) -> tuple[Array, Array, float]:
+        """Poles and delay at the reference, the slopes of all these, and the exponent."""
+        given = np.array([values[name] for name in self.names])
+        n = 2 * self.n_modes + 1
+        return given[:n], np.append(given[n:-1], 0.0), float(given[-1])
+
+    def model(self, fit: Fit) -> AmplitudeModel:
+        """Of the fit."""
+        base, slope, p = self._split(fit.values)
+        rest = np.array([fit.values[q.name] for q in fit.parameters if q.name not in self.names])
+        rest = np.moveaxis(rest.reshape(self.outputs.size, self.inputs.size, 2, -1), (2, 3), (0, 1))
+        whole = [modal_model(poles, c, self.kind) for poles, c in zip((base, slope), rest, strict=True)]
+        ends = float(self.volts[0]), float(self.volts[-1])
+        return AmplitudeModel(whole[0], whole[1], p, self.amplitude, *ends)
+
+
+def _slope_of(name: str) -> str:
+    """gain_slope_1 of gain_1."""
+    kind, _, number = name.rpartition("_")
+    return f"{kind}_slope_{number}" if kind else f"{name}_slope"

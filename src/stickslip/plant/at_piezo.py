@@ -1,0 +1,53 @@
+"""What a piezo makes of a drive: a segment table becomes the segment table of its free stroke over the gain.
+
+Nothing feeds back into it, so it is computed once, before the equations of motion are solved. The stage then
+sees a drive like any other, with breaks where plays are taken along.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..piezo.model import Piezo
+from ..waveform.drive import Drive
+from .creeping import creeping
+from .splitting import through
+
+
+def at_piezo(
+    piezo: Piezo, drive: Drive, end: float, period: float | None = None, settled: bool = False
+) -> Drive:
+    """The drive [V] after hysteresis and creep, up to `end` [s].
+
+    Args:
+        piezo: the model; before the drive it rested long at `drive.before`, reached from 0 V.
+        drive: table.
+        end: s.
+        period: s, of a drive that repeats.
+        settled: the table is that of one period, until `end`, after many.
+    """
+    made = drive
+    if piezo.hysteresis is not None:
+        plays, z = piezo.hysteresis.operators, piezo.hysteresis.rested(drive.before)
+        if settled:
+            through(plays, drive, end, z)
+        made = through(plays, drive, end, z, 0 if settled else cycle_of(drive, period))
+    if piezo.creep is not None:
+        made = creeping(piezo.creep, made, end, made.before, period if settled else None)
+    return made
+
+
+def cycle_of(drive: Drive, period: float | None) -> int:
+    """How many segments of a table make its period [s]; 0 if it does not repeat itself exactly."""
+    if period is None:
+        return 0
+    count = int(np.searchsorted(drive.start, period * (1.0 - 1e-9)))
+    n = drive.start.size - count
+    if count == 0 or n < count:
+        return 0
+    rows = np.diff(drive.first)
+    alike = np.array_equal(drive.polynomial[:n], drive.polynomial[count:]) and np.array_equal(
+        rows[:n], rows[count:]
+    )
+    own = len(drive.harmonic) - int(drive.first[count])
+    return count if alike and np.array_equal(drive.harmonic[:own], drive.harmonic[-own or None :]) else 0

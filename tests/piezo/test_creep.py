@@ -1,0 +1,79 @@
+"""Creep: against the differential equation, and the logarithmic law that it stands for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from stickslip.piezo import Creep, Piezo, PrandtlIshlinskii
+from stickslip.piezo.creep import Lags, before_creep, relaxed, spread
+from stickslip.units import QuantityError
+
+
+def test_lags_obey_their_equation() -> None:
+    random = np.random.default_rng(2)
+    times = np.cumsum(random.uniform(0.01, 0.4, 50))
+    values, tau = random.normal(0.0, 10.0, 50), np.array([0.02, 0.3, 5.0])
+    found = np.empty((50, 3))
+    relaxed(Lags(tau), times, values, np.full(3, 2.0), found)
+    for k in range(3):
+        path = solve_ivp(
+            lambda t, x, k=k: (np.interp(t, times, values) - x) / tau[k],
+            (times[0], times[-1]),
+            [2.0],
+            t_eval=times,
+            rtol=1e-9,
+            atol=1e-9,
+            max_step=0.01,
+        )
+        np.testing.assert_allclose(found[:, k], path.y[0], atol=2e-6)
+
+
+def test_evenly_spread_terms_are_logarithmic() -> None:
+    """A step creeps by the same share in each decade, but near the first and the last."""
+    creep = Creep.logarithmic(0.015, 0.1, 1e5)
+    times = np.append(0.0, np.geomspace(1e-6, 1e7, 4001))
+    values = np.append(0.0, np.ones(4001))
+    found = np.empty((times.size, len(creep.shares)))
+    relaxed(Lags(np.array(creep.time_constants)), times, values, np.zeros(len(creep.shares)), found)
+    stroke = values + found @ np.array(creep.shares)
+    decades = np.interp([1.0, 10.0, 100.0, 1000.0], times, stroke)
+    np.testing.assert_allclose(np.diff(decades), 0.015, rtol=0.03)
+    assert stroke[-1] == pytest.approx(1.0 + 0.015 * 6.0, rel=1e-3)
+    assert creep.per_decade == pytest.approx(0.015)
+
+
+def test_time_constants_are_spread_over_the_decades() -> None:
+    np.testing.assert_allclose(spread(0.1, 10.0), 10.0 ** np.array([-0.75, -0.25, 0.25, 0.75]))
+
+
+def test_what_creeps_into_a_motion_is_found() -> None:
+    random = np.random.default_rng(5)
+    creep, times = Creep.logarithmic(0.02, 0.1, 50.0), np.arange(0.0, 20.0, 0.05)
+    tau, shares = np.array(creep.time_constants), np.array(creep.shares)
+    values, lagged = np.cumsum(random.normal(0.0, 1.0, times.size)), np.empty((times.size, tau.size))
+    relaxed(Lags(tau), times, values, np.full(tau.size, 3.0), lagged)
+    found = np.empty(times.size)
+    before_creep(Lags(tau), times, values + lagged @ shares, shares, np.full(tau.size, 3.0), found)
+    np.testing.assert_allclose(found, values, atol=1e-10)
+
+
+def test_a_piezo_rests_where_its_creep_has_ended() -> None:
+    hysteresis = PrandtlIshlinskii((0.0, 5.0), (0.8, 0.2))
+    piezo = Piezo(hysteresis, Creep((1.0, 10.0), (0.01, 0.02)))
+    rest = piezo.resting_at(25.0)
+    assert 1.03 * hysteresis.output([rest], rest)[0] == pytest.approx(25.0)
+
+
+def test_what_is_no_creep_is_refused() -> None:
+    with pytest.raises(QuantityError, match=r"2 time_constants .s. and 1 shares"):
+        Creep((0.1, 1.0), (0.01,))
+    with pytest.raises(QuantityError, match="must ascend"):
+        Creep((1.0, 0.1), (0.01, 0.01))
+    with pytest.raises(QuantityError, match=r"shares\[0\] = -0.01 is out of range"):
+        Creep((1.0,), (-0.01,))
+    with pytest.raises(QuantityError, match=r"0 s < begin < end"):
+        spread(1.0, 0.1)
+    with pytest.raises(QuantityError, match="must be a piezo model"):
+        Piezo(hysteresis=0.15)

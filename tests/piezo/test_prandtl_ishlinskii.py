@@ -1,0 +1,101 @@
+"""Hysteresis: against the operators' definition, its properties, and its inverse."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import reference
+from stickslip.piezo import PrandtlIshlinskii
+from stickslip.units import QuantityError
+
+Array = NDArray[np.float64]
+
+
+def model(random: np.random.Generator, zones: bool = True) -> PrandtlIshlinskii:
+    """One with an inverse: what the dead zones take away leaves half of the first weight."""
+    plays = int(random.integers(1, 12))
+    weights = random.uniform(0.0, 1.0, plays)
+    weights[0] += 0.2
+    slopes = random.uniform(-1.0, 1.0, 3) * weights[0] / 6.0
+    return PrandtlIshlinskii(
+        (0.0, *np.sort(random.uniform(0.1, 60.0, plays - 1))),
+        tuple(weights),
+        tuple(np.sort(random.uniform(-20.0, 100.0, 3))) if zones else (),
+        tuple(slopes) if zones else (),
+    )
+
+
+def wandering(random: np.random.Generator, count: int = 400) -> Array:
+    """A drive that turns at random, V."""
+    return np.interp(
+        np.arange(count), np.sort(random.integers(0, count, 40)), random.uniform(-50.0, 120.0, 40)
+    )
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_output_is_that_of_the_definition(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    one, drive = model(random), wandering(random)
+    rest = float(random.uniform(-40.0, 80.0))
+    expected = reference.prandtl_ishlinskii(one, drive, rest)
+    np.testing.assert_allclose(one.output(drive, rest), expected, rtol=1e-12, atol=1e-10)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_inverse_is_an_inverse(seed: int) -> None:
+    random = np.random.default_rng(100 + seed)
+    one, drive = model(random), wandering(random)
+    wanted = one.output(drive, float(drive[0]))
+    np.testing.assert_allclose(one.inverse(wanted, float(drive[0])), drive, atol=1e-8)
+    anything = np.cumsum(random.normal(0.0, 5.0, 300))  # turns at every other sample
+    np.testing.assert_allclose(one.output(one.inverse(anything, 0.0), 0.0), anything, atol=1e-9)
+
+
+def test_a_play_without_width_is_linear() -> None:
+    drive = wandering(np.random.default_rng(1))
+    np.testing.assert_allclose(PrandtlIshlinskii((0.0,), (1.0,)).output(drive), drive)
+
+
+def test_one_play_is_a_parallelogram() -> None:
+    """Up to 30 V and back: it stands still for 2 r after each turn, and comes home r below, or above."""
+    one = PrandtlIshlinskii((0.0, 4.0), (0.5, 0.5))
+    drive = np.array([0.0, 4.0, 30.0, 22.0, 0.0, 8.0, 30.0])
+    play = np.array([0.0, 0.0, 26.0, 26.0, 4.0, 4.0, 26.0])
+    np.testing.assert_allclose(one.output(drive), 0.5 * drive + 0.5 * play)
+
+
+def test_minor_loops_close_and_are_congruent() -> None:
+    """A minor loop between the same voltages has the same shape wherever it hangs, without dead zones."""
+    one = model(np.random.default_rng(3), zones=False)
+    loop = np.array([40.0, 60.0, 40.0])
+    rising = one.output(np.concatenate([[0.0, 60.0], loop]))
+    falling = one.output(np.concatenate([[0.0, 110.0, 40.0], loop[1:]]))
+    assert rising[-1] == pytest.approx(rising[-3], abs=1e-12)
+    assert falling[-1] == pytest.approx(falling[-3], abs=1e-12)
+    np.testing.assert_allclose(np.diff(rising[-3:]), np.diff(falling[-3:]), atol=1e-12)
+
+
+def test_larger_extremes_wipe_smaller_ones_out() -> None:
+    one = model(np.random.default_rng(4))
+    straight = one.output(np.array([0.0, 110.0, 0.0, 110.0]))
+    detour = one.output(np.array([0.0, 50.0, 20.0, 70.0, 30.0, 110.0, 80.0, 90.0, 0.0, 110.0]))
+    np.testing.assert_allclose(detour[-2:], straight[-2:], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (((0.0, 4.0), (1.0, -0.1)), r"weights\[1\] = -0.1 is out of range"),
+        (((0.0, 4.0), (1.0,)), "2 thresholds .V. and 1 weights"),
+        (((4.0, 0.0), (1.0, 1.0)), "must ascend"),
+        (((), ()), "is empty"),
+        (((1.0,), (1.0,)), "no inverse"),
+        (((0.0,), (1.0,), (10.0,), (-1.0,)), "no inverse"),
+        (((-1.0,), (1.0,)), r"thresholds\[0\] = -1 V is out of range"),
+    ],
+)
+def test_what_is_no_hysteresis_is_refused(wrong: tuple[object, ...], said: str) -> None:
+    with pytest.raises(QuantityError, match=said):
+        PrandtlIshlinskii(*wrong)  # type: ignore[arg-type]
