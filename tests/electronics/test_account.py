@@ -171,6 +171,9 @@ def test_temperature_dependence() -> None:
     np.testing.assert_allclose(of.capacitance_factor([293.15, 343.15]), [1.0, 1.2])
     with pytest.raises(QuantityError, match=r"temperature = 77 K is out of range.*273\.15 to 353\.15 K"):
         of.gain_factor(77.0)
+    for worst in (77.0, 420.0):
+        with pytest.raises(QuantityError, match=f"temperature = {worst:g} K is out of range"):
+            of.gain_factor([worst, 300.0, 350.0])
     with pytest.raises(QuantityError, match=r"TemperatureDependence\.reference = 200 K"):
         of._replace(reference=200.0)
     with pytest.raises(QuantityError, match=r"TemperatureDependence\.gain = 0\.1 1/K .* nothing is left"):
