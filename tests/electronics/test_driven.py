@@ -171,6 +171,19 @@ def test_the_peak_current_lasts_as_long_as_it_should() -> None:
     np.testing.assert_allclose(u, expected, atol=1e-6)
 
 
+def test_a_short_excess_is_seen_within_a_long_rest() -> None:
+    """The mean square exceeds its limit for some 0.1 ms of a step that then rests for 20 ms."""
+    of = amplifier(
+        output_resistance=100.0, max_current=2.0, rms_current=0.5, peak_duration="10 us", high=199.0
+    )
+    step = ss.Step(100.0)
+    times, expected = naive(of, step, NEC, 1e-3, 40_000)
+    found = driven(of, step, NEC, 20e-3).value(times)  # type: ignore[attr-defined]
+    np.testing.assert_allclose(found, expected, atol=0.05)
+    free = driven(of._replace(rms_current=math.inf), step, NEC, 20e-3).value(times)  # type: ignore[attr-defined]
+    assert np.abs(found - free).max() > 1.0
+
+
 def test_after_a_rest_the_peak_is_there_again() -> None:
     of = amplifier(max_current=2.0, rms_current=0.5, peak_duration="5 ms")
     memory = 5e-3 / -math.log(1.0 - 0.5**2 / 2.0**2)

@@ -115,7 +115,7 @@ def _lagged(of, d, gap, s, rate, square, folded, least):
     if not math.isinf(of.memory):
         if not folded:  # the steady current may be reached: look often, but only while there is more of it
             calm = math.sqrt(of.steady_square) / of.farad
-            above = abs(s) > calm
+            above = False  # of a line the mean square goes one way
             if of.tau > 0.0:
                 above = abs(gap) >= calm * of.tau * (1.0 - _BELOW)
                 if not above and abs(s) > calm:
