@@ -63,7 +63,10 @@ def test_figures_and_assumptions_are_named() -> None:
     assert float(scale[1]) * 2e-6 == pytest.approx(thesis.PARABOLA)
 
 
-@pytest.mark.parametrize("name", ["static-friction", "elastoplastic", "drive-signals", "there-and-back"])
+@pytest.mark.parametrize(
+    "name",
+    ["static-friction", "elastoplastic", "drive-signals", "there-and-back", "starved-amplifier", "heat"],
+)
 def test_the_code_makes_the_committed_figure(name: str) -> None:
     figure = svg(maker().made_by(PAGES[name])["figure"])
     (picture,) = re.findall(r"figures/([\w-]+\.svg)\)", PAGES[name])

@@ -85,12 +85,12 @@ def test_a_quantity_may_have_its_unit(
         for other in inspect.signature(call).parameters.values()
         if other.default is other.empty and other.kind is not other.VAR_KEYWORD
     }
-    text: Any = "3 K"
+    text: Any = "3 cd"
     if parameter.name == "modes":
         text = [(text, 0.1)]
     elif re.search(r"Sequence|tuple", str(parameter.annotation)):
         text = (text, text)
-    with pytest.raises(ValueError, match=f"{parameter.name}.*'3 K'"):
+    with pytest.raises(ValueError, match=f"{parameter.name}.*'3 cd'"):
         call(**{**given, parameter.name: text})
 
 

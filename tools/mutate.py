@@ -54,6 +54,7 @@ LAWS = tuple(
 MOTION = ("tests/test_mechanism.py",)
 ONE_SIDE = ("tests/friction/test_one_side.py",)
 BRANCHES = (*LAWS, "tests/friction/test_branches.py")
+CHARGING = ("tests/electronics/test_charging.py", "tests/electronics/test_driven.py")
 # The first row that fits a file counts.
 TARGETS = (
     Target(
@@ -76,6 +77,12 @@ TARGETS = (
     Target("solve/channels.py", ("tests/solve/test_channels.py",)),
     Target("solve/log.py", ("tests/solve/test_log.py",)),
     Target("solve/prescribed.py", ("tests/solve/test_prescribed.py",)),
+    Target("electronics/charging.py", CHARGING),
+    Target("electronics/lines.py", CHARGING),
+    Target("electronics/driven.py", CHARGING),
+    Target("electronics/amplifier.py", (*CHARGING, "tests/electronics/test_amplifier.py"), ("limits",)),
+    Target("electronics/cycles.py", ("tests/electronics/test_account.py",)),
+    Target("electronics/stack.py", ("tests/electronics/test_account.py",), ("cycle_loss", "_above")),
     Target("actuator.py", ("tests/test_actuator.py",), ("axial_force", "from_parts")),
 )
 

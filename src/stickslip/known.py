@@ -1,4 +1,4 @@
-"""Catalogue by name: laws, parameter sets, waveforms, benches, calibrations, published data."""
+"""Catalogue by name: laws, parameter sets, waveforms, parts, benches, calibrations, published data."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from . import registry
 from .calibration import load_calibration
 from .calibration.storage import available_calibrations
 from .datasets import DATASETS
+from .electronics import available_parts, load_part
 from .parameters import available_sets, load_set
 from .records import did_you_mean
 from .rig.bench import available_benches, load_bench
@@ -21,6 +22,8 @@ KINDS: Mapping[str, Callable[[], dict[str, str]]] = {
     "sensors": lambda: _lines(registry.sensors),
     "readers": lambda: _lines(registry.readers),
     "rigs": lambda: _lines(registry.rigs),
+    "amplifiers": lambda: {name: load_part(name).title for name in available_parts("amplifier")},
+    "stacks": lambda: {name: load_part(name).title for name in available_parts("stack")},
     "benches": lambda: {name: load_bench(name).title for name in available_benches()},
     "calibrations": lambda: {name: load_calibration(name).source for name in available_calibrations()},
     "datasets": lambda: {name: f"{one.credit} ({one.licence})" for name, one in DATASETS.items()},
@@ -32,7 +35,8 @@ def catalogue(*kinds: str) -> dict[str, dict[str, str]]:
 
     Args:
         kinds: of "laws", "actuators" (parameter sets), "piezo models", "waveforms", "sensors", "readers",
-            "rigs", "benches", "calibrations" and "datasets"; all of them, if left out.
+            "rigs", "amplifiers", "stacks", "benches", "calibrations" and "datasets"; all of them, if left
+            out.
 
     Raises:
         QuantityError: there is no such kind.

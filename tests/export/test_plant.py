@@ -166,8 +166,10 @@ def test_microcontroller(build, tmp_path) -> None:
     assert data + bss < 2_000
 
 
-def test_amplifier_is_that_of_the_electronics(tmp_path) -> None:
+@pytest.mark.parametrize("output_resistance", [0.0, 60.0])
+def test_amplifier_is_that_of_the_electronics(tmp_path, output_resistance: float) -> None:
     bench, h = load_bench("kang2007-bench"), 20e-6
+    bench = bench.replace(amplifier=bench.amplifier._replace(output_resistance=output_resistance))
     volts = np.concatenate([np.zeros(5), np.full(40, 4.0), np.linspace(4.0, 1.0, 30)])
     times, expected = amplifier_output(bench.amplifier, volts, 1 / h, bench.piezo_capacitance)
     now, found = float(expected[0]), []

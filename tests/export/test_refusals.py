@@ -36,6 +36,13 @@ WRONG = {
     "duration": ({"duration": -1.0}, "duration = -1 s"),
     "motion": ({"motion": Sawtooth(1.0, 5)}, "the wanted motion is in m"),
     "noise": ({"measurement_noise": 0.0}, "measurement_noise = 0 m must be > 0 m"),
+    "two currents": (
+        {
+            "amplifier": load_bench("kang2007-bench").amplifier._replace(rms_current=0.01, peak_duration=1.0),
+            "piezo_capacitance": 1e-6,
+        },
+        "rms_current = 0.01 A cannot be exported",
+    ),
     "amplifier": ({"amplifier": load_bench("kang2007-bench").amplifier}, "needs the piezo_capacitance"),
 }
 

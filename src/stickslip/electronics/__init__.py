@@ -1,19 +1,30 @@
-"""The parts between a computer and an actuator: converters, amplifier, sensors, filters.
+"""The parts between a computer and an actuator: converters, amplifier, stack, sensors, filters.
 
 Each is a record of datasheet numbers and a function on arrays, usable alone; `stickslip.rig` makes a signal
 chain of them. Noise comes from the ``numpy.random.Generator`` that is handed in: the same seed, the same
 noise.
 """
 
+from .account import electrical as electrical
 from .amplifier import Amplifier as Amplifier
 from .amplifier import amplifier_output as amplifier_output
+from .amplifier import small_signal_bandwidth as small_signal_bandwidth
 from .converter import Adc as Adc
 from .converter import Dac as Dac
 from .converter import adc_output as adc_output
 from .converter import dac_output as dac_output
+from .driven import driven as driven
+from .driven import driven_period as driven_period
 from .filters import Filter as Filter
 from .filters import filtered as filtered
 from .inductive import InductiveSensor as InductiveSensor
 from .interferometer import Interferometer as Interferometer
 from .interferometer import PositionSensor as PositionSensor
+from .parts import Part as Part
+from .parts import available_parts as available_parts
+from .parts import load_amplifier as load_amplifier
+from .parts import load_part as load_part
+from .parts import load_stack as load_stack
+from .stack import Stack as Stack
+from .stack import TemperatureDependence as TemperatureDependence
 from .strain_gauge import StrainGauge as StrainGauge

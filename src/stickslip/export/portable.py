@@ -173,6 +173,11 @@ def signal_chain(
         raise QuantityError("an amplifier needs the piezo_capacitance [F] that it charges")
     if not farad > 0.0:
         raise QuantityError(f"piezo_capacitance = {farad:g} F must be > 0 F")
+    if amplifier.rms_current < amplifier.max_current:
+        raise QuantityError(
+            f"Amplifier.rms_current = {amplifier.rms_current:g} A cannot be exported: the C code has one "
+            "limit of the current, max_current"
+        )
     return SignalChain(amplifier, farad, seen)
 
 

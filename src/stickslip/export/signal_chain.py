@@ -12,7 +12,7 @@ import math
 def amplifier_after(amplifier, capacitance, wanted, now, h):
     """Output after h seconds: a ramp at the slew rate, then an exponential towards the target."""
     target = min(max(amplifier.gain * wanted + amplifier.offset, amplifier.low), amplifier.high)
-    tau = 0.5 / (math.pi * amplifier.bandwidth)
+    tau = 0.5 / (math.pi * amplifier.bandwidth) + amplifier.output_resistance * capacitance
     slew = min(amplifier.slew_rate, amplifier.max_current / capacitance)
     gap = target - now
     ramp = 0.0

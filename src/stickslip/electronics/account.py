@@ -1,0 +1,176 @@
+"""The electrical account of a run: current, charge, power, and the temperature of the stack.
+
+Between two points the voltage is a line, so the current is constant there, and every sum below is exact.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ..units import QuantityError, optional_si, to_si, with_prefix
+from ..waveform.signal import Waveform
+from .cycles import lost_power
+from .lines import jumps, lines_of
+from .stack import TEMPERATURE, Stack
+
+Array = NDArray[np.float64]
+
+_WARMING = 0.02  # of the stack's time constant: points no farther apart show how it warms and cools
+
+_OVER_TIME = {
+    "drive_voltage": ("V", "drive voltage"),
+    "current": ("A", "current"),
+    "charge": ("C", "charge"),
+    "reactive_power": ("W", "reactive power"),
+    "loss_power": ("W", "loss"),
+    "temperature": ("K", "temperature of the stack"),
+}
+_OF_ALL = {
+    "peak_current": ("A", "greatest current"),
+    "rms_current": ("A", "rms current"),
+    "mean_loss": ("W", "mean loss"),
+    "steady_temperature": ("K", "temperature if it went on like this"),
+}
+
+
+def electrical(
+    source: Waveform | Mapping[str, Any],
+    stack: Stack,
+    duration: float | str | None = None,
+    *,
+    ambient: float | str = 293.15,
+    tolerance: float | str = 5e-3,
+) -> xr.Dataset:
+    """Current, charge, power and temperature of a stack over a run.
+
+    The current is that of the capacitance; what is lost adds to its rms value by less than the square of the
+    loss tangent. Noise of a recording is current, too: smooth it first. The capacitance does not go with the
+    temperature here (see `TemperatureDependence`).
+
+    Args:
+        source: the voltage at the piezo: a waveform in V, without jumps (`driven` gives one); or a recording
+            or trajectory with "time" and "drive_voltage".
+        stack: its numbers.
+        duration: s, of a waveform.
+        ambient: K, of the surroundings; the stack begins at that.
+        tolerance: V, greatest error of the lines by which a waveform is drawn.
+
+    Returns:
+        Over "time", which is that of the lines or samples, and closer where the stack's temperature bends:
+        `drive_voltage` [V], `charge` [C] and `temperature` [K] at each point, `current` [A],
+        `reactive_power` (into the field, negative: out of it) and `loss_power` [W] from it to the next. Of
+        the whole: `peak_current`, `rms_current`, `mean_loss`, and `steady_temperature`, which it would have
+        at last if it went on like this.
+
+    Raises:
+        QuantityError: a waveform without a duration, in m or with a jump, which takes an infinite current; a
+            recording without drive_voltage, without two samples or with gaps; a number out of range.
+    """
+    seconds = optional_si(duration, "s", "duration")
+    kelvin = TEMPERATURE.check(to_si(ambient, "K", "ambient"), "ambient")
+    volts_off = to_si(tolerance, "V", "tolerance")
+    if not volts_off > 0.0:
+        raise QuantityError(f"tolerance = {volts_off:g} V is out of range: it must be > 0 V")
+    times, volts = _points(source, seconds, volts_off)
+    times, volts = _closer(times, volts, _WARMING * stack.time_constant)
+    step = np.diff(times)
+    current = stack.load * np.diff(volts) / step
+    stored = 0.5 * stack.load * np.diff(volts * volts) / step
+    loss = lost_power(times, volts, stack.cycle_loss)
+    lasted = float(times[-1] - times[0])
+    mean_loss = float(np.sum(loss * step)) / lasted
+    found = {
+        "drive_voltage": volts,
+        "current": _held(current),
+        "charge": stack.load * volts,
+        "reactive_power": _held(stored),
+        "loss_power": _held(loss),
+        "temperature": kelvin + _warmed(step, loss, stack),
+        "peak_current": float(np.abs(current).max()),
+        "rms_current": math.sqrt(float(np.sum(current * current * step)) / lasted),
+        "mean_loss": mean_loss,
+        "steady_temperature": kelvin + stack.thermal_resistance * mean_loss,
+    }
+    said = {**_OVER_TIME, **_OF_ALL}
+    return xr.Dataset(
+        {
+            name: (
+                ("time",) if name in _OVER_TIME else (),
+                found[name],
+                {"units": unit, "long_name": long_name},
+            )
+            for name, (unit, long_name) in said.items()
+        },
+        {"time": ("time", times, {"units": "s", "long_name": "time"})},
+    )
+
+
+def _points(source: Any, duration: float | None, tolerance: float) -> tuple[Array, Array]:
+    """Times [s] and voltages of the run, joined by lines."""
+    if isinstance(source, Mapping):
+        return _samples(source)
+    if duration is None or not 0.0 < duration < math.inf:
+        raise QuantityError(f"duration = {duration} s: of a waveform it must be said, > 0 s and finite")
+    name = type(source).__name__
+    if source.unit != "V":
+        raise QuantityError(f"{name} is in {source.unit}: a piezo is driven by volts")
+    lines = lines_of(source.drive(duration), duration, tolerance)
+    jumped, at = jumps(lines)
+    far = np.flatnonzero(np.abs(jumped) > 2.0 * tolerance)
+    if far.size:
+        raise QuantityError(
+            f"{name} jumps by {with_prefix(float(jumped[far[0]]), 'V')} at {at[far[0]]:g} s, which takes an "
+            "infinite current: electronics.driven says what an amplifier makes of it"
+        )
+    return lines.bounds, np.append(lines.values, lines.end)
+
+
+def _closer(times: Array, volts: Array, farthest: float) -> tuple[Array, Array]:
+    """The points, and more on the lines between those that are farther apart [s]."""
+    parts = np.maximum(np.ceil(np.diff(times) / farthest), 1.0).astype(np.int64)
+    if parts.max() == 1:
+        return times, volts
+    which = np.repeat(np.arange(parts.size), parts)
+    share = (np.arange(which.size) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[which]
+    finer = times[which] + share * np.diff(times)[which]
+    return np.append(finer, times[-1]), np.append(volts[which] + share * np.diff(volts)[which], volts[-1])
+
+
+def _samples(recording: Any) -> tuple[Array, Array]:
+    for name in ("time", "drive_voltage"):
+        if name not in recording:
+            raise QuantityError(f"the recording has no {name!r}; it has {', '.join(map(str, recording))}")
+    unit = getattr(recording["drive_voltage"], "attrs", {}).get("units", "V")
+    if unit != "V":
+        raise QuantityError(f"drive_voltage is in {unit}: it must be in V")
+    times, volts = (np.asarray(recording[name], dtype=float) for name in ("time", "drive_voltage"))
+    if times.ndim != 1 or times.shape != volts.shape or times.size < 2 or np.any(np.diff(times) <= 0.0):
+        raise QuantityError(f"time and drive_voltage must be two or more samples each, {times.size} came")
+    bad = np.flatnonzero(~np.isfinite(volts))
+    if bad.size:
+        raise QuantityError(
+            f"drive_voltage[{bad[0]}] = {volts[bad[0]]} V is not finite: a gap has no current"
+        )
+    return times, volts
+
+
+def _held(values: Array) -> Array:
+    """Of each interval, at its begin; at the very end that of the last one."""
+    return np.append(values, values[-1])
+
+
+def _warmed(step: Array, power: Array, stack: Stack) -> Array:
+    """K above the surroundings at each point, of a power that is constant in between."""
+    left = np.exp(-step / stack.time_constant)
+    gained = stack.thermal_resistance * power * -np.expm1(-step / stack.time_constant)
+    rise, found = 0.0, [0.0]
+    for a, b in zip(left.tolist(), gained.tolist(), strict=True):
+        rise = a * rise + b
+        found.append(rise)
+    return np.array(found)

@@ -1,0 +1,214 @@
+"""Current, loss and temperature: closed forms, a naive sum, and what the makers print."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import stickslip as ss
+from stickslip.electronics import Stack, TemperatureDependence, driven, electrical, load_amplifier, load_stack
+from stickslip.electronics.cycles import half_cycles, lost_power
+from stickslip.units import QuantityError
+
+STACK = Stack(
+    capacitance="1.8 uF",
+    loss_tangent=0.02,
+    loss_factor=8.5,
+    full_voltage=150.0,
+    thermal_resistance=50.0,
+    heat_capacity=2.0,
+    capacitance_factor=1.5,
+)
+FARAD = 2.7e-6
+
+
+def loss_of(swing: float, stack: Stack = STACK) -> float:
+    """J, of a cycle: the ellipse of a capacitance with losses, written out for itself."""
+    amplitude, more = swing / 2.0, 1.0 + (stack.loss_factor - 1.0) * swing / stack.full_voltage
+    return math.pi * amplitude**2 * stack.capacitance * stack.loss_tangent * more
+
+
+def test_a_triangle() -> None:
+    """100 V at 50 Hz: the current is +-10 mA per uF, a quarter of the field's energy goes in and out."""
+    found = electrical(ss.Triangle(100.0, 50.0), STACK, "0.2 s", ambient="20 degC")
+    current = FARAD * 1e4
+    assert found["peak_current"] == pytest.approx(current)
+    assert found["rms_current"] == pytest.approx(current)
+    assert set(np.round(found["current"].values / current, 9)) == {-1.0, 1.0}
+    np.testing.assert_allclose(found["charge"], FARAD * found["drive_voltage"])
+    step = np.diff(found["time"])
+    energy = np.cumsum(found["reactive_power"].values[:-1] * step)
+    assert energy.max() == pytest.approx(0.5 * FARAD * 100.0**2)
+    assert energy[-1] == pytest.approx(0.0, abs=1e-12)
+    assert found["mean_loss"] == pytest.approx(50.0 * loss_of(100.0))
+    assert found["steady_temperature"] == pytest.approx(293.15 + 50.0 * 50.0 * loss_of(100.0))
+    units = {"current": "A", "charge": "C", "reactive_power": "W", "loss_power": "W", "temperature": "K"}
+    assert {name: found[name].attrs["units"] for name in units} == units
+
+
+def test_a_sine_of_a_waveform_and_of_its_samples() -> None:
+    sine, omega = ss.Sine(40.0, 200.0, offset=40.0), 400.0 * math.pi
+    found = electrical(sine, STACK, 0.05, tolerance="1 mV")
+    assert found["peak_current"] == pytest.approx(FARAD * 40.0 * omega, rel=2e-3)
+    assert found["rms_current"] == pytest.approx(FARAD * 40.0 * omega / math.sqrt(2.0), rel=2e-3)
+    assert found["mean_loss"] == pytest.approx(200.0 * loss_of(80.0), rel=0.05)  # it begins within a cycle
+    t = np.arange(5001) / 1e5
+    recording = ss.make_recording(t, {"drive_voltage": sine.value(t), "position": 0.0 * t})
+    again = electrical(recording, STACK)
+    for name in ("peak_current", "rms_current", "mean_loss", "steady_temperature"):
+        assert again[name] == pytest.approx(float(found[name]), rel=3e-3), name
+
+
+def naive_loss(volts: np.ndarray, stack: Stack) -> float:
+    """Rainflow as it is told: as long as there is a cycle within its neighbours, take it out; quadratic."""
+    left = [volts[0]]
+    for value in volts[1:]:
+        if len(left) > 1 and (left[-1] - left[-2]) * (value - left[-1]) >= 0.0:
+            left[-1] = value
+        elif value != left[-1]:
+            left.append(value)
+    total, found = 0.0, True
+    while found:
+        found = False
+        for i in range(len(left) - 3):
+            a, b, c, d = left[i : i + 4]
+            if abs(c - b) <= abs(b - a) and abs(c - b) <= abs(d - c):
+                total += loss_of(abs(c - b), stack)
+                del left[i + 1 : i + 3]
+                found = True
+                break
+    return total + sum(0.5 * loss_of(abs(b - a), stack) for a, b in pairwise(left))
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_loss_of_any_signal_is_that_of_its_cycles(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    volts = np.round(random.normal(0.0, 30.0, 80), 0)  # with flat stretches and equal swings
+    times = np.cumsum(random.uniform(0.5, 2.0, 80))
+    power = lost_power(times, volts, STACK.cycle_loss)
+    assert np.all(power >= 0.0)
+    assert np.sum(power * np.diff(times)) == pytest.approx(naive_loss(volts, STACK))
+
+
+def test_noise_does_not_hide_the_large_cycles() -> None:
+    t = np.arange(40_001) / 1e4
+    clean = 50.0 * np.cos(2.0 * math.pi * t)
+    noisy = clean + np.random.default_rng(1).normal(0.0, 0.05, t.size)
+    losses = [float(np.sum(lost_power(t, v, STACK.cycle_loss)) * 1e-4) for v in (clean, noisy)]
+    assert losses[0] == pytest.approx(4.0 * loss_of(100.0), rel=1e-6)
+    assert losses[1] == pytest.approx(losses[0], rel=0.03)
+    assert not half_cycles(np.full(9, 3.0))[0].size
+    swings, begins, ends = half_cycles(np.array([0.0, 5.0, 2.0, 3.0, -1.0, 5.0]))
+    assert sorted(swings.tolist()) == [1.0, 1.0, 5.0, 6.0, 6.0]
+    assert np.all(begins < ends)
+
+
+def test_warming_up() -> None:
+    """A constant loss warms the stack by R P (1 - exp(-t/RC)), and it cools down afterwards."""
+    run = electrical(ss.Triangle(100.0, 50.0), STACK, 100.0)
+    rise = 50.0 * 50.0 * loss_of(100.0)
+    at = [10.0, 50.0, 100.0]
+    expected = 293.15 + rise * -np.expm1(-np.array(at) / 100.0)
+    np.testing.assert_allclose(run["temperature"].interp(time=at), expected, atol=5e-3 * rise)
+    pause = ss.waveform.Sequence((ss.Triangle(100.0, 50.0), 10.0), ss.waveform.Rest(200.0))
+    cooled = electrical(pause, STACK, 210.0)["temperature"].values
+    assert cooled[-1] - 293.15 == pytest.approx((cooled.max() - 293.15) * math.exp(-2.0), rel=1e-3)
+
+
+def test_noliac_figures() -> None:
+    """Heat dissipation page: a soft stack of 10 x 10 x 50 mm warms by 70 K at 200 V and 40 Hz, a hard one of
+    3 x 3 x 2 mm by 30 K at 2 kHz. The first is predicted, of still air (10 to 15 W/(m² K) at 20 cm²) and the
+    printed 7 to 10; the resistance of the second is fitted: it is between one face on an ideal plate and air
+    all around."""
+    large = load_stack("nac2022-h50")
+    least, most = (
+        (large._replace(loss_factor=m, thermal_resistance=1.0 / (h * 20e-4)).cycle_loss(200.0) * 40.0)
+        / (h * 20e-4)
+        for m, h in ((7.0, 15.0), (10.0, 10.0))
+    )
+    assert least < 70.0 < most
+    run = electrical(ss.Sine(100.0, 40.0, offset=100.0), large, 20.0)
+    assert run["steady_temperature"] - 293.15 == pytest.approx(75.0, abs=1.0)
+    small = load_stack("nac2024")
+    run = electrical(ss.Sine(100.0, 2000.0, offset=100.0), small, 0.1)
+    assert run["steady_temperature"] - 293.15 == pytest.approx(30.0, abs=0.2)
+    plate, air = 1e-3 / (1.1 * 9e-6), 1.0 / (15.0 * 33e-6)
+    assert plate < small.thermal_resistance < air
+
+
+def test_a_data_sheet_alone_is_wrong_by_an_order_of_magnitude() -> None:
+    small_signal = STACK._replace(loss_factor=1.0)
+    assert STACK.cycle_loss(150.0) == pytest.approx(8.5 * small_signal.cycle_loss(150.0))
+    assert STACK.cycle_loss(0.15) == pytest.approx(1.0075 * small_signal.cycle_loss(0.15))
+
+
+def test_a_jump_needs_an_amplifier() -> None:
+    saw = ss.Sawtooth(75.0, 50.0)
+    with pytest.raises(QuantityError, match=r"Sawtooth jumps by -75 V at 0\.02 s.*electronics\.driven"):
+        electrical(saw, STACK, 0.1)
+    with pytest.raises(QuantityError, match="jumps by 75 V at 0 s"):
+        electrical(ss.Step(75.0), STACK, 0.1)
+    bpc = load_amplifier("thorlabs-bpc")
+    run = electrical(driven(bpc, saw, STACK.load, 0.1), STACK, 0.1)
+    assert run["peak_current"] == pytest.approx(0.5, rel=1e-6)
+
+
+def test_thorlabs_example() -> None:
+    """Their tutorial: 75 V into 20 uF take 3 ms."""
+    rise = driven(load_amplifier("thorlabs-bpc"), ss.Step(75.0), "20 uF", "10 ms")
+    times = np.array([1.5e-3, 2.99e-3, 3.01e-3])
+    np.testing.assert_allclose(rise.value(times), [37.5, 74.75, 75.0], atol=1e-6)  # type: ignore[attr-defined]
+
+
+def test_temperature_dependence() -> None:
+    of = TemperatureDependence("20 degC", 1e-3, 4e-3, "0 degC", "80 degC")
+    assert of.gain_factor("30 degC") == pytest.approx(1.01)
+    np.testing.assert_allclose(of.capacitance_factor([293.15, 343.15]), [1.0, 1.2])
+    with pytest.raises(QuantityError, match=r"temperature = 77 K is out of range.*273\.15 to 353\.15 K"):
+        of.gain_factor(77.0)
+    for worst in (77.0, 420.0):
+        with pytest.raises(QuantityError, match=f"temperature = {worst:g} K is out of range"):
+            of.gain_factor([worst, 300.0, 350.0])
+    with pytest.raises(QuantityError, match=r"TemperatureDependence\.reference = 200 K"):
+        of._replace(reference=200.0)
+    with pytest.raises(QuantityError, match=r"TemperatureDependence\.gain = 0\.1 1/K .* nothing is left"):
+        of._replace(gain=0.1)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"capacitance": "-1 uF"}, r"Stack\.capacitance = '-1 uF' is out of range"),
+        ({"thermal_resistance": 0.0}, r"Stack\.thermal_resistance = 0 K/W is out of range"),
+        ({"loss_factor": 0.5}, r"Stack\.loss_factor = 0\.5 is out of range"),
+        ({"loss_tangent": math.nan}, r"Stack\.loss_tangent = nan"),
+    ],
+)
+def test_refused_records(changes: dict[str, Any], said: str) -> None:
+    with pytest.raises(QuantityError, match=said):
+        STACK._replace(**changes)
+
+
+def test_refused_calls() -> None:
+    saw = ss.Triangle(10.0, 5.0)
+    with pytest.raises(QuantityError, match="duration = None s"):
+        electrical(saw, STACK)
+    with pytest.raises(QuantityError, match="Triangle is in m"):
+        electrical(ss.Triangle(1e-6, 5.0, unit="m"), STACK, 1.0)
+    with pytest.raises(QuantityError, match="tolerance = 0 V"):
+        electrical(saw, STACK, 1.0, tolerance=0.0)
+    with pytest.raises(QuantityError, match=r"ambient.*out of range"):
+        electrical(saw, STACK, 1.0, ambient=-3.0)
+    with pytest.raises(QuantityError, match="no 'drive_voltage'; it has position"):
+        electrical(ss.make_recording([0.0, 1.0], {"position": [0.0, 1.0]}), STACK)
+    gap = xr.Dataset({"drive_voltage": ("time", [0.0, math.nan, 1.0])}, {"time": [0.0, 1.0, 2.0]})
+    with pytest.raises(QuantityError, match=r"drive_voltage\[1\] = nan V is not finite"):
+        electrical(gap, STACK)
+    one = xr.Dataset({"drive_voltage": ("time", [1.0])}, {"time": [0.0]})
+    with pytest.raises(QuantityError, match="two or more samples"):
+        electrical(one, STACK)
