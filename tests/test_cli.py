@@ -54,7 +54,7 @@ def test_version_and_help() -> None:
 @pytest.mark.parametrize(
     ("words", "found"),
     [
-        ("simulate kang", ["kang2007"]),
+        ("simulate kang", ["kang2007", "kang2007-hysteresis"]),
         ("simulate --law Lu", ["LuGre"]),
         ("simulate --waveform reverse", ["reverse-sawtooth"]),
         ("instrument --bench k", ["kang2007-bench"]),
