@@ -40,7 +40,7 @@ def test_choices_are_strict_json_and_name_every_law_and_field() -> None:
     text = json.dumps(CHOICES, allow_nan=False)
     assert len(text) < 30_000
     assert set(CHOICES["laws"]) == {law.__name__ for law in ss.LAWS}
-    assert set(CHOICES["sets"]) == {"changli1999", "kang2007", "pohl1987"}
+    assert set(CHOICES["sets"]) == {"changli1999", "kang2007", "kang2007-hysteresis", "pohl1987"}
     for law in ss.LAWS:
         assert [field["name"] for field in CHOICES["laws"][law.__name__]] == list(law._fields)
     for field in [*CHOICES["model"], *(f for fields in CHOICES["shapes"].values() for f in fields)]:
