@@ -20,7 +20,8 @@ READY := $(VENV)/.ready
 PYTEST ?= $(BIN)/python -m pytest -q -n 2 --dist loadfile --no-loadscope-reorder
 # What runs as plain Python too, where coverage sees the lines inside the kernels: what calls these most directly,
 # but for the tests marked as too long for it.
-PLAIN_TESTS := $(addprefix tests/,friction electronics waveform solve simulation test_mechanism.py test_jit.py) \
+PLAIN_TESTS := $(addprefix tests/,friction piezo electronics waveform solve simulation plant/test_at_piezo.py \
+  test_mechanism.py test_jit.py) \
   -m "not compiled"
 COVERAGE ?= 94
 LOCK_FLAGS ?=
