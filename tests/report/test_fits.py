@@ -62,3 +62,16 @@ def test_numbers(fit: Fit) -> None:
     expected = -T.mean() / np.sqrt(np.mean(T**2))  # of intercept and slope
     assert numbers["correlation"]["coefficients"]["value"][0][1] == pytest.approx(expected, rel=1e-4)
     assert numbers["converged"] is True
+
+
+def test_a_table_of_very_many_parameters_says_where_the_rest_is() -> None:
+    values = np.random.default_rng(4).standard_normal(140)
+    names = [f"a_{i}" for i in range(70)]
+    parameters = [Parameter(name, 0.1, unit="m", log=False) for name in names]
+
+    def left(p: dict[str, float]) -> np.ndarray:
+        return np.repeat([p[name] for name in names], 2) - values
+
+    table = parameter_table("many", fit_least_squares([Residuals(left, values, None, "r", "m")], parameters))
+    assert [row[0] for row in table.rows] == names[:30]
+    assert "40 further parameters are in results.json." in table.notes

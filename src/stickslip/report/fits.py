@@ -28,6 +28,10 @@ def estimates(fit: Fit, level: float = 0.95) -> dict[str, Number]:
     }
 
 
+# A table of more parameters is read by nobody: it shows the first ones, which are the poles of many modes.
+MOST_ROWS, FIRST_ROWS = 60, 30
+
+
 def parameter_table(caption: str, fit: Fit, level: float = 0.95) -> Table:
     """The estimates of a fit with their intervals; below it, in words, what the data do not determine."""
     columns = (
@@ -38,11 +42,13 @@ def parameter_table(caption: str, fit: Fit, level: float = 0.95) -> Table:
     errors, numbers = fit.standard_errors, estimates(fit, level)
     rows = [
         (f"{p.name} {p.state}".strip(), numbers[p.name], Number(errors[p.name], p.unit, note="at its bound"))
-        for p in fit.shown
+        for p in fit.shown[: len(fit.shown) if len(fit.shown) <= MOST_ROWS else FIRST_ROWS]
     ]
+    left = len(fit.shown) - len(rows)
+    more = f"{left} further parameters are in results.json." if left else ""
     state = f"{'Converged' if fit.converged else 'NOT CONVERGED'}: {fit.message}."
     searches = f"{fit.starts_agreeing} of {fit.starts} searches ended here." if fit.starts > 1 else ""
-    said = (state, searches, *map(_sentence, (fit.other_minima, *fit.undetermined, *doubts(fit))))
+    said = (more, state, searches, *map(_sentence, (fit.other_minima, *fit.undetermined, *doubts(fit))))
     return Table(caption, columns, rows, notes=" ".join(filter(None, said)))
 
 
