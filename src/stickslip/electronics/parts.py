@@ -7,13 +7,11 @@ unit and source, or ``assumed = true`` and a reason (see `stickslip.parameters.l
 from __future__ import annotations
 
 import os
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..parameters import Entry, ParameterSetError, build, read_entries
-from ..records import did_you_mean
+from ..parameters import Entry, ParameterSetError, build, named_file, read_entries, read_toml
 from .amplifier import Amplifier
 from .stack import Stack
 
@@ -58,22 +56,8 @@ def load_part(name: str | os.PathLike[str]) -> Part:
     Raises:
         ParameterSetError: there is no such part, or the file is wrong; names file and field.
     """
-    text = os.fspath(name)
-    file = Path(text)
-    if file.suffix != ".toml":
-        known = available_parts()
-        if text not in known:
-            raise ParameterSetError(
-                f"there is no part {text!r}{did_you_mean(text, known)}; available are {', '.join(known)}, or "
-                "give the path of a .toml file"
-            )
-        file = _PARTS / f"{text}.toml"
-    try:
-        content = tomllib.loads(file.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ParameterSetError(f"{file} cannot be read: {error.strerror}") from error
-    except (ValueError, RecursionError) as error:
-        raise ParameterSetError(f"{file} is no valid TOML: {error}") from error
+    file = named_file(name, _PARTS, "part")
+    content = read_toml(file)
     head = {}
     for key, wanted in _TOP.items():
         head[key] = content.pop(key, None)
@@ -83,7 +67,9 @@ def load_part(name: str | os.PathLike[str]) -> Part:
         raise ParameterSetError(f"{file}: kind = {head['kind']!r} must be one of {', '.join(_KINDS)}")
     entries = read_entries(file, "", content)
     record = build(_KINDS[head["kind"]], entries, str(file))
-    return Part(text, head["title"], tuple(map(str, head["citations"])), head["kind"], record, entries)
+    return Part(
+        os.fspath(name), head["title"], tuple(map(str, head["citations"])), head["kind"], record, entries
+    )
 
 
 def load_amplifier(name: str | os.PathLike[str]) -> Amplifier:

@@ -109,14 +109,36 @@ def load_set(name: str | os.PathLike[str]) -> ParameterSet:
     return _read(text, file)
 
 
-def _read(name: str, file: Path) -> ParameterSet:
+def read_toml(file: Path) -> dict[str, Any]:
+    """What a TOML file holds; raises ParameterSetError if it cannot be read, or is none."""
     try:
-        content = tomllib.loads(file.read_text(encoding="utf-8"))
+        return tomllib.loads(file.read_text(encoding="utf-8"))
     except OSError as error:
         raise ParameterSetError(f"{file} cannot be read: {error.strerror}") from error
     except (ValueError, RecursionError) as error:  # not TOML, not UTF-8, a key or table given twice
         raise ParameterSetError(f"{file} is no valid TOML: {error}") from error
 
+
+def named_file(name: str | os.PathLike[str], folder: Path, noun: str) -> Path:
+    """The TOML file of that name in a folder of the package, or the one that the name is the path of.
+
+    Raises:
+        ParameterSetError: there is no such thing; `noun` says what is looked for.
+    """
+    file = Path(name)
+    if file.suffix == ".toml":
+        return file
+    text, known = os.fspath(name), sorted(one.stem for one in folder.glob("*.toml"))
+    if text not in known:
+        raise ParameterSetError(
+            f"there is no {noun} {text!r}{did_you_mean(text, known)}; available are {', '.join(known)}, or "
+            "give the path of a .toml file"
+        )
+    return folder / f"{text}.toml"
+
+
+def _read(name: str, file: Path) -> ParameterSet:
+    content = read_toml(file)
     for key, kind in _TOP.items():
         if key not in content:
             wrong = next((one for one in content if one not in _TOP and did_you_mean(one, [key])), None)

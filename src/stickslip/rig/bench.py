@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 import os
-import tomllib
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -27,7 +26,7 @@ from ..electronics import (
     PositionSensor,
     StrainGauge,
 )
-from ..parameters import Entry, ParameterSetError, build, read_entries
+from ..parameters import Entry, ParameterSetError, build, named_file, read_entries, read_toml
 from ..records import did_you_mean
 from ..units import to_si
 
@@ -100,23 +99,8 @@ def load_bench(name: str | os.PathLike[str]) -> Bench:
     Raises:
         ParameterSetError: there is no such bench, or the file is wrong; names file and field.
     """
-    text = os.fspath(name)
-    file = Path(text)
-    if file.suffix != ".toml":
-        if text not in available_benches():
-            known = available_benches()
-            raise ParameterSetError(
-                f"there is no bench {text!r}{did_you_mean(text, known)}; available are {', '.join(known)}, "
-                "or give the path of a .toml file"
-            )
-        file = _BENCHES / f"{text}.toml"
-    try:
-        content = tomllib.loads(file.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ParameterSetError(f"{file} cannot be read: {error.strerror}") from error
-    except (ValueError, RecursionError) as error:
-        raise ParameterSetError(f"{file} is no valid TOML: {error}") from error
-    return _Reading(file, content).bench(text)
+    file = named_file(name, _BENCHES, "bench")
+    return _Reading(file, read_toml(file)).bench(os.fspath(name))
 
 
 class _Reading:
