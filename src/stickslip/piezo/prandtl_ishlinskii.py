@@ -86,6 +86,10 @@ class PrandtlIshlinskii(NamedTuple):
         response(self.operators, u, self.rested(rest), found)
         return found
 
+    def at_rest(self, drive: float) -> float:
+        """H [V] at a drive value [V] that was reached from 0 V, without turning back."""
+        return float(self.output([drive], drive)[0])
+
     def inverse(self, wanted: ArrayLike, rest: float = 0.0) -> Array:
         """The drive [V], shape (n,), for which `output` is as wanted [V].
 

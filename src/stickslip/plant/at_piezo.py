@@ -1,4 +1,4 @@
-"""What a piezo makes of a drive: a segment table becomes the segment table of its free stroke over the gain.
+"""The drive after a piezo: a segment table becomes the segment table of its free stroke over the gain.
 
 Nothing feeds back into it, so it is computed once, before the equations of motion are solved. The stage then
 sees a drive like any other, with breaks where plays are taken along.
@@ -29,9 +29,10 @@ def at_piezo(
     made = drive
     if piezo.hysteresis is not None:
         plays, z = piezo.hysteresis.operators, piezo.hysteresis.rested(drive.before)
+        rest = piezo.hysteresis.at_rest(drive.before)
         if settled:
-            through(plays, drive, end, z)
-        made = through(plays, drive, end, z, 0 if settled else cycle_of(drive, period))
+            through(plays, drive, end, z, rest)
+        made = through(plays, drive, end, z, rest, 0 if settled else cycle_of(drive, period))
     if piezo.creep is not None:
         made = creeping(piezo.creep, made, end, made.before, period if settled else None)
     return made

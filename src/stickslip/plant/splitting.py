@@ -150,8 +150,9 @@ def split(plays, drive, end, z, pieces):
     return count
 
 
-def through(plays: Operators, drive: Drive, end: float, z: Array, cycle: int = 0) -> Drive:
-    """The drive after the operators, up to `end` [s], from their states z on, which become those at the end.
+def through(plays: Operators, drive: Drive, end: float, z: Array, rest: float, cycle: int = 0) -> Drive:
+    """The drive after the operators, up to `end` [s], from their states z on, which become those at the end;
+    before, their output is `rest` [V].
 
     With a `cycle`, the segments of a period that the drive repeats from its start on: what comes after the
     second period repeats that, for plays forget all but the extremes; z is then left as it is after two.
@@ -171,7 +172,6 @@ def through(plays: Operators, drive: Drive, end: float, z: Array, cycle: int = 0
             raise QuantityError(
                 f"hysteresis makes more than {MOST_PIECES} segments of the drive up to {end:g} s"
             )
-    rest = float(_output(plays, drive.before, before))
     made = Pieces(pieces.start[:count], pieces.source[:count], pieces.slope[:count], pieces.level[:count])
     return _table(drive, _repeated(made, drive, cycle, end) if some < end else made, rest)
 
@@ -192,10 +192,6 @@ def _repeated(pieces: Pieces, drive: Drive, cycle: int, end: float) -> Pieces:
         np.append(pieces.slope, np.tile(pieces.slope[second], more)[there][kept]),
         np.append(pieces.level, np.tile(pieces.level[second], more)[there][kept]),
     )
-
-
-def _output(plays: Operators, u: float, z: Array) -> float:
-    return float(plays.weight @ z + plays.slope @ np.maximum(u - plays.zone, 0.0))
 
 
 def _table(drive: Drive, pieces: Pieces, before: float) -> Drive:

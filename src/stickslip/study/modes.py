@@ -1,4 +1,4 @@
-"""What an identification file may say of modes and outputs."""
+"""Modes and outputs in identification files, checked."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""How many plays, and whether asymmetry and creep: the smallest model that predicts what it was not fitted
-to."""
+"""Choice of the number of plays, of asymmetry and of creep, by cross-validation."""
 
 from __future__ import annotations
 
@@ -10,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...units import QuantityError
-from .columns import CREEP_BEGINS, Grid, Observed, Timing, columns
+from .columns import CREEP_BEGINS, Columns, Grid, Observed, Timing, columns
 from .linear import cross_validated
 
 # Plays that are tried; more than the last predict no better on any data that were looked at.
@@ -70,19 +69,19 @@ def chosen(
             f"at least {LONG_ENOUGH * CREEP_BEGINS:g} s are needed"
         )
     plays = PLAYS if operators is None else (operators,)
-    open_ = product(
-        [n for n in plays if n * SAMPLES_PER_PLAY <= fewest],
-        (False, True) if asymmetric is None else (asymmetric,),
-        (False, long_enough) if creep is None and long_enough else (bool(creep),),
-    )
+    bents = (False, True) if asymmetric is None else (asymmetric,)
+    crept = (False, True) if creep is None and long_enough else (bool(creep),)
     tried = []
     positions = [one.position for one in observed]
-    for n, bent, creeps in open_:
-        grid = Grid.over(*range_of(observed), n, bent, lasts if creeps else 0.0)
-        if creeps and len(time_constants):
-            grid = grid._replace(times=np.array(time_constants))
-        parts = [columns(one, timing, grid) for one in observed]
-        tried.append((cross_validated(parts, positions, grid, FOLDS), n + bent + creeps, grid))
+    for n in (n for n in plays if n * SAMPLES_PER_PLAY <= fewest):
+        most = Grid.over(*range_of(observed), n, max(bents), lasts if max(crept) else 0.0)
+        if most.times.size and len(time_constants):
+            most = most._replace(times=np.array(time_constants))
+        parts = [columns(one, timing, most) for one in observed]
+        for bent, creeps in product(bents, crept):
+            grid = most.without(bent=not bent, creep=not creeps)
+            kept = [Columns(*(rows[:, : n + bent] for rows in part)) for part in parts]
+            tried.append((cross_validated(kept, positions, grid, FOLDS), n + bent + creeps, grid))
     best = min(score for score, _, _ in tried)
     score, _, grid = min((one for one in tried if one[0] <= (1.0 + ENOUGH) * best), key=lambda one: one[1])
     remarks = []

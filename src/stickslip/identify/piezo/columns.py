@@ -1,4 +1,4 @@
-r"""What a piezo makes of a recorded drive, as columns that its coefficients multiply.
+r"""Columns of a piezo's design: answers to a recorded drive, which its coefficients multiply.
 
 .. math:: y = y_0 + S + g\,L[S], \qquad S = \sum_i w_i P_{r_i}[u] + \kappa\,B(u)
 
@@ -70,6 +70,11 @@ class Grid(NamedTuple):
             low + (high - low) * np.arange(ZONES if bent else 0) / ZONES,
             spread(CREEP_BEGINS, lasts) if lasts > CREEP_BEGINS else np.zeros(0),
         )
+
+    def without(self, bent: bool, creep: bool) -> Grid:
+        """The same without the square (`bent`), without the creep, or both."""
+        none = np.zeros(0)
+        return Grid(self.thresholds, none if bent else self.zones, none if creep else self.times)
 
     @property
     def bends(self) -> Array:

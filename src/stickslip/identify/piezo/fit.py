@@ -20,7 +20,7 @@ from ...piezo import Creep, Piezo, PrandtlIshlinskii
 from ...piezo.creep import PER_DECADE
 from ...units import QuantityError, optional_si, to_si
 from ..recorded.channels import names_of, recordings_of, refuse_clipped, unit_of
-from ..recorded.known_noise import converter_step
+from ..recorded.known_noise import converter_step, first_change
 from ..recorded.recorded_drive import noise_level
 from .choice import chosen, range_of
 from .columns import Columns, Grid, Observed, Timing, columns, observe, refuse_one_way, repeated
@@ -135,9 +135,8 @@ def _fitted(seen: Sequence[Observed], grid: Grid, late: Lateness, unit: str) -> 
 def _rested(seen: Sequence[Observed], timing: Timing, assumed: float | None) -> list[float]:
     """The voltages at which the piezo rested before each recording, by a first model without creep; where it
     is not as it was taken, that `assumed`, if any: the model has yet to learn how late the voltage is."""
-    grid = Grid.over(*range_of(seen), FIRST_PLAYS, True, 0.0)
-    parts = [columns(one, timing, grid) for one in seen]
-    first = _prediction(_named(_solved(seen, parts, grid), grid), grid, timing, seen, "")
+    grid, _, solution = _first_model(seen, timing)
+    first = _prediction(_named(solution, grid), grid, timing, seen, "")
     found = [first.rest_shown(one) for one in seen]
     if assumed is None:
         return found
@@ -150,12 +149,17 @@ def _lateness(seen: Sequence[Observed], delay: float | None, lag: float | None) 
         given = Timing(delay or 0.0, lag or 0.0)
         if min(given) < 0.0:
             raise QuantityError(f"delay = {given.delay:g} s and lag = {given.lag:g} s must be >= 0 s")
-        return Lateness(given, Timing(), ("delay and lag are as given",), Edges((), ()))
-    grid = Grid.over(*range_of(seen), FIRST_PLAYS, True, 0.0)
-    parts = [columns(one, Timing(), grid) for one in seen]
-    found = _solved(seen, parts, grid)
+        return Lateness(given, ("delay and lag are as given",), Edges((), ()))
+    grid, parts, found = _first_model(seen, Timing())
     still = [found.position(c) + o for c, o in zip(parts, found.offsets, strict=True)]
     return lateness(seen, grid, edges_of(seen, still))
+
+
+def _first_model(seen: Sequence[Observed], timing: Timing) -> tuple[Grid, list[Columns], Solution]:
+    """A model of plays and square, without creep, at this timing."""
+    grid = Grid.over(*range_of(seen), FIRST_PLAYS, True, 0.0)
+    parts = [columns(one, timing, grid) for one in seen]
+    return grid, parts, _solved(seen, parts, grid)
 
 
 def _solved(seen: Sequence[Observed], parts: Sequence[Columns], grid: Grid) -> Solution:
@@ -256,8 +260,7 @@ class _Described:
 def _known(observed: Observed) -> KnownNoise:
     """What a recording shows of its noise: before the drive moves, and between periods that it repeats."""
     u = observed.drive
-    moved = np.abs(u - u[0]) > MOVED * np.ptp(u)
-    at_rest = int(np.argmax(moved)) if observed.rest == u[0] else 0
+    at_rest = first_change(u, MOVED) if observed.rest == u[0] else 0
     return KnownNoise(None, at_rest, repeated(u), converter_step(observed.position))
 
 

@@ -91,6 +91,6 @@ def _before_creep(prediction: PiezoPrediction, t: Array, wanted: Array, rest: fl
     if creep is None:
         return wanted
     tau, h = np.array(creep.time_constants), np.empty(t.size)
-    first = float(prediction.piezo.hysteresis.output([rest], rest)[0])
+    first = prediction.piezo.hysteresis.at_rest(rest)
     before_creep(Lags(tau), t, wanted, np.array(creep.shares), np.full(tau.size, first), h)
     return h

@@ -1,4 +1,4 @@
-"""What a fitted piezo makes of a recording."""
+"""Prediction of a recording by a fitted piezo."""
 
 from __future__ import annotations
 
@@ -76,6 +76,5 @@ def after_hysteresis(piezo: Piezo, time: Array, u: Array, rest: float) -> Array:
     h = piezo.hysteresis.output(u, rest)
     if piezo.creep is None:
         return h
-    first = float(piezo.hysteresis.output([rest], rest)[0])
-    terms = lagged(time, h, np.array(piezo.creep.time_constants), first)
+    terms = lagged(time, h, np.array(piezo.creep.time_constants), piezo.hysteresis.at_rest(rest))
     return h + terms @ np.array(piezo.creep.shares)

@@ -1,4 +1,4 @@
-r"""How late a piezo's voltage is, from the edges of its drive.
+r"""Delay and lag of a piezo's voltage, from the edges of its drive.
 
 Under a slow periodic drive a lag and hysteresis both open the loop, and what a model of hysteresis lacks is
 taken up by the lag: a record of one frequency does not tell them apart. After an edge they look different:
@@ -44,10 +44,9 @@ class Edges(NamedTuple):
 
 
 class Lateness(NamedTuple):
-    """`timing`, its standard errors `spread`, and sentences on where they are from."""
+    """`timing`, sentences on where it is from, and the `edges` that show it."""
 
     timing: Timing
-    spread: Timing
     remarks: tuple[str, ...]
     edges: Edges
 
@@ -94,7 +93,7 @@ def lateness(observed: Sequence[Observed], grid: Grid, edges: Edges) -> Lateness
         said = (
             "the drive has no edges: a lag of the voltage cannot be told from hysteresis, and is taken as 0 s"
         )
-        return Lateness(Timing(), Timing(), (said,), edges)
+        return Lateness(Timing(), (said,), edges)
     positions = [one.position for one in observed]
 
     def misfit(x: Array) -> Array:
@@ -126,7 +125,7 @@ def lateness(observed: Sequence[Observed], grid: Grid, edges: Edges) -> Lateness
         f"{spread.lag:.1g} s) are those seen after {edges.number} edge{'s' * (edges.number > 1)} of the "
         "drive; the intervals of the others hold for them"
     )
-    return Lateness(Timing(*best.tolist()), spread, (said,), edges)
+    return Lateness(Timing(*best.tolist()), (said,), edges)
 
 
 def after(parts: Sequence[Columns], positions: Sequence[Array], found: Solution, edges: Edges) -> Array:

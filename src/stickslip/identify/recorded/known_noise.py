@@ -23,7 +23,9 @@ def known_noise(recording: xr.Dataset, values: Array, drive: Waveform | None) ->
     time, step = recording["time"].values, converter_step(values)
     interval = float(time[-1] - time[0]) / (time.size - 1)
     if drive is None:
-        return KnownNoise(at_rest=_first_change(recording), step=step)
+        moves = "drive_voltage" in recording
+        at_rest = first_change(recording["drive_voltage"].values, BEGUN) if moves else 0
+        return KnownNoise(at_rest=at_rest, step=step)
     begin, periodic = periodic_part(drive)
     if periodic is None:
         return KnownNoise(step=step)
@@ -37,12 +39,9 @@ def known_noise(recording: xr.Dataset, values: Array, drive: Waveform | None) ->
     )
 
 
-def _first_change(recording: xr.Dataset) -> int:
-    """How many samples come before drive_voltage leaves its first level."""
-    if "drive_voltage" not in recording:
-        return 0
-    u = recording["drive_voltage"].values
-    moved = np.abs(u - u[0]) > BEGUN * np.ptp(u)
+def first_change(drive: Array, share: float) -> int:
+    """How many samples come before a drive [n] leaves its first level by this share of its range."""
+    moved = np.abs(drive - drive[0]) > share * np.ptp(drive)
     return int(np.argmax(moved)) if np.any(moved) else 0
 
 
