@@ -269,3 +269,31 @@ def prandtl_ishlinskii(p: Any, drive: Array, rest: float) -> Array:
         zones = sum(c * max(u - s, 0.0) for s, c in zip(p.dead_zones, p.slopes, strict=True))
         found.append(plays + zones)
     return np.array(found)
+
+
+def bouc_wen(p: Any, drive: Array, rest: float) -> Array:
+    """The differential equation in steps of at most 1 mV of the drive, by Heun's method."""
+    h, u, found = 0.0, 0.0, []
+    for goal in (rest, *drive):
+        count = max(1, int(np.ceil(abs(goal - u) / 1e-3)))
+        du = (goal - u) / count
+        for _ in range(count):
+            first = p.alpha * du - p.beta * abs(du) * h - p.gamma * du * abs(h)
+            ahead = h + first
+            h += 0.5 * (first + p.alpha * du - p.beta * abs(du) * ahead - p.gamma * du * abs(ahead))
+        u = goal
+        found.append(u - h)
+    return np.array(found[1:])
+
+
+def maxwell_capacitor_voltage(p: Any, charge: Array, stroke_voltage: Array) -> Array:
+    """Voltage at the terminals for charges from 0 on: each element a spring in q that slips; `stroke_voltage`
+    is T y/C_0 [V]."""
+    voltages, before, found = np.zeros(len(p.stiffnesses)), 0.0, []
+    for q, y in zip(charge, stroke_voltage, strict=True):
+        voltages = np.clip(
+            voltages + np.array(p.stiffnesses) * (q - before), -np.array(p.breakaways), p.breakaways
+        )
+        before = q
+        found.append(voltages.sum() + q / p.capacitance - y)
+    return np.array(found)

@@ -49,6 +49,7 @@ FILES["job"] = {
         {"verify": {"recordings": [WALK], "require": ["rmse < 1 um"]}},
         {"compare": FILES["comparison"]},
         {"export": {"format": "fmu", "mode": "plant"}},
+        {"design": {"map": {"drive": DRIVE, "load": {"start": "0 N", "stop": "1 N", "points": 3}}}},
     ],
 }
 EXAMPLES = [*PACKAGE.glob("examples/*.yaml"), PACKAGE / "panel/experiment.yaml"]

@@ -86,8 +86,12 @@ def test_piezo(run: Callable, capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_design(run: Callable) -> None:
     names = run("design.md")
-    assert names["found"].net_step.max() == pytest.approx(8e-6, rel=0.1)
-    assert -0.3 < names["forward"].min() < -0.05
+    assert names["found"].net_step.max() == pytest.approx(12.8e-6, rel=0.1)
+    assert names["found"].net_step.sel(voltage=64.0, frequency=5.0) == pytest.approx(3.1e-6, rel=0.05)
+    assert names["both"].inequality.values[0] == pytest.approx(0.0, abs=1e-3)
+    assert 0.3 < names["least"] < 20.0
+    assert names["force"] == pytest.approx(0.160, abs=2e-3)
+    assert 500.0 < names["highest"] < 600.0
     assert names["low"] < 3.14 < names["high"]
     scan = names["scan"]
     assert -names["best"].fun > scan.max()

@@ -18,7 +18,7 @@ import stickslip as ss
 from stickslip.progress import Progress, unheard
 
 # Plain numbers: shares, ratios, a scale in multiples of the noise, the relative steps of `estimate`.
-PLAIN = {"level", "load", "loss_scale", "difference_step", "settled", "exponent"}
+PLAIN = {"level", "load", "normal_load", "share", "loss_scale", "difference_step", "settled", "exponent"}
 # What parses or prints a quantity, and what is called in compiled code only.
 OTHERS = ("units.", "friction.rate", "friction.project", "estimate.fit_least_squares")
 

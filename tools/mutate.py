@@ -71,6 +71,12 @@ TARGETS = (
     Target("plant/[dkw]*.py", ("tests/plant/test_equations.py", "tests/plant/test_ticks.py"), text=True),
     Target("piezo/*.py", ("tests/piezo",)),
     Target("plant/splitting.py", ("tests/plant/test_at_piezo.py",), ("split", "_table", "_repeated")),
+    Target("plant/bouc_wen_drive.py", ("tests/piezo/test_bouc_wen.py",)),
+    Target(
+        "simulation/two_port.py",
+        ("tests/simulation/test_two_port_at_rest.py",),
+        ("element_of", "settle", "_across"),
+    ),
     Target("plant/creeping.py", ("tests/plant/test_at_piezo.py",), ("creep", "creeping", "moved_on")),
     Target("plant/lanes.py", ("tests/plant/test_lanes.py",)),
     Target("solve/step.py", ("tests/solve/test_step.py",)),
@@ -81,6 +87,8 @@ TARGETS = (
     Target("electronics/amplifier.py", (*CHARGING, "tests/electronics/test_amplifier.py"), ("limits",)),
     Target("electronics/stack.py", ("tests/electronics/test_account.py",), ("cycle_loss", "_above")),
     Target("actuator.py", ("tests/test_actuator.py",), ("axial_force", "from_parts")),
+    Target("design/information.py", ("tests/design/test_choice.py",), ("covariance", "plus", "times")),
+    Target("design/choice.py", ("tests/design/test_choice.py",), ("criterion", "score", "together")),
 )
 
 SECONDS_PER_MUTANT = 120.0  # a change can make a loop endless: that is noticed too

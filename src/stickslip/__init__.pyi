@@ -5,6 +5,7 @@ from . import calibration as calibration
 from . import campaign as campaign
 from . import chain as chain
 from . import comparison as comparison
+from . import design as design
 from . import electronics as electronics
 from . import estimate as estimate
 from . import experiment as experiment
@@ -28,6 +29,7 @@ from . import waveform as waveform
 # Models, and where their numbers are from
 from .actuator import Actuator as Actuator
 from .actuator import PulledSlider as PulledSlider
+from .actuator import StageModes as StageModes
 from .actuator import load_actuator as load_actuator
 from .actuator import load_pulled_slider as load_pulled_slider
 from .chain import Chain as Chain
@@ -86,6 +88,12 @@ from .identify import load_fit as load_fit
 from .identify import posterior as posterior
 from .identify import save_fit as save_fit
 from .verification import verify as verify
+
+# Design
+from .design import optimise_waveform as optimise_waveform
+from .design import minimum_voltage as minimum_voltage
+from .design import step_map as step_map
+from .design import plan_experiment as plan_experiment
 
 # Pictures, files whose steps do all of this, code for others
 from .figures.plotting import plot as plot

@@ -34,6 +34,7 @@ from .parameters import (
     load_kind,
     piezo_of,
 )
+from .piezo.maxwell_capacitor import MaxwellCapacitor
 from .piezo.model import Piezo
 from .records import Quantity, record
 from .state_space import StateSpace
@@ -102,13 +103,41 @@ def _check_friction(system: Any) -> None:
 
 
 @record
+class StageModes(NamedTuple):
+    """Further modes of the stage: what each adds to the position under the contact, one entry per mode.
+
+    `mass`: how a force of the contact moves it; empty, not at all.
+    """
+
+    gain: Annotated[tuple[float, ...], Quantity("m/V", "C_m", "stroke per volt at rest")]
+    natural_frequency: Annotated[tuple[float, ...], Quantity("rad/s", "ω_m", "natural frequency", above=0)]
+    damping_ratio: Annotated[tuple[float, ...], Quantity("", "ζ_m", "damping ratio", minimum=0)]
+    mass: Annotated[tuple[float, ...], Quantity("kg", "m_m", "effective mass at the contact", above=0)] = ()
+
+    def _check(self) -> None:
+        counts = {field: len(values) for field, values in self._asdict().items()}
+        if len({*counts.values()} - {0 if not self.mass else -1}) != 1 or not self.gain:
+            raise QuantityError(
+                f"StageModes has {counts} values: it must have one of gain [m/V], natural_frequency [rad/s] "
+                "and damping_ratio for each mode, and of mass [kg], or none"
+            )
+
+    @property
+    def rows(self) -> list[tuple[float, float, float, float]]:
+        """Gain, natural frequency, damping ratio and mass of each."""
+        mass = self.mass or (math.inf,) * len(self.gain)
+        return list(zip(self.gain, self.natural_frequency, self.damping_ratio, mass, strict=True))
+
+
+@record
 class Actuator(NamedTuple):
     """A piezoelectric stick-slip actuator [kang2007, sec. 3.4]. All values in SI; unit strings are accepted.
 
     `stage_mass` is the effective mass m = 4 m_p/π² + m_s (see `from_parts`). `incline` is the slope of +x; it
     changes the weight along x only, not the friction. `piezo`, hysteresis and creep of the stroke under the
-    voltage; None: y = C u at rest. `name` is the parameter set that the values come from,
-    as `load_actuator` takes it, or empty. Raises QuantityError for a wrong value.
+    voltage; None: y = C u at rest. `further_modes` of the stage add their strokes to that of the first.
+    `name` is the parameter set that the values come from, as `load_actuator` takes it, or empty. Raises
+    QuantityError for a wrong value.
     """
 
     gain: Annotated[float, Quantity("m/V", "C", "stroke per volt at rest")]
@@ -131,12 +160,14 @@ class Actuator(NamedTuple):
         float | None, Quantity("N/V", "E", "force per volt of a static stage that is held")
     ] = None
     piezo: Piezo | None = None
+    further_modes: StageModes | None = None
     name: str = ""
 
     citation, citation_keys, assumptions = _citation, _citation_keys, _assumptions
 
     def _check(self) -> None:
         _check_friction(self)
+        self._check_stage()
         if self.piezo is not None and not isinstance(self.piezo, Piezo):
             raise QuantityError(
                 f"Actuator.piezo = {self.piezo!r} must be a Piezo, with its hysteresis and creep, or None"
@@ -155,6 +186,19 @@ class Actuator(NamedTuple):
                 "otherwise it follows from gain, stage_mass and natural_frequency; set it to None"
             )
 
+    def _check_stage(self) -> None:
+        """Raise QuantityError for modes, or a piezo's electrical side, that this stage cannot have."""
+        modes = self.further_modes
+        if modes is not None and not isinstance(modes, StageModes):
+            raise QuantityError(f"Actuator.further_modes = {modes!r} must be StageModes, or None")
+        if modes is not None and self.static:
+            raise QuantityError("Actuator.further_modes need a finite natural_frequency [rad/s] of the first")
+        if self.two_port is not None and (modes is not None or self.static or not self.gain > 0.0):
+            raise QuantityError(
+                "a piezo with a MaxwellCapacitor needs a stage of one mode, with a finite natural_frequency "
+                "[rad/s] and a gain > 0 m/V"
+            )
+
     def replace(self, **changes: Any) -> Actuator:
         """The same actuator with some fields changed; unit strings are accepted as for construction."""
         return self._replace(**changes)
@@ -163,6 +207,19 @@ class Actuator(NamedTuple):
     def static(self) -> bool:
         """Whether the stage has no dynamics and simply follows the voltage, y = C u."""
         return bool(np.all(np.isinf(self.natural_frequency)))  # of an ensemble, there are many
+
+    @property
+    def two_port(self) -> MaxwellCapacitor | None:
+        """The piezo as charge and voltage, force and displacement; None where it has no such model."""
+        hysteresis = self.piezo.hysteresis if isinstance(self.piezo, Piezo) else None
+        return hysteresis if isinstance(hysteresis, MaxwellCapacitor) else None
+
+    @property
+    def coupling(self) -> float:
+        """κ = T²/(k C_0): by how much the stage is stiffer at constant charge; 0 without a `two_port`."""
+        if self.two_port is None:
+            return 0.0
+        return self.gain * self.drive_force_per_volt / self.two_port.capacitance
 
     @property
     def stage_stiffness(self) -> float:
@@ -195,18 +252,17 @@ class Actuator(NamedTuple):
         return self.external_force - self.end_effector_mass * STANDARD_GRAVITY * np.sin(self.incline)
 
     def state_space(self) -> StateSpace:
-        """The stage from voltage [V] to position [m], without contact, hysteresis and creep: one mode; of a
-        static stage the gain alone."""
-        if self.static:
-            none = np.zeros((0, 0))
-            return StateSpace(none, np.zeros((0, 1)), np.zeros((1, 0)), np.array([[self.gain]]))
-        omega, zeta = self.natural_frequency, self.damping_ratio
-        return StateSpace(
-            np.array([[0.0, 1.0], [-(omega**2), -2.0 * zeta * omega]]),
-            np.array([[0.0], [self.gain * omega**2]]),
-            np.array([[1.0, 0.0]]),
-            np.zeros((1, 1)),
-        )
+        """The stage from voltage [V] to position [m], without contact, hysteresis and creep: a pair of states
+        (m, m/s) for each mode; of a static stage the gain alone."""
+        modes = [] if self.static else [(self.gain, self.natural_frequency, self.damping_ratio)]
+        modes += [row[:3] for row in self.further_modes.rows] if self.further_modes else []
+        a = np.zeros((2 * len(modes), 2 * len(modes)))
+        b, c = np.zeros((2 * len(modes), 1)), np.tile([[1.0, 0.0]], (1, len(modes)))
+        for m, (gain, omega, zeta) in enumerate(modes):
+            at = slice(2 * m, 2 * m + 2)
+            a[at, at] = [[0.0, 1.0], [-(omega**2), -2.0 * zeta * omega]]
+            b[2 * m + 1] = gain * omega**2
+        return StateSpace(a, b, c, np.array([[self.gain if self.static else 0.0]]))
 
     @classmethod
     def from_parts(
@@ -311,6 +367,8 @@ def _build(system_type: Any, name: str | os.PathLike[str]) -> Any:
 
 def _built(system_type: Any, parameters: ParameterSet) -> Any:
     given: dict[str, Any] = {"friction": friction_of(parameters), "name": parameters.name}
-    if "piezo" in system_type._fields:
+    if system_type is Actuator:
         given["piezo"] = piezo_of(parameters)
+        where = f"{parameters.file}, [further_modes]"
+        given["further_modes"] = build(StageModes, parameters.modes, where) if parameters.modes else None
     return build(system_type, parameters.values, str(parameters.file), **given)

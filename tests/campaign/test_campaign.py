@@ -296,11 +296,11 @@ def test_a_pdf_without_a_browser_is_refused_before_the_work(
         ({"slew_rate": "3 V"}, "slew_rate"),
         (
             {"recordings": [{"cells": "*", "use": "guess"}]},
-            r"recordings\.0\.use: Input should be 'step'",
+            r"recordings\.0\.use: Input should be 'piezo'",
         ),
         (
             {"recordings": [{"file": "a.csv", "use": "guess"}]},
-            r"recordings\.0\.use: Input should be 'step'",
+            r"recordings\.0\.use: Input should be 'piezo'",
         ),
         (
             {"recordings": [{"file": "a.csv", "waveform": [{"shape": "Sawtoth"}]}]},

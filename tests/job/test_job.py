@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -131,6 +132,77 @@ def test_recordings_of_the_job_are_found_by_their_names(tmp_path: Path) -> None:
     assert document.numbers["verify"]["verification"]["walk_65V_50Hz"]["rmse"].value > 0.0
 
 
+def test_a_map_of_what_was_identified(tmp_path: Path) -> None:
+    walked = steps(tmp_path)[0]
+    volts = {"start": "40 V", "stop": "80 V", "points": 3}
+    design = {
+        "map": {"voltage": volts, "frequency": "50 Hz", "load": ["0 N", "-50 mN"], "direction": [1, -1]}
+    }
+    job = {"title": "A map", "steps": [walked, {"design": design}]}
+    document = ss.run_job(written(tmp_path, job), tmp_path / "out")
+    found = document.numbers["design"]["map"]
+    friction = document.numbers["design"]["model"]["friction"]
+    law = KANG.friction._replace(**{name: friction[name]["value"] for name in TRUTH})
+    law = law._replace(stiction_force=friction["stiction_force"]["value"])
+    expected = ss.steady_step(KANG.replace(friction=law, external_force=-0.05), ss.Sawtooth(60.0, 50.0))
+    assert found["dimensions"] == ["voltage", "load", "direction"]
+    assert found["net_step"]["unit"] == "m"
+    assert found["net_step"]["value"][1, 1, 0] == pytest.approx(expected, abs=3e-10)
+    assert [one.name for one in document.pictures()][-2:] == ["step2-map-net-step", "step2-map-speed"]
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ({"map": {}}, "either 'fit', a results.json, or 'model'"),
+        ({"model": "kang2007"}, "map: Field required"),
+        ({"model": "kang2007", "map": {"voltage": "65 N", "frequency": 5.0}}, "voltage = '65 N'"),
+        (
+            {"model": "kang2007", "map": {"voltage": {"start": 1.0, "stop": "3 N", "points": 2}}},
+            r"map\.voltage\.stop = '3 N'",
+        ),
+        (
+            {
+                "model": "kang2007",
+                "map": {"frequency": {"start": 0, "stop": 3, "points": 2, "spacing": "log"}},
+            },
+            "frequency: spacing: log needs values above 0 Hz",
+        ),
+        ({"model": "kang2007", "map": {"volts": 1.0}}, "map: there is no field 'volts'"),
+        (
+            {"model": "kang2007", "map": {"frequency": 5.0}},
+            r"without a waveform, voltage \[V\] must be given",
+        ),
+    ],
+)
+def test_mistakes_in_a_design_file(tmp_path: Path, content: dict[str, Any], message: str) -> None:
+    path = written(tmp_path, {"kind": "design", "title": "x", **content})
+    done = CliRunner().invoke(
+        app, ["design", str(path), "--out", str(tmp_path / "out")], prog_name="stickslip"
+    )
+    assert done.exit_code == 2
+    assert re.search(message, done.stderr), done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_map_from_the_command_line(tmp_path: Path) -> None:
+    content = {"kind": "design", "title": "x", "model": "kang2007"}
+    path = written(tmp_path, content | {"map": {"voltage": [60.0, "90 V", 160.0], "frequency": 20.0}})
+    done = CliRunner().invoke(
+        app, ["design", str(path), "--out", str(tmp_path / "out")], prog_name="stickslip"
+    )
+    assert done.exit_code == 0, done.stderr
+    results = json.loads((tmp_path / "out" / "results.json").read_bytes())
+    steps_found = results["numbers"]["map"]["net_step"]
+    assert steps_found["unit"] == "m"
+    assert steps_found["value"][1] == pytest.approx(
+        ss.steady_step(ss.load_actuator("kang2007"), ss.Sawtooth(90.0, 20.0)), abs=3e-10
+    )
+    assert steps_found["value"][2] is None
+    assert any("takes 0 V to 150 V" in str(row) for row in results["tables"][0]["rows"])
+    assert "map-net-step" in {p.stem for p in (tmp_path / "out" / "figures").iterdir()}
+
+
 def test_other_kinds_of_files_are_jobs_of_one_step(tmp_path: Path) -> None:
     examples = Path(ss.__file__).parent / "examples"
     kinds = {path.name: [step.kind for step in read_job(path).steps] for path in examples.glob("*.yaml")}
@@ -140,6 +212,10 @@ def test_other_kinds_of_files_are_jobs_of_one_step(tmp_path: Path) -> None:
         "friction_loops.yaml": ["identify"],
         "piezo_mirror.yaml": ["identify"],
         "pulled_slider.yaml": ["identify"],
+        "kang2007_map.yaml": ["design"],
+        "kang2007_piezo.yaml": ["record", "identify"],
+        "kang2007_hysteresis_experiment.yaml": ["record"],
+        "kang2007_hysteresis_campaign.yaml": ["identify"],
         "kang2007_job.yaml": ["record", "identify", "export"],
     }
     check = {"kind": "verification", "title": "One", "model": "kang2007", "change": {"stage_reaction": False}}
@@ -213,5 +289,6 @@ def test_the_schema_knows_all_steps() -> None:
         "identify",
         "verify",
         "compare",
+        "design",
         "export",
     }

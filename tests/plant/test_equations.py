@@ -88,8 +88,8 @@ def size(plant, r, weights):
 
 
 @compiled
-def settled(plant, q, local):
-    return generated.settled(plant, q, local)
+def settled(plant, q, u, local):
+    return generated.settled(plant, q, u, local)
 
 
 @compiled
@@ -320,12 +320,22 @@ def test_state_on_its_bound(name: str, e: int, first: int, side: float, towards:
         q[first : first + 2] = bounds - side * off * local
         expected = q.copy()
         expected[first : first + 2] = q[first : first + 2] if stays else bounds
-        np.testing.assert_allclose(settled(plant, tuple(q), local), expected, rtol=1e-13)
+        np.testing.assert_allclose(settled(plant, tuple(q), U, local), expected, rtol=1e-13)
+
+
+@pytest.mark.parametrize("slope", [1e3, -1e3])
+def test_a_stop_moves_as_the_drive_says_too(slope: float) -> None:
+    """With a body that stays, the drive's slope alone decides towards which bound."""
+    stop = MaxwellSlip((0.2,), (2e-8,), 0.0, 1.0, 1.0, 1.0)
+    plant = Plant((STAGE,), (Element(stop, (0.1,), (-1e7,), drive_rate=1e-7),), RATE)
+    q, local = (0.0, 0.0, 1e-7 - 0.5e-12), 1e-12
+    found = settled(plant, q, (0.0, slope, 0.0, 0.0), local)
+    assert found[2] == (1e-7 if slope > 0.0 else q[2])
 
 
 def test_states_without_a_bound_stay(case: Case) -> None:
     q = tuple(state_of(case))
-    assert settled(case.plant, q, 1e-12) == q
+    assert settled(case.plant, q, U, 1e-12) == q
 
 
 def test_how_far_two_states_are_apart(case: Case) -> None:

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stickslip.electronics import amplifier_output, dac_output
+from stickslip.electronics import amplifier_output, dac_output, small_signal_bandwidth
+from stickslip.electronics.parts import load_amplifier, load_stack
 from stickslip.parameters import ParameterSetError
 from stickslip.rig import available_benches, load_bench
 from stickslip.rig import bench as room
@@ -45,7 +46,7 @@ def test_what_the_thesis_does_not_print_is_said() -> None:
     assert "sensor.inductive.noise_density" in BENCH.assumptions
     assert "piezo_capacitance" in BENCH.assumptions
     assert "dac.bits" not in BENCH.assumptions
-    assert available_benches() == ("kang2007-bench",)
+    assert available_benches() == ("kang2007-bench", "kang2007-hysteresis-bench")
 
 
 @pytest.mark.parametrize(
@@ -84,3 +85,39 @@ def test_unknown_benches() -> None:
         load_bench("kang2007-bank")
     with pytest.raises(ParameterSetError, match=r"gone\.toml"):
         load_bench("gone.toml")
+
+
+def test_the_hysteretic_bench_is_that_of_the_thesis_but_for_amplifier_and_stack() -> None:
+    sister = load_bench("kang2007-hysteresis-bench")
+    assert sister.amplifier == load_amplifier("pd200x4")
+    assert sister.piezo_capacitance == load_stack("ae0505d16").load
+    for field in ("dac", "sensors", "anti_alias", "sample_rate"):
+        assert getattr(sister, field) == getattr(BENCH, field)
+    assert "amplifier.max_current" in sister.assumptions
+    assert "stack.capacitance" in sister.assumptions
+    assert "amplifier.bandwidth" not in sister.assumptions
+    assert small_signal_bandwidth(sister.amplifier, sister.piezo_capacitance) == pytest.approx(
+        45.3e3, rel=1e-2
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('base = "own.toml"', "the bench is its own base"),
+        ("base = 3", "base = 3 must be the name of a bench"),
+        ('base = "kang2007-bank"', "did you mean 'kang2007-bench'"),
+        ('base = "kang2007-bench"\namplifier = "pd200"', "there is no part 'pd200'"),
+        ('base = "kang2007-bench"\namplifier = "ae0505d16"', "is of kind 'stack', not 'amplifier'"),
+        (
+            'base = "kang2007-bench"\nstack = "ae0505d16"\n[piezo_capacitance]\nvalue = 1\nunit = "uF"\n'
+            'source = "s"',
+            "stack = 'ae0505d16' must be the name of a stack, without [piezo_capacitance]",
+        ),
+    ],
+)
+def test_wrong_bases_and_parts(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "own.toml"
+    path.write_text(f'kind = "bench"\n{text}\n', encoding="utf-8")
+    with pytest.raises(ParameterSetError, match=re.escape(message)):
+        load_bench(path)

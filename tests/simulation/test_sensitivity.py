@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stickslip.actuator import Actuator
-from stickslip.friction import Coulomb, Dahl, Elastoplastic, LuGre
+from stickslip.friction import Coulomb, Dahl, Elastoplastic, LuGre, MaxwellSlip
 from stickslip.simulation import sensitivities, simulate, steady_step, steady_step_derivatives
 from stickslip.simulation.models import SLIDER
 from stickslip.simulation.trajectory import follow_model
@@ -161,3 +161,16 @@ def test_refusals_name_what_is_wrong() -> None:
         sensitivities(MODEL.replace(friction=Coulomb(0.5)), DRIVE, 0.1, parameters=["coulomb_force"])
     with pytest.raises(QuantityError, match="does not depend on the initial state"):
         steady_step_derivatives(MODEL, DRIVE, parameters=["initial_stage_position"])
+
+
+@pytest.mark.compiled
+def test_the_steady_step_by_a_law_of_several_states() -> None:
+    """Each spring's state is a row of the periodic state."""
+    law = MaxwellSlip((1.0e6, 0.6e6), (0.25, 0.29))
+    model, drive = MODEL.replace(friction=law), Sawtooth(65.0, 50.0, 0.95)
+    found = steady_step_derivatives(model, drive, parameters=["strength_2"], tolerance=1e-12)["strength_2"]
+    steps = [
+        steady_step(model.replace(friction=law._replace(strength=(0.25, 0.29 + h))), drive, tolerance=1e-13)
+        for h in (1e-5, -1e-5)
+    ]
+    assert found == pytest.approx((steps[0] - steps[1]) / 2e-5, rel=5e-3)

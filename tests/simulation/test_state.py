@@ -186,3 +186,14 @@ def test_text_keeps_every_bit() -> None:
     state = ss.final_state(first)
     assert json.loads(first.attrs["final_state"])["end_effector_position"] == state.end_effector_position
     assert state.end_effector_position == float(first.end_effector_position[-1])
+
+
+def test_with_a_sample_rate_it_goes_on_at_the_same_instants() -> None:
+    """51/1000 s, and not 0.05 s + 1/1000 s, which is another number."""
+    model, drive = ss.load_actuator("kang2007"), ss.Sawtooth(65.0, 50.0)
+    whole, first = (ss.simulate(model, drive, t) for t in (0.1, 0.05))
+    second = ss.simulate(model, drive, 0.05, initial_state=first)
+    np.testing.assert_array_equal(second.time, whole.time[50:])
+    np.testing.assert_array_equal(second.end_effector_position, whole.end_effector_position[50:])
+    odd = ss.simulate(model, drive, 0.05, initial_state=first, sample_rate=333.0)
+    assert odd.time.values[0] == 0.05

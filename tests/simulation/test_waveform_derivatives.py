@@ -34,12 +34,12 @@ CASES: dict[str, tuple[Any, Any, list[str]]] = {
 }
 
 
-def differences(model: Any, waveform: Any, name: str, times: np.ndarray) -> np.ndarray:
+def differences(model: Any, waveform: Any, name: str, times: np.ndarray, load: Any = 1.0) -> np.ndarray:
     """Of two simulations at a fine tolerance, each with its own steps."""
     value = waveform_value(waveform, name)
     h = 1e-4 * (abs(value) or 1.0)
     ends = [
-        ss.simulate(model, with_field(waveform, name, value + s * h), times=times, tolerance=1e-13)
+        ss.simulate(model, with_field(waveform, name, value + s * h), times=times, tolerance=1e-13, load=load)
         for s in (1.0, -1.0)
     ]
     return (ends[0].end_effector_position.values - ends[1].end_effector_position.values) / (2.0 * h)
@@ -62,6 +62,19 @@ def test_of_a_trajectory(name: str) -> None:
     np.testing.assert_allclose(
         found.derivative.sel(parameter="coulomb_force"), alone.derivative[0], rtol=1e-6, atol=1e-12
     )
+
+
+@pytest.mark.filterwarnings("ignore::stickslip.simulation.SimulationWarning")
+def test_of_a_trajectory_whose_normal_force_jumps() -> None:
+    """While the contact sticks, and while it slides: the jumps stay where they are when the drive moves."""
+    waveform, times = ss.Sawtooth(65.0, 20.0, 0.9, 2.0), np.linspace(0.0, 0.23, 40)
+    load = ss.Sampled([0.0, 0.031, 0.0965, 0.15], [1.0, 0.6, 1.4, 0.9], "hold")
+    fields = ["amplitude", "frequency", "rise_fraction"]
+    found = ss.sensitivities(KANG, waveform, times=times, parameters=fields, tolerance=1e-12, load=load)
+    for field in fields:
+        expected = differences(KANG, waveform, field, times, load)
+        near = np.abs(found.derivative.sel(parameter=field) - expected)
+        assert float(near.max()) < 3e-3 * float(np.abs(expected).max()), field
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -13,10 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from ..actuator import Actuator
 from ..estimate.result import Fit
+from ..identify.piezo.left_out import spread
 from ..identify.step.fit import STAGE_PARAMETERS
 from ..identify.step.formulas import step_tests
 from ..identify.walk.displacement import Displacement, has_slopes
+from ..identify.walk.other_stages import moved_by
 from ..identify.walk.walks import by_coordinates, by_values, columns_of
 from ..study.alignment import Aligned
 from .budget import LEVEL, Inherited
@@ -27,13 +30,17 @@ Array = NDArray[np.float64]
 
 
 def walk_bands(
-    fit: Fit, taken: Inherited | None, shown: Sequence[Aligned], slew_rate: float | None
+    fit: Fit,
+    taken: Inherited | None,
+    shown: Sequence[Aligned],
+    slew_rate: float | None,
+    stages: Sequence[Actuator] = (),
 ) -> list[Array] | None:
     """Half widths [n] of the bands of walks, m; None for a law without derivatives."""
     if not has_slopes(fit.model):
         return None
     known = np.flatnonzero(np.isfinite(np.diag(fit.uncertainty.covariance)))
-    spread = fit.uncertainty.covariance[np.ix_(known, known)]
+    own = fit.uncertainty.covariance[np.ix_(known, known)]
     count = len(STAGE_PARAMETERS)
     moves, of_stage = np.zeros((len(fit.parameters), count)), np.zeros((count, count))
     if taken is not None and taken.stage is not None:
@@ -44,8 +51,11 @@ def walk_bands(
         columns = columns_of(motion, fit, names)
         g = by_coordinates(columns, fit)
         whole = g @ moves + by_values(columns, fit, STAGE_PARAMETERS)
-        variance = np.einsum("ij,jk,ik->i", g[:, known], spread, g[:, known])
+        variance = np.einsum("ij,jk,ik->i", g[:, known], own, g[:, known])
         variance += np.einsum("ij,jk,ik->i", whole, of_stage, whole)
+        if taken is not None and taken.others is not None:
+            by = moved_by(fit, stages, [one.recording], [one.drive], slew_rate)
+            variance += np.sum(spread(list((by + g @ taken.others).T)) ** 2, axis=1)
         bands.append(_t(fit) * np.sqrt(variance))
     return bands
 
@@ -54,13 +64,13 @@ def step_bands(stage: Fit, steps: Sequence[Aligned]) -> list[tuple[NDArray[np.in
     """Of each step the samples that were fitted, and the half widths of their bands [m]."""
     assert stage.jacobian is not None
     free = np.flatnonzero(stage.uncertainty.bounded == 0)
-    spread = stage.uncertainty.covariance[np.ix_(free, free)]
+    own = stage.uncertainty.covariance[np.ix_(free, free)]
     ends = np.cumsum([g.n_data for g in stage.recordings])[:-1]
     found = []
     for one, rows in zip(steps, np.split(stage.jacobian[:, free], ends), strict=True):
         (test,) = step_tests(one.recording)
         samples = np.sort(np.argsort(np.abs(test.time), kind="stable")[: len(rows)])
-        found.append((samples, _t(stage) * np.sqrt(np.einsum("ij,jk,ik->i", rows, spread, rows))))
+        found.append((samples, _t(stage) * np.sqrt(np.einsum("ij,jk,ik->i", rows, own, rows))))
     return found
 
 

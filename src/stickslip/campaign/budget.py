@@ -2,20 +2,25 @@
 
 The fit takes the stage's values as they were identified before. What their errors do to it is linearised:
 a change g of what was taken as known moves the estimate by -(JᵀJ)⁻¹ Jᵀ G g, with J and G the derivatives of
-the position by what was fitted and by what was taken.
+the position by what was fitted and by what was taken. Hysteresis and creep have no such derivatives: there
+G g is what other stages make of the position, each identified without a part of the recordings.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..actuator import Actuator
 from ..estimate.result import Fit
+from ..identify.piezo.left_out import spread
 from ..identify.step.fit import STAGE_PARAMETERS
 from ..identify.walk.displacement import Displacement, has_slopes
+from ..identify.walk.other_stages import moved_by
 from ..identify.walk.position_channel import CHANNEL
 from ..identify.walk.walks import by_coordinates, by_values, columns_of
 from ..study.alignment import POSITION, Aligned
@@ -38,10 +43,11 @@ class Budget(NamedTuple):
 class Inherited(NamedTuple):
     """What a fit took as known: how its coordinates move with each of the stage's values and with the log of
     the sensor's scale, and the covariance of the stage's values [`STAGE_PARAMETERS`], None where they are
-    exact."""
+    exact; and how they move with each of the `others` [coordinates, stages], None without hysteresis."""
 
     moved: dict[str, Array]
     stage: Array | None
+    others: Array | None = None
 
     def by_stage(self) -> Array:
         """How the coordinates move with the stage's values, [coordinates, `STAGE_PARAMETERS`]."""
@@ -57,6 +63,9 @@ def budget(fit: Fit, taken: Inherited | None, scale: Scale | None) -> Budget:
         if taken.stage is not None:
             by = taken.by_stage()
             by_source["stage from the steps"] = by @ taken.stage @ by.T
+        if taken.others is not None:
+            root = spread(list(taken.others.T))
+            by_source["hysteresis and creep"] = root @ root.T
         if scale is not None and scale.standard_error > 0:
             # A position read too large by a share makes the gain too large by the same.
             relative = scale.standard_error / scale.value
@@ -77,9 +86,14 @@ def budget(fit: Fit, taken: Inherited | None, scale: Scale | None) -> Budget:
 
 
 def inherited(
-    fit: Fit, fitted: list[Aligned], stage: Fit | None, slew_rate: float | None
+    fit: Fit,
+    fitted: list[Aligned],
+    stage: Fit | None,
+    slew_rate: float | None,
+    stages: Sequence[Actuator] = (),
 ) -> Inherited | None:
-    """Of a friction fit to `fitted` with the stage of `stage`; None for a law without derivatives."""
+    """Of a friction fit to `fitted` with the stage of `stage`, and `stages` that might be it as well; None
+    for a law without derivatives."""
     if fit.model is None or not has_slopes(fit.model):
         return None
     columns, names = [], [*(p.name for p in fit.parameters), *STAGE_PARAMETERS]
@@ -94,8 +108,14 @@ def inherited(
         name: -np.linalg.lstsq(jacobian / size, column, rcond=None)[0] / size
         for name, column in zip((*STAGE_PARAMETERS, "scale"), taken.T, strict=True)
     }
+    others = None
+    if stages:
+        by = moved_by(
+            fit, stages, [one.recording for one in fitted], [one.drive for one in fitted], slew_rate
+        )
+        others = -np.linalg.lstsq(jacobian / size, by, rcond=None)[0] / size[:, None]
     if stage is None:
-        return Inherited(moved, None)
+        return Inherited(moved, None, others)
     names = [p.name for p in stage.parameters]
     at = [names.index(name) for name in STAGE_PARAMETERS]
-    return Inherited(moved, stage.covariance[np.ix_(at, at)])
+    return Inherited(moved, stage.covariance[np.ix_(at, at)], others)

@@ -16,6 +16,7 @@ from ..figures.style import svg
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import chain_numbers, fit_numbers, lack_numbers, model_numbers, parameter_table
 from ..report.origin import origin_of
+from ..report.piezo import hysteresis_numbers
 from ..report.recordings import recorded_assumptions
 from ..study.alignment import POSITION, Aligned
 from ..study.verification import verification_numbers
@@ -25,9 +26,10 @@ from .bands import walk_bands
 from .evaluation import Found
 from .features import feature_numbers, features_section
 from .file import CampaignFile
+from .hysteresis_section import hysteresis_section
 from .stage import stage_section, unit_of
 
-_ROLE = {"step": "stage", "fit": "friction, fitted", "verify": "predicted"}
+_ROLE = {"piezo": "hysteresis and creep", "step": "stage", "fit": "friction, fitted", "verify": "predicted"}
 
 
 def campaign_document(
@@ -61,13 +63,16 @@ def campaign_document(
         **additional_numbers(found),
     }
     if found.stage is not None:
-        numbers["stage"] = fit_numbers(found.stage, "m")
+        numbers["stage"] = fit_numbers(found.widened_stage or found.stage, "m")
+    if found.hysteresis is not None:
+        numbers["hysteresis"] = hysteresis_numbers(found.hysteresis.fit, found.hysteresis.straight)
     if found.scale is not None:
         numbers["sensor_scale"] = Number(found.scale.value, "", standard_error=found.scale.standard_error)
     bands = _bands(file, found) if figures else None
     sections = [
         _set_up(file, found, recorded),
         _calibration(file, found),
+        *([hysteresis_section(found, figures)] if found.hysteresis is not None else []),
         *([stage_section(file, found, figures)] if found.stage is not None else []),
         features_section(found.features),
         _friction(found, bands),
@@ -202,7 +207,8 @@ Bands = Mapping[str, Any]
 
 def _bands(file: CampaignFile, found: Found) -> Bands:
     """The half widths of each walk's bands [m]; empty for a law without derivatives."""
-    bands = walk_bands(found.friction, found.inherited, found.walks, file.known_slew_rate)
+    stages = () if found.hysteresis is None else found.hysteresis.stages
+    bands = walk_bands(found.friction, found.inherited, found.walks, file.known_slew_rate, stages)
     names = [one.name for one in found.walks]
     return {} if bands is None else dict(zip(names, bands, strict=True))
 

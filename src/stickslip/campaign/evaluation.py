@@ -26,6 +26,7 @@ from .budget import Budget, Inherited, budget, inherited
 from .features import features_of
 from .file import CampaignFile
 from .gathering import Scale, scale_of, scaled
+from .hysteresis import Hysteresis, hysteresis_of
 from .plausible import check_walk
 
 # Of the steps' formulas with other noise.
@@ -36,18 +37,20 @@ class Found(NamedTuple):
     """What a campaign found.
 
     `gathered` are the recordings in the scale of the reference; `scale` is None without a reference, `stage`
-    and `formulas` (how far the thesis's formulas are off, see `step_formula_errors`) without steps; `start`
-    is the actuator that the fit of the friction began with; `inherited` is what that fit takes over from
-    stage and scale, None without both or for a law without derivatives; `walks` are the recordings of
-    `verification`, in its order, and `features` what they show without a model; `chain` is what the
-    prediction takes between the model and the channel; `everything` are the fits to all walks, which say
-    whether one set of values explains them; `additional` is what was done on request.
+    and `formulas` (how far the thesis's formulas are off, see `step_formula_errors`) without steps;
+    `hysteresis` is that of the stage, None without recordings of it; `start` is the actuator that the fit of
+    the friction began with; `inherited` is what that fit takes over from stage and scale, None without both
+    or for a law without derivatives; `walks` are the recordings of `verification`, in its order, and
+    `features` what they show without a model; `chain` is what the prediction takes between the model and the
+    channel; `everything` are the fits to all walks, which say whether one set of values explains them;
+    `additional` is what was done on request.
     """
 
     gathered: list[Aligned]
     scale: Scale | None
     stage: Fit | None
     formulas: xr.Dataset | None
+    hysteresis: Hysteresis | None
     start: Actuator
     friction: Fit
     inherited: Inherited | None
@@ -59,6 +62,13 @@ class Found(NamedTuple):
     everything: Explained
     failures: list[str]
     additional: Additional
+
+    @property
+    def widened_stage(self) -> Fit | None:
+        """The fit of the steps with the errors of hysteresis and creep in its intervals."""
+        if self.stage is None or self.hysteresis is None:
+            return self.stage
+        return self.hysteresis.widened(self.stage)
 
 
 def evaluate(file: CampaignFile, model: Actuator, gathered: Sequence[Aligned], progress: Progress) -> Found:
@@ -78,16 +88,27 @@ def evaluate(file: CampaignFile, model: Actuator, gathered: Sequence[Aligned], p
         scale = scale_of(steps, file.reference, file.settling)
         recordings = [scaled(one, scale.value) for one in recordings]
     stage = formulas = None
+    if any(one.use == "piezo" for one in recordings):
+        progress("identifying hysteresis and creep", 0.0)
+    hysteresis = hysteresis_of(file, recordings, model)
+    if hysteresis is not None:
+        model = hysteresis.fit.model
     steps = [one for one in recordings if one.use == "step"]
     if steps:
         progress("identifying the stage", 0.1)
         low_pass = None if file.filter is None else Filter(**file.filter.model_dump())
-        stage = identify_step([one.recording for one in steps], model, filter=low_pass, slew_rate=rate)
+
+        def of_steps(of: Actuator) -> Fit:
+            return identify_step([one.recording for one in steps], of, filter=low_pass, slew_rate=rate)
+
+        stage = of_steps(model)
+        if hysteresis is not None:
+            hysteresis = hysteresis.refitted(of_steps)
         formulas = step_formula_errors(stage, [one.recording for one in steps], n=_REPETITIONS)
         model = stage.model
     progress("identifying the friction", 0.2)
     for one in recordings:
-        if one.use != "step":
+        if one.use in ("fit", "verify"):
             check_walk(one, model)
     fitted = [one for one in recordings if one.use == "fit"]
     friction = identify_friction(
@@ -101,7 +122,7 @@ def evaluate(file: CampaignFile, model: Actuator, gathered: Sequence[Aligned], p
         slew_rate=rate,
     )
     progress("predicting", 0.7)
-    walks = [one for one in recordings if one.use != "step"]
+    walks = [one for one in recordings if one.use in ("fit", "verify")]
     chain = Chain(friction.values["delay"], 0.0, scale.value if scale else 1.0, file.slew_rate, zeroed=True)
     predictor = Predictor(friction.model, chain)
     verification = verify(
@@ -110,6 +131,7 @@ def evaluate(file: CampaignFile, model: Actuator, gathered: Sequence[Aligned], p
         drive=[one.drive for one in walks],
         steps_of=[one.wanted for one in walks],
     )
+    stages = () if hysteresis is None else hysteresis.stages
     everything = (
         explained(
             friction,
@@ -117,18 +139,20 @@ def evaluate(file: CampaignFile, model: Actuator, gathered: Sequence[Aligned], p
             [one.drive for one in walks],
             [*file.free, "delay", "offset"],
             stage=stage,
+            stages=stages,
             slew_rate=rate,
         )
         if len(walks) > len(fitted)
         else Explained(friction, friction, friction.lack)
     )
     lacking = dict.fromkeys(said((*friction.lack, *everything.lacks)))
-    taken = inherited(friction, fitted, stage, rate) if stage or scale else None
+    taken = inherited(friction, fitted, stage, rate, stages) if stage or scale or stages else None
     return Found(
         recordings,
         scale,
         stage,
         formulas,
+        hysteresis,
         model,
         friction,
         taken,

@@ -14,8 +14,8 @@ from ..records import did_you_mean
 from ..study.file import RecordingFile
 from ..units import QuantityError
 
-# `step`: the end-effector fixed to the stage; `fit` and `verify`: it walks.
-Use = Literal["step", "fit", "verify"]
+# `piezo` (slow, to and fro) and `step`: the end-effector fixed to the stage; `fit` and `verify`: it walks.
+Use = Literal["piezo", "step", "fit", "verify"]
 
 
 class CellsSpec(Strict):
@@ -57,7 +57,8 @@ class CampaignFile(Strict):
     `experiment` is an experiment file that is recorded first. `model` is a parameter set or a file, whose
     fields `change` and `friction` change; the fit of the parameters `free` starts there, with `hops` and
     `tied` as for `identify_friction`. `reference` is a channel that shows the clamped position too, and
-    better: on the steps the position is scaled to it, the time `settling` after them left out. `filter` and
+    better: on the steps the position is scaled to it, the time `settling` after them left out; hysteresis and
+    creep are taken from it, where there are recordings for them (use: piezo). `filter` and
     `slew_rate` are those of the position channel and of the amplifier, where they are known. `published` are
     r² that others found, by recording (and of all steps, "step"). What takes longer is done on request:
     `posterior` (at most `posterior_simulations`), `profiles` of the likelihood, `model_choice` among all

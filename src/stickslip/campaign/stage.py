@@ -58,7 +58,7 @@ def stage_section(file: CampaignFile, found: Found, figures: bool) -> Section:
             f"fixed to the stage: r² {near_one(stage.r_squared)}.{beside}",
         ),
         tables=(
-            parameter_table("Second-order stage, delay and lag of the sensor.", stage),
+            parameter_table("Second-order stage, delay and lag of the sensor.", found.widened_stage or stage),
             _formulas(found, stage),
         ),
         figures=pictures,

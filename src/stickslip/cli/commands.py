@@ -183,7 +183,7 @@ def run(
     out: Out = Path("out/run"),
     show_traceback: Traceback = False,
 ) -> None:
-    """Do what a file says: record, identify, verify, compare and export, one step after the other."""
+    """Do what a file says: record, identify, verify, compare, export and map, one step after the other."""
     begun = time.perf_counter()
     with errors_in_one_line(show_traceback):
         check_output(out)
@@ -284,6 +284,32 @@ def verify(
         study, folder = verification_study(fit, recordings or [], require, column, unit)
         with progress_bar() as progress:
             document = run_study(study, folder, progress)
+        write(document, out, begun)
+
+
+@app.command()
+def design(
+    file: Annotated[
+        Path, typer.Argument(exists=True, dir_okay=False, metavar="FILE.yaml", help="The map to compute.")
+    ],
+    out: Out = Path("out/design"),
+    show_traceback: Traceback = False,
+) -> None:
+    """A map of the step over voltage, frequency, load and other fields, as a file describes it; Ctrl-C keeps
+    what is done."""
+    begun = time.perf_counter()
+    with errors_in_one_line(show_traceback):
+        check_output(out)
+        from ..study.design import design_study
+        from ..study.running import run_study
+        from ..units import QuantityError
+
+        study, folder = design_study(file)
+        try:
+            with progress_bar() as progress:
+                document = run_study(study, folder, progress)
+        except QuantityError as error:
+            raise ValueError(f"{file}: {error}") from error
         write(document, out, begun)
 
 

@@ -14,22 +14,20 @@ from .style import SERIES, WIDTH, drawn, trace
 
 @drawn
 def hysteresis_loops(loops: Mapping[str, tuple[ArrayLike, ArrayLike]]) -> Figure:
-    """Stroke over voltage, and what it is off a straight line between the ends, in percent of the stroke.
+    """Stroke over voltage, and what each is off a straight line between its ends, in percent of its stroke.
 
     Args:
         loops: voltage [V] and stroke [m], arrays (n,), by label.
     """
     figure = Figure(figsize=(WIDTH, 3.0))
     left, right = figure.subplots(1, 2)
-    volts = np.concatenate([np.asarray(u, dtype=float) for u, _ in loops.values()])
-    strokes = np.concatenate([np.asarray(y, dtype=float) for _, y in loops.values()])
-    slope = (strokes[volts.argmax()] - strokes[volts.argmin()]) / np.ptp(volts)
-    level, most = strokes[volts.argmin()] - slope * volts.min(), np.ptp(strokes)
-    way = scale_for("m", strokes)
+    way = scale_for("m", np.concatenate([np.asarray(y, dtype=float) for _, y in loops.values()]))
     for (label, (u, y)), color in zip(loops.items(), SERIES, strict=False):
         u, y = np.asarray(u, dtype=float), np.asarray(y, dtype=float)
+        low, high = u.argmin(), u.argmax()
+        line = y[low] + (y[high] - y[low]) * (u - u[low]) / (u[high] - u[low])
         trace(left, u, way(y), color=color, lw=0.9, label=label)
-        trace(right, u, 100.0 * (y - level - slope * u) / most, color=color, lw=0.9)
+        trace(right, u, 100.0 * (y - line) / np.ptp(y), color=color, lw=0.9)
     left.set(xlabel="voltage (V)", ylabel=way.label("stroke"))
     right.set(xlabel="voltage (V)", ylabel="off a straight line (% of the stroke)")
     if len(loops) > 1:

@@ -1,5 +1,5 @@
 """One call that draws what the package gives: recordings, trajectories, fits, verifications, frequency
-responses, maps."""
+responses, maps, planned experiments."""
 
 from __future__ import annotations
 
@@ -14,11 +14,14 @@ from numpy.typing import NDArray
 from ..estimate.result import Fit
 from ..units import QuantityError, near_one
 from ..verification import Verification
+from .design import draw_load_speed, draw_map, is_map
 from .fits import called, draw_fit
 from .frequency import polar
 from .identification import beside
+from .plans import draw_plan
 from .scale import Scale, scale_for
 from .style import BLUE, SERIES, WIDTH, drawn, legend_above, shown, trace
+from .waveforms import draw_waveforms
 
 # What is drawn of members, over what varies; parameters stand before it.
 _RESULTS = {"net_step": "net step per period", "net_displacement": "net displacement"}
@@ -27,10 +30,11 @@ _DECADES = 30.0  # a parameter over more than this factor has a logarithmic axis
 
 @drawn
 def plot(data: Any, axes: Any = None) -> NDArray[Any]:
-    """Draw a recording, a trajectory, a fit, a verification, a frequency response or a map.
+    """Draw a recording, a trajectory, a fit, a verification, a frequency response, a map or a plan.
 
     Args:
-        data: a `Fit`; a `Verification`; or a Dataset over "time" (each variable gets a panel: choose with
+        data: a `Fit`; a `Verification`; what `step_map` or `design.load_speed_curve` gives; a plan or
+            an optimised drive; or a Dataset over "time" (each variable gets a panel: choose with
             ``data[["drive_voltage"]]``), over "frequency" as `frequency_response` gives it (gain and phase),
             or over "member" as `simulate_ensemble` and `steady_steps` give it (a line over one parameter, a
             map over two).
@@ -48,6 +52,11 @@ def plot(data: Any, axes: Any = None) -> NDArray[Any]:
         return draw_fit(data, axes)
     if isinstance(data, Verification):
         return _verification(data, axes)
+    if is_map(data):
+        return draw_load_speed(data, axes) if "mechanical_power" in data else draw_map(data, axes=axes)
+    data = getattr(data, "dataset", data)
+    if hasattr(data, "motion"):  # an optimised drive, which is made above this room
+        return _over_phase(data.motion(), axes)
     for dimension, draw in _DRAWN.items():
         if isinstance(data, xr.Dataset) and dimension in data.dims:
             return draw(data, axes)
@@ -55,6 +64,10 @@ def plot(data: Any, axes: Any = None) -> NDArray[Any]:
         f"{type(data).__name__} cannot be drawn: give a fit, a verification, or a Dataset over time, "
         "frequency or member"
     )
+
+
+def _over_phase(data: xr.Dataset, axes: Any) -> NDArray[Any]:
+    return draw_waveforms(data, _panels(axes, 2, 2.2))
 
 
 def _panels(axes: Any, count: int, height: float) -> NDArray[Any]:
@@ -163,4 +176,6 @@ _DRAWN: dict[str, Callable[[xr.Dataset, Any], NDArray[Any]]] = {
     "time": _over_time,
     "frequency": _over_frequency,
     "member": _over_members,
+    "candidate": draw_plan,
+    "phase": _over_phase,
 }

@@ -364,6 +364,14 @@ def bounded(law, z, towards):
     return bound if bound != ahead else project(law, z)
 
 
+@fused
+def bounded_alike(law, z, own, z_own):
+    """The state of a neighbour: on its own bound where the trajectory's z is on that of its law. Beside it,
+    it would pass the bound in the middle of a step, which is not cut for it."""
+    beyond = z + 1e-9 * z
+    return project(own, 1e3 * z) if project(law, beyond) != beyond else z_own
+
+
 @compiled
 def force(law: Any, v: float, z: Any) -> float:
     """Total friction force [N]; `z` holds the internal states (of a static law: the direction)."""

@@ -15,6 +15,7 @@ from .frequency.modal import identify_frequency as identify_frequency
 from .frequency.response import ResponseError as ResponseError
 from .frequency.response import frequency_response as frequency_response
 from .frequency.response import welch_frequency_response as welch_frequency_response
+from .frequency.stage import with_modes as with_modes
 from .loops.compare import compare_laws as compare_laws
 from .loops.fit import identify_loops as identify_loops
 from .loops.inertia import identify_inertia as identify_inertia

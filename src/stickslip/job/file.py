@@ -9,8 +9,9 @@ A job is a title and its steps, one after the other::
       - verify: {recordings: [...], require: ["r_squared > 0.99"]}
       - compare: {model: kang2007, recordings: [...]}
       - export: {format: c}
+      - design: {map: {voltage: {start: 10 V, stop: 100 V, points: 40}, frequency: 50 Hz}}
 
-Experiment, campaign, identification and verification files are jobs of one step.
+Experiment, campaign, identification, verification and design files are jobs of one step.
 """
 
 from __future__ import annotations
@@ -25,8 +26,10 @@ from ..experiment.file import ExperimentFile
 from ..input_file import InputFileError, Strict, explain, load_yaml
 from ..records import did_you_mean
 from ..study.comparison import ComparisonStudy
+from ..study.design import DesignStudy
 from ..study.frequency import FrequencyStudy
 from ..study.loops import LoopStudy
+from ..study.piezo import PiezoStudy
 from ..study.pulled import PulledStudy
 from ..study.verification import VerificationStudy
 from ..study.walk import WalkStudy
@@ -47,19 +50,21 @@ class ExportSpec(Strict):
     bench: str = ""
 
 
-Study = Annotated[LoopStudy | FrequencyStudy | PulledStudy | WalkStudy, Field(discriminator="kind")]
+Study = Annotated[
+    LoopStudy | FrequencyStudy | PiezoStudy | PulledStudy | WalkStudy, Field(discriminator="kind")
+]
 _STUDY: TypeAdapter[Any] = TypeAdapter(Study)
 # What a campaign has none of, and each other kind of file has one of.
 _TELLING = ("steps", "runs", "kind")
-STEPS = ("record", "identify", "verify", "compare", "export")
+STEPS = ("record", "identify", "verify", "compare", "export", "design")
 
 
 class StepSpec(Strict):
     """One step: exactly one of these, each a file (beside the job's) or what it would say.
 
-    What is identified is a campaign, or a study of its `kind`. Where `verify` and `export` name no model, it
-    is that of the last identification; a campaign whose recordings are `cells` takes those of the last
-    `record`.
+    What is identified is a campaign, or a study of its `kind`. Where `verify`, `export` and `design` name no
+    model, it is that of the last identification; a campaign whose recordings are `cells` takes those of the
+    last `record`.
     """
 
     record: ExperimentFile | str | None = None
@@ -67,6 +72,7 @@ class StepSpec(Strict):
     verify: VerificationStudy | str | None = None
     compare: ComparisonStudy | str | None = None
     export: ExportSpec | None = None
+    design: DesignStudy | str | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -131,7 +137,7 @@ def read_job(path: Path) -> Job:
 
 def _refuse_missing(spec: Any, before: set[str], where: str) -> None:
     """Raise InputFileError where a step needs one before it that is not there."""
-    no_model = isinstance(spec, VerificationStudy) and spec.fit is None and spec.model is None
+    no_model = isinstance(spec, VerificationStudy | DesignStudy) and spec.fit is None and spec.model is None
     if (no_model or (isinstance(spec, ExportSpec) and spec.model is None)) and "identify" not in before:
         raise InputFileError(f"{where}: no model is named, and nothing is identified before it")
     wanted = spec.recordings if isinstance(spec, CampaignFile) and spec.experiment is None else ()
@@ -155,7 +161,7 @@ def _kind_of(content: Content, path: Path) -> str:
     if "runs" in content:
         return "record"
     kind = content.get("kind")
-    return {"verification": "verify", "comparison": "compare"}.get(str(kind), "identify")
+    return {"verification": "verify", "comparison": "compare", "design": "design"}.get(str(kind), "identify")
 
 
 def checked(step: Step, where: str = "") -> Any:
@@ -168,6 +174,8 @@ def checked(step: Step, where: str = "") -> Any:
             return VerificationStudy.model_validate(content)
         if step.kind == "compare":
             return ComparisonStudy.model_validate(content)
+        if step.kind == "design":
+            return DesignStudy.model_validate(content)
         if step.kind == "export":
             return ExportSpec.model_validate(content)
         if "kind" in content:

@@ -32,10 +32,10 @@ def run_job(
     *,
     figures: bool = True,
 ) -> Document:
-    """Record, identify, verify, compare and export, as a file says.
+    """Record, identify, verify, compare, export and map, as a file says.
 
     Args:
-        path: a job file, or an experiment, campaign, identification or verification file.
+        path: a job file, or an experiment, campaign, identification, verification or design file.
         out: the folder; recordings go into its `recordings`, results of single steps into its `steps`, and
             what is exported beside them. Recordings that are there are kept.
         progress: called with what is being done and how much of all is done, from 0 to 1.
@@ -76,7 +76,7 @@ class _Running:
             return recordings_document(spec.title, recorded, self.out / "recordings" / "experiment.log")
         if step.kind == "export":
             return self._exported(spec, folder, progress)
-        if step.kind == "verify" and spec.fit is None and spec.model is None:
+        if step.kind in ("verify", "design") and spec.fit is None and spec.model is None:
             spec = spec.model_copy(update={"fit": str(self.results)})
         if step.kind == "identify" and "kind" not in step.content:
             document = campaign_of(spec, folder, self.out, progress, self.experiment, figures=self.figures)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tomllib
 from contextlib import suppress
 from functools import cache, lru_cache
 from pathlib import Path
@@ -12,7 +11,7 @@ from typing import Any
 from ..actuator import Actuator, load_actuator
 from ..history.index import SETS
 from ..input_file import LARGEST
-from ..parameters import ParameterSetError, available_sets, load_set
+from ..parameters import ParameterSetError, available_sets, load_set, read_toml
 from ..registry import check_used
 from ..units import QuantityError
 from .folder import Folder, FolderError
@@ -80,8 +79,8 @@ def check_own(path: Path) -> None:
     """
     named: list[Any] = []
     if path.suffix == ".toml":
-        with suppress(OSError, ValueError, AttributeError):  # who loads it says what is wrong
-            content = tomllib.loads(path.read_text(encoding="utf-8"))
+        with suppress(ParameterSetError, AttributeError):  # who loads it says what is wrong
+            content = read_toml(path)
             named = [content.get("friction", {}).get("law")]
             named += [one.get("type") for one in content.get("sensor", {}).values()]
     for text in named:

@@ -73,13 +73,14 @@ class ParameterSet(NamedTuple):
     friction: dict[str, Entry]
     reported: dict[str, Entry]
     piezo: dict[str, Part]
+    modes: dict[str, Entry]
 
     def entries(self) -> dict[str, Entry]:
         """All values that go into the record, those of friction as "friction.sigma_0"."""
         found = self.values | {f"friction.{name}": entry for name, entry in self.friction.items()}
         for name, part in self.piezo.items():
             found |= {f"piezo.{name}.{field}": entry for field, entry in part.values.items()}
-        return found
+        return found | {f"further_modes.{name}": entry for name, entry in self.modes.items()}
 
 
 def available_sets() -> tuple[str, ...]:
@@ -170,7 +171,7 @@ def _read(name: str, file: Path) -> ParameterSet:
         registry.laws.find(law, file.parent)
     except registry.RegistryError as error:
         raise ParameterSetError(f"{file}: [friction] law = {law!r}: {error}") from error
-    reported, piezo = tables.pop("reported", {}), tables.pop("piezo", {})
+    reported, piezo, modes = (tables.pop(key, {}) for key in ("reported", "piezo", "further_modes"))
     if content["kind"] == "friction" and tables:
         raise ParameterSetError(f"{file}: [{next(iter(tables))}] is unknown in a set of kind 'friction'")
     return ParameterSet(
@@ -184,6 +185,7 @@ def _read(name: str, file: Path) -> ParameterSet:
         friction=read_entries(file, "friction.", friction),
         reported=read_entries(file, "reported.", reported),
         piezo=_read_piezo(file, piezo),
+        modes=read_entries(file, "further_modes.", modes),
     )
 
 

@@ -38,6 +38,8 @@ def parameter_text(
         if part is not None:
             lines += [f"[piezo.{name}]", f"model = {_text(registry.piezos.name_of(type(part)))}", ""]
             lines += _tables(part, f"piezo.{name}.", source, {})
+    if getattr(record, "further_modes", None) is not None:
+        lines += _tables(record.further_modes, "further_modes.", source, {})
     return "\n".join(lines)
 
 
@@ -64,7 +66,7 @@ def _tables(record: Any, prefix: str, source: str, errors: Mapping[str, float]) 
 
 def _finite(value: Any) -> bool:
     values = value if isinstance(value, tuple) else (value,)
-    return all(isinstance(one, int | float) and math.isfinite(one) for one in values)
+    return value != () and all(isinstance(one, int | float) and math.isfinite(one) for one in values)
 
 
 def _text(text: str) -> str:

@@ -1,5 +1,7 @@
 """Piezo models: what lies between the voltage and the free stroke of an actuator."""
 
+from .bouc_wen import BoucWen as BoucWen
 from .creep import Creep as Creep
+from .maxwell_capacitor import MaxwellCapacitor as MaxwellCapacitor
 from .model import Piezo as Piezo
 from .prandtl_ishlinskii import PrandtlIshlinskii as PrandtlIshlinskii

@@ -7,12 +7,13 @@ from typing import Any, NamedTuple
 from .. import registry
 from ..records import record
 from ..units import QuantityError
+from .maxwell_capacitor import MaxwellCapacitor
 
 
 @record
 class Piezo(NamedTuple):
-    """`hysteresis`, a model of it (`PrandtlIshlinskii`), and `creep` of what that gives (`Creep`); None:
-    there is none. The actuator's gain times what they give is the stroke at rest."""
+    """`hysteresis`, a model of it (`PrandtlIshlinskii`, `MaxwellCapacitor`), and `creep` of what that gives
+    (`Creep`); None: there is none. The actuator's gain times what they give is the stroke at rest."""
 
     hysteresis: Any = None
     creep: Any = None
@@ -25,6 +26,8 @@ class Piezo(NamedTuple):
                 raise QuantityError(
                     f"Piezo.{field} = {value!r} must be a piezo model with its values: {known}"
                 )
+        if isinstance(self.hysteresis, MaxwellCapacitor) and self.creep is not None:
+            raise QuantityError("Piezo.creep is not part of a MaxwellCapacitor: leave it out")
 
     def resting_at(self, wanted: float) -> float:
         """The voltage [V], reached from 0 V, at which both give `wanted` [V] for ever."""

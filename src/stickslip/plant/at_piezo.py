@@ -8,8 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..piezo.bouc_wen import BoucWen
+from ..piezo.maxwell_capacitor import MaxwellCapacitor
 from ..piezo.model import Piezo
 from ..waveform.drive import Drive
+from .bouc_wen_drive import bouc_wen_drive
 from .creeping import creeping
 from .splitting import through
 
@@ -27,7 +30,11 @@ def at_piezo(
         settled: the table is that of one period, until `end`, after many.
     """
     made = drive
-    if piezo.hysteresis is not None:
+    if isinstance(piezo.hysteresis, MaxwellCapacitor):
+        return made  # its elements feel the stage, and are part of the plant
+    if isinstance(piezo.hysteresis, BoucWen):
+        made = bouc_wen_drive(piezo.hysteresis, drive, end, settled)
+    elif piezo.hysteresis is not None:
         plays, z = piezo.hysteresis.operators, piezo.hysteresis.rested(drive.before)
         rest = piezo.hysteresis.at_rest(drive.before)
         if settled:

@@ -18,6 +18,7 @@ from typing import Any
 from .._jit import FUSED, overload_with, record_class
 from ..friction.law import (
     bounded,
+    bounded_alike,
     branch_at,
     branch_left,
     branch_of,
@@ -48,6 +49,7 @@ _NAMES = {
     "law_slopes": law_slopes,
     "reversal_kink": reversal_kink,
     "bounded": bounded,
+    "bounded_alike": bounded_alike,
     "branch_at": branch_at,
     "branch_left": branch_left,
     "branch_of": branch_of,
@@ -127,9 +129,15 @@ def size(plant: Any, r: Any, weights: Any) -> Any:
 
 
 @_generated
-def settled(plant: Any, q: Any, local: Any) -> Any:
+def settled(plant: Any, q: Any, u: Any, local: Any) -> Any:
     """The state with each internal state put on a bound that it moves towards and is within `local` [m]
     of."""
+
+
+@_generated
+def settled_alike(plant: Any, q: Any, own: Any, other: Any) -> Any:
+    """The state `other` of a neighbour, of the plant `own`, with each internal state on its bound where that
+    of the trajectory, q, is on its own."""
 
 
 @_generated

@@ -58,12 +58,20 @@ def settled(layout: Layout) -> Text:
     entries = [f"q[{c}]" for c in range(2 * layout.modes)]
     for e, shape in enumerate(layout.elements):
         if shape.states and not shape.smooth:
-            # Of a body that follows the drive the sign of the rest decides, which is the slider's.
-            speed = sum_of(state_terms(shape, e))
+            speed = sum_of([*state_terms(shape, e), *drive_terms(shape, e)])
             lines.append(f"towards = local if {speed} > 0.0 else -local")
         for law, z in states_of(layout, e):
             entries.append(z if shape.smooth else f"bounded({law}, {z}, towards)")
     return Text(lines, tuple_of(entries))
+
+
+def settled_alike(layout: Layout) -> Text:
+    entries = [f"other[{c}]" for c in range(2 * layout.modes)]
+    for e, shape in enumerate(layout.elements):
+        for i, (law, z) in enumerate(states_of(layout, e)):
+            own, state = law.replace("plant.", "own.", 1), f"other[{layout.first[e] + i}]"
+            entries.append(state if shape.smooth else f"bounded_alike({law}, {z}, {own}, {state})")
+    return Text([], tuple_of(entries))
 
 
 def kinks(layout: Layout) -> Text:
@@ -274,6 +282,7 @@ SOURCES: dict[str, Callable[[Layout], Text]] = {
         relative_speeds,
         size,
         settled,
+        settled_alike,
         kinks,
         stopped,
         riding,

@@ -12,6 +12,7 @@ from ..actuator import Actuator
 from ..chain import Chain
 from ..estimate.lack import Lack
 from ..estimate.result import Fit
+from ..piezo import Piezo
 from ..records import quantities
 from ..units import QuantityError
 from .document import Column, Number, Table
@@ -110,11 +111,28 @@ def model_numbers(model: Actuator) -> dict[str, Any]:
 
     Infinite fields, which are the defaults, are left out.
     """
-    return {
+    found = {
         "actuator": _fields(model),
         **registry.laws.written(type(model.friction)),
         "friction": _fields(model.friction),
     }
+    return found if model.piezo is None else {**found, "piezo": piezo_numbers(model.piezo)}
+
+
+def piezo_numbers(piezo: Piezo) -> dict[str, Any]:
+    """Hysteresis and creep for results.json, whole."""
+    return {
+        part: {**registry.piezos.written(type(one)), "values": _fields(one)}
+        for part, one in piezo._asdict().items()
+        if one is not None
+    }
+
+
+def piezo_of(numbers: Mapping[str, Any]) -> Piezo:
+    """The piezo of `piezo_numbers`, from what was read from results.json."""
+    return Piezo(
+        **{part: registry.piezos.of_results(one)(**_values(one["values"])) for part, one in numbers.items()}
+    )
 
 
 def chain_numbers(chain: Chain) -> dict[str, Any]:
@@ -148,7 +166,8 @@ def model_of(numbers: Mapping[str, Any]) -> Actuator:
     """
     try:
         friction = registry.laws.of_results(numbers)(**_values(numbers["friction"]))
-        return Actuator(**_values(numbers["actuator"]), friction=friction)
+        piezo = piezo_of(numbers["piezo"]) if "piezo" in numbers else None
+        return Actuator(**_values(numbers["actuator"]), friction=friction, piezo=piezo)
     except (KeyError, TypeError, AttributeError) as error:
         raise QuantityError(
             f"there is no actuator in the results ({type(error).__name__}: {error})"

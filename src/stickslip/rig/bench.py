@@ -4,6 +4,10 @@ A file looks like a parameter set (see `stickslip.parameters.load`): one table p
 source, or ``assumed = true`` and a reason. ``[sensor.NAME]`` says the sensor's `type` (one of one's own is
 "my_sensor.py:MySensor", beside the file), what it is `on` (stage or end_effector), and the `adc` that samples
 it.
+
+With ``base = "kang2007-bench"`` a file says only what differs: its tables take the place of those of that
+bench. ``amplifier = "pd200x4"`` and ``stack = "ae0505d16"`` (for its capacitance) take parts of
+`electronics.parts`, by name or by a file beside the bench's.
 """
 
 from __future__ import annotations
@@ -26,6 +30,7 @@ from ..electronics import (
     PositionSensor,
     StrainGauge,
 )
+from ..electronics.parts import Part, load_amplifier, load_part, load_stack
 from ..parameters import Entry, ParameterSetError, build, named_file, read_entries, read_toml
 from ..records import did_you_mean
 from ..units import to_si
@@ -36,7 +41,7 @@ _BENCHES = Path(__file__).parent / "benches"
 Sensor = StrainGauge | InductiveSensor | Interferometer | PositionSensor | Chain
 _PLACES = ("stage", "end_effector")
 _KEYS = (
-    *("kind", "title", "citations", "sample_rate", "piezo_capacitance"),
+    *("kind", "title", "citations", "base", "sample_rate", "piezo_capacitance", "stack"),
     *("dac", "adc", "amplifier", "anti_alias", "sensor"),
 )
 _OF_SENSOR = ("type", "on", "adc")
@@ -100,7 +105,29 @@ def load_bench(name: str | os.PathLike[str]) -> Bench:
         ParameterSetError: there is no such bench, or the file is wrong; names file and field.
     """
     file = named_file(name, _BENCHES, "bench")
-    return _Reading(file, read_toml(file)).bench(os.fspath(name))
+    return _Reading(file, _whole(file)).bench(os.fspath(name))
+
+
+def _whole(file: Path, above: tuple[Path, ...] = ()) -> dict[str, Any]:
+    """The content of a file, on that of its base."""
+    if file in above:
+        raise ParameterSetError(f"{file}: base: the bench is its own base")
+    content = read_toml(file)
+    base = content.pop("base", None)
+    if base is None:
+        return content
+    if not isinstance(base, str):
+        raise ParameterSetError(f"{file}: base = {base!r} must be the name of a bench")
+    below = _whole(named_file(_beside(file, base), _BENCHES, "bench"), (*above, file))
+    for one, other in (("stack", "piezo_capacitance"), ("piezo_capacitance", "stack")):
+        if one in content:
+            below.pop(other, None)
+    return below | content
+
+
+def _beside(file: Path, name: str) -> str | Path:
+    """What a file names: a file beside it, or what comes with the package."""
+    return file.parent / name if name.endswith(".toml") else name
 
 
 class _Reading:
@@ -121,10 +148,10 @@ class _Reading:
         if not isinstance(title, str) or not isinstance(citations, list):
             raise ParameterSetError(f"{self.file}: title must be a text, citations a list")
         rates = self._entries("", {"sample_rate": self._table("sample_rate")})
-        piezo = self._entries("", {"piezo_capacitance": self._table("piezo_capacitance")})
+        farad = self._capacitance()
         adcs = {key: self._part(Adc, f"adc.{key}", table) for key, table in self._table("adc").items()}
         dac = self._part(Dac, "dac", self._table("dac"))
-        amplifier = self._part(Amplifier, "amplifier", self._table("amplifier"))
+        amplifier = self._amplifier()
         anti_alias = self._part(Filter, "anti_alias", self._table("anti_alias"))
         sensors = {key: self._sensor(key, table, adcs) for key, table in self._table("sensor").items()}
         bench = Bench(
@@ -132,7 +159,7 @@ class _Reading:
             title=title,
             citations=tuple(map(str, citations)),
             sample_rate=rates["sample_rate"].to("Hz"),
-            piezo_capacitance=piezo["piezo_capacitance"].to("F"),
+            piezo_capacitance=farad,
             dac=dac,
             amplifier=amplifier,
             anti_alias=anti_alias,
@@ -143,6 +170,37 @@ class _Reading:
             if adc.max_rate < bench.sample_rate:
                 raise ParameterSetError(f"{self.file}: [adc.{key}] cannot sample at {bench.sample_rate:g} Hz")
         return bench
+
+    def _amplifier(self) -> Amplifier:
+        """Its own table, or a part by name."""
+        if not isinstance(self.content.get("amplifier"), str):
+            return self._part(Amplifier, "amplifier", self._table("amplifier"))
+        name = _beside(self.file, self.content.pop("amplifier"))
+        amplifier = load_amplifier(name)
+        self._assume("amplifier", load_part(name))
+        return amplifier
+
+    def _capacitance(self) -> float:
+        """F: its own, or what the stack of a name puts before an amplifier."""
+        named = self.content.pop("stack", None)
+        if named is None:
+            key = "piezo_capacitance"
+            return self._entries("", {key: self._table(key)})[key].to("F")
+        if not isinstance(named, str) or "piezo_capacitance" in self.content:
+            raise ParameterSetError(
+                f"{self.file}: stack = {named!r} must be the name of a stack, without [piezo_capacitance]"
+            )
+        name = _beside(self.file, named)
+        stack = load_stack(name)
+        used = ("capacitance", "capacitance_factor")
+        self._assume("stack", load_part(name), used)
+        return stack.load
+
+    def _assume(self, where: str, part: Part, fields: tuple[str, ...] = ()) -> None:
+        """Note what a part assumes: of these fields, or of all."""
+        for field, said in part.assumptions.items():
+            if not fields or field in fields:
+                self.assumptions[f"{where}.{field}"] = f"{said} ({part.name})"
 
     def _table(self, key: str) -> dict[str, Any]:
         table = self.content.pop(key, None)

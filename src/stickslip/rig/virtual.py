@@ -15,9 +15,11 @@ from ..simulation.models import SLIDER, STAGE
 from ..simulation.trajectory import COMPLETE, follow_model
 from ..units import QuantityError, to_si
 from ..waveform.sampled import Sampled
+from ..waveform.signal import Waveform
 from .bench import Bench, Mounted
 from .limits import LONGEST_STOP
 from .protocols import Array, Capabilities, RigError
+from .remanence import Remanence, annealed, from_state, left_by, remembers, simplified
 from .variation import EXACT, Repeats
 
 BLOCK = 0.02  # s of samples per `fetch`: a stop waits for no more
@@ -41,7 +43,10 @@ class VirtualRig:
         tolerance: m, of the simulation.
 
     Each run begins at rest, and its readings at zero, as those of a sensor that counts from its start do;
-    `origin` is how far the end-effector had come before, m.
+    `origin` is how far the end-effector had come before, m. But a piezo with hysteresis and creep goes on
+    from where the run before left it, without a pause: readings then begin at the stroke that is left. A rig
+    that is made anew has rested long at 0 V; a sine about 0 V that decays over many periods leaves almost
+    that, where the amplifier goes below 0 V, and a run at 0 V is a rest.
     """
 
     def __init__(
@@ -61,7 +66,10 @@ class VirtualRig:
                     f"a virtual rig wants its {kind.__name__}, not {value!r:.60}: load it first"
                 )
         # The limits of the drive are the gate's; a converter's step beside 0 V is no error.
-        self.actuator = actuator.replace(min_voltage=-math.inf, max_voltage=math.inf)
+        self.actuator = actuator.replace(
+            min_voltage=-math.inf, max_voltage=math.inf, piezo=simplified(actuator.piezo)
+        )
+        self._remanence: Remanence | None = None  # of the piezo; None: it is annealed
         self.bench, self._seed, self._real_time, self._tolerance = bench, seed, real_time, tolerance
         self._repeats = repeats
         self._per_unit = bench.dac.gain * bench.amplifier.gain
@@ -157,6 +165,16 @@ class VirtualRig:
         rest = np.zeros(math.ceil(_SETTLE * rate))
         self._numbers = (np.concatenate([volts, ramp, rest]) - self._offset) / self._per_unit
         self._running = False
+        piezo = self.actuator.piezo
+        if piezo is not None and remembers(piezo):
+            given = Sampled(*self.output())
+            table = given.drive(given.duration)
+            self._remanence = left_by(piezo, self._begins(table.before), table, given.duration)
+
+    def _begins(self, volts: float) -> Remanence:
+        """The state of the piezo when a run begins, at that voltage if it is annealed."""
+        assert self.actuator.piezo is not None
+        return self._remanence or annealed(self.actuator.piezo, volts)
 
     def output(self) -> tuple[Array, Array]:
         """What came out of the amplifier in the last run: times [s] and voltages, to be joined by lines.
@@ -183,10 +201,10 @@ class VirtualRig:
         times, volts = amplifier_output(
             bench.amplifier, codes, bench.dac.update_rate, bench.piezo_capacitance
         )
+        sampled = np.arange(OVERSAMPLING * self._samples) / rate
         moved = follow_model(
-            self._repeats.actuator(self.actuator, self._runs),
-            Sampled(times, volts),
-            np.arange(OVERSAMPLING * self._samples) / rate,
+            *self._driven(Sampled(times, volts), float(sampled[-1])),
+            sampled,
             tolerance=self._tolerance,
             max_steps=MAX_STEPS,
         )
@@ -203,6 +221,16 @@ class VirtualRig:
                 mounted = bench.sensors[name]
                 rows.append(self._sensed(name, mounted, moved.samples[:, _COLUMN[mounted.on]], rate))
         return np.array(rows).reshape(len(rows), self._samples)
+
+    def _driven(self, drive: Waveform, end: float) -> tuple[Actuator, Waveform]:
+        """The actuator of this run and its drive up to `end` [s]; behind the piezo, where that remembers."""
+        actuator = self._repeats.actuator(self.actuator, self._runs)
+        piezo = actuator.piezo
+        if piezo is None or not remembers(piezo):
+            return actuator, drive
+        table = drive.drive(end)
+        at_piezo, _ = from_state(piezo, self._begins(table.before), table, end)
+        return actuator.replace(piezo=None), at_piezo
 
     def _sensed(self, name: str, mounted: Mounted, position: Array, rate: float) -> Array:
         random = np.random.default_rng([self._seed, self._runs, zlib.crc32(name.encode())])

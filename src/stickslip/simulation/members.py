@@ -21,6 +21,7 @@ from ..waveform.members import Drives, stacked
 from ..waveform.members import common as common_drive
 from ..waveform.signal import Waveform
 from .models import System, contact_load, drive_table, out_of_range, refuse_jumps
+from .two_port import driven_by_voltage
 from .varied import changed_fields, element_of, free_names, waveform_field, waveform_names, with_values
 
 T = TypeVar("T")
@@ -211,11 +212,11 @@ def _tables(
         return common_drive(waveform.drive(1e-9)), which, ends
     ends[fine] = [end or _end(rows[m], periodic) for m in fine.tolist()]
     if hasattr(waveform, "drives") and model.piezo is None:
-        fields = _changed(waveform, {name: c[fine] for name, c in columns.items()})
+        fields = put_in(waveform, {name: c[fine] for name, c in columns.items()})
         drives = tuple.__new__(type(waveform), fields.values()).drives(ends[fine])
     else:
         drives = stacked([drive_table(model, rows[m], float(ends[m]), periodic) for m in fine.tolist()])
-    if model.static:
+    if model.static or driven_by_voltage(model):
         for m in fine.tolist():
             try:
                 refuse_jumps(model, rows[m].drive(ends[m]), float(ends[m]) if periodic else None)
@@ -224,7 +225,7 @@ def _tables(
     return drives, which, ends
 
 
-def _changed(waveform: Any, columns: Columns) -> dict[str, Any]:
+def put_in(waveform: Any, columns: Mapping[str, Any]) -> dict[str, Any]:
     """The fields of the waveform with these numbers put in, unchecked."""
     fields = waveform._asdict()
     for name, column in columns.items():
@@ -239,7 +240,7 @@ def _changed(waveform: Any, columns: Columns) -> dict[str, Any]:
 def _waveforms(waveform: Any, columns: Columns, reasons: list[str]) -> list[Any]:
     """The waveform of each member, unchecked; adds what its record refuses to the reasons."""
     kind, known = type(waveform), quantities(type(waveform))
-    made = [tuple.__new__(kind, row) for row in _rows(_changed(waveform, columns), len(reasons))]
+    made = [tuple.__new__(kind, row) for row in _rows(put_in(waveform, columns), len(reasons))]
     fine = np.ones(len(reasons), dtype=bool)
     for name, column in columns.items():
         fine &= known[waveform_field(waveform, name)[0]].allows(column)

@@ -19,6 +19,7 @@ from ..solve.periods import LONGEST_CYCLE
 from ..units import QuantityError
 from ..waveform.drive import Drive, constant, evaluate, segment_at, value_slope_curvature
 from ..waveform.signal import Waveform
+from . import two_port
 
 # A stage without dynamics has no frequency of its own to compare velocities with positions by.
 _STATIC_STAGE_RATE = 1e4  # rad/s
@@ -80,18 +81,31 @@ STAGE, SLIDER = 0, 2
 
 
 class System(NamedTuple):
-    """What a model is to the solver: `plant`; columns of its state that hold the positions of `stage` (None:
-    it follows the drive with `gain`, or is fixed) and `slider`; `internal` states of its law; `axial` force
-    [N] and `mass` [kg] of a clamped end-effector, for the force that holds it."""
+    """What a model is to the solver: `plant`; columns of its state that hold the positions of the `stages`
+    modes (none: it follows the drive with `gain`, or is fixed) and of the `slider`; `internal` states of its
+    law, whose contact is the first element unless it is `clamped`; `hysteresis` states of a two-port piezo,
+    the last element; `axial` force [N] and `mass` [kg] of a clamped end-effector, for the force that holds
+    it."""
 
     plant: Plant
-    stage: int | None
+    stages: tuple[int, ...]
     slider: int
     internal: int
+    hysteresis: int = 0
     gain: float = 0.0
     clamped: bool = False
     axial: float = 0.0
     mass: float = 0.0
+
+    @property
+    def stage(self) -> int | None:
+        """Where the position of a stage of one mode stands; None if there is no such number."""
+        return self.stages[0] if len(self.stages) == 1 else None
+
+    @property
+    def contact(self) -> Element | None:
+        """Between stage and end-effector, unless they are one."""
+        return None if self.clamped else self.plant.elements[0]
 
     @property
     def bodies(self) -> int:
@@ -99,9 +113,20 @@ class System(NamedTuple):
         return 2 * len(self.plant.modes)
 
     @property
+    def inner(self) -> int:
+        """Where the states of the law end, and those of a two-port begin."""
+        return self.bodies + (0 if self.clamped else self.internal)
+
+    @property
     def states(self) -> int:
         """How many numbers the plant's state has."""
-        return self.bodies + (self.internal if self.plant.elements else 0)
+        return self.inner + self.hysteresis
+
+    @property
+    def further(self) -> list[int]:
+        """Columns of the state that are not among the five of `classic`, nor the law's."""
+        modes = [c + i for c in self.stages for i in (0, 1)] if len(self.stages) > 1 else []
+        return [*modes, *range(self.inner, self.states)]
 
 
 def system(model: Actuator | PulledSlider, *, normal: float = 1.0, loaded: bool = False) -> System:
@@ -115,20 +140,46 @@ def system(model: Actuator | PulledSlider, *, normal: float = 1.0, loaded: bool 
     internal = elements(law)
     load = 1.0 if loaded else None
     slider = Mode(mech.slider_stiffness, mech.slider_damping, mech.slider_drive, mech.slider_acceleration)
+    if mech.kinematic and not mech.clamped:
+        contact = Element(law, (-1.0,), (mech.mobility,), normal, load, mech.gain)
+        return System(Plant((slider,), (contact,), mech.rate), (), 0, internal, gain=mech.gain)
+    modes, pushes = _stage(model, mech)
+    count = len(modes)
+    electrical = two_port.element_of(model, 1 if mech.clamped else 2)
+    more, hysteresis = ((), 0) if electrical is None else ((electrical,), elements(electrical.law))
+    stages = tuple(range(0, 2 * count, 2))
     if mech.clamped:
         # One body; where it follows the drive without dynamics, one that stays at rest stands in for it.
-        body = Mode(mech.stage_stiffness, mech.stage_damping, mech.stage_drive, mech.stage_acceleration)
-        gain, stage = (mech.gain, None) if mech.kinematic else (0.0, 0)
+        gain, stages = (mech.gain, ()) if mech.kinematic else (0.0, stages)
         axial = model.axial_force if isinstance(model, Actuator) else 0.0
-        return System(
-            Plant((body,), (), mech.rate), stage, 0, internal, gain, True, axial, 1.0 / mech.mobility
+        held = 1.0 / mech.mobility
+        plant = Plant(modes, more, mech.rate)
+        return System(plant, stages, 0, internal, hysteresis, gain, True, axial, held)
+    contact = Element(law, (*[1.0] * count, -1.0), (*pushes, mech.mobility), normal, load)
+    plant = Plant((*modes, slider), (contact, *more), mech.rate)
+    return System(plant, stages, 2 * count, internal, hysteresis)
+
+
+def _stage(model: Any, mech: Mechanism) -> tuple[tuple[Mode, ...], tuple[float, ...]]:
+    """The modes of a stage, and what a force of the contact does to each; driven by charge it is stiffer."""
+    stiffer = 1.0
+    port = getattr(model, "two_port", None)
+    if port is not None and port.charge_drive:
+        stiffer += model.coupling
+    modes = [
+        Mode(
+            mech.stage_stiffness * stiffer,
+            mech.stage_damping,
+            mech.stage_drive * stiffer,
+            mech.stage_acceleration,
         )
-    if mech.kinematic:
-        contact = Element(law, (-1.0,), (mech.mobility,), normal, load, mech.gain)
-        return System(Plant((slider,), (contact,), mech.rate), None, 0, internal, mech.gain)
-    stage = Mode(mech.stage_stiffness, mech.stage_damping, mech.stage_drive, mech.stage_acceleration)
-    contact = Element(law, (1.0, -1.0), (-mech.reaction, mech.mobility), normal, load)
-    return System(Plant((stage, slider), (contact,), mech.rate), 0, 2, internal)
+    ]
+    pushes = [-mech.reaction]
+    further = getattr(model, "further_modes", None)
+    for gain, omega, zeta, mass in further.rows if further is not None else ():
+        modes.append(Mode(omega**2, 2.0 * zeta * omega, gain * omega**2, 0.0))
+        pushes.append(-1.0 / mass if model.stage_reaction and not model.clamped else 0.0)
+    return tuple(modes), tuple(pushes)
 
 
 class Contact(NamedTuple):
@@ -156,12 +207,15 @@ def resting_state(of: System, before: float, load: float = 1.0) -> NDArray[np.fl
     times the plant's; where no deflection of the contact holds them, it begins at its bound."""
     q = np.zeros(of.states)
     held = _held(of, q, load)
+    contact = of.contact if of.stages else None
     for m, mode in enumerate(of.plant.modes):
         if mode.stiffness > 0.0:
-            push = of.plant.elements[0].push[m] if of.stage is not None and of.plant.elements else 0.0
+            push = contact.push[m] if contact is not None else 0.0
             q[2 * m] = (mode.drive * before + (push or 0.0) * held) / mode.stiffness
-    if of.stage is not None:
-        q[of.slider] = q[of.stage]
+    if of.hysteresis:
+        two_port.settle(of.plant, q, of.inner, before)
+    if of.stages:
+        q[of.slider] = sum(q[c] for c in of.stages)
     elif of.gain:
         q[of.slider] = of.gain * before
     return q
@@ -170,9 +224,9 @@ def resting_state(of: System, before: float, load: float = 1.0) -> NDArray[np.fl
 def _held(of: System, q: NDArray[np.float64], load: float) -> float:
     """The force with which the contact holds the constant forces on the slider, N; puts its deflection into
     `q`."""
-    if not of.plant.elements:
+    contact, slider = of.contact, of.slider // 2
+    if contact is None:
         return 0.0
-    contact, slider = of.plant.elements[0], of.slider // 2
     pushed = contact.push[slider]
     held = -of.plant.modes[slider].acceleration / pushed if pushed else 0.0
     normal = contact.normal * load
@@ -180,7 +234,7 @@ def _held(of: System, q: NDArray[np.float64], load: float) -> float:
         return 0.0
     if elements(contact.law) == 0:
         return float(np.clip(held, -breakaway(contact.law) * normal, breakaway(contact.law) * normal))
-    q[of.bodies :] = z = strained(contact.law, held / normal)
+    q[of.bodies : of.inner] = z = strained(contact.law, held / normal)
     ones = [element_of(contact.law, e) for e in range(len(z))]
     return normal * sum(rate(one, 0.0, d)[0] for one, d in zip(ones, z, strict=True))
 
@@ -219,37 +273,45 @@ def _largest(holds: Callable[[float], bool], limit: float) -> float:
 def classic(
     of: System, samples: NDArray[np.float64], drive: Drive, times: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Samples of the solver as [times, 5 + internal states]: position and velocity of the stage, then of the
-    end-effector, friction force, internal states; whatever the plant's layout."""
-    n = of.states
-    made = np.zeros((times.size, 5 + of.internal))
+    """Samples of the solver as [times, 5 + internal + further states]: position and velocity of the stage,
+    then of the end-effector, friction force, states of the law, then `System.further`; whatever the plant's
+    layout."""
+    n, law = of.states, 5 + of.internal
+    made = np.zeros((times.size, law + len(of.further)))
     made[:, 2:4] = samples[:, of.slider : of.slider + 2]
-    if of.plant.elements:
-        made[:, 5:] = samples[:, of.bodies : n]
-    made[:, 4] = samples[:, n] if of.plant.elements else 0.0
-    if of.stage is not None:
-        made[:, 0:2] = samples[:, of.stage : of.stage + 2]
+    if not of.clamped:
+        made[:, 5:law] = samples[:, of.bodies : of.inner]
+        made[:, 4] = samples[:, n]
+    made[:, law:] = samples[:, of.further]
+    if of.stages:
+        for c in of.stages:
+            made[:, 0:2] += samples[:, c : c + 2]
     else:
         u, du = evaluate(drive, times)
         made[:, 0], made[:, 1] = of.gain * u, of.gain * du
     if of.clamped:
         made[:, 2:4] = made[:, 0:2]
-        made[:, 4] = of.mass * _acceleration(of, made, drive, times) - of.axial
+        made[:, 4] = of.mass * _acceleration(of, samples, drive, times) - of.axial
     return made
 
 
 def _acceleration(
-    of: System, made: NDArray[np.float64], drive: Drive, times: NDArray[np.float64]
+    of: System, samples: NDArray[np.float64], drive: Drive, times: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Of a clamped body, m/s²."""
-    if of.stage is None:
+    if not of.stages:
         i = segment_at(drive, times)
         return of.gain * np.array(
             [value_slope_curvature(drive, s, t)[2] for s, t in zip(i, times, strict=True)]
         )
-    body = of.plant.modes[0]
-    free = body.drive * evaluate(drive, times)[0] + body.acceleration
-    return free - body.damping * made[:, 1] - body.stiffness * made[:, 0]
+    u, total = evaluate(drive, times)[0], np.zeros(times.size)
+    for c, mode in zip(of.stages, of.plant.modes, strict=False):
+        total += mode.drive * u + mode.acceleration
+        total -= mode.damping * samples[:, c + 1] + mode.stiffness * samples[:, c]
+    if of.hysteresis:
+        push = of.plant.elements[-1].push[0]
+        total += (push or 0.0) * samples[:, of.states + len(of.plant.elements) - 1]
+    return total
 
 
 def refuse_no_waveform(waveform: Waveform) -> None:
@@ -268,7 +330,7 @@ def checked_drive(model: Actuator | PulledSlider, waveform: Waveform, end: float
         low, high = waveform.range()
         if low < model.min_voltage or high > model.max_voltage:
             raise QuantityError(out_of_range(model, low, high, model.min_voltage, model.max_voltage))
-        if model.static:
+        if model.static or two_port.driven_by_voltage(model):
             refuse_jumps(model, table, end if periodic else None)
     period = getattr(waveform, "period", None) or 0.0
     if not periodic and end < 2.0 * period and table.start.size <= LONGEST_CYCLE:
@@ -298,7 +360,13 @@ def out_of_range(model: Actuator, low: float, high: float, minimum: float, maxim
 
 def refuse_jumps(model: Actuator, table: Drive, period: float | None) -> None:
     """Raise QuantityError for a drive, of this period if it has one, that would tear a static stage along."""
-    if not model.clamped and elements(model.friction) > 0 and _jumps(table, period):
+    if two_port.driven_by_voltage(model) and _jumps(table, period):
+        raise QuantityError(
+            "a piezo with a MaxwellCapacitor would take an infinite current at a jump of the voltage: give "
+            "the waveform a finite fall (rise_fraction < 1), or the amplifier's output "
+            "(stickslip.electronics.driven)"
+        )
+    if model.static and not model.clamped and elements(model.friction) > 0 and _jumps(table, period):
         raise QuantityError(
             "a static stage would follow a jump of the voltage at infinite speed, at which a presliding "
             "friction law has no meaning: give the waveform a finite fall (rise_fraction < 1), or the stage "

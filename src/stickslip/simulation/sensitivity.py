@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,14 +11,17 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from ..actuator import Actuator
+from ..friction import element as part_of
 from ..friction import elements
+from ..friction.law import project
+from ..plant.generated import speeds
 from ..plant.system import values_of
 from ..records import did_you_mean, quantities
 from ..solve.neighbours import neighbours
 from ..solve.outcome import DONE
 from ..solve.periods import LOG_ROWS, integrate_near
 from ..units import QuantityError, optional_si, to_si
-from ..waveform.drive import Drive, constant
+from ..waveform.drive import Drive, constant, value_slope_curvature
 from ..waveform.members import Drives, stacked
 from ..waveform.signal import Waveform
 from .errors import SimulationError
@@ -27,6 +31,7 @@ from .steady import endless, periodic_drive, steady_orbit
 from .trajectory import sample_times
 from .varied import (
     changed_fields,
+    element_of,
     free_names,
     law_of,
     waveform_field,
@@ -43,14 +48,15 @@ DIFFERENCE = 1e-6
 LONGER = 1.01
 # How far their breaks may be from the trajectory's own, over its length; and their formulas, relative.
 MOST_APART = 1e-4
-# Parts of the initial state: unit, and a difference that is small against what moves.
+# Parts of the initial state, and their units; and any row of it, which only this module asks for.
 INITIAL = {
-    "initial_stage_position": ("m", 1e-12),
-    "initial_stage_velocity": ("m/s", 1e-9),
-    "initial_end_effector_position": ("m", 1e-12),
-    "initial_end_effector_velocity": ("m/s", 1e-9),
-    "initial_bristle_deflection": ("m", 1e-13),
+    "initial_stage_position": "m",
+    "initial_stage_velocity": "m/s",
+    "initial_end_effector_position": "m",
+    "initial_end_effector_velocity": "m/s",
+    "initial_bristle_deflection": "m",
 }
+BY_ROW = "initial row "
 
 
 class Moved(NamedTuple):
@@ -69,7 +75,17 @@ class Moved(NamedTuple):
 
 def initial_row(of: System, name: str) -> int | None:
     """Where in the plant's state a part of the initial state stands; None if this plant has no such part."""
-    return row_of(of, name.removeprefix("initial_"))
+    if name.startswith(BY_ROW):
+        return int(name.removeprefix(BY_ROW))
+    return row_of(of, name.removeprefix("initial_")) if name in INITIAL else None
+
+
+def _small(of: System, row: int) -> float:
+    """A difference of an initial value that is small against what moves; of a stop, large against what puts
+    it on its bound."""
+    if row >= of.bodies:
+        return 1e-13 if row < of.inner else 1e-10
+    return 1e-9 if row % 2 else 1e-12
 
 
 def moved(
@@ -80,9 +96,11 @@ def moved(
     contact: Contact = REFERENCE,
     waveform: Waveform | None = None,
     end: float = 0.0,
+    slipping: Iterable[int] = (),
 ) -> Moved:
     """Neighbours of a model in the state given; with `before`, each rests under that drive by itself. With a
-    `waveform`, followed up to `end` [s], names may be fields of it, and what has it rests under its own.
+    `waveform`, followed up to `end` [s], names may be fields of it, and what has it rests under its own. The
+    rows `slipping` of the state are on the bounds of each.
 
     Raises:
         QuantityError: a name that is not known, or a static law.
@@ -94,6 +112,7 @@ def moved(
             "and its motion is no smooth function of its parameters: difference `simulate` instead"
         )
     known = [*free_names(model), *(name for name in INITIAL if initial_row(of, name) is not None)]
+    known += [name for name in names if name.startswith(BY_ROW)]
     of_waveform = waveform_names(waveform) if waveform is not None else []
     values, states, steps, waveforms = [], [], [], []
     for name in names:
@@ -107,9 +126,11 @@ def moved(
             drive, step = _beside(waveform, name)
             if before is not None:
                 own = contact.rest(of, drive_table(model, drive, end).before)
-        elif name in INITIAL:
-            step = INITIAL[name][1]
-            own[initial_row(of, name)] += step
+        elif (row := initial_row(of, name)) is not None:
+            step = _small(of, row)
+            if row >= of.bodies:  # inwards, for there may be a bound
+                step = -math.copysign(step, own[row])
+            own[row] += step
         else:
             value = _value(model, name)
             step = DIFFERENCE * (abs(value) or 1.0)
@@ -119,6 +140,9 @@ def moved(
             other = contact.system(tuple.__new__(Actuator, (model._asdict() | changed).values()))
             if before is not None:
                 own = contact.rest(other, before)
+            for row, one in _internal(other):
+                if row in slipping:
+                    own[row] = project(one, 1e3 * own[row])
         values.append(values_of(other.plant)[0])
         states.append(own)
         steps.append(step)
@@ -192,7 +216,7 @@ def follow_moved(
         SimulationError: the motion could not be followed to the end.
     """
     plant, column = of.of.plant, of.of.slider
-    samples = np.full((times.size, state.size + 1), np.nan)
+    samples = np.full((times.size, state.size + max(len(plant.elements), 1)), np.nan)
     ends = np.full(len(of.steps) + 1, times[-1])
     if over_period and of.periods is not None:
         ends[1:] = of.periods
@@ -295,17 +319,38 @@ def steady_step_derivatives(
     state = orbit.state.copy()
     contact = contact_load(load, period)
     whole = contact.system(model)
-    initial = {initial_row(whole, name): name for name in INITIAL}
     rows = [row for row in range(state.size) if row != whole.slider]
-    names = [*parameters, *(initial[row] for row in rows)]
-    of = moved(model, names, state, None, contact, endless(waveform), period)
+    slipping = _on_bounds(whole, state, drive)
+    free = [k for k, row in enumerate(rows) if row not in slipping]
+    names = [*parameters, *(f"{BY_ROW}{rows[k]}" for k in free)]
+    of = moved(model, names, state, None, contact, endless(waveform), period, slipping)
     times = np.array([0.0, period])
     _, _, last = follow_moved(of, drive, state, times, 0.1 * tolerance, load=contact.table, over_period=True)
     n = len(parameters)
-    by_state, by_parameter = last[:, n:], last[:, :n]
+    by_state, by_parameter = np.zeros((state.size, len(rows))), last[:, :n]
+    by_state[:, free] = last[:, n:]
     shift = np.linalg.solve(np.eye(len(rows)) - by_state[rows], by_parameter[rows])
     total = by_parameter[whole.slider] + by_state[whole.slider] @ shift
     return dict(zip(parameters, total.tolist(), strict=True))
+
+
+def _on_bounds(of: System, state: NDArray[np.float64], drive: Drive) -> set[int]:
+    """Rows of internal states that slip on a bound where the motion begins: what they are changed by is lost
+    at once, and beside its bound a neighbour would pass it within a step."""
+    u = (*value_slope_curvature(drive, 0, 0.0), 0.0)
+    v, found = speeds(of.plant, tuple(state), u), set()
+    for row, one in _internal(of):
+        beyond = state[row] * (1.0 + 1e-9)
+        e = 0 if row < of.inner else len(of.plant.elements) - 1
+        if project(one, beyond) != beyond and v[e] * state[row] > 0.0:
+            found.add(row)
+    return found
+
+
+def _internal(of: System) -> list[tuple[int, Any]]:
+    """Each row of the state that is of an element, and the record of what it is the state of."""
+    parts = [part_of(e.law, i) for e in of.plant.elements for i in range(elements(e.law))]
+    return list(enumerate(parts, of.bodies))
 
 
 def _value(model: Actuator, name: str) -> float:
@@ -316,14 +361,18 @@ def _value(model: Actuator, name: str) -> float:
         return from_law["stiction_force"] / from_law["coulomb_force"]
     if name == "breakaway_share":
         return from_law["breakaway_deflection"] * from_law["sigma_0"] / from_law["coulomb_force"]
+    if element := element_of(model.friction, name):
+        return float(from_law[element[0]][element[1]])
     return float(getattr(model, name))
 
 
 def _unit(model: Actuator, waveform: Waveform, name: str) -> str:
     if name in INITIAL:
-        return INITIAL[name][0]
+        return INITIAL[name]
     if name in waveform_names(waveform) and name not in free_names(model):
         quantity = quantities(type(waveform))[waveform_field(waveform, name)[0]]
         return quantity.unit.replace("V", waveform.unit)
     known: dict[str, Any] = quantities(type(model)) | quantities(type(model.friction))
-    return known[name].unit if name in known else ""
+    element = element_of(model.friction, name)
+    field = element[0] if element else name
+    return known[field].unit if field in known else ""

@@ -20,6 +20,8 @@ class State(NamedTuple):
 
     `time` [s] is that of the drive. `error_estimate` [m]: how far the end-effector may be off by now.
     `resume` and `made_by` are the solver's, with which a trajectory goes on as if it had never ended.
+    `further`: position [m] and velocity [m/s] of each mode of a stage of several, and the stops of a
+    `MaxwellCapacitor` in 1e-7 m per volt; empty: at rest.
     """
 
     time: float = 0.0
@@ -31,6 +33,7 @@ class State(NamedTuple):
     error_estimate: float = 0.0
     resume: tuple[float, ...] = ()
     made_by: str = ""
+    further: tuple[float, ...] = ()
 
 
 REST = State()
@@ -48,7 +51,7 @@ def final_state(trajectory: xr.Dataset) -> State:
             "there is no final state: attrs['final_state'] is written by simulate, of a complete trajectory"
         )
     fields = json.loads(text)
-    for name in ("bristle_deflections", "resume"):
+    for name in ("bristle_deflections", "resume", "further"):
         fields[name] = tuple(fields[name])
     return State(**fields)
 
@@ -82,8 +85,9 @@ PARTS = {
 def row_of(of: System, part: str) -> int | None:
     """Where in the plant's state a part stands; None if this plant has no such part."""
     body, offset = PARTS[part]
-    first = {"stage": of.stage, "slider": of.slider, "bristle": of.bodies}[body]
-    return first + offset if first is not None and first + offset < of.states else None
+    bristle = None if of.clamped or not of.internal else of.bodies
+    first = {"stage": of.stage, "slider": of.slider, "bristle": bristle}[body]
+    return first + offset if first is not None else None
 
 
 def placed(state: State, of: System, contact: Contact, before: float) -> NDArray[np.float64]:
@@ -99,13 +103,24 @@ def placed(state: State, of: System, contact: Contact, before: float) -> NDArray
         value, row = getattr(state, name, None), row_of(of, name)
         if value is not None and row is not None:
             q[row] = value
-    if state.bristle_deflections is not None and of.plant.elements:
+    if state.further and len(state.further) != len(of.further):
+        raise QuantityError(
+            f"initial_state.further has {len(state.further)} numbers; this model has {len(of.further)}"
+        )
+    if state.further:
+        q[of.further] = state.further
+    elif len(of.stages) > 1 and (state.stage_position, state.stage_velocity) != (None, None):
+        raise QuantityError(
+            "initial_state: a stage of several modes is placed by `further`, the position [m] and velocity "
+            "[m/s] of each, not by stage_position and stage_velocity"
+        )
+    if state.bristle_deflections is not None and not of.clamped:
         if len(state.bristle_deflections) != of.internal:
             raise QuantityError(
                 f"initial_state has {len(state.bristle_deflections)} bristle deflections [m]; the law has "
                 f"{of.internal}"
             )
-        q[of.bodies :] = state.bristle_deflections
+        q[of.bodies : of.inner] = state.bristle_deflections
     if not (np.all(np.isfinite(q)) and np.isfinite(state.time) and state.time >= 0.0):
         raise QuantityError(f"initial_state must be of finite numbers, from 0 s or later: {state}")
     return q

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,13 +18,26 @@ from ..units import QuantityError, to_si
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
 from .errors import SimulationWarning
-from .members import block_size, checked_columns, in_blocks, labelled, prepared, waveform_columns
+from .members import (
+    Columns,
+    Members,
+    block_size,
+    checked_columns,
+    in_blocks,
+    labelled,
+    prepared,
+    waveform_columns,
+)
 from .models import checked_drive, contact_load
 from .steady import MAX_PERIODS, NOT_FOLLOWED, endless, not_found, period_of, stable, unstable
 
 CONVERGED, STOPPED, MISSED, UNSTABLE, REFUSED = range(5)
 STATUS = ("converged", "not_followed", "not_found", "unstable", "refused")
 BLOCK = 64
+
+
+# What is made of members, their columns, orbits and status, in the thread that found them.
+Beside = Callable[[Members, Columns, Found, NDArray[np.int8]], dict[str, NDArray[np.float64]]]
 
 
 class _Task(NamedTuple):
@@ -35,12 +48,16 @@ class _Task(NamedTuple):
     drive: Drive | None
     load: Waveform | float
     tolerance: float
+    beside: Beside | None
 
 
-class _Block(NamedTuple):
+class OrbitBlock(NamedTuple):
+    """Orbits of some members; see `steady_steps` for status and reasons. `beside`: what was made of them."""
+
     found: Found
     status: NDArray[np.int8]
     reasons: list[str]
+    beside: dict[str, NDArray[np.float64]]
 
 
 def steady_steps(
@@ -73,17 +90,9 @@ def steady_steps(
         QuantityError: an unknown name, arrays of different length, or see `steady_orbit`.
     """
     tolerance = to_si(tolerance, "m", "tolerance")
-    period, waveform = period_of(waveform), endless(waveform)
     columns = checked_columns(model, waveform, parameters)
-    if not tolerance > 0.0:
-        raise QuantityError(f"tolerance = {tolerance} m must be > 0 m")
-    contact_load(load, period)  # what is wrong with it is said at once
-    varies = bool(waveform_columns(waveform, columns))
-    drive = None if varies else checked_drive(model, waveform, period, periodic=True)
-    task = _Task(model, waveform, drive, load, tolerance)
-    size = block_size(waveform, columns, period, BLOCK)
     count, blocks = next(iter(columns.values())).size, []
-    for start, block in in_blocks(lambda part: _block(task, part), columns, size, threads):
+    for start, block in orbit_blocks(model, waveform, columns, tolerance, load, threads):
         blocks.append(block)
         progress("solving for periodic motion", (start + block.status.size) / count)
     made = _dataset(model, waveform, columns, blocks)
@@ -97,7 +106,37 @@ def steady_steps(
     return made
 
 
-def _block(task: _Task, columns: Mapping[str, NDArray[np.float64]]) -> _Block:
+def orbit_blocks(
+    model: Actuator,
+    waveform: Waveform,
+    columns: Mapping[str, NDArray[np.float64]],
+    tolerance: float,
+    load: Waveform | float = 1.0,
+    threads: int | None = None,
+    beside: Beside | None = None,
+) -> Iterator[tuple[int, OrbitBlock]]:
+    """Orbits of members, block after block, with the number of the first member of each.
+
+    Args:
+        columns: as `members.checked_columns` gives them; the others as for `steady_steps`.
+        beside: what to make of each block besides; its `Members.states` are on the orbits, each at the begin
+            of a period.
+
+    Raises:
+        QuantityError: see `steady_orbit`.
+    """
+    period, waveform = period_of(waveform), endless(waveform)
+    if not tolerance > 0.0:
+        raise QuantityError(f"tolerance = {tolerance} m must be > 0 m")
+    contact_load(load, period)  # what is wrong with it is said at once
+    varies = bool(waveform_columns(waveform, columns))
+    drive = None if varies else checked_drive(model, waveform, period, periodic=True)
+    task = _Task(model, waveform, drive, load, tolerance, beside)
+    size = block_size(waveform, columns, period, BLOCK)
+    return in_blocks(lambda part: _block(task, part), columns, size, threads)
+
+
+def _block(task: _Task, columns: Mapping[str, NDArray[np.float64]]) -> OrbitBlock:
     of = prepared(task.model, task.waveform, task.drive, task.load, columns, None, periodic=True)
     found, plant = room_for(*of.states.shape), of.of.plant
     found.outcomes[~of.fine] = REFUSED
@@ -125,11 +164,12 @@ def _block(task: _Task, columns: Mapping[str, NDArray[np.float64]]) -> _Block:
             reasons[m] = not_found(int(found.periods[m]), float(found.residuals[m]), found.radius[m])
         else:
             status[m], reasons[m] = STOPPED, NOT_FOLLOWED
-    return _Block(found, status, reasons)
+    made = task.beside(of, columns, found, status) if task.beside else {}
+    return OrbitBlock(found, status, reasons, made)
 
 
 def _dataset(
-    model: Actuator, waveform: Waveform, columns: Mapping[str, NDArray[np.float64]], blocks: list[_Block]
+    model: Actuator, waveform: Waveform, columns: Mapping[str, NDArray[np.float64]], blocks: list[OrbitBlock]
 ) -> xr.Dataset:
     def joined(name: str) -> NDArray[Any]:
         return np.concatenate([getattr(block.found, name) for block in blocks])

@@ -21,6 +21,7 @@ from ..solve.resume import row_size
 from ..units import QuantityError, optional_si, to_si, with_prefix
 from ..waveform.drive import Drive, evaluate
 from ..waveform.signal import Waveform
+from . import two_port
 from .errors import SimulationError, SimulationWarning
 from .models import SLIDER, STAGE, Contact, System, checked_drive, classic, contact_load, refuse_no_waveform
 from .refinement import refined
@@ -119,8 +120,8 @@ def simulate(
 class Followed(NamedTuple):
     """A trajectory without labels, up to where it could be followed; `outcome` is COMPLETE or says why not.
 
-    `samples` [times, states + 1]: stage position and velocity, end-effector's position and velocity, friction
-    force, bristles; `work` see `solve.log`; `start`, the state before,
+    `samples` [times, columns]: stage position and velocity, end-effector's position and velocity, friction
+    force, bristles, then `System.further`; `work` see `solve.log`; `start`, the state before,
     with the energy account; `drive`, the segment table;
     `error`, how far the end-effector may be off, m, where it was estimated; `final`, the last state, and
     `resume`, from where it can be taken up again (`solve.resume`).
@@ -228,8 +229,10 @@ def follow_model(
     table = checked_drive(model, waveform, end, periodic=False)
     if not tolerance > 0.0:
         raise QuantityError(f"tolerance = {tolerance} m must be > 0 m")
-    if energy and not isinstance(model, Actuator):
-        raise QuantityError("the energy account is kept for an Actuator only")
+    if energy and not (isinstance(model, Actuator) and len(of.stages) < 2 and model.two_port is None):
+        raise QuantityError(
+            "the energy account is kept for an Actuator whose stage has one mode, without a MaxwellCapacitor"
+        )
     begin = begin or REST
     if times[0] < begin.time:
         raise QuantityError(
@@ -250,14 +253,15 @@ def follow_model(
     made = task.followed(found.run, found.error + begin.error_estimate)
     if made.outcome != COMPLETE:
         return made
-    return made._replace(final=_final(made, maker(of, table, contact.drive, tolerance, end)))
+    return made._replace(final=_final(of, made, maker(of, table, contact.drive, tolerance, end)))
 
 
-def _final(run: Followed, by: str) -> State:
-    last = run.samples[-1].tolist()
+def _final(of: System, run: Followed, by: str) -> State:
+    last, law = run.samples[-1].tolist(), 5 + of.internal
     resume = tuple(run.resume.tolist())
     y, w, x, s = last[:4]
-    return State(float(run.times[-1]), y, w, x, s, tuple(last[5:]), run.error, resume, by)
+    bristles, further = tuple(last[5:law]), tuple(last[law:])
+    return State(float(run.times[-1]), y, w, x, s, bristles, run.error, resume, by, further)
 
 
 def sample_times(
@@ -290,7 +294,12 @@ def sample_times(
         raise QuantityError(
             f"duration = {duration:g} s holds no interval at sample_rate = {sample_rate:g} Hz"
         )
-    return start + np.arange(count + 1) / sample_rate
+    first = start * sample_rate
+    if abs(first - round(first)) > 1e-9 * max(first, 1.0):
+        return start + np.arange(count + 1) / sample_rate
+    made = (round(first) + np.arange(count + 1)) / sample_rate  # as a run from 0 has them, to the last bit
+    made[0] = start
+    return made
 
 
 def not_within(error: float, tolerance: float) -> str:
@@ -330,6 +339,11 @@ def _variables(
     for e in range(n):
         name = "bristle_deflection" if n == 1 else f"bristle_deflection_{e + 1}"
         variables[name] = (samples[:, 5 + e], "m")
+    if isinstance(model, Actuator):
+        for m in range(1 + len(model.further_modes.gain) if model.further_modes else 0):
+            variables[f"stage_mode_{m + 1}"] = (samples[:, 5 + n + 2 * m], "m")
+        if model.two_port is not None:
+            variables |= two_port.electrical(model, samples, samples[:, 5 + n :], table, times)
     return variables
 
 

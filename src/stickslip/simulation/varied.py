@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from functools import cache
 from typing import Any, NamedTuple
 
 from ..friction import is_law
@@ -147,5 +148,6 @@ def with_field(waveform: Any, name: str, value: float) -> Any:
     return type(waveform)(**fields)
 
 
+@cache  # of each member's fields, again and again
 def _singular(field: str) -> str:
     return re.sub("ies$", "ys", field).removesuffix("s")

@@ -33,6 +33,19 @@ def _sides_of(plant, log, row):
 
 
 @fused
+def logged_step(plant, log, row):
+    """The states before and after a logged step, and its continuous extension."""
+    first = SIDES + len(no_sides(plant))
+    n, values = (log.shape[1] - first) // 5, log[row]
+    rows = (
+        state_of(plant, values[first + 2 * n :]),
+        state_of(plant, values[first + 3 * n :]),
+        state_of(plant, values[first + 4 * n :]),
+    )
+    return state_of(plant, values[first:]), state_of(plant, values[first + n :]), rows
+
+
+@fused
 def state_at(plant, log, row, theta, out):
     """The state at a fraction of a logged step, into the first entries of the array `out`."""
     width = len(no_sides(plant))

@@ -23,6 +23,7 @@ from ..plant.generated import (
     put_step,
     room_size,
     settled,
+    settled_alike,
     state_of,
     unloaded,
     with_values,
@@ -30,7 +31,7 @@ from ..plant.generated import (
 from ..plant.lanes import LANES
 from ..waveform.members import member_of
 from .channels import at_nodes, segment_of
-from .log import _sides_of
+from .log import _sides_of, logged_step
 from .run import END, FRACTION, LENGTH, START, share_kept
 from .step import at, take
 
@@ -108,6 +109,10 @@ def _replay(plant, drive, load, log, rows, local, near, drives, first, room):
         while i + 1 < drive.start.size and drive.start[i + 1] <= t:
             i += 1
         u, n, own_h = at_nodes(drive, i, t, h), at_nodes(load, j, t, h), h
+        begun, whole, between = logged_step(plant, log, row)
+        trajectory = settled(
+            plant, whole if fraction == 1.0 else at(fraction, begun, whole, between), u[5], local
+        )
         if in_lanes(plant) and drives is None and count > 1:
             for p in range(LANES):
                 own, q = lane_plant(plant, room, p), lane_state(plant, room, p)
@@ -129,8 +134,8 @@ def _replay(plant, drive, load, log, rows, local, near, drives, first, room):
             trace = traces[first + p, row]
             trace[0], trace[1] = q[c], new[c]
             trace[2], trace[3], trace[4] = dense[0][c], dense[1][c], dense[2][c]
-            end = settled(own, new if fraction == 1.0 else at(fraction, q, new, dense), local)
-            put_state(plant, room, p, end)
+            end = settled(own, new if fraction == 1.0 else at(fraction, q, new, dense), u[5], local)
+            put_state(plant, room, p, settled_alike(plant, trajectory, own, end))
         while j + 1 < load.start.size and load.start[j + 1] <= log[row, END]:
             j += 1
             kept = share_kept(load, j, load.start[j])

@@ -338,7 +338,7 @@ def run(plant, drive, load, state, sides, t, h, fresh, t_end, local, max_steps, 
             end, u_end = at(cut, state, new, rows), channels.at(drive, i, t_new)
             if why == STOPS:
                 end = stopped(plant, end, u_end, which)
-        end = settled(plant, riding(plant, sides, end, u_end, state, u[0]), local)
+        end = settled(plant, riding(plant, sides, end, u_end, state, u[0]), u_end, local)
         if log.shape[0] > 0:
             _record(log, logged, t, h_now, t_new, cut, sides, state, new, rows)
             logged += 1

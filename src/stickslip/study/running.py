@@ -20,12 +20,13 @@ from .comparison import ComparisonStudy
 from .file import StudyError
 from .frequency import FrequencyStudy
 from .loops import LoopStudy
+from .piezo import PiezoStudy
 from .pulled import PulledStudy
 from .verification import VerificationStudy
 from .walk import WalkStudy
 
 _Any = Annotated[
-    LoopStudy | FrequencyStudy | PulledStudy | VerificationStudy | WalkStudy | ComparisonStudy,
+    LoopStudy | FrequencyStudy | PiezoStudy | PulledStudy | VerificationStudy | WalkStudy | ComparisonStudy,
     Field(discriminator="kind"),
 ]
 _FILE: TypeAdapter[Any] = TypeAdapter(_Any)

@@ -122,6 +122,11 @@ class VerificationStudy(Study):
         return Predictor(model, chain), chain
 
 
+def results_model(path: Path) -> Actuator:
+    """The actuator of a results.json; raises StudyError."""
+    return _results(path)[0]
+
+
 def _results(path: Path) -> tuple[Actuator, Chain]:
     """The actuator of a results.json, and what a position channel shows of it."""
     try:

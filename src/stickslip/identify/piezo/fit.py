@@ -109,7 +109,7 @@ def identify_piezo(
     choice = chosen(seen, late.timing, operators, asymmetric, creep, taus)
     fit, remarks = _fitted(seen, choice.grid, late, unit)
     timing = Timing(fit.values["delay"], fit.values["lag"])
-    prediction = _prediction(fit.values, choice.grid, timing, seen, observed)
+    prediction = prediction_of(fit.values, choice.grid, timing, seen, observed)
     gain, piezo = prediction.gain, prediction.piezo
     return replace(
         fit,
@@ -136,7 +136,7 @@ def _rested(seen: Sequence[Observed], timing: Timing, assumed: float | None) -> 
     """The voltages at which the piezo rested before each recording, by a first model without creep; where it
     is not as it was taken, that `assumed`, if any: the model has yet to learn how late the voltage is."""
     grid, _, solution = _first_model(seen, timing)
-    first = _prediction(_named(solution, grid), grid, timing, seen, "")
+    first = prediction_of(named(solution, grid), grid, timing, seen, "")
     found = [first.rest_shown(one) for one in seen]
     if assumed is None:
         return found
@@ -167,7 +167,7 @@ def _solved(seen: Sequence[Observed], parts: Sequence[Columns], grid: Grid) -> S
     return solve(parts, [one.position for one in seen], grid, [np.ones(one.time.size, bool) for one in seen])
 
 
-def _named(found: Solution, grid: Grid) -> Values:
+def named(found: Solution, grid: Grid) -> Values:
     """A solution by the names of a fit."""
     values = {f"weight_{i}": float(w) for i, w in enumerate(found.weights, start=1)}
     if grid.zones.size:
@@ -180,7 +180,7 @@ def _named(found: Solution, grid: Grid) -> Values:
 
 def _problem(seen: Sequence[Observed], grid: Grid, timing: Timing, unit: str, timed: bool) -> Problem:
     """All coefficients at once, and delay and lag with them where these are `timed`."""
-    begin = _named(_solved(seen, [columns(one, timing, grid) for one in seen], grid), grid)
+    begin = named(_solved(seen, [columns(one, timing, grid) for one in seen], grid), grid)
     plays = [f"weight_{i}" for i in range(1, grid.thresholds.size + 1)]
     described = _Described(seen, grid, [*plays, *(["curvature"] if grid.zones.size else [])], timed)
     units = {"curvature": f"{unit}/V²", "creep": "", "delay": "s", "lag": "s"}
@@ -264,7 +264,7 @@ def _known(observed: Observed) -> KnownNoise:
     return KnownNoise(None, at_rest, repeated(u), converter_step(observed.position))
 
 
-def _prediction(
+def prediction_of(
     values: Values, grid: Grid, timing: Timing, seen: Sequence[Observed], observed: str
 ) -> PiezoPrediction:
     ends, count = range_of(seen), len(seen)

@@ -18,12 +18,15 @@ from ...estimate.lack import KnownNoise
 from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import Residuals
 from ...estimate.result import Fit
+from ...piezo import Piezo
 from ...units import optional_si, to_si
 from ..free import with_ties
 from ..recorded.channels import recordings_of, unit_of
 from ..recorded.known_noise import converter_step
+from .at_piezo import check_known
+from .at_piezo import response as piezo_response
 from .formulas import POSITION, THESIS, StepTest, Timing, classical, second_order, step_tests
-from .linear import filter_zeros_poles, second_order_poles, step_response
+from .linear import filter_zeros_poles, second_order_poles
 
 # The window, in peak times before and after the step: what comes later only says how the sensor drifts.
 WINDOW = 8.0
@@ -56,7 +59,8 @@ def identify_step(
     Args:
         recordings: with end_effector_position [m, or rad where it turns], the end-effector fixed to the
             stage, and drive_voltage [V] unless voltages and start are given.
-        model: an actuator into which the result is put.
+        model: an actuator into which the result is put. What its `piezo` makes of a step, which is taken as
+            known and as annealed before each, is part of the model; the gain is then what multiplies that.
         voltages: height of each step, V.
         start: instant of the steps in the time of the recordings, s.
         filter: low-pass filter that the position went through, if it is known; its analogue counterpart is
@@ -76,21 +80,23 @@ def identify_step(
 
     Raises:
         RecordingError: a channel is missing, empty, constant, clipped, too short or too coarsely sampled.
-        QuantityError: an expression that ties is wrong.
+        QuantityError: an expression that ties is wrong, or a piezo model whose steps have no closed form.
         FitError: as `fit_least_squares`.
     """
+    piezo = None if model is None else model.piezo
+    check_known(piezo)
     slew_rate = optional_si(slew_rate, "V/s", "slew_rate")
     window, start = optional_si(window, "s", "window"), optional_si(start, "s", "start")
     tests = step_tests(recordings, voltages, start, observed)
     first = [classical(test, timing) for test in tests]
     reach = WINDOW * float(np.mean([row["peak_time"] for row in first])) if window is None else window
     kept = [_within(test, -reach, reach) for test in tests]
-    response = _response(filter, slew_rate)
+    response = _response(filter, slew_rate, piezo)
 
     def residuals(test: StepTest, number: int) -> Callable[[Values], Array]:
         def of(values: Values) -> Array:
             offset = values[f"offset_{number}"]
-            return response(test.time, test.voltage, values) + offset - test.position
+            return response(test, values) + offset - test.position
 
         return of
 
@@ -110,7 +116,7 @@ def identify_step(
         fit,
         model=model and model.replace(**{name: fit.values[name] for name in STAGE_PARAMETERS}),
         observed=observed,
-        predict=StepPrediction(fit.values, filter, slew_rate, voltage, start, observed).predict,
+        predict=StepPrediction(fit.values, filter, slew_rate, voltage, start, observed, piezo).predict,
     )
 
 
@@ -123,13 +129,14 @@ class StepPrediction(NamedTuple):
     voltage: float | None
     start: float | None
     observed: str
+    piezo: Piezo | None = None
 
     def predict(self, recording: xr.Dataset, drive: Any = None) -> Array:
         """m, without the offset; the step is the recording's own."""
         del drive
         voltages = None if self.voltage is None else [self.voltage]
         (test,) = step_tests(recording, voltages, self.start, self.observed)
-        return _response(self.filter, self.slew_rate)(test.time, test.voltage, self.values)
+        return _response(self.filter, self.slew_rate, self.piezo)(test, self.values)
 
 
 def _known(test: StepTest) -> KnownNoise:
@@ -159,18 +166,20 @@ def _parameters(first: Sequence[dict[str, float]], lag: bool, unit: str) -> list
     return [*found, *(Parameter(f"offset_{i}", b, -np.inf, np.inf, unit, log=False) for i, b in offsets)]
 
 
-def _response(filter: Filter | None, slew_rate: float | None) -> Callable[[Array, float, Values], Array]:
+def _response(
+    filter: Filter | None, slew_rate: float | None, piezo: Piezo | None
+) -> Callable[[StepTest, Values], Array]:
     """What the position channel shows of a step, from rest at 0."""
     zeros, known = filter_zeros_poles(filter) if filter else ([], [])
+    stepped = piezo_response(piezo, slew_rate)
 
-    def of(time: Array, voltage: float, values: Values) -> Array:
+    def of(test: StepTest, values: Values) -> Array:
         poles = [*known, *second_order_poles(values["damping_ratio"], values["natural_frequency"])]
         lag = values.get("lag", 0.0)
         if lag > LEAST_LAG / values["natural_frequency"]:
             poles.append(complex(-1.0 / lag))
-        rise = abs(voltage) / slew_rate if slew_rate else 0.0
-        shape = step_response(time - values["delay"] + lag, poles, zeros, rise)
-        return values["gain"] * voltage * shape
+        since = test.time - values["delay"] + lag
+        return values["gain"] * stepped(since, test.voltage, test.rest, poles, zeros)
 
     return of
 

@@ -31,6 +31,7 @@ class StepTest(NamedTuple):
     time: Array  # s, from the step on
     position: Array  # m
     voltage: float  # V, height of the step
+    rest: float = 0.0  # V, before it, where the drive is recorded
 
 
 @record
@@ -74,16 +75,18 @@ def step_tests(
         position = channel(recording, observed, name, varies=True)
         refuse_clipped(position, observed, name)
         time = recording["time"].values
+        rest = 0.0
         if volts is None or start is None:
-            instant, height = _step_of(channel(recording, "drive_voltage", name, varies=True), time, name)
-            volts = height if volts is None else volts
+            drive = channel(recording, "drive_voltage", name, varies=True)
+            instant, height = _step_of(drive, time, name)
+            volts, rest = height if volts is None else volts, float(np.median(drive[time < instant]))
         else:
             instant = start
         if not volts:
             raise RecordingError(f"the step of {name} has the height 0 V")
         if not time[0] < instant < time[-1]:
             raise RecordingError(f"the step of {name}, at {instant:g} s, is not within the recording")
-        tests.append(StepTest(name, time - instant, position, float(volts)))
+        tests.append(StepTest(name, time - instant, position, float(volts), rest))
     return tests
 
 

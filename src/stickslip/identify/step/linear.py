@@ -51,6 +51,16 @@ def step_response(
         rise: s.
     """
     time = np.asarray(t, dtype=float)
+    c, p = residues(poles, zeros)
+    if rise <= 0.0:
+        return _sum(time, c, p, 0)
+    return (_sum(time, c, p, 1) - _sum(time - rise, c, p, 1)) / rise
+
+
+def residues(
+    poles: list[complex], zeros: list[complex] | None = None
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    """c and p of the sum, with poles that are alike taken apart."""
     p = np.array(poles, dtype=complex)
     for i in range(1, p.size):
         while np.min(np.abs(p[:i] - p[i])) < 0.5 * APART * abs(p[i]):
@@ -58,10 +68,7 @@ def step_response(
     z = np.array(zeros or [], dtype=complex)
     scale = np.prod(-p) / np.prod(-z)
     away = p[:, None] - p + np.eye(p.size)
-    c = scale * np.prod(p[:, None] - z, axis=1) / (p * np.prod(away, axis=1))
-    if rise <= 0.0:
-        return _sum(time, c, p, 0)
-    return (_sum(time, c, p, 1) - _sum(time - rise, c, p, 1)) / rise
+    return scale * np.prod(p[:, None] - z, axis=1) / (p * np.prod(away, axis=1)), p
 
 
 def _sum(t: NDArray[np.float64], c: NDArray, p: NDArray, integrals: int) -> NDArray[np.float64]:

@@ -7,6 +7,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from ...actuator import Actuator
 from ...recording import make_recording
@@ -14,6 +15,9 @@ from ...records import Quantity, record
 from ...waveform.signal import Waveform
 from ..free import parameter
 from .displacement import Displacement
+
+# m, of the simulations.
+TOLERANCE = 1e-11
 
 
 @record
@@ -26,6 +30,16 @@ class Walk(NamedTuple):
     sample_rate: Annotated[float, Quantity("Hz", "", "rate of its samples", above=0.0)]
     noise: Annotated[float, Quantity("m", "", "standard deviation of a sample's noise", above=0.0)]
     repeats: int = 1
+
+    @property
+    def times(self) -> NDArray[np.float64]:
+        """s, of its samples."""
+        return np.arange(round(self.duration * self.sample_rate) + 1) / self.sample_rate
+
+    def motion(self, model: Actuator, name: str) -> Displacement:
+        """The motion that it will show, as a fit to it computes it."""
+        blank = make_recording(self.times, {"end_effector_position": np.zeros(self.times.size)}, title=name)
+        return Displacement(blank, self.drive, name, model, TOLERANCE)
 
 
 def expected_errors(model: Actuator, free: Sequence[str], experiments: Mapping[str, Walk]) -> xr.Dataset:
@@ -46,10 +60,8 @@ def expected_errors(model: Actuator, free: Sequence[str], experiments: Mapping[s
     values = np.array([parameter(model, name, {}).start for name in free])
     rows = []
     for name, walk in experiments.items():
-        t = np.arange(round(walk.duration * walk.sample_rate) + 1) / walk.sample_rate
-        blank = make_recording(t, {"end_effector_position": np.zeros(t.size)}, title=name)
-        j = Displacement(blank, walk.drive, name, model, 1e-11).slopes(model, 0.0, list(free))
-        j = np.column_stack([j[:, :-1] * values, j[:, -1], np.ones(t.size)])
+        j = walk.motion(model, name).slopes(model, 0.0, list(free))
+        j = np.column_stack([j[:, :-1] * values, j[:, -1], np.ones(len(j))])
         norms = np.linalg.norm(j, axis=0)
         norms[norms == 0.0] = 1.0
         _, s, vt = np.linalg.svd(j / norms, full_matrices=False)

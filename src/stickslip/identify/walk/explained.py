@@ -14,13 +14,16 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
+from ...actuator import Actuator
 from ...estimate.lack import LEAST_RATIO, Lack, left_over
 from ...estimate.result import Fit
 from ...waveform.signal import Waveform
+from ..piezo.left_out import spread
 from ..recorded.channels import names_of
 from ..step.fit import STAGE_PARAMETERS
 from .displacement import Displacement, has_slopes
 from .friction import identify_friction
+from .other_stages import moved_by
 from .walks import position_slopes, stage_beside
 
 TOGETHER = "all walks together"
@@ -42,6 +45,7 @@ def explained(
     free: Sequence[str],
     *,
     stage: Fit | None = None,
+    stages: Sequence[Actuator] = (),
     slew_rate: float | None = None,
     **options: Any,
 ) -> Explained:
@@ -52,6 +56,7 @@ def explained(
         walks, drives, slew_rate: as for it.
         free: what was fitted.
         stage: the fit that the model's stage is from; without it the stage is taken as exact.
+        stages: those that recordings without a part of each would have given; see `piezo.left_out`.
         options: of `identify_friction`.
     """
     begin = {name: fit.values[name] for name in ("delay", "offset") if name in fit.values}
@@ -69,7 +74,7 @@ def explained(
             identify_friction(walks, fit.model.replace(friction=law), free, hops=0, **settings),
         ]
         known = min(known, *again, key=lambda one: one.cost)
-    allowed = _allowed(known, walks, drives, slew_rate, stage, loose.rmse)
+    allowed = _allowed(known, walks, drives, slew_rate, stage, stages, loose.rmse)
     together = left_over(TOGETHER, allowed, np.concatenate(loose.residuals), len(more), len(loose.parameters))
     return Explained(loose, known, (*loose.lack, together))
 
@@ -80,12 +85,36 @@ def _allowed(
     drives: Sequence[Waveform | None],
     slew_rate: float | None,
     stage: Fit | None,
+    stages: Sequence[Actuator],
     noise: float,
 ) -> float:
     """The sum of squares [m^2] that is left where the stage may be off as far as it is uncertain."""
     r = np.concatenate(fit.residuals)
-    if stage is None or fit.jacobian is None or not has_slopes(fit.model):
+    if fit.jacobian is None or not has_slopes(fit.model) or (stage is None and not stages):
         return float(r @ r)
+    # In deviations of what is known of the stage: each of them costs as much as a deviation of the noise.
+    moves = np.zeros((r.size, 0))
+    if stage is not None:
+        moves = _by_values(fit, walks, drives, slew_rate, stage)
+    if stages:
+        moves = np.column_stack([moves, spread(list(moved_by(fit, stages, walks, drives, slew_rate).T))])
+    own = fit.jacobian[:, np.linalg.norm(fit.jacobian, axis=0) > 0.0]
+    own = own / np.linalg.norm(own, axis=0)
+    count = moves.shape[1]
+    rows = np.block([[own, moves], [np.zeros((count, own.shape[1])), noise * np.eye(count)]])
+    wanted = np.append(-r, np.zeros(count))
+    left = rows @ np.linalg.lstsq(rows, wanted, rcond=None)[0] - wanted
+    return float(left @ left)
+
+
+def _by_values(
+    fit: Fit,
+    walks: Sequence[xr.Dataset],
+    drives: Sequence[Waveform | None],
+    slew_rate: float | None,
+    stage: Fit,
+) -> np.ndarray:
+    """How positions move with the deviations of the stage's values, [samples, values]."""
     kept = stage_beside(stage, fit)
     parameters = [stage.parameters[i] for i in kept]
     motions = [
@@ -94,12 +123,4 @@ def _allowed(
     ]
     by = position_slopes(motions, fit, [p.name for p in parameters])
     scales = [p.slope(stage.values[p.name]) for p in parameters]
-    spread = np.linalg.cholesky(stage.uncertainty.covariance[np.ix_(kept, kept)])
-    own = fit.jacobian[:, np.linalg.norm(fit.jacobian, axis=0) > 0.0]
-    own = own / np.linalg.norm(own, axis=0)
-    # In deviations of the stage's values: each of them costs as much as a deviation of the noise.
-    moves = by * scales @ spread
-    rows = np.block([[own, moves], [np.zeros((len(kept), own.shape[1])), noise * np.eye(len(kept))]])
-    wanted = np.append(-r, np.zeros(len(kept)))
-    left = rows @ np.linalg.lstsq(rows, wanted, rcond=None)[0] - wanted
-    return float(left @ left)
+    return by * scales @ np.linalg.cholesky(stage.uncertainty.covariance[np.ix_(kept, kept)])

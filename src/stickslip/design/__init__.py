@@ -1,0 +1,5 @@
+"""Design with an identified model: maps of the step, drive signals, planned experiments."""
+
+from .._lazy import attach
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

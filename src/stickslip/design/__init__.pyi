@@ -1,0 +1,25 @@
+# isort: skip_file
+from .front import Front as Front
+from .fronts import waveform_front as waveform_front
+from .goals import Current as Current
+from .goals import Heat as Heat
+from .goals import Speed as Speed
+from .goals import StepSize as StepSize
+from .limits import Generator as Generator
+from .limits import Limits as Limits
+from .optimised import OptimisedWaveform as OptimisedWaveform
+from .scenarios import Scenario as Scenario
+from .waveforms import optimise_waveform as optimise_waveform
+from .maps import step_map as step_map
+from .stepping import blocking_force as blocking_force
+from .stepping import load_speed_curve as load_speed_curve
+from .stepping import minimum_voltage as minimum_voltage
+from .stepping import stepping_frequency_limit as stepping_frequency_limit
+from .tables import StepTable as StepTable
+from .tables import save_step_table as save_step_table
+from .tables import step_at as step_at
+from .tables import step_table as step_table
+from .tables import voltage_for as voltage_for
+from .plan import Plan as Plan
+from .plan_file import save_plan as save_plan
+from .planning import plan_experiment as plan_experiment

@@ -1,0 +1,130 @@
+"""Recordings among which a plan chooses: a grid of sawtooths there and back, and what limits refuse."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..identify.recorded.drives import refuse_sampling
+from ..identify.walk.experiments import Walk
+from ..recording import RecordingError
+from ..rig import Limits
+from ..units import QuantityError, with_prefix
+from ..waveform import ReverseSawtooth, Sawtooth
+from ..waveform import Sequence as Parts
+from ..waveform.signal import Waveform, value_at
+
+# Of the greatest voltage; Hz; of a period.
+VOLTAGES = (0.4, 0.6, 0.8, 1.0)
+# None divides a usual rate of samples: periods are not all sampled at the same instants.
+FREQUENCIES = (5.0, 11.0, 23.0, 47.0, 97.0, 197.0, 397.0)
+RISES = (1.0, 0.8, 0.65)
+# s of a burst one way, and periods at least: one there and one back would leave out the jumps between them.
+BURST, FEWEST = 0.05, 2
+# Hz, at which the slope of a drive is looked at: that of a rig's output.
+UPDATES = 20e3
+
+
+def sawtooths(
+    limits: Limits, slew_rate: float, duration: float, sample_rate: float, noise: float
+) -> dict[str, Walk]:
+    """A grid of recordings: bursts of a sawtooth there and back, over voltage, frequency and rise.
+
+    A burst each way brings the end-effector home; with flanks that are no jumps, such recordings tell twice
+    as much as one long walk. Flanks are no steeper than the slew rate [V/s] allows.
+    """
+    found = {}
+    for share in VOLTAGES:
+        volts = share * limits.max_voltage
+        for hertz in FREQUENCIES:
+            if not FEWEST < duration * hertz < math.inf:
+                continue
+            for rise in RISES:
+                steepest = 1.0 - volts * hertz / slew_rate  # 1 where the amplifier follows a jump
+                fraction = min(rise, steepest)
+                if fraction < min(RISES) - 1e-9:
+                    continue
+                name = f"{volts:.4g} V {hertz:.4g} Hz rise {fraction:.3g}"
+                drive = there_and_back(volts, hertz, fraction, duration)
+                found[name] = Walk(drive, duration, sample_rate, noise)
+    return found
+
+
+def there_and_back(volts: float, hertz: float, rise: float, duration: float) -> Parts:
+    """Bursts of a sawtooth, forward and back in turn, for as long as the recording [s]."""
+    periods = max(FEWEST, round(BURST * hertz))
+    rise = round(rise, 6)
+    both = (
+        Sawtooth(volts, hertz, rise, periods=periods),
+        ReverseSawtooth(volts, hertz, rise, periods=periods),
+    )
+    times = max(1, math.floor(duration * hertz / (2 * periods) + 1e-9))
+    return Parts(*(both * times))
+
+
+def walks_of(
+    candidates: Mapping[str, Walk | Waveform] | Sequence[Walk | Waveform],
+    duration: float,
+    sample_rate: float,
+    noise: float,
+) -> dict[str, Walk]:
+    """Candidates by name; a bare waveform becomes a recording as long as the others.
+
+    Raises:
+        QuantityError: there are none, or one is neither.
+    """
+    named: Mapping[str, Any] = (
+        candidates
+        if isinstance(candidates, Mapping)
+        else {f"recording {i}": one for i, one in enumerate(candidates, start=1)}
+    )
+    if not named:
+        raise QuantityError("there are no candidates: give at least one waveform or identify.Walk")
+    found = {}
+    for name, one in named.items():
+        if isinstance(one, Walk):
+            found[str(name)] = one
+        elif hasattr(one, "drive") and getattr(one, "unit", "") == "V":
+            found[str(name)] = Walk(one, duration, sample_rate, noise)
+        else:
+            raise QuantityError(
+                f"candidate {name!r} is {one!r:.60}: it must be a waveform in V or an identify.Walk"
+            )
+    return found
+
+
+def refused(walk: Walk, limits: Limits, name: str) -> str:
+    """Why a recording cannot be made, or not be fitted; empty if it can.
+
+    Args:
+        walk: the recording.
+        limits: of the output.
+        name: what to call it.
+    """
+    low, high = walk.drive.range()
+    shown = [with_prefix(value, "V", 3) for value in (limits.min_voltage, limits.max_voltage)]
+    if low < limits.min_voltage - 1e-9 or high > limits.max_voltage + 1e-9:
+        return f"it reaches from {low:.4g} to {high:.4g} V, and {shown[0]} to {shown[1]} are allowed"
+    volts = value_at(walk.drive, np.arange(0.0, walk.duration, 1.0 / UPDATES))
+    slew = float(np.abs(np.diff(volts, prepend=0.0)).max()) * UPDATES
+    if slew > limits.max_slew * (1.0 + 1e-6):
+        return f"it changes at {slew:.3g} V/s, and {limits.max_slew:.3g} V/s are allowed"
+    duty = float(np.mean(np.abs(volts) > 0.01 * limits.max_voltage))
+    if duty > limits.max_duty:
+        return f"it is away from 0 V for {100 * duty:.3g} % of the time, of {100 * limits.max_duty:.3g} %"
+    try:
+        refuse_sampling(walk.times, walk.drive, name)
+    except RecordingError as error:
+        return str(error)
+    return ""
+
+
+def beyond(low: float, high: float, limits: Limits) -> str:
+    """Why positions from `low` to `high` [m] are not allowed; empty if they are."""
+    if low >= limits.min_position and high <= limits.max_position:
+        return ""
+    ends = [with_prefix(x, "m", 3) for x in (low, high, limits.min_position, limits.max_position)]
+    return f"it moves from {ends[0]} to {ends[1]}, and {ends[2]} to {ends[3]} are allowed"

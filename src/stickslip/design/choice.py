@@ -1,0 +1,118 @@
+"""The set of recordings that tells most: one after the other, then each exchanged for a better one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .information import Seen, covariance
+
+Array = NDArray[np.float64]
+Over = Literal["worst", "mean"]
+
+# Rounds of exchanges; each ends at a better set, and few are ever needed.
+MOST_ROUNDS = 20
+
+
+class Goal(NamedTuple):
+    """What is to be known best: `name`, in words; `own`, which coordinates are of the actuator; `gradients`
+    [draws, k] of the one number that is wanted by the coordinates, None: all of them together (D-optimal)."""
+
+    name: str
+    own: NDArray[np.bool_]
+    gradients: Array | None
+
+
+def criterion(of: Seen, goal: Goal) -> Array:
+    """Logarithm of the expected standard error of the goal [...]; the first axis is that of the draws.
+
+    For all parameters together it is that of their geometric mean, correlations allowed for. Infinite where
+    the recordings do not tell it.
+    """
+    spread = covariance(of)
+    if goal.gradients is None:
+        inner = spread[..., goal.own, :][..., goal.own]
+        lost = ~np.all(np.isfinite(inner), axis=(-2, -1))
+        inner = np.where(lost[..., None, None], np.eye(inner.shape[-1]), inner)
+        sign, logarithm = np.linalg.slogdet(inner)
+        found = 0.5 * logarithm / inner.shape[-1]
+        return np.where(lost | (sign <= 0), np.inf, found)
+    g = goal.gradients.reshape(len(goal.gradients), *(1,) * (spread.ndim - 3), -1)
+    lost = np.any(np.isinf(np.diagonal(spread, axis1=-2, axis2=-1)) & (g != 0.0), axis=-1)
+    finite = np.where(np.isfinite(spread), spread, 0.0)
+    variance = (g[..., None, :] @ finite @ g[..., :, None])[..., 0, 0]
+    with np.errstate(divide="ignore"):
+        return np.where(lost, np.inf, 0.5 * np.log(np.maximum(variance, 0.0)))
+
+
+def score(of: Seen, goal: Goal, over: Over) -> Array:
+    """What a choice lowers: the `criterion` at equal time, over the draws [draws, ...]."""
+    found = criterion(of, goal) + 0.5 * np.log(of.duration)
+    return np.max(found, axis=0) if over == "worst" else np.mean(found, axis=0)
+
+
+def chosen(of: Seen, goal: Goal, over: Over, count: int) -> list[int]:
+    """Which candidates [draws, candidates] make the best set of so many; one may be taken several times.
+
+    The first ones of those that tell the goal: the sets of one, two, ... in their order are good ones too.
+    """
+    alone = criterion(of, goal) + 0.5 * np.log(of.duration)
+    # Where draws want different recordings, those of one draw are seldom reached from those of another.
+    begins = dict.fromkeys([int(np.argmin(score(of, goal, over))), *np.argmin(alone, axis=1).tolist()])
+    found = [_exchanged(of, goal, over, _added(of, goal, over, [first], count)) for first in begins]
+    return _ordered(of, goal, over, min(found, key=lambda taken: _of(of, goal, over, taken)))
+
+
+def _added(of: Seen, goal: Goal, over: Over, taken: list[int], count: int) -> list[int]:
+    """So many, each the best beside those before it."""
+    while len(taken) < count:
+        taken = [*taken, _best(of, goal, over, taken)]
+    return taken
+
+
+def _exchanged(of: Seen, goal: Goal, over: Over, taken: list[int]) -> list[int]:
+    """One after the other exchanged for a better one, until none is."""
+    for _ in range(MOST_ROUNDS):
+        before = list(taken)
+        for i in range(len(taken)):
+            rest = taken[:i] + taken[i + 1 :]
+            other = _best(of, goal, over, rest)
+            if _of(of, goal, over, [*rest, other]) < _of(of, goal, over, taken) - 1e-9:
+                taken = [*rest, other]
+        if sorted(taken) == sorted(before):
+            break
+    return taken
+
+
+def _ordered(of: Seen, goal: Goal, over: Over, taken: Sequence[int]) -> list[int]:
+    """The same, each time the one next that tells most beside those before it."""
+    left, order = list(taken), []
+    while left:
+        best = min(left, key=lambda one: _of(of, goal, over, [*order, one]))
+        left.remove(best)
+        order.append(best)
+    return order
+
+
+def together(of: Seen, taken: Sequence[int]) -> Seen:
+    """Several candidates of [draws, candidates, ...] as one [draws, ...]."""
+    found = of.at((slice(None), taken[0]))
+    for one in taken[1:]:
+        found = found.plus(of.at((slice(None), one)))
+    return found
+
+
+def _of(of: Seen, goal: Goal, over: Over, taken: Sequence[int]) -> float:
+    return float(score(together(of, taken), goal, over))
+
+
+def _best(of: Seen, goal: Goal, over: Over, beside: Sequence[int]) -> int:
+    """The candidate that is best beside some; of those alike, the first."""
+    if not beside:
+        return int(np.argmin(score(of, goal, over)))
+    have = together(of, beside)
+    widened = Seen(*(np.expand_dims(one, 1) for one in have))
+    return int(np.argmin(score(of.plus(widened), goal, over)))

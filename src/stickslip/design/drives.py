@@ -1,0 +1,116 @@
+"""How a drive varies over a map: its stroke, its frequency, and its mirror image.
+
+The mirror image is that in voltage, about the middle of its range: u becomes u_low + u_high - u. It needs the
+same range, and an actuator without load, weight or bias walks back by it exactly as far as it walked forward.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..actuator import Actuator
+from ..simulation.varied import waveform_names
+from ..units import QuantityError
+from ..waveform.knots import PeriodicKnots
+from ..waveform.periodic import Sawtooth, Sine
+from ..waveform.signal import Waveform
+
+Array = NDArray[np.float64]
+
+
+def default_drive(model: Actuator, voltage: bool, frequency: bool) -> Sawtooth:
+    """A sawtooth from 0 V up, or from the end of the actuator's range that is nearest to it; voltage and
+    frequency are put in later, and must have been said.
+
+    Raises:
+        QuantityError: one of them has not.
+    """
+    if not (voltage and frequency):
+        lacking = "frequency [Hz]" if voltage else "voltage [V]"
+        raise QuantityError(f"without a waveform, {lacking} must be given")
+    rest = min(max(0.0, model.min_voltage), model.max_voltage)
+    return Sawtooth(1.0, 1.0, offset=rest)
+
+
+def drive_columns(
+    waveform: Waveform,
+    own: Mapping[str, Array],
+    voltage: Array | None,
+    frequency: Array | None,
+    direction: Array | None,
+) -> dict[str, Array]:
+    """The fields of the waveform of each member.
+
+    Args:
+        own: fields that vary by themselves.
+        voltage: V, from the least to the greatest value of the drive; its rest value (the middle of a sine,
+            the least value of knots) stays where it is.
+        frequency: Hz.
+        direction: 1, or -1 for the mirror image.
+
+    Raises:
+        QuantityError: the waveform has no field for that, or it varies by itself already.
+    """
+    if voltage is None and frequency is None and direction is None:
+        return dict(own)
+    names, kind = waveform_names(waveform), type(waveform).__name__
+    if isinstance(waveform, PeriodicKnots):
+        return _of_knots(waveform, own, voltage, frequency, direction)
+    made, of = dict(own), dict.fromkeys(["amplitude"] if voltage is not None or direction is not None else [])
+    for name in [*of, *(["frequency"] if frequency is not None else [])]:
+        if name not in names:
+            raise QuantityError(
+                f"a {kind} has no {name}: voltage, frequency and direction vary of waveforms with amplitude "
+                "and frequency, and of PeriodicKnots"
+            )
+    if voltage is not None and "amplitude" in own:
+        raise QuantityError("voltage [V] and the parameter 'amplitude' [V] are the same: give one of them")
+    if frequency is not None:
+        made["frequency"] = frequency
+    fields: Any = waveform
+    middle = isinstance(waveform, Sine)
+    stroke = own.get("amplitude", np.asarray(fields.amplitude if of else 0.0))
+    if voltage is not None:
+        stroke = np.copysign(voltage * (0.5 if middle else 1.0), fields.amplitude)
+        made["amplitude"] = stroke
+    if direction is not None:
+        made["amplitude"] = stroke * direction
+        if not middle:
+            rest = own.get("offset", np.asarray(fields.offset))
+            made["offset"] = rest + np.where(direction < 0.0, stroke, 0.0)
+    return made
+
+
+def _of_knots(
+    waveform: PeriodicKnots,
+    own: Mapping[str, Array],
+    voltage: Array | None,
+    frequency: Array | None,
+    direction: Array | None,
+) -> dict[str, Array]:
+    """As `drive_columns`: knots are stretched in time, and from their least value up."""
+    if own:
+        raise QuantityError(
+            f"{next(iter(own))!r} is a field of the knots: where it varies, voltage, frequency and direction "
+            "cannot"
+        )
+    made, (low, high) = dict[str, Array](), waveform.range()
+    if frequency is not None:
+        made["period"] = 1.0 / frequency
+        for k, t in enumerate(waveform.times):
+            made[f"time_{k + 1}"] = t / waveform.period * made["period"]
+    if voltage is None and direction is None:
+        return made
+    if voltage is not None and not high > low:
+        raise QuantityError("knots of one value (in V) have no stroke that could vary")
+    swing = high - low if voltage is None else voltage
+    for k, u in enumerate(waveform.values):
+        share = np.asarray((u - low) / (high - low) if high > low else 0.0)
+        made[f"value_{k + 1}"] = low + swing * (
+            share if direction is None else np.where(direction < 0.0, 1.0 - share, share)
+        )
+    return made

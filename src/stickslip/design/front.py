@@ -1,0 +1,130 @@
+"""What more of one goal costs of another: drives of which none is better in both.
+
+Differential evolution of a population, of which after each generation those stay that no other is better
+than in both goals, the crowded ones giving way.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from ..progress import Progress, unheard
+from ..waveform.knots import PeriodicKnots
+from .polygons import SEARCHED, Array, exact_steps, knots, net_steps, sawtooths, starts
+from .sawtooth import best_sawtooth
+from .search import Judge, Task, robust
+from .searched import Searched
+
+# Of a step along the difference of two others; chance of each number to take it.
+FACTOR, CHANCE = 0.5, 0.7
+# Candidates of the search for the first goal alone: it and its flatter copies are what the population begins
+# with.
+FIRST = 1000
+
+
+@dataclass(frozen=True, eq=False)
+class Front:
+    """Drives, in order of the first goal.
+
+    Attributes:
+        waveforms: one for each point.
+        table: over "point", a variable for each goal, in SI, in its worst condition; `frequency`, Hz.
+        evaluations: periodic motions that were solved for.
+    """
+
+    waveforms: tuple[PeriodicKnots, ...]
+    table: xr.Dataset
+    evaluations: int
+
+
+def front_of(
+    searched: list[Searched], count: int, points: int, generations: int, seed: int, progress: Progress
+) -> Front:
+    """The front of two searches that differ in their goal."""
+    random = np.random.default_rng([seed, 2])
+    one = searched[0].scaled(random)
+    allowed, conditions = one.allowed, len(one.conditions.names)
+    saw, spent = best_sawtooth(one.merits_of(sawtooths), Judge(0.0, None, one.scale), conditions)
+    begin = starts(sawtooths(saw[None], allowed), count, allowed)
+    task = Task(one.merits_of(knots), Judge(0.0, None, one.scale), conditions, FIRST, random, unheard)
+    best = robust(task, begin)
+    spent += best.evaluations
+    shares = np.linspace(0.2, 1.0, points // 4)[:, None]
+    flat = [
+        np.column_stack([0.5 + shares * (z[:-1] - 0.5), np.full(shares.size, z[-1])])
+        for z in (best.x, begin[0])
+    ]
+    seeds = np.concatenate(flat)
+    x = np.concatenate([seeds, random.random((points - len(seeds), count + 1))])
+    merits = _merits(searched, x)
+    for generation in range(generations):
+        a, b, c = (x[random.permutation(points)] for _ in range(3))
+        moved = np.where(random.random(x.shape) < CHANCE, a + FACTOR * (b - c), x)
+        moved = np.clip(1.0 - np.abs(1.0 - np.abs(moved)), 0.0, 1.0)  # reflected at the bounds
+        every, found = np.concatenate([x, moved]), np.concatenate([merits, _merits(searched, moved)])
+        stay = selected(found, points)
+        x, merits = every[stay], found[stay]
+        progress("searching for a front", (generation + 1) / generations)
+    spent += points * (generations + 1) * conditions
+    return _exact(searched, x[np.isfinite(merits).all(axis=1)], spent)
+
+
+def _merits(searched: list[Searched], x: Array) -> Array:
+    """Of each candidate, both goals in their worst conditions [n, 2]; minus infinity without motion."""
+    one = searched[0]
+    shapes = knots(x, one.allowed)
+    steps = net_steps(one.model, shapes, one.conditions.columns, SEARCHED, one.threads)
+    found = np.stack([of.merits(shapes, steps).min(axis=1) for of in searched], axis=1)
+    found[np.isnan(steps).any(axis=1)] = -np.inf
+    return found
+
+
+def selected(merits: Array, count: int) -> Any:
+    """Rows that stay: front by front, of the last one those in the least crowded places."""
+    left, stay = np.arange(len(merits)), list[int]()
+    while len(stay) < count:
+        front = left[unbeaten(merits[left])]
+        left = np.setdiff1d(left, front)
+        front = front[np.argsort(merits[front, 0])]
+        while len(stay) + front.size > count:
+            front = np.delete(front, int(np.argmin(_gaps(merits[front]))))
+        stay.extend(front.tolist())
+    return np.array(stay)
+
+
+def unbeaten(merits: Array) -> Any:
+    """Which rows [n] no other is better than in one goal and as good in the other."""
+    as_good = (merits[:, None, :] >= merits[None, :, :]).all(axis=2)
+    better = (merits[:, None, :] > merits[None, :, :]).any(axis=2)
+    return ~(as_good & better).any(axis=0)
+
+
+def _gaps(merits: Array) -> Array:
+    """Of rows in order: how far the neighbours of each are apart, over the whole; infinite at the ends."""
+    gaps = np.full(len(merits), np.inf)
+    fine = np.where(np.isfinite(merits), merits, 0.0)
+    span = np.maximum(np.ptp(fine, axis=0), 1e-300)
+    gaps[1:-1] = (np.abs(fine[2:] - fine[:-2]) / span).sum(axis=1)
+    return gaps
+
+
+def _exact(searched: list[Searched], x: Array, spent: int) -> Front:
+    """Driven again to what is reported; those that are beaten then are left out."""
+    one = searched[0]
+    shapes = knots(x, one.allowed)
+    drives = [shapes.one(i) for i in range(len(x))]
+    steps = exact_steps(one.model, list(drives), one.conditions.columns, one.threads)
+    merits = np.stack([of.merits(shapes, steps).min(axis=1) for of in searched], axis=1)
+    fine = np.flatnonzero(np.isfinite(merits).all(axis=1))
+    fine = fine[unbeaten(merits[fine])]
+    order = fine[np.argsort(merits[fine, 0])]
+    data: dict[str, Any] = {}
+    for of, column in zip(searched, merits[order].T, strict=True):
+        about = {"units": of.goal.unit, "long_name": of.goal.label}
+        data[of.goal.label.replace(" ", "_")] = ("point", of.goal.sign * column, about)
+    data["frequency"] = ("point", 1.0 / shapes.period[order], {"units": "Hz", "long_name": "frequency"})
+    return Front(tuple(drives[i] for i in order), xr.Dataset(data), spent + steps.size)

@@ -1,0 +1,127 @@
+"""What a drive signal is to do: goals as records, each a number per signal and condition.
+
+`of(shapes, steps)` gives the numbers [n, conditions] of polygons under conditions with those net steps [m];
+`sign` is +1 where more is better. What the voltage alone decides (current, heat) is the same under all
+conditions, and of the signal that the amplifier is asked for.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..electronics import Stack
+from ..electronics.cycles import half_cycles
+from ..records import Quantity, did_you_mean, record
+from ..units import QuantityError
+from .polygons import Polygons
+
+Array = NDArray[np.float64]
+
+
+class Goal(Protocol):
+    """See the module; `label` and `unit` are for people, `moves` says whether it asks for motion at all."""
+
+    @property
+    def label(self) -> str: ...
+    @property
+    def unit(self) -> str: ...
+    @property
+    def sign(self) -> float: ...
+    @property
+    def moves(self) -> bool: ...
+
+    def of(self, shapes: Polygons, steps: Array) -> Array: ...
+
+
+@record
+class Speed(NamedTuple):
+    """Mean velocity of the end-effector, m/s: as great as can be towards +x, or with `direction` -1 towards
+    -x, where it is negative."""
+
+    direction: Annotated[float, Quantity("", "", "+1 or -1", minimum=-1, maximum=1)] = 1.0
+
+    label, unit, moves = "speed", "m/s", True
+
+    def _check(self) -> None:
+        if abs(self.direction) != 1.0:
+            raise QuantityError(f"Speed.direction = {self.direction:g} must be +1 or -1")
+
+    @property
+    def sign(self) -> float:
+        return self.direction
+
+    def of(self, shapes: Polygons, steps: Array) -> Array:
+        return steps / shapes.period[:, None]
+
+
+@record
+class StepSize(NamedTuple):
+    """How far the net step per period is from `size`, m: as little as can be, of any frequency allowed."""
+
+    size: Annotated[float, Quantity("m", "s", "net step that is wanted")]
+
+    label, unit, sign, moves = "distance from the step", "m", -1.0, True
+
+    def of(self, shapes: Polygons, steps: Array) -> Array:
+        return np.abs(steps - self.size)
+
+
+@record
+class Current(NamedTuple):
+    """Greatest current into the piezo, A, as little as can be."""
+
+    capacitance: Annotated[float, Quantity("F", "C", "capacitance of the piezo", above=0)]
+
+    label, unit, sign, moves = "peak current", "A", -1.0, False
+
+    def of(self, shapes: Polygons, steps: Array) -> Array:
+        peak = self.capacitance * np.abs(shapes.slopes()).max(axis=1)
+        return np.broadcast_to(peak[:, None], steps.shape)
+
+
+class Heat(NamedTuple):
+    """Mean loss in the stack, W, as little as can be: that of its closed cycles (see `electronics`)."""
+
+    stack: Stack
+
+    label, unit, sign, moves = "heat", "W", -1.0, False
+
+    def of(self, shapes: Polygons, steps: Array) -> Array:
+        lost = np.zeros(len(shapes.period))
+        for i, volts in enumerate(shapes.volts):
+            around = np.roll(volts, -int(np.argmax(volts)))
+            swings = half_cycles(np.append(around, around[0]))[0]
+            lost[i] = 0.5 * float(np.sum(self.stack.cycle_loss(swings))) / shapes.period[i]
+        return np.broadcast_to(lost[:, None], steps.shape)
+
+
+NAMED: dict[str, Any] = {"speed": Speed()}
+# Those that need numbers.
+OTHERS = {"step": "StepSize(size)", "current": "Current(capacitance)", "heat": "Heat(stack)"}
+
+
+def goal_of(given: Any) -> Any:
+    """The goal of that name, or the goal itself.
+
+    Raises:
+        QuantityError: there is none, or it needs numbers.
+    """
+    if given is None:
+        raise QuantityError(f"a goal is needed: {', '.join(NAMED)}, or one of {', '.join(OTHERS.values())}")
+    if isinstance(given, str):
+        if given in NAMED:
+            return NAMED[given]
+        if given in OTHERS:
+            raise QuantityError(f"goal {given!r} needs numbers: give design.{OTHERS[given]}")
+        known = [*NAMED, *OTHERS]
+        raise QuantityError(
+            f"goal {given!r} is unknown{did_you_mean(given, known)}; there are {', '.join(known)}"
+        )
+    if not all(hasattr(given, name) for name in ("of", "sign", "unit", "label", "moves")):
+        raise QuantityError(
+            f"goal = {given!r:.60} is none: give 'speed', or one of {', '.join(OTHERS.values())}"
+        )
+    return given

@@ -1,0 +1,113 @@
+"""The points of a map: what varies, and the members that it makes of a model and its drive."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..actuator import Actuator
+from ..records import Quantity
+from ..simulation.members import SCALES, checked_columns, labelled
+from ..simulation.varied import waveform_names
+from ..units import QuantityError
+from ..waveform.signal import Waveform
+from .drives import default_drive, drive_columns
+
+Array = NDArray[np.float64]
+
+# In the order in which they are given to `step_map`, before the parameters.
+AXES = {
+    "voltage": Quantity("V", "U", "voltage from the least to the greatest value of the drive", minimum=0),
+    "frequency": Quantity("Hz", "f", "frequency of the drive", above=0),
+    "load": Quantity("N", "F_L", "external force on the end-effector, positive towards +x"),
+    "direction": Quantity("", "d", "1: the drive as it is, -1: mirrored in voltage"),
+}
+
+
+class Grid(NamedTuple):
+    """`axes`: values over each name, SI, arrays (1-D) or single numbers; `columns` of the members, over all
+    points, that of the frequency varying slowest, in the order `dims`; `about`: attributes of each axis."""
+
+    waveform: Waveform
+    axes: dict[str, Array]
+    dims: tuple[str, ...]
+    columns: dict[str, Array]
+    about: dict[str, dict[str, str]]
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Of the dimensions, in that order."""
+        return tuple(self.axes[name].size for name in self.dims)
+
+    @property
+    def frequency(self) -> Array:
+        """Of the drive at each point, Hz."""
+        if "frequency" in self.columns:
+            return self.columns["frequency"]
+        period = getattr(self.waveform, "period", None)
+        count = next(iter(self.columns.values())).size
+        return 1.0 / self.columns.get("period", np.full(count, np.nan if period is None else period))
+
+
+def grid_of(
+    model: Actuator,
+    waveform: Waveform | None,
+    axes: Mapping[str, Any],
+    parameters: Mapping[str, ArrayLike] | None,
+) -> Grid:
+    """The grid over what is given.
+
+    Args:
+        axes: of the names of `AXES`, those that are not None.
+        parameters: other fields.
+
+    Raises:
+        QuantityError: see `step_map`.
+    """
+    if not isinstance(model, Actuator):
+        raise QuantityError(f"a map is of an Actuator, not of a {type(model).__name__}")
+    found = {name: _axis(name, values) for name, values in axes.items() if values is not None}
+    if waveform is None:
+        waveform = default_drive(model, "voltage" in found, "frequency" in found)
+    about = {name: {"units": q.unit, "long_name": q.meaning} for name, q in AXES.items() if name in found}
+    for name, values in (parameters or {}).items():
+        if name in AXES or name in SCALES:
+            hint = {"load": "a normal force is `normal_load`", "drive_scale": "use voltage"}
+            raise QuantityError(f"{name!r} is no parameter of a map: {hint.get(name, 'it is an argument')}")
+        given = np.asarray(values)
+        column = checked_columns(model, waveform, {name: values})[name]
+        found[name] = column.reshape(given.shape)
+        about[name] = labelled(model, waveform, {name: column})[name][2]
+    dims = tuple(sorted((name for name, a in found.items() if a.ndim), key=lambda name: name != "frequency"))
+    mesh = np.meshgrid(*(found[name] for name in dims), indexing="ij")
+    count = mesh[0].size if mesh else 1
+    at = {name: array.ravel() for name, array in zip(dims, mesh, strict=True)}
+    at |= {name: np.full(count, float(a)) for name, a in found.items() if not a.ndim}
+    return Grid(waveform, found, dims, _columns(model, waveform, at, count), about)
+
+
+def _axis(name: str, values: Any) -> Array:
+    quantity, given = AXES[name], np.asarray(values)
+    if given.ndim > 1 or given.size == 0:
+        raise QuantityError(f"{name} must be a number or a list of them ({quantity.unit or 'no unit'})")
+    checked = np.array([quantity.check(v, name) for v in given.reshape(-1).tolist()]).reshape(given.shape)
+    if name == "direction" and not np.all(np.abs(checked) == 1.0):
+        raise QuantityError(f"direction = {values!r}: it is 1 (as the drive is) or -1 (mirrored)")
+    if np.unique(checked).size != checked.size:
+        raise QuantityError(f"{name} has the same value twice")
+    return checked
+
+
+def _columns(model: Actuator, waveform: Waveform, at: Mapping[str, Array], count: int) -> dict[str, Array]:
+    """Those of the ensemble: fields of waveform and model."""
+    names = waveform_names(waveform)
+    own = {name: column for name, column in at.items() if name in names and name not in AXES}
+    drive = drive_columns(waveform, own, at.get("voltage"), at.get("frequency"), at.get("direction"))
+    made = {name: np.broadcast_to(c, count).astype(float) for name, c in drive.items()}
+    made |= {name: c for name, c in at.items() if name not in AXES and name not in names}
+    if "load" in at:
+        made["external_force"] = made.get("external_force", model.external_force) + at["load"]
+    return made or {"external_force": np.full(count, model.external_force)}

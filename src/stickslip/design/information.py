@@ -1,0 +1,147 @@
+r"""Expected covariance of a fit to recordings that have not been made.
+
+A fit by least squares to recordings k with the Jacobians :math:`J_k` (by its coordinates, among them delay
+and offset of the position channel) and noise of the covariances :math:`\Sigma_k` has, near the truth, the
+covariance :math:`A^{-1} B A^{-1}` with :math:`A = \sum_k J_k^T J_k` and
+:math:`B = \sum_k J_k^T \Sigma_k J_k`; white noise of equal level makes that :math:`\sigma^2 A^{-1}`. All
+recordings weigh alike, as in the fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..actuator import Actuator
+from ..chain import Chain
+from ..estimate.coloured import Coloured, scores
+from ..estimate.parameter import Parameter
+from ..estimate.tied import Ties
+from ..identify.walk.experiments import Walk
+from ..identify.walk.position_channel import CHANNEL
+
+# s at rest before the drive begins, by which a position is set to zero.
+BEFORE = 0.1
+# Of a coordinate that is scaled to 1: information below this share of the greatest is rounding.
+NOTHING = 1e-13
+
+Array = NDArray[np.float64]
+
+
+class Space(NamedTuple):
+    """What a fit searches for: `parameters`, those of the channel among them, and what is tied to them."""
+
+    parameters: tuple[Parameter, ...]
+    ties: Ties
+
+    @property
+    def names(self) -> list[str]:
+        """Of the parameters."""
+        return [p.name for p in self.parameters]
+
+    @property
+    def own(self) -> NDArray[np.bool_]:
+        """Which of them are of the actuator."""
+        return np.array([name not in CHANNEL for name in self.names])
+
+
+class Seen(NamedTuple):
+    """What recordings tell: the matrices A and B of the module's head [..., k, k], how long they take [...],
+    s, and the least and greatest position [...], m."""
+
+    normal: Array
+    spread: Array
+    duration: Array
+    low: Array
+    high: Array
+
+    def plus(self, other: Seen) -> Seen:
+        """Of both together."""
+        return Seen(
+            self.normal + other.normal,
+            self.spread + other.spread,
+            self.duration + other.duration,
+            np.minimum(self.low, other.low),
+            np.maximum(self.high, other.high),
+        )
+
+    def times(self, share: float) -> Seen:
+        """Of so many times the recordings; a part of one tells its part."""
+        return self._replace(
+            normal=share * self.normal, spread=share * self.spread, duration=share * self.duration
+        )
+
+    def at(self, index: int | slice | tuple[slice, int]) -> Seen:
+        """Of one, or some, where there are several."""
+        return Seen(*(one[index] for one in self))
+
+
+def stacked(several: Sequence[Seen], axis: int = 0) -> Seen:
+    """Several as one."""
+    return Seen(*(np.stack([one[i] for one in several], axis) for i in range(len(Seen._fields))))
+
+
+def seen(model: Actuator, walk: Walk, name: str, space: Space, chain: Chain, noise: Coloured | None) -> Seen:
+    """What a recording tells, at the values of a model.
+
+    Args:
+        model: the actuator.
+        walk: the recording.
+        name: what to call it in errors.
+        space: what is free.
+        chain: of the position channel.
+        noise: of its samples, m; None: white, of the walk's own deviation.
+
+    Raises:
+        ArithmeticError: the motion cannot be followed.
+    """
+    own = [n for n in space.ties.varying if n not in CHANNEL]
+    motion = walk.motion(model, name)
+    by = motion.slopes(model, chain.delay, own)
+    position = motion.position(model, chain.delay)
+    columns = dict(zip([*own, "delay"], by.T, strict=True)) | {"offset": np.ones(len(by)) / chain.scale}
+    values = {p.name: p.start for p in (*space.parameters, *space.ties.beside) if not p.tied}
+    j = space.ties.follow(columns, space.ties(values), space.names)
+    j = chain.scale * j * [p.slope(p.start) for p in space.parameters]
+    normal = walk.repeats * j.T @ j
+    spread = walk.noise**2 * normal if noise is None else walk.repeats * scores([j], noise)
+    if chain.zeroed:  # each recording is moved by the error of its own zero, and the offset is one for all
+        moved = j.sum(axis=0)
+        spread = spread + walk.repeats * zero_variance(walk, noise) * np.outer(moved, moved)
+    return Seen(
+        normal,
+        spread,
+        np.array(walk.repeats * walk.duration),
+        np.array(float(position.min())),
+        np.array(float(position.max())),
+    )
+
+
+def zero_variance(walk: Walk, noise: Coloured | None) -> float:
+    """m^2, of the mean of the samples at rest from which a recording counts; see `seen`."""
+    n = BEFORE * walk.sample_rate
+    if noise is None:
+        return walk.noise**2 / n
+    stationary = noise.autocovariance[0] + 2.0 * float(noise.autocovariance[1:].sum())
+    return max(stationary, 0.0) / n + noise.walk * n / 3.0
+
+
+def covariance(of: Seen) -> Array:
+    """Of the coordinates [..., k, k]; infinite on the diagonal of those that the recordings do not tell."""
+    scale = np.sqrt(np.diagonal(of.normal, axis1=-2, axis2=-1))
+    safe = np.where(scale > 0.0, scale, 1.0)
+    outer = safe[..., :, None] * safe[..., None, :]
+    values, vectors = np.linalg.eigh(of.normal / outer)
+    null = values <= NOTHING * values[..., -1:]
+    root = np.where(null, 0.0, 1.0 / np.where(null, 1.0, values))
+    inverse = (vectors * root[..., None, :]) @ np.swapaxes(vectors, -1, -2)
+    found = inverse @ (of.spread / outer) @ inverse / outer
+    lost = np.asarray(np.any((np.abs(vectors) > 1e-6) & null[..., None, :], axis=-1))
+    either = np.logical_or(lost[..., :, None], lost[..., None, :])
+    found = np.where(either, 0.0, 0.5 * (found + np.swapaxes(found, -1, -2)))
+    k = found.shape[-1]
+    found[..., np.arange(k), np.arange(k)] += np.where(lost, np.inf, 0.0)
+    return found

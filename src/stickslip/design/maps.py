@@ -1,0 +1,204 @@
+"""Maps of the step: what an actuator does over voltage, frequency, load, direction, and its own fields."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Mapping
+from typing import Any, Literal
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from ..actuator import Actuator
+from ..electronics.stack import Stack
+from ..estimate.posterior import Posterior
+from ..estimate.result import Fit
+from ..progress import Progress, unheard
+from ..simulation.errors import SimulationWarning
+from ..simulation.steady_members import CONVERGED
+from ..simulation.varied import waveform_names
+from ..units import QuantityError, to_si
+from ..waveform.signal import Waveform
+from .grid import AXES, Grid, grid_of
+from .power import UNITS, electrical_demand
+from .solving import NOT_COMPUTED, STATUS, Solved, intervals, solved
+from .spread import drawn_parameters
+
+Array = NDArray[np.float64]
+Extra = Literal["backlash", "ringing"]
+
+# Steps over the tolerance, from which on they can be compared.
+KNOWN = 100.0
+
+LABELS = {
+    "net_step": ("m", "net step per period"),
+    "speed": ("m/s", "mean speed"),
+    "backlash": ("m", "farthest way back within a period"),
+    "ringing": ("m", "largest swing back after the slip"),
+    "error_estimate": ("m", "how far the net step may be off, by a coarser integration"),
+    "net_step_low": ("m", "net step, 2.5 % quantile"),
+    "net_step_high": ("m", "net step, 97.5 % quantile"),
+    "speed_low": ("m/s", "mean speed, 2.5 % quantile"),
+    "speed_high": ("m/s", "mean speed, 97.5 % quantile"),
+    "draws_converged": ("", "draws with a steady step"),
+    "inequality": ("", "step forward minus step back, over their mean"),
+    **UNITS,
+}
+
+
+def step_map(
+    model: Actuator,
+    waveform: Waveform | None = None,
+    *,
+    voltage: ArrayLike | None = None,
+    frequency: ArrayLike | None = None,
+    load: ArrayLike | None = None,
+    direction: ArrayLike | None = None,
+    parameters: Mapping[str, ArrayLike] | None = None,
+    quantities: Iterable[Extra] = (),
+    stack: Stack | None = None,
+    fit: Fit | Posterior | None = None,
+    draws: int = 200,
+    seed: int = 0,
+    normal_load: Waveform | float = 1.0,
+    tolerance: float | str = 1e-10,
+    threads: int | None = None,
+    progress: Progress = unheard,
+) -> xr.Dataset:
+    """The steady step over all combinations of what is given, on all processors.
+
+    Each of voltage, frequency, load, direction and the parameters is a list of values, which becomes a
+    dimension, or one number; all in SI or as strings with units.
+
+    Args:
+        model: the actuator.
+        waveform: periodic (one with a `period`), V; left out, a `Sawtooth` with a jump that rests at 0 V, or
+            where the model's range of voltage is nearest to it.
+        voltage: V, from the least to the greatest value of the drive. Points beyond the model's `min_voltage`
+            and `max_voltage` are refused, with the reason.
+        frequency: Hz.
+        load: N, external force on the end-effector, positive towards +x as the model's `external_force`, to
+            which it is added: -0.1 N is against a walk forward.
+        direction: 1, the drive as it is, and -1, its mirror image in voltage (see `design.drives`), which
+            walks the other way. With both there is also `inequality`.
+        parameters: values of other fields of the model, its law or the waveform, by name ("incline",
+            "end_effector_mass", "sigma_0", "rise_fraction"), as for `steady_steps`.
+        quantities: "backlash" and "ringing" cost about as much again; see `design.motion`.
+        stack: the piezo's numbers, for current, energy and heat; the drive must not jump.
+        fit: of `identify_friction` or `identify_step` with the model's values, or a `posterior`: how far its
+            uncertainty lets the step be off, by `draws` of its parameters at every point, the same for all.
+        draws, seed: of the fit.
+        normal_load: normal force over its reference, for all points.
+        tolerance: m, on the net step.
+        threads: how many; all processors if left out.
+        progress: called after each block of points with what is being done and the share that is.
+
+    Returns:
+        Dataset over the dimensions given: net_step (m per period, positive towards +x; NaN where there is
+        none), speed (m/s), error_estimate (m), status (0 converged; see its flag_meanings) and reason (empty
+        where converged). On demand backlash and ringing (m); peak_current, rms_current (A), energy_per_step
+        (J), heat (W) and temperature_rise (K); net_step_low, net_step_high, speed_low, speed_high (ends of
+        the 95 % interval; NaN where fewer than nine draws of ten converged) and draws_converged;
+        inequality, without the dimension of the direction (NaN where the steps are within a hundred
+        tolerances). Stopped by Ctrl-C it returns what is done;
+        the others have the status "not_computed", and ``attrs["interrupted"]`` is 1.
+
+    Raises:
+        QuantityError: a value, or a name, that cannot be; see also `steady_orbit`.
+    """
+    tolerance = to_si(tolerance, "m", "tolerance")
+    extras = _extras(quantities)
+    given = dict(zip(AXES, (voltage, frequency, load, direction), strict=True))
+    grid = grid_of(model, waveform, given, parameters)
+    drawn = {} if fit is None else _drawn(fit, model, grid, draws, seed)
+    demand = {} if stack is None else _demand(grid, stack)
+    common = (model, grid.waveform, grid.columns, tolerance, normal_load, threads)
+    share = 1.0 / (1.0 + (draws if drawn else 0))
+    found = solved(*common, lambda doing, done: progress(doing, share * done), extras)
+    values: dict[str, Any] = {
+        "net_step": found.steps,
+        "speed": found.steps * grid.frequency,
+        **found.beside,
+        **demand,
+        "error_estimate": found.errors,
+    }
+    interrupted = found.interrupted
+    if drawn and not interrupted:
+        low, high, count, interrupted = intervals(
+            common, drawn, lambda doing, done: progress(doing, share + (1.0 - share) * done)
+        )
+        values |= {"net_step_low": low, "net_step_high": high}
+        values |= {"speed_low": low * grid.frequency, "speed_high": high * grid.frequency}
+        values["draws_converged"] = count
+    made = _dataset(grid, found, values, tolerance).assign_attrs(
+        title=f"map of the step of {model.name or type(model).__name__}",
+        waveform=repr(grid.waveform),
+        tolerance=tolerance,
+        interrupted=int(interrupted),
+    )
+    if drawn:
+        made.attrs["draws"] = draws
+    _warn(found, tolerance)
+    if interrupted and not found.interrupted:
+        warnings.warn("stopped: the draws of the fit are not complete", SimulationWarning, stacklevel=2)
+    return made
+
+
+def _extras(quantities: Iterable[Extra]) -> tuple[str, ...]:
+    names = (quantities,) if isinstance(quantities, str) else tuple(quantities)
+    for name in names:
+        if name not in ("backlash", "ringing"):
+            raise QuantityError(f"quantities: there are 'backlash' and 'ringing', not {name!r}")
+    return names
+
+
+def _drawn(fit: Any, model: Actuator, grid: Grid, draws: int, seed: int) -> dict[str, Array]:
+    if not 40 <= draws <= 100_000:
+        raise QuantityError(f"draws = {draws} is out of range: 95 % intervals need 40 to 100,000")
+    drawn = drawn_parameters(fit, model, draws, seed)
+    for name in drawn:
+        if name in grid.columns:
+            raise QuantityError(f"{name!r} varies over the map, and over the draws of the fit: only one can")
+    return drawn
+
+
+def _demand(grid: Grid, stack: Stack) -> dict[str, Array]:
+    names = waveform_names(grid.waveform)
+    own = {name: column for name, column in grid.columns.items() if name in names}
+    return electrical_demand(grid.waveform, own, stack, next(iter(grid.columns.values())).size)
+
+
+def _dataset(grid: Grid, found: Solved, values: Mapping[str, Array], tolerance: float) -> xr.Dataset:
+    dims, order = grid.dims, [name for name in grid.axes if name in grid.dims]
+    coords = {
+        name: ((name,) if name in dims else (), axis, grid.about[name]) for name, axis in grid.axes.items()
+    }
+    data: dict[str, Any] = {
+        name: (dims, np.asarray(column).reshape(grid.shape), {"units": unit, "long_name": meaning})
+        for name, column in values.items()
+        for unit, meaning in (LABELS[name],)
+    }
+    flags = {"flag_values": list(range(len(STATUS))), "flag_meanings": " ".join(STATUS)}
+    data["status"] = (dims, found.status.reshape(grid.shape), flags)
+    data["reason"] = (dims, np.array(found.reasons, dtype=str).reshape(grid.shape))
+    made = xr.Dataset(data, coords)
+    if "direction" in dims and {1.0, -1.0} <= {*grid.axes["direction"].tolist()}:
+        there, back = (made["net_step"].sel(direction=d, drop=True) for d in (1.0, -1.0))
+        apart = there - back
+        unequal = (2.0 * (there + back) / apart).where(np.abs(apart) > KNOWN * tolerance)
+        unit, meaning = LABELS["inequality"]
+        made["inequality"] = unequal.assign_attrs(units=unit, long_name=meaning)
+    return made.transpose(*order)
+
+
+def _warn(found: Solved, tolerance: float) -> None:
+    off = int(np.sum((found.status == CONVERGED) & ~(found.errors <= tolerance)))
+    if off:
+        text = f"{off} of {found.status.size} points are not shown to be within the tolerance"
+        warnings.warn(f"{text}: see error_estimate", SimulationWarning, stacklevel=3)
+    left = int(np.sum(found.status == NOT_COMPUTED))
+    if left:
+        warnings.warn(
+            f"stopped: {left} of {found.status.size} points are not computed", SimulationWarning, stacklevel=3
+        )

@@ -1,0 +1,130 @@
+r"""Backlash and ringing of the end-effector within a period of its steady walk.
+
+With x the position of the end-effector along the walk (of the sign of its net step) and C u the stroke at
+rest of the voltage,
+
+.. math:: b = \max_{t_1 \le t_2} \left(x(t_1) - x(t_2)\right), \qquad
+          r = \max_{t_2 \le t_3 \le t_4 \le t_5} \left(d(t_3) - d(t_4)\right), \quad d = x - C u
+
+*Backlash* b is the farthest that the end-effector goes back within a period, from t_1 to t_2: what the slip
+drags it along, and what the contact springs back. *Ringing* r is the largest swing back about the stroke at
+rest after that: once u no longer goes back, until it does again or the next backlash begins (t_5 at most
+t_1 + T). It is the first swing of a stage that vibrates, and zero for one that settles without. What a load
+pulls the end-effector back by while it sticks is in it; of a smooth drive, so is what the stage lags behind.
+Where the fast stroke of the drive goes along the walk (an actuator that walks backward by resonance) there is
+no slip that it could follow: NaN.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..actuator import Actuator
+from ..simulation.members import Columns, Members
+from ..solve.outcome import DONE
+from ..solve.periodic import Found
+from ..solve.periods import integrate_members
+from ..waveform.drive import evaluate
+from ..waveform.members import member_of
+
+Array = NDArray[np.float64]
+
+# Samples of a vibration of the stage, and their distance over the time since the drive last broke.
+PER_CYCLE, GROWTH = 32.0, 0.02
+# Of the stroke of the drive, what is no way back between two samples.
+STILL = 1e-9
+# Speeds of both strokes that count as equal.
+EVEN = 0.99
+MAX_STEPS = 10_000_000
+
+
+def backlash_and_ringing(
+    model: Actuator, of: Members, columns: Columns, found: Found, fine: NDArray[np.bool_], tolerance: float
+) -> dict[str, Array]:
+    """Both of members, m, NaN where they are not fine; `of.states` are on the orbits."""
+    backlash, ringing = np.full((2, fine.size), np.nan)
+    gains = columns.get("gain", np.full(fine.size, model.gain))
+    drives, which = of.drives, of.which
+    of_same: dict[bytes, list[int]] = {}  # that break at the same times
+    for m in np.flatnonzero(fine).tolist():
+        key = drives.start[which[m]].tobytes() + of.ends[m].tobytes()
+        of_same.setdefault(key, []).append(m)
+    for members in of_same.values():
+        rows = np.array(members)
+        period, start = float(of.ends[rows[0]]), drives.start[which[rows[0]]]
+        times = sample_times(start[np.isfinite(start)], period, float(of.of.plant.rate))
+        positions = _followed(of, rows, period, times, tolerance)
+        volts = np.stack([evaluate(member_of(drives, which[m]), times)[0] for m in members])
+        way = np.where(found.steps[rows] < 0.0, -1.0, 1.0)[:, None]
+        moved = way * positions, way * gains[rows, None] * volts, np.abs(found.steps[rows])
+        backlash[rows], ringing[rows] = measured(times, period, *moved)
+    return {"backlash": backlash, "ringing": ringing}
+
+
+def sample_times(breaks: Array, period: float, rate: float) -> Array:
+    """Within one period, close behind each break, in proportion to the time since it."""
+    finest = min(2.0 * np.pi / rate / PER_CYCLE, period / 64.0)
+    first = np.arange(0.0, finest / GROWTH, finest)
+    most = max(period / first[-1], 1.0)
+    later = first[-1] * (1.0 + GROWTH) ** np.arange(1.0, np.log(most) / np.log1p(GROWTH) + 1.0)
+    since = np.append(first, later)
+    ends = np.append(breaks[1:], period)
+    parts = [b + since[since < e - b] for b, e in zip(breaks, ends, strict=True)]
+    before = ends[ends < period] * (1.0 - 1e-12)
+    return np.unique(np.concatenate([*parts, before, [period * (1.0 - 1e-12)]]))
+
+
+def _followed(of: Members, rows: NDArray[np.int64], period: float, times: Array, tolerance: float) -> Array:
+    """Positions over one period, [members, times]."""
+    count = rows.size
+    outcomes, reached = np.full(count, DONE), np.zeros(count)
+    steps, positions = np.zeros(count, np.int64), np.full((count, times.size), np.nan)
+    spans = np.tile([0.0, period], (count, 1))
+    integrate_members(
+        of.of.plant,
+        (of.drives, of.which[rows], of.load),
+        of.values[rows],
+        of.states[rows],
+        spans,
+        tolerance,
+        False,
+        MAX_STEPS,
+        times,
+        of.of.slider,
+        (outcomes, reached, steps, positions),
+    )
+    return positions
+
+
+def measured(times: Array, period: float, position: Array, stroke: Array, step: Array) -> tuple[Array, Array]:
+    """Backlash and ringing of members, m.
+
+    Args:
+        times, period: s; the first of them is 0.
+        position, stroke: x and C u along the walk, m, of one period, [members, times].
+        step: net, m, [members], >= 0.
+    """
+    n, rows = position.shape[1], np.arange(step.size)
+    # Of three periods: a backlash that begins in the first ends before the third does.
+    x = np.tile(position, (1, 3)) + np.repeat(np.arange(3.0), n) * step[:, None]
+    fallen = np.maximum.accumulate(x[:, : 2 * n], axis=1) - x[:, : 2 * n]
+    trough = np.argmax(fallen, axis=1)
+    u, place = np.tile(stroke, (1, 3)), np.arange(3 * n)
+    turned = np.argmax(np.where(place <= trough[:, None], x, -np.inf), axis=1)
+    back = np.diff(u, append=u[:, -1:]) < -STILL * np.ptp(stroke, axis=1)[:, None]
+    begin = _first(~back, trough)
+    end = np.minimum(_first(back, begin), turned + n)
+    inside = (place >= begin[:, None]) & (place <= end[:, None])
+    d = np.where(inside, x - u, -np.inf)
+    swing = np.where(inside, np.maximum.accumulate(d, axis=1) - (x - u), 0.0)
+    speed = np.diff(u[:, : n + 1], axis=1) / np.diff(times, append=period)
+    slips = -speed.min(axis=1) >= EVEN * speed.max(axis=1)
+    return fallen[rows, trough], np.where(slips, np.max(swing, axis=1, initial=0.0), np.nan)
+
+
+def _first(true: NDArray[np.bool_], begin: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The first column from `begin` on in which each row is true; the last one where none is."""
+    place = np.arange(true.shape[1])
+    later = true & (place >= begin[:, None])
+    return np.where(later.any(axis=1), np.argmax(later, axis=1), true.shape[1] - 1)

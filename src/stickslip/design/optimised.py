@@ -1,0 +1,148 @@
+"""What became of a search for a drive signal."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ..actuator import Actuator
+from ..estimate.shown import preformatted
+from ..simulation import simulate
+from ..units import with_prefix
+from ..waveform.knots import PeriodicKnots
+from ..waveform.periodic import Sawtooth
+from ..waveform.sampled import Sampled
+from .scenarios import NOMINAL, Conditions
+
+Array = NDArray[np.float64]
+# Periods after which the motion is taken to repeat, in the picture; points of one.
+SETTLED, POINTS = 200, 401
+# Lines of a report.
+MOST_LINES = 12
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class OptimisedWaveform:
+    """See `optimise_waveform`. Values are of the drive as it reaches the piezo.
+
+    Attributes:
+        waveform: the drive.
+        value: what it reaches of the goal in the worst condition (or at the quantile that was chosen), in SI.
+        played: the drive as the generator plays it; None without one.
+        at_piezo: what reaches the piezo: that, or the drive itself, behind the amplifier, where one is given.
+        sawtooth: the best one within the same limits, in the same conditions; generator and amplifier do
+            the same to it. `sawtooth_value` is what it reaches.
+        values, speeds: of the drive in every condition, in the goal's unit and in m/s; `sawtooth_values`,
+            `sawtooth_speeds` likewise.
+        evaluations: periodic motions that were solved for.
+        fell_back: whether the drive is the sawtooth itself, for none was found that is worse nowhere.
+    """
+
+    waveform: PeriodicKnots
+    value: float
+    played: Sampled | None
+    at_piezo: Any
+    sawtooth_at_piezo: Any
+    sawtooth: Sawtooth
+    sawtooth_value: float
+    goal: Any
+    model: Actuator
+    conditions: Conditions
+    values: Array
+    sawtooth_values: Array
+    speeds: Array
+    sawtooth_speeds: Array
+    quantile: float
+    evaluations: int
+    fell_back: bool
+
+    @property
+    def frequency(self) -> float:
+        """Hz"""
+        return 1.0 / self.waveform.period
+
+    @property
+    def comparison(self) -> xr.Dataset:
+        """Over "scenario": `value` and `sawtooth`, in the unit of the goal, and what differs in each, SI."""
+        of_goal = {"units": self.goal.unit, "long_name": self.goal.label}
+        data: dict[str, Any] = {
+            name: ("scenario", column) for name, column in self.conditions.columns.items()
+        }
+        data["value"] = ("scenario", self.values, of_goal)
+        data["sawtooth"] = ("scenario", self.sawtooth_values, of_goal)
+        return xr.Dataset(data, coords={"scenario": list(self.conditions.names)})
+
+    @property
+    def table(self) -> Any:
+        """`comparison` as a pandas DataFrame."""
+        return self.comparison.to_dataframe()
+
+    def motion(self) -> xr.Dataset:
+        """Over "drive" (optimised, sawtooth) and "phase" (share of the period): voltage, and how far the
+        end-effector has come, once periodic, of the model as it is."""
+        phase, rows = np.linspace(0.0, 1.0, POINTS), []
+        drives = {"optimised": self.at_piezo, "sawtooth": self.sawtooth_at_piezo}
+        model = self.model.replace(min_voltage=-math.inf, max_voltage=math.inf)
+        for drive in drives.values():
+            period = float(drive.period)
+            times = (SETTLED + phase) * period
+            moved = simulate(model, drive, times=times)["end_effector_position"].values
+            rows.append((drive.value(times * (1.0 - 1e-12)), moved - moved[0], period))
+        volts, moved, periods = (np.array(column) for column in zip(*rows, strict=True))
+        both = ("drive", "phase")
+        return xr.Dataset(
+            {
+                "drive_voltage": (both, volts, {"units": "V", "long_name": "drive voltage"}),
+                "end_effector_position": (
+                    both,
+                    moved,
+                    {"units": "m", "long_name": "end-effector position"},
+                ),
+                "period": ("drive", periods, {"units": "s", "long_name": "period"}),
+            },
+            coords={"drive": list(drives), "phase": ("phase", phase, {"long_name": "share of the period"})},
+        )
+
+    def report(self) -> str:
+        """In words, with the conditions in which it does worst."""
+        unit, count = self.goal.unit, len(self.conditions.names)
+        how = "in the model as it is"
+        if count > 1:
+            how = f"in the worst of {count} conditions"
+            if self.quantile:
+                how = f"at the quantile {self.quantile:g} of {count} conditions"
+        said = [
+            f"{self.goal.label}: {with_prefix(self.value, unit, 4)} {how}; best sawtooth: "
+            f"{with_prefix(self.sawtooth_value, unit, 4)}",
+            f"{len(self.waveform.times)} knots at {self.frequency:.4g} Hz; sawtooth at "
+            f"{self.sawtooth.frequency:.4g} Hz, rise over {self.sawtooth.rise_fraction:.3g} of the period",
+            f"{self.evaluations} periodic motions solved for",
+        ]
+        if self.played is not None:
+            said.append(
+                f"as played: {self.played.times.size} points at "
+                f"{with_prefix(self.played.period / self.played.times.size, 's')}"  # type: ignore[operator]
+            )
+        if self.fell_back:
+            said.append("no drive was found that is worse than the sawtooth nowhere: this IS the sawtooth")
+        order = np.argsort(self.goal.sign * self.values)
+        nominal = self.conditions.names.index(NOMINAL)
+        shown = [nominal, *(i for i in order.tolist() if i != nominal)][:MOST_LINES]
+        width = max(len(self.conditions.names[i]) for i in shown)
+        for i in shown:
+            pair = (with_prefix(float(v[i]), unit, 4) for v in (self.values, self.sawtooth_values))
+            said.append(f"  {self.conditions.names[i]:{width}}  " + "   sawtooth ".join(pair))
+        if count > len(shown):
+            said.append(f"  ... {count - len(shown)} better ones")
+        return "\n".join(said)
+
+    def __repr__(self) -> str:
+        return self.report()
+
+    def _repr_html_(self) -> str:
+        return preformatted(self)

@@ -1,0 +1,251 @@
+"""A planned experiment: its recordings, and what a fit to them is expected to know."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from ..actuator import Actuator
+from ..estimate.parameter import Parameter
+from ..estimate.shown import preformatted
+from ..identify.walk.experiments import Walk
+from ..rig import Limits
+from ..units import to_si, with_prefix
+from ..waveform import Rest
+from ..waveform import Sequence as Parts
+from ..waveform.signal import Waveform
+from .choice import Goal, criterion, together
+from .information import BEFORE, Array, Seen, covariance
+from .starting import Start
+
+# Standard errors of half a 95 % interval; the share of a value above which it says only that it is wide.
+HALF, WIDE = 1.959964, 0.5
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Plan:
+    """See `plan_experiment`.
+
+    Attributes:
+        recordings: those to make, by name, in the order of what they tell: the first ones are a good plan
+            too.
+        dataset: over "parameter", "candidate" and "count" (of recordings made, in their order); half-widths
+            of 95 % intervals are shares of the value, or in the parameter's unit where that is 0.
+            `value` (SI); `half_width` with all recordings, `worst_half_width` over the draws,
+            `default_half_width` by the default recording of equal time; `expected` [count, parameter];
+            `alone` [candidate, parameter], `voltage` and `frequency` of each candidate that has them, `gain`:
+            how many times smaller its standard error of the goal is than the default's at equal time.
+        correlation: expected, over "parameter" and "other".
+        goal: what the plan is best for.
+        model: the actuator that it was planned with.
+        limits: that it keeps.
+        left_out: candidates that could not be taken, or were not followed at all draws, and why.
+    """
+
+    recordings: dict[str, Walk]
+    dataset: xr.Dataset
+    correlation: xr.DataArray
+    goal: str
+    model: Actuator
+    limits: Limits
+    left_out: dict[str, str]
+
+    @property
+    def duration(self) -> float:
+        """s, of all recordings together."""
+        return math.fsum(walk.duration * walk.repeats for walk in self.recordings.values())
+
+    @property
+    def standard_errors(self) -> dict[str, float]:
+        """Expected, of each parameter, in its unit."""
+        value, half = self.dataset["value"].values, self.dataset["half_width"].values
+        scale = np.where(value == 0.0, 1.0, np.abs(value))
+        return dict(
+            zip(self.dataset["parameter"].values.tolist(), (half * scale / HALF).tolist(), strict=True)
+        )
+
+    @property
+    def table(self) -> Any:
+        """A DataFrame by parameter: value, unit, half-widths, those by the default, how often narrower."""
+        names = ["value", "half_width", "worst_half_width", "default_half_width", "narrower"]
+        return self.dataset[names].to_dataframe().reindex(columns=["value", "unit", *names[1:]])
+
+    def drives(self, before: float | str = BEFORE) -> list[Waveform]:
+        """The drive of each recording of the file of `save`, in their order: what `identify_friction` takes.
+
+        A drive that is known leaves nothing to the samples of drive_voltage, which show no flank of a fast
+        sawtooth.
+
+        Args:
+            before: s at rest before each, as for `save`.
+        """
+        rest = to_si(before, "s", "before")
+        found: list[Waveform] = []
+        for walk in self.recordings.values():
+            drive = Parts(Rest(rest), (walk.drive, walk.duration)) if rest else walk.drive
+            found += [drive] * walk.repeats
+        return found
+
+    _repr_html_ = preformatted
+
+    def __repr__(self) -> str:
+        return self.report()
+
+    def report(self) -> str:
+        """The plan in words, and a table of what it is expected to tell."""
+        return _report(self)
+
+    def save(self, path: str | os.PathLike[str], **options: Any) -> Path:
+        """Write the plan as an experiment file; see `save_plan`."""
+        from .plan_file import save_plan
+
+        return save_plan(self, path, **options)
+
+
+def of_choice(
+    begin: Start,
+    walks: Mapping[str, Walk],
+    every: Seen,
+    taken: Sequence[int],
+    default: Seen,
+    goal: Goal,
+    limits: Limits,
+    left_out: dict[str, str],
+) -> Plan:
+    """The plan of a choice among what candidates tell [draws, candidates]."""
+    names = list(walks)
+    steps = [together(every, taken[: n + 1]) for n in range(len(taken))]
+    own = np.flatnonzero(goal.own).tolist()
+    free = [begin.space.parameters[i] for i in own]
+    spread = covariance(steps[-1])[0][np.ix_(own, own)]
+    deviations = np.sqrt(np.diag(spread))
+    listed = [p.name for p in free]
+    correlation = xr.DataArray(
+        spread / np.outer(deviations, deviations),
+        dims=("parameter", "other"),
+        coords={"parameter": listed, "other": listed},
+    )
+    wave = np.array([_wave(walk) for walk in walks.values()])
+    dataset = xr.Dataset(
+        {
+            "value": ("parameter", [p.start for p in free]),
+            **_half_widths(free, own, every, steps, default),
+            "gain": ("candidate", _gain(every, default, goal), {"units": "", "long_name": goal.name}),
+            "voltage": ("candidate", wave[:, 0], {"units": "V", "long_name": "voltage"}),
+            "frequency": ("candidate", wave[:, 1], {"units": "Hz", "long_name": "frequency"}),
+            "taken": ("candidate", [taken.count(i) for i in range(len(names))]),
+        },
+        coords={
+            "parameter": listed,
+            "unit": ("parameter", [p.unit for p in free]),
+            "candidate": names,
+            "count": np.arange(1, len(taken) + 1),
+        },
+        attrs={"goal": goal.name, "duration": float(steps[-1].duration[0])},
+    )
+    recordings = {}
+    for one in dict.fromkeys(taken):
+        walk = walks[names[one]]
+        recordings[names[one]] = walk._replace(repeats=walk.repeats * taken.count(one))
+    return Plan(recordings, dataset, correlation, goal.name, begin.model, limits, left_out)
+
+
+def _half_widths(
+    free: Sequence[Parameter], own: list[int], every: Seen, steps: Sequence[Seen], default: Seen
+) -> dict[str, Any]:
+    """Variables of the dataset; see `Plan`."""
+    # From a deviation of the coordinate to a share of the value, or to the value's unit where that is 0.
+    scales = HALF * np.array([p.slope(p.start) / (abs(p.start) or 1.0) for p in free])
+
+    def halves(of: Seen) -> Array:
+        spread = np.diagonal(covariance(of), axis1=-2, axis2=-1)
+        return np.sqrt(spread[..., own]) * scales
+
+    per = {"units": "", "long_name": "half-width of the 95 % interval"}
+    usual = default.times(float(steps[-1].duration[0]) / float(default.duration[0]))
+    half, by_usual = halves(steps[-1]), halves(usual)[0]
+    return {
+        "half_width": ("parameter", half[0], per),
+        "worst_half_width": ("parameter", half.max(axis=0), per),
+        "default_half_width": ("parameter", by_usual, per),
+        "narrower": ("parameter", by_usual / half[0]),
+        "expected": (("count", "parameter"), np.array([halves(one)[0] for one in steps]), per),
+        "alone": (("candidate", "parameter"), halves(every)[0], per),
+    }
+
+
+def _gain(every: Seen, default: Seen, goal: Goal) -> Array:
+    """How many times smaller the error of the goal is by each candidate [n] than by the default."""
+    usual = criterion(default, goal)[0] + 0.5 * math.log(float(default.duration[0]))
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.exp(usual - criterion(every, goal)[0] - 0.5 * np.log(every.duration[0]))
+
+
+def _wave(walk: Walk) -> tuple[float, float]:
+    """Voltage and frequency of a recording, NaN for those that have none."""
+    drive: Any = walk.drive
+    part = drive.parts[0][0] if isinstance(drive, Parts) else drive
+    low, high = walk.drive.range()
+    return high - low, float(getattr(part, "frequency", math.nan))
+
+
+def _report(plan: Plan) -> str:
+    of = plan.dataset
+    count = sum(walk.repeats for walk in plan.recordings.values())
+    wanted = "all parameters" if plan.goal == "all" else plan.goal
+    these = "this recording" if count == 1 else f"these {count} recordings"
+    lines = [
+        f"Planned for {wanted}: {these}, {with_prefix(plan.duration, 's', 3)}, will give "
+        + _listed([f"{name} within {_percent(x)}" for name, x in _rows(of, "half_width")])
+        + " (95 %).",
+        "",
+    ]
+    for i, (name, walk) in enumerate(plan.recordings.items(), start=1):
+        often = f", {walk.repeats} times" if walk.repeats > 1 else ""
+        lines.append(
+            f"  {i}. {name}: {with_prefix(walk.duration, 's', 3)} at "
+            f"{with_prefix(walk.sample_rate, 'Hz', 3)}{often}"
+        )
+    lines += [
+        "",
+        f"{'parameter':20}{'value':>14}{'half-width':>12}{'worst draw':>12}{'default':>12}{'narrower':>10}",
+    ]
+    for name in of["parameter"].values:
+        row = of.sel(parameter=name)
+        unit = str(row["unit"].values)
+        lines.append(
+            f"{name:20}{with_prefix(float(row['value']), unit):>14}{_percent(float(row['half_width'])):>12}"
+            f"{_percent(float(row['worst_half_width'])):>12}{_percent(float(row['default_half_width'])):>12}"
+            f"{float(row['narrower']):9.3g}x"
+        )
+    lines.append("")
+    lines.append(
+        "Default: its recording repeated for equal time. Half-widths are linearised, of 95 % intervals."
+    )
+    wide = [name for name, x in _rows(of, "half_width") if not x < WIDE]
+    if wide:
+        lines.append(f"{_listed(wide)}: so wide that the linearised figure is only a sign; more is needed.")
+    if plan.left_out:
+        lines.append(f"{len(plan.left_out)} candidates were left out; plan.left_out says why.")
+    return "\n".join(lines)
+
+
+def _rows(of: xr.Dataset, name: str) -> list[tuple[str, float]]:
+    return list(zip(of["parameter"].values.tolist(), of[name].values.tolist(), strict=True))
+
+
+def _percent(share: float) -> str:
+    if share < 0.995:
+        return f"{100.0 * share:.2g} %"
+    return f"{100.0 * share:.0f} %" if share < 100.0 else f"{100.0 * share:.0e} %"
+
+
+def _listed(parts: Sequence[str]) -> str:
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"

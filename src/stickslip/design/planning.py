@@ -1,0 +1,300 @@
+"""Which recordings tell most about an actuator: chosen among candidates by what a fit to them is expected to
+know."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from ..actuator import Actuator
+from ..chain import Chain
+from ..estimate import Fit
+from ..estimate.posterior import Posterior
+from ..identify.walk.experiments import Walk
+from ..progress import Progress, unheard
+from ..records import did_you_mean
+from ..rig import Limits
+from ..simulation.sensitivity import steady_step_derivatives
+from ..simulation.steady import steady_step
+from ..units import QuantityError, optional_si, to_si, with_prefix
+from ..waveform import Sawtooth
+from ..waveform.signal import Waveform
+from .candidates import beyond, refused, sawtooths, walks_of
+from .choice import Goal, Over, chosen, criterion, score
+from .information import Seen, covariance, seen, stacked
+from .plan import Plan, of_choice
+from .starting import Start, draws_of, start
+
+# What is compared with, where nothing else is asked for: the walk of [kang2007, 5.3].
+USUAL = (65.0, 5.0)
+ALL = "all"
+# m, of a steady step that is one.
+LEAST_STEP = 1e-9
+# Standard errors, as shares of a value, by all candidates together: with more it is not determined.
+LOST = 5.0
+# Candidates that are followed at the draws too, where there are more.
+MOST_FOLLOWED = 24
+
+
+def plan_experiment(
+    model: Actuator | Fit,
+    candidates: Mapping[str, Walk | Waveform] | Sequence[Walk | Waveform] | None = None,
+    *,
+    free: Sequence[str] | None = None,
+    goal: str | Waveform = ALL,
+    recordings: int = 3,
+    duration: float | str = 1.6,
+    sample_rate: float | str | None = None,
+    noise: float | str | xr.Dataset | None = None,
+    limits: Limits | None = None,
+    chain: Chain | None = None,
+    channel: Sequence[str] = ("delay", "offset"),
+    draws: int | Posterior | Mapping[str, Any] | None = None,
+    over: Over = "worst",
+    default: Walk | Waveform | None = None,
+    seed: int = 0,
+    progress: Progress = unheard,
+) -> Plan:
+    """Choose the recordings that tell most about an actuator's parameters.
+
+    What a recording tells is computed before it is made: the derivatives of its samples by all that
+    `identify_friction` would have free give the covariance of that fit (see `design.information`).
+
+    Args:
+        model: the actuator as far as it is known, or a fit of one by `identify_friction`, whose free
+            parameters, delay, rate of samples and noise are then taken where these are left out.
+        candidates: recordings to choose from, waveforms or `identify.Walk`, by name or in a list. Left out: a
+            grid of sawtooths in bursts there and back, over voltage, frequency and rise, within the limits.
+        free: what is to be determined, as for `identify_friction`; the stage's "natural_frequency",
+            "damping_ratio" and "gain" too.
+        goal: "all" (the product of the standard errors, correlations allowed for: D-optimal), the name of
+            one parameter, or a periodic waveform, whose steady step is to be predicted best.
+        recordings: how many; a candidate may be taken more than once.
+        duration, sample_rate: s and Hz of a recording, where a candidate does not say it; 2 kHz if nothing
+            does.
+        noise: standard deviation of a sample, m, white; or a recording of end_effector_position at rest,
+            whose noise, filtered and drifting, is taken with its colour, for all candidates. Left out: what
+            the fit left.
+        limits: of voltage, slew, duty and position. Left out: the actuator's voltages.
+        chain: of the position channel: delay, scale, the slew rate of the amplifier, which no flank of the
+            grid passes, and whether each recording is `zeroed` by the 0.1 s before it, with an error of its
+            own. Left out: with the delay of the fit.
+        channel: what is free of the channel besides.
+        draws: other values that the parameters may have, for the plan is one at given values, and those are
+            not known: how many of a fit's normal distribution (8 of a fit, if left out), a `posterior`, or
+            arrays by name, of which up to 32 sets are taken.
+        over: "worst": the plan is the best one where it is worst among the draws; "mean": on average.
+        default: what the plan is compared with, at equal time; left out, the sawtooth of 65 V (or what the
+            limits allow) at 5 Hz.
+        seed: of the draws.
+        progress: called after each recording that was simulated.
+
+    Returns:
+        A plan: the recordings, and the expected half-width of the 95 % interval of each parameter. These are
+        linearised: of a half-width of half a value no more is to be believed than that it is wide. The
+        filter's and the sensor's lag count as a delay, as in the fit; what they smear beyond that is a bias
+        that no covariance shows. The uncertainty of a stage that is taken as known is not in it.
+
+    Raises:
+        QuantityError: an unknown name, no candidates, none within the limits, a parameter that none of them
+            determines, or draws of another model.
+    """
+    noise = noise if isinstance(noise, xr.Dataset) else optional_si(noise, "m", "noise")
+    limits = limits or _limits_of(model)
+    duration = to_si(duration, "s", "duration")
+    sample_rate = optional_si(sample_rate, "Hz", "sample_rate")
+    if isinstance(recordings, bool) or not 1 <= recordings <= 1000 or recordings % 1:
+        raise QuantityError(
+            f"recordings = {recordings!r} is out of range: it must be a whole number, 1 to 1000"
+        )
+    if over not in ("worst", "mean"):
+        raise QuantityError(f"over = {over!r} is out of range: it must be 'worst' or 'mean'")
+    begin = start(model, free, channel, chain, sample_rate, noise)
+    starts = draws_of(begin, model, draws, seed)
+    wanted = _goal(goal, starts)
+    named = _named(candidates, begin, limits, duration)
+    found, left_out = _simulated(named, starts, wanted, limits, progress)
+    if not found:
+        raise QuantityError(
+            "no candidate can be taken: "
+            + "; ".join(f"{name}: {why}" for name, why in list(left_out.items())[:3])
+            + (f"; and {len(left_out) - 3} more" if len(left_out) > 3 else "")
+        )
+    names = list(found)
+    every = stacked([found[name] for name in names], axis=1)
+    _refuse_unseen(every, wanted, begin)
+    taken = chosen(every, wanted, over, int(recordings))
+    usual = _usual(default, begin, limits, duration, every, taken)
+    compared = stacked(
+        [seen(one.model, usual, "default", one.space, one.chain, one.colour) for one in starts]
+    )
+    progress("planning the experiment", 1.0)
+    walks = {name: named[name] for name in names}
+    return of_choice(begin, walks, every, taken, compared, wanted, limits, left_out)
+
+
+def _limits_of(model: Any) -> Limits:
+    of = model.model if isinstance(model, Fit) else model
+    low, high = getattr(of, "min_voltage", 0.0), getattr(of, "max_voltage", 150.0)
+    own = Limits()
+    return Limits(
+        min_voltage=low if np.isfinite(low) else own.min_voltage,
+        max_voltage=high if np.isfinite(high) else own.max_voltage,
+    )
+
+
+def _goal(goal: str | Waveform, starts: Sequence[Start]) -> Goal:
+    space, free = starts[0].space, starts[0].free
+    if isinstance(goal, str):
+        if goal == ALL:
+            return Goal(ALL, space.own, None)
+        if goal not in free:
+            raise QuantityError(
+                f"goal = {goal!r} is not free{did_you_mean(goal, [ALL, *free])}: it may be {ALL!r}, a "
+                f"waveform, {', '.join(free)}"
+            )
+        one = np.array([float(name == goal) for name in space.names])
+        return Goal(goal, space.own, np.tile(one, (len(starts), 1)))
+    if not hasattr(goal, "drive"):
+        raise QuantityError(f"goal = {goal!r:.60} must be {ALL!r}, the name of a parameter, or a waveform")
+    rows = [_of_step(one, goal) for one in starts]
+    return Goal(f"steady step of {goal!r}", space.own, np.array(rows))
+
+
+def _of_step(at: Start, waveform: Waveform) -> np.ndarray:
+    """Derivatives of the steady step, relative, by the coordinates."""
+    own = [name for name in at.space.ties.varying if name in at.free or name not in ("delay", "offset")]
+    step = steady_step(at.model, waveform)
+    if abs(step) < LEAST_STEP:
+        raise QuantityError("goal: this waveform has no net step, so there is nothing to predict")
+    by = steady_step_derivatives(at.model, waveform, parameters=own)
+    columns = {name: np.array([value]) for name, value in by.items()}
+    columns |= {name: np.zeros(1) for name in ("delay", "offset")}
+    values = at.space.ties({p.name: p.start for p in at.space.parameters})
+    slopes = [p.slope(p.start) for p in at.space.parameters]
+    return at.space.ties.follow(columns, values, at.space.names)[0] * slopes / step
+
+
+def _named(candidates: Any, begin: Start, limits: Limits, duration: float) -> dict[str, Walk]:
+    how = (duration, begin.sample_rate, begin.noise)
+    if candidates is None:
+        found = sawtooths(limits, min(begin.chain.slew_rate, limits.max_slew), *how)
+        if not found:
+            raise QuantityError(
+                f"no sawtooth fits: in {with_prefix(duration, 's', 3)} up to {limits.max_voltage:g} V none "
+                "of the usual grid has a burst there and back; give candidates"
+            )
+        return found
+    found = walks_of(candidates, *how)
+    if begin.colour is not None:
+        for name, walk in found.items():
+            if abs(walk.sample_rate / begin.sample_rate - 1.0) > 1e-3:
+                raise QuantityError(
+                    f"candidate {name!r} is sampled at {walk.sample_rate:g} Hz, and the noise is known at "
+                    f"{begin.sample_rate:g} Hz"
+                )
+    return found
+
+
+def _simulated(
+    named: Mapping[str, Walk], starts: Sequence[Start], goal: Goal, limits: Limits, progress: Progress
+) -> tuple[dict[str, Seen], dict[str, str]]:
+    """What candidates tell at all draws [draws], and why others cannot be taken.
+
+    Of very many, those are followed at the draws that tell most of the goal, or of one parameter, at the
+    values of the model.
+    """
+    found: dict[str, Seen] = {}
+    left_out: dict[str, str] = {}
+    first, share = starts[:1], 1.0 / len(starts)
+    for i, (name, walk) in enumerate(named.items()):
+        progress(f"planning: {name}", share * i / len(named))
+        why = refused(walk, limits, name)
+        if why:
+            left_out[name] = why
+        else:
+            _follow(name, walk, first, limits, found, left_out)
+    if len(starts) == 1:
+        return found, left_out
+    kept = _foremost(found, goal)
+    over_draws: dict[str, Seen] = {}
+    for i, name in enumerate(kept):
+        progress(f"planning: {name}", share + (1.0 - share) * i / len(kept))
+        _follow(name, named[name], starts, limits, over_draws, left_out)
+    beside = f"not among the {MOST_FOLLOWED} that tell most at the values of the model"
+    left_out |= {name: beside for name in found if name not in kept}
+    return over_draws, left_out
+
+
+def _follow(
+    name: str,
+    walk: Walk,
+    starts: Sequence[Start],
+    limits: Limits,
+    found: dict[str, Seen],
+    left_out: dict[str, str],
+) -> None:
+    """Put what a candidate tells into `found`, or why it cannot be taken into `left_out`."""
+    try:
+        of = stacked([seen(one.model, walk, name, one.space, one.chain, one.colour) for one in starts])
+    except (ArithmeticError, QuantityError) as error:
+        left_out[name] = str(error)
+        return
+    why = beyond(float(of.low.min()), float(of.high.max()), limits)
+    if why:
+        left_out[name] = why
+    else:
+        found[name] = of
+
+
+def _foremost(found: Mapping[str, Seen], goal: Goal) -> list[str]:
+    """Names of those that tell most: half by the goal, the others by each parameter in turn."""
+    names = list(found)
+    if len(names) <= MOST_FOLLOWED:
+        return names
+    every = stacked([found[name] for name in names], axis=1)
+    one = goal if goal.gradients is None else goal._replace(gradients=goal.gradients[:1])
+    orders = [np.argsort(score(every, one, "mean"), kind="stable").tolist()]
+    for place in np.flatnonzero(goal.own):
+        unit = np.eye(goal.own.size)[[place]]
+        orders.append(np.argsort(score(every, goal._replace(gradients=unit), "mean"), kind="stable").tolist())
+    kept = dict.fromkeys(orders[0][: MOST_FOLLOWED // 2])
+    for ranked in zip(*orders[1:], strict=True):
+        kept |= dict.fromkeys(ranked)
+        if len(kept) >= MOST_FOLLOWED:
+            break
+    return [names[i] for i in sorted(list(kept)[:MOST_FOLLOWED])]
+
+
+def _refuse_unseen(every: Seen, goal: Goal, begin: Start) -> None:
+    """Raises QuantityError unless all candidates together tell what is to be known."""
+    total = Seen(*(one.sum(axis=1) for one in every))
+    deviations = np.sqrt(np.diagonal(covariance(total), axis1=-2, axis2=-1)).max(axis=0)
+    most = [LOST if p.log else np.finfo(float).max for p in begin.space.parameters]
+    lost = goal.own & (deviations > most)
+    names = [name for name, gone in zip(begin.space.names, lost, strict=True) if gone]
+    if not names and np.all(np.isfinite(criterion(total, goal))):
+        return
+    raise QuantityError(
+        f"{' and '.join(names) or goal.name} cannot be determined: no candidate tells it, nor do all of them "
+        "together; leave that out of free, or give candidates that tell more"
+    )
+
+
+def _usual(
+    default: Walk | Waveform | None,
+    begin: Start,
+    limits: Limits,
+    duration: float,
+    every: Seen,
+    taken: Sequence[int],
+) -> Walk:
+    """The recording to compare with, as often as it takes for equal time."""
+    if isinstance(default, Walk):
+        return default
+    longest = max(duration, float(np.max(every.duration[0, list(taken)])))
+    drive = default or Sawtooth(min(USUAL[0], limits.max_voltage, begin.model.max_voltage), USUAL[1])
+    return Walk(drive, max(longest, 2.0 / USUAL[1]), begin.sample_rate, begin.noise)

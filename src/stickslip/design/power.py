@@ -1,0 +1,109 @@
+r"""Current, energy and heat of a stack under each drive of a map.
+
+A drive is the same curve over its period at every frequency f. So with the lines that draw it, of voltage
+:math:`\Delta u_k` over the share :math:`\Delta\varphi_k` of the period,
+
+.. math:: i_{max} = C f \max_k \frac{|\Delta u_k|}{\Delta\varphi_k}, \qquad
+          i_{rms} = C f \sqrt{\sum_k \frac{\Delta u_k^2}{\Delta\varphi_k}}, \qquad
+          E = \frac C2 \sum_{k:\,\Delta(u^2) > 0} \Delta(u^2)_k + Q, \qquad P = f Q
+
+with Q what the closed cycles of a period lose (see `electronics.Stack`), and E what the amplifier delivers in
+a period, most of which comes back and is heat in the amplifier, unless that is one that recovers it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..electronics.cycles import half_cycles
+from ..electronics.lines import jumps, lines_of
+from ..electronics.stack import Stack
+from ..simulation.members import put_in
+from ..units import QuantityError, with_prefix
+from ..waveform.signal import Waveform
+
+Array = NDArray[np.float64]
+
+UNITS = {
+    "peak_current": ("A", "greatest current"),
+    "rms_current": ("A", "rms current"),
+    "energy_per_step": ("J", "energy that the amplifier delivers per period"),
+    "heat": ("W", "mean loss in the stack"),
+    "temperature_rise": ("K", "temperature of the stack above its surroundings, if it went on like this"),
+}
+# Of the stroke of the drive, by which lines may leave it.
+PARTS = 1e-4
+
+
+def electrical_demand(
+    waveform: Waveform, columns: Mapping[str, Array], stack: Stack, count: int
+) -> dict[str, Array]:
+    """`UNITS` of each member; NaN where its fields make no waveform.
+
+    Args:
+        columns: fields of the waveform, [members], where any vary.
+        count: of the members.
+
+    Raises:
+        QuantityError: a drive jumps, which takes an infinite current.
+    """
+    # Knots are stretched with their period, so their times say no more than that does.
+    stretched = "period" in columns
+    shapes = [
+        n for n in columns if n not in ("frequency", "period") and not (stretched and n.startswith("time_"))
+    ]
+    periods = 1.0 / columns["frequency"] if "frequency" in columns else columns.get("period")
+    made = np.full((len(UNITS), count), np.nan)
+    table = np.column_stack([columns[n] for n in shapes]) if shapes else np.zeros((count, 1))
+    _, first, which = np.unique(table, axis=0, return_index=True, return_inverse=True)
+    which = which.reshape(-1)
+    for kind, member in enumerate(first.tolist()):
+        one = _with_fields(waveform, {n: float(c[member]) for n, c in columns.items()})
+        if one is None:
+            continue
+        rows = np.flatnonzero(which == kind)
+        per = 1.0 / (np.full(rows.size, one.period) if periods is None else periods[rows])
+        peak, rms, energy, loss = _of_one_period(one, stack)
+        heat = per * loss
+        made[:, rows] = (
+            per * peak,
+            per * rms,
+            np.full(rows.size, energy),
+            heat,
+            stack.thermal_resistance * heat,
+        )
+    return dict(zip(UNITS, made, strict=True))
+
+
+def _with_fields(waveform: Any, values: Mapping[str, float]) -> Any:
+    """The waveform with all of these at once; None where its record refuses them."""
+    try:
+        return type(waveform)(**put_in(waveform, values)) if values else waveform
+    except QuantityError:
+        return None
+
+
+def _of_one_period(waveform: Any, stack: Stack) -> tuple[float, float, float, float]:
+    """Greatest and rms current [A s: times the period], energy and loss per period [J]."""
+    low, high = waveform.range()
+    period, tolerance = float(waveform.period), max(PARTS * (high - low), 1e-9)
+    lines = lines_of(waveform.drive(period), period, tolerance)
+    share, volts = lines.bounds / period, np.append(lines.values, lines.end)
+    jumped = np.append(jumps(lines)[0][1:], lines.values[0] - lines.end)
+    if np.abs(jumped).max() > 2.0 * tolerance:
+        raise QuantityError(
+            f"{type(waveform).__name__} jumps by {with_prefix(float(np.abs(jumped).max()), 'V')}, which "
+            "takes an infinite current: give it a fall that takes time (rise_fraction < 1)"
+        )
+    change, stored = np.diff(volts), 0.5 * np.diff(volts**2)
+    top = int(np.argmax(volts[:-1]))
+    turned = np.roll(volts[:-1], -top)
+    loss = 0.5 * float(np.sum(stack.cycle_loss(half_cycles(np.append(turned, turned[0]))[0])))
+    peak = stack.load * float(np.max(np.abs(change) / np.diff(share)))
+    rms = stack.load * math.sqrt(float(np.sum(change**2 / np.diff(share))))
+    return peak, rms, stack.load * float(np.sum(np.maximum(stored, 0.0))) + loss, loss

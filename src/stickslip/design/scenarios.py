@@ -1,0 +1,186 @@
+"""Conditions under which a drive signal is judged: loads, detunings, draws of what is not known exactly."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..actuator import Actuator
+from ..estimate.posterior import Posterior
+from ..estimate.result import Fit
+from ..records import did_you_mean, quantities
+from ..simulation.members import SCALES
+from ..simulation.varied import element_of, free_names, law_of, with_values
+from ..units import QuantityError, to_si
+
+Array = NDArray[np.float64]
+NOMINAL = "nominal"
+# Of samples and fits, what belongs to the sensor's channel or to the sampler, not to the actuator.
+NOT_OF_ACTUATOR = ("delay", "offset", "log_posterior")
+
+
+@dataclass(frozen=True, init=False, repr=False)
+class Scenario:
+    """A condition that differs from the model: ``Scenario(external_force="-0.1 N")``.
+
+    Attributes:
+        name: by default what differs.
+        values: in SI, by the name of a field of the actuator or its law, or "load" (normal force over its
+            reference), or "drive_scale" (a factor on the voltage).
+        factors: on those of the model (of each draw): ``Scenario(factors={"natural_frequency": 0.95})``.
+    """
+
+    name: str
+    values: Mapping[str, float | str]
+    factors: Mapping[str, float]
+
+    def __init__(
+        self, name: str = "", *, factors: Mapping[str, float] | None = None, **values: float | str
+    ) -> None:
+        if not isinstance(name, str):
+            raise QuantityError(f"Scenario.name = {name!r} must be a text; what differs is given by keyword")
+        if not values and not factors:
+            raise QuantityError("a Scenario says what differs, such as external_force='-0.1 N'")
+        if twice := {*values} & {*(factors or {})}:
+            raise QuantityError(f"Scenario.{min(twice)} is given a value and a factor")
+        text = [f"{key} {value}" for key, value in values.items()]
+        text += [f"{key} x {value:g}" for key, value in (factors or {}).items()]
+        for key, value in (("name", name or ", ".join(text)), ("values", values), ("factors", factors or {})):
+            object.__setattr__(self, key, value)
+
+    def __repr__(self) -> str:
+        return f"Scenario({self.name!r}, factors={dict(self.factors)}, {dict(self.values)})"
+
+
+class Conditions(NamedTuple):
+    """Names of all conditions; those of the columns that vary, with one value for each condition."""
+
+    names: tuple[str, ...]
+    columns: dict[str, Array]
+
+    def part(self, which: NDArray[np.int64]) -> dict[str, Array]:
+        return {name: column[which] for name, column in self.columns.items()}
+
+
+def conditions_of(
+    model: Actuator,
+    scenarios: Sequence[Scenario | Mapping[str, Any]],
+    uncertainty: Posterior | Fit | None,
+    draws: int,
+    seed: int,
+) -> Conditions:
+    """The model as it is, and every scenario, each with the model's values and with those of every draw.
+
+    Raises:
+        QuantityError: a name that the model does not have, a value out of range.
+    """
+    cases: list[Scenario | None] = [None, *map(_scenario, scenarios)]
+    rows = [(NOMINAL, dict[str, float]())]
+    if uncertainty is not None:
+        rows += [(f"draw {i + 1}", row) for i, row in enumerate(drawn(model, uncertainty, draws, seed))]
+    names, found = list[str](), list[dict[str, float]]()
+    for of_draw, row in rows:
+        base = with_values(model, row) if row else model
+        for case in cases:
+            names.append(" ".join(n for n in (case.name if case else "", of_draw) if n and n != NOMINAL))
+            found.append(row | (_changes(base, case) if case else {}))
+    columns = {}
+    for key in dict.fromkeys(key for one in found for key in one):
+        bases = [with_values(model, row) if row else model for _, row in rows for _ in cases]
+        columns[key] = np.array(
+            [one[key] if key in one else _own(base, key) for one, base in zip(found, bases, strict=True)]
+        )
+    for one in found:  # what is out of range is said before anything is searched
+        with_values(model, {key: value for key, value in one.items() if key not in SCALES})
+    return Conditions(tuple(name or NOMINAL for name in names), columns)
+
+
+def _scenario(given: Scenario | Mapping[str, Any]) -> Scenario:
+    if isinstance(given, Scenario):
+        return given
+    if isinstance(given, Mapping):
+        return Scenario(**given)
+    raise QuantityError(f"{given!r:.60} is no scenario: give design.Scenario(external_force='-0.1 N'), say")
+
+
+def _changes(model: Actuator, case: Scenario) -> dict[str, float]:
+    """What a scenario makes of a model, SI."""
+    known = [*free_names(model), *SCALES]
+    for name in (*case.values, *case.factors):
+        if name not in known:
+            raise QuantityError(
+                f"Scenario {case.name!r}: {name!r} is unknown{did_you_mean(name, known)}; "
+                f"there are {', '.join(known)}"
+            )
+    of = quantities(type(model)) | quantities(type(model.friction))
+    changed = {}
+    for name, value in case.values.items():
+        quantity = of.get(name)
+        changed[name] = (
+            quantity.check(value, f"Scenario.{name}") if quantity else to_si(value, "", f"Scenario.{name}")
+        )
+    for name, factor in case.factors.items():
+        changed[name] = _own(model, name) * to_si(factor, "", f"Scenario.factors[{name!r}]")
+    for name in SCALES:
+        if not changed.get(name, 1.0) > 0.0:
+            raise QuantityError(f"Scenario.{name} = {changed[name]:g} is out of range: it must be > 0")
+    return changed
+
+
+def _own(model: Actuator, name: str) -> float:
+    """A value of the model itself."""
+    law = law_of(model)
+    if name in SCALES:
+        return 1.0
+    if name in law._fields:
+        return float(getattr(law, name))
+    if name == "stiction_ratio":
+        return law.stiction_force / law.coulomb_force
+    if name == "breakaway_share":
+        return law.breakaway_deflection * law.sigma_0 / law.coulomb_force
+    if element := element_of(law, name):
+        return float(getattr(law, element[0])[element[1]])
+    return float(getattr(model, name))
+
+
+def drawn(model: Actuator, source: Posterior | Fit, count: int, seed: int) -> list[dict[str, float]]:
+    """Values of the model's parameters that its posterior, or its fit's covariance, leaves possible.
+
+    Raises:
+        QuantityError: a parameter that the model does not have, or a fit that does not say how uncertain it
+            is.
+    """
+    random = np.random.default_rng([seed, 64])
+    if isinstance(source, Posterior):
+        samples = source.samples
+        flat = {str(name): samples[name].values.ravel() for name in samples.data_vars}
+        rows = random.integers(0, next(iter(flat.values())).size, count)
+        found = {name: values[rows] for name, values in flat.items()}
+    elif isinstance(source, Fit):
+        covariance = source.uncertainty.covariance
+        if not np.all(np.isfinite(covariance)):
+            raise QuantityError(
+                "no draws: the covariance of the fit is not finite, for its data leave a value open"
+            )
+        q = random.multivariate_normal(source.coordinates, covariance, count, method="eigh")
+        found = {
+            p.name: p.values(np.clip(q[:, i], p.coordinate(p.lower), p.coordinate(p.upper)))
+            for i, p in enumerate(source.parameters)
+        }
+        found = {name: np.broadcast_to(v, count) for name, v in source.ties(found).items()}
+    else:
+        raise QuantityError(f"uncertainty = {source!r:.60} must be a posterior or a fit")
+    kept, known = {n: v for n, v in found.items() if n not in NOT_OF_ACTUATOR}, free_names(model)
+    for name in kept:
+        if name not in known:
+            raise QuantityError(
+                f"the uncertainty is of another model: it has {name!r}{did_you_mean(name, known)}"
+                f", and this one has {', '.join(known)}"
+            )
+    if not kept:
+        raise QuantityError("the uncertainty has no parameter of the actuator")
+    return [{name: float(values[i]) for name, values in kept.items()} for i in range(count)]

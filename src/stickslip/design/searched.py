@@ -1,0 +1,198 @@
+"""A search for one goal: what it is judged by, the best sawtooth, the best drive, and which of both it is."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..actuator import Actuator
+from ..electronics import driven_period
+from ..progress import Progress, within
+from ..units import QuantityError
+from ..waveform.periodic import Sawtooth
+from ..waveform.signal import Waveform
+from .limits import Allowed
+from .optimised import OptimisedWaveform
+from .polygons import SEARCHED, Array, Polygons, exact_steps, knots, net_steps, sawtooths, starts
+from .sawtooth import best_sawtooth
+from .scenarios import Conditions
+from .search import SHORTFALL, Best, Index, Judge, Task, robust
+
+# Of the scale of the goal: what the search keeps above the sawtooth, for coarser steps and the generator; and
+# how far below it is called no worse.
+MARGIN, NO_WORSE = 1e-3, 1e-6
+# Sawtooths that tell the scale of a goal.
+SAMPLES = 48
+
+
+class Searched(NamedTuple):
+    """`minimum_speed` [m/s] in the direction of the goal; `quantile` as in `Judge`; `scale` of the goal."""
+
+    model: Actuator
+    goal: Any
+    allowed: Allowed
+    conditions: Conditions
+    minimum_speed: float
+    quantile: float
+    threads: int | None
+    scale: float = 1.0
+
+    def result(self, count: int, budget: int, seed: int, progress: Progress) -> OptimisedWaveform:
+        """Of drives through so many values."""
+        random = np.random.default_rng([seed, 1])
+        of = self.scaled(random)
+        everything = len(of.conditions.names)
+        x, spent = best_sawtooth(of.merits_of(sawtooths), Judge(of.quantile, None, of.scale), everything)
+        sawtooth = sawtooths(x[None], of.allowed)
+        progress("searching for a drive signal", 0.1)
+        baseline = of.merits_of(sawtooths)(x[None], np.arange(everything))[0]
+        judge = Judge(of.quantile, np.nan_to_num(baseline, nan=-np.inf) + MARGIN * of.scale, of.scale)
+        task = Task(
+            of.merits_of(knots),
+            judge,
+            everything,
+            budget,
+            random,
+            lambda doing, done: within(progress, 0.1, 0.85, doing, done),
+        )
+        best = robust(task, starts(sawtooth, count, of.allowed))
+        made = of.chosen(best, sawtooth, spent)
+        progress("searching for a drive signal", 1.0)
+        return made
+
+    def scaled(self, random: np.random.Generator) -> Searched:
+        """With the scale of the goal, that of the sawtooths.
+
+        Raises:
+            QuantityError: none of them has a steady motion.
+        """
+        shapes = sawtooths(random.random((SAMPLES, 2)), self.allowed)
+        steps = net_steps(self.model, shapes, {}, SEARCHED, self.threads)
+        found = np.abs(self.goal.of(shapes, steps))
+        found = found[np.isfinite(found)]
+        if not found.size or not found.max() > 0.0:
+            raise QuantityError(
+                f"no sawtooth of {self.allowed.low:g} V to {self.allowed.high:g} V at "
+                f"{self.allowed.slowest:g} Hz to {self.allowed.fastest:g} Hz moves this actuator "
+                "periodically: give other limits"
+            )
+        return self._replace(scale=float(found.max()))
+
+    def merits_of(self, family: Any) -> Any:
+        """The merits of what a family makes of numbers from 0 to 1."""
+
+        def found(x: Array, which: Index) -> Array:
+            shapes = family(x, self.allowed)
+            return self.merits(
+                shapes, net_steps(self.model, shapes, self.conditions.part(which), SEARCHED, self.threads)
+            )
+
+        return found
+
+    def merits(self, shapes: Polygons, steps: Array) -> Array:
+        """More is better; below the least speed they are worse than anything above it."""
+        merits = self.goal.sign * self.goal.of(shapes, steps)
+        if self.minimum_speed:
+            short = np.maximum(self.minimum_speed - steps / shapes.period[:, None], 0.0)
+            merits = merits - SHORTFALL * self.scale * short / self.minimum_speed
+        return merits
+
+    def chosen(self, best: Best, sawtooth: Polygons, spent: int) -> OptimisedWaveform:
+        """The best as it is played, or the sawtooth, where that is better anywhere."""
+        found = knots(best.x[None], self.allowed)
+        candidates, saws = self.at_updates(found), self.at_updates(sawtooth)
+        shapes = [*candidates, *saws]
+        drives: list[Waveform] = [shape.one(0) for shape in shapes]
+        played = self.played(drives)
+        at_piezo = self.at_piezo(played)
+        unbound = self.model.replace(min_voltage=-math.inf, max_voltage=math.inf)  # but for rounding
+        steps = exact_steps(unbound, at_piezo, self.conditions.columns, self.threads)
+        merits = np.concatenate(
+            [self.merits(shape, row[None]) for shape, row in zip(shapes, steps, strict=True)]
+        )
+        judge, everything = Judge(self.quantile, None, self.scale), np.arange(merits.shape[1])
+        scores = judge.score(merits, everything)
+        n = len(candidates)
+        saw = n + int(np.argmax(scores[n:]))
+        if np.isnan(merits[saw]).any() and not np.isfinite(scores[:n]).any():
+            raise QuantityError("no drive was found that has a steady motion in every condition")
+        # A condition in which the sawtooth has no steady motion is no bar.
+        no_worse = np.all(
+            ~(merits[:n] < np.nan_to_num(merits[saw], nan=-np.inf) - NO_WORSE * self.scale), axis=1
+        ) & ~np.isnan(merits[:n]).any(axis=1)
+        scores[:n][~no_worse] = -np.inf
+        k = int(np.argmax(scores[:n])) if no_worse.any() else saw
+        if k != saw and scores[k] < scores[saw]:
+            k = saw
+        spent += best.evaluations + steps.size
+        return self.described(shapes, drives, played, at_piezo, steps, k, saw, spent)
+
+    def at_updates(self, shape: Polygons) -> list[Polygons]:
+        """With the periods that a generator can play, the nearest two; as it is, where there is none."""
+        generator = self.allowed.generator
+        if generator is None:
+            return [shape]
+        updates = shape.period[0] * generator.update_rate
+        counts = {
+            int(np.clip(n, np.ceil(1e-9 + 1.0), generator.points))
+            for n in (np.floor(updates), np.ceil(updates))
+        }
+        return [
+            shape._replace(period=np.array([n / generator.update_rate])).within(self.allowed)
+            for n in sorted(counts)
+        ]
+
+    def played(self, drives: list[Waveform]) -> list[Waveform]:
+        """As the generator plays them."""
+        generator = self.allowed.generator
+        if generator is None:
+            return drives
+        return [generator.played(drive, self.allowed.low, self.allowed.high) for drive in drives]
+
+    def at_piezo(self, drives: list[Waveform]) -> list[Waveform]:
+        """Behind the amplifier."""
+        limits = self.allowed.limits
+        if limits.amplifier is None or limits.capacitance is None:
+            return drives
+        return [driven_period(limits.amplifier, drive, limits.capacitance) for drive in drives]
+
+    def described(
+        self,
+        shapes: list[Polygons],
+        drives: list[Waveform],
+        played: list[Waveform],
+        at_piezo: list[Waveform],
+        steps: Array,
+        k: int,
+        saw: int,
+        spent: int,
+    ) -> OptimisedWaveform:
+        values = [self.goal.of(shapes[i], steps[i][None])[0] for i in (k, saw)]
+        speeds = [steps[i] / shapes[i].period[0] for i in (k, saw)]
+        judge, which = Judge(self.quantile, None, self.scale), np.arange(steps.shape[1])
+        worst = [float(self.goal.sign * judge.score(self.goal.sign * v[None], which)[0]) for v in values]
+        low, high = float(shapes[saw].volts.min()), float(shapes[saw].volts.max())
+        sawtooth = Sawtooth(
+            high - low, 1.0 / float(shapes[saw].period[0]), float(shapes[saw].shares[0, 1]), low
+        )
+        return OptimisedWaveform(
+            waveform=drives[k],  # type: ignore[arg-type]
+            value=worst[0],
+            played=None if self.allowed.generator is None else played[k],  # type: ignore[arg-type]
+            at_piezo=at_piezo[k],
+            sawtooth_at_piezo=at_piezo[saw],
+            sawtooth=sawtooth,
+            sawtooth_value=worst[1],
+            goal=self.goal,
+            model=self.model,
+            conditions=self.conditions,
+            values=values[0],
+            sawtooth_values=values[1],
+            speeds=speeds[0],
+            sawtooth_speeds=speeds[1],
+            quantile=self.quantile,
+            evaluations=spent,
+            fell_back=k == saw,
+        )

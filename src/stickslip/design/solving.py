@@ -1,0 +1,121 @@
+"""Orbits of all points of a map, block by block: what is done when it is stopped stays."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..actuator import Actuator
+from ..progress import Progress
+from ..simulation.members import Columns, Members, checked_columns
+from ..simulation.steady_members import CONVERGED, orbit_blocks
+from ..simulation.steady_members import STATUS as OF_ORBITS
+from ..solve.periodic import Found
+from ..waveform.signal import Waveform
+from .motion import backlash_and_ringing
+
+Array = NDArray[np.float64]
+
+STATUS = (*OF_ORBITS, "not_computed")
+NOT_COMPUTED = len(OF_ORBITS)
+# Members of one call, about, where there are draws of few points.
+AT_ONCE = 4096
+# Draws that must have a steady step for an interval.
+ENOUGH = 0.9
+LEVEL = 0.95
+
+# Model, drive, columns, tolerance [m], normal force over its reference, threads.
+Common = tuple[Actuator, Waveform, Mapping[str, Array], float, Any, int | None]
+
+
+class Solved(NamedTuple):
+    """Of all points: net steps and errors [m], `beside` (see `design.motion`), status and reasons."""
+
+    steps: Array
+    errors: Array
+    beside: dict[str, Array]
+    status: NDArray[np.int8]
+    reasons: list[str]
+    interrupted: bool
+
+
+def solved(
+    model: Actuator,
+    waveform: Waveform,
+    columns: Mapping[str, Array],
+    tolerance: float,
+    normal_load: Waveform | float,
+    threads: int | None,
+    progress: Progress,
+    extras: tuple[str, ...] = (),
+) -> Solved:
+    """The steady steps of members; an interruption ends it early.
+
+    Raises:
+        QuantityError: see `orbit_blocks`.
+    """
+    columns = checked_columns(model, waveform, columns)
+    count = next(iter(columns.values())).size
+    steps, errors = np.full((2, count), np.nan)
+    beside = {name: np.full(count, np.nan) for name in extras}
+    status, reasons = np.full(count, NOT_COMPUTED, np.int8), ["not computed"] * count
+
+    def moved(of: Members, part: Columns, found: Found, states: NDArray[np.int8]) -> dict[str, Array]:
+        return backlash_and_ringing(model, of, part, found, states == CONVERGED, tolerance)
+
+    blocks = orbit_blocks(
+        model, waveform, columns, tolerance, normal_load, threads, moved if extras else None
+    )
+    try:
+        for start, block in blocks:
+            part = slice(start, start + block.status.size)
+            there = block.status == CONVERGED
+            steps[part] = np.where(there, block.found.steps, np.nan)
+            errors[part] = np.where(there, block.found.errors, np.nan)
+            for name, values in beside.items():
+                values[part] = block.beside[name]
+            status[part], reasons[part] = block.status, block.reasons
+            progress("solving for periodic motion", part.stop / count)
+    except KeyboardInterrupt:
+        return Solved(steps, errors, beside, status, reasons, True)
+    return Solved(steps, errors, beside, status, reasons, False)
+
+
+def intervals(
+    common: Common, drawn: Mapping[str, Array], progress: Progress
+) -> tuple[Array, Array, NDArray[np.int64], bool]:
+    """Both ends of the 95 % intervals of the net step, how many draws of each point have one, and whether it
+    was stopped: the draws so far count, if they are enough."""
+    model, waveform, columns, tolerance, normal_load, threads = common
+    points, draws = next(iter(columns.values())).size, next(iter(drawn.values())).size
+    together = max(1, AT_ONCE // points)
+    steps, done, interrupted = np.full((draws, points), np.nan), 0, False
+    for begin in range(0, draws, together):
+        some = slice(begin, min(begin + together, draws))
+        size = some.stop - begin
+        members = {name: np.tile(column, size) for name, column in columns.items()}
+        members |= {name: np.repeat(values[some], points) for name, values in drawn.items()}
+        share = size / draws
+        found = solved(
+            model,
+            waveform,
+            members,
+            tolerance,
+            normal_load,
+            threads,
+            lambda doing, part, begin=begin, share=share: progress(doing, begin / draws + share * part),
+        )
+        steps[some] = found.steps.reshape(size, points)
+        done, interrupted = some.stop, found.interrupted
+        if interrupted:
+            break
+    there = np.isfinite(steps)
+    count, low, high = there.sum(axis=0), np.full(points, np.nan), np.full(points, np.nan)
+    fine = (count >= ENOUGH * draws) & (done > 0)
+    if np.any(fine):
+        ends = np.nanquantile(steps[:, fine], [0.5 - LEVEL / 2, 0.5 + LEVEL / 2], axis=0)
+        low[fine], high[fine] = ends
+    return low, high, count, interrupted

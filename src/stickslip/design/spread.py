@@ -1,0 +1,83 @@
+"""What a fit, or a posterior, leaves possible of a model: draws of its parameters."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..actuator import Actuator
+from ..estimate.posterior import Posterior
+from ..estimate.result import Fit
+from ..simulation.varied import RATIOS, changed_fields, free_names
+from ..units import QuantityError
+
+Array = NDArray[np.float64]
+
+# How far the model may be from the estimate of the fit, relative: it is meant to be that of the fit.
+SAME = 1e-6
+
+
+def drawn_parameters(source: Fit | Posterior, model: Actuator, count: int, seed: int) -> dict[str, Array]:
+    """Draws [count] of the parameters of the model that the source is about.
+
+    Of a fit they are normal in its coordinates, cut at its bounds; of a posterior, its samples.
+
+    Raises:
+        QuantityError: it is neither, is of no parameter of the model, does not determine one, or the model
+            has other values than the fit.
+    """
+    random = np.random.default_rng(seed)
+    if isinstance(source, Posterior):
+        drawn = _sampled(source, count, random)
+    elif isinstance(source, Fit):
+        drawn = _normal(source, count, random)
+    else:
+        raise QuantityError(f"fit is a Fit or a Posterior, not a {type(source).__name__}")
+    known = free_names(model)
+    kept = {name: np.broadcast_to(values, count) for name, values in drawn.items() if name in known}
+    if not kept:
+        raise QuantityError(
+            f"the fit is of {', '.join(drawn) or 'nothing'}, none of which the model has: {', '.join(known)}"
+        )
+    if isinstance(source, Fit):
+        _refuse_others(model, {name: source.values[name] for name in kept})
+    return {name: np.array(values, dtype=float) for name, values in kept.items()}
+
+
+def _sampled(source: Posterior, count: int, random: np.random.Generator) -> dict[str, Array]:
+    columns = {str(n): v.values.ravel() for n, v in source.samples.items() if n != "log_posterior"}
+    chosen = random.integers(0, next(iter(columns.values())).size, count)
+    return {name: values[chosen] for name, values in columns.items()}
+
+
+def _normal(fit: Fit, count: int, random: np.random.Generator) -> dict[str, Array]:
+    covariance, bounded = fit.uncertainty.covariance, fit.uncertainty.bounded
+    free = np.flatnonzero(bounded == 0)
+    spread = covariance[np.ix_(free, free)]
+    if not np.all(np.isfinite(spread)):
+        names = [fit.parameters[i].name for i in free if not math.isfinite(covariance[i, i])]
+        raise QuantityError(f"the data do not determine {', '.join(names)}: the step could be anything")
+    centre = fit.coordinates if fit.uncertainty.centre is None else fit.uncertainty.centre
+    at = np.tile(np.where(bounded == 0, centre, fit.coordinates), (count, 1))
+    if free.size:
+        at[:, free] += random.multivariate_normal(np.zeros(free.size), spread, count, method="eigh")
+    values: dict[str, Any] = dict(fit.values)
+    for i, p in enumerate(fit.parameters):
+        values[p.name] = np.clip(p.values(at[:, i]), p.lower, p.upper)
+    return {name: np.asarray(value, dtype=float) for name, value in fit.ties(values).items()}
+
+
+def _refuse_others(model: Actuator, values: dict[str, float]) -> None:
+    """Raise QuantityError where the model differs from the estimate."""
+    law, own = changed_fields(model, values)
+    now = model.friction._asdict() | {name: getattr(model, name) for name in own}
+    for name, value in (law | own).items():
+        if not np.allclose(np.asarray(value, float), np.asarray(now[name], float), rtol=SAME, atol=0.0):
+            given = [n for n in values if n not in RATIOS]
+            raise QuantityError(
+                f"the model has {name} = {now[name]!r} and the fit {value!r}: take the model of the fit, "
+                f"with {', '.join(given)} as it found them (fit.model)"
+            )

@@ -1,0 +1,253 @@
+"""What a plan starts from: the model, what a fit to the recordings searches for, its noise, and what else the
+parameters may be."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ..actuator import Actuator
+from ..chain import Chain
+from ..estimate import Fit
+from ..estimate.coloured import Coloured, coloured
+from ..estimate.parameter import Parameter, Values
+from ..estimate.posterior import Posterior
+from ..estimate.tied import Ties
+from ..identify.free import check_names, parameter, value_of
+from ..identify.walk.displacement import has_slopes
+from ..identify.walk.position_channel import CHANNEL, OBSERVED
+from ..identify.walk.walks import own_values
+from ..records import did_you_mean
+from ..simulation.varied import free_names, with_values
+from ..units import QuantityError
+from .information import Space
+
+SAMPLE_RATE = 2e3  # Hz, where nothing says another
+# Of the posterior of a fit, and at most of draws that are given.
+DRAWS, MOST_DRAWS = 8, 32
+# A share of one interval by which recordings may be sampled at another rate and still be of the same.
+SAME_RATE = 1e-3
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Start:
+    """A model, the space of its fits, and the samples of its recordings.
+
+    `noise` is their standard deviation, m, `colour` more of it where that is known, at `sample_rate`, Hz.
+    """
+
+    model: Actuator
+    space: Space
+    chain: Chain
+    sample_rate: float
+    noise: float
+    colour: Coloured | None
+
+    @property
+    def free(self) -> list[str]:
+        """What is free of the actuator."""
+        return [name for name in self.space.names if name not in CHANNEL]
+
+    def at(self, values: Values) -> Start:
+        """The same at other values of the actuator; the channel stays as it is."""
+        own = {name: x for name, x in values.items() if name not in CHANNEL}
+        moved = tuple(_moved(p, own.get(p.name, p.start)) for p in self.space.parameters)
+        every = self.space.ties({**{p.name: p.start for p in moved}, **own})
+        return replace(
+            self, model=with_values(self.model, own_values(every)), space=Space(moved, self.space.ties)
+        )
+
+
+class _Noise(NamedTuple):
+    level: float
+    colour: Coloured | None
+    rate: float
+
+
+def start(
+    source: Any,
+    free: Sequence[str] | None,
+    channel: Sequence[str],
+    chain: Chain | None,
+    sample_rate: float | None,
+    noise: Any,
+) -> Start:
+    """See `plan_experiment`.
+
+    Raises:
+        QuantityError: something does not fit; names it.
+    """
+    fit = source if isinstance(source, Fit) else None
+    model = source if fit is None else fit.model
+    if not isinstance(model, Actuator):
+        what = f"a fit of {type(model).__name__}" if fit else f"{type(source).__name__}"
+        raise QuantityError(f"an experiment is planned from an actuator or a fit of one, not from {what}")
+    if fit is not None and fit.observed != OBSERVED:
+        raise QuantityError(
+            f"the fit is of {fit.observed}: an experiment is planned from a fit of {OBSERVED}"
+        )
+    if not has_slopes(model):
+        law = type(model.friction).__name__
+        raise QuantityError(
+            f"{law} on {'a clamped' if model.clamped else 'this'} actuator has no derivatives to plan by: "
+            "they are of an actuator that moves, with a law of one internal state"
+        )
+    if chain is None:
+        chain = Chain(delay=fit.values.get("delay", 0.0)) if fit is not None else Chain()
+    found = _noise(noise, sample_rate, fit)
+    return Start(
+        model, _space(model, fit, free, channel, chain), chain, found.rate, found.level, found.colour
+    )
+
+
+def _space(
+    model: Actuator, fit: Fit | None, free: Sequence[str] | None, channel: Sequence[str], chain: Chain
+) -> Space:
+    known = {p.name: p for p in fit.parameters} if fit is not None else {}
+    beside = fit.ties.beside if fit is not None else ()
+    names = list(free) if free is not None and not isinstance(free, str) else free
+    if names is None:
+        if fit is None:
+            raise QuantityError(
+                f"free is missing: name what is to be determined, of {', '.join(free_names(model))}"
+            )
+        names = [name for name in known if name not in CHANNEL]
+    check_names(names, free_names(model), {})
+    for p in beside:
+        if p.name in names:
+            raise QuantityError(f"{p.name!r} is fixed or tied in the fit: it cannot be free in the plan")
+    for name in channel:
+        if name not in CHANNEL:
+            hint = did_you_mean(name, CHANNEL)
+            raise QuantityError(f"{name!r} is not of the position channel{hint}: it has {', '.join(CHANNEL)}")
+    own = [_moved(known[n], fit.values[n]) if fit and n in known else _parameter(model, n) for n in names]
+    zero = {"delay": (chain.delay, "s"), "offset": (chain.offset, "m")}
+    more = [Parameter(n, zero[n][0], unit=zero[n][1], log=False) for n in dict.fromkeys(channel)]
+    parameters = (*own, *more)
+    others = [p for p in beside if p.tied or p.fixed]
+    return Space(parameters, Ties([*parameters, *others]))
+
+
+def _parameter(model: Actuator, name: str) -> Parameter:
+    """At the model's value, of any sign: nothing is searched for, so it needs no bounds."""
+    value, quantity = value_of(model, name)
+    if quantity is None or value > 0.0:
+        return _moved(parameter(model, name, {}), value)
+    return Parameter(name, value, unit=quantity.unit, log=False)
+
+
+def _moved(p: Parameter, value: float) -> Parameter:
+    least = 0.0 if p.log or p.square else -math.inf
+    return p._replace(start=value, lower=least, upper=math.inf, prior=None)
+
+
+def _noise(noise: Any, sample_rate: float | None, fit: Fit | None) -> _Noise:
+    if isinstance(noise, xr.Dataset):
+        if OBSERVED not in noise or noise.sizes.get("time", 0) < 100:
+            raise QuantityError(f"noise: a recording at rest has at least 100 samples of {OBSERVED}")
+        return _of_samples(
+            [noise[OBSERVED].values], noise["time"].values, sample_rate, "the recording at rest"
+        )
+    if noise is not None:
+        if not 0.0 < noise < math.inf:
+            raise QuantityError(f"noise = {noise:g} m is out of range: it must be > 0 m, and finite")
+        return _Noise(float(noise), None, sample_rate or _rate(fit) or SAMPLE_RATE)
+    if fit is None:
+        raise QuantityError(
+            "noise is missing: give the standard deviation of a sample of the position [m], or a recording "
+            f"of {OBSERVED} at rest"
+        )
+    rate = _rate(fit)
+    if rate is None or (sample_rate is not None and abs(sample_rate / rate - 1.0) > SAME_RATE):
+        return _Noise(fit.rmse, None, sample_rate or SAMPLE_RATE)
+    return _Noise(fit.rmse, coloured(fit.residuals, walks=True), rate)
+
+
+def _of_samples(pieces: list[Array], time: Array, sample_rate: float | None, what: str) -> _Noise:
+    rate = (time.size - 1) / float(time[-1] - time[0])
+    if sample_rate is not None and abs(sample_rate / rate - 1.0) > SAME_RATE:
+        raise QuantityError(
+            f"sample_rate = {sample_rate:g} Hz, but {what} has {rate:.6g} Hz: its noise is that of its rate"
+        )
+    level = float(np.std(np.concatenate(pieces)))
+    if not level > 0.0:
+        raise QuantityError(f"noise: {what} shows none, all its samples are the same")
+    return _Noise(level, coloured(pieces, walks=True), rate)
+
+
+def _rate(fit: Fit | None) -> float | None:
+    """Hz of the samples of all recordings of a fit, if it is one."""
+    if fit is None or not fit.times or not all(t.size > 1 for t in fit.times):
+        return None
+    rates = [(t.size - 1) / float(t[-1] - t[0]) for t in fit.times]
+    return rates[0] if max(rates) <= min(rates) * (1.0 + SAME_RATE) else None
+
+
+def draws_of(
+    begin: Start, source: Any, draws: int | Posterior | Mapping[str, Any] | None, seed: int
+) -> list[Start]:
+    """The start at its own values, then at others that are possible.
+
+    Raises:
+        QuantityError: what is given is of another model, or there is nothing to draw from.
+    """
+    if draws is None:
+        draws = DRAWS if isinstance(source, Fit) else 0
+    if isinstance(draws, Posterior):
+        some = draws.samples.drop_vars("log_posterior", errors="ignore")
+        draws = {str(name): one.values.ravel() for name, one in some.data_vars.items()}
+    if isinstance(draws, Mapping):
+        values = _given(begin, draws)
+    elif draws and isinstance(source, Fit):
+        values = _drawn(begin, source, int(draws), seed)
+    elif draws:
+        raise QuantityError(
+            f"draws = {draws}: there is nothing to draw from but the model; give a fit, a posterior or "
+            "values by name"
+        )
+    else:
+        values = []
+    return [begin, *(begin.at(one) for one in values)]
+
+
+def _given(begin: Start, samples: Mapping[str, Any]) -> list[Values]:
+    arrays = {name: np.atleast_1d(np.asarray(one, dtype=float)) for name, one in samples.items()}
+    known = free_names(begin.model)
+    for name in arrays:
+        if name not in known and name not in CHANNEL:
+            hint = did_you_mean(name, known)
+            raise QuantityError(
+                f"draws: there is no {name!r} in this actuator with {type(begin.model.friction).__name__}"
+                f"{hint}: they are of another model"
+            )
+    sizes = {one.size for one in arrays.values()}
+    if len(sizes) != 1 or 0 in sizes:
+        raise QuantityError("draws: each parameter needs as many values as the others, and at least one")
+    size = sizes.pop()
+    some = np.linspace(0, size - 1, min(size, MOST_DRAWS)).round().astype(int)
+    return [{name: float(one[i]) for name, one in arrays.items()} for i in some]
+
+
+def _drawn(begin: Start, fit: Fit, count: int, seed: int) -> list[Values]:
+    """From the normal distribution in the coordinates of a fit, within its bounds."""
+    spread = fit.uncertainty.covariance
+    sure = np.isfinite(np.diag(spread))
+    random = np.random.default_rng(seed)
+    q = np.tile(fit.coordinates, (min(count, MOST_DRAWS), 1))
+    inner = spread[np.ix_(sure, sure)]
+    q[:, sure] += random.multivariate_normal(np.zeros(len(inner)), inner, len(q), method="eigh")
+    return [
+        {
+            p.name: float(np.clip(p.value(x), p.lower, p.upper))
+            for p, x in zip(fit.parameters, row, strict=True)
+        }
+        for row in q
+    ]

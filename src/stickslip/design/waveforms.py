@@ -1,0 +1,127 @@
+"""The fastest drive signal within limits, under all conditions that it was told of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ..actuator import Actuator
+from ..estimate.posterior import Posterior
+from ..estimate.result import Fit
+from ..progress import Progress, unheard
+from ..units import QuantityError, optional_si, to_si
+from .goals import goal_of
+from .limits import Generator, Limits, allowed, frequencies
+from .optimised import OptimisedWaveform
+from .scenarios import Scenario, conditions_of
+from .searched import Searched
+
+COUNTS = {
+    "knots": (2, 64),
+    "draws": (1, 100_000),
+    "budget": (1, 10_000_000),
+    "points": (4, 1000),
+    "generations": (1, 1_000_000),
+}
+
+
+def optimise_waveform(
+    model: Actuator | Fit,
+    *,
+    goal: Any = None,
+    knots: int = 8,
+    max_voltage: float | str | None = None,
+    min_voltage: float | str | None = None,
+    frequency: tuple[float | str, float | str] | None = None,
+    limits: Limits | None = None,
+    generator: Generator | None = None,
+    scenarios: Sequence[Scenario | Mapping[str, Any]] = (),
+    uncertainty: Posterior | Fit | None = None,
+    draws: int = 64,
+    quantile: float | str = 0.0,
+    minimum_speed: float | str | None = None,
+    budget: int = 2000,
+    seed: int = 0,
+    threads: int | None = None,
+    progress: Progress = unheard,
+) -> OptimisedWaveform:
+    """Search for the periodic drive that reaches a goal best, and compare it with the best sawtooth.
+
+    A drive is a polygon through values at even times of its period; values and frequency are searched for by
+    CMA-ES, and polished. It is judged by its steady motion, in the worst of all conditions: the model as it
+    is, each scenario, and both again with the values of each draw.
+
+    Args:
+        model: the actuator; or the fit of one, whose covariance then is the `uncertainty`.
+        goal: "speed", or one of the goals in `stickslip.design`.
+        knots: values within a period.
+        max_voltage, min_voltage: V; by default those of the model (from 0 V, where it has no least one).
+        frequency: (low, high), Hz; by default about those of stage and contact.
+        limits: slope and current.
+        generator: what plays it. The period then is a whole number of its updates, and what is played is
+            what counts.
+        scenarios: loads, detunings; see `Scenario`.
+        uncertainty: `draws` of the posterior, or of the fit, are conditions too.
+        quantile: of the conditions, in place of the worst: 0.05, say.
+        minimum_speed: m/s, in every condition; needed by goals that would stand still.
+        budget: candidates of the first search; later ones, with more conditions, take a fifth.
+        seed: of search and draws: the same seed, the same drive.
+        threads: how many; all processors if left out.
+        progress: called as the search goes on.
+
+    Returns:
+        Its `waveform` and `value`, and how it does beside the best sawtooth in every condition. It is worse
+        in none of them: where no such drive was found, it is the sawtooth, and `fell_back` says so.
+
+    Raises:
+        QuantityError: no goal, limits that exclude every drive, an unknown name in a scenario or in the
+            uncertainty, a model or a number that will not do, or no drive with a steady motion.
+    """
+    speed = optional_si(minimum_speed, "m/s", "minimum_speed")
+    low, high = optional_si(min_voltage, "V", "min_voltage"), optional_si(max_voltage, "V", "max_voltage")
+    share, hertz = to_si(quantile, "", "quantile"), frequencies(frequency)
+    aim = goal_of(goal)
+    model, uncertainty = _model_of(model, uncertainty)
+    check_counts(knots=knots, draws=draws, budget=budget)
+    if not 0.0 <= share < 1.0:
+        raise QuantityError(f"quantile = {share:g} is out of range: it must be >= 0 (the worst) and < 1")
+    if not aim.moves and not (speed and speed > 0.0):
+        raise QuantityError(
+            f"minimum_speed [m/s] is needed: with the least {aim.label} alone, nothing would move"
+        )
+    within_limits = allowed(model, low, high, limits, hertz, generator)
+    conditions = conditions_of(model, scenarios, uncertainty, draws, seed)
+    searched = Searched(model, aim, within_limits, conditions, speed or 0.0, share, threads)
+    return searched.result(knots, budget, seed, progress)
+
+
+def _model_of(model: Any, uncertainty: Posterior | Fit | None) -> tuple[Actuator, Posterior | Fit | None]:
+    """The actuator, and what is known of how uncertain it is."""
+    if isinstance(model, Fit):
+        found, uncertainty = model.model, uncertainty or model
+    elif isinstance(model, Posterior):
+        raise QuantityError(
+            "a posterior says how uncertain an actuator is: give model=, uncertainty=posterior"
+        )
+    else:
+        found = model
+    check_model(found)
+    return found, uncertainty
+
+
+def check_model(model: Any) -> None:
+    """Raises QuantityError for what cannot step."""
+    if not isinstance(model, Actuator):
+        raise QuantityError(f"model = {model!r:.60} must be an actuator, or the fit of one")
+    if model.clamped:
+        raise QuantityError("a clamped end-effector does not step: give a model with clamped=False")
+
+
+def check_counts(**given: int) -> None:
+    """Raises QuantityError for a number that is no whole one within its range."""
+    for name, value in given.items():
+        least, most = COUNTS[name]
+        if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
+            raise QuantityError(
+                f"{name} = {value!r} is out of range: it must be a whole number from {least} to {most}"
+            )

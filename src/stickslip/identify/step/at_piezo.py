@@ -1,0 +1,108 @@
+r"""A step of the drive as it comes out of a piezo with hysteresis and creep: ramps, and lags behind them.
+
+While the drive goes one way the plays' output is a straight line between the voltages at which one is taken
+along, so that a step (or the ramp that an amplifier makes of it) becomes a sum of ramps. Creep adds to it the
+answer of each of its terms, :math:`a_k / (1 + \tau_k s)`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...piezo import Creep, Piezo, PrandtlIshlinskii
+from ...units import QuantityError
+from .linear import residues
+
+Array = NDArray[np.float64]
+
+
+class Ramp(NamedTuple):
+    """A part of the step: its height [V], when it begins and how long it takes [s]."""
+
+    height: float
+    begin: float
+    rise: float
+
+
+def check_known(piezo: Piezo | None) -> None:
+    """Raise QuantityError for a model whose steps have no closed form."""
+    if piezo is None:
+        return
+    for part, known in ((piezo.hysteresis, PrandtlIshlinskii), (piezo.creep, Creep)):
+        if part is not None and not isinstance(part, known):
+            raise QuantityError(
+                f"steps through a {type(part).__name__} have no closed form here: a model with a piezo needs "
+                "a PrandtlIshlinskii and a Creep"
+            )
+
+
+def ramps(piezo: Piezo | None, voltage: float, rest: float, slew_rate: float | None) -> list[Ramp]:
+    """The step from `rest` [V], reached from 0 V, by `voltage` [V], at a slew rate [V/s] if it is known."""
+    path, levels = np.array([rest, rest + voltage]), np.array([rest, rest + voltage])
+    if piezo is not None and piezo.hysteresis is not None:
+        law = piezo.hysteresis
+        thresholds = np.array(law.thresholds)
+        corners = np.append(law.rested(rest) + np.sign(voltage) * thresholds, law.dead_zones)
+        along = np.sort(np.abs(corners[(corners - rest) * np.sign(voltage) > 0.0] - rest))
+        inside = along[along < abs(voltage)]
+        path = rest + np.sign(voltage) * np.unique(np.concatenate([[0.0], inside, [abs(voltage)]]))
+        levels = law.output(path, rest)
+    if not slew_rate:
+        return [Ramp(float(levels[-1] - levels[0]), 0.0, 0.0)]
+    times = np.abs(path - rest) / slew_rate
+    return [
+        Ramp(float(h1 - h0), float(t0), float(t1 - t0))
+        for (h0, h1), (t0, t1) in zip(pairwise(levels), pairwise(times), strict=True)
+    ]
+
+
+def response(
+    piezo: Piezo | None, slew_rate: float | None
+) -> Callable[[Array, float, float, list[complex], list[complex]], Array]:
+    """What linear parts behind the piezo make of a step: of times [s], height [V], rest [V], poles, zeros."""
+    known: dict[tuple[float, float], list[Ramp]] = {}
+    creep = None if piezo is None else piezo.creep
+
+    def of(time: Array, voltage: float, rest: float, poles: list[complex], zeros: list[complex]) -> Array:
+        if (voltage, rest) not in known:
+            known[voltage, rest] = ramps(piezo, voltage, rest, slew_rate)
+        parts = known[voltage, rest]
+        level, c, p = _with_creep(creep, *residues(poles, zeros))
+        height, begin, rise = np.array(parts).T[:, :, None]
+        found, end = np.zeros(time.size), parts[-1].begin + parts[-1].rise
+        rising, later = (time > 0.0) & (time < end), time >= end
+
+        def integral(since: Array) -> Array:
+            """Of the answer to a step of 1 V."""
+            after = np.maximum(since, 0.0)
+            return level * after + np.real(np.expm1(after[..., None] * p) @ (c / p))
+
+        if np.any(rising):
+            t = time[rising]
+            found[rising] = (height / rise * (integral(t - begin) - integral(t - begin - rise))).sum(axis=0)
+        # When all ramps are over the exponentials go on alone: each ramp is a factor to each of them.
+        ramped = -np.expm1(-p * rise) / (p * rise) if end > 0.0 else 1.0
+        factors = (height * np.exp(-p * begin) * ramped).sum(axis=0)
+        found[later] = level * height.sum() + np.real(np.exp(np.outer(time[later], p)) @ (c * factors))
+        return found
+
+    return of
+
+
+def _with_creep(creep: Creep | None, c: NDArray, p: NDArray) -> tuple[float, NDArray, NDArray]:
+    """Level, coefficients and poles of the answer to a step, with those of the lags of creep beside."""
+    if creep is None:
+        return 1.0, c, p
+    tau, shares = np.array(creep.time_constants), np.array(creep.shares)
+    behind = c / (1.0 + tau[:, None] * p)
+    own = -1.0 - behind.sum(axis=1)  # each begins at 0
+    return (
+        1.0 + float(shares.sum()),
+        np.append(c + shares @ behind, shares * own),
+        np.append(p, -1.0 / tau),
+    )

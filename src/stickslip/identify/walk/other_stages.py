@@ -1,0 +1,55 @@
+"""Walks by other stages: how far the positions of a fit move with the stage as a whole."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ...actuator import Actuator
+from ...estimate.result import Fit
+from ...waveform.signal import Waveform
+from ..recorded.channels import names_of
+from ..step.fit import STAGE_PARAMETERS
+from .displacement import Displacement
+
+_TOLERANCE = 1e-11
+
+Array = NDArray[np.float64]
+
+
+def moved_by(
+    fit: Fit,
+    stages: Sequence[Actuator],
+    recordings: Sequence[xr.Dataset],
+    drives: Sequence[Waveform | None],
+    slew_rate: float | None,
+) -> Array:
+    """What each stage, with its mode, gain and piezo, makes of the positions, less what the fit's own does:
+    [samples of all recordings, stages], m."""
+    delay, names = fit.values.get("delay", 0.0), names_of(recordings)
+
+    def positions(model: Actuator) -> Array:
+        return np.concatenate(
+            [
+                Displacement(r, w, name, model, _TOLERANCE, slew_rate).position(model, delay)
+                for r, w, name in zip(recordings, drives, names, strict=True)
+            ]
+        )
+
+    here = positions(fit.model)
+    own = {name for name in STAGE_PARAMETERS if name in fit.values}  # what the fit has found itself, stays
+    return np.column_stack(
+        [
+            positions(
+                fit.model.replace(
+                    piezo=one.piezo,
+                    **{name: getattr(one, name) for name in STAGE_PARAMETERS if name not in own},
+                )
+            )
+            - here
+            for one in stages
+        ]
+    )

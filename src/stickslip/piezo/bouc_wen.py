@@ -1,0 +1,153 @@
+r"""Bouc-Wen hysteresis between voltage and free stroke, of the order n = 1 [wen1976; low1995].
+
+.. math:: H[u] = u - h, \qquad
+          \dot h = \alpha \dot u - \beta |\dot u| h - \gamma \dot u |h|, \qquad y = C H[u]
+
+Rate-independent, smooth after a reversal, three numbers. Its loops are point-symmetric, and minor loops
+drift until they close [ikhouane2007], which those of a piezo do not: a Prandtl-Ishlinskii model predicts
+better where the amplitude changes. On each way of the drive h is an exponential of u on either side of 0, so
+that nothing is integrated.
+
+|h| stays below α/(β + γ). With 2 α β < β + γ the stroke follows the drive on each way, so that H has an
+inverse.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .. import registry
+from .._jit import compiled, kernel
+from ..records import Quantity, record
+from ..units import QuantityError
+
+Array = NDArray[np.float64]
+
+# Halvings of an interval, to rounding.
+HALVINGS = 100
+
+
+@registry.piezos.add
+@record
+class BoucWen(NamedTuple):
+    """See the module."""
+
+    alpha: Annotated[float, Quantity("", "α", "share of a change of the drive that h takes up", minimum=0)]
+    beta: Annotated[float, Quantity("1/V", "β", "decay of h on any way of the drive", above=0)]
+    gamma: Annotated[float, Quantity("1/V", "γ", "how loading differs from unloading")] = 0.0
+
+    def _check(self) -> None:
+        if not abs(self.gamma) < self.beta:
+            raise QuantityError(
+                f"BoucWen.gamma = {self.gamma:g} 1/V is out of range: it must be within -beta and beta "
+                f"({self.beta:g} 1/V), or h grows without a bound"
+            )
+        if self.least_slope <= 0.0:
+            raise QuantityError(
+                f"BoucWen has the slope {self.least_slope:.3g} at its least: alpha must be below 1, and 2"
+                " alpha beta below beta + gamma, or the stroke turns back before the voltage does"
+            )
+
+    @property
+    def least_slope(self) -> float:
+        """dH/du just after a reversal from large strokes."""
+        return 1.0 - self.alpha * max(1.0, 2.0 * self.beta / (self.beta + self.gamma))
+
+    def rested(self, drive: float) -> float:
+        """h [V] at a drive value [V] that was reached from 0 V, without turning back."""
+        return float(bent(self, 0.0, 0.0, float(drive)))
+
+    def at_rest(self, drive: float) -> float:
+        """H [V] at a drive value [V] that was reached from 0 V, without turning back."""
+        return float(drive) - self.rested(drive)
+
+    def output(self, drive: ArrayLike, rest: float = 0.0) -> Array:
+        """H[u] [V], shape (n,), of samples of a drive [V] between which it does not turn back.
+
+        Args:
+            drive: shape (n,).
+            rest: V at which it rested before the first sample, reached from 0 V.
+        """
+        u = np.ascontiguousarray(drive, dtype=float)
+        found = np.empty(u.size)
+        bouc_wen_response(self, u, float(rest), self.rested(rest), found)
+        return found
+
+    def inverse(self, wanted: ArrayLike, rest: float = 0.0) -> Array:
+        """The drive [V], shape (n,), for which `output` is as wanted [V]."""
+        w = np.ascontiguousarray(wanted, dtype=float)
+        found = np.empty(w.size)
+        bouc_wen_inverse(self, w, float(rest), self.rested(rest), found)
+        return found
+
+
+@compiled
+def decay_of(of, h, up):
+    """r of dh/du = α - r h on a way in the direction `up`, on the side of h; at 0 that which it moves to."""
+    side = up if h == 0.0 else math.copysign(1.0, h)
+    return of.beta * up + of.gamma * side
+
+
+@compiled
+def along(alpha, r, h, du):
+    """h after the drive has changed by du, as long as it keeps its sign."""
+    x = r * du
+    return h * math.exp(-x) - (alpha * du * (math.expm1(-x) / x) if x != 0.0 else -alpha * du)
+
+
+@compiled
+def crossing(of, h, u, goal):
+    """The drive value between u and the goal at which h comes to 0; the goal if it does not."""
+    up = 1.0 if goal > u else -1.0
+    if h * up >= 0.0 or of.alpha == 0.0:
+        return goal
+    r = decay_of(of, h, up)
+    # 0 = α/r + (h - α/r) exp(-r du)
+    x = -r * h / of.alpha
+    du = -h / of.alpha if abs(x) < 1e-12 else math.log1p(x) / r
+    return u + du if abs(du) < abs(goal - u) else goal
+
+
+@compiled
+def bent(of, h, u, goal):
+    """h after a way of the drive from u to the goal."""
+    if goal == u:
+        return h
+    up = 1.0 if goal > u else -1.0
+    at = crossing(of, h, u, goal)
+    h = along(of.alpha, decay_of(of, h, up), h, at - u) if at == goal else 0.0
+    return h if at == goal else along(of.alpha, decay_of(of, 0.0, up), 0.0, goal - at)
+
+
+@kernel
+def bouc_wen_response(of, drive, u, h, out):
+    """H at each sample, from the drive u and the state h on."""
+    for k in range(drive.size):
+        h = bent(of, h, u, drive[k])
+        u = drive[k]
+        out[k] = u - h
+
+
+@kernel
+def bouc_wen_inverse(of, wanted, u, h, out):
+    """The drive at which H is as wanted at each sample: bisected, for H grows with u on each way."""
+    slope = 1.0 - of.alpha * max(1.0, 2.0 * of.beta / (of.beta + of.gamma))
+    for k in range(wanted.size):
+        missing = wanted[k] - (u - h)
+        low, high = u, u + missing / slope
+        for _ in range(HALVINGS):
+            middle = 0.5 * (low + high)
+            if middle in (low, high):
+                break
+            short = wanted[k] - (middle - bent(of, h, u, middle))
+            if short * missing > 0.0:
+                low = middle
+            else:
+                high = middle
+        h = bent(of, h, u, low)
+        u = low
+        out[k] = u

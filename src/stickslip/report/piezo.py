@@ -1,0 +1,68 @@
+"""A fit of hysteresis and creep in a report: its numbers, pictures of what was measured and what is left."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from ..estimate.result import Fit
+from ..figures.identification import fit_with_residuals
+from ..figures.piezo import hysteresis_loops
+from ..figures.style import svg
+from ..identify.recorded.channels import names_of
+from .document import Number, Picture
+from .fits import fit_numbers, piezo_numbers
+
+# Of the drive's range, a change within one sample that is an edge; samples from it on that loops leave out.
+EDGE, AFTER = 0.05, 10
+
+
+def hysteresis_numbers(fit: Fit, straight: Fit, unit: str = "m") -> dict[str, Any]:
+    """For results.json: the fit, the piezo that it is, and what a straight line leaves."""
+    piezo = getattr(fit.model, "piezo", fit.model)
+    return {
+        **fit_numbers(fit, unit),
+        "piezo": piezo_numbers(piezo),
+        "straight_line": {
+            "rmse": Number(straight.rmse, unit),
+            "r_squared": Number(straight.r_squared, ""),
+            "over_fit": Number(straight.rmse / fit.rmse, ""),
+        },
+    }
+
+
+def hysteresis_pictures(fit: Fit, recordings: Sequence[xr.Dataset], name: str) -> list[Picture]:
+    """Loops, measured and fitted, of the first recording, and all of it over time."""
+    one = recordings[0]
+    assert fit.predict is not None
+    shown = fit.predict(one)
+    measured = one[fit.observed].values
+    drive = one["drive_voltage"].values
+    jumps = np.abs(np.diff(drive, prepend=drive[0])) > EDGE * np.ptp(drive)
+    still = np.convolve(jumps, np.ones(AFTER))[: drive.size] == 0  # a late sensor makes no loop
+    still[:AFTER] = False  # it may begin with one
+    voltage = drive[still]
+    return [
+        Picture(
+            f"{name}-loops",
+            f"{names_of(recordings)[0]}: stroke over voltage, and what it is off a straight line; measured, "
+            "and by the fit.",
+            svg(
+                hysteresis_loops({"measured": (voltage, measured[still]), "fitted": (voltage, shown[still])})
+            ),
+            "Stroke over voltage, and the deviation from a straight line in percent of the stroke",
+        ),
+        Picture(
+            f"{name}-time",
+            f"{names_of(recordings)[0]} over time, measured and fitted, and the residuals.",
+            svg(
+                fit_with_residuals(
+                    one["time"].values, measured, shown, name=fit.observed.replace("_", " "), unit="m"
+                )
+            ),
+            "Stroke over time, measured under the model, and the residuals below",
+        ),
+    ]

@@ -1,0 +1,139 @@
+r"""What a virtual rig's piezo keeps from run to run: where its plays stand, and how far its creep has come.
+
+A drive table becomes that at the piezo as in `plant.at_piezo`, but from any state. Creep is linear: from the
+terms :math:`x_k` instead of those at rest, :math:`h_0`, it is
+
+.. math:: y = y_{rest} + \sum_k a_k\,(x_k - h_0)\,e^{-t/\tau_k}
+
+drawn by the cubics of `plant.creeping`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ..piezo import Creep, Piezo, PrandtlIshlinskii
+from ..piezo.creep import Lags
+from ..piezo.operators import response
+from ..plant.creeping import creep, creeping
+from ..plant.splitting import through
+from ..waveform.drive import Drive
+from ..waveform.signal import breaks_within, slope_at, value_at
+from .protocols import Array
+
+
+class Remanence(NamedTuple):
+    """The state of each play and of each term of creep, V."""
+
+    plays: Array
+    terms: Array
+
+
+@dataclass(frozen=True, eq=False)
+class AtPiezo:
+    """A drive table as a waveform, for as long as it was made."""
+
+    table: Drive
+    duration: float
+    unit: str = "V"
+
+    value, slope, breaks = value_at, slope_at, breaks_within
+
+    @property
+    def period(self) -> None:
+        """None: it happens once."""
+
+    def range(self) -> tuple[float, float]:
+        """Of the values at its breaks; the limits of a drive are checked before it comes to the piezo."""
+        levels = self.table.polynomial[:, 0]
+        return float(levels.min()), float(levels.max())
+
+    def drive(self, duration: float) -> Drive:
+        """The table."""
+        del duration
+        return self.table
+
+
+def simplified(piezo: Piezo | None) -> Piezo | None:
+    """Without what has no weight: with none at all there is no piezo model, to the last bit."""
+    if piezo is None:
+        return None
+    hysteresis, after = piezo
+    if isinstance(hysteresis, PrandtlIshlinskii):
+        plays = [(r, w) for r, w in zip(hysteresis.thresholds, hysteresis.weights, strict=True) if w > 0.0]
+        zones = [(s, c) for s, c in zip(hysteresis.dead_zones, hysteresis.slopes, strict=True) if c != 0.0]
+        of_plays, of_zones = zip(*plays, strict=True), zip(*zones, strict=True) if zones else ((), ())
+        straight = plays == [(0.0, 1.0)] and not zones
+        hysteresis = None if straight else PrandtlIshlinskii(*of_plays, *of_zones)
+    if isinstance(after, Creep):
+        terms = [(tau, a) for tau, a in zip(after.time_constants, after.shares, strict=True) if a > 0.0]
+        after = Creep(*zip(*terms, strict=True)) if terms else None
+    return None if hysteresis is None and after is None else Piezo(hysteresis, after)
+
+
+def remembers(piezo: Piezo | None) -> bool:
+    """Whether the states of its models are known here; those of another begin anew with each run."""
+    return (
+        piezo is not None
+        and isinstance(piezo.hysteresis, PrandtlIshlinskii | None)
+        and isinstance(piezo.creep, Creep | None)
+    )
+
+
+def annealed(piezo: Piezo, volts: float) -> Remanence:
+    """After a long rest at a voltage [V] that was reached from 0 V, without turning back."""
+    hysteresis = piezo.hysteresis
+    plays = np.zeros(0) if hysteresis is None else hysteresis.rested(volts)
+    level = volts if hysteresis is None else hysteresis.at_rest(volts)
+    return Remanence(plays, np.full(0 if piezo.creep is None else len(piezo.creep.shares), level))
+
+
+def from_state(piezo: Piezo, state: Remanence, drive: Drive, end: float) -> tuple[AtPiezo, Remanence]:
+    """The drive [V] at the piezo up to `end` [s], and the state that it leaves."""
+    made, plays = _after_plays(piezo, state, drive, end)
+    if piezo.creep is None:
+        return AtPiezo(made, end), Remanence(plays, state.terms)
+    level, of = made.before, piezo.creep
+    terms = _terms_at_end(of, state, made, end)
+    crept = creeping(of, made, end, level)
+    tau, shares = np.array(of.time_constants), np.array(of.shares)
+    begin = crept.start
+    length = np.append(begin[1:], max(end, float(begin[-1]))) - begin
+    left = shares * (state.terms - level) * np.exp(-begin[:, None] / tau)  # [segments, terms]
+    decay = np.exp(-length[:, None] / tau)
+    first, last = left.sum(axis=1), (left * decay).sum(axis=1)
+    rise, fall = -(left / tau).sum(axis=1), -(left * decay / tau).sum(axis=1)
+    some = np.where(length > 0.0, length, 1.0)
+    mean = np.where(length > 0.0, (last - first) / some, rise)
+    polynomial = crept.polynomial + np.column_stack(
+        [first, rise, (3.0 * mean - 2.0 * rise - fall) / some, (rise + fall - 2.0 * mean) / some**2]
+    )
+    before = crept.before + float(shares @ (state.terms - level))
+    return AtPiezo(crept._replace(before=before, polynomial=polynomial), end), Remanence(plays, terms)
+
+
+def left_by(piezo: Piezo, state: Remanence, drive: Drive, end: float) -> Remanence:
+    """The state alone, as in `from_state`."""
+    made, plays = _after_plays(piezo, state, drive, end)
+    if piezo.creep is None:
+        return Remanence(plays, state.terms)
+    return Remanence(plays, _terms_at_end(piezo.creep, state, made, end))
+
+
+def _after_plays(piezo: Piezo, state: Remanence, drive: Drive, end: float) -> tuple[Drive, Array]:
+    """The drive behind the plays, and their states at the end."""
+    if piezo.hysteresis is None:
+        return drive, state.plays
+    operators, plays, level = piezo.hysteresis.operators, state.plays.copy(), np.empty(1)
+    response(operators, np.array([drive.before]), plays, level)
+    return through(operators, drive, end, plays, float(level[0])), plays
+
+
+def _terms_at_end(of: Creep, state: Remanence, made: Drive, end: float) -> Array:
+    terms = state.terms.copy()
+    lags = Lags(np.array(of.time_constants))
+    creep(lags, np.array(of.shares), made, end, terms, made.polynomial.copy())
+    return terms

@@ -1,0 +1,101 @@
+"""An actuator whose piezo has an electrical side: its element in the plant, its rest, charge and current."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..actuator import Actuator, PulledSlider
+from ..friction import MaxwellSlip
+from ..plant.splitting import through
+from ..plant.system import Element, Plant
+from ..waveform.drive import Drive, evaluate
+
+Array = NDArray[np.float64]
+
+# The stops' states are volts, written as metres of a common stroke, which is what the solver's tolerances are
+# in. Not the gain, for then their bounds would differ between neighbours that differ in it.
+PER_VOLT = 1e-7  # m/V
+
+
+def driven_by_voltage(model: Actuator | PulledSlider) -> bool:
+    """Whether the model has a piezo whose elements slip while the stage moves."""
+    return isinstance(model, Actuator) and model.two_port is not None and not model.two_port.charge_drive
+
+
+def element_of(model: Actuator | PulledSlider, modes: int) -> Element | None:
+    """The stop operators of `MaxwellCapacitor` on e = u + T y/C_0, for a stage that is the first of `modes`.
+
+    Their sum [V], times C ω_n², is what they take from the drive's acceleration of the stage. A stop operator
+    is a spring that slips, so that this is the Maxwell slip law.
+    """
+    if not driven_by_voltage(model):
+        return None
+    assert isinstance(model, Actuator)
+    assert model.two_port is not None
+    width, share = model.two_port.stops()
+    strength = tuple(PER_VOLT * a * w for w, a in zip(width.tolist(), share.tolist(), strict=True))
+    # Unchecked: of an ensemble, fields are arrays.
+    law = tuple.__new__(MaxwellSlip, (tuple(share.tolist()), strength, 0.0, 1.0, 1.0, 1.0))
+    none = (None,) * (modes - 1)
+    push = -model.gain / PER_VOLT * model.natural_frequency**2
+    felt = PER_VOLT * model.drive_force_per_volt / model.two_port.capacitance
+    return Element(law, (felt, *none), (push, *none), drive_rate=PER_VOLT)
+
+
+def settle(plant: Plant, q: Array, first: int, before: float) -> None:
+    """Put the stops' states, from the entry `first` on, and the stage where they are at rest under the drive
+    `before` [V], reached from 0 V; the stage, q[0], is where it would be without them."""
+    element, mode = plant.elements[-1], plant.modes[0]
+    law, felt, given = element.law, element.velocity[0] or 0.0, -(element.push[0] or 0.0) / mode.stiffness
+    share = np.array(law.stiffness)
+    limit = np.array(law.strength) / share
+    wanted = (element.drive_rate or 0.0) * before + felt * q[0]
+    # Of e on its first way: straight between the ends of the stops.
+    corner = np.append(0.0, np.sort(limit))
+    total = corner + felt * given * np.sum(share[:, None] * np.minimum(corner, limit[:, None]), axis=0)
+    beyond = max(0.0, abs(wanted) - total[-1])
+    e = np.copysign(np.interp(abs(wanted), total, corner) + beyond, wanted)
+    q[first : first + limit.size] = np.clip(e, -limit, limit)
+    q[0] -= given * float(share @ q[first : first + limit.size])
+
+
+def electrical(model: Actuator, samples: Array, further: Array, table: Drive, times: Array) -> dict[str, Any]:
+    """Charge, current and voltage of the piezo at samples of a trajectory.
+
+    Args:
+        samples: [times, ...], position and velocity of the stage first.
+        further: [times, stops], in `PER_VOLT`.
+        table: of the drive, V.
+        times: s.
+    """
+    port = model.two_port
+    assert port is not None
+    u, du = evaluate(table, times)
+    y, dy, per_volt = samples[:, 0], samples[:, 1], model.drive_force_per_volt
+    if port.charge_drive:
+        free = port.capacitance + model.gain * per_volt
+        voltage = (free * u - per_volt * y) / port.capacitance + _across(model, table, times)
+        return {"charge": (free * u, "C"), "current": (free * du, "A"), "piezo_voltage": (voltage, "V")}
+    width, share = port.stops()
+    e, de = u + per_volt * y / port.capacitance, du + per_volt * dy / port.capacitance
+    limit = PER_VOLT * width
+    slips = (np.abs(further) >= limit * (1.0 - 1e-9)) & (further * de[:, None] > 0.0)
+    charge = port.capacitance * (e - further @ share / PER_VOLT)
+    current = port.capacitance * de * (1.0 - np.where(slips, 0.0, share).sum(axis=1))
+    return {"charge": (charge, "C"), "current": (current, "A")}
+
+
+def _across(model: Actuator, table: Drive, times: Array) -> Array:
+    """Voltage across the elements of a piezo whose charge follows the drive, from rest at `table.before`."""
+    port = model.two_port
+    assert port is not None
+    free = port.capacitance + model.gain * model.drive_force_per_volt
+    plays = port.operators
+    plays = plays._replace(threshold=plays.threshold / free)  # on the command, V
+    z = np.sign(table.before) * np.maximum(abs(table.before) - plays.threshold, 0.0)
+    rest = float(plays.weight @ z)
+    after = through(plays, table, float(times[-1]), z, rest)
+    return free * (plays.weight.sum() * evaluate(table, times)[0] - evaluate(after, times)[0])

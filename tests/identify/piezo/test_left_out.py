@@ -1,0 +1,68 @@
+"""Models that recordings give without a part of each, and the covariance that they tell."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import stickslip as ss
+from stickslip.identify.piezo.left_out import spread, without_parts
+from stickslip.piezo import Piezo, PrandtlIshlinskii
+from stickslip.recording import make_recording
+
+TIME = np.arange(0.0, 8.0, 4e-3)
+DECAYING = 50.0 - 50.0 * np.exp(-TIME / 6.0) * np.cos(2.0 * np.pi * 0.8 * TIME)
+ALIKE = 50.0 - 50.0 * np.cos(2.0 * np.pi * 1.5 * TIME)  # a period for each part
+# The thresholds that a fit of four plays has: the model is right.
+WEIGHTS = (0.7, 0.1, 0.1, 0.1)
+
+
+def law(drive: np.ndarray) -> PrandtlIshlinskii:
+    return PrandtlIshlinskii(tuple(np.ptp(drive) / 8.0 * np.arange(4)), WEIGHTS)
+
+
+def recorded(noise: float, seed: int = 0, drive: np.ndarray = DECAYING):
+    stroke = 0.12e-6 * law(drive).output(drive)
+    stroke += noise * np.random.default_rng(seed).standard_normal(TIME.size)
+    return make_recording(TIME, {"drive_voltage": drive, "stage_position": stroke})
+
+
+def fitted(recording):
+    return ss.identify_piezo(recording, operators=4, asymmetric=False, creep=False, delay=0.0, lag=0.0)
+
+
+@pytest.mark.parametrize("count", [2, 7])
+def test_the_spread_of_means_is_that_of_the_mean(count: int) -> None:
+    """Of a mean over groups of equal size the jackknife is the textbook's, exactly."""
+    groups = np.random.default_rng(count).normal(size=(count, 3))
+    left_out = [np.delete(groups, i, axis=0).mean(axis=0) for i in range(count)]
+    root = spread(left_out)
+    np.testing.assert_allclose(root @ root.T, np.atleast_2d(np.cov(groups.T)) / count, atol=1e-14)
+
+
+def test_without_noise_all_parts_give_the_same_stage() -> None:
+    fit = fitted(recorded(0.0))
+    for gain, piezo in without_parts(fit, recorded(0.0)):
+        assert gain == pytest.approx(0.12e-6, rel=1e-6)
+        np.testing.assert_allclose(piezo.hysteresis.weights, WEIGHTS, atol=1e-6)
+
+
+@pytest.mark.parametrize(("drive", "least", "most"), [(ALIKE, 0.7, 1.4), (DECAYING, 1.0, 6.0)])
+def test_the_jackknife_tells_how_the_stroke_scatters_from_recording_to_recording(
+    drive: np.ndarray, least: float, most: float
+) -> None:
+    """The stroke at 30 V on a settled way up: by many recordings, and by one with parts left out. Where the
+    parts are not alike, one of them tells what no other does, and the jackknife says too much: never too
+    little."""
+    way = [0.0, 98.0, 0.0, 30.0]
+
+    def stroke(gain: float, piezo: Piezo) -> np.ndarray:
+        return np.array([gain * piezo.hysteresis.output(way)[-1]])
+
+    strokes, told = [], []
+    for seed in range(40):
+        shown = recorded(20e-9, seed, drive)
+        fit = fitted(shown)
+        strokes.append(stroke(fit.values["gain"], fit.model)[0])
+        told.append(float(np.sum(spread([stroke(*one) for one in without_parts(fit, shown)]) ** 2)))
+    assert least < np.sqrt(np.mean(told)) / np.std(strokes) < most
