@@ -7,8 +7,10 @@ import pytest
 
 import reference
 import stickslip as ss
+from stickslip._jit import compiled
 from stickslip.piezo import MaxwellCapacitor, Piezo
 from stickslip.plant.generated import slope
+from stickslip.plant.system import state_size
 from stickslip.simulation import two_port
 from stickslip.simulation.models import Contact
 from stickslip.waveform.drive import constant
@@ -16,12 +18,18 @@ from stickslip.waveform.drive import constant
 KANG = ss.load_actuator("kang2007").replace(stage_reaction=True)
 
 
+# What kernels call is not to be called from Python.
+@compiled
+def moving(plant, sides, q, u, normal):
+    return slope(plant, sides, q, u, normal)[0]
+
+
 @pytest.mark.parametrize("seed", range(8))
 def test_nothing_moves_and_the_elements_give_the_voltage(seed: int) -> None:
     """T (q - T y)/C_0 + load = k y for the charge that is said, and the voltage over elements and ceramic."""
     random = np.random.default_rng(seed)
     count = int(random.integers(1, 4))
-    charge = np.cumsum(random.uniform(2e-6, 2e-5, count))
+    charge = np.cumsum(10 ** random.uniform(-6.5, -4.7, count))
     stiffness = random.uniform(2e4, 2e5, count)
     port = MaxwellCapacitor(
         float(10 ** random.uniform(-7.0, -6.0)), tuple(stiffness), tuple(stiffness * charge), bool(seed % 2)
@@ -32,7 +40,7 @@ def test_nothing_moves_and_the_elements_give_the_voltage(seed: int) -> None:
     volts = float(random.uniform(-60.0, 100.0))
     of = Contact().system(one)
     q = Contact().rest(of, volts)
-    still = slope(of.plant, (1.0, 1.0), tuple(q), (volts, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0))[0]
+    still = moving(of.plant, (1.0, 1.0), tuple(q), (volts, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
     assert np.abs(still).max() < 1e-9 * KANG.natural_frequency**2 * KANG.gain * 100.0
 
     y = q[0]
@@ -48,3 +56,18 @@ def test_nothing_moves_and_the_elements_give_the_voltage(seed: int) -> None:
         assert float(found["piezo_voltage"][0][0]) == pytest.approx(across + ceramic, rel=1e-9)
     else:
         assert across + ceramic == pytest.approx(volts, rel=1e-9)
+
+
+def test_stops_are_the_last_element_of_any_plant() -> None:
+    """An element over three modes, and the same rest where no other element is there."""
+    one = KANG.replace(piezo=Piezo(MaxwellCapacitor(3e-7, (5e4, 9e4, 7e4), (0.2, 0.9, 1.4))))
+    element = two_port.element_of(one, 3)
+    assert element is not None
+    assert (len(element.velocity), len(element.push)) == (3, 3)
+    of = Contact().system(one)
+    alone = of.plant._replace(elements=of.plant.elements[-1:])
+    both = np.zeros((2, state_size(of.plant)))
+    two_port.settle(of.plant, both[0], of.inner, 40.0)
+    two_port.settle(alone, both[1], of.inner, 40.0)
+    np.testing.assert_array_equal(*both)
+    assert both[0, 0] != 0.0

@@ -116,6 +116,11 @@ def state_at(plant, log, row, theta, out):
     reading.state_at(plant, log, row, theta, out)
 
 
+@compiled
+def logged_step(plant, log, row):
+    return reading.logged_step(plant, log, row)
+
+
 @pytest.fixture(params=NAMES)
 def case(request: pytest.FixtureRequest) -> Case:
     return CASES[request.param]
@@ -131,6 +136,16 @@ def log_of(case: Case) -> Array:
         log[row, 4:] = np.concatenate([case.sides[row], *ends, case.bend, np.zeros(2 * n)])
         start = ENDS[row]
     return log
+
+
+def test_a_step_is_read_as_it_was_logged(case: Case) -> None:
+    log, n = log_of(case), case.states.shape[1]
+    log[:3, -2 * n :] = np.random.default_rng(1).normal(size=(3, 2 * n))
+    for row in range(3):
+        before, after, extension = logged_step(case.plant, log, row)
+        assert before == tuple(case.states[row])
+        assert after == tuple(case.states[row + 1])
+        assert extension == (tuple(case.bend), tuple(log[row, -2 * n : -n]), tuple(log[row, -n:]))
 
 
 def row_at(t: float) -> int:

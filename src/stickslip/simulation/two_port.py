@@ -56,8 +56,7 @@ def settle(plant: Plant, q: Array, first: int, before: float) -> None:
     # Of e on its first way: straight between the ends of the stops.
     corner = np.append(0.0, np.sort(limit))
     total = corner + felt * given * np.sum(share[:, None] * np.minimum(corner, limit[:, None]), axis=0)
-    beyond = max(0.0, abs(wanted) - total[-1])
-    e = np.copysign(np.interp(abs(wanted), total, corner) + beyond, wanted)
+    e = np.copysign(np.interp(abs(wanted), total, corner), wanted)  # beyond the last corner all have slipped
     q[first : first + limit.size] = np.clip(e, -limit, limit)
     q[0] -= given * float(share @ q[first : first + limit.size])
 
