@@ -272,10 +272,10 @@ def prandtl_ishlinskii(p: Any, drive: Array, rest: float) -> Array:
 
 
 def bouc_wen(p: Any, drive: Array, rest: float) -> Array:
-    """The differential equation in steps of at most 1 mV of the drive, by Heun's method."""
+    """The differential equation in steps of at most 10 mV of the drive, by Heun's method."""
     h, u, found = 0.0, 0.0, []
     for goal in (rest, *drive):
-        count = max(1, int(np.ceil(abs(goal - u) / 1e-3)))
+        count = max(1, int(np.ceil(abs(goal - u) / 1e-2)))
         du = (goal - u) / count
         for _ in range(count):
             first = p.alpha * du - p.beta * abs(du) * h - p.gamma * du * abs(h)

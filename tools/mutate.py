@@ -92,7 +92,7 @@ TARGETS = (
     Target("design/choice.py", ("tests/design/test_choice.py",), ("criterion", "score", "together")),
 )
 
-# A change can make a loop endless, which is noticed too: by this many times what its tests take without it, s.
+# A change can make a loop endless; that is noticed too, after this many times what the tests take without it.
 PATIENCE, AT_LEAST = 4.0, 15.0
 PRELOADED = ("hypothesis", "numba.cuda", "pint", "pytest", "scipy.integrate", "scipy.optimize", "xarray")
 WRONG_COPY = 97

@@ -71,3 +71,17 @@ def test_stops_are_the_last_element_of_any_plant() -> None:
     two_port.settle(alone, both[1], of.inner, 40.0)
     np.testing.assert_array_equal(*both)
     assert both[0, 0] != 0.0
+
+
+def test_a_charge_that_jumps_finds_the_elements_as_the_rest_before_left_them() -> None:
+    port = MaxwellCapacitor(3e-7, (5e4, 9e4, 7e4), (0.2, 0.9, 1.4), True)
+    one = KANG.replace(piezo=Piezo(port))
+    table, total = (
+        constant(20.0)._replace(before=60.0),
+        port.capacitance + one.gain * one.drive_force_per_volt,
+    )
+    found = two_port.electrical(one, np.zeros((1, 2)), np.zeros((1, 0)), table, np.zeros(1))
+    charge = total * np.array([60.0, 20.0])
+    expected = reference.maxwell_capacitor_voltage(port, charge, np.zeros(2))[1]
+    assert float(found["piezo_voltage"][0][0]) == pytest.approx(expected, rel=1e-9)
+    assert expected != pytest.approx(reference.maxwell_capacitor_voltage(port, charge[1:], np.zeros(1))[0])
