@@ -9,7 +9,7 @@ import reference
 import stickslip as ss
 from stickslip.piezo import BoucWen, Piezo
 from stickslip.plant.at_piezo import at_piezo
-from stickslip.plant.bouc_wen_drive import PRECISION
+from stickslip.plant.bouc_wen_drive import PRECISION, bouc_wen_drive
 from stickslip.units import QuantityError
 from stickslip.waveform.drive import evaluate
 
@@ -72,6 +72,13 @@ def test_a_table_of_a_drive_is_within_its_precision(name: str) -> None:
     exact = one.output(evaluate(drive, times)[0], drive.before)
     assert np.abs(evaluate(table, times)[0] - exact).max() < 2.0 * PRECISION * largest(one)
     assert np.all(np.diff(table.start) > 0.0)
+
+
+def test_a_table_begins_at_rest_and_has_nothing_after_its_end() -> None:
+    one, drive = BoucWen(0.3, 0.05, -0.01), WAVES["sawtooth"].drive(0.5)._replace(before=30.0)
+    table = bouc_wen_drive(one, drive, 0.21)
+    assert table.before == one.at_rest(30.0) != 30.0
+    assert drive.start[-1] > 0.21 > table.start[-1]
 
 
 def test_a_settled_period_closes() -> None:

@@ -96,7 +96,7 @@ def decay_of(of, h, up):
 def along(alpha, r, h, du):
     """h after the drive has changed by du, as long as it keeps its sign."""
     x = r * du
-    return h * math.exp(-x) - (alpha * du * (math.expm1(-x) / x) if x != 0.0 else -alpha * du)
+    return h * math.exp(-x) - (alpha * du * (math.expm1(-x) / x) if x != 0.0 else 0.0)
 
 
 @compiled
@@ -107,8 +107,7 @@ def crossing(of, h, u, goal):
         return goal
     r = decay_of(of, h, up)
     # 0 = α/r + (h - α/r) exp(-r du)
-    x = -r * h / of.alpha
-    du = -h / of.alpha if abs(x) < 1e-12 else math.log1p(x) / r
+    du = math.log1p(-r * h / of.alpha) / r
     return u + du if abs(du) < abs(goal - u) else goal
 
 

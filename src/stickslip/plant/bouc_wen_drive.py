@@ -7,6 +7,7 @@ of the largest h in the middle.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -117,14 +118,14 @@ def bouc_wen_drive(of: BoucWen, drive: Drive, end: float, settled: bool = False)
         QuantityError: more pieces than fit into memory.
     """
     state = np.array([drive.before, of.rested(drive.before)])
-    rest, room = drive.before - state[1], 64 + 32 * drive.start.size
-    room, pieces = _filled(of, drive, end, state, room)
+    room, pieces = _filled(of, drive, end, state, 64 + 32 * drive.start.size)
     for _ in range(SETTLES if settled else 0):
         before = state[1]
         room, pieces = _filled(of, drive, end, state, room)
-        if abs(state[1] - before) <= 1e-14 * (abs(before) + of.alpha / of.beta):
+        if math.isclose(state[1], before, rel_tol=1e-14, abs_tol=1e-14 * of.alpha / of.beta):
             break
     made = moved_on(drive, pieces.source, pieces.start - drive.start[pieces.source])
+    rest = of.at_rest(drive.before)
     return Drive(rest, pieces.start, made.polynomial - pieces.cubic, made.first, made.harmonic)
 
 
@@ -138,7 +139,7 @@ def _filled(of: BoucWen, drive: Drive, end: float, state: Array, room: int) -> t
         if count >= 0:
             return room, Cubics(pieces.start[:count], pieces.source[:count], pieces.cubic[:count])
         room *= 4
-        if room > MOST_PIECES + 64 * drive.start.size:
+        if room > 4 * MOST_PIECES:
             raise QuantityError(
                 f"hysteresis makes more than {MOST_PIECES} segments of the drive up to {end:g} s"
             )
