@@ -18,7 +18,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 expect.set_options(timeout=30_000)  # ms, on a busy machine
-PATIENCE = 120.0  # s for a server on a busy machine, the first one of which may compile
+PATIENCE = 300.0  # s for a server on a busy machine, the first one of which may compile
 
 
 class Panel:
