@@ -55,6 +55,15 @@ MOTION = ("tests/test_mechanism.py",)
 ONE_SIDE = ("tests/friction/test_one_side.py",)
 BRANCHES = (*LAWS, "tests/friction/test_branches.py")
 CHARGING = ("tests/electronics/test_charging.py", "tests/electronics/test_driven.py")
+REVERSAL = tuple(
+    f"tests/solve/test_reversal.py::{test}"
+    for test in (
+        "test_speed_within_a_step_is_a_polynomial",
+        "test_where_the_speed_is_least_and_most",
+        "test_where_the_speed_has_fallen_to_a_value",
+        "test_a_root_that_newtons_method_overshoots",
+    )
+)
 # The first row that fits a file counts.
 TARGETS = (
     Target(
@@ -82,6 +91,7 @@ TARGETS = (
     Target("plant/lanes.py", ("tests/plant/test_lanes.py",)),
     Target("solve/step.py", ("tests/solve/test_step.py",)),
     Target("solve/channels.py", ("tests/solve/test_channels.py",)),
+    Target("solve/reversal.py", REVERSAL),
     Target("solve/log.py", ("tests/solve/test_log.py",)),
     Target("solve/prescribed.py", ("tests/solve/test_prescribed.py",)),
     Target("electronics/charging.py", CHARGING, ("_remembered", "_mean_square", "_until_as_fast")),

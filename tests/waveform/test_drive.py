@@ -6,7 +6,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from stickslip.waveform.drive import constant, evaluate, segment_at, value_slope_curvature
-from stickslip.waveform.pieces import Piece, assemble
+from stickslip.waveform.pieces import Piece, assemble, with_breaks
 
 CUBIC = Polynomial([1.5, -2.0, 3.0, 4.0])
 
@@ -33,6 +33,17 @@ def test_segments_own_their_begin() -> None:
     assert np.array_equal(drive.start, [0, 0.5, 1])  # of two pieces at one time the last counts
     assert np.array_equal(segment_at(drive, np.array([-1, 0, 0.4, 0.5, 1, 99])), [0, 0, 0, 1, 2, 2])
     assert np.array_equal(evaluate(drive, np.array([-1, 0, 0.4, 0.5, 1, 99]))[0], [0, 1, 1, 3, 4, 4])
+
+
+def test_more_breaks_change_no_value() -> None:
+    waves = ((2.0, 3.0, 0.4, 5.0), (-1.0, 7.0, -2.0, -6.0))
+    pieces = [Piece(0.0, (9.0,), waves[:1]), Piece(0.5, tuple(CUBIC.coef), waves), Piece(1.2, (1.0, -3.0))]
+    drive = assemble(8.0, pieces, 2.0)
+    finer = with_breaks(drive, np.array([0.1, 0.5, 0.7, 0.9, 1.9]))
+    assert np.array_equal(finer.start, [0, 0.1, 0.5, 0.7, 0.9, 1.2, 1.9])
+    assert np.array_equal(finer.first, [0, 1, 2, 4, 6, 8, 8, 8])
+    t = np.linspace(-0.1, 2.3, 49)
+    np.testing.assert_allclose(evaluate(finer, t), evaluate(drive, t), rtol=1e-12, atol=1e-12)
 
 
 def test_constant() -> None:

@@ -23,6 +23,7 @@ from ..solve.periods import LOG_ROWS, integrate_near
 from ..units import QuantityError, optional_si, to_si
 from ..waveform.drive import Drive, constant, value_slope_curvature
 from ..waveform.members import Drives, stacked
+from ..waveform.pieces import with_breaks
 from ..waveform.signal import Waveform
 from .errors import SimulationError
 from .models import Contact, System, checked_drive, contact_load, drive_table
@@ -62,7 +63,7 @@ BY_ROW = "initial row "
 class Moved(NamedTuple):
     """A model, what it is to the solver, the neighbours of it that differ in one value each (their numbers
     and states), and by how much; `drives`: their drives, where any differs, and their `periods` (0: none),
-    else None."""
+    else None. Where the normal force jumps, at `breaks` [s], all of them begin a segment."""
 
     model: Actuator
     of: System
@@ -71,6 +72,7 @@ class Moved(NamedTuple):
     steps: NDArray[np.float64]
     drives: Drives | None = None
     periods: NDArray[np.float64] | None = None
+    breaks: NDArray[np.float64] = np.zeros(0)
 
 
 def initial_row(of: System, name: str) -> int | None:
@@ -148,6 +150,8 @@ def moved(
         steps.append(step)
         waveforms.append(drive)
     moving = bool({*names} - {*known})
+    itself = _table(model, waveform, end) if moving else constant(0.0)
+    breaks = _apart(contact.table, itself, end) if moving else np.zeros(0)
     n = len(names)  # of none, the tables have their columns all the same
     return Moved(
         model,
@@ -155,8 +159,9 @@ def moved(
         np.array(values).reshape(n, values_of(of.plant).shape[1]),
         np.array(states).reshape(n, state.size),
         np.array(steps),
-        _drives(model, waveform, waveforms, names, end) if moving else None,
+        _drives(model, waveform, itself, waveforms, names, end, breaks) if moving else None,
         np.array([getattr(w, "period", None) or 0.0 for w in waveforms]) if moving else None,
+        breaks,
     )
 
 
@@ -174,16 +179,36 @@ def _beside(waveform: Any, name: str) -> tuple[Any, float]:
             raise QuantityError(f"no derivative by {name!r} at {value:g}: {error}") from None
 
 
-def _drives(model: Actuator, waveform: Any, waveforms: list[Any], names: Sequence[str], end: float) -> Drives:
+def _table(model: Actuator, waveform: Any, end: float) -> Drive:
+    """Over two periods at least."""
+    return drive_table(model, waveform, max(end, 2.0 * (getattr(waveform, "period", None) or 0.0)))
+
+
+def _apart(load: Drive | None, drive: Drive, end: float) -> NDArray[np.float64]:
+    """Where the normal force breaks away from the breaks of the drive, s. A neighbour's step is at the same
+    fraction of its own segment, and the normal force stays where it is."""
+    if load is None:
+        return np.zeros(0)
+    times = load.start[(load.start > 0.0) & (load.start < end)]
+    near = np.searchsorted(drive.start, times + MOST_APART * end * np.array([[-1.0], [1.0]]))
+    return times[near[0] == near[1]]
+
+
+def _drives(
+    model: Actuator,
+    waveform: Any,
+    itself: Drive,
+    waveforms: list[Any],
+    names: Sequence[str],
+    end: float,
+    breaks: NDArray[np.float64],
+) -> Drives:
     """The tables of the neighbours, over a little more than the trajectory.
 
     Raises:
         QuantityError: one has other segments than the waveform itself, so that there is no derivative.
     """
-    tables = [
-        drive_table(model, w, LONGER * max(end, 2.0 * (getattr(w, "period", None) or 0.0))) for w in waveforms
-    ]
-    itself = drive_table(model, waveform, max(end, 2.0 * (getattr(waveform, "period", None) or 0.0)))
+    tables = [_table(model, w, LONGER * end) for w in waveforms]
     for name, table in zip(names, tables, strict=True):
         n = itself.start.size
         alike = table.start.size >= n and np.array_equal(table.first[: n + 1], itself.first[: n + 1])
@@ -195,7 +220,7 @@ def _drives(model: Actuator, waveform: Any, waveforms: list[Any], names: Sequenc
                 f"no derivative by {name!r} at {waveform_value(waveform, name):g}: the drive has a jump or a "
                 "kink there that appears or vanishes"
             )
-    return stacked(tables)
+    return stacked([with_breaks(table, breaks) for table in tables])
 
 
 def follow_moved(
@@ -222,7 +247,7 @@ def follow_moved(
         ends[1:] = of.periods
     own = of.drives, float(ends[0]), ends[1:]
     near = neighbours(of.values, of.states.copy(), column, LOG_ROWS, times.size, *own)
-    span, load = np.array([0.0, times[-1]]), load or constant(1.0)
+    span, load, drive = np.array([0.0, times[-1]]), load or constant(1.0), with_breaks(drive, of.breaks)
     outcome, reached, _, _ = integrate_near(
         plant, drive, load, state, span, tolerance, max_steps, times, samples, near
     )
@@ -254,7 +279,8 @@ def sensitivities(
             "initial_stage_position", "initial_stage_velocity", "initial_end_effector_position",
             "initial_end_effector_velocity", "initial_bristle_deflection"; and fields of the waveform,
             those of lists by their number ("amplitude", "frequency", "value_3").
-        waveform, duration, sample_rate, times, tolerance, load: as for `simulate`.
+        waveform, duration, sample_rate, times, tolerance, load: as for `simulate`. The load stays where it
+            is when the drive's breaks move; but what coincides with one of them moves with it.
 
     Returns:
         Dataset over "time" (s) and "parameter" of end_effector_position (m) and derivative, in m per unit of

@@ -16,13 +16,10 @@ from ..plant.generated import (
     branches_hold,
     breakaways,
     contacts,
-    drive_rates,
-    follows_drive,
     kinks,
     next_tick,
     no_sides,
     on_branches,
-    relative_speeds,
     replaced,
     riding,
     sampled,
@@ -39,6 +36,7 @@ from . import channels
 from .channels import at_nodes, next_break, segment_of
 from .outcome import DONE, LOG_FULL, STEP_TOO_SMALL, TOO_MANY_STEPS
 from .resume import INFLUENCED, store
+from .reversal import least, most, polynomial, reached, speed_at
 from .step import at, take
 
 # Local error allowed in each step, as a fraction of the tolerance (docs/decisions/integrator.md).
@@ -49,8 +47,6 @@ KINK = 0.005
 # the sliding velocity has fallen to half: the bristle stiffens no more there, and the error estimates would
 # not see what happens when it lets go.
 STIFF, SLOWED = 5.0, 0.5
-# A root whose last correction was smaller than this part of the step is exact to rounding.
-ENOUGH = 1e-8
 # Slower is rounding in the slopes of the drive, and no sliding, m/s.
 STILL = 1e-12
 # What has let go is not held again for rounding.
@@ -95,49 +91,6 @@ def started(plant, q, u, n, share):
 
 
 @fused
-def _polynomial(plant, e, h, q, new, rows, u):
-    """Sliding speed of contact e within a step as a polynomial of the fraction: a_0 to a_4."""
-    v, v_new = relative_speeds(plant, q)[e], relative_speeds(plant, new)[e]
-    r0, r1, r2 = (
-        relative_speeds(plant, rows[0])[e],
-        relative_speeds(plant, rows[1])[e],
-        relative_speeds(plant, rows[2])[e],
-    )
-    a0, a1, a2, a3, a4 = v, v_new - v + r0, r1 - r0, r2 - r1, -r2
-    if follows_drive(plant):  # the slope of the drive between its values, of the same order
-        share = drive_rates(plant)[e]
-        d0, d1 = u[0][1], h * u[0][2]
-        end, turn, middle = u[5][1] - d0 - d1, h * u[5][2] - d1, u[6][1] - d0 - 0.5 * d1
-        d2 = 16.0 * middle - 5.0 * end + turn
-        d3 = 4.0 * end - turn - 2.0 * d2
-        a0, a1, a2 = a0 + share * d0, a1 + share * d1, a2 + share * d2
-        a3, a4 = a3 + share * d3, a4 + share * (end - d2 - d3)
-    return a0, a1, a2, a3, a4
-
-
-@fused
-def _reached(speed, low, high, side, a):
-    """Fraction of the step, between `low` and `high`, at which the sliding speed has fallen to `speed`:
-    Newton's method, kept between the bounds."""
-    a0, a1, a2, a3, a4 = a[0] * side - speed, a[1] * side, a[2] * side, a[3] * side, a[4] * side
-    theta = 0.5 * (low + high)
-    for _ in range(60):
-        f = a0 + theta * (a1 + theta * (a2 + theta * (a3 + theta * a4)))
-        turn = a1 + theta * (2.0 * a2 + theta * (3.0 * a3 + theta * 4.0 * a4))
-        if f > 0.0:
-            low = theta
-        else:
-            high = theta
-        before = theta
-        theta -= f / turn
-        if not low <= theta <= high:
-            theta = 0.5 * (low + high)
-        if abs(theta - before) < ENOUGH:
-            break
-    return theta
-
-
-@fused
 def _overloaded(plant, drive, i, load, j, t, theta, h, sides, q, new, rows):
     """Whether a held contact would have to carry more than its breakaway at a fraction of the step."""
     n = channels.at(load, j, t + theta * h)
@@ -146,6 +99,12 @@ def _overloaded(plant, drive, i, load, j, t, theta, h, sides, q, new, rows):
     for e in range(len(limit)):
         over = over or (statics(plant)[e] != 0.0 and sides[e] == 0.0 and abs(forces[e]) > limit[e])
     return over
+
+
+@fused
+def _kink(plant, e, q, speed):
+    """By how much the rates of contact e change in slope where it turns, at this speed beyond [m/s]."""
+    return abs(speed) if statics(plant)[e] != 0.0 else kinks(plant, q, abs(speed))[e]
 
 
 @fused
@@ -161,19 +120,29 @@ def _cut(plant, h, sides, q, new, rows, u, fast, local):
             continue
         theta, reason = 1.0, NOTHING
         if fast[e] > STIFF and v_new[e] * side < SLOWED * v[e] * side:
-            a = _polynomial(plant, e, h, q, new, rows, u)
-            theta, reason = _reached(SLOWED * v[e] * side, 0.0, 1.0, side, a), SLOWS
+            a = polynomial(plant, e, h, q, new, rows, u)
+            theta, reason = reached(SLOWED * v[e] * side, 0.0, 1.0, side, a), SLOWS
         elif v_new[e] * side < 0.0 or v_middle[e] * side < 0.0:
-            low = 0.0 if v[e] * side > 0.0 else 0.5
-            high = 0.5 if low == 0.0 and v_middle[e] * side < 0.0 else 1.0
-            if low == 0.5 and not v_middle[e] * side > 0.0:
+            a = polynomial(plant, e, h, q, new, rows, u)
+            low, high = (0.5, 1.0) if v_middle[e] * side > 0.0 else (0.0, 0.5)
+            forward = v[e] * side > 0.0 or low > 0.0
+            low = low if forward else most(side, a)
+            theta = reached(0.0, low, high, side, a)
+            if not forward and not theta * h * _kink(plant, e, new, speed_at(low, a)) > KINK * local:
                 return -1.0, e, STOPS
-            theta = _reached(0.0, low, high, side, _polynomial(plant, e, h, q, new, rows, u))
             beyond = max(abs(v_new[e]), abs(v_middle[e]))
             matters = statics(plant)[e] != 0.0
-            if not matters:
-                matters = (1.0 - theta) * h * kinks(plant, new, beyond)[e] > KINK * local
+            matters = matters or (1.0 - theta) * h * _kink(plant, e, new, beyond) > KINK * local
             theta, reason = (theta, STOPS) if matters else (1.0, NOTHING)
+        else:  # it may slide back for a moment between these instants
+            a = polynomial(plant, e, h, q, new, rows, u)
+            low = least(side, a)
+            if low < 1.0 and speed_at(low, a) * side < 0.0:
+                turns = reached(0.0, 0.0, low, side, a)
+                if 2.0 * (low - turns) * h * _kink(plant, e, new, speed_at(low, a)) > KINK * local:
+                    if not v[e] * side > 0.0:
+                        return -1.0, e, STOPS
+                    theta, reason = turns, STOPS
         if theta < cut:
             cut, which, why = theta, e, reason
     return cut, which, why

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..units import QuantityError
-from .drive import Drive
+from .drive import Drive, segment_at
 
 # A start that comes closer to the end than this (relative) is the end itself, but for rounding: 8 periods of
 # 0.1 s in 0.8 s must not leave a ninth of 1e-16 s.
@@ -96,6 +96,23 @@ def cut(drive: Drive, duration: float) -> Drive:
         drive.first[: count + 1],
         drive.harmonic[:rows],
     )
+
+
+def with_breaks(drive: Drive, times: NDArray[np.float64]) -> Drive:
+    """The same signal in segments that begin at these times [s] too."""
+    start = np.union1d(drive.start, times)
+    of = segment_at(drive, start)
+    tau = (start - drive.start[of])[:, None]
+    c0, c1, c2, c3 = np.split(drive.polynomial[of], 4, axis=1)
+    slope, curvature = c1 + tau * (2.0 * c2 + tau * 3.0 * c3), c2 + 3.0 * tau * c3
+    polynomial = np.hstack([c0 + tau * (c1 + tau * (c2 + tau * c3)), slope, curvature, c3])
+    count = np.diff(drive.first)[of]
+    first = np.append(0, np.cumsum(count))
+    rows = np.arange(first[-1]) + np.repeat(drive.first[of] - first[:-1], count)
+    amplitude, omega, phase, chirp = drive.harmonic[rows].T
+    gone = np.repeat(tau[:, 0], count)
+    phase, omega = phase + gone * (omega + chirp * gone), omega + 2.0 * chirp * gone
+    return Drive(drive.before, start, polynomial, first, np.stack([amplitude, omega, phase, chirp], axis=1))
 
 
 def join(drives: Sequence[Drive], begins: Sequence[float]) -> Drive:
