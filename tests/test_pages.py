@@ -96,6 +96,9 @@ def test_design(run: Callable) -> None:
     assert names["table"].interpolation_error < 30e-9
     fast = names["fast"]
     assert np.all(fast.table["value"].values >= fast.table["sawtooth"].values)
+    built = names["built"]
+    assert built.value > 1.3 * built.given_value
+    assert built.load * KANG.friction.coulomb_force >= 0.5
     assert names["plan"].table["narrower"].min() > 10.0
     assert len(names["recorded"]) == len(names["plan"].recordings)
 

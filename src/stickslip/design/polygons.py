@@ -18,8 +18,7 @@ from .limits import Allowed
 
 Array = NDArray[np.float64]
 # Of the net step, m: in the search, and of what is reported. Fine, for an optimum may lie where the contact
-# just does not slip: there a net step found with 0.1 nm was seen 4 nm off (of 12 um), against 400 periods
-# from rest. Where the motion of the drive's period is not found at one of these, it is at another.
+# just does not slip. Where the motion of the drive's period is not found at one of these, it is at another.
 SEARCHED = 1e-8
 REPORTED = (1e-11, 1e-12, 1e-10, 1e-9, 1e-8)
 # A static law has no derivatives to find it quickly by.
@@ -105,9 +104,12 @@ def net_steps(
     columns: Mapping[str, Array],
     tolerance: float,
     threads: int | None = None,
+    own: Mapping[str, Array] | None = None,
 ) -> Array:
-    """Net step per period [m] of each polygon under each condition [n, conditions]; NaN: there is none."""
-    n, conditions = len(shapes.period), max([1, *(c.size for c in columns.values())])
+    """Net step per period [m] of each polygon under each condition [n, conditions]; NaN: there is none.
+    What differs from polygon to polygon is its `own` [n, conditions]."""
+    n, own = len(shapes.period), own or {}
+    conditions = max([1, *(c.size for c in columns.values()), *(c.shape[1] for c in own.values())])
     each = np.repeat(np.arange(n), conditions)
     k, period = shapes.shares.shape[1], shapes.period[each]
     varied: dict[str, Array] = {"period": period}
@@ -116,6 +118,7 @@ def net_steps(
         if i:
             varied[f"time_{i + 1}"] = shapes.shares[each, i] * period
     varied |= {name: np.tile(column, n) for name, column in columns.items()}
+    varied |= {name: column.ravel() for name, column in own.items()}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SimulationWarning)  # of the tolerance; the result is computed finely
         found = steady_steps(model, shapes.one(0), parameters=varied, tolerance=tolerance, threads=threads)

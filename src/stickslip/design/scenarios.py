@@ -92,7 +92,7 @@ def conditions_of(
     for key in dict.fromkeys(key for one in found for key in one):
         bases = [with_values(model, row) if row else model for _, row in rows for _ in cases]
         columns[key] = np.array(
-            [one[key] if key in one else _own(base, key) for one, base in zip(found, bases, strict=True)]
+            [one[key] if key in one else own(base, key) for one, base in zip(found, bases, strict=True)]
         )
     for one in found:  # what is out of range is said before anything is searched
         with_values(model, {key: value for key, value in one.items() if key not in SCALES})
@@ -124,14 +124,14 @@ def _changes(model: Actuator, case: Scenario) -> dict[str, float]:
             quantity.check(value, f"Scenario.{name}") if quantity else to_si(value, "", f"Scenario.{name}")
         )
     for name, factor in case.factors.items():
-        changed[name] = _own(model, name) * to_si(factor, "", f"Scenario.factors[{name!r}]")
+        changed[name] = own(model, name) * to_si(factor, "", f"Scenario.factors[{name!r}]")
     for name in SCALES:
         if not changed.get(name, 1.0) > 0.0:
             raise QuantityError(f"Scenario.{name} = {changed[name]:g} is out of range: it must be > 0")
     return changed
 
 
-def _own(model: Actuator, name: str) -> float:
+def own(model: Actuator, name: str) -> float:
     """A value of the model itself."""
     law = law_of(model)
     if name in SCALES:

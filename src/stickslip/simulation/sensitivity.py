@@ -22,11 +22,12 @@ from ..solve.outcome import DONE
 from ..solve.periods import LOG_ROWS, integrate_near
 from ..units import QuantityError, optional_si, to_si
 from ..waveform.drive import Drive, constant, value_slope_curvature
-from ..waveform.members import Drives, stacked
+from ..waveform.members import Drives
 from ..waveform.pieces import with_breaks
 from ..waveform.signal import Waveform
 from .errors import SimulationError
 from .models import Contact, System, checked_drive, contact_load, drive_table
+from .neighbour_drives import DIFFERENCE, beside, breaks_apart, neighbour_drives, own_table
 from .state import row_of
 from .steady import endless, periodic_drive, steady_orbit
 from .trajectory import sample_times
@@ -37,18 +38,10 @@ from .varied import (
     law_of,
     waveform_field,
     waveform_names,
-    waveform_value,
-    with_field,
 )
 
 # At the normal force for which the parameters hold.
 REFERENCE = Contact()
-# Relative, and absolute where a value is zero. The steps are the same, so only rounding limits it.
-DIFFERENCE = 1e-6
-# How much longer the tables of neighbours are, whose breaks may be later.
-LONGER = 1.01
-# How far their breaks may be from the trajectory's own, over its length; and their formulas, relative.
-MOST_APART = 1e-4
 # Parts of the initial state, and their units; and any row of it, which only this module asks for.
 INITIAL = {
     "initial_stage_position": "m",
@@ -125,7 +118,7 @@ def moved(
             )
         other, own, drive = of, state.copy(), waveform
         if name not in known:
-            drive, step = _beside(waveform, name)
+            drive, step = beside(waveform, name)
             if before is not None:
                 own = contact.rest(of, drive_table(model, drive, end).before)
         elif (row := initial_row(of, name)) is not None:
@@ -150,8 +143,8 @@ def moved(
         steps.append(step)
         waveforms.append(drive)
     moving = bool({*names} - {*known})
-    itself = _table(model, waveform, end) if moving else constant(0.0)
-    breaks = _apart(contact.table, itself, end) if moving else np.zeros(0)
+    itself = own_table(model, waveform, end) if moving else constant(0.0)
+    breaks = breaks_apart(contact.table, itself, end) if moving else np.zeros(0)
     n = len(names)  # of none, the tables have their columns all the same
     return Moved(
         model,
@@ -159,68 +152,10 @@ def moved(
         np.array(values).reshape(n, values_of(of.plant).shape[1]),
         np.array(states).reshape(n, state.size),
         np.array(steps),
-        _drives(model, waveform, itself, waveforms, names, end, breaks) if moving else None,
+        neighbour_drives(model, waveform, itself, waveforms, names, end, breaks) if moving else None,
         np.array([getattr(w, "period", None) or 0.0 for w in waveforms]) if moving else None,
         breaks,
     )
-
-
-def _beside(waveform: Any, name: str) -> tuple[Any, float]:
-    """The waveform with a number that differs a little, to the side that its record allows, and by how
-    much."""
-    value = waveform_value(waveform, name)
-    step = DIFFERENCE * (abs(value) or 1.0)
-    try:
-        return with_field(waveform, name, value + step), step
-    except QuantityError:
-        try:
-            return with_field(waveform, name, value - step), -step
-        except QuantityError as error:
-            raise QuantityError(f"no derivative by {name!r} at {value:g}: {error}") from None
-
-
-def _table(model: Actuator, waveform: Any, end: float) -> Drive:
-    """Over two periods at least."""
-    return drive_table(model, waveform, max(end, 2.0 * (getattr(waveform, "period", None) or 0.0)))
-
-
-def _apart(load: Drive | None, drive: Drive, end: float) -> NDArray[np.float64]:
-    """Where the normal force breaks away from the breaks of the drive, s. A neighbour's step is at the same
-    fraction of its own segment, and the normal force stays where it is."""
-    if load is None:
-        return np.zeros(0)
-    times = load.start[(load.start > 0.0) & (load.start < end)]
-    near = np.searchsorted(drive.start, times + MOST_APART * end * np.array([[-1.0], [1.0]]))
-    return times[near[0] == near[1]]
-
-
-def _drives(
-    model: Actuator,
-    waveform: Any,
-    itself: Drive,
-    waveforms: list[Any],
-    names: Sequence[str],
-    end: float,
-    breaks: NDArray[np.float64],
-) -> Drives:
-    """The tables of the neighbours, over a little more than the trajectory.
-
-    Raises:
-        QuantityError: one has other segments than the waveform itself, so that there is no derivative.
-    """
-    tables = [_table(model, w, LONGER * end) for w in waveforms]
-    for name, table in zip(names, tables, strict=True):
-        n = itself.start.size
-        alike = table.start.size >= n and np.array_equal(table.first[: n + 1], itself.first[: n + 1])
-        if alike:
-            apart = np.abs(table.polynomial[:n] - itself.polynomial).max(axis=0)
-            alike = np.all(apart <= MOST_APART * np.abs(itself.polynomial).max(axis=0) + 1e-9)
-        if not alike or np.max(np.abs(table.start[:n] - itself.start)) > MOST_APART * end:
-            raise QuantityError(
-                f"no derivative by {name!r} at {waveform_value(waveform, name):g}: the drive has a jump or a "
-                "kink there that appears or vanishes"
-            )
-    return stacked([with_breaks(table, breaks) for table in tables])
 
 
 def follow_moved(

@@ -1,0 +1,219 @@
+"""The best actuator for a goal: what may differ of it, searched for together with its sawtooth."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..actuator import Actuator
+from ..estimate.posterior import Posterior
+from ..estimate.result import Fit
+from ..progress import Progress, unheard, within
+from ..simulation.varied import free_names
+from ..units import QuantityError, optional_si
+from ..waveform.periodic import Sawtooth
+from .built import Built, OptimisedActuator
+from .goals import goal_of
+from .limits import Allowed, Limits, allowed, frequencies
+from .polygons import SEARCHED, Array, exact_steps, net_steps, sawtooths
+from .sawtooth import best_sawtooth
+from .scenarios import Conditions, Scenario, conditions_of, own
+from .search import SHORTFALL, Index, Judge, Task, robust
+from .searched import Searched
+from .space import Space, built, check_conditions, space_of
+from .waveforms import check_counts, check_model
+
+# Of a candidate: rise and frequency of its sawtooth come first.
+DRIVE = 2
+
+
+def optimise_actuator(
+    model: Actuator | Mapping[str, Actuator],
+    *,
+    goal: Any = None,
+    free: Mapping[str, Any],
+    max_voltage: float | str | None = None,
+    min_voltage: float | str | None = None,
+    frequency: tuple[float | str, float | str] | None = None,
+    limits: Limits | Mapping[str, Limits] | None = None,
+    scenarios: Sequence[Scenario | Mapping[str, Any]] = (),
+    uncertainty: Posterior | Fit | None = None,
+    draws: int = 64,
+    minimum_speed: float | str | None = None,
+    holding_force: float | str | None = None,
+    budget: int = 1000,
+    seed: int = 0,
+    threads: int | None = None,
+    progress: Progress = unheard,
+) -> OptimisedActuator:
+    """Search for the numbers of an actuator, and the sawtooth, that reach a goal best in the worst condition.
+
+    Args:
+        model: the actuator; or several by name, of which each is searched: friction pairs, stacks.
+        goal: "speed", or one of the goals in `stickslip.design`.
+        free: what may differ and within which range, ``{"stage_mass": ("50 g", "200 g"), "load": (0.5, 2)}``:
+            fields of actuator and law, "load" (the normal force over that of the model's friction), or
+            "stage_stiffness". If the stage's mass or stiffness is free, its natural frequency is that of
+            both, unless it is free itself; gain and damping ratio stay.
+        max_voltage, min_voltage, frequency, scenarios, minimum_speed, threads, progress: as for
+            `optimise_waveform`. Where a scenario, or a draw, changes what is free, it does so in proportion.
+        limits: slope and current; or those of each, by the names of the models.
+        uncertainty: `draws` of it are conditions too; for one model.
+        holding_force: N: what the contact has to hold, its Coulomb force times "load", at least.
+        budget: candidates of the search of each model.
+        seed: the same seed, the same actuator.
+
+    Returns:
+        The best `model` with its `waveform` and `value`, and the best of each model that was given.
+
+    Raises:
+        QuantityError: as for `optimise_waveform`; an unknown name or no range in `free`; a holding force that
+            the ranges do not allow.
+    """
+    speed, hold = (
+        optional_si(minimum_speed, "m/s", "minimum_speed"),
+        optional_si(holding_force, "N", "holding_force"),
+    )
+    low, high = optional_si(min_voltage, "V", "min_voltage"), optional_si(max_voltage, "V", "max_voltage")
+    hertz, aim = frequencies(frequency), goal_of(goal)
+    models = dict(model) if isinstance(model, Mapping) else {"": model}
+    check_counts(budget=budget, draws=draws)
+    if not models:
+        raise QuantityError("model = {} has no actuator to choose from")
+    if len(models) > 1 and uncertainty is not None:
+        raise QuantityError("uncertainty is that of one actuator: give one model, or scenarios")
+    if not aim.moves and not (speed and speed > 0.0):
+        raise QuantityError(
+            f"minimum_speed [m/s] is needed: with the least {aim.label} alone, nothing would move"
+        )
+    searches = []
+    for name, one in models.items():
+        check_model(one)
+        space = space_of(one, free)
+        conditions = conditions_of(one, scenarios, uncertainty, draws, seed)
+        check_conditions(space, conditions)
+        if hold and "coulomb_force" not in free_names(one):
+            raise QuantityError(f"holding_force [N]: {type(one.friction).__name__} has no coulomb_force")
+        usable = _allowed(space, low, high, _of(limits, name, models), hertz)
+        searches.append(_Search(name, space, aim, usable, conditions, speed or 0.0, hold or 0.0, threads))
+    found = []
+    for i, search in enumerate(searches):
+        found.append(
+            search.result(
+                budget,
+                seed,
+                lambda doing, done, i=i: within(progress, i / len(models), 1.0 / len(models), doing, done),
+            )
+        )
+    return OptimisedActuator.of(found, aim)
+
+
+def _of(limits: Any, name: str, models: Mapping[str, Actuator]) -> Limits | None:
+    """Those of one model."""
+    if not isinstance(limits, Mapping):
+        return limits
+    if {*limits} != {*models}:
+        raise QuantityError(f"limits are of {', '.join(limits)}, and the models are {', '.join(models)}")
+    return limits[name]
+
+
+def _allowed(
+    space: Space,
+    low: float | None,
+    high: float | None,
+    limits: Limits | None,
+    frequency: tuple[float, float] | None,
+) -> Allowed:
+    """Of all models that the ranges allow: frequencies, unless given, about those of any."""
+    models = [space.model, built(space, space.low), built(space, space.high)]
+    each = [allowed(model, low, high, limits, frequency, None) for model in models]
+    return each[0]._replace(slowest=min(a.slowest for a in each), fastest=max(a.fastest for a in each))
+
+
+class _Search(NamedTuple):
+    """Of one model; `minimum_speed` [m/s], `holding_force` [N]; `scale` of the goal."""
+
+    name: str
+    space: Space
+    goal: Any
+    allowed: Allowed
+    conditions: Conditions
+    minimum_speed: float
+    holding_force: float
+    threads: int | None
+    scale: float = 1.0
+
+    def result(self, budget: int, seed: int, progress: Progress) -> Built:
+        random = np.random.default_rng([seed, 2])
+        given = self._searched().scaled(random)
+        of, everything = self._replace(scale=given.scale), np.arange(len(self.conditions.names))
+        judge = Judge(0.0, None, of.scale)
+        saw, spent = best_sawtooth(given.merits_of(sawtooths), judge, everything.size)
+        before, _ = of.exactly(saw, self.space.given)
+        count = len(self.space.names)
+        starts = [np.append(saw, self.space.shares(self.space.given)), np.append(saw, np.full(count, 0.5))]
+        task = Task(
+            of.merits,
+            judge,
+            everything.size,
+            budget,
+            random,
+            lambda doing, done: progress("searching for an actuator", 0.9 * done),
+        )
+        best = robust(task, np.array([*starts, random.random(DRIVE + count)]))
+        found = self.space.values(best.x[None, DRIVE:])[0]
+        if self.held(found[None])[0] < 1.0 - 1e-3:
+            raise QuantityError(
+                f"holding_force = {self.holding_force:g} N is not reached within the ranges of free"
+            )
+        values, speeds = of.exactly(best.x[:DRIVE], found)
+        progress("searching for an actuator", 1.0)
+        return Built(
+            self.name,
+            self.space,
+            found,
+            self._sawtooth(best.x[:DRIVE]),
+            self.conditions,
+            values,
+            speeds,
+            before,
+            spent + best.evaluations + 2 * everything.size,
+        )
+
+    def _sawtooth(self, x: Array) -> Sawtooth:
+        shape = sawtooths(x[None], self.allowed)
+        low, high = float(shape.volts.min()), float(shape.volts.max())
+        return Sawtooth(high - low, 1.0 / float(shape.period[0]), float(shape.shares[0, 1]), low)
+
+    def _searched(self) -> Searched:
+        """The search for a drive of the model as it is."""
+        model, conditions = self.space.model, self.conditions
+        return Searched(model, self.goal, self.allowed, conditions, self.minimum_speed, 0.0, self.threads)
+
+    def merits(self, x: Array, which: Index) -> Array:
+        """More is better, of candidates [n, rise and frequency and shares of the ranges]."""
+        shapes, values = sawtooths(x[:, :DRIVE], self.allowed), self.space.values(x[:, DRIVE:])
+        columns = self.space.columns(values, self.conditions.part(which))
+        steps = net_steps(self.space.model, shapes, {}, SEARCHED, self.threads, own=columns)
+        found = self._searched()._replace(scale=self.scale).merits(shapes, steps)
+        short = np.maximum(1.0 - self.held(values), 0.0)
+        return found - SHORTFALL * self.scale * short[:, None]
+
+    def held(self, values: Array) -> Array:
+        """What the contact of each candidate [n, names] holds, over `holding_force`."""
+        fields, model = self.space.fields(values), self.space.model
+        if not self.holding_force:
+            return np.full(len(values), np.inf)
+        force = fields.get("coulomb_force", np.array(own(model, "coulomb_force")))
+        return np.broadcast_to(force * fields.get("load", np.array(1.0)) / self.holding_force, len(values))
+
+    def exactly(self, drive: Array, values: Array) -> tuple[Array, Array]:
+        """Goal and speed [m/s] of one candidate, its drive and its values [names], in every condition."""
+        shape = sawtooths(drive[None], self.allowed)
+        columns = {n: c[0] for n, c in self.space.columns(values[None], self.conditions.columns).items()}
+        unbound = self.space.model.replace(min_voltage=-math.inf, max_voltage=math.inf)  # but for rounding
+        steps = exact_steps(unbound, [shape.one(0)], columns, self.threads)
+        return self.goal.of(shape, steps)[0], steps[0] / shape.period[0]

@@ -1,0 +1,153 @@
+"""What became of a search for an actuator."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ..actuator import Actuator
+from ..estimate.shown import preformatted
+from ..units import with_prefix
+from ..waveform.periodic import Sawtooth
+from .scenarios import Conditions
+from .space import Space, built
+
+Array = NDArray[np.float64]
+# Nearer to an end of its range, in parts of that, a number is at the end.
+AT_END = 1e-3
+
+
+class Built(NamedTuple):
+    """The best of one model: `found` numbers [names of the space], its `waveform`; goal and speed [m/s] in
+    every condition, and the goal `before` with the model's own numbers and their best sawtooth."""
+
+    name: str
+    space: Space
+    found: Array
+    waveform: Sawtooth
+    conditions: Conditions
+    values: Array
+    speeds: Array
+    before: Array
+    evaluations: int
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class OptimisedActuator:
+    """See `optimise_actuator`.
+
+    Attributes:
+        best: of the models that were given.
+        each: the best of each of them, in the order given.
+        goal: what they were judged by.
+    """
+
+    best: Built
+    each: tuple[Built, ...]
+    goal: Any
+
+    @classmethod
+    def of(cls, each: list[Built], goal: Any) -> OptimisedActuator:
+        return cls(max(each, key=lambda one: (goal.sign * one.values).min()), tuple(each), goal)
+
+    @property
+    def name(self) -> str:
+        """Of the best model, where several were given."""
+        return self.best.name
+
+    @property
+    def model(self) -> Actuator:
+        """The best actuator, its friction at the reference normal force."""
+        return built(self.best.space, self.best.found)
+
+    @property
+    def load(self) -> float:
+        """Its normal force over the reference, for `load=` of a simulation."""
+        space = self.best.space
+        return float(self.best.found[space.names.index("load")]) if "load" in space.names else 1.0
+
+    @property
+    def waveform(self) -> Sawtooth:
+        """The sawtooth that it was found with."""
+        return self.best.waveform
+
+    @property
+    def value(self) -> float:
+        """The goal in the worst condition, SI."""
+        return self._worst(self.best.values)
+
+    @property
+    def given_value(self) -> float:
+        """That of the model as it was given, with its own best sawtooth."""
+        return self._worst(self.best.before)
+
+    @property
+    def table(self) -> Any:
+        """What was free of the best model, as a pandas DataFrame: given, found, low, high (SI), and which end
+        of its range it is at."""
+        space, found = self.best.space, self.best.found
+        columns = {"given": space.given, "found": found, "low": space.low, "high": space.high}
+        columns |= {"unit": np.array(space.units), "at": np.array(_ends(space, found))}
+        return _frame("free", space.names, columns)
+
+    @property
+    def choices(self) -> Any:
+        """The best of each model, as a pandas DataFrame: the goal in the worst condition, what it was with
+        the model's own numbers, and what is free (SI)."""
+        columns = {
+            "value": np.array([self._worst(one.values) for one in self.each]),
+            "given": np.array([self._worst(one.before) for one in self.each]),
+        }
+        columns |= dict(zip(self.best.space.names, np.array([one.found for one in self.each]).T, strict=True))
+        return _frame("model", [one.name for one in self.each], columns)
+
+    def _worst(self, values: Array) -> float:
+        return float(self.goal.sign * (self.goal.sign * values).min())
+
+    def report(self) -> str:
+        """In words."""
+        unit, best = self.goal.unit, self.best
+        count = len(best.conditions.names)
+        how = f"in the worst of {count} conditions" if count > 1 else "without scenarios"
+        said = [
+            f"{self.goal.label}: {with_prefix(self.value, unit, 4)} {how}; as given: "
+            f"{with_prefix(self.given_value, unit, 4)}, each with its best sawtooth",
+            f"sawtooth of {best.waveform.amplitude:.4g} V at {best.waveform.frequency:.4g} Hz, rise over "
+            f"{best.waveform.rise_fraction:.3g} of the period; {sum(one.evaluations for one in self.each)} "
+            "periodic motions solved for",
+        ]
+        ends = _ends(best.space, best.found)
+        width = max(map(len, best.space.names))
+        rows = zip(best.space.names, best.space.units, best.space.given, best.found, ends, strict=True)
+        for name, symbol, given, found, end in rows:
+            both = f"{with_prefix(found, symbol, 4)}, given {with_prefix(given, symbol, 4)}"
+            said.append(f"  {name:{width}}  {both}" + (f"   at the {end} end of its range" if end else ""))
+        if len(self.each) > 1:
+            said.append(f"best of {len(self.each)}: {best.name}")
+            width = max(len(one.name) for one in self.each)
+            said += [
+                f"  {one.name:{width}}  {with_prefix(self._worst(one.values), unit, 4)}" for one in self.each
+            ]
+        return "\n".join(said)
+
+    def __repr__(self) -> str:
+        return self.report()
+
+    def _repr_html_(self) -> str:
+        return preformatted(self)
+
+
+def _frame(index: str, labels: Sequence[str], columns: dict[str, Array]) -> Any:
+    data = {name: (index, column) for name, column in columns.items()}
+    return xr.Dataset(data, coords={index: list(labels)}).to_dataframe()
+
+
+def _ends(space: Space, found: Array) -> list[str]:
+    """The end of its range that each number is at, or nothing."""
+    shares = space.shares(found)
+    return ["low" if s < AT_END else "high" if s > 1.0 - AT_END else "" for s in shares.tolist()]

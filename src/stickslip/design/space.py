@@ -1,0 +1,143 @@
+"""Numbers of an actuator that may differ, each within a range, and the conditions that they are judged in."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..actuator import Actuator
+from ..records import Quantity, did_you_mean, quantities
+from ..simulation.members import SCALES
+from ..simulation.varied import element_of, free_names, with_values
+from ..units import QuantityError
+from .scenarios import Conditions, own
+
+Array = NDArray[np.float64]
+STIFFNESS = "stage_stiffness"
+FREQUENCY = "natural_frequency"
+# Ranges whose ends are further apart are searched on a logarithmic scale.
+WIDE = 3.0
+
+
+class Space(NamedTuple):
+    """`names` of the numbers, and their ends `low` and `high` [n], SI.
+
+    "load" is the normal force over its reference. With "stage_stiffness", or "stage_mass" alone, the natural
+    frequency of the stage is that of both; with "natural_frequency" it is that.
+    """
+
+    model: Actuator
+    names: tuple[str, ...]
+    low: Array
+    high: Array
+
+    @property
+    def logarithmic(self) -> NDArray[np.bool_]:
+        return (self.low > 0.0) & (self.high > WIDE * self.low)
+
+    @property
+    def given(self) -> Array:
+        """The model's own."""
+        return np.array([self._of_model(name) for name in self.names])
+
+    @property
+    def units(self) -> list[str]:
+        return [_quantity(self.model, name).unit for name in self.names]
+
+    def values(self, x: Array) -> Array:
+        """At shares [n, names] of the ranges."""
+        log = self.logarithmic
+        low, high = np.where(log, self.low, 1.0), np.where(log, self.high, 1.0)
+        return np.where(log, low * (high / low) ** x, self.low + x * (self.high - self.low))
+
+    def shares(self, values: Array) -> Array:
+        """Where values [names] are in the ranges, from 0 to 1."""
+        log = self.logarithmic
+        low, high = np.where(log, self.low, 1.0), np.where(log, self.high, math.e)
+        inside = np.clip(values, self.low, self.high)
+        even = (inside - self.low) / (self.high - self.low)
+        return np.where(log, np.log(np.where(log, inside, 1.0) / low) / np.log(high / low), even)
+
+    def columns(self, values: Array, conditions: Mapping[str, Array]) -> dict[str, Array]:
+        """Of candidates [n, names] in every condition: [n, conditions] of all that differs in any. What a
+        condition makes of the model's own number it makes of the candidate's in proportion."""
+        count = max([1, *(column.size for column in conditions.values())])
+        made = {name: np.tile(column, (len(values), 1)) for name, column in conditions.items()}
+        for name, value in self.fields(values).items():
+            column = np.repeat(value[:, None], count, axis=1)
+            made[name] = column * made[name] / self._of_model(name) if name in made else column
+        return made
+
+    def fields(self, values: Array) -> dict[str, Array]:
+        """Fields of the model, and "load", of candidates [n, names]."""
+        fields = dict(zip(self.names, values.T, strict=True))
+        stiffness = fields.pop(STIFFNESS, self.model.stage_stiffness)
+        if FREQUENCY not in fields and {STIFFNESS, "stage_mass"} & {*self.names} and not self.model.static:
+            fields[FREQUENCY] = np.sqrt(stiffness / fields.get("stage_mass", self.model.stage_mass))
+        return {name: np.asarray(value) for name, value in fields.items()}
+
+    def _of_model(self, name: str) -> float:
+        return self.model.stage_stiffness if name == STIFFNESS else own(self.model, name)
+
+
+def space_of(model: Actuator, free: Mapping[str, Any]) -> Space:
+    """The ranges of a model.
+
+    Raises:
+        QuantityError: an unknown name, one that this model does not have, or no range.
+    """
+    if not isinstance(free, Mapping) or not free:
+        raise QuantityError(
+            "free says what may differ, and within which range: {'stage_mass': ('50 g', '200 g')}"
+        )
+    ends = [_range(model, name, given) for name, given in free.items()]
+    if STIFFNESS in free and (FREQUENCY in free or model.static):
+        why = "the stage is static" if model.static else f"{FREQUENCY} [rad/s] is free"
+        raise QuantityError(f"free[{STIFFNESS!r}] [N/m] does nothing: {why}")
+    low, high = np.array(ends).T
+    return Space(model, tuple(free), low, high)
+
+
+def built(space: Space, values: Array) -> Actuator:
+    """The actuator with these values [names]; its friction at the reference normal force."""
+    fields = {name: float(value[0]) for name, value in space.fields(values[None]).items() if name != "load"}
+    return with_values(space.model, fields)
+
+
+def _range(model: Actuator, name: str, given: Any) -> tuple[float, float]:
+    known = [*free_names(model), SCALES[-1], STIFFNESS]
+    if name not in known:
+        raise QuantityError(
+            f"free[{name!r}] is unknown{did_you_mean(name, known)}; there are {', '.join(known)}"
+        )
+    quantity = _quantity(model, name)
+    try:
+        first, last = given
+    except (TypeError, ValueError):
+        raise QuantityError(f"free[{name!r}] = {given!r:.60} must be (low, high)") from None
+    low, high = (quantity.check(end, f"free[{name!r}]") for end in (first, last))
+    if not low < high < math.inf:
+        raise QuantityError(f"free[{name!r}] = {first}, {last}: the first must be less, and both finite")
+    return low, high
+
+
+def _quantity(model: Actuator, name: str) -> Quantity:
+    """What a name means."""
+    if name == STIFFNESS:
+        return Quantity("N/m", "k", "stiffness of the stage", above=0)
+    element = element_of(model.friction, name)
+    known = quantities(type(model)) | quantities(type(model.friction))
+    return known.get(element[0] if element else name) or Quantity("", "", name, above=0)
+
+
+def check_conditions(space: Space, conditions: Conditions) -> None:
+    """Raises QuantityError for a condition that changes a number in proportion to nothing."""
+    for name in {*space.fields(space.given[None])} & {*conditions.columns}:
+        if own(space.model, name) == 0.0:
+            raise QuantityError(
+                f"{name!r} is free and in a scenario, but 0 in the model: leave out one of them"
+            )
