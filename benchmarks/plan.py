@@ -67,18 +67,22 @@ class Setup(NamedTuple):
 def plan(chain: Chain, **how: Any) -> Plan:
     """The plan of the benchmark."""
     random = np.random.default_rng(2007)
-    at_rest = noise(chain, AT_REST, STRIDE, random)
-    rest = ss.make_recording(np.arange(AT_REST) / RATE, {POSITION: at_rest - at_rest[0]})
     return ss.plan_experiment(
         example(),
         free=FREE,
-        noise=rest,
+        noise=rest(chain, random),
         limits=LIMITS,
         duration=LONG,
         recordings=RECORDINGS,
         chain=ss.Chain(delay=DELAY, slew_rate=slew(chain), zeroed=True),
         **how,
     )
+
+
+def rest(chain: Chain, random: np.random.Generator) -> xr.Dataset:
+    """A recording at rest."""
+    x = noise(chain, AT_REST, STRIDE, random)
+    return ss.make_recording(np.arange(AT_REST) / RATE, {POSITION: x - x[0]})
 
 
 def slew(chain: Chain) -> float:
@@ -142,6 +146,7 @@ def fitted(
             drive=setup.drives,
             channel=("delay", "offset"),
             begin={"delay": DELAY},
+            noise=rest(chain, random),
             hops=hops,
         )
     ends = fit.confidence_intervals()

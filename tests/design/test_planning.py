@@ -217,7 +217,7 @@ def test_recording_at_rest_gives_its_noise() -> None:
     errors = [np.array([one.standard_errors[name] for name in FREE]) for one in (white, known, late)]
     assert errors[1] == pytest.approx(errors[0], rel=0.03)
     assert np.any(np.abs(errors[2] / errors[0] - 1.0) > 0.2)
-    with pytest.raises(QuantityError, match="sample_rate = 1000 Hz, but the recording at rest has 2000 Hz"):
+    with pytest.raises(QuantityError, match="at rest has 2000 Hz, and sample_rate is 1000 Hz"):
         planned(noise=rest, sample_rate=1e3)
 
 

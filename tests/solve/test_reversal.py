@@ -121,6 +121,12 @@ def test_a_root_that_newtons_method_overshoots(side: float) -> None:
     assert reached(0.0, 0.5, 1.0, side, a) == pytest.approx(0.545, abs=1e-12)
 
 
+def test_a_slope_of_zero_is_no_division() -> None:
+    flat = 0.1 - Polynomial.fromroots([0.5] * 3)
+    assert reached(0.0, 0.0, 1.0, 1.0, (*flat.coef, 0.0)) == pytest.approx(0.5 + 0.1 ** (1 / 3), abs=1e-12)
+    assert reached(0.0, 0.0, 1.0, 1.0, (0.0, 0.0, 0.0, 0.0, 0.0)) == pytest.approx(0.0, abs=1e-8)
+
+
 @pytest.mark.compiled
 def test_a_contact_that_turns_back_for_a_moment_is_seen() -> None:
     """The fastest known free drive, and others around it, turn it for microseconds within one step; with that

@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 from ..actuator import Actuator
 from ..chain import Chain
 from ..estimate import Fit
-from ..estimate.coloured import Coloured, coloured
+from ..estimate.coloured import Coloured, noise_of
 from ..estimate.parameter import Parameter, Values
 from ..estimate.posterior import Posterior
 from ..estimate.tied import Ties
 from ..identify.free import check_names, parameter, value_of
+from ..identify.recorded.at_rest import SAME_RATE, noise_at_rest
 from ..identify.walk.displacement import has_slopes
 from ..identify.walk.position_channel import CHANNEL, OBSERVED
 from ..identify.walk.walks import own_values
@@ -31,8 +32,6 @@ from .information import Space
 SAMPLE_RATE = 2e3  # Hz, where nothing says another
 # Of the posterior of a fit, and at most of draws that are given.
 DRAWS, MOST_DRAWS = 8, 32
-# A share of one interval by which recordings may be sampled at another rate and still be of the same.
-SAME_RATE = 1e-3
 
 Array = NDArray[np.float64]
 
@@ -151,11 +150,9 @@ def _moved(p: Parameter, value: float) -> Parameter:
 
 def _noise(noise: Any, sample_rate: float | None, fit: Fit | None) -> _Noise:
     if isinstance(noise, xr.Dataset):
-        if OBSERVED not in noise or noise.sizes.get("time", 0) < 100:
-            raise QuantityError(f"noise: a recording at rest has at least 100 samples of {OBSERVED}")
-        return _of_samples(
-            [noise[OBSERVED].values], noise["time"].values, sample_rate, "the recording at rest"
-        )
+        rest = noise_at_rest(noise, OBSERVED)
+        rest.check(sample_rate or rest.rate, "sample_rate is")
+        return _Noise(rest.level, rest.colour, rest.rate)
     if noise is not None:
         if not 0.0 < noise < math.inf:
             raise QuantityError(f"noise = {noise:g} m is out of range: it must be > 0 m, and finite")
@@ -168,19 +165,7 @@ def _noise(noise: Any, sample_rate: float | None, fit: Fit | None) -> _Noise:
     rate = _rate(fit)
     if rate is None or (sample_rate is not None and abs(sample_rate / rate - 1.0) > SAME_RATE):
         return _Noise(fit.rmse, None, sample_rate or SAMPLE_RATE)
-    return _Noise(fit.rmse, coloured(fit.residuals, walks=True), rate)
-
-
-def _of_samples(pieces: list[Array], time: Array, sample_rate: float | None, what: str) -> _Noise:
-    rate = (time.size - 1) / float(time[-1] - time[0])
-    if sample_rate is not None and abs(sample_rate / rate - 1.0) > SAME_RATE:
-        raise QuantityError(
-            f"sample_rate = {sample_rate:g} Hz, but {what} has {rate:.6g} Hz: its noise is that of its rate"
-        )
-    level = float(np.std(np.concatenate(pieces)))
-    if not level > 0.0:
-        raise QuantityError(f"noise: {what} shows none, all its samples are the same")
-    return _Noise(level, coloured(pieces, walks=True), rate)
+    return _Noise(fit.rmse, noise_of(fit), rate)
 
 
 def _rate(fit: Fit | None) -> float | None:

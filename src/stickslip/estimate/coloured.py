@@ -67,6 +67,13 @@ def autoregression(pieces: Sequence[Array], most: int = MOST_ORDER) -> tuple[Arr
     return best, variance
 
 
+def noise_of(fit: Fit) -> Coloured:
+    """What the residuals of a fit show, and no less drift than is known of its recordings: one that moves a
+    short recording by less than its noise is not to be seen in it."""
+    found = coloured(fit.residuals, walks=True)
+    return found._replace(walk=max([found.walk, *(known.drift for known in fit.known)]))
+
+
 def coloured(pieces: Sequence[Array], walks: bool = False) -> Coloured:
     """The noise that residuals show, one array for each recording.
 

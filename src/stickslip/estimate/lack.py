@@ -44,12 +44,14 @@ class KnownNoise(NamedTuple):
         period: first sample that repeats, how many samples a period has, and how many repeat in all; the
             second 0: nothing repeats.
         step: of the converter, in the unit of the data; 0: none.
+        drift: variance that a random walk gains from sample to sample, in the unit of the data squared.
     """
 
     given: NDArray[np.float64] | float | None = None
     at_rest: int = 0
     period: tuple[float, float, float] = (0.0, 0.0, math.inf)
     step: float = 0.0
+    drift: float = 0.0
 
 
 class Lack(NamedTuple):

@@ -57,7 +57,7 @@ def reached(speed, low, high, side, a):
             low = theta
         else:
             high = theta
-        correction = f / turn
+        correction = f / turn if turn != 0.0 else 2.0
         theta -= correction
         if not low <= theta <= high:
             theta = 0.5 * (low + high)

@@ -270,3 +270,43 @@ def test_what_is_known_otherwise_narrows_what_a_walk_leaves_open() -> None:
         identify_friction(walk, model, free, drive=drive, priors={"sigma_1": (true, 1.0)})
     with pytest.raises(QuantityError, match=r"'sigma_2', which is not free .did you mean"):
         identify_friction(walk, model, free, priors={"sigma_2": (1.0, 1.0)}, **options)
+
+
+def drifting(count: int, random: np.random.Generator) -> np.ndarray:
+    """Noise of 120 nm, at 2 kHz, whose drift of 0.3 nm per sample is seldom seen in a second."""
+    return 120e-9 * random.standard_normal(count) + np.cumsum(0.3e-9 * random.standard_normal(count))
+
+
+def at_rest(noise: np.ndarray, rate: float = 2e3) -> xr.Dataset:
+    return make_recording(np.arange(noise.size) / rate, {"end_effector_position": noise}, title="rest")
+
+
+def test_a_drift_that_a_recording_at_rest_shows_is_in_the_uncertainty() -> None:
+    """The offset of a walk that drifts, over its standard error: 1 on average over many walks."""
+    model, time, drive = actuator(**TRUTH), np.arange(3000) / 2e3, Sawtooth(amplitude=95.0, frequency=50.0)
+    walk = simulate(model, drive, times=time, tolerance=1e-11)["end_effector_position"].values
+    over = []
+    for seed in range(50):
+        random = np.random.default_rng(seed)
+        made = make_recording(time, {"end_effector_position": walk + drifting(time.size, random)})
+        rest = at_rest(drifting(20_000, random))
+        fits = [
+            identify_friction(made, model, ["gain"], drive=drive, noise=noise, channel=("offset",), hops=0)
+            for noise in (rest, None)
+        ]
+        over.append([fit.values["offset"] / fit.standard_errors["offset"] for fit in fits])
+    known, alone = np.sqrt(np.mean(np.square(over), axis=0))
+    assert known == pytest.approx(1.0, abs=0.26)  # 99 % of 50
+    assert alone > 1.3 * known
+
+
+def test_a_recording_at_rest_must_be_of_the_rate_and_show_noise() -> None:
+    walk, noise = reference(), 1e-9 * np.random.default_rng(0).standard_normal(300)
+    short, still, faster = at_rest(noise[:50], 1e3), at_rest(np.zeros(300), 1e3), at_rest(noise, 2e3)
+    for rest, said in (
+        (short, "100 samples"),
+        (still, "shows none"),
+        (faster, "2000 Hz, and another has 1000"),
+    ):
+        with pytest.raises(QuantityError, match=said):
+            identify_friction(walk, actuator(**TRUTH), FREE, drive=DRIVE, noise=rest)

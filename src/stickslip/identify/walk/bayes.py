@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ...actuator import Actuator
 from ...estimate.bent import Mixture, straight
-from ...estimate.coloured import coloured, scores
+from ...estimate.coloured import noise_of, scores
 from ...estimate.parameter import Parameter
 from ...estimate.posterior import Posterior, sample
 from ...estimate.problem import FitError
@@ -230,7 +230,7 @@ def curvature_adjustment(fit: Fit, variance: float) -> Array:
     norms = np.linalg.norm(j, axis=0)
     j = j / norms
     ends = np.cumsum([g.n_data for g in fit.recordings])[:-1]
-    noise = coloured(fit.residuals, walks=True)
+    noise = noise_of(fit)
     power = scores(np.split(j, ends), noise) / variance
     # With H = U diag(w) U', in units of the variance: M = H^(-1/2) power H^(-1/2).
     w, u = np.linalg.eigh(j.T @ j)

@@ -159,14 +159,15 @@ def first_guess(
     looks = sorted((look(point) for _, point in costs[:LOOKED_AT]), key=lambda pair: pair[0])
     begins: list[Values] = []
     for _, values in looks:
-        if all(_far(values, known, names) for known in begins):
+        if all(far(values, known, names) for known in begins):
             begins.append(values)
     return wide, begins[:BEGINS]
 
 
-def _far(one: Values, other: Values, names: Sequence[str]) -> bool:
+def far(one: Values, other: Values, names: Sequence[str]) -> bool:
     """Whether two points are in different local minima, as far as a short search tells."""
-    return any(abs(math.log(one[name] / other[name])) > math.log(VALLEY) for name in names)
+    ends = [sorted((abs(one[name]), abs(other[name]))) for name in names]  # one may be 0, at its bound
+    return any(high > VALLEY * low for low, high in ends)
 
 
 def beside(parameters: Sequence[Parameter], values: Values, given: Container[str] = ()) -> list[Parameter]:

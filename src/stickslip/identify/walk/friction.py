@@ -30,6 +30,7 @@ from ...units import QuantityError, optional_si
 from ...waveform.signal import Waveform
 from ..free import Bounds, beside, check_names, known_of, parameter, with_prior
 from ..quantised import with_steps
+from ..recorded.at_rest import drift_at_rest
 from ..recorded.channels import drives_of, names_of, recordings_of, unit_of
 from ..recorded.known_noise import known_noise
 from .displacement import Displacement, has_slopes
@@ -57,7 +58,7 @@ def identify_friction(
     tied: Mapping[str, str] | None = None,
     channel: Sequence[str] | None = None,
     begin: Values | None = None,
-    noise: float | str | None = None,
+    noise: float | str | xr.Dataset | None = None,
     starts: int = 1,
     hops: int = 6,
     seed: int = 0,
@@ -105,7 +106,9 @@ def identify_friction(
             recordings show: an offset at rest, or what lowers the sum of squares by more than noise does;
             `remarks` of the fit say so. None of them: ().
         begin: where "delay" and "offset" start; left out, at the delay of the stage, or 0.
-        noise: standard deviation of the position, m; left out, it is estimated from the residuals.
+        noise: standard deviation of the position, m; left out, it is estimated from the residuals. Or a
+            recording of the channel at rest: estimated from the residuals, but for its drift, which a short
+            recording does not show; in the uncertainty that makes it the less sure.
         starts: how many; those after the first fill the bounds.
         hops: see `fit_least_squares`; 0 looks for no start and no other local minimum: for a start that is
             near.
@@ -140,11 +143,13 @@ def identify_friction(
     slew_rate = optional_si(slew_rate, "V/s", "slew_rate")
     tolerance = optional_si(tolerance, "m", "tolerance")
     found = recordings_of(recordings)
-    unit = unit_of(found, OBSERVED)
-    noise = optional_si(noise, unit or "m", "noise")
+    at_rest = [noise] if isinstance(noise, xr.Dataset) else []
+    unit = unit_of([*found, *at_rest], OBSERVED)
+    drift = drift_at_rest(at_rest[0], OBSERVED, found) if at_rest else 0.0
+    level = None if isinstance(noise, xr.Dataset) else optional_si(noise, unit or "m", "noise")
     names, drives = names_of(found), drives_of(drive, found)
     bounds, priors = bounds or {}, priors or {}
-    _check(model, free, bounds, priors, noise)
+    _check(model, free, bounds, priors, level)
     measured = [walked(r, w, name) for r, w, name in zip(found, drives, names, strict=True)]
     for r, name in zip(found, names, strict=True):
         warn_of_unseen_slips(r, model, name)
@@ -172,11 +177,11 @@ def identify_friction(
         measured,
         names,
         unit,
-        [known_noise(r, x, w) for r, x, w in zip(found, measured, drives, strict=True)],
+        [known_noise(r, x, w)._replace(drift=drift) for r, x, w in zip(found, measured, drives, strict=True)],
         model,
         stage,
         Ties([*parameters(free), *others]),
-        noise,
+        level,
         correlated,
         loss,
         loss_scale,

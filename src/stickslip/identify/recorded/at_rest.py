@@ -1,0 +1,61 @@
+"""Noise of a channel, from a recording of it at rest."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from ...estimate.coloured import Coloured, coloured
+from ...units import QuantityError
+
+FEWEST = 100
+# A share of one interval by which recordings may be sampled at another rate and still be of the same.
+SAME_RATE = 1e-3
+
+
+class AtRest(NamedTuple):
+    """Standard deviation, `colour` (filtered, drifting), and the rate [Hz] of the samples it holds for."""
+
+    level: float
+    colour: Coloured
+    rate: float
+
+    def check(self, rate: float, what: str) -> None:
+        """Raises QuantityError unless the other rate [Hz] is its own."""
+        if abs(rate / self.rate - 1.0) > SAME_RATE:
+            raise QuantityError(
+                f"noise: the recording at rest has {self.rate:.6g} Hz, and {what} {rate:.6g} Hz, but its "
+                "noise is that of its rate"
+            )
+
+
+def noise_at_rest(recording: xr.Dataset, channel: str) -> AtRest:
+    """Of a channel.
+
+    Raises:
+        QuantityError: it is not there, has too few samples, or shows no noise.
+    """
+    if channel not in recording or recording.sizes.get("time", 0) < FEWEST:
+        raise QuantityError(f"noise: a recording at rest has at least {FEWEST} samples of {channel}")
+    values, time = np.asarray(recording[channel].values, dtype=float), recording["time"].values
+    if not np.all(np.isfinite(values)):
+        raise QuantityError(f"noise: {channel} of the recording at rest is not finite everywhere")
+    level = float(np.std(values))
+    if not level > 0.0:
+        raise QuantityError("noise: the recording at rest shows none, all its samples are the same")
+    return AtRest(level, coloured([values], walks=True), (time.size - 1) / float(time[-1] - time[0]))
+
+
+def drift_at_rest(recording: xr.Dataset, channel: str, others: list[xr.Dataset]) -> float:
+    """Variance that a drift gains from sample to sample, of recordings sampled at the same rate.
+
+    Raises:
+        QuantityError: see `noise_at_rest`; or it is sampled at another rate than one of the others.
+    """
+    rest = noise_at_rest(recording, channel)
+    for other in others:
+        time = other["time"].values
+        rest.check((time.size - 1) / float(time[-1] - time[0]), "another has")
+    return rest.colour.walk
