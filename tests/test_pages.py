@@ -103,6 +103,25 @@ def test_design(run: Callable) -> None:
     assert len(names["recorded"]) == len(names["plan"].recordings)
 
 
+def test_bench_to_drive(run: Callable, capsys: pytest.CaptureFixture[str]) -> None:
+    names = run("bench-to-drive.md")
+    mine, values = names["mine"], names["fit"].values
+    for name in names["free"]:
+        assert values[name] == pytest.approx(getattr(mine, name, getattr(mine.friction, name, None)), rel=1e-3)
+    assert not any("does not explain" in line for line in names["fit"].report().splitlines())
+    printed = capsys.readouterr().out
+    narrower = [float(text) for text in re.findall(r"([\d.]+) times narrower", printed)]
+    assert len(narrower) == 6
+    assert min(narrower) > 1.2
+    assert np.median(narrower) > 4.0
+    table = names["fast"].table
+    assert table["value"].min() > 1.5 * table["sawtooth"].min()
+    pairs = re.findall(r"measured ([\d.]+) mm/s, predicted ([\d.]+)", printed)
+    assert len(pairs) == 3
+    for measured, predicted in pairs:
+        assert float(measured) == pytest.approx(float(predicted), rel=2e-3)
+
+
 def test_many_simulations(run: Callable) -> None:
     found = run("scale.md")["found"]
     assert found.sizes["member"] == 10_000

@@ -23,8 +23,9 @@ from ...waveform.drive import evaluate
 from ...waveform.signal import Waveform
 from ..recorded.recorded_drive import drive_over
 
-# A model that needs more for one recording is none: a trial point with a contact far too stiff.
-MAX_STEPS = 200_000
+# A model that needs more for one recording is none: a trial point with a contact far too stiff. Each segment
+# of the drive takes some of its own: an amplifier's output has a hundred thousand in a second.
+MAX_STEPS, OF_SEGMENT = 200_000, 3
 LOAD = Contact()
 
 
@@ -42,8 +43,9 @@ class Displacement:
         max_steps: int | None = None,
     ) -> None:
         drive, self.time = drive_over(recording, drive, name, slew_rate)
-        self.tolerance, self.max_steps = tolerance, max_steps or MAX_STEPS
+        self.tolerance = tolerance
         self.drive = checked_drive(model, drive, float(self.time[-1]), periodic=False)
+        self.max_steps = (max_steps or MAX_STEPS) + OF_SEGMENT * self.drive.start.size
         self._known: tuple[Any, NDArray[np.float64]] = (None, np.zeros(0))
         self._slopes: tuple[Any, NDArray[np.float64]] = (None, np.zeros(0))
 
