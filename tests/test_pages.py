@@ -107,8 +107,9 @@ def test_bench_to_drive(run: Callable, capsys: pytest.CaptureFixture[str]) -> No
     names = run("bench-to-drive.md")
     mine, values = names["mine"], names["fit"].values
     for name in names["free"]:
-        assert values[name] == pytest.approx(getattr(mine, name, getattr(mine.friction, name, None)), rel=1e-3)
-    assert not any("does not explain" in line for line in names["fit"].report().splitlines())
+        truth = getattr(mine, name, getattr(mine.friction, name, None))
+        assert values[name] == pytest.approx(truth, rel=1e-3)
+    assert "does not explain" not in names["fit"].report()
     printed = capsys.readouterr().out
     narrower = [float(text) for text in re.findall(r"([\d.]+) times narrower", printed)]
     assert len(narrower) == 6
