@@ -12,6 +12,7 @@ import stickslip as ss
 from stickslip import design
 from stickslip.design import Generator, Limits, Scenario
 from stickslip.design.front import selected, unbeaten
+from stickslip.design.moving import Moved
 from stickslip.design.scenarios import conditions_of
 from stickslip.estimate import Posterior
 from stickslip.rig import VirtualRig, load_bench
@@ -147,6 +148,24 @@ def test_on_the_virtual_rig_with_its_electronics():
     assert speed == pytest.approx(found.value, rel=2e-3)
 
 
+def test_the_most_even_motion():
+    """Ripple is that of the trajectory, and the speed what was asked for."""
+    model = KANG.replace(damping_ratio=0.1)
+    limits = {"max_voltage": 100.0, "frequency": (50.0, 400.0)}
+    found = ss.optimise_waveform(model, goal="ripple", minimum_speed="1 mm/s", budget=500, **limits)
+    assert found.value < 0.7 * found.sawtooth_value
+    assert found.speeds[0] >= 0.999e-3
+    period = found.waveform.period
+    times = np.append(0.0, np.linspace(200.0, 201.0, 2001) * period)
+    x = ss.simulate(model, found.waveform, times=times, tolerance=1e-10).end_effector_position.values[1:]
+    uniform = np.linspace(x[0], x[-1], x.size)
+    assert np.ptp(x - uniform) == pytest.approx(found.value, rel=5e-3)
+    assert (x[-1] - x[0]) / period == pytest.approx(found.speeds[0], rel=1e-4)
+    front = design.waveform_front(model, goals=("speed", "ripple"), points=12, generations=8, **limits)
+    assert np.all(np.diff(front.table.speed.values) > 0.0)
+    assert np.all(np.diff(front.table.ripple.values) > 0.0)
+
+
 def test_a_front_of_speed_and_current():
     found = design.waveform_front(
         KANG,
@@ -183,6 +202,6 @@ def test_heat_is_that_of_the_account():
     shape = design.polygons.Polygons(
         np.array([[0.0, 0.3, 0.6, 0.8]]), np.array([[0.0, 90.0, 40.0, 70.0]]), np.array([2e-3])
     )
-    heat = design.Heat(stack).of(shape, np.zeros((1, 1)))
+    heat = design.Heat(stack).of(shape, Moved(*np.zeros((2, 1, 1))))
     account = ss.electronics.electrical(shape.one(0), stack, 400 * 2e-3)
     assert float(heat[0, 0]) == pytest.approx(float(account.mean_loss), rel=5e-3)

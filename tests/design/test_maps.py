@@ -150,7 +150,7 @@ def test_rest_to_rest_stick_bounds_the_speed() -> None:
 def test_backlash_and_ringing_are_those_of_the_trajectory() -> None:
     model = KANG.replace(damping_ratio=0.15)
     drive = ss.Sawtooth(80.0, 40.0, rise_fraction=0.999)
-    found = ss.step_map(model, drive, direction=[1, -1], quantities=["backlash", "ringing"])
+    found = ss.step_map(model, drive, direction=[1, -1], quantities=["backlash", "ringing", "ripple"])
     times = np.append(0.0, np.linspace(30.0, 32.0, 40_001) / 40.0)
     late = ss.simulate(model, drive._replace(periods=34), times=times, tolerance=5e-11)
     x = late["end_effector_position"].values[1:]
@@ -161,7 +161,9 @@ def test_backlash_and_ringing_are_those_of_the_trajectory() -> None:
     assert float(found.ringing.sel(direction=1)) == pytest.approx(
         (np.maximum.accumulate(d) - d).max(), rel=0.02
     )
-    for name in ("backlash", "ringing"):
+    uniform = np.linspace(0.0, 2.0 * float(found.net_step.sel(direction=1)), x.size)
+    assert float(found.ripple.sel(direction=1)) == pytest.approx(np.ptp(x - uniform), rel=2e-3)
+    for name in ("backlash", "ringing", "ripple"):
         both = found[name].values
         assert both[0] == pytest.approx(both[1], rel=1e-3)
     damped = ss.step_map(model.replace(damping_ratio=1.2), drive, quantities=["ringing"])

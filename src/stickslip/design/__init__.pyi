@@ -5,6 +5,7 @@ from .front import Front as Front
 from .fronts import waveform_front as waveform_front
 from .goals import Current as Current
 from .goals import Heat as Heat
+from .goals import Ripple as Ripple
 from .goals import Speed as Speed
 from .goals import StepSize as StepSize
 from .limits import Generator as Generator

@@ -16,9 +16,10 @@ from ..simulation.varied import free_names
 from ..units import QuantityError, optional_si
 from ..waveform.periodic import Sawtooth
 from .built import Built, OptimisedActuator
-from .goals import goal_of
+from .goals import extras_of, goal_of
 from .limits import Allowed, Limits, allowed, frequencies
-from .polygons import SEARCHED, Array, exact_steps, net_steps, sawtooths
+from .moving import exactly, moved
+from .polygons import Array, sawtooths
 from .sawtooth import best_sawtooth
 from .scenarios import Conditions, Scenario, conditions_of, own
 from .search import SHORTFALL, Index, Judge, Task, robust
@@ -197,8 +198,8 @@ class _Search(NamedTuple):
         """More is better, of candidates [n, rise and frequency and shares of the ranges]."""
         shapes, values = sawtooths(x[:, :DRIVE], self.allowed), self.space.values(x[:, DRIVE:])
         columns = self.space.columns(values, self.conditions.part(which))
-        steps = net_steps(self.space.model, shapes, {}, SEARCHED, self.threads, own=columns)
-        found = self._searched()._replace(scale=self.scale).merits(shapes, steps)
+        ways = moved(self.space.model, shapes, {}, self.threads, columns, extras_of(self.goal))
+        found = self._searched()._replace(scale=self.scale).merits(shapes, ways)
         short = np.maximum(1.0 - self.held(values), 0.0)
         return found - SHORTFALL * self.scale * short[:, None]
 
@@ -215,5 +216,5 @@ class _Search(NamedTuple):
         shape = sawtooths(drive[None], self.allowed)
         columns = {n: c[0] for n, c in self.space.columns(values[None], self.conditions.columns).items()}
         unbound = self.space.model.replace(min_voltage=-math.inf, max_voltage=math.inf)  # but for rounding
-        steps = exact_steps(unbound, [shape.one(0)], columns, self.threads)
-        return self.goal.of(shape, steps)[0], steps[0] / shape.period[0]
+        ways = exactly(unbound, [shape.one(0)], columns, self.threads, extras_of(self.goal))
+        return self.goal.of(shape, ways)[0], ways.steps[0] / shape.period[0]

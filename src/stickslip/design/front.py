@@ -14,7 +14,9 @@ import xarray as xr
 
 from ..progress import Progress, unheard
 from ..waveform.knots import PeriodicKnots
-from .polygons import SEARCHED, Array, exact_steps, knots, net_steps, sawtooths, starts
+from .goals import extras_of
+from .moving import exactly, moved
+from .polygons import Array, knots, sawtooths, starts
 from .sawtooth import best_sawtooth
 from .search import Judge, Task, robust
 from .searched import Searched
@@ -77,9 +79,10 @@ def _merits(searched: list[Searched], x: Array) -> Array:
     """Of each candidate, both goals in their worst conditions [n, 2]; minus infinity without motion."""
     one = searched[0]
     shapes = knots(x, one.allowed)
-    steps = net_steps(one.model, shapes, one.conditions.columns, SEARCHED, one.threads)
-    found = np.stack([of.merits(shapes, steps).min(axis=1) for of in searched], axis=1)
-    found[np.isnan(steps).any(axis=1)] = -np.inf
+    extras = extras_of(*(of.goal for of in searched))
+    ways = moved(one.model, shapes, one.conditions.columns, one.threads, extras=extras)
+    found = np.stack([of.merits(shapes, ways).min(axis=1) for of in searched], axis=1)
+    found[np.isnan(ways.steps).any(axis=1)] = -np.inf
     return found
 
 
@@ -117,8 +120,9 @@ def _exact(searched: list[Searched], x: Array, spent: int) -> Front:
     one = searched[0]
     shapes = knots(x, one.allowed)
     drives = [shapes.one(i) for i in range(len(x))]
-    steps = exact_steps(one.model, list(drives), one.conditions.columns, one.threads)
-    merits = np.stack([of.merits(shapes, steps).min(axis=1) for of in searched], axis=1)
+    extras = extras_of(*(of.goal for of in searched))
+    ways = exactly(one.model, list(drives), one.conditions.columns, one.threads, extras)
+    merits = np.stack([of.merits(shapes, ways).min(axis=1) for of in searched], axis=1)
     fine = np.flatnonzero(np.isfinite(merits).all(axis=1))
     fine = fine[unbeaten(merits[fine])]
     order = fine[np.argsort(merits[fine, 0])]
@@ -127,4 +131,4 @@ def _exact(searched: list[Searched], x: Array, spent: int) -> Front:
         about = {"units": of.goal.unit, "long_name": of.goal.label}
         data[of.goal.label.replace(" ", "_")] = ("point", of.goal.sign * column, about)
     data["frequency"] = ("point", 1.0 / shapes.period[order], {"units": "Hz", "long_name": "frequency"})
-    return Front(tuple(drives[i] for i in order), xr.Dataset(data), spent + steps.size)
+    return Front(tuple(drives[i] for i in order), xr.Dataset(data), spent + ways.steps.size)

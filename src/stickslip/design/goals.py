@@ -1,8 +1,9 @@
 """What a drive signal is to do: goals as records, each a number per signal and condition.
 
-`of(shapes, steps)` gives the numbers [n, conditions] of polygons under conditions with those net steps [m];
-`sign` is +1 where more is better. What the voltage alone decides (current, heat) is the same under all
-conditions, and of the signal that the amplifier is asked for.
+`of(shapes, moved)` gives the numbers [n, conditions] of polygons that move the actuator so; `sign` is +1
+where more is better, `extras` what it needs to know beside the net step (ripple). What the voltage
+alone decides (current, heat) is the same under all conditions, and of the signal that the amplifier is asked
+for.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from ..electronics import Stack
 from ..electronics.cycles import half_cycles
 from ..records import Quantity, did_you_mean, record
 from ..units import QuantityError
+from .moving import Moved
 from .polygons import Polygons
 
 Array = NDArray[np.float64]
@@ -33,7 +35,7 @@ class Goal(Protocol):
     @property
     def moves(self) -> bool: ...
 
-    def of(self, shapes: Polygons, steps: Array) -> Array: ...
+    def of(self, shapes: Polygons, moved: Moved) -> Array: ...
 
 
 @record
@@ -53,8 +55,8 @@ class Speed(NamedTuple):
     def sign(self) -> float:
         return self.direction
 
-    def of(self, shapes: Polygons, steps: Array) -> Array:
-        return steps / shapes.period[:, None]
+    def of(self, shapes: Polygons, moved: Moved) -> Array:
+        return moved.steps / shapes.period[:, None]
 
 
 @record
@@ -65,8 +67,8 @@ class StepSize(NamedTuple):
 
     label, unit, sign, moves = "distance from the step", "m", -1.0, True
 
-    def of(self, shapes: Polygons, steps: Array) -> Array:
-        return np.abs(steps - self.size)
+    def of(self, shapes: Polygons, moved: Moved) -> Array:
+        return np.abs(moved.steps - self.size)
 
 
 @record
@@ -77,9 +79,9 @@ class Current(NamedTuple):
 
     label, unit, sign, moves = "peak current", "A", -1.0, False
 
-    def of(self, shapes: Polygons, steps: Array) -> Array:
+    def of(self, shapes: Polygons, moved: Moved) -> Array:
         peak = self.capacitance * np.abs(shapes.slopes()).max(axis=1)
-        return np.broadcast_to(peak[:, None], steps.shape)
+        return np.broadcast_to(peak[:, None], moved.steps.shape)
 
 
 class Heat(NamedTuple):
@@ -89,18 +91,32 @@ class Heat(NamedTuple):
 
     label, unit, sign, moves = "heat", "W", -1.0, False
 
-    def of(self, shapes: Polygons, steps: Array) -> Array:
+    def of(self, shapes: Polygons, moved: Moved) -> Array:
         lost = np.zeros(len(shapes.period))
         for i, volts in enumerate(shapes.volts):
             around = np.roll(volts, -int(np.argmax(volts)))
             swings = half_cycles(np.append(around, around[0]))[0]
             lost[i] = 0.5 * float(np.sum(self.stack.cycle_loss(swings))) / shapes.period[i]
-        return np.broadcast_to(lost[:, None], steps.shape)
+        return np.broadcast_to(lost[:, None], moved.steps.shape)
 
 
-NAMED: dict[str, Any] = {"speed": Speed()}
+class Ripple(NamedTuple):
+    """How far the end-effector departs from a uniform motion, m, from peak to peak, as little as can be."""
+
+    label, unit, sign, moves, extras = "ripple", "m", -1.0, False, ("ripple",)
+
+    def of(self, shapes: Polygons, moved: Moved) -> Array:
+        return moved.ripple
+
+
+NAMED: dict[str, Any] = {"speed": Speed(), "ripple": Ripple()}
 # Those that need numbers.
 OTHERS = {"step": "StepSize(size)", "current": "Current(capacitance)", "heat": "Heat(stack)"}
+
+
+def extras_of(*goals: Any) -> tuple[str, ...]:
+    """What goals need to know beside the net step."""
+    return tuple(dict.fromkeys(name for goal in goals for name in getattr(goal, "extras", ())))
 
 
 def goal_of(given: Any) -> Any:

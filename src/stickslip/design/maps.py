@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable, Mapping
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 import xarray as xr
@@ -26,7 +26,7 @@ from .solving import NOT_COMPUTED, STATUS, Solved, intervals, solved
 from .spread import drawn_parameters
 
 Array = NDArray[np.float64]
-Extra = Literal["backlash", "ringing"]
+Extra = Literal["backlash", "ringing", "ripple"]
 
 # Steps over the tolerance, from which on they can be compared.
 KNOWN = 100.0
@@ -36,6 +36,7 @@ LABELS = {
     "speed": ("m/s", "mean speed"),
     "backlash": ("m", "farthest way back within a period"),
     "ringing": ("m", "largest swing back after the slip"),
+    "ripple": ("m", "departure from a uniform motion, peak to peak"),
     "error_estimate": ("m", "how far the net step may be off, by a coarser integration"),
     "net_step_low": ("m", "net step, 2.5 % quantile"),
     "net_step_high": ("m", "net step, 97.5 % quantile"),
@@ -84,7 +85,7 @@ def step_map(
             walks the other way. With both there is also `inequality`.
         parameters: values of other fields of the model, its law or the waveform, by name ("incline",
             "end_effector_mass", "sigma_0", "rise_fraction"), as for `steady_steps`.
-        quantities: "backlash" and "ringing" cost about as much again; see `design.motion`.
+        quantities: "backlash", "ringing" and "ripple" cost about as much again; see `design.motion`.
         stack: the piezo's numbers, for current, energy and heat; the drive must not jump.
         fit: of `identify_friction` or `identify_step` with the model's values, or a `posterior`: how far its
             uncertainty lets the step be off, by `draws` of its parameters at every point, the same for all.
@@ -97,9 +98,10 @@ def step_map(
     Returns:
         Dataset over the dimensions given: net_step (m per period, positive towards +x; NaN where there is
         none), speed (m/s), error_estimate (m), status (0 converged; see its flag_meanings) and reason (empty
-        where converged). On demand backlash and ringing (m); peak_current, rms_current (A), energy_per_step
-        (J), heat (W) and temperature_rise (K); net_step_low, net_step_high, speed_low, speed_high (ends of
-        the 95 % interval; NaN where fewer than nine draws of ten converged) and draws_converged;
+        where converged). On demand backlash, ringing, ripple (m); peak_current, rms_current (A),
+        energy_per_step (J), heat (W) and temperature_rise (K); net_step_low, net_step_high, speed_low,
+        speed_high (ends of the 95 % interval; NaN where fewer than nine draws of ten converged) and
+        draws_converged;
         inequality, without the dimension of the direction (NaN where the steps are within a hundred
         tolerances). Stopped by Ctrl-C it returns what is done;
         the others have the status "not_computed", and ``attrs["interrupted"]`` is 1.
@@ -148,8 +150,8 @@ def step_map(
 def _extras(quantities: Iterable[Extra]) -> tuple[str, ...]:
     names = (quantities,) if isinstance(quantities, str) else tuple(quantities)
     for name in names:
-        if name not in ("backlash", "ringing"):
-            raise QuantityError(f"quantities: there are 'backlash' and 'ringing', not {name!r}")
+        if name not in get_args(Extra):
+            raise QuantityError(f"quantities: there are {', '.join(get_args(Extra))}, not {name!r}")
     return names
 
 

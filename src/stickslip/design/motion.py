@@ -1,4 +1,4 @@
-r"""Backlash and ringing of the end-effector within a period of its steady walk.
+r"""Backlash, ringing and ripple of the end-effector within a period of its steady walk.
 
 With x the position of the end-effector along the walk (of the sign of its net step) and C u the stroke at
 rest of the voltage,
@@ -12,7 +12,11 @@ rest after that: once u no longer goes back, until it does again or the next bac
 t_1 + T). It is the first swing of a stage that vibrates, and zero for one that settles without. What a load
 pulls the end-effector back by while it sticks is in it; of a smooth drive, so is what the stage lags behind.
 Where the fast stroke of the drive goes along the walk (an actuator that walks backward by resonance) there is
-no slip that it could follow: NaN.
+no slip that it could follow: NaN. So both are for drives that slip once in a period; a search for little
+ringing would find drives that swing all the time.
+
+*Ripple* is how far the end-effector departs from a uniform motion, from peak to peak, under any drive: of
+:math:`x - t s / T`, s being the net step.
 """
 
 from __future__ import annotations
@@ -39,11 +43,11 @@ EVEN = 0.99
 MAX_STEPS = 10_000_000
 
 
-def backlash_and_ringing(
+def within_a_period(
     model: Actuator, of: Members, columns: Columns, found: Found, fine: NDArray[np.bool_], tolerance: float
 ) -> dict[str, Array]:
-    """Both of members, m, NaN where they are not fine; `of.states` are on the orbits."""
-    backlash, ringing = np.full((2, fine.size), np.nan)
+    """All three of members, m, NaN where they are not fine; `of.states` are on the orbits."""
+    backlash, ringing, ripple = np.full((3, fine.size), np.nan)
     gains = columns.get("gain", np.full(fine.size, model.gain))
     drives, which = of.drives, of.which
     of_same: dict[bytes, list[int]] = {}  # that break at the same times
@@ -59,7 +63,8 @@ def backlash_and_ringing(
         way = np.where(found.steps[rows] < 0.0, -1.0, 1.0)[:, None]
         moved = way * positions, way * gains[rows, None] * volts, np.abs(found.steps[rows])
         backlash[rows], ringing[rows] = measured(times, period, *moved)
-    return {"backlash": backlash, "ringing": ringing}
+        ripple[rows] = np.ptp(positions - times * found.steps[rows, None] / period, axis=1)
+    return {"backlash": backlash, "ringing": ringing, "ripple": ripple}
 
 
 def sample_times(breaks: Array, period: float, rate: float) -> Array:
@@ -72,7 +77,8 @@ def sample_times(breaks: Array, period: float, rate: float) -> Array:
     ends = np.append(breaks[1:], period)
     parts = [b + since[since < e - b] for b, e in zip(breaks, ends, strict=True)]
     before = ends[ends < period] * (1.0 - 1e-12)
-    return np.unique(np.concatenate([*parts, before, [period * (1.0 - 1e-12)]]))
+    found = np.unique(np.concatenate([*parts, before, [period * (1.0 - 1e-12)]]))
+    return found[found < period]
 
 
 def _followed(of: Members, rows: NDArray[np.int64], period: float, times: Array, tolerance: float) -> Array:

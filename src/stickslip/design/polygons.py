@@ -1,28 +1,16 @@
-"""Closed polygons of the voltage, many at once: shaped by the search, kept within limits, and driven."""
+"""Closed polygons of the voltage, many at once: shaped by the search, and kept within limits."""
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..actuator import Actuator
-from ..friction import elements
-from ..simulation import SimulationWarning, steady_steps
 from ..waveform.knots import PeriodicKnots
-from ..waveform.signal import Waveform
 from .limits import Allowed
 
 Array = NDArray[np.float64]
-# Of the net step, m: in the search, and of what is reported. Fine, for an optimum may lie where the contact
-# just does not slip. Where the motion of the drive's period is not found at one of these, it is at another.
-SEARCHED = 1e-8
-REPORTED = (1e-11, 1e-12, 1e-10, 1e-9, 1e-8)
-# A static law has no derivatives to find it quickly by.
-REPORTED_STATIC = (1e-9, 1e-10, 1e-8)
 # As near to a jump as the fall of a sawtooth comes, of the period.
 STEEPEST = 1e-3
 
@@ -96,50 +84,3 @@ def sawtooths(x: Array, allowed: Allowed) -> Polygons:
 
 def _frequency(x: Array, allowed: Allowed) -> Array:
     return allowed.slowest * (allowed.fastest / allowed.slowest) ** x
-
-
-def net_steps(
-    model: Actuator,
-    shapes: Polygons,
-    columns: Mapping[str, Array],
-    tolerance: float,
-    threads: int | None = None,
-    own: Mapping[str, Array] | None = None,
-) -> Array:
-    """Net step per period [m] of each polygon under each condition [n, conditions]; NaN: there is none.
-    What differs from polygon to polygon is its `own` [n, conditions]."""
-    n, own = len(shapes.period), own or {}
-    conditions = max([1, *(c.size for c in columns.values()), *(c.shape[1] for c in own.values())])
-    each = np.repeat(np.arange(n), conditions)
-    k, period = shapes.shares.shape[1], shapes.period[each]
-    varied: dict[str, Array] = {"period": period}
-    for i in range(k):
-        varied[f"value_{i + 1}"] = shapes.volts[each, i]
-        if i:
-            varied[f"time_{i + 1}"] = shapes.shares[each, i] * period
-    varied |= {name: np.tile(column, n) for name, column in columns.items()}
-    varied |= {name: column.ravel() for name, column in own.items()}
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", SimulationWarning)  # of the tolerance; the result is computed finely
-        found = steady_steps(model, shapes.one(0), parameters=varied, tolerance=tolerance, threads=threads)
-    return found["net_step"].values.reshape(n, conditions)
-
-
-def exact_steps(
-    model: Actuator, drives: list[Waveform], columns: Mapping[str, Array], threads: int | None = None
-) -> Array:
-    """As `net_steps`, of any periodic waveforms, to what is reported."""
-    conditions = max([1, *(c.size for c in columns.values())])
-    steps = np.full((len(drives), conditions), np.nan)
-    members = columns or {"external_force": np.array([model.external_force])}
-    for row, drive in zip(steps, drives, strict=True):
-        for tolerance in REPORTED if elements(model.friction) else REPORTED_STATIC:
-            left = np.flatnonzero(np.isnan(row))
-            if not left.size:
-                break
-            part = {name: column[left] for name, column in members.items()}
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", SimulationWarning)
-                found = steady_steps(model, drive, parameters=part, tolerance=tolerance, threads=threads)
-            row[left] = found["net_step"].values
-    return steps

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,9 +15,11 @@ from ..progress import Progress, within
 from ..units import QuantityError
 from ..waveform.periodic import Sawtooth
 from ..waveform.signal import Waveform
+from .goals import extras_of
 from .limits import Allowed
+from .moving import Moved, exactly, moved
 from .optimised import OptimisedWaveform
-from .polygons import SEARCHED, Array, Polygons, exact_steps, knots, net_steps, sawtooths, starts
+from .polygons import Array, Polygons, knots, sawtooths, starts
 from .sawtooth import best_sawtooth
 from .scenarios import Conditions
 from .search import SHORTFALL, Best, Index, Judge, Task, robust
@@ -69,8 +73,7 @@ class Searched(NamedTuple):
             QuantityError: none of them has a steady motion.
         """
         shapes = sawtooths(random.random((SAMPLES, 2)), self.allowed)
-        steps = net_steps(self.model, shapes, {}, SEARCHED, self.threads)
-        found = np.abs(self.goal.of(shapes, steps))
+        found = np.abs(self.goal.of(shapes, self.moved(shapes)))
         found = found[np.isfinite(found)]
         if not found.size or not found.max() > 0.0:
             raise QuantityError(
@@ -85,17 +88,19 @@ class Searched(NamedTuple):
 
         def found(x: Array, which: Index) -> Array:
             shapes = family(x, self.allowed)
-            return self.merits(
-                shapes, net_steps(self.model, shapes, self.conditions.part(which), SEARCHED, self.threads)
-            )
+            return self.merits(shapes, self.moved(shapes, self.conditions.part(which)))
 
         return found
 
-    def merits(self, shapes: Polygons, steps: Array) -> Array:
+    def moved(self, shapes: Polygons, columns: Mapping[str, Array] = MappingProxyType({})) -> Moved:
+        """As far as the goal asks."""
+        return moved(self.model, shapes, columns, self.threads, extras=extras_of(self.goal))
+
+    def merits(self, shapes: Polygons, moved: Moved) -> Array:
         """More is better; below the least speed they are worse than anything above it."""
-        merits = self.goal.sign * self.goal.of(shapes, steps)
+        merits = self.goal.sign * self.goal.of(shapes, moved)
         if self.minimum_speed:
-            short = np.maximum(self.minimum_speed - steps / shapes.period[:, None], 0.0)
+            short = np.maximum(self.minimum_speed - moved.steps / shapes.period[:, None], 0.0)
             merits = merits - SHORTFALL * self.scale * short / self.minimum_speed
         return merits
 
@@ -108,10 +113,8 @@ class Searched(NamedTuple):
         played = self.played(drives)
         at_piezo = self.at_piezo(played)
         unbound = self.model.replace(min_voltage=-math.inf, max_voltage=math.inf)  # but for rounding
-        steps = exact_steps(unbound, at_piezo, self.conditions.columns, self.threads)
-        merits = np.concatenate(
-            [self.merits(shape, row[None]) for shape, row in zip(shapes, steps, strict=True)]
-        )
+        found = exactly(unbound, at_piezo, self.conditions.columns, self.threads, extras_of(self.goal))
+        merits = np.concatenate([self.merits(shape, found.of(i)) for i, shape in enumerate(shapes)])
         judge, everything = Judge(self.quantile, None, self.scale), np.arange(merits.shape[1])
         scores = judge.score(merits, everything)
         n = len(candidates)
@@ -126,8 +129,8 @@ class Searched(NamedTuple):
         k = int(np.argmax(scores[:n])) if no_worse.any() else saw
         if k != saw and scores[k] < scores[saw]:
             k = saw
-        spent += best.evaluations + steps.size
-        return self.described(shapes, drives, played, at_piezo, steps, k, saw, spent)
+        spent += best.evaluations + found.steps.size
+        return self.described(shapes, drives, played, at_piezo, found, k, saw, spent)
 
     def at_updates(self, shape: Polygons) -> list[Polygons]:
         """With the periods that a generator can play, the nearest two; as it is, where there is none."""
@@ -164,14 +167,14 @@ class Searched(NamedTuple):
         drives: list[Waveform],
         played: list[Waveform],
         at_piezo: list[Waveform],
-        steps: Array,
+        found: Moved,
         k: int,
         saw: int,
         spent: int,
     ) -> OptimisedWaveform:
-        values = [self.goal.of(shapes[i], steps[i][None])[0] for i in (k, saw)]
-        speeds = [steps[i] / shapes[i].period[0] for i in (k, saw)]
-        judge, which = Judge(self.quantile, None, self.scale), np.arange(steps.shape[1])
+        values = [self.goal.of(shapes[i], found.of(i))[0] for i in (k, saw)]
+        speeds = [found.steps[i] / shapes[i].period[0] for i in (k, saw)]
+        judge, which = Judge(self.quantile, None, self.scale), np.arange(found.steps.shape[1])
         worst = [float(self.goal.sign * judge.score(self.goal.sign * v[None], which)[0]) for v in values]
         low, high = float(shapes[saw].volts.min()), float(shapes[saw].volts.max())
         sawtooth = Sawtooth(

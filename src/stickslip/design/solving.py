@@ -15,7 +15,7 @@ from ..simulation.steady_members import CONVERGED, orbit_blocks
 from ..simulation.steady_members import STATUS as OF_ORBITS
 from ..solve.periodic import Found
 from ..waveform.signal import Waveform
-from .motion import backlash_and_ringing
+from .motion import within_a_period
 
 Array = NDArray[np.float64]
 
@@ -64,7 +64,7 @@ def solved(
     status, reasons = np.full(count, NOT_COMPUTED, np.int8), ["not computed"] * count
 
     def moved(of: Members, part: Columns, found: Found, states: NDArray[np.int8]) -> dict[str, Array]:
-        return backlash_and_ringing(model, of, part, found, states == CONVERGED, tolerance)
+        return within_a_period(model, of, part, found, states == CONVERGED, tolerance)
 
     blocks = orbit_blocks(
         model, waveform, columns, tolerance, normal_load, threads, moved if extras else None

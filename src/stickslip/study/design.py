@@ -75,7 +75,7 @@ class MapSpec(Strict):
     load: Values | None = None
     direction: list[Literal[1, -1]] | Literal[1, -1] | None = None
     parameters: dict[str, list[float | str] | float | str] = Field(default_factory=dict)
-    quantities: list[Literal["backlash", "ringing"]] = Field(default_factory=list)
+    quantities: list[Literal["backlash", "ringing", "ripple"]] = Field(default_factory=list)
     tolerance: Annotated[float, quantity("m")] = 1e-10
 
     def computed(self, model: Actuator, folder: Path, progress: Progress) -> xr.Dataset:
@@ -188,7 +188,7 @@ def map_pictures(found: xr.Dataset) -> list[Picture]:
     panels = int(np.prod(sorted(found.sizes[d] for d in dims)[:-2])) if len(dims) > 2 else 1
     if not dims or panels > MOST_PANELS:
         return []
-    for name in ("net_step", "speed", "backlash", "ringing"):
+    for name in ("net_step", "speed", "backlash", "ringing", "ripple"):
         if name not in found or not np.any(np.isfinite(found[name].values)):
             continue
         figure = draw_map(found, name)[0].figure

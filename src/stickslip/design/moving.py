@@ -1,0 +1,98 @@
+"""How drives move an actuator under conditions: in the search, and exactly."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..actuator import Actuator
+from ..friction import elements
+from ..progress import unheard
+from ..waveform.signal import Waveform
+from .polygons import Polygons
+from .solving import solved
+
+Array = NDArray[np.float64]
+# Of the net step, m: in the search, and of what is reported. Fine, for an optimum may lie where the contact
+# just does not slip. Where the motion of the drive's period is not found at one of these, it is at another.
+SEARCHED = 1e-8
+REPORTED = (1e-11, 1e-12, 1e-10, 1e-9, 1e-8)
+# A static law has no derivatives to find it quickly by.
+REPORTED_STATIC = (1e-9, 1e-10, 1e-8)
+
+
+class Moved(NamedTuple):
+    """Of drives under conditions [n, conditions], m: net step; ripple (see `design.motion`), where it is
+    asked for. NaN: there is no periodic motion."""
+
+    steps: Array
+    ripple: Array
+
+    def of(self, i: int) -> Moved:
+        """One drive."""
+        return Moved(*(column[i][None] for column in self))
+
+
+def moved(
+    model: Actuator,
+    shapes: Polygons,
+    columns: Mapping[str, Array],
+    threads: int | None = None,
+    own: Mapping[str, Array] | None = None,
+    extras: tuple[str, ...] = (),
+) -> Moved:
+    """By polygons, under conditions [conditions]; what differs from polygon to polygon is its `own`
+    [n, conditions]."""
+    n, own = len(shapes.period), own or {}
+    conditions = max([1, *(c.size for c in columns.values()), *(c.shape[1] for c in own.values())])
+    each = np.repeat(np.arange(n), conditions)
+    k, period = shapes.shares.shape[1], shapes.period[each]
+    varied: dict[str, Array] = {"period": period}
+    for i in range(k):
+        varied[f"value_{i + 1}"] = shapes.volts[each, i]
+        if i:
+            varied[f"time_{i + 1}"] = shapes.shares[each, i] * period
+    varied |= {name: np.tile(column, n) for name, column in columns.items()}
+    varied |= {name: column.ravel() for name, column in own.items()}
+    found = _solved(model, shapes.one(0), varied, SEARCHED, threads, extras)
+    return Moved(*(column.reshape(n, conditions) for column in found))
+
+
+def exactly(
+    model: Actuator,
+    drives: list[Waveform],
+    columns: Mapping[str, Array],
+    threads: int | None = None,
+    extras: tuple[str, ...] = (),
+) -> Moved:
+    """As `moved`, of any periodic waveforms, to what is reported."""
+    conditions = max([1, *(c.size for c in columns.values())])
+    rows = Moved(*np.full((2, len(drives), conditions), np.nan))
+    members = columns or {"external_force": np.array([model.external_force])}
+    for i, drive in enumerate(drives):
+        for tolerance in REPORTED if elements(model.friction) else REPORTED_STATIC:
+            left = np.flatnonzero(np.isnan(rows.steps[i]))
+            if not left.size:
+                break
+            part = {name: column[left] for name, column in members.items()}
+            for row, found in zip(rows, _solved(model, drive, part, tolerance, threads, extras), strict=True):
+                row[i, left] = found
+    return rows
+
+
+def _solved(
+    model: Actuator,
+    drive: Waveform,
+    members: Mapping[str, Array],
+    tolerance: float,
+    threads: int | None,
+    extras: tuple[str, ...],
+) -> Moved:
+    """Of each member."""
+    found = solved(model, drive, members, tolerance, 1.0, threads, unheard, extras)
+    if found.interrupted:
+        raise KeyboardInterrupt
+    return Moved(found.steps, found.beside.get("ripple", np.full(found.steps.size, np.nan)))
