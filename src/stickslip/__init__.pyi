@@ -90,7 +90,6 @@ from .identify import save_fit as save_fit
 from .verification import verify as verify
 
 # Design
-from .design import optimise_actuator as optimise_actuator
 from .design import optimise_waveform as optimise_waveform
 from .design import minimum_voltage as minimum_voltage
 from .design import step_map as step_map
