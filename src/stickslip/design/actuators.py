@@ -14,7 +14,6 @@ from ..estimate.result import Fit
 from ..progress import Progress, unheard, within
 from ..simulation.varied import free_names
 from ..units import QuantityError, optional_si
-from ..waveform.periodic import Sawtooth
 from .built import Built, OptimisedActuator
 from .goals import extras_of, goal_of
 from .limits import Allowed, Limits, allowed, frequencies
@@ -25,7 +24,7 @@ from .scenarios import Conditions, Scenario, conditions_of, own
 from .search import SHORTFALL, Index, Judge, Task, robust
 from .searched import Searched
 from .space import Space, built, check_conditions, space_of
-from .waveforms import check_counts, check_model
+from .waveforms import check_counts, check_model, check_moves
 
 # Of a candidate: rise and frequency of its sawtooth come first.
 DRIVE = 2
@@ -86,10 +85,7 @@ def optimise_actuator(
         raise QuantityError("model = {} has no actuator to choose from")
     if len(models) > 1 and uncertainty is not None:
         raise QuantityError("uncertainty is that of one actuator: give one model, or scenarios")
-    if not aim.moves and not (speed and speed > 0.0):
-        raise QuantityError(
-            f"minimum_speed [m/s] is needed: with the least {aim.label} alone, nothing would move"
-        )
+    check_moves(aim, speed)
     searches = []
     for name, one in models.items():
         check_model(one)
@@ -176,18 +172,13 @@ class _Search(NamedTuple):
             self.name,
             self.space,
             found,
-            self._sawtooth(best.x[:DRIVE]),
+            sawtooths(best.x[None, :DRIVE], self.allowed).sawtooth(0),
             self.conditions,
             values,
             speeds,
             before,
             spent + best.evaluations + 2 * everything.size,
         )
-
-    def _sawtooth(self, x: Array) -> Sawtooth:
-        shape = sawtooths(x[None], self.allowed)
-        low, high = float(shape.volts.min()), float(shape.volts.max())
-        return Sawtooth(high - low, 1.0 / float(shape.period[0]), float(shape.shares[0, 1]), low)
 
     def _searched(self) -> Searched:
         """The search for a drive of the model as it is."""

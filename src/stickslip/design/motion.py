@@ -21,6 +21,8 @@ ringing would find drives that swing all the time.
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -44,9 +46,15 @@ MAX_STEPS = 10_000_000
 
 
 def within_a_period(
-    model: Actuator, of: Members, columns: Columns, found: Found, fine: NDArray[np.bool_], tolerance: float
+    model: Actuator,
+    of: Members,
+    columns: Columns,
+    found: Found,
+    fine: NDArray[np.bool_],
+    tolerance: float,
+    names: Collection[str],
 ) -> dict[str, Array]:
-    """All three of members, m, NaN where they are not fine; `of.states` are on the orbits."""
+    """Those named, of members, m, NaN where they are not fine; `of.states` are on the orbits."""
     backlash, ringing, ripple = np.full((3, fine.size), np.nan)
     gains = columns.get("gain", np.full(fine.size, model.gain))
     drives, which = of.drives, of.which
@@ -59,12 +67,14 @@ def within_a_period(
         period, start = float(of.ends[rows[0]]), drives.start[which[rows[0]]]
         times = sample_times(start[np.isfinite(start)], period, float(of.of.plant.rate))
         positions = _followed(of, rows, period, times, tolerance)
-        volts = np.stack([evaluate(member_of(drives, which[m]), times)[0] for m in members])
-        way = np.where(found.steps[rows] < 0.0, -1.0, 1.0)[:, None]
-        moved = way * positions, way * gains[rows, None] * volts, np.abs(found.steps[rows])
-        backlash[rows], ringing[rows] = measured(times, period, *moved)
         ripple[rows] = np.ptp(positions - times * found.steps[rows, None] / period, axis=1)
-    return {"backlash": backlash, "ringing": ringing, "ripple": ripple}
+        if {"backlash", "ringing"} & {*names}:
+            volts = np.stack([evaluate(member_of(drives, which[m]), times)[0] for m in members])
+            way = np.where(found.steps[rows] < 0.0, -1.0, 1.0)[:, None]
+            moved = way * positions, way * gains[rows, None] * volts, np.abs(found.steps[rows])
+            backlash[rows], ringing[rows] = measured(times, period, *moved)
+    every = {"backlash": backlash, "ringing": ringing, "ripple": ripple}
+    return {name: every[name] for name in names}
 
 
 def sample_times(breaks: Array, period: float, rate: float) -> Array:

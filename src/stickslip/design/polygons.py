@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..waveform.knots import PeriodicKnots
+from ..waveform.periodic import Sawtooth
 from .limits import Allowed
 
 Array = NDArray[np.float64]
@@ -42,6 +43,11 @@ class Polygons(NamedTuple):
         """As a waveform."""
         period = float(self.period[i])
         return PeriodicKnots(tuple((self.shares[i] * period).tolist()), tuple(self.volts[i].tolist()), period)
+
+    def sawtooth(self, i: int) -> Sawtooth:
+        """One of `sawtooths` as such."""
+        low, high = float(self.volts[i].min()), float(self.volts[i].max())
+        return Sawtooth(high - low, 1.0 / float(self.period[i]), float(self.shares[i, 1]), low)
 
     def rows(self, which: NDArray[np.int64]) -> Polygons:
         return Polygons(*(column[which] for column in self))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,7 +12,6 @@ from ..actuator import Actuator
 from ..electronics import driven_period
 from ..progress import Progress, within
 from ..units import QuantityError
-from ..waveform.periodic import Sawtooth
 from ..waveform.signal import Waveform
 from .goals import extras_of
 from .limits import Allowed
@@ -73,7 +71,7 @@ class Searched(NamedTuple):
             QuantityError: none of them has a steady motion.
         """
         shapes = sawtooths(random.random((SAMPLES, 2)), self.allowed)
-        found = np.abs(self.goal.of(shapes, self.moved(shapes)))
+        found = np.abs(self.goal.of(shapes, self.moved(shapes, {})))
         found = found[np.isfinite(found)]
         if not found.size or not found.max() > 0.0:
             raise QuantityError(
@@ -92,7 +90,7 @@ class Searched(NamedTuple):
 
         return found
 
-    def moved(self, shapes: Polygons, columns: Mapping[str, Array] = MappingProxyType({})) -> Moved:
+    def moved(self, shapes: Polygons, columns: Mapping[str, Array]) -> Moved:
         """As far as the goal asks."""
         return moved(self.model, shapes, columns, self.threads, extras=extras_of(self.goal))
 
@@ -176,17 +174,13 @@ class Searched(NamedTuple):
         speeds = [found.steps[i] / shapes[i].period[0] for i in (k, saw)]
         judge, which = Judge(self.quantile, None, self.scale), np.arange(found.steps.shape[1])
         worst = [float(self.goal.sign * judge.score(self.goal.sign * v[None], which)[0]) for v in values]
-        low, high = float(shapes[saw].volts.min()), float(shapes[saw].volts.max())
-        sawtooth = Sawtooth(
-            high - low, 1.0 / float(shapes[saw].period[0]), float(shapes[saw].shares[0, 1]), low
-        )
         return OptimisedWaveform(
             waveform=drives[k],  # type: ignore[arg-type]
             value=worst[0],
             played=None if self.allowed.generator is None else played[k],  # type: ignore[arg-type]
             at_piezo=at_piezo[k],
             sawtooth_at_piezo=at_piezo[saw],
-            sawtooth=sawtooth,
+            sawtooth=shapes[saw].sawtooth(0),
             sawtooth_value=worst[1],
             goal=self.goal,
             model=self.model,

@@ -64,7 +64,7 @@ def solved(
     status, reasons = np.full(count, NOT_COMPUTED, np.int8), ["not computed"] * count
 
     def moved(of: Members, part: Columns, found: Found, states: NDArray[np.int8]) -> dict[str, Array]:
-        return within_a_period(model, of, part, found, states == CONVERGED, tolerance)
+        return within_a_period(model, of, part, found, states == CONVERGED, tolerance, extras)
 
     blocks = orbit_blocks(
         model, waveform, columns, tolerance, normal_load, threads, moved if extras else None

@@ -85,10 +85,7 @@ def optimise_waveform(
     check_counts(knots=knots, draws=draws, budget=budget)
     if not 0.0 <= share < 1.0:
         raise QuantityError(f"quantile = {share:g} is out of range: it must be >= 0 (the worst) and < 1")
-    if not aim.moves and not (speed and speed > 0.0):
-        raise QuantityError(
-            f"minimum_speed [m/s] is needed: with the least {aim.label} alone, nothing would move"
-        )
+    check_moves(aim, speed)
     within_limits = allowed(model, low, high, limits, hertz, generator)
     conditions = conditions_of(model, scenarios, uncertainty, draws, seed)
     searched = Searched(model, aim, within_limits, conditions, speed or 0.0, share, threads)
@@ -115,6 +112,14 @@ def check_model(model: Any) -> None:
         raise QuantityError(f"model = {model!r:.60} must be an actuator, or the fit of one")
     if model.clamped:
         raise QuantityError("a clamped end-effector does not step: give a model with clamped=False")
+
+
+def check_moves(goal: Any, speed: float | None) -> None:
+    """Raises QuantityError for a goal that asks for no motion, without a least speed."""
+    if not goal.moves and not (speed and speed > 0.0):
+        raise QuantityError(
+            f"minimum_speed [m/s] is needed: with the least {goal.label} alone, nothing would move"
+        )
 
 
 def check_counts(**given: int) -> None:
