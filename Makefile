@@ -33,7 +33,7 @@ LOWEST_TESTS := tests/test_records.py tests/test_units.py tests/test_registry.py
   tests/friction/test_contract.py tests/solve/test_step.py tests/simulation/test_state.py tests/estimate/test_fit.py \
   tests/identify/test_saved.py tests/rig/test_gate.py tests/rig/test_scpi.py tests/readers/test_text.py \
   tests/readers/test_matlab.py tests/readers/test_arrays.py tests/report/test_document.py tests/report/test_html.py \
-  tests/report/test_results.py tests/report/test_writing.py tests/study/test_verification.py
+  tests/report/test_results.py tests/report/test_writing.py tests/analysis/test_verification.py
 LOWEST := .venv-lowest
 # Other tools, only for the benchmarks, in an environment of their own.
 PEERS := .venv-peers

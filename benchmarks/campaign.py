@@ -48,10 +48,10 @@ def prepare() -> None:
     """Record the campaign of the examples, fit it, and store what the tools need."""
     import importlib.resources
 
+    from stickslip.analysis.walk import changed
     from stickslip.campaign.evaluation import evaluate
     from stickslip.campaign.file import read_campaign
     from stickslip.campaign.gathering import gather
-    from stickslip.study.walk import changed
 
     path = Path(str(importlib.resources.files("stickslip") / "examples" / "kang2007_campaign.yaml"))
     file = read_campaign(path)

@@ -18,12 +18,12 @@ from datetime import date
 from pathlib import Path
 
 from stickslip.actuator import load_actuator
+from stickslip.analysis.walk import changed
 from stickslip.campaign.additional import additional
 from stickslip.campaign.evaluation import evaluate
 from stickslip.campaign.file import read_campaign
 from stickslip.campaign.gathering import gather
 from stickslip.progress import unheard
-from stickslip.study.walk import changed
 from stickslip.units import with_prefix
 
 PAGE = Path(__file__).parents[1] / "docs" / "benchmarks" / "posterior.md"

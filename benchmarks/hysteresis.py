@@ -22,6 +22,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from stickslip.actuator import Actuator, load_actuator
+from stickslip.analysis.alignment import Aligned, aligned
+from stickslip.analysis.walk import changed
 from stickslip.campaign.evaluation import Found, evaluate
 from stickslip.campaign.file import CampaignFile, read_campaign
 from stickslip.experiment.cells import Cell, cells
@@ -30,8 +32,6 @@ from stickslip.experiment.running import read_experiment
 from stickslip.piezo import Creep, Piezo, PrandtlIshlinskii
 from stickslip.progress import unheard
 from stickslip.rig import VirtualRig, load_bench, measure
-from stickslip.study.alignment import Aligned, aligned
-from stickslip.study.walk import changed
 
 from .coverage import LEVEL, random_truth
 

@@ -40,7 +40,7 @@ OWNERS = {
     "pooch": {"datasets"},
     "threadpoolctl": {"estimate"},
     "arviz": {"estimate/posterior"},
-    "pydantic": {"input_file", "study", "experiment", "campaign", "job", "panel"},
+    "pydantic": {"input_file", "analysis", "experiment", "campaign", "job", "panel"},
     "yaml": {"input_file"},
     "pyvisa": {"rig/scpi"},
     "asammdf": {"readers/mdf"},

@@ -11,9 +11,9 @@ import pytest
 import yaml
 
 import stickslip
+from stickslip.analysis import run_file
 from stickslip.input_file import InputFileError
 from stickslip.job.file import read_job
-from stickslip.study import run_file
 
 PACKAGE = Path(stickslip.__file__).parent
 WALK = {"file": "walk.csv", "columns": {"time": "t"}, "units": {"time": "ms"}, "start": 0.1, "use": "fit"}

@@ -15,6 +15,8 @@ from typer.testing import CliRunner
 
 import stickslip as ss
 from stickslip import registry
+from stickslip.analysis.file import RecordingFile
+from stickslip.analysis.loops import LawSpec
 from stickslip.cli import app
 from stickslip.experiment.cells import drive_of
 from stickslip.experiment.file import PartSpec, json_schema
@@ -30,8 +32,6 @@ from stickslip.recording.drive import drive_text, named_drive
 from stickslip.registry import RegistryError
 from stickslip.rig.devices import open_device, virtual_device
 from stickslip.rig.hosted import stop_all
-from stickslip.study.file import RecordingFile
-from stickslip.study.loops import LawSpec
 
 LAW = '''
 from typing import Annotated, NamedTuple

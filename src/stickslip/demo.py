@@ -14,12 +14,12 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from .analysis import run_file
 from .campaign import run_campaign
 from .job.running import joined
 from .progress import Progress, unheard, within
 from .recording import RecordingError
 from .report import Document, Section
-from .study import run_file
 
 CAMPAIGN = "kang2007_campaign.yaml"
 EXAMPLES = ("friction_loops.yaml", "piezo_mirror.yaml", "pulled_slider.yaml")

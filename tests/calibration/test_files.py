@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from stickslip.analysis.file import RecordingFile
 from stickslip.calibration import (
     CalibrationError,
     apply_calibration,
@@ -21,7 +22,6 @@ from stickslip.calibration import (
 )
 from stickslip.calibration.storage import from_text
 from stickslip.recording import RecordingError, make_recording, open_recording, save_recording
-from stickslip.study.file import RecordingFile
 
 CHAIN = ["kang2007-inductive-5", "kang2007-recalibration"]
 

@@ -8,6 +8,7 @@ import numpy as np
 from scipy import stats
 
 from stickslip.actuator import load_actuator
+from stickslip.analysis.alignment import Aligned
 from stickslip.campaign.bands import walk_bands
 from stickslip.campaign.budget import inherited
 from stickslip.estimate.fit import fit_least_squares
@@ -17,7 +18,6 @@ from stickslip.friction import Coulomb
 from stickslip.identify.walk.friction import identify_friction
 from stickslip.simulation import simulate
 from stickslip.simulation.varied import with_values
-from stickslip.study.alignment import Aligned
 from stickslip.waveform.periodic import Sawtooth
 
 DRIVE = Sawtooth(65.0, 200.0, periods=1)

@@ -12,6 +12,7 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
+from stickslip.analysis.alignment import Aligned
 from stickslip.campaign import run_campaign
 from stickslip.campaign.file import read_campaign
 from stickslip.campaign.gathering import scale_of, scaled
@@ -23,7 +24,6 @@ from stickslip.recording import (
     open_recording,
     save_recording,
 )
-from stickslip.study.alignment import Aligned
 from stickslip.units import QuantityError
 from stickslip.waveform.periodic import Sawtooth
 from stickslip.waveform.signal import value_at

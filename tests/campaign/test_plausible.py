@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from stickslip.actuator import load_actuator
+from stickslip.analysis.alignment import Aligned, aligned
 from stickslip.campaign.plausible import check_walk
 from stickslip.recording import RecordingError, RecordingWarning, make_recording
-from stickslip.study.alignment import Aligned, aligned
 from stickslip.waveform.periodic import ReverseSawtooth, Sawtooth
 from stickslip.waveform.signal import value_at
 

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from stickslip.analysis.alignment import Aligned
+from stickslip.analysis.comparison import conclusion, named
 from stickslip.campaign.additional import Additional
 from stickslip.campaign.additional_sections import additional_numbers, additional_sections
 from stickslip.campaign.features import feature_numbers, features_of, features_section
@@ -22,8 +24,6 @@ from stickslip.identify.candidates import Comparison
 from stickslip.identify.walk.compare import walk_candidates
 from stickslip.recording import make_recording
 from stickslip.report import Number
-from stickslip.study.alignment import Aligned
-from stickslip.study.comparison import conclusion, named
 from stickslip.units import QuantityError
 
 T = np.linspace(0.0, 1.0, 200)

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
+from ..analysis.alignment import Aligned
+from ..analysis.comparison import candidates_of, named
 from ..estimate.posterior import Posterior
 from ..estimate.result import Fit
 from ..identify.candidates import Comparison
@@ -14,8 +16,6 @@ from ..identify.walk.compare import compare_walks
 from ..identify.walk.intervals import profile_interval
 from ..identify.walk.position_channel import CHANNEL
 from ..progress import Progress, within
-from ..study.alignment import Aligned
-from ..study.comparison import candidates_of, named
 from .file import CampaignFile
 
 _EVALUATIONS = 250  # of each search for a candidate

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+from ..analysis.comparison import choice_numbers, choice_section
 from ..figures.posterior import posterior_corner
 from ..figures.style import svg
 from ..identify.walk.bayes import Posterior
 from ..identify.walk.position_channel import CHANNEL
 from ..report import Column, Number, Picture, Section, Table
-from ..study.comparison import choice_numbers, choice_section
 from .evaluation import Found
 from .stage import unit_of
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from ..actuator import Actuator
+from ..analysis.alignment import Aligned
 from ..estimate.result import Fit
 from ..identify.piezo.left_out import spread
 from ..identify.step.fit import STAGE_PARAMETERS
@@ -21,7 +22,6 @@ from ..identify.step.formulas import step_tests
 from ..identify.walk.displacement import Displacement, has_slopes
 from ..identify.walk.other_stages import moved_by
 from ..identify.walk.walks import by_coordinates, by_values, columns_of
-from ..study.alignment import Aligned
 from .budget import LEVEL, Inherited
 
 _TOLERANCE = 1e-10

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..actuator import Actuator
+from ..analysis.alignment import POSITION, Aligned
 from ..estimate.result import Fit
 from ..identify.piezo.left_out import spread
 from ..identify.step.fit import STAGE_PARAMETERS
@@ -23,7 +24,6 @@ from ..identify.walk.displacement import Displacement, has_slopes
 from ..identify.walk.other_stages import moved_by
 from ..identify.walk.position_channel import CHANNEL
 from ..identify.walk.walks import by_coordinates, by_values, columns_of
-from ..study.alignment import POSITION, Aligned
 from .gathering import Scale
 
 LEVEL = 0.95

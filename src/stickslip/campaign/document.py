@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from ..analysis.alignment import POSITION, Aligned
+from ..analysis.verification import verification_numbers
 from ..estimate.lack import said
 from ..experiment import Recorded
 from ..figures.campaign import Trace, walks
@@ -18,8 +20,6 @@ from ..report.fits import chain_numbers, fit_numbers, lack_numbers, model_number
 from ..report.origin import origin_of
 from ..report.piezo import hysteresis_numbers
 from ..report.recordings import recorded_assumptions
-from ..study.alignment import POSITION, Aligned
-from ..study.verification import verification_numbers
 from ..units import near_one, with_prefix
 from .additional_sections import additional_numbers, additional_sections
 from .bands import walk_bands

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import xarray as xr
 
 from ..actuator import Actuator
+from ..analysis.alignment import Aligned
 from ..chain import Chain
 from ..electronics import Filter
 from ..estimate.lack import said
@@ -19,7 +20,6 @@ from ..identify.walk.prediction import Predictor
 from ..input_file import InputFileError
 from ..progress import Progress
 from ..records import did_you_mean
-from ..study.alignment import Aligned
 from ..verification import Requirement, Verification, verify
 from .additional import Additional, additional
 from .budget import Budget, Inherited, budget, inherited

@@ -8,10 +8,10 @@ from typing import Any
 
 import xarray as xr
 
+from ..analysis.alignment import Aligned
 from ..identify.events.sawtooth import sawtooth_features
 from ..recording import RecordingError
 from ..report import Column, Number, Section, Table
-from ..study.alignment import Aligned
 
 _DIRECTION = {1.0: "forward", -1.0: "back"}
 _STEPS = ("up", "down", "scatter", "drift")

@@ -8,10 +8,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, ValidationError, field_validator
 
+from ..analysis.file import RecordingFile
 from ..experiment.file import FilterSpec, PartSpec
 from ..input_file import InputFileError, Seconds, Strict, explain, load_yaml, quantity
 from ..records import did_you_mean
-from ..study.file import RecordingFile
 from ..units import QuantityError
 
 # `piezo` (slow, to and fro) and `step`: the end-effector fixed to the stage; `fit` and `verify`: it walks.

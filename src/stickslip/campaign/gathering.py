@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
+from ..analysis.alignment import POSITION, Aligned, aligned
 from ..experiment import Recorded
 from ..experiment.cells import drive_of
 from ..experiment.file import ExperimentFile
@@ -19,7 +20,6 @@ from ..identify.recorded.channels import channel
 from ..input_file import InputFileError
 from ..progress import Progress
 from ..recording import RecordingError
-from ..study.alignment import POSITION, Aligned, aligned
 from ..units import QuantityError
 from ..waveform.signal import Waveform
 from .file import CampaignFile, OwnSpec

@@ -11,12 +11,12 @@ import numpy as np
 import xarray as xr
 
 from ..actuator import Actuator
+from ..analysis.alignment import POSITION, Aligned
 from ..estimate.lack import LEAST_RATIO
 from ..estimate.result import Fit
 from ..identify.piezo.fit import identify_piezo
 from ..identify.piezo.left_out import spread, without_parts
 from ..identify.step.fit import STAGE_PARAMETERS
-from ..study.alignment import POSITION, Aligned
 from .file import CampaignFile
 
 

@@ -8,9 +8,9 @@ import warnings
 import numpy as np
 
 from ..actuator import Actuator
+from ..analysis.alignment import POSITION, Aligned
 from ..identify.recorded.channels import channel
 from ..recording import RecordingError, RecordingWarning
-from ..study.alignment import POSITION, Aligned
 from ..units import with_prefix
 from ..waveform.signal import value_at
 

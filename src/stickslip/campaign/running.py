@@ -6,12 +6,12 @@ import os
 from functools import partial
 from pathlib import Path
 
+from ..analysis.walk import changed
 from ..experiment.file import ExperimentFile
 from ..input_file import InputFileError
 from ..parameters import ParameterSetError
 from ..progress import Progress, unheard, within
 from ..report import Document
-from ..study.walk import changed
 from ..units import QuantityError
 from .document import campaign_document
 from .evaluation import evaluate

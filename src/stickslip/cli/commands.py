@@ -213,7 +213,7 @@ def identify(
     begun = time.perf_counter()
     with errors_in_one_line(show_traceback):
         check_output(out)
-        from ..study import run_file
+        from ..analysis import run_file
 
         with progress_bar() as progress:
             document = run_file(file, progress)
@@ -278,12 +278,12 @@ def verify(
     begun = time.perf_counter()
     with errors_in_one_line(show_traceback):
         check_output(out)
-        from ..study.running import run_study
-        from ..study.verification import verification_study
+        from ..analysis.running import run_analysis
+        from ..analysis.verification import verification_analysis
 
-        study, folder = verification_study(fit, recordings or [], require, column, unit)
+        analysis, folder = verification_analysis(fit, recordings or [], require, column, unit)
         with progress_bar() as progress:
-            document = run_study(study, folder, progress)
+            document = run_analysis(analysis, folder, progress)
         write(document, out, begun)
 
 
@@ -300,14 +300,14 @@ def design(
     begun = time.perf_counter()
     with errors_in_one_line(show_traceback):
         check_output(out)
-        from ..study.design import design_study
-        from ..study.running import run_study
+        from ..analysis.design import design_analysis
+        from ..analysis.running import run_analysis
         from ..units import QuantityError
 
-        study, folder = design_study(file)
+        analysis, folder = design_analysis(file)
         try:
             with progress_bar() as progress:
-                document = run_study(study, folder, progress)
+                document = run_analysis(analysis, folder, progress)
         except QuantityError as error:
             raise ValueError(f"{file}: {error}") from error
         write(document, out, begun)

@@ -98,7 +98,7 @@ def schema(kind: Annotated[Kind, typer.Argument(help="Kind of file.")] = Kind.JO
     elif kind is Kind.CAMPAIGN:
         from ..campaign.file import json_schema
     else:
-        from ..study.running import json_schema
+        from ..analysis.running import json_schema
     typer.echo(json.dumps(json_schema(), indent=1))
 
 

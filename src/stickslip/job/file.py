@@ -21,18 +21,18 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field, TypeAdapter, ValidationError, model_validator
 
+from ..analysis.comparison import ComparisonAnalysis
+from ..analysis.design import DesignAnalysis
+from ..analysis.frequency import FrequencyAnalysis
+from ..analysis.loops import LoopAnalysis
+from ..analysis.piezo import PiezoAnalysis
+from ..analysis.pulled import PulledAnalysis
+from ..analysis.verification import VerificationAnalysis
+from ..analysis.walk import WalkAnalysis
 from ..campaign.file import CampaignFile, CellsSpec
 from ..experiment.file import ExperimentFile
 from ..input_file import InputFileError, Strict, explain, load_yaml
 from ..records import did_you_mean
-from ..study.comparison import ComparisonStudy
-from ..study.design import DesignStudy
-from ..study.frequency import FrequencyStudy
-from ..study.loops import LoopStudy
-from ..study.piezo import PiezoStudy
-from ..study.pulled import PulledStudy
-from ..study.verification import VerificationStudy
-from ..study.walk import WalkStudy
 
 Content = dict[str, Any]
 
@@ -51,7 +51,8 @@ class ExportSpec(Strict):
 
 
 Study = Annotated[
-    LoopStudy | FrequencyStudy | PiezoStudy | PulledStudy | WalkStudy, Field(discriminator="kind")
+    LoopAnalysis | FrequencyAnalysis | PiezoAnalysis | PulledAnalysis | WalkAnalysis,
+    Field(discriminator="kind"),
 ]
 _STUDY: TypeAdapter[Any] = TypeAdapter(Study)
 # What a campaign has none of, and each other kind of file has one of.
@@ -62,17 +63,17 @@ STEPS = ("record", "identify", "verify", "compare", "export", "design")
 class StepSpec(Strict):
     """One step: exactly one of these, each a file (beside the job's) or what it would say.
 
-    What is identified is a campaign, or a study of its `kind`. Where `verify`, `export` and `design` name no
-    model, it is that of the last identification; a campaign whose recordings are `cells` takes those of the
-    last `record`.
+    What is identified is a campaign, or an analysis of its `kind`. Where `verify`, `export` and `design` name
+    no model, it is that of the last identification; a campaign whose recordings are `cells` takes those of
+    the last `record`.
     """
 
     record: ExperimentFile | str | None = None
     identify: CampaignFile | Study | str | None = None
-    verify: VerificationStudy | str | None = None
-    compare: ComparisonStudy | str | None = None
+    verify: VerificationAnalysis | str | None = None
+    compare: ComparisonAnalysis | str | None = None
     export: ExportSpec | None = None
-    design: DesignStudy | str | None = None
+    design: DesignAnalysis | str | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -137,7 +138,9 @@ def read_job(path: Path) -> Job:
 
 def _refuse_missing(spec: Any, before: set[str], where: str) -> None:
     """Raise InputFileError where a step needs one before it that is not there."""
-    no_model = isinstance(spec, VerificationStudy | DesignStudy) and spec.fit is None and spec.model is None
+    no_model = (
+        isinstance(spec, VerificationAnalysis | DesignAnalysis) and spec.fit is None and spec.model is None
+    )
     if (no_model or (isinstance(spec, ExportSpec) and spec.model is None)) and "identify" not in before:
         raise InputFileError(f"{where}: no model is named, and nothing is identified before it")
     wanted = spec.recordings if isinstance(spec, CampaignFile) and spec.experiment is None else ()
@@ -171,11 +174,11 @@ def checked(step: Step, where: str = "") -> Any:
         if step.kind == "record":
             return ExperimentFile.model_validate(content)
         if step.kind == "verify":
-            return VerificationStudy.model_validate(content)
+            return VerificationAnalysis.model_validate(content)
         if step.kind == "compare":
-            return ComparisonStudy.model_validate(content)
+            return ComparisonAnalysis.model_validate(content)
         if step.kind == "design":
-            return DesignStudy.model_validate(content)
+            return DesignAnalysis.model_validate(content)
         if step.kind == "export":
             return ExportSpec.model_validate(content)
         if "kind" in content:

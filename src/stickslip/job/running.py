@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from ..analysis.running import run_analysis
 from ..campaign.running import campaign_of
 from ..experiment.running import record_experiment
 from ..export import export_c, export_fmu
@@ -20,7 +21,6 @@ from ..report.circumstances import circumstances
 from ..report.recordings import recordings_document
 from ..report.results import results_json
 from ..rig import load_bench
-from ..study.running import run_study
 from ..units import QuantityError
 from .file import Content, ExportSpec, Step, checked, read_job
 
@@ -81,7 +81,7 @@ class _Running:
         if step.kind == "identify" and "kind" not in step.content:
             document = campaign_of(spec, folder, self.out, progress, self.experiment, figures=self.figures)
         else:
-            document = run_study(spec, folder, progress)
+            document = run_analysis(spec, folder, progress)
         if step.kind == "identify":
             self.results = self.out.absolute() / "steps" / f"{number}_identify.json"
             self.results.parent.mkdir(parents=True, exist_ok=True)

@@ -94,9 +94,9 @@ def prepare(law: str) -> None:
     What only fits need comes first: on a first start the server compiles at the same time what runs need.
     """
     from ..actuator import load_actuator
+    from ..analysis.walk import UsedWalk, walk_document
     from ..identify.walk.friction import identify_friction
     from ..simulation import sensitivities, simulate
-    from ..study.walk import UsedWalk, walk_document
     from ..verification import verify
     from ..waveform.periodic import Sawtooth
 

@@ -79,7 +79,7 @@ def fit_recordings(request: FitRequest, folder: Folder, out: str, say: Say) -> N
     Raises:
         RecordingError, QuantityError, FitError: see `identify_friction`.
     """
-    from ..study.walk import (  # it draws: matplotlib is not for the server, only for fits
+    from ..analysis.walk import (  # it draws: matplotlib is not for the server, only for fits
         UsedWalk,
         walk_document,
     )

@@ -19,11 +19,11 @@ from ..report.fits import estimates, model_numbers, parameter_table
 from ..report.piezo import hysteresis_numbers, hysteresis_pictures
 from ..units import near_one
 from ..verification import Requirement, Verification, verify
-from .file import RecordingFile, Study, StudyError, read_parts
+from .file import AnalysisError, RecordingFile, Study, read_parts
 from .walk import changed
 
 
-class PiezoStudy(Study):
+class PiezoAnalysis(Study):
     """See the module. Recordings have drive_voltage and the channel `observed`; `operators`, `asymmetric`,
     `creep`, `time_constants`, `delay`, `lag` and `rest_voltage` as for `identify_piezo`: what is left out,
     the recordings decide. `model` is a parameter set or a file into which gain and piezo are put; `require`
@@ -51,7 +51,7 @@ class PiezoStudy(Study):
             [parts[r.label] for r in self.recordings if r.use == use] for use in ("fit", "verify")
         )
         if not fitted:
-            raise StudyError("recordings: none has 'use: fit'")
+            raise AnalysisError("recordings: none has 'use: fit'")
         progress("fitting hysteresis and creep", 0.1)
         known: dict[str, Any] = {"observed": self.observed, "rest_voltage": self.rest_voltage}
         fit = identify_piezo(

@@ -25,7 +25,7 @@ from ..parameters import cite
 from ..progress import Progress
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import estimates, parameter_table
-from .file import RecordingFile, Study, StudyError, read_parts
+from .file import AnalysisError, RecordingFile, Study, read_parts
 
 
 class PulledRecording(RecordingFile):
@@ -35,7 +35,7 @@ class PulledRecording(RecordingFile):
     speed: Annotated[float, quantity("m/s")]
 
 
-class PulledStudy(Study):
+class PulledAnalysis(Study):
     """See the module. Exactly one recording is for the fit; `tied` as for `identify_pulled_slider`."""
 
     kind: Literal["pulled_slider"]
@@ -47,8 +47,8 @@ class PulledStudy(Study):
         """Fit and predict."""
         fitted = [r for r in self.recordings if r.use == "fit"]
         if len(fitted) != 1:
-            raise StudyError(
-                f"a pulled_slider study fits one recording and predicts the others, not {len(fitted)}"
+            raise AnalysisError(
+                f"a pulled_slider analysis fits one recording and predicts the others, not {len(fitted)}"
             )
         progress(f"fitting {fitted[0].label}", 0.0)
         parts = read_parts(self.recordings, folder)

@@ -1,4 +1,4 @@
-"""Part of a frequency study: one modal model for all levels, and what it says of a level it has not seen."""
+"""Part of a frequency analysis: one modal model for all levels, and its prediction of an unseen level."""
 
 from __future__ import annotations
 

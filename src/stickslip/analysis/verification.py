@@ -29,7 +29,7 @@ from ..units import near_one
 from ..verification import Requirement, Verification, verify
 from ..waveform.signal import Waveform
 from .alignment import POSITION, aligned
-from .file import Study, StudyError, read_parts
+from .file import AnalysisError, Study, read_parts
 from .walk import WalkRecording, changed
 
 MOST_PICTURES = 8
@@ -38,7 +38,7 @@ _READ = ("time", POSITION, DRIVE)
 _EXAMPLES = {"--column": 'end_effector_position="Disp (um)"', "--unit": "drive_voltage=kV"}
 
 
-class VerificationStudy(Study):
+class VerificationAnalysis(Study):
     """See the module. The model is that of `fit`, a results.json of an identification, or of the parameter
     set `model` with fields changed; `require` are sentences such as "r_squared > 0.99"."""
 
@@ -59,7 +59,7 @@ class VerificationStudy(Study):
         parts = read_parts(self.recordings, folder)
         for name, part in parts.items():
             if POSITION not in part:
-                raise StudyError(
+                raise AnalysisError(
                     f"{name} has no {POSITION} [m], which 'columns' names; "
                     f"it has {', '.join(map(str, part.data_vars))}"
                 )
@@ -110,7 +110,9 @@ class VerificationStudy(Study):
 
     def _predictor(self, folder: Path) -> tuple[Predictor, Chain]:
         if (self.fit is None) == (self.model is None):
-            raise StudyError("a verification has either 'fit', a results.json, or 'model', a parameter set")
+            raise AnalysisError(
+                "a verification has either 'fit', a results.json, or 'model', a parameter set"
+            )
         chain = Chain()
         if self.fit is not None:
             base, chain = _results(folder / self.fit)
@@ -123,7 +125,7 @@ class VerificationStudy(Study):
 
 
 def results_model(path: Path) -> Actuator:
-    """The actuator of a results.json; raises StudyError."""
+    """The actuator of a results.json; raises AnalysisError."""
     return _results(path)[0]
 
 
@@ -133,12 +135,12 @@ def _results(path: Path) -> tuple[Actuator, Chain]:
         numbers = json.loads(path.read_text(encoding="utf-8"))["numbers"]
         return model_of(numbers["model"]), chain_of(numbers)
     except KeyError as error:
-        raise StudyError(
+        raise AnalysisError(
             f"{path}: no results of an identification with a model: there is no {error} in it; "
             "what stickslip identify, campaign or run has written of a walk holds one"
         ) from error
     except (OSError, ValueError, TypeError) as error:
-        raise StudyError(f"{path}: no results of an identification with a model: {error}") from error
+        raise AnalysisError(f"{path}: no results of an identification with a model: {error}") from error
 
 
 def _verified(
@@ -164,13 +166,13 @@ def _verified(
     )
 
 
-def verification_study(
+def verification_analysis(
     path: str | os.PathLike[str],
     recordings: Sequence[str | os.PathLike[str]],
     require: Sequence[str],
     columns: Sequence[str] = (),
     units: Sequence[str] = (),
-) -> tuple[VerificationStudy, Path]:
+) -> tuple[VerificationAnalysis, Path]:
     """What the command line asks for, and the folder that its files are relative to.
 
     Args:
@@ -181,13 +183,15 @@ def verification_study(
             `inspect_file` finds it, and said in the report.
 
     Raises:
-        StudyError: the file is not as it must be, or recordings are named twice or not at all.
+        AnalysisError: the file is not as it must be, or recordings are named twice or not at all.
         RecordingError: a recording cannot be read.
     """
     path = Path(path)
     if path.suffix == ".json":
         if not recordings:
-            raise StudyError(f"{path}: name the recordings to predict: stickslip verify {path.name} my.csv")
+            raise AnalysisError(
+                f"{path}: name the recordings to predict: stickslip verify {path.name} my.csv"
+            )
         named, said = _pairs("--column", columns), _pairs("--unit", units)
         entries = [_entry(Path(file), named, said) for file in recordings]
         content: dict[str, Any] = {
@@ -201,14 +205,14 @@ def verification_study(
         content = load_yaml(path)
         if recordings or columns or units:
             wrong = f"recording {recordings[0]}" if recordings else "--column" if columns else "--unit"
-            raise StudyError(
+            raise AnalysisError(
                 f"{wrong}: goes with a results.json; {path} is a verification file and names its recordings"
             )
     try:
-        study = VerificationStudy.model_validate(content)
+        analysis = VerificationAnalysis.model_validate(content)
     except ValidationError as error:
         raise explain(path, error, content=content) from error
-    return study.model_copy(update={"require": [*study.require, *require]}), path.parent
+    return analysis.model_copy(update={"require": [*analysis.require, *require]}), path.parent
 
 
 def _pairs(option: str, given: Sequence[str]) -> dict[str, str]:
@@ -216,7 +220,7 @@ def _pairs(option: str, given: Sequence[str]) -> dict[str, str]:
     for text in given:
         name, equals, value = text.partition("=")
         if not equals or not name.strip() or not value.strip():
-            raise StudyError(f"{option} {text}: write NAME=..., such as {option} {_EXAMPLES[option]}")
+            raise AnalysisError(f"{option} {text}: write NAME=..., such as {option} {_EXAMPLES[option]}")
         found[name.strip()] = value.strip()
     return found
 
@@ -225,7 +229,7 @@ def _entry(file: Path, named: Mapping[str, str], units: Mapping[str, str]) -> tu
     """What a verification file would say of a recording, and what had to be guessed, in words.
 
     Raises:
-        StudyError: a column that is needed is not named and not found; says the option that names it.
+        AnalysisError: a column that is needed is not named and not found; says the option that names it.
         RecordingError: the file cannot be read.
     """
     entry: dict[str, Any] = {"file": os.path.abspath(file)}
@@ -236,7 +240,7 @@ def _entry(file: Path, named: Mapping[str, str], units: Mapping[str, str]) -> tu
         for name in given:
             if name not in _READ:
                 hint = did_you_mean(name, _READ)
-                raise StudyError(
+                raise AnalysisError(
                     f"{option} {name}: there is no {name!r} here{hint}; there are {', '.join(_READ)}"
                 )
     columns = {name: one for name, one in found.named.items() if name in _READ and one not in named.values()}
@@ -244,7 +248,7 @@ def _entry(file: Path, named: Mapping[str, str], units: Mapping[str, str]) -> tu
     there = ", ".join(repr(one["name"]) for one in found.columns if one["numeric"])
     for name in (POSITION, DRIVE):
         if name not in columns:
-            raise StudyError(f"{file}: which column is {name}? Say --column {name}=..., of {there}")
+            raise AnalysisError(f"{file}: which column is {name}? Say --column {name}=..., of {there}")
     said = {name: units.get(name, found.units.get(name, "")) for name in _READ}
     entry |= {"columns": columns, "units": {name: unit for name, unit in said.items() if unit}}
     guessed = [f"{name} from {columns[name]!r}" for name in columns if name not in named]

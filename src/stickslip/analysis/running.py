@@ -16,17 +16,23 @@ from ..progress import Progress, unheard
 from ..recording import RecordingWarning
 from ..report import Document
 from ..units import QuantityError
-from .comparison import ComparisonStudy
-from .file import StudyError
-from .frequency import FrequencyStudy
-from .loops import LoopStudy
-from .piezo import PiezoStudy
-from .pulled import PulledStudy
-from .verification import VerificationStudy
-from .walk import WalkStudy
+from .comparison import ComparisonAnalysis
+from .file import AnalysisError
+from .frequency import FrequencyAnalysis
+from .loops import LoopAnalysis
+from .piezo import PiezoAnalysis
+from .pulled import PulledAnalysis
+from .verification import VerificationAnalysis
+from .walk import WalkAnalysis
 
 _Any = Annotated[
-    LoopStudy | FrequencyStudy | PiezoStudy | PulledStudy | VerificationStudy | WalkStudy | ComparisonStudy,
+    LoopAnalysis
+    | FrequencyAnalysis
+    | PiezoAnalysis
+    | PulledAnalysis
+    | VerificationAnalysis
+    | WalkAnalysis
+    | ComparisonAnalysis,
     Field(discriminator="kind"),
 ]
 _FILE: TypeAdapter[Any] = TypeAdapter(_Any)
@@ -37,7 +43,7 @@ def run_file(path: str | os.PathLike[str], progress: Progress = unheard) -> Docu
     document's assumptions.
 
     Raises:
-        StudyError: the file is not as it must be; names the file and the field.
+        AnalysisError: the file is not as it must be; names the file and the field.
         RecordingError, FitError: data are missing or wrong, or cannot be fitted.
 
     Warns:
@@ -45,20 +51,20 @@ def run_file(path: str | os.PathLike[str], progress: Progress = unheard) -> Docu
     """
     content = load_yaml(path)
     try:
-        study = _FILE.validate_python(content)
+        analysis = _FILE.validate_python(content)
     except ValidationError as error:
         raise explain(path, error, content=content) from error
     try:
-        return run_study(study, Path(path).parent, progress)
+        return run_analysis(analysis, Path(path).parent, progress)
     except (QuantityError, ParameterSetError) as error:
-        raise StudyError(f"{path}: {error}") from error
+        raise AnalysisError(f"{path}: {error}") from error
 
 
-def run_study(study: Any, folder: Path, progress: Progress = unheard) -> Document:
+def run_analysis(analysis: Any, folder: Path, progress: Progress = unheard) -> Document:
     """As `run_file`, of what an identification file says; other files are relative to the folder."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", RecordingWarning)
-        document = study.run(folder, progress)
+        document = analysis.run(folder, progress)
     unseen = {str(w.message): w for w in caught if issubclass(w.category, RecordingWarning)}
     for w in (*unseen.values(), *(w for w in caught if not issubclass(w.category, RecordingWarning))):
         warnings.warn_explicit(w.message, w.category, w.filename, w.lineno)
@@ -70,4 +76,4 @@ def json_schema() -> dict[str, Any]:
     return _FILE.json_schema()
 
 
-__all__ = ["Progress", "StudyError", "json_schema", "run_file"]
+__all__ = ["AnalysisError", "Progress", "json_schema", "run_file"]

@@ -19,7 +19,7 @@ MOST_MODES = 60
 
 def refused(why: str) -> PydanticCustomError:
     """The error of a file whose parts do not fit together, in these words."""
-    return PydanticCustomError("study", "{why}", {"why": why})
+    return PydanticCustomError("analysis", "{why}", {"why": why})
 
 
 def _whole(value: Any, most: float) -> bool:

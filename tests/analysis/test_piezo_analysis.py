@@ -11,10 +11,10 @@ import yaml
 from typer.testing import CliRunner
 
 import stickslip as ss
+from stickslip.analysis.running import json_schema
 from stickslip.cli import app
 from stickslip.recording import save_recording
 from stickslip.report.fits import model_numbers, model_of, piezo_of
-from stickslip.study.running import json_schema
 
 STAGE = ss.load_actuator("kang2007-hysteresis").replace(clamped=True)
 
@@ -96,8 +96,8 @@ def test_wrong_files_are_refused(folder: Path, changes: dict, message: str) -> N
 
 def test_the_schema_knows_it() -> None:
     schema = json_schema()
-    assert schema["discriminator"]["mapping"]["piezo"].endswith("PiezoStudy")
-    assert {"operators", "creep", "observed"} <= schema["$defs"]["PiezoStudy"]["properties"].keys()
+    assert schema["discriminator"]["mapping"]["piezo"].endswith("PiezoAnalysis")
+    assert {"operators", "creep", "observed"} <= schema["$defs"]["PiezoAnalysis"]["properties"].keys()
 
 
 def test_an_actuator_with_a_piezo_comes_back_from_results() -> None:

@@ -10,9 +10,9 @@ import pytest
 import yaml
 from tests.identify.frequency import modal_system
 
+from stickslip.analysis import run_file
+from stickslip.analysis.file import AnalysisError
 from stickslip.report import write_report
-from stickslip.study import run_file
-from stickslip.study.file import StudyError
 
 EXAMPLES = Path(str(importlib.resources.files("stickslip") / "examples"))
 
@@ -80,7 +80,7 @@ def test_modes_of_a_mirror_from_arrays(tmp_path: Path) -> None:
     assert ends["damping_ratio_2"].low < modal_system.ZETA[1] < ends["damping_ratio_2"].high
     file["levels"][0]["drive"]["file"] = "mirror.yaml"
     (tmp_path / "mirror.yaml").write_text(yaml.safe_dump(file), "utf-8")
-    with pytest.raises(StudyError, match=r"mirror\.yaml"):
+    with pytest.raises(AnalysisError, match=r"mirror\.yaml"):
         run_file(tmp_path / "mirror.yaml")
 
 
@@ -142,7 +142,7 @@ def test_files_to_test_of_another_mirror_are_refused(tmp_path: Path) -> None:
     file = mirror_file(tmp_path)
     np.save(tmp_path / "test_y_mid.npy", np.ones((1000, 3, 2, 2)))
     with pytest.raises(
-        StudyError, match=r"test of mid: drive \(1000, 2, 2, 2\) and response \(1000, 3, 2, 2\)"
+        AnalysisError, match=r"test of mid: drive \(1000, 2, 2, 2\) and response \(1000, 3, 2, 2\)"
     ):
         run_file(file)
 
@@ -172,5 +172,5 @@ def test_files_to_test_of_another_mirror_are_refused(tmp_path: Path) -> None:
     ],
 )
 def test_wrong_values_of_a_mirror_are_refused(tmp_path: Path, changes: dict, words: str) -> None:
-    with pytest.raises(StudyError, match=words):
+    with pytest.raises(AnalysisError, match=words):
         run_file(mirror_file(tmp_path, **changes))

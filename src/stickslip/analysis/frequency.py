@@ -26,7 +26,7 @@ from ..progress import Progress, within
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import estimates, parameter_table
 from .all_levels import LevelData, OneModel, numbers_of, one_model_section, score
-from .file import SourceFile, Study, StudyError
+from .file import AnalysisError, SourceFile, Study
 from .modes import Modes, Outputs, Starts, count, refused, started
 
 _TWO_PI = 2.0 * np.pi
@@ -47,7 +47,7 @@ class Level(Arrays):
     test: Arrays | None = None
 
 
-class FrequencyStudy(Study):
+class FrequencyAnalysis(Study):
     """See the module.
 
     `modes` are the models: for each how many modes, or its starts, as pairs of frequency [Hz] and damping
@@ -76,7 +76,7 @@ class FrequencyStudy(Study):
     levels: Annotated[list[Level], Field(min_length=1)]
 
     @model_validator(mode="after")
-    def _fits_together(self) -> FrequencyStudy:
+    def _fits_together(self) -> FrequencyAnalysis:
         n_modes = [count(modes) for modes in self.modes]
         if any(m > n_modes[-1] for m in self.follow):
             raise refused(f"'follow' has {max(self.follow)}, but the last model has {n_modes[-1]} modes")
@@ -118,7 +118,7 @@ class FrequencyStudy(Study):
         ).isel(frequency=slice(None, None, self.every))
         if max(self.output) > measured.sizes["output"]:
             path = level.response.path(folder)
-            raise StudyError(f"{path}: output {max(self.output)}: it has {measured.sizes['output']}")
+            raise AnalysisError(f"{path}: output {max(self.output)}: it has {measured.sizes['output']}")
         measured = measured.isel(output=channels)
         unseen = (drive[:, :, last:], response[:, :, last:]) if last else ()
         if level.test:
@@ -179,19 +179,19 @@ def _array(source: SourceFile, folder: Path) -> NDArray[np.float64]:
     try:
         array = np.load(path, allow_pickle=False)
     except (OSError, ValueError) as error:
-        raise StudyError(f"{path}: {error}") from error
+        raise AnalysisError(f"{path}: {error}") from error
     if array.ndim != 4:
-        raise StudyError(
+        raise AnalysisError(
             f"{path} has the shape {array.shape}, not (samples, channels, realisations, periods)"
         )
     return array
 
 
 def _check_test(name: str, test: tuple[NDArray[np.float64], ...], channels: tuple[int, int]) -> None:
-    """Raise StudyError unless files to test have the level's channels, and as much of drive and response."""
+    """Raise AnalysisError unless files to test have the level's channels, drive as long as response."""
     drive, response = (array.shape for array in test)
     if (drive[0], *drive[2:]) != (response[0], *response[2:]) or (drive[1], response[1]) != channels:
-        raise StudyError(
+        raise AnalysisError(
             f"test of {name}: drive {drive} and response {response} do not fit each other, or the level's "
             f"{channels[0]} inputs and {channels[1]} outputs"
         )
@@ -223,23 +223,23 @@ def _estimates(numbers: list[Number]) -> Estimates:
     return Estimates([n.value for n in numbers], low, high, numbers[0].unit)
 
 
-def _document(study: FrequencyStudy, results: list[_Level], one: OneModel | None) -> Document:
-    followed = _followed(study, results)
+def _document(analysis: FrequencyAnalysis, results: list[_Level], one: OneModel | None) -> Document:
+    followed = _followed(analysis, results)
     best = [r.scores[-1][0] for r in results]
     gains = followed["static gain"]
     change = 100.0 * (gains[-1].value / gains[0].value - 1.0)
     return Document(
-        title=study.title,
+        title=analysis.title,
         summary=(
-            f"{count(study.modes[-1])} modes predict held-out drives with r² of {min(best):.4f} or more at "
-            f"every level. From {results[0].level.name} to {results[-1].level.name} the static gain grows by "
+            f"{count(analysis.modes[-1])} modes predict held-out drives with r² of {min(best):.4f} or more "
+            f"at every level. From {results[0].level.name} to {results[-1].level.name} the static gain grows by "
             f"{change:.1f} %." + (f" {one.summary}" if one else "")
         ),
         sections=[
-            _prediction_section(study, results),
-            _amplitude_section(study, results, followed),
+            _prediction_section(analysis, results),
+            _amplitude_section(analysis, results, followed),
             *([one.section] if one else []),
-            *(_in_time_section(study, r, r.in_time) for r in results if r.in_time is not None),
+            *(_in_time_section(analysis, r, r.in_time) for r in results if r.in_time is not None),
             Section(
                 "All parameters",
                 tables=[
@@ -255,21 +255,22 @@ def _document(study: FrequencyStudy, results: list[_Level], one: OneModel | None
             r.level.name: {
                 "static_gain": gain,
                 "r_squared_held_out": {
-                    f"{count(m)}_modes": Number(s[0], "") for m, s in zip(study.modes, r.scores, strict=True)
+                    f"{count(m)}_modes": Number(s[0], "")
+                    for m, s in zip(analysis.modes, r.scores, strict=True)
                 },
                 **numbers_of(r.fits[-1]),
             }
             for r, gain in zip(results, gains, strict=True)
         }
         | ({"all_levels": one.numbers} if one else {}),
-        citations=cite(*study.citation) if study.citation else "",
+        citations=cite(*analysis.citation) if analysis.citation else "",
     )
 
 
-def _followed(study: FrequencyStudy, results: list[_Level]) -> dict[str, list[Number]]:
+def _followed(analysis: FrequencyAnalysis, results: list[_Level]) -> dict[str, list[Number]]:
     """What is shown over the amplitude, level by level: static gain, frequencies and damping ratios."""
     followed: dict[str, list[Number]] = {"static gain": [_static_gain(r.fits[-1]) for r in results]}
-    for m in study.follow:
+    for m in analysis.follow:
         pairs = [_mode(r.fits[-1], m) for r in results]
         about = f"{np.mean([f.value for f, _ in pairs]):.0f} Hz"
         followed[f"mode near {about}"] = [f for f, _ in pairs]
@@ -277,18 +278,18 @@ def _followed(study: FrequencyStudy, results: list[_Level]) -> dict[str, list[Nu
     return followed
 
 
-def _prediction_section(study: FrequencyStudy, results: list[_Level]) -> Section:
+def _prediction_section(analysis: FrequencyAnalysis, results: list[_Level]) -> Section:
     """How well each model predicts what was held out, and the responses under the last one."""
     scores = [
         (r.level.name, f"{count(modes)}", *score)
         for r in results
-        for modes, score in zip(study.modes, r.scores, strict=True)
+        for modes, score in zip(analysis.modes, r.scores, strict=True)
     ]
     frequency = results[0].data.measured["frequency"].values
     show = slice(None, None, max(1, frequency.size // 1500))
     return Section(
         "Model order and prediction",
-        paragraphs=(study.notes,) if study.notes else (),
+        paragraphs=(analysis.notes,) if analysis.notes else (),
         tables=[
             Table(
                 "Prediction of held-out realisations (other drives than in the fit, on all inputs).",
@@ -299,8 +300,8 @@ def _prediction_section(study: FrequencyStudy, results: list[_Level]) -> Section
         figures=(
             Picture(
                 "frequency_response",
-                f"Response of output {study.output[0]} to input 1: measured, and the model of "
-                f"{count(study.modes[-1])} modes.",
+                f"Response of output {analysis.output[0]} to input 1: measured, and the model of "
+                f"{count(analysis.modes[-1])} modes.",
                 svg(
                     frequency_response_figure(
                         {r.level.name: _measured(r, frequency, show) for r in results},
@@ -315,14 +316,14 @@ def _prediction_section(study: FrequencyStudy, results: list[_Level]) -> Section
 
 
 def _amplitude_section(
-    study: FrequencyStudy, results: list[_Level], followed: dict[str, list[Number]]
+    analysis: FrequencyAnalysis, results: list[_Level], followed: dict[str, list[Number]]
 ) -> Section:
     """What changes with the amplitude."""
     return Section(
         "Change with the amplitude",
         tables=[
             Table(
-                f"What changes with the amplitude ({count(study.modes[-1])} modes); 95 % intervals.",
+                f"What changes with the amplitude ({count(analysis.modes[-1])} modes); 95 % intervals.",
                 (Column("quantity"), *(Column(r.level.name) for r in results)),
                 [(name, *numbers) for name, numbers in followed.items()],
             )
@@ -336,7 +337,7 @@ def _amplitude_section(
                         [r.level.amplitude for r in results],
                         {name: _estimates(numbers) for name, numbers in followed.items()},
                         setting_name="rms drive",
-                        setting_unit=study.units[0],
+                        setting_unit=analysis.units[0],
                     )
                 ),
                 "One panel for each quantity, values with confidence intervals over the drive",
@@ -345,7 +346,7 @@ def _amplitude_section(
     )
 
 
-def _in_time_section(study: FrequencyStudy, r: _Level, in_time: Fit) -> Section:
+def _in_time_section(analysis: FrequencyAnalysis, r: _Level, in_time: Fit) -> Section:
     """The modes of a level beside those that were fitted in time."""
     columns = ("frequency, by response", "damping, by response", "frequency, in time", "damping, in time")
     return Section(
@@ -360,7 +361,7 @@ def _in_time_section(study: FrequencyStudy, r: _Level, in_time: Fit) -> Section:
                 (Column("mode"), *(Column(c) for c in columns)),
                 [
                     (f"mode {m}", *_mode(r.fits[-1], m), *_mode(in_time, m))
-                    for m in range(1, count(study.modes[-1]) + 1)
+                    for m in range(1, count(analysis.modes[-1]) + 1)
                 ],
             ),
         ),

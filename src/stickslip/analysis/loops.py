@@ -19,7 +19,7 @@ from ..progress import Progress
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import fit_numbers, parameter_table
 from ..verification import verify
-from .file import RecordingFile, Study, StudyError, read_parts
+from .file import AnalysisError, RecordingFile, Study, read_parts
 
 
 class LawSpec(Strict):
@@ -34,17 +34,17 @@ class LawSpec(Strict):
     label: str = ""
 
     def candidate(self, folder: Path) -> Candidate:
-        """The law to fit, where the file is in the folder; raises StudyError or QuantityError."""
+        """The law to fit, where the file is in the folder; raises AnalysisError or QuantityError."""
         try:
             law: Any = registry.laws.find(self.law, folder)
         except registry.RegistryError as error:
-            raise StudyError(f"laws.law: {error}") from error
+            raise AnalysisError(f"laws.law: {error}") from error
         fields = {k: tuple(v) if isinstance(v, list) else v for k, v in self.fields.items()}
         label, made = self.label or law.__name__, law(**fields)
         return Candidate(label, made, tuple(self.free), dict(self.bounds), tied=dict(self.tied))
 
 
-class LoopStudy(Study):
+class LoopAnalysis(Study):
     """See the module. Recordings have position, friction_force and, with `reference_normal_force`,
     normal_force; `flip` turns the sign of the force, for channels that show the force on the other body."""
 
@@ -63,7 +63,9 @@ class LoopStudy(Study):
             for use in ("fit", "verify")
         }
         if not (data["fit"] and data["verify"]):
-            raise StudyError("recordings: at least one with 'use: fit' and one with 'use: verify' are needed")
+            raise AnalysisError(
+                "recordings: at least one with 'use: fit' and one with 'use: verify' are needed"
+            )
         results = compare_laws(
             data["fit"],
             data["verify"],

@@ -28,7 +28,7 @@ from ..report.fits import estimates, fit_numbers, model_numbers, parameter_table
 from ..report.origin import origin_of
 from ..units import near_one
 from ..waveform.signal import Waveform
-from .file import RecordingFile, Study, StudyError, read_parts
+from .file import AnalysisError, RecordingFile, Study, read_parts
 
 _ROLE = {"fit": "fitted", "verify": "predicted"}
 
@@ -71,7 +71,7 @@ class WalkFile(Study):
         return changed(folder, self.model, self.change, self.friction)
 
 
-class WalkStudy(WalkFile):
+class WalkAnalysis(WalkFile):
     """See the module; `tied`, `starts`, `hops` and `tolerance` (of the simulations) as for
     `identify_friction`. `by` names an attribute of the recordings (voltage, temperature, ...) for each value
     of which they are fitted alone too."""
@@ -94,7 +94,7 @@ class WalkStudy(WalkFile):
             walked(recording, waveform, label)
         fitted = [(d, w) for r, d, w in data.values() if r.use == "fit"]
         if not fitted:
-            raise StudyError("no recording has 'use: fit'")
+            raise AnalysisError("no recording has 'use: fit'")
         progress("fitting", 0.0)
         options: dict[str, Any] = {
             "drive": [w for _, w in fitted],

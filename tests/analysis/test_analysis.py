@@ -13,12 +13,12 @@ from tests.identify.stops import made_loops
 
 from stickslip import demo
 from stickslip.actuator import load_actuator
+from stickslip.analysis import run_file
+from stickslip.analysis.file import AnalysisError, RecordingFile, read_parts
+from stickslip.analysis.running import json_schema
 from stickslip.recording import RecordingWarning, make_recording, save_recording
 from stickslip.report import write_report
 from stickslip.simulation import simulate
-from stickslip.study import run_file
-from stickslip.study.file import RecordingFile, StudyError, read_parts
-from stickslip.study.running import json_schema
 from stickslip.waveform.periodic import Sawtooth
 
 EXAMPLES = Path(str(importlib.resources.files("stickslip") / "examples"))
@@ -197,7 +197,7 @@ def test_a_walk_in_short(tmp_path: Path) -> None:
     ],
 )
 def test_wrong_files_are_refused_by_field(tmp_path: Path, change, words: str) -> None:
-    with pytest.raises(StudyError, match=words):
+    with pytest.raises(AnalysisError, match=words):
         run_file(edited("pulled_slider.yaml", tmp_path, change))
 
 
@@ -206,7 +206,7 @@ def test_what_is_no_number_of_the_model_names_the_file(tmp_path: Path) -> None:
         "kind: walk\ntitle: t\nmodel: kang2007\nchange: {gian: 1 um/V}\nfree: [sigma_0]\n"
         "recordings: [{file: walk.nc}]\n"
     )
-    with pytest.raises(StudyError, match=r"walk\.yaml: Actuator has no field 'gian'"):
+    with pytest.raises(AnalysisError, match=r"walk\.yaml: Actuator has no field 'gian'"):
         run_file(tmp_path / "walk.yaml")
 
 
@@ -214,7 +214,7 @@ def test_a_label_is_used_once_and_a_file_read_once(tmp_path: Path) -> None:
     time = np.arange(0.0, 2.0, 5e-4)
     save_recording(make_recording(time, {"force_ratio": (time, "")}), tmp_path / "r.nc")
     one = RecordingFile(file="r.nc", start=0.5, end=1.0)
-    with pytest.raises(StudyError, match="two are called 'r'; give each a 'name'"):
+    with pytest.raises(AnalysisError, match="two are called 'r'; give each a 'name'"):
         read_parts([one, one], tmp_path)
     parts = read_parts([one, RecordingFile(file="r.nc", end=0.3, name="early")], tmp_path)
     assert {label: part.attrs["title"] for label, part in parts.items()} == {"r": "r", "early": "early"}
@@ -225,9 +225,9 @@ def test_a_label_is_used_once_and_a_file_read_once(tmp_path: Path) -> None:
 def test_no_yaml_and_no_mapping_are_refused(tmp_path: Path) -> None:
     for text in ("kind: [", "- a\n- b\n"):
         (tmp_path / "a.yaml").write_text(text, "utf-8")
-        with pytest.raises(StudyError, match=r"a\.yaml"):
+        with pytest.raises(AnalysisError, match=r"a\.yaml"):
             run_file(tmp_path / "a.yaml")
-    with pytest.raises(StudyError, match=r"nothing\.yaml"):
+    with pytest.raises(AnalysisError, match=r"nothing\.yaml"):
         run_file(tmp_path / "nothing.yaml")
 
 

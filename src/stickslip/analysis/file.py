@@ -15,7 +15,7 @@ from ..input_file import Hertz, InputFileError, Seconds, Strict
 from ..readers import read_recording
 from ..registry import own_path
 
-StudyError = InputFileError
+AnalysisError = InputFileError
 
 
 class SourceFile(Strict):
@@ -75,11 +75,11 @@ class RecordingFile(SourceFile):
         return apply_calibration(recording, calibrations, self.rename)
 
     def cut(self, whole: xr.Dataset) -> xr.Dataset:
-        """The part of it, with the label as its title; raises StudyError for fewer than two samples."""
+        """The part of it, with the label as its title; raises AnalysisError for fewer than two samples."""
         part = whole.sel(time=slice(self.start, self.end))
         if part.sizes["time"] < 2:
             first, last = (float(whole["time"][i]) for i in (0, -1))
-            raise StudyError(
+            raise AnalysisError(
                 f"{Path(self.file).name}: from {self.start} s to {self.end} s there are "
                 f"{part.sizes['time']} samples; the recording runs from {first:g} s to {last:g} s"
             )
@@ -91,13 +91,13 @@ def read_parts(recordings: Sequence[RecordingFile], folder: Path) -> dict[str, x
 
     Raises:
         RecordingError: a file cannot be read.
-        StudyError: two have one label, or a part holds fewer than two samples.
+        AnalysisError: two have one label, or a part holds fewer than two samples.
     """
     whole: dict[str, xr.Dataset] = {}
     parts: dict[str, xr.Dataset] = {}
     for recording in recordings:
         if recording.label in parts:
-            raise StudyError(
+            raise AnalysisError(
                 f"recordings: two are called {recording.label!r}; give each a 'name', such as its part"
             )
         source = recording.model_dump_json(

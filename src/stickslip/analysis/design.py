@@ -34,7 +34,7 @@ from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import model_numbers
 from ..report.origin import origin_of
 from ..units import QuantityError, to_si
-from .file import Study, StudyError
+from .file import AnalysisError, Study
 from .verification import results_model
 from .walk import changed
 
@@ -97,7 +97,7 @@ class MapSpec(Strict):
         )
 
 
-class DesignStudy(Study):
+class DesignAnalysis(Study):
     """See the module. The model is that of `fit`, a results.json of an identification, or of the parameter
     set `model`; `change` and `friction` change fields of it."""
 
@@ -148,7 +148,7 @@ class DesignStudy(Study):
 
     def _model(self, folder: Path) -> Actuator:
         if (self.fit is None) == (self.model is None):
-            raise StudyError("a design has either 'fit', a results.json, or 'model', a parameter set")
+            raise AnalysisError("a design has either 'fit', a results.json, or 'model', a parameter set")
         if self.fit is None:
             return changed(folder, str(self.model), self.change, self.friction)
         base = results_model(folder / self.fit)
@@ -156,17 +156,17 @@ class DesignStudy(Study):
         return base.replace(**changes)
 
 
-def design_study(path: str | os.PathLike[str]) -> tuple[DesignStudy, Path]:
+def design_analysis(path: str | os.PathLike[str]) -> tuple[DesignAnalysis, Path]:
     """A design file, and the folder that its files are relative to.
 
     Raises:
-        StudyError: the file is not as it must be; names the file and the field.
+        AnalysisError: the file is not as it must be; names the file and the field.
     """
     content = load_yaml(path)
     if "kind" in content and content["kind"] != "design":
-        raise StudyError(f"{path}: kind: a design file has the kind 'design', not {content['kind']!r}")
+        raise AnalysisError(f"{path}: kind: a design file has the kind 'design', not {content['kind']!r}")
     try:
-        return DesignStudy.model_validate(content), Path(path).parent
+        return DesignAnalysis.model_validate(content), Path(path).parent
     except ValidationError as error:
         raise explain(path, error, content=content) from error
 

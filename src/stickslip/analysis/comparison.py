@@ -30,7 +30,7 @@ USUAL = "LuGre"
 SAME = 0.01
 
 
-class ComparisonStudy(WalkFile):
+class ComparisonAnalysis(WalkFile):
     """See the module. `laws` are those of `walk_candidates` by their names; all of them if left out."""
 
     kind: Literal["comparison"] = "comparison"
