@@ -232,8 +232,8 @@ def _document(analysis: FrequencyAnalysis, results: list[_Level], one: OneModel 
         title=analysis.title,
         summary=(
             f"{count(analysis.modes[-1])} modes predict held-out drives with r² of {min(best):.4f} or more "
-            f"at every level. From {results[0].level.name} to {results[-1].level.name} the static gain grows by "
-            f"{change:.1f} %." + (f" {one.summary}" if one else "")
+            f"at every level. From {results[0].level.name} to {results[-1].level.name} the static gain grows "
+            f"by {change:.1f} %." + (f" {one.summary}" if one else "")
         ),
         sections=[
             _prediction_section(analysis, results),
