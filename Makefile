@@ -3,7 +3,7 @@
 #   make demo       identify, verify and simulate; writes out/demo/report.html
 #   make test       all tests, compiled; then those of the kernels as plain Python; the lines that both have seen
 #   make check      lint, format, types, layers
-#   make mutation   flips signs in the physics and asks the tests to notice
+#   make mutation   flips signs in the physics and asks the tests to notice; SINCE=--since-record for what changed
 #   make bench      everything measured beside other tools: docs/benchmarks/; PART=fit for one part
 #   make docs       the documentation, out/docs/index.html; every warning is an error (needs gcc)
 #   make lowest     a core of the tests with the lowest versions that pyproject.toml allows; PYTHON= one of them
@@ -27,6 +27,7 @@ COVERAGE ?= 94
 LOCK_FLAGS ?=
 # Of trajectory, steady, ensemble, fit, accuracy, startup; all of them if empty.
 PART ?=
+SINCE ?=
 # Where another version of a dependency shows: units, data, files, the command line, figures, reports, fits.
 LOWEST_TESTS := tests/test_records.py tests/test_units.py tests/test_registry.py tests/test_known.py tests/test_cli.py \
   tests/test_mistyped_keys.py tests/parameters tests/recording tests/calibration tests/figures \
@@ -90,7 +91,7 @@ format: $(READY)
 	$(BIN)/ruff format
 
 mutation: $(READY)
-	$(BIN)/python tools/mutate.py
+	$(BIN)/python tools/mutate.py $(SINCE)
 
 bench: $(READY) peers
 	$(BIN)/python -m benchmarks $(PART)
