@@ -1,4 +1,4 @@
-"""What is known by name: laws, waveforms, ...; the package's, those of other packages, and the user's own.
+"""Registry: laws, waveforms, ... by name; the package's, those of other packages, and the user's own.
 
 A thing is added where it is defined (`register_law`, `waveform.signal.signal_record`, ...). Those of the
 package are found in the files of their room: one file adds one. Those of an installed package are found by an

@@ -107,22 +107,12 @@ def evaluate(file: CampaignFile, model: Actuator, gathered: Sequence[Aligned], p
         formulas = step_formula_errors(stage, [one.recording for one in steps], n=_REPETITIONS)
         model = stage.model
     progress("identifying the friction", 0.2)
-    for one in recordings:
-        if one.use in ("fit", "verify"):
-            check_walk(one, model)
-    fitted = [one for one in recordings if one.use == "fit"]
-    friction = identify_friction(
-        [one.recording for one in fitted],
-        model,
-        [*file.free, "delay", "offset"],
-        drive=[one.drive for one in fitted],
-        begin=None if stage is None else {"delay": stage.values["delay"]},
-        tied=file.tied,
-        hops=file.hops,
-        slew_rate=rate,
-    )
-    progress("predicting", 0.7)
     walks = [one for one in recordings if one.use in ("fit", "verify")]
+    for one in walks:
+        check_walk(one, model)
+    fitted = [one for one in walks if one.use == "fit"]
+    friction = _friction(file, fitted, model, stage)
+    progress("predicting", 0.7)
     chain = Chain(friction.values["delay"], 0.0, scale.value if scale else 1.0, file.slew_rate, zeroed=True)
     predictor = Predictor(friction.model, chain)
     verification = verify(
@@ -132,19 +122,9 @@ def evaluate(file: CampaignFile, model: Actuator, gathered: Sequence[Aligned], p
         steps_of=[one.wanted for one in walks],
     )
     stages = () if hysteresis is None else hysteresis.stages
-    everything = (
-        explained(
-            friction,
-            [one.recording for one in walks],
-            [one.drive for one in walks],
-            [*file.free, "delay", "offset"],
-            stage=stage,
-            stages=stages,
-            slew_rate=rate,
-        )
-        if len(walks) > len(fitted)
-        else Explained(friction, friction, friction.lack)
-    )
+    everything = Explained(friction, friction, friction.lack)
+    if len(walks) > len(fitted):
+        everything = _explained(file, friction, walks, stage, stages)
     lacking = dict.fromkeys(said((*friction.lack, *everything.lacks)))
     taken = inherited(friction, fitted, stage, rate, stages) if stage or scale or stages else None
     return Found(
@@ -167,6 +147,33 @@ def evaluate(file: CampaignFile, model: Actuator, gathered: Sequence[Aligned], p
             *dict.fromkeys([*(stage.failures if stage else ()), *friction.failures, *lacking]),
         ],
         additional(file, friction, walks, stage, bool(lacking), progress),
+    )
+
+
+def _friction(file: CampaignFile, fitted: Sequence[Aligned], model: Actuator, stage: Fit | None) -> Fit:
+    return identify_friction(
+        [one.recording for one in fitted],
+        model,
+        [*file.free, "delay", "offset"],
+        drive=[one.drive for one in fitted],
+        begin=None if stage is None else {"delay": stage.values["delay"]},
+        tied=file.tied,
+        hops=file.hops,
+        slew_rate=file.known_slew_rate,
+    )
+
+
+def _explained(
+    file: CampaignFile, friction: Fit, walks: Sequence[Aligned], stage: Fit | None, stages: Sequence[Actuator]
+) -> Explained:
+    return explained(
+        friction,
+        [one.recording for one in walks],
+        [one.drive for one in walks],
+        [*file.free, "delay", "offset"],
+        stage=stage,
+        stages=stages,
+        slew_rate=file.known_slew_rate,
     )
 
 

@@ -1,4 +1,4 @@
-"""What the shell completes: names that are known, where an argument takes one."""
+"""Shell completion: names that are known, where an argument takes one."""
 
 from __future__ import annotations
 
