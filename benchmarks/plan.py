@@ -74,7 +74,7 @@ def plan(chain: Chain, **how: Any) -> Plan:
         limits=LIMITS,
         duration=LONG,
         recordings=RECORDINGS,
-        chain=ss.Chain(delay=DELAY, slew_rate=slew(chain), zeroed=True),
+        chain=ss.chain.Chain(delay=DELAY, slew_rate=slew(chain), zeroed=True),
         **how,
     )
 

@@ -13,7 +13,8 @@ from stickslip.units import QuantityError
 
 def test_all_kinds_with_a_line_each() -> None:
     found = ss.catalogue()
-    kinds = "laws, actuators, piezo models, waveforms, sensors, readers, rigs, amplifiers, stacks, benches, "
+    kinds = "laws, actuators, piezo models, waveforms, sensors, readers, rigs, amplifiers, stacks, "
+    kinds += "materials, friction pairs, benches, "
     assert list(found) == [*kinds.split(", ")[:-1], "calibrations", "datasets"]
     assert list(found["laws"])[: len(ss.LAWS)] == [law.__name__ for law in ss.LAWS]  # then what others add
     assert {"npy", "npz", "mat", "mdf"} <= set(found["readers"])

@@ -5,6 +5,7 @@ from . import calibration as calibration
 from . import campaign as campaign
 from . import chain as chain
 from . import comparison as comparison
+from . import contact as contact
 from . import design as design
 from . import electronics as electronics
 from . import estimate as estimate
@@ -32,7 +33,6 @@ from .actuator import PulledSlider as PulledSlider
 from .actuator import StageModes as StageModes
 from .actuator import load_actuator as load_actuator
 from .actuator import load_pulled_slider as load_pulled_slider
-from .chain import Chain as Chain
 from .known import catalogue as catalogue
 from .parameters import cite as cite
 
@@ -76,6 +76,7 @@ from .recording import open_recording as open_recording
 from .recording import save_recording as save_recording
 
 # Identification and verification
+from .contact import compare_contacts as compare_contacts
 from .estimate import Fit as Fit
 from .identify import compare_walks as compare_walks
 from .identify import identify_frequency as identify_frequency

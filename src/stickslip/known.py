@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from . import registry
 from .calibration import load_calibration
 from .calibration.storage import available_calibrations
+from .contact.catalogue import available_materials, available_pairs, title_of
 from .datasets import DATASETS
 from .electronics import available_parts, load_part
 from .parameters import available_sets, load_set
@@ -24,6 +25,8 @@ KINDS: Mapping[str, Callable[[], dict[str, str]]] = {
     "rigs": lambda: _lines(registry.rigs),
     "amplifiers": lambda: {name: load_part(name).title for name in available_parts("amplifier")},
     "stacks": lambda: {name: load_part(name).title for name in available_parts("stack")},
+    "materials": lambda: {name: title_of(name, "material") for name in available_materials()},
+    "friction pairs": lambda: {name: title_of(name, "friction pair") for name in available_pairs()},
     "benches": lambda: {name: load_bench(name).title for name in available_benches()},
     "calibrations": lambda: {name: load_calibration(name).source for name in available_calibrations()},
     "datasets": lambda: {name: f"{one.credit} ({one.licence})" for name, one in DATASETS.items()},
@@ -35,8 +38,8 @@ def catalogue(*kinds: str) -> dict[str, dict[str, str]]:
 
     Args:
         kinds: of "laws", "actuators" (parameter sets), "piezo models", "waveforms", "sensors", "readers",
-            "rigs", "amplifiers", "stacks", "benches", "calibrations" and "datasets"; all of them, if left
-            out.
+            "rigs", "amplifiers", "stacks", "materials", "friction pairs", "benches", "calibrations" and
+            "datasets"; all of them, if left out.
 
     Raises:
         QuantityError: there is no such kind.

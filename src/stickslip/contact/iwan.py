@@ -1,0 +1,150 @@
+r"""Iwan: from the first loading of a contact to the springs and sliders that have it, exactly [iwan1966].
+
+Elastic-perfectly-plastic elements in parallel, with the stiffness density k(x) over the displacement x at
+which they slide, follow
+
+.. math:: Q(\delta) = \int_0^\infty k(x) \min(\delta, x)\, dx \quad\Longleftrightarrow\quad
+          k(x) = -Q''(x)
+
+so that every concave first loading is one of Maxwell slip, and with Masing's rule every loop of it too: for
+Mindlin's ball :math:`k(x) = \frac{3 \mu P}{4 D^2} (1 - x/D)^{-1/2}` up to D, for a rough contact
+:math:`\frac{\mu P}{D^2} e^{-x/D}`. N elements that slide at x_1 < ... < x_N join the values there by straight
+lines: exact at these, and below the curve between them.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import nnls
+
+from ..friction import MaxwellSlip
+from ..units import QuantityError
+from .mindlin import Mindlin
+from .partial_slip import ExponentialContact
+
+Array = NDArray[np.float64]
+
+# Of the slip force, what the elements of a rough contact leave out, which never slides altogether.
+LEFT_OUT = 1e-2
+# Of all stiffness or strength: an element below is none.
+NOTHING = 1e-9
+FEWEST = 10
+
+
+class LoopElements(NamedTuple):
+    """Maxwell slip of a measured loop.
+
+    Attributes:
+        law: the elements.
+        rmse: N, of the loop's branches about those of the law, which follow Masing's rule.
+        r_squared: of the same, about their mean.
+    """
+
+    law: MaxwellSlip
+    rmse: float
+    r_squared: float
+
+
+def maxwell_slip(contact: Mindlin | ExponentialContact, elements: int = 8) -> MaxwellSlip:
+    """The law of a contact, its elements where they keep the largest error least.
+
+    Args:
+        contact: a ball, or a rough contact, at the normal force at which the law's forces hold.
+        elements: how many; the force is off by at most 0.5/elements² of the slip force, and that of a rough
+            contact by 1 % more, where it would slide for good.
+
+    Raises:
+        QuantityError: no elements, or too many.
+    """
+    if isinstance(elements, bool) or not 1 <= elements <= 1000 or elements % 1:
+        raise QuantityError(f"elements = {elements!r} is out of range: it must be a whole number, 1 to 1000")
+    share = np.arange(1, int(elements) + 1) / elements
+    if isinstance(contact, Mindlin):  # as dense as the root of k(x)
+        nodes = contact.presliding_distance * (1.0 - (1.0 - share) ** (4.0 / 3.0))
+    else:
+        end = 1.0 - np.sqrt(LEFT_OUT)
+        nodes = -2.0 * contact.presliding_distance * np.log1p(-share * end)
+    force = contact.force(nodes)
+    return of_backbone(nodes, force * (contact.slip_force / force[-1]))
+
+
+def of_backbone(displacement: ArrayLike, force: ArrayLike) -> MaxwellSlip:
+    """The law that joins the values of a first loading by straight lines, and slides from the last one on.
+
+    Args:
+        displacement: m, [n], growing, above 0.
+        force: N, [n]; from 0 on it must grow, ever more slowly.
+
+    Raises:
+        QuantityError: it does not; names where.
+    """
+    x, q = np.asarray(displacement, float), np.asarray(force, float)
+    if x.shape != q.shape or x.ndim != 1 or not x.size or not np.all(np.isfinite(x) & np.isfinite(q)):
+        raise QuantityError("displacement [m] and force [N] must be one finite value each per point")
+    steps = np.diff(x, prepend=0.0)
+    if not np.all(steps > 0.0):
+        raise QuantityError("displacement [m] must grow from 0 on")
+    slopes = np.append(np.diff(q, prepend=0.0) / steps, 0.0)
+    stiffness = -np.diff(slopes)
+    if not np.all(stiffness >= -NOTHING * slopes[0]) or not slopes[0] > 0.0:
+        wrong = x[int(np.argmin(stiffness))]
+        raise QuantityError(
+            f"force is no first loading of Maxwell slip: beyond {wrong:.3g} m it grows faster than before; "
+            "a measured loop goes through of_loop"
+        )
+    kept = stiffness > NOTHING * slopes[0]
+    return MaxwellSlip(tuple(stiffness[kept]), tuple(stiffness[kept] * x[kept]))
+
+
+def of_loop(position: ArrayLike, force: ArrayLike, elements: int = 12) -> LoopElements:
+    """The law of measured presliding loops: least squares with weights that are not negative.
+
+    Each branch, from one turn of the position to the next, is a first loading at twice its size (Masing),
+    counted from the turn, as far as the branch before it was long: there a loop within another ends. What no elements have (a force that lags, turns that are not sharp, strength that
+    differs by direction) is in `rmse`.
+
+    Args:
+        position: m, [n], slow, with at least one turn.
+        force: N, [n], positive when the position grows.
+        elements: most; they slide at displacements spread evenly in the logarithm, and those without weight
+            are left out.
+
+    Raises:
+        QuantityError: too few samples, no turn, or no force that follows the position.
+    """
+    x, q = np.asarray(position, float), np.asarray(force, float)
+    if x.shape != q.shape or x.ndim != 1 or not np.all(np.isfinite(x) & np.isfinite(q)):
+        raise QuantityError("position [m] and force [N] must be one finite value each per sample")
+    moved, carried = _branches(x, q)
+    longest = float(moved.max(initial=0.0))
+    if moved.size < FEWEST or not longest > 0.0:
+        raise QuantityError(f"position [m] must turn, with at least {FEWEST} samples after a turn")
+    slides = np.geomspace(longest * 1e-2, longest, int(elements))
+    weights = nnls(np.minimum(moved[:, None], slides), carried)[0]
+    kept = weights > NOTHING * weights.sum()
+    if not np.any(kept):
+        raise QuantityError("force [N] falls where position grows: turn its sign")
+    left = carried - np.minimum(moved[:, None], slides[kept]) @ weights[kept]
+    law = MaxwellSlip(tuple(weights[kept]), tuple(weights[kept] * slides[kept]))
+    r_squared = 1.0 - float(left @ left) / float(np.sum((carried - carried.mean()) ** 2))
+    return LoopElements(law, float(np.sqrt(np.mean((2.0 * left) ** 2))), r_squared)
+
+
+def _branches(x: Array, q: Array) -> tuple[Array, Array]:
+    """Half the way from the last turn, and half the force since: of the samples after the first turn."""
+    direction = np.sign(np.diff(x))
+    moving = np.flatnonzero(direction)
+    turns = moving[1:][np.diff(direction[moving]) != 0.0]
+    moved, carried = [np.zeros(0)], [np.zeros(0)]
+    before = 0
+    for begin, end in zip(turns, np.append(turns[1:], x.size - 1), strict=True):
+        side, room = np.sign(x[end] - x[begin]), abs(x[begin] - x[before])
+        way = side * (x[begin + 1 : end + 1] - x[begin])
+        inside = way <= room
+        moved.append(0.5 * way[inside])
+        carried.append(0.5 * side * (q[begin + 1 : end + 1] - q[begin])[inside])
+        before = begin
+    return np.concatenate(moved), np.concatenate(carried)
