@@ -19,6 +19,7 @@ from .comparing import ContactComparison as ContactComparison
 from .comparing import compare_contacts as compare_contacts
 from .hertz import Hertz as Hertz
 from .iwan import LoopElements as LoopElements
+from .iwan import in_series as in_series
 from .iwan import maxwell_slip as maxwell_slip
 from .iwan import of_backbone as of_backbone
 from .iwan import of_loop as of_loop

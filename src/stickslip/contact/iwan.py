@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import nnls
 
 from ..friction import MaxwellSlip
-from ..units import QuantityError
+from ..units import QuantityError, to_si
 from .mindlin import Mindlin
 from .partial_slip import ExponentialContact
 
@@ -32,6 +32,8 @@ LEFT_OUT = 1e-2
 # Of all stiffness or strength: an element below is none.
 NOTHING = 1e-9
 FEWEST = 10
+# Of the range of a position: less is no turn.
+TURN = 0.02
 
 
 class LoopElements(NamedTuple):
@@ -99,12 +101,28 @@ def of_backbone(displacement: ArrayLike, force: ArrayLike) -> MaxwellSlip:
     return MaxwellSlip(tuple(stiffness[kept]), tuple(stiffness[kept] * x[kept]))
 
 
+def in_series(law: MaxwellSlip, stiffness: float | str) -> MaxwellSlip:
+    """The law of a contact and a spring [N/m] in series with it (a holder, a guide).
+
+    Raises:
+        QuantityError: not positive.
+    """
+    spring = to_si(stiffness, "N/m", "stiffness")
+    if not spring > 0.0:
+        raise QuantityError(f"stiffness = {spring:g} N/m is out of range: it must be > 0 N/m")
+    k, strength = np.array(law.stiffness), np.array(law.strength)
+    slides = np.unique(strength / k)
+    force = np.minimum(slides[:, None] * k, strength).sum(axis=1)
+    return of_backbone(slides + force / spring, force)
+
+
 def of_loop(position: ArrayLike, force: ArrayLike, elements: int = 12) -> LoopElements:
     """The law of measured presliding loops: least squares with weights that are not negative.
 
     Each branch, from one turn of the position to the next, is a first loading at twice its size (Masing),
-    counted from the turn, as far as the branch before it was long: there a loop within another ends. What no elements have (a force that lags, turns that are not sharp, strength that
-    differs by direction) is in `rmse`.
+    counted from the turn, as far as the branch before it was long: there a loop within another ends. What no
+    elements have (a force that lags, turns that are not sharp, strength that differs by direction) is in
+    `rmse`.
 
     Args:
         position: m, [n], slow, with at least one turn.
@@ -135,16 +153,27 @@ def of_loop(position: ArrayLike, force: ArrayLike, elements: int = 12) -> LoopEl
 
 def _branches(x: Array, q: Array) -> tuple[Array, Array]:
     """Half the way from the last turn, and half the force since: of the samples after the first turn."""
-    direction = np.sign(np.diff(x))
-    moving = np.flatnonzero(direction)
-    turns = moving[1:][np.diff(direction[moving]) != 0.0]
+    turns = [*_turns(x), x.size - 1]
     moved, carried = [np.zeros(0)], [np.zeros(0)]
-    before = 0
-    for begin, end in zip(turns, np.append(turns[1:], x.size - 1), strict=True):
+    for before, begin, end in zip([0, *turns], turns, turns[1:], strict=False):
         side, room = np.sign(x[end] - x[begin]), abs(x[begin] - x[before])
         way = side * (x[begin + 1 : end + 1] - x[begin])
         inside = way <= room
         moved.append(0.5 * way[inside])
         carried.append(0.5 * side * (q[begin + 1 : end + 1] - q[begin])[inside])
-        before = begin
     return np.concatenate(moved), np.concatenate(carried)
+
+
+def _turns(x: Array) -> list[int]:
+    """Samples where the position turns, by more than noise and steps of a converter make it."""
+    least = TURN * float(np.ptp(x))
+    found, high, low = [], 0, 0
+    for i, at in enumerate(x.tolist()):
+        high, low = (i if at > x[high] else high), (i if at < x[low] else low)
+        if x[high] - at > least and high > low:
+            found.append(high)
+            low = i
+        elif at - x[low] > least and low > high:
+            found.append(low)
+            high = i
+    return [turn for turn in found if turn > 0]

@@ -30,7 +30,7 @@ from ..records import did_you_mean
 from ..units import QuantityError, optional_si, to_si, with_prefix
 from .asperities import GreenwoodWilliamson
 from .catalogue import FrictionPair
-from .iwan import maxwell_slip
+from .iwan import in_series, maxwell_slip
 from .mindlin import Mindlin
 from .partial_slip import ExponentialContact
 from .persson import GAMMA_FACTOR, Persson
@@ -67,13 +67,14 @@ class ContactPrior:
 
     Attributes:
         known: by the names of the LuGre law, "sigma_0" and "coulomb_force".
-        contact: the model that it is from.
+        contact: the model that it is from; `holder`, N/m, what is in series with it.
         assumptions: what was taken without a source, by name.
         doubts: sentences on where the model does not hold.
     """
 
     known: Mapping[str, Known]
     contact: Mindlin | ExponentialContact
+    holder: float | None = None
     assumptions: Mapping[str, str] = field(default_factory=dict)
     doubts: tuple[str, ...] = ()
 
@@ -114,7 +115,8 @@ class ContactPrior:
 
     def maxwell_slip(self, elements: int = 8) -> MaxwellSlip:
         """The law with all of its presliding loop, at the expected values; see `iwan`."""
-        return maxwell_slip(self.contact, elements)
+        law = maxwell_slip(self.contact, elements)
+        return law if self.holder is None else in_series(law, self.holder)
 
     def widened(self, factor: float | str, *names: str) -> ContactPrior:
         """With so much more room: known factors times another, in squares; of all parameters, if none is
@@ -148,8 +150,8 @@ class ContactPrior:
             low, high = (with_prefix(end, of.unit, 3) for end in of.interval())
             shown = with_prefix(of.value, of.unit, 4)
             lines.append(f"{name:16}{shown:>14}{of.factor:9.2f}   {low} .. {high}")
-        distance = with_prefix(self.contact.presliding_distance, "m", 3)
-        lines.append(f"presliding distance {distance}")
+        distance = self.known["coulomb_force"].value / self.known["sigma_0"].value
+        lines.append(f"presliding distance F_C/σ_0 {with_prefix(distance, 'm', 3)}")
         lines += [f"assumed: {name} = {why}" for name, why in self.assumptions.items()]
         return "\n".join([*lines, *self.doubts])
 
@@ -268,7 +270,7 @@ def _prior(
         "sigma_0": Known(stiffness, factor, UNITS["sigma_0"]),
         "coulomb_force": Known(contact.slip_force, pair.friction.friction_factor, UNITS["coulomb_force"]),
     }
-    return ContactPrior(known, contact, dict(pair.assumptions), tuple(filter(None, doubts)))
+    return ContactPrior(known, contact, holder, dict(pair.assumptions), tuple(filter(None, doubts)))
 
 
 def _yields(pair: FrictionPair, force: float, area: float) -> str:

@@ -59,7 +59,7 @@ def step_map(
     parameters: Mapping[str, ArrayLike] | None = None,
     quantities: Iterable[Extra] = (),
     stack: Stack | None = None,
-    fit: Fit | Posterior | None = None,
+    fit: Fit | Posterior | Mapping[str, ArrayLike] | None = None,
     draws: int = 200,
     seed: int = 0,
     normal_load: Waveform | float = 1.0,
@@ -87,8 +87,9 @@ def step_map(
             "end_effector_mass", "sigma_0", "rise_fraction"), as for `steady_steps`.
         quantities: "backlash", "ringing" and "ripple" cost about as much again; see `design.motion`.
         stack: the piezo's numbers, for current, energy and heat; the drive must not jump.
-        fit: of `identify_friction` or `identify_step` with the model's values, or a `posterior`: how far its
-            uncertainty lets the step be off, by `draws` of its parameters at every point, the same for all.
+        fit: of `identify_friction` or `identify_step` with the model's values, a `posterior`, or arrays by
+            name (``prior.draws(500)`` of a contact): how far its uncertainty lets the step be off, by `draws`
+            of its parameters at every point, the same for all.
         draws, seed: of the fit.
         normal_load: normal force over its reference, for all points.
         tolerance: m, on the net step.

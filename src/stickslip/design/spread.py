@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..actuator import Actuator
 from ..estimate.posterior import Posterior
@@ -20,10 +21,13 @@ Array = NDArray[np.float64]
 SAME = 1e-6
 
 
-def drawn_parameters(source: Fit | Posterior, model: Actuator, count: int, seed: int) -> dict[str, Array]:
+def drawn_parameters(
+    source: Fit | Posterior | Mapping[str, ArrayLike], model: Actuator, count: int, seed: int
+) -> dict[str, Array]:
     """Draws [count] of the parameters of the model that the source is about.
 
-    Of a fit they are normal in its coordinates, cut at its bounds; of a posterior, its samples.
+    Of a fit they are normal in its coordinates, cut at its bounds; of a posterior, its samples; of arrays by
+    name (of a prior), rows of these.
 
     Raises:
         QuantityError: it is neither, is of no parameter of the model, does not determine one, or the model
@@ -34,8 +38,10 @@ def drawn_parameters(source: Fit | Posterior, model: Actuator, count: int, seed:
         drawn = _sampled(source, count, random)
     elif isinstance(source, Fit):
         drawn = _normal(source, count, random)
+    elif isinstance(source, Mapping):
+        drawn = _rows({name: np.ravel(np.asarray(one, float)) for name, one in source.items()}, count, random)
     else:
-        raise QuantityError(f"fit is a Fit or a Posterior, not a {type(source).__name__}")
+        raise QuantityError(f"fit is a Fit, a Posterior or arrays by name, not a {type(source).__name__}")
     known = free_names(model)
     kept = {name: np.broadcast_to(values, count) for name, values in drawn.items() if name in known}
     if not kept:
@@ -49,7 +55,14 @@ def drawn_parameters(source: Fit | Posterior, model: Actuator, count: int, seed:
 
 def _sampled(source: Posterior, count: int, random: np.random.Generator) -> dict[str, Array]:
     columns = {str(n): v.values.ravel() for n, v in source.samples.items() if n != "log_posterior"}
-    chosen = random.integers(0, next(iter(columns.values())).size, count)
+    return _rows(columns, count, random)
+
+
+def _rows(columns: Mapping[str, Array], count: int, random: np.random.Generator) -> dict[str, Array]:
+    sizes = {values.size for values in columns.values()}
+    if len(sizes) != 1 or 0 in sizes:
+        raise QuantityError(f"draws of {', '.join(columns) or 'nothing'} must be as many of each, and some")
+    chosen = random.integers(0, sizes.pop(), count)
     return {name: values[chosen] for name, values in columns.items()}
 
 

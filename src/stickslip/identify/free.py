@@ -130,6 +130,15 @@ def with_prior(p: Parameter, priors: Bounds) -> Parameter:
     return p._replace(prior=(value, deviation))
 
 
+def check_priors(priors: Bounds, free: Sequence[str], noise: float | None, what: str) -> None:
+    """Raise QuantityError unless priors are of what is free, and weigh against a noise, which is `what`."""
+    for name in priors:
+        if name not in free:
+            raise QuantityError(f"there is a prior for {name!r}, which is not free{did_you_mean(name, free)}")
+    if priors and noise is None:
+        raise QuantityError(f"priors weigh against the noise: give noise {what}, too")
+
+
 def _given(bounds: Bounds, name: str, unit: str) -> tuple[float, float] | None:
     if name not in bounds:
         return None

@@ -35,7 +35,7 @@ from ...recording import RecordingError
 from ...simulation import SimulationError, friction_response
 from ...simulation.varied import free_names, with_values
 from ...units import optional_si, to_si, turned
-from ..free import Bounds, beside, check_names, known_of, parameter
+from ..free import Bounds, beside, check_names, check_priors, known_of, parameter, with_prior
 from ..quantised import with_steps
 from ..recorded.channels import channel, names_of, recordings_of, unit_of
 from ..recorded.known_noise import converter_step
@@ -67,6 +67,7 @@ def identify_loops(
     *,
     reference_normal_force: float | str | None = None,
     bounds: Bounds | None = None,
+    priors: Bounds | None = None,
     tied: Mapping[str, str] | None = None,
     noise: float | str | None = None,
     starts: int = 1,
@@ -93,6 +94,8 @@ def identify_loops(
         bounds: of free parameters, in SI or as strings, else a factor 30 either side of the start and of
             what the sizes of the loops say; of the channel's and contact's: the largest force, half its
             inverse, and the inverse of the length in time.
+        priors: what is known of free parameters otherwise, as for `identify_friction`; they weigh against the
+            noise, which must be given.
         tied: parameters that follow from others, as for `identify_friction`:
             ``{"strength_2": "0.5 * strength_1"}``.
         noise: standard deviation of the force, N; left out, it is estimated from the residuals.
@@ -115,8 +118,9 @@ def identify_loops(
     names, turns = names_of(found), _turns(found)
     units = {name: turned(unit) if turns else unit for name, unit in CHANNEL.items()}
     noise = optional_si(noise, units["bias"], "noise")
-    bounds = bounds or {}
+    bounds, priors = bounds or {}, priors or {}
     check_names(free, [*free_names(model), *CHANNEL], bounds)
+    check_priors(priors, free, noise, "[N], the force's deviation")
     measured = [channel(r, OBSERVED, name, varies=True) for r, name in zip(found, names, strict=True)]
     origin = float(found[0]["time"].values[0])
     settings = (reference, origin, tolerance)
@@ -128,6 +132,7 @@ def identify_loops(
         else parameter(model, name, bounds, turns)
         for name in free
     ]
+    parameters = [with_prior(p, priors) for p in parameters]
     parameters, begins = loop_starts(parameters, found, measured, bounds)
     neutral = {name: (1.0 if name == "load_exponent" else 0.0, unit) for name, unit in units.items()}
     others = beside(free, tied or {}, known_of(model, neutral, turns))

@@ -24,11 +24,10 @@ from ...estimate.several import lowest
 from ...estimate.tied import Ties
 from ...estimate.whiteness import white
 from ...progress import Progress, unheard
-from ...records import did_you_mean
 from ...simulation.varied import free_names, with_values
-from ...units import QuantityError, optional_si
+from ...units import optional_si
 from ...waveform.signal import Waveform
-from ..free import Bounds, beside, check_names, known_of, parameter, with_prior
+from ..free import Bounds, beside, check_names, check_priors, known_of, parameter, with_prior
 from ..quantised import with_steps
 from ..recorded.at_rest import drift_at_rest
 from ..recorded.channels import drives_of, names_of, recordings_of, unit_of
@@ -201,11 +200,7 @@ def identify_friction(
 def _check(model: Actuator, free: Sequence[str], bounds: Bounds, priors: Bounds, noise: float | None) -> None:
     """Raise QuantityError unless all that is said of free parameters is of one that there is."""
     own = {name: limits for name, limits in bounds.items() if name not in CHANNEL}
-    for name in priors:
-        if name not in free:
-            raise QuantityError(f"there is a prior for {name!r}, which is not free{did_you_mean(name, free)}")
-    if priors and noise is None:
-        raise QuantityError("priors weigh against the noise: give noise [m], the position's deviation, too")
+    check_priors(priors, free, noise, "[m], the position's deviation")
     check_names(free, [*free_names(model), *CHANNEL], own)
 
 
