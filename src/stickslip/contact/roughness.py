@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 import os
+import warnings
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -162,7 +163,9 @@ def read_topography(path: str | os.PathLike[str], channel: int = 0) -> Roughness
         ModuleNotFoundError: SurfaceTopography is missing (extra ``stickslip[topography]``).
     """
     try:
-        from SurfaceTopography.IO import open_topography
+        with warnings.catch_warnings():  # it runs without MPI, and says so
+            warnings.simplefilter("ignore", ImportWarning)
+            from SurfaceTopography.IO import open_topography
     except ModuleNotFoundError as missing:
         raise ModuleNotFoundError(
             f'topographies need {missing.name}, which is not installed: pip install "stickslip[topography]"',
