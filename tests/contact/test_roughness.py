@@ -4,12 +4,21 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from stickslip.contact import GreenwoodWilliamson, Persson, Roughness, measured, self_affine
+from stickslip.contact import (
+    GreenwoodWilliamson,
+    Persson,
+    Roughness,
+    measured,
+    of_topography,
+    read_topography,
+    self_affine,
+)
 from stickslip.units import QuantityError
 
 from .half_space import rough
@@ -74,6 +83,47 @@ def test_two_surfaces_and_the_models_of_them() -> None:
     assert "single summits" in found._replace(normal_force=1e-3).holds()
     assert "% of the nominal area touch" in found._replace(normal_force=1e4).holds()
     assert found._replace(normal_force=10 * found.least_force).holds() == ""
+
+
+def test_files_of_instruments(tmp_path: Path) -> None:
+    """Through SurfaceTopography: a text with its size and unit; one without, and what is none."""
+    z = 1e-7 * np.random.default_rng(0).standard_normal((32, 48))
+    head = "Width: 48 um\nHeight: 32 um\nValue units: um"
+    np.savetxt(tmp_path / "scan.asc", z * 1e6, header=head)
+    found = read_topography(tmp_path / "scan.asc")
+    assert found.height == pytest.approx(measured(z, "1 um").height)
+    assert found.slope == pytest.approx(measured(z, "1 um").slope, rel=1e-6)
+    np.savetxt(tmp_path / "bare.asc", z)
+    with pytest.raises(QuantityError, match=r"bare\.asc"):
+        read_topography(tmp_path / "bare.asc")
+    (tmp_path / "text.txt").write_text("no heights")
+    for name in ("text.txt", "missing.opd"):
+        with pytest.raises(QuantityError, match=f"{name} cannot be read as a topography"):
+            read_topography(tmp_path / name)
+
+
+class Scan:
+    """What SurfaceTopography hands over, as far as it is looked at."""
+
+    unit, has_undefined_data, is_uniform, pixel_size = "nm", False, True, (500.0, 500.0)
+
+    def heights(self) -> np.ndarray:
+        return 100.0 * np.random.default_rng(0).standard_normal((20, 20))
+
+
+def test_scans_that_are_none() -> None:
+    scan = Scan()
+    assert of_topography(scan).height == pytest.approx(1e-7, rel=0.1)
+    assert of_topography(scan).shortest == pytest.approx(1e-6)
+    for field, value, match in (
+        ("unit", None, "no unit of length"),
+        ("has_undefined_data", True, "not measured"),
+        ("is_uniform", False, "uneven steps"),
+    ):
+        bad = Scan()
+        setattr(bad, field, value)
+        with pytest.raises(QuantityError, match=match):
+            of_topography(bad)
 
 
 def test_what_is_no_roughness() -> None:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator
 from numpy.typing import ArrayLike
 
 from .scale import scale_for
@@ -55,6 +56,9 @@ def prior_and_posteriors(
                 )
             panel.axvline(float(scale(truths[title][name])), color=VERMILLION, lw=1.0, ls=(0, (4, 2)))
             panel.set_xscale("log")
+            panel.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            panel.xaxis.set_major_formatter("{x:g}")
+            panel.xaxis.set_minor_locator(NullLocator())
             panel.set_yticks([])
             panel.grid(visible=False)
             panel.spines["left"].set_visible(False)
