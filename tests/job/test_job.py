@@ -214,6 +214,7 @@ def test_other_kinds_of_files_are_jobs_of_one_step(tmp_path: Path) -> None:
         "pulled_slider.yaml": ["identify"],
         "kang2007_map.yaml": ["design"],
         "kang2007_piezo.yaml": ["record", "identify"],
+        "contact_study.yaml": ["record"],
         "kang2007_hysteresis_experiment.yaml": ["record"],
         "kang2007_hysteresis_campaign.yaml": ["identify"],
         "kang2007_job.yaml": ["record", "identify", "export"],

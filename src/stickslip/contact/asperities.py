@@ -28,7 +28,7 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 from scipy.optimize import brentq
 from scipy.special import gamma, pbdv
@@ -109,7 +109,8 @@ class GreenwoodWilliamson(NamedTuple):
         def excess(h: float) -> float:
             return math.log(self.load(h) / self.normal_force)
 
-        return float(brentq(excess, DEEPEST, HIGHEST, xtol=1e-12))
+        found: Any = brentq(excess, DEEPEST, HIGHEST, xtol=1e-12)
+        return float(found)
 
     @property
     def contacts(self) -> float:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -29,6 +29,7 @@ from ..records import did_you_mean
 from ..units import QuantityError, with_unit
 
 Array = NDArray[np.float64]
+Condition = Sequence[float | str]  # a value for each contact
 
 LEVEL = 0.95
 # τ, the most that is looked for: a factor of 20.
@@ -96,7 +97,7 @@ class _Effect(NamedTuple):
 
 def compare_contacts(
     fits: Mapping[str, Fit],
-    conditions: Mapping[str, Sequence[float | str]],
+    conditions: Mapping[str, Condition],
     *,
     parameters: Sequence[str] | None = None,
 ) -> ContactComparison:
@@ -174,11 +175,12 @@ def _fitted(design: Array, logarithms: Array, errors: Array) -> _Fitted:
         covariance = np.linalg.inv(normal)
         b = covariance @ (design.T @ (weight * logarithms))
         squares = float(np.sum(weight * (logarithms - design @ b) ** 2))
-        return b, covariance, squares, squares - np.sum(np.log(weight)) + np.linalg.slogdet(normal)[1]
+        likelihood = squares - float(np.sum(np.log(weight))) + float(np.linalg.slogdet(normal)[1])
+        return b, np.asarray(covariance, float), squares, likelihood
 
     scatter = np.nan
     if freedom > 0:
-        found = minimize_scalar(
+        found: Any = minimize_scalar(
             lambda tau: at(tau**2)[3], bounds=(0.0, MOST_SCATTER), method="bounded", options={"xatol": 1e-6}
         )
         scatter = 0.0 if at(0.0)[3] <= found.fun else float(found.x)
@@ -190,7 +192,7 @@ def _fitted(design: Array, logarithms: Array, errors: Array) -> _Fitted:
     return _Fitted(b[1:], of.ppf(0.5 + LEVEL / 2) * deviations, chances, scatter)
 
 
-def _effects(conditions: Mapping[str, Sequence[float | str]], count: int) -> list[_Effect]:
+def _effects(conditions: Mapping[str, Condition], count: int) -> list[_Effect]:
     if count < 2:
         raise QuantityError(f"{count} fit: a comparison takes at least two")
     found: list[_Effect] = []
@@ -200,7 +202,8 @@ def _effects(conditions: Mapping[str, Sequence[float | str]], count: int) -> lis
         numbers = _numbers(name, given)
         if numbers is not None:
             if np.ptp(numbers) > 0.0:
-                found.append(_Effect(name, np.log(numbers) - np.mean(np.log(numbers)), True))
+                logarithms = np.log(numbers)
+                found.append(_Effect(name, np.asarray(logarithms - logarithms.mean(), float), True))
             continue
         levels = list(dict.fromkeys(given))
         for level in levels[1:]:

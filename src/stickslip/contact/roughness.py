@@ -57,7 +57,9 @@ class Roughness(NamedTuple):
     def with_other(self, other: Roughness) -> Roughness:
         """Of two rough surfaces in contact, independent of each other."""
         return Roughness(
-            *(math.hypot(a, b) for a, b in zip(self[:3], other[:3], strict=True)),
+            math.hypot(self.height, other.height),
+            math.hypot(self.slope, other.slope),
+            math.hypot(self.curvature, other.curvature),
             max(self.longest, other.longest),
             min(self.shortest, other.shortest),
         )
