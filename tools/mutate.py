@@ -71,19 +71,8 @@ REVERSAL = tuple(
         "test_a_slope_of_zero_is_no_division",
     )
 )
-ASPERITIES = ("tests/contact/test_asperities.py", "tests/contact/test_priors.py::test_a_holder_in_series")
-MINDLIN = (*ASPERITIES, "tests/contact/test_half_space.py")
-PRIORS = (
-    *("tests/contact/test_half_space.py", "tests/contact/test_roughness.py"),
-    *(
-        f"tests/contact/test_priors.py::test_{one}"
-        for one in ("of_rough_surfaces", "of_balls", "draws_and_widths")
-    ),
-    *(
-        "tests/contact/test_priors.py::test_a_holder_in_series",
-        "tests/contact/test_asperities.py::test_preload",
-    ),
-)
+HALF_SPACE = ("tests/contact/test_half_space.py",)
+CONTACT = "tests/contact/test_asperities.py::test_"
 # The first row that fits a file counts.
 TARGETS = (
     Target(
@@ -117,20 +106,35 @@ TARGETS = (
     Target("electronics/charging.py", CHARGING, ("_remembered", "_mean_square", "_until_as_fast")),
     Target("electronics/amplifier.py", (*CHARGING, "tests/electronics/test_amplifier.py"), ("limits",)),
     Target("electronics/stack.py", ("tests/electronics/test_account.py",), ("cycle_loss", "_above")),
-    Target("contact/hertz.py", ("tests/contact/test_half_space.py::test_hertz",)),
-    Target("contact/mindlin.py", MINDLIN),
-    Target("contact/partial_slip.py", ("tests/contact/test_half_space.py",)),
-    Target("contact/material.py", ("tests/contact/test_asperities.py::test_two_bodies",)),
-    Target("contact/p[er]*.py", PRIORS),
     Target(
-        "contact/roughness.py", ("tests/contact/test_roughness.py",), ("self_affine", "measured", "_bowed")
+        "contact/hertz.py", HALF_SPACE, ("contact_radius", "approach", "peak_pressure", "normal_stiffness")
     ),
+    Target(
+        "contact/mindlin.py",
+        (*HALF_SPACE, f"{CONTACT}mindlins_loop_closes"),
+        ("displacement", "force", "stick_radius", "loop", "loss", "tangential_stiffness"),
+    ),
+    Target("contact/partial_slip.py", HALF_SPACE, ("backbone", "force", "tangential_stiffness")),
+    Target(
+        "contact/material.py",
+        (f"{CONTACT}two_bodies",),
+        ("shear_modulus", "contact_modulus", "tangential_modulus", "dundurs"),
+    ),
+    Target("contact/persson.py", ("tests/contact/test_roughness.py",), ("real_area", "holds")),
+    Target("contact/roughness.py", ("tests/contact/test_roughness.py",), ("self_affine", "with_other")),
+    Target(
+        "contact/asperities.py",
+        (f"{CONTACT}moments", f"{CONTACT}stiffness_over_load", f"{CONTACT}scatter_from_place_to_place"),
+        ("moment", "load", "real_area", "normal_stiffness", "stiffness_scatter", "area_scatter"),
+    ),
+    Target(
+        "contact/adhesion.py", (f"{CONTACT}adhesion",), ("tabor", "softness", "pull_off", "contact_radius")
+    ),
+    Target("contact/iwan.py", (f"{CONTACT}iwan", f"{CONTACT}a_backbone"), ("maxwell_slip", "of_backbone")),
+    Target("contact/ageing.py", (f"{CONTACT}time_and_wear",), ("stiction_ratio",)),
+    Target("contact/wear.py", (f"{CONTACT}time_and_wear",), ("force", "worn_depth")),
+    Target("contact/preload.py", (f"{CONTACT}preload",), ("normal_force",)),
     Target("contact/comparing.py", ("tests/contact/test_comparing.py",), ("_fitted", "_holm")),
-    Target(
-        "contact/iwan.py", ASPERITIES, ("maxwell_slip", "of_backbone", "in_series", "of_loop", "_branches")
-    ),
-    Target("contact/a*.py", ASPERITIES),
-    Target("contact/wear.py", ASPERITIES),
     Target("actuator.py", ("tests/test_actuator.py",), ("axial_force", "from_parts")),
     Target("design/information.py", ("tests/design/test_choice.py",), ("covariance", "plus", "times")),
     Target("design/choice.py", ("tests/design/test_choice.py",), ("criterion", "score", "together")),

@@ -124,14 +124,20 @@ def test_iwan(contact: Mindlin | ExponentialContact, left_out: float, elements: 
     assert off < 0.5 / elements**2 + left_out
 
 
-def test_mindlins_loop_by_the_law_that_the_plant_has() -> None:
-    """The closed loop, its area, and what MaxwellSlip makes of the same motion."""
+def test_mindlins_loop_closes() -> None:
+    """Between its ends, with the area that is lost, which goes as the cube of a small amplitude."""
     x, force = BALL.loop(0.24, points=400)
     area = abs(np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(x)))
     assert BALL.loss("240 mN") == pytest.approx(area, rel=1e-4)
-    assert BALL.loss(0.02) / BALL.loss(0.01) == pytest.approx(8.0, rel=0.05)  # the cube of a small one
+    assert BALL.loss(0.02) / BALL.loss(0.01) == pytest.approx(8.0, rel=0.05)
     assert x[0] == pytest.approx(-BALL.displacement(0.24))
     assert (x[399], x[400], force[400]) == (pytest.approx(BALL.displacement(0.24)), x[399], 0.24)
+    assert BALL.displacement(-0.2) == -BALL.displacement(0.2)
+    assert BALL.force([-1e-9, 1.0]) == pytest.approx([-BALL.force(1e-9), BALL.slip_force])
+
+
+def test_mindlins_loop_by_the_law_that_the_plant_has() -> None:
+    x, force = BALL.loop(0.24, points=400)
     law = maxwell_slip(BALL, 40)
     path = np.concatenate([np.linspace(0.0, x[399], 50), x[400:], x[:400]])
     found = friction_response(law, np.arange(path.size, dtype=float), path, tolerance=1e-15)
@@ -159,7 +165,7 @@ def test_elements_of_measured_loops() -> None:
         of_loop(np.linspace(0.0, 1.0, 50), np.ones(50))
 
 
-def test_a_backbone_that_is_none() -> None:
+def test_a_backbone() -> None:
     assert of_backbone([1e-6, 2e-6], [1.0, 1.5]) == MaxwellSlip((0.5e6, 0.5e6), (0.5, 1.0))
     with pytest.raises(QuantityError, match=r"beyond 1e-06 m it grows faster"):
         of_backbone([1e-6, 2e-6], [0.5, 1.5])
