@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -133,7 +133,7 @@ def _walk(pieces: Sequence[Array]) -> float:
     if not all(np.ptp(r) for r in pieces):
         return 0.0
     range_ = (2.0 * math.log(LEAST_WALK), 2.0 * math.log(MOST_WALK))
-    found = minimize_scalar(criterion, bounds=range_, method="bounded", options={"xatol": 0.05})
+    found: Any = minimize_scalar(criterion, bounds=range_, method="bounded", options={"xatol": 0.05})
     # Half of the chi-squared of a quantity that cannot be negative: 5 % by chance.
     return math.exp(found.x) if criterion(range_[0]) - found.fun > 2.7 else 0.0
 
