@@ -132,6 +132,7 @@ def test_mindlins_loop_closes() -> None:
     assert BALL.loss(0.02) / BALL.loss(0.01) == pytest.approx(8.0, rel=0.05)
     assert x[0] == pytest.approx(-BALL.displacement(0.24))
     assert (x[399], x[400], force[400]) == (pytest.approx(BALL.displacement(0.24)), x[399], 0.24)
+    assert BALL.stick_radius(0.0) == BALL.normal.contact_radius
     assert BALL.displacement(-0.2) == -BALL.displacement(0.2)
     assert BALL.force([-1e-9, 1.0]) == pytest.approx([-BALL.force(1e-9), BALL.slip_force])
 
