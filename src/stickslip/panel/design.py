@@ -25,8 +25,8 @@ from .sets import Sets
 from .stream import Hub
 
 DESIGNED = "designed"  # the run of the bench that a drive is sent as
-# s of the drive, and of rest after it; periods at least.
-LENGTH, REST, FEWEST = 0.25, 0.1, 8
+# s of the drive, and of rest after it; periods at least. A fast drive leaves the range of a sensor soon.
+LENGTH, REST, FEWEST = 0.1, 0.1, 8
 _TOLD = 0.1  # s between words of progress
 
 Made = TypeVar("Made")

@@ -74,14 +74,17 @@ export async function mount(element, app) {
       card("map", "Step over voltage and frequency", numbers, mapPlace, key), card("front", "Front", empty, frontPlace),
       sides.old.element, sides.fresh.element, results, telling)));
 
+  for (const one of Object.values(sides)) one.begin(); // plots have the fonts of the page that they stand on
+
   function side(name, heading) {
+    let plot = null;
     const title = h("h2", {}, heading), speed = h("p", { class: "soft small-text", role: "status" });
     const canvas = place(name);
     const of = { drive: null };
     const act = (text, does) => h("button", { type: "button", class: "small", disabled: true, onclick: () => does(of).catch(say) }, text);
     const acts = [act("Send to the bench", send), act("What would this recording tell?", tell)];
-    const plot = makePlot(canvas, { label: heading, tools: "save", empty: name === "fresh" ? "Find the fastest drive, or point at the front." : "",
-      series: [{ label: "drive", unit: "V", color: "--series-6" }, { label: "end-effector", unit: "m", color: "--series-1" }] });
+    const empty = name === "fresh" ? "Find the fastest drive, or point at the front." : "";
+    const series = [{ label: "drive", unit: "V", color: "--series-6" }, { label: "end-effector", unit: "m", color: "--series-1" }];
     const motions = latestWins({
       ask: (drive) => app.request("/api/design/motion", { ...asked(), drive }),
       take(answer) {
@@ -94,6 +97,7 @@ export async function mount(element, app) {
     });
     return {
       element: h("section", { class: `card design-${name}`, "aria-label": heading }, title, speed, canvas, h("div", { class: "row" }, ...acts)),
+      begin() { plot = makePlot(canvas, { label: heading, tools: "save", empty, series }); },
       show(drive, text) {
         of.drive = drive;
         title.textContent = text;
@@ -101,7 +105,10 @@ export async function mount(element, app) {
         motions.want(drive);
       },
       again: () => of.drive && motions.want(of.drive),
-      end() { motions.end(); plot.destroy(); },
+      end() {
+        motions.end();
+        plot.destroy();
+      },
     };
   }
   const root = () => element.querySelector(".design");
@@ -109,10 +116,13 @@ export async function mount(element, app) {
   const say = (error) => { fault.textContent = error.message; };
 
   // --- map
-  const map = makeMap(mapPlace, { moved(volts, hertz, step) {
+  let best = false; // whether the old drive is the best sawtooth
+  const map = makeMap(mapPlace, { moved(volts, hertz, step, pointed) {
     const tell = { Voltage: [volts, "V"], Frequency: [hertz, "Hz"], "Net step": [step, "m"], Speed: [step * hertz, "m/s"] };
     for (const [name, [value, unit]] of Object.entries(tell)) shown[name].textContent = formatQuantity(value, unit);
-    sides.old.show({ shape: "Sawtooth", fields: { amplitude: volts, frequency: hertz } }, "Sawtooth at the cursor");
+    best &&= !pointed;
+    if (best) sides.old.again();
+    else sides.old.show({ shape: "Sawtooth", fields: { amplitude: volts, frequency: hertz } }, "Sawtooth at the cursor");
   } });
   const front = makeFront(frontPlace, { chosen: (i) => design(kept.front.drives[i], `Drive ${i + 1} of the front`) });
   const maps = latestWins({
@@ -161,6 +171,7 @@ export async function mount(element, app) {
     const where = answer.conditions.length > 1 ? ` in the worst of ${answer.conditions.length} conditions` : "";
     said.textContent = `${value}${where}; the best sawtooth ${saw}. ${answer.fell_back ? "None was found that is worse than it nowhere: this is the sawtooth." : ""}${answer.interrupted ? "Stopped: the best until then." : ""}`;
     design(answer.drive, "Fastest drive");
+    best = true;
     sides.old.show(answer.sawtooth, "Best sawtooth");
     tabled(results, ["condition", "drive", "best sawtooth"], answer.conditions.map((one) => [one.name, formatQuantity(one.value, "m/s"), formatQuantity(one.sawtooth, "m/s")]));
   }
@@ -174,10 +185,12 @@ export async function mount(element, app) {
   }
   function tabled(into, heads, rows) {
     const cells = (row) => row.map((text, i) => (i ? h("td", { class: "number" }, text) : h("th", { scope: "row" }, text)));
+    into.tabIndex = 0; // it scrolls where it is narrow
     into.replaceChildren(into.firstChild, h("table", {}, h("thead", {}, h("tr", {}, ...heads.map((one, i) => h("th", { scope: "col", class: i ? "number" : "" }, one)))), h("tbody", {}, ...rows.map((row) => h("tr", {}, ...cells(row))))));
   }
   function forget() {
     Object.assign(kept, { found: null, front: null });
+    best = false;
     frontPlace.hidden = true;
     sides.fresh.again();
   }

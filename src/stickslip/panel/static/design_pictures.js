@@ -21,7 +21,8 @@ function edges(values, log) {
   return [2 * at[0] - inner[0], ...inner, 2 * at.at(-1) - inner.at(-1)].map(back);
 }
 
-/** The map: `setData({ voltage, frequency, net_step, status })`; `moved(voltage, frequency, step)` says where the cursor is. */
+/** The map: `setData({ voltage, frequency, net_step, status })`; `moved(voltage, frequency, step, pointed)` says
+ * where the cursor is, and whether somebody moved it. */
 export function makeMap(element, { moved }) {
   let data = null, cells = null, cursor = { volts: 0.65, hertz: 0 }, at = [0, 0];
   const picture = makePicture(element, {
@@ -68,11 +69,11 @@ export function makeMap(element, { moved }) {
     const within = (one, values) => Math.min(Math.max(one, 0), values.length - 1);
     at = [within(row, data.voltage), within(column, data.frequency)];
     cursor = { volts: data.voltage[at[0]] / data.voltage.at(-1), hertz: data.frequency[at[1]] };
-    tell();
+    tell(true);
   }
-  function tell() {
+  function tell(pointed) {
     picture.redraw();
-    moved(data.voltage[at[0]], data.frequency[at[1]], data.net_step[at[0] * data.frequency.length + at[1]]);
+    moved(data.voltage[at[0]], data.frequency[at[1]], data.net_step[at[0] * data.frequency.length + at[1]], pointed);
   }
   return {
     element: picture.element,
@@ -82,7 +83,7 @@ export function makeMap(element, { moved }) {
       cells = { x: edges(data.frequency, true), y: edges(data.voltage, false) };
       at = [nearest(data.voltage, cursor.volts * data.voltage.at(-1), false), nearest(data.frequency, cursor.hertz || data.frequency[0], true)];
       picture.setRange({ x: [cells.x[0], cells.x.at(-1)], y: [cells.y[0], cells.y.at(-1)] });
-      tell();
+      tell(false);
     },
     destroy: picture.destroy,
   };

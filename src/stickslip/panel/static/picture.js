@@ -67,7 +67,7 @@ export function makePicture(element, { label, x, y, draw, pick, step }) {
     context.font = `${0.85 * em}px ${getComputedStyle(root).fontFamily}`;
     context.fillStyle = css("--axis");
     const text = (axis, [low, high]) => {
-      const power = prefixPower(Math.max(Math.abs(low), Math.abs(high)), axis.unit);
+      const power = axis.log ? 0 : prefixPower(Math.max(Math.abs(low), Math.abs(high)), axis.unit);
       return { power, said: `${axis.label} [${prefixed(power, axis.unit)}]`, of: (value) => String(Number((value / 10 ** power).toPrecision(3))) };
     };
     const across = text(x, range.x), up = text(y, range.y);
