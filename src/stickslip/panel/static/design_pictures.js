@@ -95,7 +95,7 @@ export function makeFront(element, { chosen }) {
   const axis = { label: "", unit: "" };
   const picture = makePicture(element, {
     label: "Front of drives, speed against what it costs",
-    x: { label: "speed", unit: "m/s" }, y: axis,
+    x: { label: "speed in the worst condition", unit: "m/s" }, y: axis,
     draw(context, to, css) {
       if (!data) return;
       const dot = (i, radius, colour) => {
