@@ -33,7 +33,7 @@ INSIDE = 0.02
 # Conditions that candidates are judged by at first; how often more are added.
 ACTIVE, ROUNDS = 6, 4
 # The first budget over that of a later turn.
-LATER = 5
+LATER = 8
 # Those that stand for all where a quantile is asked for.
 RANKS = 24
 # Of the scale of merits: a gain below it is no reason to go on.
@@ -58,6 +58,10 @@ class Judge(NamedTuple):
             short = np.maximum(self.baseline[which] - full, 0.0).max(axis=1)
             worst = worst - SHORTFALL * np.where(short > 1e-9 * self.scale, short, 0.0)
         return np.where(lost.any(axis=1), -100.0 * self.scale * (1.0 + lost.mean(axis=1)), worst)
+
+    def falls_short(self, score: float) -> bool:
+        """Whether that is less than what the baseline itself has in its worst condition."""
+        return self.baseline is not None and score < float(np.min(self.baseline))
 
 
 class Task(NamedTuple):
@@ -104,9 +108,12 @@ def robust(task: Task, starts: Array) -> Best:
             best = best._replace(interrupted=True)
             break
         wider = worst_of(merits[0], task.judge, active)
-        if wider.size == active.size or (turn and gained < GAIN * task.judge.scale):
+        done = wider.size == active.size or (turn and gained < GAIN * task.judge.scale)
+        if done and not task.judge.falls_short(best.score):
             break
         active, begin, spread, share = wider, best.x[None], NEAR, task.budget // LATER
+        if task.judge.falls_short(best.score):  # a few conditions led astray
+            begin, spread, share = starts, WIDE, task.budget
     return best._replace(evaluations=spent)
 
 
