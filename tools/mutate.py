@@ -118,12 +118,16 @@ TARGETS = (
     Target("design/vibration.py", VIBRATION, ("acceleration", "a_weighting", "of")),
     Target("design/goals.py", DESIGN, ("of", "sign", "_check")),
     Target(
-        "design/polygons.py", DESIGN, ("slopes", "_sides", "within", "knots", "as_knots", "starts", "sawtooths")
+        "design/polygons.py",
+        DESIGN,
+        ("slopes", "_sides", "within", "knots", "as_knots", "starts", "sawtooths"),
     ),
     Target("design/search.py", DESIGN, ("score",)),
     Target("design/power.py", DESIGN, ("electrical_demand", "_of_one_period")),
     Target("design/tables.py", DESIGN, ("step_at", "voltage_for", "_direction")),
-    Target("design/front.py", ("tests/design/test_conditions.py::test_what_stays_of_a_front",), ("unbeaten",)),
+    Target(
+        "design/front.py", ("tests/design/test_conditions.py::test_what_stays_of_a_front",), ("unbeaten",)
+    ),
     Target("design/choice.py", ("tests/design/test_choice.py",), ("criterion", "score", "together")),
 )
 

@@ -48,7 +48,9 @@ def test_a_drive_is_flattened_about_its_middle_as_far_as_its_steepest_side_asks(
         assert 0.0 < share < 1.0
         assert after == pytest.approx(middle + share * (before - middle))
     assert TWO.within(FREE._replace(slope=1e9)).volts == pytest.approx(TWO.volts)
-    assert TWO.within(FREE._replace(low=20.0, high=80.0)).volts == pytest.approx(np.clip(TWO.volts, 20.0, 80.0))
+    assert TWO.within(FREE._replace(low=20.0, high=80.0)).volts == pytest.approx(
+        np.clip(TWO.volts, 20.0, 80.0)
+    )
 
 
 def test_what_the_search_moves() -> None:
@@ -66,7 +68,9 @@ def test_what_the_search_moves() -> None:
     at = np.linspace(0.0, 1.0 / 800.0, 30, endpoint=False)
     assert one.value(at) == pytest.approx(saw.one(0).value(at), abs=1e-9)
     begin = starts(saw, 5, FREE._replace(low=20.0))
-    assert begin[0] == pytest.approx([*np.interp([0, 0.2, 0.4, 0.6, 0.8], [0, saw.shares[0, 1]], [0, 1]), 1.0])
+    assert begin[0] == pytest.approx(
+        [*np.interp([0, 0.2, 0.4, 0.6, 0.8], [0, saw.shares[0, 1]], [0, 1]), 1.0]
+    )
     assert np.all(np.diff(begin[1][:5]) > 0)
     assert begin[2] == pytest.approx([0.5] * 5 + [1.0])
     falling = starts(sawtooths(np.array([[0.1, 1.0]]), FREE), 5, FREE)

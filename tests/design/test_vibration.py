@@ -1,4 +1,4 @@
-"""Load on the tip and sound of a drive, against the stage integrated in time and the table of the standard."""
+"""Load on the tip and sound of a drive: against the stage integrated in time, and the standard's table."""
 
 from __future__ import annotations
 

@@ -40,7 +40,10 @@ def test_the_cursor_reads_the_map(opened: Page) -> None:
     opened.locator(".design-map .picture").focus()
     for key in ("ArrowUp", "ArrowRight", "ArrowRight"):
         opened.keyboard.press(key)
-    voltage, frequency = np.linspace(100 / 33, 100, 33), np.geomspace(5, ACTUATOR.natural_frequency / np.pi, 41)
+    voltage, frequency = (
+        np.linspace(100 / 33, 100, 33),
+        np.geomspace(5, ACTUATOR.natural_frequency / np.pi, 41),
+    )
     assert shown(opened, "Voltage") == f"{voltage[21]:.4g} V"
     assert shown(opened, "Frequency") == f"{frequency[2]:.4g} Hz"
     step = ss.steady_step(ACTUATOR, ss.Sawtooth(voltage[21], frequency[2]))

@@ -86,7 +86,11 @@ def test_a_search_that_is_stopped_gives_the_best_until_then(client: httpx.Client
         ("search", {"voltage": 300.0}, "out of range"),
         ("front", {"voltage": 100.0, "capacitance": "1 V"}, "capacitance"),
         ("motion", {"drive": {"shape": "Sawtooth", "fields": {"amplitude": 5.0}}}, "frequency"),
-        ("motion", {"drive": {"shape": "Sawtooth", "fields": {"amplitude": 5.0, "frequency": -1}}}, "frequency"),
+        (
+            "motion",
+            {"drive": {"shape": "Sawtooth", "fields": {"amplitude": 5.0, "frequency": -1}}},
+            "frequency",
+        ),
         ("tells", {"drive": SAWTOOTH, "noise": -1.0}, "noise"),
         ("map", {"voltage": 50.0, "set": "nothing"}, "nothing"),
     ],

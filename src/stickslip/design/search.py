@@ -131,9 +131,7 @@ def worst_of(merits: Array, judge: Judge, before: Index) -> Index:
     return np.unique(np.concatenate(found)).astype(np.int64)
 
 
-def evolved(
-    task: Task, begin: Array, spread: float, active: Index, budget: int
-) -> tuple[Array, int, bool]:
+def evolved(task: Task, begin: Array, spread: float, active: Index, budget: int) -> tuple[Array, int, bool]:
     """The best of evolutions that begin there [n, parameters], how many candidates they took, and whether
     they were stopped before their end."""
     runs = [_evolution(task, one, spread) for one in begin]

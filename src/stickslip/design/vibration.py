@@ -8,8 +8,8 @@ response G of the stage without friction,
           G(i\omega) = \frac{\omega_0^2}{\omega_0^2 - \omega^2 + 2 i \zeta \omega_0 \omega}, \qquad
           \omega_n = \frac{2\pi n}{T}
 
-They fall with the square of the frequency beyond that of the stage. The friction of the contact is left out: it
-adds at most the Coulomb force to the load on the tip. Both goals are of the stage as it is given, the same
+They fall with the square of the frequency beyond that of the stage. The friction of the contact is left out:
+it adds at most the Coulomb force to the load on the tip. Both goals are of the stage as it is given, the same
 under all conditions.
 """
 
@@ -93,8 +93,8 @@ class TipLoad(NamedTuple):
 
 @record
 class Noise(NamedTuple):
-    """A-weighted rms acceleration of the stage, m/s^2, as little as can be: the sound pressure of a source that
-    is small beside the wave is in proportion to it, so that half of it is 6 dB less."""
+    """A-weighted rms acceleration of the stage, m/s^2, as little as can be: the sound pressure of a source
+    that is small beside the wave is in proportion to it, so that half of it is 6 dB less."""
 
     gain: Gain
     natural_frequency: Frequency
