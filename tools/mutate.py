@@ -73,6 +73,15 @@ REVERSAL = tuple(
 )
 HALF_SPACE = ("tests/contact/test_half_space.py",)
 CONTACT = "tests/contact/test_asperities.py::test_"
+DESIGN = ("tests/design/test_equations.py",)
+VIBRATION = tuple(
+    f"tests/design/test_vibration.py::{test}"
+    for test in (
+        "test_harmonics_are_those_of_the_stage_integrated_in_time",
+        "test_tension_at_the_tip_is_what_pulls_the_mass_back",
+        "test_what_is_heard_is_weighted_as_the_standard_says",
+    )
+)
 # The first row that fits a file counts.
 TARGETS = (
     Target(
@@ -137,6 +146,19 @@ TARGETS = (
     Target("contact/comparing.py", ("tests/contact/test_comparing.py",), ("_fitted", "_holm")),
     Target("actuator.py", ("tests/test_actuator.py",), ("axial_force", "from_parts")),
     Target("design/information.py", ("tests/design/test_choice.py",), ("covariance", "plus", "times")),
+    Target("design/vibration.py", VIBRATION, ("acceleration", "a_weighting", "of")),
+    Target("design/goals.py", DESIGN, ("of", "sign", "_check")),
+    Target(
+        "design/polygons.py",
+        DESIGN,
+        ("slopes", "_sides", "within", "knots", "as_knots", "starts", "sawtooths"),
+    ),
+    Target("design/search.py", DESIGN, ("score",)),
+    Target("design/power.py", DESIGN, ("electrical_demand", "_of_one_period")),
+    Target("design/tables.py", DESIGN, ("step_at", "voltage_for", "_direction")),
+    Target(
+        "design/front.py", ("tests/design/test_conditions.py::test_what_stays_of_a_front",), ("unbeaten",)
+    ),
     Target("design/choice.py", ("tests/design/test_choice.py",), ("criterion", "score", "together")),
 )
 

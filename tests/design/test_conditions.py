@@ -91,6 +91,8 @@ def test_an_uncertainty_of_another_model_is_refused():
 
 LAWS = (
     ss.Coulomb(coulomb_force=0.6),
+    ss.Dahl(1.4e6, 0.54),
+    ss.Elastoplastic(1.4e6, 34.9, 0.0, 0.54, 0.6, 0.2e-6),
     KANG.friction._replace(sigma_0=8e5, coulomb_force=0.4, stiction_force=0.5),
 )
 
@@ -108,6 +110,78 @@ def test_other_laws(law):
     assert found.value >= found.sawtooth_value > 1e-3
     finely = ss.steady_step(model, found.waveform, tolerance=1e-9)
     assert found.value == pytest.approx(finely * found.frequency, rel=1e-3)
+
+
+LOADS = [Scenario(external_force=force) for force in (-0.15, -0.1, 0.1, 0.15)]
+
+
+def test_a_quantile_gives_the_worst_up():
+    """Half of the conditions may do worse: the other half then does better than in the worst case."""
+    common = {"goal": "speed", "max_voltage": 100.0, "knots": 6, "budget": 400, "scenarios": LOADS}
+    middle = ss.optimise_waveform(KANG, quantile=0.5, **common)
+    assert middle.value == pytest.approx(np.median(middle.values))
+    assert middle.sawtooth_value == pytest.approx(np.median(middle.sawtooth_values))
+    assert np.all(middle.values >= middle.sawtooth_values - 1e-9), (
+        "nowhere worse than the sawtooth, all the same"
+    )
+    assert "at the quantile 0.5 of 5 conditions" in middle.report()
+    worst = ss.optimise_waveform(KANG, **common)
+    assert worst.value == pytest.approx(worst.values.min())
+    assert middle.value > np.median(worst.values)
+
+
+def test_temperature_ageing_and_gravity_are_conditions_like_any_other():
+    """Each is what it makes of the model's fields; the drive is judged under all of them together."""
+    cases = {
+        "warm": Scenario("warm", factors={"gain": 1.08, "coulomb_force": 0.9, "stiction_force": 0.9}),
+        "worn": Scenario("worn", factors={"sigma_0": 0.7, "sigma_1": 1.3}),
+        "steep": Scenario("steep", incline="3 deg"),
+    }
+    found = ss.optimise_waveform(
+        KANG, goal="speed", max_voltage=100.0, knots=6, budget=300, scenarios=[*cases.values()]
+    )
+    law = KANG.friction
+    models = {
+        "nominal": KANG,
+        "warm": KANG.replace(
+            gain=1.08 * KANG.gain,
+            friction=law._replace(
+                coulomb_force=0.9 * law.coulomb_force, stiction_force=0.9 * law.stiction_force
+            ),
+        ),
+        "worn": KANG.replace(friction=law._replace(sigma_0=0.7 * law.sigma_0, sigma_1=1.3 * law.sigma_1)),
+        "steep": KANG.replace(incline=np.deg2rad(3.0)),
+    }
+    assert list(found.table.index) == list(models)
+    for name, model in models.items():
+        speed = exact(model, found.waveform) * found.frequency
+        assert found.table.value[name] == pytest.approx(speed, rel=1e-4)
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_what_was_found_before_an_interruption_stays(late):
+    """Ctrl-C, at the third word of a search, or of a front at the third after its first search."""
+    heard = []
+
+    def progress(doing, share):
+        heard.append(share)
+        if len(heard) == 4:
+            raise KeyboardInterrupt
+
+    if late:
+        front = design.waveform_front(
+            KANG, goals=("speed", design.Current("1.4 uF")), max_voltage=100.0, points=8, progress=progress
+        )
+        assert front.interrupted
+        assert len(front.waveforms) >= 2
+        assert np.all(np.diff(front.table.speed.values) > 0.0)
+        return
+    found = ss.optimise_waveform(KANG, goal="speed", max_voltage=100.0, knots=6, progress=progress)
+    assert found.interrupted
+    assert "stopped before the end" in found.report()
+    assert found.value == pytest.approx(exact(KANG, found.waveform) * found.frequency, rel=1e-4)
+    assert found.value >= found.sawtooth_value
+    assert max(heard[:-1]) < 0.3, "early"
 
 
 def test_a_step_of_a_given_size():

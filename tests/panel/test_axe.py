@@ -138,6 +138,23 @@ def explore(page: Page) -> Iterator[str]:
     yield "the dialog with Python"
 
 
+def design(page: Page) -> Iterator[str]:
+    page.locator(".design[data-old]").wait_for(timeout=SLOW)
+    yield "as it opens"
+    page.get_by_role("button", name="Find the front").click()
+    page.locator(".design[data-front]").wait_for(timeout=SLOW)
+    page.locator("section.design-front .picture").focus()
+    for _ in range(100):  # to its fastest drive
+        page.keyboard.press("ArrowRight")
+    page.get_by_role("button", name="What would this recording tell?").nth(1).click()
+    page.locator(".design-tells table").wait_for(timeout=SLOW)
+    yield "a front, a drive of it, and what a recording would tell"
+    page.get_by_label("Greatest voltage").first.fill("0 V")
+    page.get_by_label("Greatest voltage").first.press("Enter")
+    expect(page.locator(".explore-sliders > .fault")).not_to_be_empty()
+    yield "a value that is refused"
+
+
 def history(page: Page) -> Iterator[str]:
     page.locator("[data-run]").first.wait_for(timeout=SLOW)
     yield "as it opens"
@@ -169,7 +186,7 @@ def history(page: Page) -> Iterator[str]:
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("states", [bench, identify, explore, history], ids=lambda one: one.__name__)
+@pytest.mark.parametrize("states", [bench, identify, explore, design, history], ids=lambda one: one.__name__)
 def test_no_findings(
     lab: Panel, browser: Browser, states: Callable[[Page], Iterator[str]], scheme: str
 ) -> None:

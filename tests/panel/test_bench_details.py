@@ -156,11 +156,11 @@ def test_the_vertical_axis_follows_the_next_run(page: Page, panel: Panel) -> Non
     assert page.locator(".plotter canvas").first.screenshot() != zoomed
 
 
-@pytest.mark.parametrize("name", ["bench", "identify", "explore", "history"])
+@pytest.mark.parametrize("name", ["bench", "identify", "explore", "design", "history"])
 def test_every_page_has_one_heading_and_says_what_comes(page: Page, panel: Panel, name: str) -> None:
     page.goto(f"{panel.url}#{name}")
     wait = {"bench": "#start", "identify": ".identify[data-phase]", "explore": ".explore[data-curves]"}
-    wait["history"] = ".history"
+    wait |= {"history": ".history", "design": ".design[data-old]"}
     page.locator(wait[name]).wait_for(timeout=PATIENCE * 1e3)
     expect(page.locator("h1")).to_have_count(1)
     levels = page.evaluate(

@@ -85,11 +85,11 @@ def test_fingers_zoom_pan_and_show_everything(tablet: Page) -> None:
     assert not [url for url in requests if url.endswith("/bench/window")], "everything is there already"
 
 
-@pytest.mark.parametrize("name", ["bench", "identify", "explore", "history"])
+@pytest.mark.parametrize("name", ["bench", "identify", "explore", "design", "history"])
 def test_targets_are_as_large_as_a_finger(tablet: Page, panel: Panel, name: str) -> None:
     tablet.goto(f"{panel.url}#{name}")
     ready = {"bench": "#start", "identify": ".identify[data-phase]", "explore": ".explore[data-curves]"}
-    ready["history"] = ".history"
+    ready |= {"history": ".history", "design": ".design[data-old]"}
     tablet.locator(ready[name]).wait_for(timeout=SLOW)
     assert tablet.evaluate("matchMedia('(pointer: coarse)').matches")
     for summary in tablet.locator("details:not([open]) > summary").all():
@@ -109,6 +109,9 @@ def test_targets_are_as_large_as_a_finger(tablet: Page, panel: Panel, name: str)
     )
     assert small == []
     assert tablet.evaluate("document.documentElement.scrollWidth") <= 768, "nothing stands out sideways"
+    tablet.set_viewport_size({"width": 390, "height": 844})
+    assert tablet.evaluate("document.documentElement.scrollWidth") <= 390, "nor on a phone"
+    tablet.set_viewport_size({"width": 768, "height": 1024})
     stop = tablet.locator("#stop").bounding_box()
     assert stop is not None
     assert stop["y"] + stop["height"] < 1024

@@ -12,6 +12,8 @@ from .limits import Generator as Generator
 from .limits import Limits as Limits
 from .optimised import OptimisedWaveform as OptimisedWaveform
 from .scenarios import Scenario as Scenario
+from .vibration import Noise as Noise
+from .vibration import TipLoad as TipLoad
 from .waveforms import optimise_waveform as optimise_waveform
 from .maps import step_map as step_map
 from .stepping import blocking_force as blocking_force

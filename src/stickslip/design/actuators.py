@@ -178,6 +178,7 @@ class _Search(NamedTuple):
             speeds,
             before,
             spent + best.evaluations + 2 * everything.size,
+            best.interrupted,
         )
 
     def _searched(self) -> Searched:

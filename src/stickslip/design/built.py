@@ -24,7 +24,8 @@ AT_END = 1e-3
 
 class Built(NamedTuple):
     """The best of one model: `found` numbers [names of the space], its `waveform`; goal and speed [m/s] in
-    every condition, and the goal `before` with the model's own numbers and their best sawtooth."""
+    every condition, the goal `before` with the model's own numbers and their best sawtooth, and whether the
+    search was `interrupted` (Ctrl-C): then it is the best until then."""
 
     name: str
     space: Space
@@ -35,6 +36,7 @@ class Built(NamedTuple):
     speeds: Array
     before: Array
     evaluations: int
+    interrupted: bool
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -121,6 +123,8 @@ class OptimisedActuator:
             f"{best.waveform.rise_fraction:.3g} of the period; {sum(one.evaluations for one in self.each)} "
             "periodic motions solved for",
         ]
+        if any(one.interrupted for one in self.each):
+            said.append("stopped before the end of the search: the best until then")
         ends = _ends(best.space, best.found)
         width = max(map(len, best.space.names))
         rows = zip(best.space.names, best.space.units, best.space.given, best.found, ends, strict=True)

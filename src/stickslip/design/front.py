@@ -6,7 +6,7 @@ than in both goals, the crowded ones giving way.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -36,11 +36,13 @@ class Front:
         waveforms: one for each point.
         table: over "point", a variable for each goal, in SI, in its worst condition; `frequency`, Hz.
         evaluations: periodic motions that were solved for.
+        interrupted: whether it was stopped (Ctrl-C) before its end: this is the front until then.
     """
 
     waveforms: tuple[PeriodicKnots, ...]
     table: xr.Dataset
     evaluations: int
+    interrupted: bool = False
 
 
 def front_of(
@@ -63,16 +65,22 @@ def front_of(
     seeds = np.concatenate(flat)
     x = np.concatenate([seeds, random.random((points - len(seeds), count + 1))])
     merits = _merits(searched, x)
-    for generation in range(generations):
-        a, b, c = (x[random.permutation(points)] for _ in range(3))
-        moved = np.where(random.random(x.shape) < CHANCE, a + FACTOR * (b - c), x)
-        moved = np.clip(1.0 - np.abs(1.0 - np.abs(moved)), 0.0, 1.0)  # reflected at the bounds
-        every, found = np.concatenate([x, moved]), np.concatenate([merits, _merits(searched, moved)])
-        stay = selected(found, points)
-        x, merits = every[stay], found[stay]
-        progress("searching for a front", (generation + 1) / generations)
-    spent += points * (generations + 1) * conditions
-    return _exact(searched, x[np.isfinite(merits).all(axis=1)], spent)
+    done, interrupted = 0, best.interrupted
+    try:
+        while done < generations and not interrupted:
+            a, b, c = (x[random.permutation(points)] for _ in range(3))
+            moved = np.where(random.random(x.shape) < CHANCE, a + FACTOR * (b - c), x)
+            moved = np.clip(1.0 - np.abs(1.0 - np.abs(moved)), 0.0, 1.0)  # reflected at the bounds
+            every, found = np.concatenate([x, moved]), np.concatenate([merits, _merits(searched, moved)])
+            stay = selected(found, points)
+            x, merits = every[stay], found[stay]
+            done += 1
+            progress("searching for a front", done / generations)
+    except KeyboardInterrupt:
+        interrupted = True
+    spent += points * (done + 1) * conditions
+    front = _exact(searched, x[np.isfinite(merits).all(axis=1)], spent)
+    return replace(front, interrupted=interrupted)
 
 
 def _merits(searched: list[Searched], x: Array) -> Array:

@@ -111,7 +111,13 @@ class Ripple(NamedTuple):
 
 NAMED: dict[str, Any] = {"speed": Speed(), "ripple": Ripple()}
 # Those that need numbers.
-OTHERS = {"step": "StepSize(size)", "current": "Current(capacitance)", "heat": "Heat(stack)"}
+OTHERS = {
+    "step": "StepSize(size)",
+    "current": "Current(capacitance)",
+    "heat": "Heat(stack)",
+    "tip load": "TipLoad.of_stage(model)",
+    "noise": "Noise.of_stage(model)",
+}
 
 
 def extras_of(*goals: Any) -> tuple[str, ...]:

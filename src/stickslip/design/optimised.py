@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -41,6 +42,7 @@ class OptimisedWaveform:
             `sawtooth_speeds` likewise.
         evaluations: periodic motions that were solved for.
         fell_back: whether the drive is the sawtooth itself, for none was found that is worse nowhere.
+        interrupted: whether the search was stopped (Ctrl-C): this is the best until then.
     """
 
     waveform: PeriodicKnots
@@ -60,6 +62,7 @@ class OptimisedWaveform:
     quantile: float
     evaluations: int
     fell_back: bool
+    interrupted: bool = False
 
     @property
     def frequency(self) -> float:
@@ -83,30 +86,9 @@ class OptimisedWaveform:
         return self.comparison.to_dataframe()
 
     def motion(self) -> xr.Dataset:
-        """Over "drive" (optimised, sawtooth) and "phase" (share of the period): voltage, and how far the
-        end-effector has come, once periodic, of the model as it is."""
-        phase, rows = np.linspace(0.0, 1.0, POINTS), []
-        drives = {"optimised": self.at_piezo, "sawtooth": self.sawtooth_at_piezo}
+        """Of the drive and of the sawtooth, of the model as it is; see `motion_by`."""
         model = self.model.replace(min_voltage=-math.inf, max_voltage=math.inf)
-        for drive in drives.values():
-            period = float(drive.period)
-            times = (SETTLED + phase) * period
-            moved = simulate(model, drive, times=times)["end_effector_position"].values
-            rows.append((drive.value(times * (1.0 - 1e-12)), moved - moved[0], period))
-        volts, moved, periods = (np.array(column) for column in zip(*rows, strict=True))
-        both = ("drive", "phase")
-        return xr.Dataset(
-            {
-                "drive_voltage": (both, volts, {"units": "V", "long_name": "drive voltage"}),
-                "end_effector_position": (
-                    both,
-                    moved,
-                    {"units": "m", "long_name": "end-effector position"},
-                ),
-                "period": ("drive", periods, {"units": "s", "long_name": "period"}),
-            },
-            coords={"drive": list(drives), "phase": ("phase", phase, {"long_name": "share of the period"})},
-        )
+        return motion_by(model, {"optimised": self.at_piezo, "sawtooth": self.sawtooth_at_piezo})
 
     def report(self) -> str:
         """In words, with the conditions in which it does worst."""
@@ -128,6 +110,8 @@ class OptimisedWaveform:
                 f"as played: {self.played.times.size} points at "
                 f"{with_prefix(self.played.period / self.played.times.size, 's')}"  # type: ignore[operator]
             )
+        if self.interrupted:
+            said.append("stopped before the end of the search: the best until then")
         if self.fell_back:
             said.append("no drive was found that is worse than the sawtooth nowhere: this IS the sawtooth")
         order = np.argsort(self.goal.sign * self.values)
@@ -146,3 +130,28 @@ class OptimisedWaveform:
 
     def _repr_html_(self) -> str:
         return preformatted(self)
+
+
+def motion_by(model: Actuator, drives: Mapping[str, Any]) -> xr.Dataset:
+    """Over "drive" (by name) and "phase" (share of the period): voltage, and how far the end-effector has
+    come within a period, m, once periodic.
+
+    Raises:
+        QuantityError, SimulationError: as `simulate`.
+    """
+    phase, rows = np.linspace(0.0, 1.0, POINTS), []
+    for drive in drives.values():
+        period = float(drive.period)
+        times = (SETTLED + phase) * period
+        moved = simulate(model, drive, times=times)["end_effector_position"].values
+        rows.append((drive.value(times * (1.0 - 1e-12)), moved - moved[0], period))
+    volts, moved, periods = (np.array(column) for column in zip(*rows, strict=True))
+    both = ("drive", "phase")
+    return xr.Dataset(
+        {
+            "drive_voltage": (both, volts, {"units": "V", "long_name": "drive voltage"}),
+            "end_effector_position": (both, moved, {"units": "m", "long_name": "end-effector position"}),
+            "period": ("drive", periods, {"units": "s", "long_name": "period"}),
+        },
+        coords={"drive": list(drives), "phase": ("phase", phase, {"long_name": "share of the period"})},
+    )

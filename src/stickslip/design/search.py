@@ -33,7 +33,7 @@ INSIDE = 0.02
 # Conditions that candidates are judged by at first; how often more are added.
 ACTIVE, ROUNDS = 6, 4
 # The first budget over that of a later turn.
-LATER = 5
+LATER = 8
 # Those that stand for all where a quantile is asked for.
 RANKS = 24
 # Of the scale of merits: a gain below it is no reason to go on.
@@ -59,6 +59,10 @@ class Judge(NamedTuple):
             worst = worst - SHORTFALL * np.where(short > 1e-9 * self.scale, short, 0.0)
         return np.where(lost.any(axis=1), -100.0 * self.scale * (1.0 + lost.mean(axis=1)), worst)
 
+    def falls_short(self, score: float) -> bool:
+        """Whether that is less than what the baseline itself has in its worst condition."""
+        return self.baseline is not None and score < float(np.min(self.baseline))
+
 
 class Task(NamedTuple):
     """`conditions`, how many; `budget` of candidates."""
@@ -72,11 +76,12 @@ class Task(NamedTuple):
 
 
 class Best(NamedTuple):
-    """Where; how good under all conditions; members that the search took."""
+    """Where; how good under all conditions; members that the search took; whether it was stopped (Ctrl-C)."""
 
     x: Array
     score: float
     evaluations: int
+    interrupted: bool = False
 
 
 def robust(task: Task, starts: Array) -> Best:
@@ -92,17 +97,23 @@ def robust(task: Task, starts: Array) -> Best:
         part = task._replace(
             progress=lambda doing, done, turn=turn: task.progress(doing, (turn + done) / ROUNDS)
         )
-        found, tried = evolved(part, begin, spread, active, share)
+        found, tried, stopped = evolved(part, begin, spread, active, share)
         merits = task.merits(found[None], everything)
         score = float(task.judge.score(merits, everything)[0])
         spent += tried * active.size + task.conditions
         gained = score - best.score
         if gained > 0.0:
             best = Best(found, score, 0)
+        if stopped:
+            best = best._replace(interrupted=True)
+            break
         wider = worst_of(merits[0], task.judge, active)
-        if wider.size == active.size or (turn and gained < GAIN * task.judge.scale):
+        done = wider.size == active.size or (turn and gained < GAIN * task.judge.scale)
+        if done and not task.judge.falls_short(best.score):
             break
         active, begin, spread, share = wider, best.x[None], NEAR, task.budget // LATER
+        if task.judge.falls_short(best.score):  # a few conditions led astray
+            begin, spread, share = starts, WIDE, task.budget
     return best._replace(evaluations=spent)
 
 
@@ -120,31 +131,35 @@ def worst_of(merits: Array, judge: Judge, before: Index) -> Index:
     return np.unique(np.concatenate(found)).astype(np.int64)
 
 
-def evolved(task: Task, begin: Array, spread: float, active: Index, budget: int) -> tuple[Array, int]:
-    """The best of evolutions that begin there [n, parameters], and how many candidates they took."""
+def evolved(task: Task, begin: Array, spread: float, active: Index, budget: int) -> tuple[Array, int, bool]:
+    """The best of evolutions that begin there [n, parameters], how many candidates they took, and whether
+    they were stopped before their end."""
     runs = [_evolution(task, one, spread) for one in begin]
     scores = task.judge.score(task.merits(begin, active), active)
     bests = [(float(score), one) for score, one in zip(scores, begin, strict=True)]
     kept, tried = max(bests, key=lambda one: one[0]), len(begin)
     given_up = list(GIVEN_UP)
-    while tried < budget and runs:
-        asked = [np.array(run.ask()) for run in runs]
-        scores = task.judge.score(task.merits(np.concatenate(asked), active), active)
-        tried += scores.size
-        for i, (run, x) in enumerate(zip(runs, asked, strict=True)):
-            own = scores[i * GENERATION : (i + 1) * GENERATION]
-            run.tell(list(x), list(-own / task.judge.scale))
-            k = int(np.argmax(own))
-            bests[i] = max(bests[i], (float(own[k]), x[k]), key=lambda one: one[0])
-        kept = max(kept, *bests, key=lambda one: one[0])
-        stay = [i for i, run in enumerate(runs) if not run.stop()]
-        if given_up and tried >= given_up[0] * budget:
-            given_up.pop(0)
-            if len(stay) > 1:
-                stay.remove(min(stay, key=lambda i: bests[i][0]))
-        runs, bests = [runs[i] for i in stay], [bests[i] for i in stay]
-        task.progress("searching for a drive signal", min(tried / budget, 1.0))
-    return np.clip(kept[1], 0.0, 1.0), tried
+    try:
+        while tried < budget and runs:
+            asked = [np.array(run.ask()) for run in runs]
+            scores = task.judge.score(task.merits(np.concatenate(asked), active), active)
+            tried += scores.size
+            for i, (run, x) in enumerate(zip(runs, asked, strict=True)):
+                own = scores[i * GENERATION : (i + 1) * GENERATION]
+                run.tell(list(x), list(-own / task.judge.scale))
+                k = int(np.argmax(own))
+                bests[i] = max(bests[i], (float(own[k]), x[k]), key=lambda one: one[0])
+            kept = max(kept, *bests, key=lambda one: one[0])
+            stay = [i for i, run in enumerate(runs) if not run.stop()]
+            if given_up and tried >= given_up[0] * budget:
+                given_up.pop(0)
+                if len(stay) > 1:
+                    stay.remove(min(stay, key=lambda i: bests[i][0]))
+            runs, bests = [runs[i] for i in stay], [bests[i] for i in stay]
+            task.progress("searching for a drive signal", min(tried / budget, 1.0))
+    except KeyboardInterrupt:
+        return np.clip(max(kept, *bests, key=lambda one: one[0])[1], 0.0, 1.0), tried, True
+    return np.clip(kept[1], 0.0, 1.0), tried, False
 
 
 def _evolution(task: Task, begin: Array, spread: float) -> Any:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -60,7 +61,7 @@ class Searched(NamedTuple):
             lambda doing, done: within(progress, 0.1, 0.85, doing, done),
         )
         best = robust(task, starts(sawtooth, count, of.allowed))
-        made = of.chosen(best, sawtooth, spent)
+        made = replace(of.chosen(best, sawtooth, spent), interrupted=best.interrupted)
         progress("searching for a drive signal", 1.0)
         return made
 

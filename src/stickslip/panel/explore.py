@@ -43,40 +43,40 @@ def explore_routes(sets: Sets) -> APIRouter:
         try:
             found = motion(state, sets)
         except (QuantityError, SimulationError) as error:
-            return _refused(error)
+            return refused(error)
         net = float(found.end_effector_position[-1] - found.end_effector_position[0])
         numbers = {
             "net_displacement": {"value": net, "unit": "m"},
             "mean_speed": {"value": mean_speed(state, found, sets), "unit": "m/s"},
         }
         header = {"loop": found.loop, "problem": found.problem, "numbers": numbers}
-        return _binary(header, {name: getattr(found, name) for name in SHOWN})
+        return binary(header, {name: getattr(found, name) for name in SHOWN})
 
     @routes.post("/steps")
     def steps(state: State) -> Response:
         try:
             curves = step_curves(state, sets)
         except QuantityError as error:
-            return _refused(error)
-        return _binary({}, curves)
+            return refused(error)
+        return binary({}, curves)
 
     @routes.post("/python")
     def code(state: State) -> Response:
         try:
             return JSONResponse({"code": python(state, sets)})
         except QuantityError as error:
-            return _refused(error)
+            return refused(error)
 
     return routes
 
 
-def _binary(header: dict[str, Any], arrays: Mapping[str, ArrayLike]) -> Response:
+def binary(header: dict[str, Any], arrays: Mapping[str, ArrayLike]) -> Response:
     """A header with the names of the arrays, and the arrays, as the stream packs them."""
     body = packed({**header, "names": list(arrays)}, *arrays.values())
     return Response(body, media_type="application/octet-stream")
 
 
-def _refused(error: Exception) -> JSONResponse:
+def refused(error: Exception) -> JSONResponse:
     return JSONResponse({"error": str(error), "field": field_of(str(error))}, status_code=422)
 
 

@@ -25,6 +25,7 @@ from ..rig.samples import recover
 from ..units import to_si
 from .bench import bench_routes
 from .control import Control, shown
+from .design import Searches, design_routes
 from .document import BenchDocument
 from .explore import explore_routes
 from .fits import Fitting
@@ -91,7 +92,7 @@ def create_app(
     starter = Starter(files, hub, journal, document, runner, read)
     sequencer = Sequencer(hub, document, runner, starter)
     readiness = Readiness(hub)
-    fitting = Fitting(files, hub, readiness)
+    fitting, searches = Fitting(files, hub, readiness), Searches(hub)
 
     async def beat() -> None:
         """Every second a sign of life: silence tells a page that the connection is lost."""
@@ -113,6 +114,7 @@ def create_app(
             beating.cancel()
             end_warming()
             fitting.close()
+            searches.stop()
             if runner.stop("the panel closes"):
                 await asyncio.to_thread(runner.join)
             await asyncio.to_thread(sequencer.join)
@@ -131,6 +133,7 @@ def create_app(
 
     sets = Sets(files)
     app.include_router(explore_routes(sets))
+    app.include_router(design_routes(sets, searches, control, journal, hub, document))
     app.include_router(identify_routes(files, fitting, read, sets))
 
     _page_routes(app, hub)

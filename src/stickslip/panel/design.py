@@ -1,0 +1,144 @@
+"""Routes of the Design page: maps, searches, fronts, motions; a drive to the bench."""
+
+from __future__ import annotations
+
+import json
+import math
+import threading
+import time
+from collections.abc import Callable
+from datetime import datetime
+from typing import Any, TypeVar
+
+from fastapi import APIRouter, Request, Response
+from fastapi.responses import JSONResponse
+
+from ..progress import Progress
+from ..simulation import SimulationError
+from ..units import QuantityError, to_si, with_prefix
+from . import designing as of
+from .control import Control
+from .document import BenchDocument
+from .explore import binary, refused
+from .journal import Journal
+from .sets import Sets
+from .stream import Hub
+
+DESIGNED = "designed"  # the run of the bench that a drive is sent as
+# s of the drive, and of rest after it; periods at least. A fast drive leaves the range of a sensor soon.
+LENGTH, REST, FEWEST = 0.1, 0.1, 8
+_TOLD = 0.1  # s between words of progress
+
+Made = TypeVar("Made")
+
+
+class Searches:
+    """One search at a time, of which pages hear ("design"), and which can be stopped: the best until then
+    stays."""
+
+    def __init__(self, hub: Hub) -> None:
+        self._hub, self._busy, self._stop = hub, threading.Lock(), threading.Event()
+
+    def run(self, search: Callable[[Progress], Made]) -> Made:
+        """Raises QuantityError while another goes on, or where nothing was found before the stop."""
+        if not self._busy.acquire(blocking=False):
+            raise QuantityError("a search is going on: stop it, or let it end")
+        told = -math.inf
+
+        def progress(doing: str, share: float) -> None:
+            nonlocal told
+            if self._stop.is_set():
+                self._stop.clear()
+                raise KeyboardInterrupt
+            if time.monotonic() - told > _TOLD:
+                told = time.monotonic()
+                self._hub.tell("design", share=share)
+
+        try:
+            self._stop.clear()
+            return search(progress)
+        except KeyboardInterrupt:
+            raise QuantityError("stopped before a drive was found") from None
+        finally:
+            self._busy.release()
+
+    def stop(self) -> None:
+        self._stop.set()
+
+
+def design_routes(
+    sets: Sets, searches: Searches, control: Control, journal: Journal, hub: Hub, document: BenchDocument
+) -> APIRouter:
+    """The routes, to be included by the application.
+
+    A wrong value is answered by status 422 with the reason as `error`.
+    """
+    routes = APIRouter(prefix="/api/design")
+
+    def answered(does: Callable[[], Any]) -> Any:
+        try:
+            return does()
+        except (QuantityError, SimulationError, ArithmeticError) as error:
+            return refused(error)
+
+    @routes.post("/map")
+    def step_map(asked: of.Map) -> Response:
+        return answered(lambda: binary({}, of.step_map(asked, sets)))
+
+    @routes.post("/search")
+    def search(asked: of.Search) -> Response:
+        return answered(lambda: JSONResponse(searches.run(lambda told: of.searched(asked, sets, told))))
+
+    @routes.post("/front")
+    def front(asked: of.Front) -> Response:
+        return answered(lambda: JSONResponse(searches.run(lambda told: of.front(asked, sets, told))))
+
+    @routes.post("/stop")
+    def stop() -> dict[str, Any]:
+        searches.stop()
+        return {}
+
+    @routes.post("/motion")
+    def motion(asked: of.Driven) -> Response:
+        def moved() -> Response:
+            speed, curves = of.motion(asked, sets)
+            return binary({"speed": speed}, curves)
+
+        return answered(moved)
+
+    @routes.post("/tells")
+    def tells(asked: of.Telling) -> Response:
+        return answered(lambda: JSONResponse(of.told(asked, sets)))
+
+    @routes.post("/send")
+    def send(drive: of.Drive, request: Request) -> Response:
+        def sent() -> Response:
+            control.need(request.headers.get("x-client", ""))
+            runs = document.checked.content["runs"]
+            kept = [one for one in runs if one["name"] != DESIGNED]
+            document.change(["runs"], [*kept, bench_run(drive, kept)])
+            hub.send(json.dumps({"kind": "experiment", **document.described()}))
+            journal(f"a designed drive is on the bench, as the run {DESIGNED}")
+            return JSONResponse({"run": DESIGNED})
+
+        return answered(sent)
+
+    return routes
+
+
+def bench_run(drive: of.Drive, runs: list[dict[str, Any]]) -> dict[str, Any]:
+    """A run of the experiment with that drive, sampled as the quickest of the others is."""
+    waveform = of.from_lowest(drive.waveform())
+    periods = max(FEWEST, math.ceil(LENGTH / waveform.period))
+    fields = of.described(waveform)["fields"] | {"periods": periods}
+    captures = [run.get("capture", {}) for run in runs]
+    kept = {"down_sampling": 1}
+    if sampled := [one["interval"] for one in captures if "interval" in one]:
+        kept = {"interval": min(sampled, key=lambda text: to_si(text, "s", "interval"))}
+    length = periods * waveform.period + REST
+    return {
+        "name": DESIGNED,
+        "notes": f"Designed on {datetime.now():%Y-%m-%d %H:%M}: {with_prefix(1 / waveform.period, 'Hz', 4)}.",
+        "waveform": [{"shape": type(waveform).__name__, "fields": fields}],
+        "capture": {"length": f"{length:.6g} s", **kept, "pre_trigger": "50 ms"},
+    }

@@ -1,0 +1,218 @@
+"""What the Design page asks for: a map of the step, drives, their motion, what a recording of one tells."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from .. import design
+from ..actuator import Actuator
+from ..design.optimised import motion_by
+from ..input_file import Strict
+from ..progress import Progress
+from ..records import Quantity
+from ..units import QuantityError
+from ..waveform import PeriodicKnots
+from ..waveform.signal import Waveform, shape
+from .exploration import Model, Value
+from .sets import Sets
+
+Array = NDArray[np.float64]
+
+# Points of a map, along voltage and frequency; m, on the step of each.
+VOLTAGES, FREQUENCIES, TOLERANCE = 33, 41, 1e-9
+# Hz: where maps begin, and where they end unless the stage says it.
+SLOWEST, FASTEST = 5.0, 1000.0
+# s, of a recording of which it is asked what it tells; how many values of the model it may be about.
+RECORDED = 0.4
+# Hz, of its samples at least; of a period. Each period is sampled at other instants.
+SAMPLED, PER_PERIOD = 2000.0, 20.3
+FIELDS = ("amplitude", "frequency", "rise_fraction", "offset")  # of a sawtooth
+WANTED = ("sigma_0", "sigma_1", "coulomb_force", "natural_frequency", "damping_ratio")
+
+_LOAD = Quantity("N", "F", "load", minimum=-1e3, maximum=1e3)
+_SPREAD = Quantity("N", "", "spread of the load", minimum=0.0, maximum=1e3)
+_VOLTAGE = Quantity("V", "", "greatest voltage", above=0.0, maximum=1e4)
+_CAPACITANCE = Quantity("F", "C", "capacitance", above=0.0, maximum=1.0)
+_NOISE = Quantity("m", "", "noise of a sample", above=0.0, maximum=1e-3)
+
+
+class Loaded(Model):
+    """An actuator under a load [N], external force on the end-effector, positive towards +x."""
+
+    load: Value = 0.0
+
+    def loaded(self, sets: Sets) -> Actuator:
+        """QuantityError for a wrong value."""
+        model = self.actuator(sets)
+        return model.replace(external_force=model.external_force + _LOAD.check(self.load, "load"))
+
+
+class Map(Loaded):
+    """From 0 V to the greatest voltage."""
+
+    voltage: Value
+
+
+class Search(Map):
+    """For the fastest drive; `spread` [N] is how far the load may be off either way, in the worst case."""
+
+    spread: Value = 0.0
+    knots: int = Field(default=8, ge=2, le=32)
+
+    def asked(self, sets: Sets) -> tuple[Actuator, dict[str, Any]]:
+        """The model, and what searches share."""
+        model = self.loaded(sets)
+        spread = _SPREAD.check(self.spread, "spread")
+        scenarios = [
+            design.Scenario(f"{sign}{spread:.4g} N", external_force=model.external_force + change)
+            for sign, change in (("-", -spread), ("+", spread))
+            if spread
+        ]
+        top = _VOLTAGE.check(self.voltage, "voltage")
+        return model, {"knots": self.knots, "max_voltage": top, "scenarios": scenarios}
+
+
+class Front(Search):
+    """Of speed against another goal; `capacitance` [F] of the piezo, for its current."""
+
+    against: Literal["current", "ripple"] = "current"
+    capacitance: Value = 1.8e-6
+
+
+class Drive(Strict):
+    """A sawtooth, or values joined by lines, in SI."""
+
+    shape: Literal["Sawtooth", "PeriodicKnots"]
+    fields: dict[str, float | list[float]] = Field(max_length=8)
+
+    def waveform(self) -> Any:
+        """QuantityError for a wrong value."""
+        try:
+            return shape(self.shape)(**self.fields)
+        except TypeError as error:
+            raise QuantityError(f"drive: {error}") from None
+
+
+class Driven(Loaded):
+    """An actuator and its drive."""
+
+    drive: Drive
+
+
+class Telling(Driven):
+    """`noise` [m] of a sample of the recording."""
+
+    noise: Value = 1e-7
+
+
+def step_map(asked: Map, sets: Sets) -> dict[str, Array]:
+    """voltage [V], frequency [Hz], net_step [m, over both, row by row of the voltage] and status (0: there is
+    one)."""
+    model, top = asked.loaded(sets), _VOLTAGE.check(asked.voltage, "voltage")
+    last = FASTEST if model.static else min(model.natural_frequency / math.pi, 1e4)
+    found = design.step_map(
+        model,
+        voltage=np.linspace(top / VOLTAGES, top, VOLTAGES),
+        frequency=np.geomspace(SLOWEST, max(last, 2.0 * SLOWEST), FREQUENCIES),
+        tolerance=TOLERANCE,
+    )
+    grid = found.transpose("voltage", "frequency")
+    return {
+        "voltage": grid.voltage.values,
+        "frequency": grid.frequency.values,
+        "net_step": grid.net_step.values.ravel(),
+        "status": grid.status.values.ravel().astype(float),
+    }
+
+
+def searched(asked: Search, sets: Sets, progress: Progress) -> dict[str, Any]:
+    """The fastest drive and the best sawtooth, as the page takes them, and what they do in each condition."""
+    model, common = asked.asked(sets)
+    found = design.optimise_waveform(model, goal="speed", progress=progress, **common)
+    rows = zip(found.conditions.names, found.values.tolist(), found.sawtooth_values.tolist(), strict=True)
+    return {
+        "drive": described(found.waveform),
+        "sawtooth": described(found.sawtooth),
+        "value": found.value,
+        "sawtooth_value": found.sawtooth_value,
+        "conditions": [dict(zip(("name", "value", "sawtooth"), row, strict=True)) for row in rows],
+        "evaluations": found.evaluations,
+        "interrupted": found.interrupted,
+        "fell_back": found.fell_back,
+    }
+
+
+def front(asked: Front, sets: Sets, progress: Progress) -> dict[str, Any]:
+    """Drives from slow to fast, with what each costs of the other goal."""
+    model, common = asked.asked(sets)
+    other: Any = "ripple"
+    if asked.against == "current":
+        other = design.Current(_CAPACITANCE.check(asked.capacitance, "capacitance"))
+    found = design.waveform_front(model, goals=("speed", other), progress=progress, **common)
+    _, second = (name for name in found.table if name != "frequency")
+    return {
+        "speed": found.table.speed.values.tolist(),
+        "other": found.table[second].values.tolist(),
+        "label": str(found.table[second].attrs["long_name"]),
+        "unit": str(found.table[second].attrs["units"]),
+        "drives": [described(one) for one in found.waveforms],
+        "evaluations": found.evaluations,
+        "interrupted": found.interrupted,
+    }
+
+
+def described(waveform: Waveform) -> dict[str, Any]:
+    """As `Drive` reads it."""
+    fields = {name: getattr(waveform, name) for name in FIELDS if hasattr(waveform, name)}
+    if isinstance(waveform, PeriodicKnots):
+        fields = {"times": [*waveform.times], "values": [*waveform.values], "period": waveform.period}
+    return {"shape": type(waveform).__name__, "fields": fields}
+
+
+def motion(asked: Driven, sets: Sets) -> tuple[float, dict[str, Array]]:
+    """The speed [m/s], and over two periods time [s], drive_voltage [V] and end_effector_position [m], once
+    the motion repeats."""
+    moved = motion_by(asked.loaded(sets), {"": asked.drive.waveform()}).isel(drive=0)
+    period, x = float(moved.period), moved.end_effector_position.values
+    return float(x[-1]) / period, {
+        "time": period * np.append(moved.phase.values, 1.0 + moved.phase.values[1:]),
+        "drive_voltage": np.append(moved.drive_voltage.values, moved.drive_voltage.values[1:]),
+        "end_effector_position": np.append(x, x[-1] + x[1:]),
+    }
+
+
+def told(asked: Telling, sets: Sets) -> dict[str, Any]:
+    """What a recording of a drive would tell of the actuator's values, beside that of 65 V, 5 Hz."""
+    model = asked.loaded(sets)
+    has = {name for name, value in model.friction._asdict().items() if isinstance(value, float) and value > 0}
+    has |= set() if model.static else {"natural_frequency", "damping_ratio"}
+    waveform = asked.drive.waveform()
+    plan = design.plan_experiment(
+        model,
+        {"this drive": waveform},
+        free=[name for name in WANTED if name in has],
+        noise=_NOISE.check(asked.noise, "noise"),
+        duration=RECORDED,
+        sample_rate=max(SAMPLED, PER_PERIOD / waveform.period),
+        recordings=1,
+    )
+    of = plan.dataset
+    names = ("name", "value", "unit", "half_width", "default_half_width")
+    columns = [of[n].values.tolist() for n in ("parameter", "value", "unit", *names[3:])]
+    rows = [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)]
+    return {"duration": RECORDED, "parameters": rows}
+
+
+def from_lowest(waveform: Any) -> Any:
+    """Knots that begin where the voltage is least: there it is nearest to that of a rig at rest."""
+    if not isinstance(waveform, PeriodicKnots):
+        return waveform
+    first = int(np.argmin(waveform.values))
+    begin, order = waveform.times[first], np.roll(np.arange(len(waveform.times)), -first)
+    times = [(waveform.times[i] - begin) % waveform.period for i in order]
+    return waveform._replace(times=tuple(times), values=tuple(waveform.values[i] for i in order))

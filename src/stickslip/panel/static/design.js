@@ -1,0 +1,227 @@
+// The Design page: the map of the step under sliders for load and voltage, the fastest drive within them, the front of
+// what speed costs, a sawtooth and the new drive beside each other, and where they go: to the bench, into a plan.
+
+import { h } from "./dom.js";
+import { styled } from "./elements.js";
+import { makeFront, makeMap } from "./design_pictures.js";
+import { begin, wire } from "./explore_state.js";
+import { latestWins } from "./latest.js";
+import { makePlot } from "./plot.js";
+import { formatQuantity } from "./quantity.js";
+import { makeChoice, makeSlider } from "./sliders.js";
+import { unpack } from "./stream.js";
+
+const FIELDS = [
+  { name: "load", unit: "N", meaning: "load", symbol: "F", low: -1, high: 1, scale: "linear" },
+  { name: "voltage", unit: "V", meaning: "greatest voltage", symbol: "", low: 5, high: 150, scale: "linear" },
+  { name: "spread", unit: "N", meaning: "the load may differ by ±", symbol: "", low: 0, high: 0.5, scale: "linear" },
+  { name: "capacitance", unit: "F", meaning: "capacitance of the piezo", symbol: "C", low: 1e-8, high: 1e-4, scale: "log" },
+  { name: "noise", unit: "m", meaning: "noise of a position sample", symbol: "", low: 1e-10, high: 1e-5, scale: "log" },
+];
+const ON_MAP = ["load", "voltage"];
+const AGAINST = [["current", "peak current"], ["ripple", "ripple of the motion"]];
+// What was set and found stays while other pages are looked at.
+const kept = { set: "kang2007", values: { load: 0, voltage: 100, spread: 0.1, capacitance: 1.8e-6, noise: 1e-7 }, found: null, front: null, designed: null };
+
+const named = (answer) => {
+  const { header, arrays } = unpack(answer);
+  return { ...header, ...Object.fromEntries(header.names.map((name, i) => [name, arrays[i]])) };
+};
+
+export async function mount(element, app) {
+  await styled("./explore.css");
+  await styled("./design.css");
+  const choices = await app.request("/api/explore/choices");
+  if (!(kept.set in choices.sets)) kept.set = "kang2007";
+  const asked = () => {
+    const { set, model, law, friction } = wire(begin(choices, kept.set));
+    return { set, model, law, friction, load: kept.values.load };
+  };
+  const search = () => ({ ...asked(), voltage: kept.values.voltage, spread: kept.values.spread });
+
+  // --- frame
+  const fault = h("p", { class: "fault", role: "alert" });
+  const said = h("p", { class: "design-said", role: "status" });
+  const bar = h("progress", { max: 1, value: 0, hidden: true, "aria-label": "Search" });
+  const go = h("button", { type: "button", class: "primary", onclick: () => run("Searching for the fastest drive", "/api/design/search", search(), found) }, "Find the fastest drive");
+  const stop = h("button", { type: "button", disabled: true, title: "The best until then stays", onclick: () => app.request("/api/design/stop", {}).catch(say) }, "Stop");
+  const against = makeChoice("Speed against", AGAINST, "current", () => {});
+  const goFront = h("button", { type: "button", onclick: () => run("Searching for the front", "/api/design/front", { ...search(), against: against.select.value, capacitance: kept.values.capacitance }, fronted) }, "Find the front");
+  const sliders = new Map(FIELDS.map((field) => [field.name, makeSlider(field, kept.values[field.name], {
+    app, drag: (value) => changed(field.name, value), settle() {}, type: (value) => changed(field.name, value),
+  })]));
+  const sets = Object.entries(choices.sets).map(([name, one]) => [name, `${name}: ${one.title}`]);
+  const panel = h("section", { class: "card explore-sliders", "aria-label": "What is given" },
+    makeChoice("Parameter set", sets, kept.set, (set) => { kept.set = set; forget(); maps.want(1); }).element,
+    ...[...sliders.values()].map((one) => one.element),
+    h("div", { class: "row" }, go, stop), h("div", { class: "design-choose" }, against.element, goFront), bar, said, fault);
+  const numbers = h("dl", { class: "explore-numbers" });
+  const shown = {};
+  for (const name of ["Voltage", "Frequency", "Net step", "Speed"]) {
+    shown[name] = h("dd", {}, "–");
+    numbers.append(h("div", {}, h("dt", {}, name), shown[name]));
+  }
+  const card = (name, heading, ...content) => h("section", { class: `card design-${name}`, "aria-label": heading }, h("h2", {}, heading), ...content);
+  const place = (name) => h("div", { class: `design-canvas ${name}` });
+  const mapPlace = place("map"), frontPlace = place("front");
+  const key = h("p", { class: "soft small-text design-key" }, h("span", { class: "ramp" }), "0 to ", h("output", {}), h("span", { class: "ramp back" }), "backwards", h("span", { class: "hatch" }), "no steady step");
+  const empty = h("p", { class: "soft" }, "What more speed costs: find the front, then point at it.");
+  const results = card("results", "In every condition", h("p", { class: "soft" }, "Find the fastest drive: it is compared with the best sawtooth in every condition."));
+  const telling = card("tells", "What a recording would tell", h("p", { class: "soft" }, "Ask it of a drive: how narrow the 95 % intervals of a fit to 0.4 s of it would be, beside those of 65 V, 5 Hz for as long."));
+  const sides = { old: side("old", "Sawtooth at the cursor"), fresh: side("fresh", "New drive") };
+  element.append(h("h1", { class: "visually-hidden" }, "Design"), h("div", { class: "explore design" }, panel,
+    h("div", { class: "design-right" },
+      card("map", "Step over voltage and frequency", numbers, mapPlace, key), card("front", "Front", empty, frontPlace),
+      sides.old.element, sides.fresh.element, results, telling)));
+
+  for (const one of Object.values(sides)) one.begin(); // plots have the fonts of the page that they stand on
+
+  function side(name, heading) {
+    let plot = null;
+    const title = h("h2", {}, heading), speed = h("p", { class: "soft small-text", role: "status" });
+    const canvas = place(name);
+    const of = { drive: null };
+    const act = (text, does) => h("button", { type: "button", class: "small", disabled: true, onclick: () => does(of).catch(say) }, text);
+    const acts = [act("Send to the bench", send), act("What would this recording tell?", tell)];
+    const empty = name === "fresh" ? "Find the fastest drive, or point at the front." : "";
+    const series = [{ label: "drive", unit: "V", color: "--series-6" }, { label: "end-effector", unit: "m", color: "--series-1" }];
+    const motions = latestWins({
+      ask: (drive) => app.request("/api/design/motion", { ...asked(), drive }),
+      take(answer) {
+        const moved = named(answer);
+        plot.setData([moved.time, moved.drive_voltage, moved.end_effector_position]);
+        speed.textContent = `${formatQuantity(moved.speed, "m/s")}, ${formatQuantity(1 / period(of.drive), "Hz")}`;
+        root().dataset[name] = String(moved.speed);
+      },
+      refuse: (error) => { speed.textContent = error.message; },
+    });
+    return {
+      element: h("section", { class: `card design-${name}`, "aria-label": heading }, title, speed, canvas, h("div", { class: "row" }, ...acts)),
+      begin() { plot = makePlot(canvas, { label: heading, tools: "save", empty, series }); },
+      show(drive, text) {
+        of.drive = drive;
+        title.textContent = text;
+        for (const one of acts) one.disabled = false;
+        motions.want(drive);
+      },
+      again: () => of.drive && motions.want(of.drive),
+      end() {
+        motions.end();
+        plot.destroy();
+      },
+    };
+  }
+  const root = () => element.querySelector(".design");
+  const period = ({ fields }) => fields.period ?? 1 / fields.frequency;
+  const say = (error) => { fault.textContent = error.message; };
+
+  // --- map
+  let best = false; // whether the old drive is the best sawtooth
+  const map = makeMap(mapPlace, { moved(volts, hertz, step, pointed) {
+    const tell = { Voltage: [volts, "V"], Frequency: [hertz, "Hz"], "Net step": [step, "m"], Speed: [step * hertz, "m/s"] };
+    for (const [name, [value, unit]] of Object.entries(tell)) shown[name].textContent = formatQuantity(value, unit);
+    best &&= !pointed;
+    if (best) sides.old.again();
+    else sides.old.show({ shape: "Sawtooth", fields: { amplitude: volts, frequency: hertz } }, "Sawtooth at the cursor");
+  } });
+  const front = makeFront(frontPlace, { chosen: (i) => design(kept.front.drives[i], `Drive ${i + 1} of the front`) });
+  const maps = latestWins({
+    ask: () => app.request("/api/design/map", { ...asked(), voltage: kept.values.voltage }),
+    take(answer) {
+      fault.textContent = "";
+      const found = named(answer);
+      map.setData(found);
+      key.querySelector("output").textContent = formatQuantity(Math.max(...found.net_step.map((one) => (Number.isFinite(one) ? Math.abs(one) : 0))), "m");
+      root().dataset.maps = String(Number(root().dataset.maps ?? 0) + 1);
+    },
+    refuse: say,
+  });
+  function changed(name, value) {
+    kept.values[name] = value;
+    sliders.get(name).set(value);
+    if (!ON_MAP.includes(name)) return;
+    maps.want(1);
+    if (name === "load") sides.fresh.again();
+  }
+
+  // --- searches
+  async function run(text, path, body, take) {
+    fault.textContent = "";
+    said.textContent = `${text} …`;
+    go.disabled = goFront.disabled = true;
+    stop.disabled = bar.hidden = false;
+    bar.value = 0;
+    try {
+      take(await app.request(path, body));
+    } catch (error) {
+      said.textContent = "";
+      say(error);
+    }
+    go.disabled = goFront.disabled = false;
+    stop.disabled = bar.hidden = true;
+  }
+  const off = app.stream.on("design", ({ share }) => { bar.value = share; });
+  function design(drive, text) {
+    kept.designed = { drive, text };
+    sides.fresh.show(drive, text);
+  }
+  function found(answer) {
+    kept.found = answer;
+    const [value, saw] = [answer.value, answer.sawtooth_value].map((one) => formatQuantity(one, "m/s"));
+    const where = answer.conditions.length > 1 ? ` in the worst of ${answer.conditions.length} conditions` : "";
+    said.textContent = `${value}${where}; the best sawtooth ${saw}. ${answer.fell_back ? "None was found that is worse than it nowhere: this is the sawtooth." : ""}${answer.interrupted ? "Stopped: the best until then." : ""}`;
+    design(answer.drive, "Fastest drive");
+    best = true;
+    sides.old.show(answer.sawtooth, "Best sawtooth");
+    tabled(results, ["condition", "drive", "best sawtooth"], answer.conditions.map((one) => [one.name, formatQuantity(one.value, "m/s"), formatQuantity(one.sawtooth, "m/s")]));
+  }
+  function fronted(answer) {
+    kept.front = answer;
+    empty.textContent = `${answer.speed.length} drives, of which none is better in both: point at one.`;
+    said.textContent = answer.interrupted ? "Stopped: the front until then." : "";
+    frontPlace.hidden = false;
+    front.setData(answer);
+    root().dataset.front = String(answer.speed.length);
+  }
+  function tabled(into, heads, rows) {
+    const cells = (row) => row.map((text, i) => (i ? h("td", { class: "number" }, text) : h("th", { scope: "row" }, text)));
+    into.tabIndex = 0; // it scrolls where it is narrow
+    into.replaceChildren(into.firstChild, h("table", {}, h("thead", {}, h("tr", {}, ...heads.map((one, i) => h("th", { scope: "col", class: i ? "number" : "" }, one)))), h("tbody", {}, ...rows.map((row) => h("tr", {}, ...cells(row))))));
+  }
+  function forget() {
+    Object.assign(kept, { found: null, front: null });
+    best = false;
+    frontPlace.hidden = true;
+    sides.fresh.again();
+  }
+
+  // --- where a drive goes
+  async function send({ drive }) {
+    fault.textContent = "";
+    const { run: name } = await app.request("/api/design/send", drive);
+    said.replaceChildren("The drive is on the bench, as the run “designed”: ", h("a", { href: `#bench?run=${name}` }, "to the bench"));
+  }
+  async function tell({ drive }) {
+    fault.textContent = "";
+    said.textContent = "Computing what a recording would tell …";
+    try {
+      const { parameters } = await app.request("/api/design/tells", { ...asked(), drive, noise: kept.values.noise });
+      const share = (one) => (one < 10 ? `± ${Number((100 * one).toPrecision(2))} %` : "not told");
+      tabled(telling, ["parameter", "value", "this recording", "65 V, 5 Hz"], parameters.map((one) => [one.name, formatQuantity(one.value, one.unit), share(one.half_width), share(one.default_half_width)]));
+    } finally {
+      said.textContent = "";
+    }
+  }
+
+  maps.want(1);
+  frontPlace.hidden = !kept.front;
+  if (kept.front) fronted(kept.front);
+  if (kept.found) found(kept.found);
+  else if (kept.designed) sides.fresh.show(kept.designed.drive, kept.designed.text);
+  return () => {
+    off();
+    maps.end();
+    for (const one of [map, front]) one.destroy();
+    for (const one of Object.values(sides)) one.end();
+  };
+}

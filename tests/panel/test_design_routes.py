@@ -1,0 +1,126 @@
+"""Routes of the Design page: against the package's own calls, and for wrong requests."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+
+import stickslip as ss
+from stickslip.panel import create_app
+from stickslip.panel.design import bench_run
+from stickslip.panel.designing import Drive, from_lowest
+from stickslip.panel.sliders import choices
+
+from .serving import client_of, heard, streaming
+from .test_stream import unpacked
+
+KANG = choices()["sets"]["kang2007"]
+MODEL: dict[str, Any] = {"set": "kang2007", "law": "LuGre", "friction": KANG["friction"]["LuGre"]}
+SAWTOOTH = {"shape": "Sawtooth", "fields": {"amplitude": 65.0, "frequency": 5.0}}
+
+
+@pytest.fixture(scope="module")
+def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Client]:
+    with client_of(create_app(tmp_path_factory.mktemp("design")), **{"X-Client": "me"}) as made:
+        yield made
+
+
+def test_the_map_is_that_of_step_map(client: httpx.Client) -> None:
+    asked = MODEL | {"voltage": "80 V", "load": -0.05}
+    header, arrays = unpacked(client.post("/api/design/map", json=asked).content)
+    of = dict(zip(header["names"], arrays, strict=True))
+    model = ss.load_actuator("kang2007")
+    steps = of["net_step"].reshape(of["voltage"].size, of["frequency"].size)
+    for i, k in ((32, 0), (20, 11), (10, 35)):
+        drive = ss.Sawtooth(float(of["voltage"][i]), float(of["frequency"][k]))
+        assert steps[i, k] == pytest.approx(
+            ss.steady_step(model.replace(external_force=-0.05), drive), abs=3e-9
+        )
+    assert np.all(of["status"] == 0)
+
+
+def test_a_motion_goes_over_two_periods(client: httpx.Client) -> None:
+    header, arrays = unpacked(client.post("/api/design/motion", json=MODEL | {"drive": SAWTOOTH}).content)
+    time, volts, moved = arrays
+    step = ss.steady_step(ss.load_actuator("kang2007"), ss.Sawtooth(65.0, 5.0))
+    assert time[[0, -1]] == pytest.approx([0.0, 0.4])
+    assert moved[[0, time.size // 2, -1]] == pytest.approx([0.0, step, 2 * step], abs=2e-10)
+    assert header["speed"] == pytest.approx(5.0 * step, rel=1e-3)
+    assert volts[: time.size // 2].max() == pytest.approx(65.0, rel=1e-6)
+
+
+def test_a_search_that_is_stopped_gives_the_best_until_then(client: httpx.Client) -> None:
+    answers: list[httpx.Response] = []
+    asked = MODEL | {"voltage": 100.0, "spread": 0.1, "knots": 32}
+
+    def search() -> None:
+        answers.append(client.post("/api/design/search", json=asked))
+
+    with streaming(client) as stream:
+        going = threading.Thread(target=search)
+        going.start()
+        while heard(stream, "design")["share"] < 0.12:
+            pass
+        second = client.post("/api/design/search", json=asked)
+        assert second.status_code == 422
+        assert "a search is going on" in second.json()["error"]
+        client.post("/api/design/stop", json={})
+        going.join()
+    found = answers[0].json()
+    assert found["interrupted"]
+    assert found["value"] >= found["sawtooth_value"]
+    assert len(found["conditions"]) == 3
+
+
+@pytest.mark.parametrize(
+    ("path", "change", "words"),
+    [
+        ("map", {"voltage": "5 N"}, "voltage"),
+        ("map", {"voltage": 0.0}, "voltage"),
+        ("search", {"voltage": 100.0, "spread": -1.0}, "spread of the load"),
+        ("search", {"voltage": 300.0}, "out of range"),
+        ("front", {"voltage": 100.0, "capacitance": "1 V"}, "capacitance"),
+        ("motion", {"drive": {"shape": "Sawtooth", "fields": {"amplitude": 5.0}}}, "frequency"),
+        (
+            "motion",
+            {"drive": {"shape": "Sawtooth", "fields": {"amplitude": 5.0, "frequency": -1}}},
+            "frequency",
+        ),
+        ("tells", {"drive": SAWTOOTH, "noise": -1.0}, "noise"),
+        ("map", {"voltage": 50.0, "set": "nothing"}, "nothing"),
+    ],
+)
+def test_wrong_values_are_named(client: httpx.Client, path: str, change: dict[str, Any], words: str) -> None:
+    answer = client.post(f"/api/design/{path}", json=MODEL | change)
+    assert answer.status_code == 422
+    assert words in answer.json()["error"]
+
+
+def test_a_drive_is_sent_as_a_run_that_begins_where_it_is_lowest() -> None:
+    knots = {"times": [0.0, 1e-3, 3e-3], "values": [40.0, 90.0, 10.0], "period": 4e-3}
+    drive = Drive(shape="PeriodicKnots", fields=knots)  # type: ignore[arg-type]
+    turned = from_lowest(drive.waveform())
+    at = np.linspace(0.0, 4e-3, 50)
+    assert turned.values[0] == 10.0
+    assert turned.value(at) == pytest.approx(drive.waveform().value(at + 3e-3), abs=1e-9)
+    run = bench_run(drive, [{"capture": {"interval": "0.25 ms"}}, {"capture": {"interval": "50 us"}}])
+    assert run["capture"]["interval"] == "50 us"
+    assert run["waveform"][0]["fields"]["periods"] == 25
+
+
+def test_a_sent_drive_is_on_the_bench_once(client: httpx.Client) -> None:
+    with streaming(client, client="me") as stream:
+        heard(stream, "experiment")
+        for _ in range(2):
+            assert client.post("/api/design/send", json=SAWTOOTH).json() == {"run": "designed"}
+            runs = heard(stream, "experiment")["content"]["runs"]
+    assert [one["name"] for one in runs].count("designed") == 1
+    beyond = {"shape": "Sawtooth", "fields": {"amplitude": 140.0, "frequency": 5.0}}
+    refused = client.post("/api/design/send", json=beyond)
+    assert refused.status_code in (400, 422)
+    assert "100 V" in refused.json()["error"]
