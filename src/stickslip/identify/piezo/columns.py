@@ -35,13 +35,29 @@ Array = NDArray[np.float64]
 
 class Observed(NamedTuple):
     """A recording: `time` [n] from its first sample, s; `drive` [n], V; `position` [n], m; `rest`, V at which
-    it rested before."""
+    it rested before, reached from 0 V; or `cycled`: it did not rest, but went between the ends of the drive
+    before, as it does in the recording."""
 
     name: str
     time: Array
     drive: Array
     position: Array
     rest: float
+    cycled: bool = False
+
+    def begins_as(self, other: Observed) -> bool:
+        """Whether the same was before."""
+        return (self.rest, self.cycled) == (other.rest, other.cycled)
+
+    @property
+    def way(self) -> Array:
+        """The voltages at which the piezo turned before the first sample, and the one that it then had, V."""
+        if not self.cycled:
+            return np.array([self.rest])
+        low, high = float(self.drive.min()), float(self.drive.max())
+        moved = np.flatnonzero(np.abs(self.drive - self.drive[0]) > TURNED * (high - low))
+        rises = bool(self.drive[moved[0]] > self.drive[0])
+        return np.array([high, low, self.rest] if rises else [low, high, self.rest])
 
 
 class Timing(NamedTuple):
@@ -138,10 +154,14 @@ def repeated(drive: Array) -> tuple[float, float, float]:
 
 def at_piezo(observed: Observed, timing: Timing) -> Array:
     """The voltage at the piezo, V, shape (n,)."""
-    time, rest = observed.time, observed.rest
-    late = observed.drive
-    if timing.delay > 0.0:
-        late = np.interp(time - timing.delay, time, observed.drive, left=rest)
+    time, rest, late = observed.time, observed.rest, observed.drive
+    if observed.cycled:  # it went on as it now begins
+        slope = float(late[1] - late[0]) / float(time[1])
+        early = time - timing.delay
+        late = np.where(early < 0.0, rest + slope * early, np.interp(early, time, late))
+        rest += -slope * (timing.delay + timing.lag)
+    elif timing.delay > 0.0:
+        late = np.interp(time - timing.delay, time, late, left=rest)
     return lagged(time, late, np.array([timing.lag]), rest)[:, 0] if timing.lag > 0.0 else late
 
 
@@ -154,15 +174,15 @@ def lagged(time: Array, values: Array, tau: Array, rest: float) -> Array:
 
 def columns(observed: Observed, timing: Timing, grid: Grid) -> Columns:
     """All columns of a recording."""
-    u = np.ascontiguousarray(at_piezo(observed, timing))
+    way = observed.way
+    u = np.append(way, at_piezo(observed, timing))
     r, none = grid.thresholds, np.zeros(0)
-    at_once = np.empty((u.size, r.size))
-    states(Operators(r, np.ones(r.size), none, none), u, rested(r, observed.rest), at_once)
-    first = rested(r, observed.rest)
+    every = np.empty((u.size, r.size))
+    states(Operators(r, np.ones(r.size), none, none), u, rested(r, way[0]), every)
     if grid.zones.size:
-        bent = np.maximum(u[:, None] - grid.zones, 0.0) @ grid.bends
-        at_once = np.column_stack([at_once, bent])
-        first = np.append(first, np.maximum(observed.rest - grid.zones, 0.0) @ grid.bends)
+        every = np.column_stack([every, np.maximum(u[:, None] - grid.zones, 0.0) @ grid.bends])
+    at_once = every[way.size :]
+    first = at_once.mean(axis=0) if observed.cycled else every[way.size - 1]
     crept = np.zeros_like(at_once)
     if grid.times.size:
         for i in range(first.size):

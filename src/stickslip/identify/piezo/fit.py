@@ -101,10 +101,10 @@ def identify_piezo(
     refuse_one_way(seen)
     late = _lateness(seen, *given)
     for assumed in (0.0, None) if rest is None else ():
-        rested = _rested(seen, late.timing, assumed)
-        if rested == [one.rest for one in seen]:
+        begun = _begun(seen, late.timing, assumed)
+        if all(one.begins_as(other) for one, other in zip(seen, begun, strict=True)):
             break
-        seen = [one._replace(rest=r) for one, r in zip(seen, rested, strict=True)]
+        seen = begun
         late = _lateness(seen, *given)
     choice = chosen(seen, late.timing, operators, asymmetric, creep, taus)
     fit, remarks = _fitted(seen, choice.grid, late, unit)
@@ -132,15 +132,18 @@ def _fitted(seen: Sequence[Observed], grid: Grid, late: Lateness, unit: str) -> 
     return fit_least_squares(_problem(seen, grid, late.timing, unit, timed=False)), late.remarks
 
 
-def _rested(seen: Sequence[Observed], timing: Timing, assumed: float | None) -> list[float]:
-    """The voltages at which the piezo rested before each recording, by a first model without creep; where it
-    is not as it was taken, that `assumed`, if any: the model has yet to learn how late the voltage is."""
+def _begun(seen: Sequence[Observed], timing: Timing, assumed: float | None) -> list[Observed]:
+    """The recordings with what was before each, by a first model without creep. Where they rested, but not as
+    it was taken, that `assumed` [V], if any: the model has yet to learn how late the voltage is."""
     grid, _, solution = _first_model(seen, timing)
     first = prediction_of(named(solution, grid), grid, timing, seen, "")
-    found = [first.rest_shown(one) for one in seen]
+    found = [first.begun(one) for one in seen]
     if assumed is None:
         return found
-    return [one.rest if rest == one.rest else assumed for one, rest in zip(seen, found, strict=True)]
+    return [
+        new if new.cycled or new.begins_as(one) else one._replace(rest=assumed, cycled=False)
+        for one, new in zip(seen, found, strict=True)
+    ]
 
 
 def _lateness(seen: Sequence[Observed], delay: float | None, lag: float | None) -> Lateness:
