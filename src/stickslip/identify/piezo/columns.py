@@ -1,9 +1,10 @@
 r"""Columns of a piezo's design: answers to a recorded drive, which its coefficients multiply.
 
-.. math:: y = y_0 + S + g\,L[S], \qquad S = \sum_i w_i P_{r_i}[u] + \kappa\,B(u)
+.. math:: y = y_0 + S + g\,L[S], \qquad S = \sum_i w_i P_{r_i}[u + a\,B(u) - a\,B(0)] + \kappa\,B(u)
 
 u is the voltage at the piezo: the recorded one, late and lagging. P are plays, B is the square of the voltage
-above its least, drawn with dead zones, and L the logarithmic creep of one share per decade. See `piezo`.
+above its least, drawn with dead zones, a the skew, and L the logarithmic creep of one share per decade. See
+`piezo`.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ...piezo.creep import PER_DECADE, Lags, relaxed, spread
-from ...piezo.operators import Operators, states
+from ...piezo.operators import Operators, skewed, states
 from ...piezo.prandtl_ishlinskii import rested
 from ...recording import RecordingError
 from ..recorded.channels import channel
@@ -69,33 +70,42 @@ class Timing(NamedTuple):
 
 class Grid(NamedTuple):
     """What the columns are of: `thresholds` of plays [V], `zones` of the square [V], time constants of the
-    creep [s]; either of the latter may be empty."""
+    creep [s]; either of the latter may be empty. `skew` [1/V] of what the plays see, where there are zones."""
 
     thresholds: Array
     zones: Array
     times: Array
+    skew: float = 0.0
 
     @classmethod
-    def over(cls, low: float, high: float, plays: int, bent: bool, lasts: float) -> Grid:
+    def over(
+        cls, low: float, high: float, plays: int, bent: bool, lasts: float, skew: float = 0.0
+    ) -> Grid:
         """For drives from `low` to `high` [V] and recordings of `lasts` s; 0: without creep.
 
         A play wider than half the range never moves back, so that nothing tells its weight.
         """
-        return cls(
-            0.5 * (high - low) * np.arange(plays) / plays,
-            low + (high - low) * np.arange(ZONES if bent else 0) / ZONES,
-            spread(CREEP_BEGINS, lasts) if lasts > CREEP_BEGINS else np.zeros(0),
-        )
+        zones = low + (high - low) * np.arange(ZONES if bent else 0) / ZONES
+        times = spread(CREEP_BEGINS, lasts) if lasts > CREEP_BEGINS else np.zeros(0)
+        made = cls(np.zeros(0), zones, times, skew)
+        begin, end = (skewed(made.plays, at) for at in (low, high))
+        return made._replace(thresholds=0.5 * (end - begin) * np.arange(plays) / plays)
 
     def without(self, bent: bool, creep: bool) -> Grid:
         """The same without the square (`bent`), without the creep, or both."""
         none = np.zeros(0)
-        return Grid(self.thresholds, none if bent else self.zones, none if creep else self.times)
+        return self._replace(zones=none if bent else self.zones, times=none if creep else self.times)
 
     @property
     def bends(self) -> Array:
         """Change of slope at each zone for a coefficient of 1, V."""
         return np.full(self.zones.size, 2.0 * (self.zones[1] - self.zones[0]) if self.zones.size else 0.0)
+
+    @property
+    def plays(self) -> Operators:
+        """Plays of the weight 1, without what is beside them."""
+        ones, none = np.ones(self.thresholds.size), np.zeros(self.zones.size)
+        return Operators(self.thresholds, ones, self.zones, none, self.skew * self.bends)
 
 
 class Columns(NamedTuple):
@@ -176,9 +186,9 @@ def columns(observed: Observed, timing: Timing, grid: Grid) -> Columns:
     """All columns of a recording."""
     way = observed.way
     u = np.append(way, at_piezo(observed, timing))
-    r, none = grid.thresholds, np.zeros(0)
-    every = np.empty((u.size, r.size))
-    states(Operators(r, np.ones(r.size), none, none), u, rested(r, way[0]), every)
+    plays = grid.plays
+    every = np.empty((u.size, plays.threshold.size))
+    states(plays, u, rested(plays.threshold, skewed(plays, way[0])), every)
     if grid.zones.size:
         every = np.column_stack([every, np.maximum(u[:, None] - grid.zones, 0.0) @ grid.bends])
     at_once = every[way.size :]
