@@ -98,7 +98,9 @@ def chosen(
             size = n + shape.bent + bool(skew) + creeps
             tried.append((cross_validated(kept, positions, grid, FOLDS), size, grid, late))
     best = min(score for score, *_ in tried)
-    score, _, grid, late = min((one for one in tried if one[0] <= (1.0 + ENOUGH) * best), key=lambda one: one[1])
+    score, _, grid, late = min(
+        (one for one in tried if one[0] <= (1.0 + ENOUGH) * best), key=lambda one: one[1]
+    )
     remarks = []
     if len(tried) > 1:
         remarks.append(

@@ -70,7 +70,7 @@ class Timing(NamedTuple):
 
 class Grid(NamedTuple):
     """What the columns are of: `thresholds` of plays [V], `zones` of the square [V], time constants of the
-    creep [s]; either of the latter may be empty. `skew` [1/V] of what the plays see, where there are zones."""
+    creep [s]; either of the latter may be empty. `skew` [1/V] of what plays see, where there are zones."""
 
     thresholds: Array
     zones: Array
@@ -78,18 +78,23 @@ class Grid(NamedTuple):
     skew: float = 0.0
 
     @classmethod
-    def over(
-        cls, low: float, high: float, plays: int, bent: bool, lasts: float, skew: float = 0.0
-    ) -> Grid:
+    def over(cls, low: float, high: float, plays: int, bent: bool, lasts: float, skew: float = 0.0) -> Grid:
         """For drives from `low` to `high` [V] and recordings of `lasts` s; 0: without creep.
 
         A play wider than half the range never moves back, so that nothing tells its weight.
         """
         zones = low + (high - low) * np.arange(ZONES if bent else 0) / ZONES
         times = spread(CREEP_BEGINS, lasts) if lasts > CREEP_BEGINS else np.zeros(0)
-        made = cls(np.zeros(0), zones, times, skew)
-        begin, end = (skewed(made.plays, at) for at in (low, high))
-        return made._replace(thresholds=0.5 * (end - begin) * np.arange(plays) / plays)
+        return cls(0.5 * (high - low) * np.arange(plays) / plays, zones, times).skewed_by(skew)
+
+    def skewed_by(self, skew: float) -> Grid:
+        """The same with this skew; thresholds keep their shares of the range that plays see."""
+        if skew == self.skew:
+            return self
+        low, high = self.zones[0], self.zones[0] + ZONES * (self.zones[1] - self.zones[0])
+        made = self._replace(skew=skew)
+        now, then = (skewed(of.plays, high) - skewed(of.plays, low) for of in (self, made))
+        return made._replace(thresholds=self.thresholds * (then / now))
 
     def without(self, bent: bool, creep: bool) -> Grid:
         """The same without the square (`bent`), without the creep, or both."""

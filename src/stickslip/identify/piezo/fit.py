@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from ...actuator import Actuator
 from ...estimate.fit import fit_least_squares
@@ -25,16 +24,16 @@ from ..recorded.known_noise import converter_step, first_change
 from ..recorded.recorded_drive import noise_level
 from .choice import ENOUGH, Choice, Shape, chosen, range_of
 from .columns import Columns, Grid, Observed, Timing, columns, observe, refuse_one_way, repeated
-from .linear import Solution, solve
+from .linear import Solution, solved
 from .prediction import PiezoPrediction
+from .shapes import first_model, lagging_shape, skewed_shape
 from .timing import Edges, Lateness, edges_of, lateness
 
 OBSERVED = "stage_position"
-FIRST_PLAYS = 8  # of the model by which rest and lateness are found
 # What a model leaves, over white noise of the positions, if that is all.
 NOISY = 1.3
-# How much steeper plays may see the voltage at one end of its range than at the other.
-STEEPEST = 2.5
+# Relative: what a lag must explain of parts left out, where no edge tells it.
+LATE = 0.1
 # Of its range: a drive further from its first value has moved.
 MOVED = 0.01
 # Of a sample's interval, the step of derivatives by delay and lag; and timings whose columns are kept.
@@ -67,14 +66,17 @@ def identify_piezo(
     are spread evenly over half the range of the drive, and creep is logarithmic from 0.1 s to the length of
     the recording: wider plays and slower creep are not determined. How many plays, and whether the square
     B(u) and creep are there, is chosen by cross-validation: the smallest model that predicts parts of the
-    recordings that it was not fitted to about as well as the best one. Delay and lag are those seen after
-    edges of the drive; without edges, a lag cannot be told from hysteresis and is taken as 0.
+    recordings that it was not fitted to about as well as the best one. Where that leaves more than noise, so
+    is the skew a of what the plays see, by which loops are wider at one end. Delay and lag are those seen
+    after edges of the drive; without edges, a lag is hardly told from hysteresis, and only one that predicts
+    clearly better is taken. A recording begins after a rest, or amid the motion with which it goes on,
+    whichever explains it better.
 
     Args:
         recordings: with drive_voltage [V] and stage_position [m].
         model: an actuator into which gain and piezo are put.
         operators: number of plays; left out, chosen.
-        asymmetric: whether B(u) is there; left out, chosen.
+        asymmetric: whether B(u) is there, and a may be; left out, chosen.
         creep: whether creep is there; left out, chosen.
         time_constants: s, of creep, with equal shares; left out, two to the decade from 0.1 s to the length
             of the recordings.
@@ -85,10 +87,10 @@ def identify_piezo(
         observed: name of the position channel.
 
     Returns:
-        A fit of weight_1, ... [m/V] of the plays, curvature κ [m/V²], creep g (share per decade), and the
-        offset of each recording [m]; beside them gain, their sum, delay and lag [s]. `predict(recording)` is
-        the position, m: its level is that of the recording's own positions, where it has any. `model` is the
-        actuator given, or a `Piezo`.
+        A fit of weight_1, ... [m/V] of the plays, curvature κ [m/V²], skew a [1/V], creep g (share per
+        decade), and the offset of each recording [m]; beside them gain, their sum, delay and lag [s].
+        `predict(recording)` is the position, m: its level is that of the recording's own positions, where it
+        has any. `model` is the actuator given, or a `Piezo`.
 
     Raises:
         RecordingError: a channel is missing, too short, not finite, clipped, constant, or the drive never
@@ -116,13 +118,18 @@ def identify_piezo(
     choice = chosen(seen, shapes, operators, creep, taus)
     fit, remarks = _fitted(seen, choice, unit)
     if asymmetric is not False and not _only_noise(fit, seen):
-        skewed = _skewed(seen, late, fixed=given != (None, None))
+        skewed = skewed_shape(seen, late, fixed=given != (None, None))
         # a skew shall not be chosen for what another delay explains
         shapes = [skewed, *([skewed._replace(skew=0.0)] if skewed.late != late else [])]
         other = chosen(seen, shapes, operators, creep, taus)
         if other.score < (1.0 - ENOUGH) * choice.score:
             choice = other
             fit, remarks = _fitted(seen, choice, unit)
+    if not late.edges.number and given == (None, None) and not _only_noise(fit, seen):
+        shape = lagging_shape(seen, choice)
+        other = chosen(seen, [shape], operators, creep, taus)
+        if other.score < (1.0 - LATE) * choice.score:
+            fit, remarks = _fitted(seen, choice := other, unit)
     timing = Timing(fit.values["delay"], fit.values["lag"])
     prediction = prediction_of(fit.values, choice.grid, timing, seen, observed)
     gain, piezo = prediction.gain, prediction.piezo
@@ -156,7 +163,7 @@ def _only_noise(fit: Fit, seen: Sequence[Observed]) -> bool:
 def _begun(seen: Sequence[Observed], timing: Timing, assumed: float | None) -> list[Observed]:
     """The recordings with what was before each, by a first model without creep. Where they rested, but not as
     it was taken, that `assumed` [V], if any: the model has yet to learn how late the voltage is."""
-    grid, _, solution = _first_model(seen, timing)
+    grid, _, solution = first_model(seen, timing)
     first = prediction_of(named(solution, grid), grid, timing, seen, "")
     found = [first.begun(one) for one in seen]
     if assumed is None:
@@ -174,51 +181,9 @@ def _lateness(seen: Sequence[Observed], delay: float | None, lag: float | None) 
         if min(given) < 0.0:
             raise QuantityError(f"delay = {given.delay:g} s and lag = {given.lag:g} s must be >= 0 s")
         return Lateness(given, ("delay and lag are as given",), Edges((), ()))
-    grid, parts, found = _first_model(seen, Timing())
+    grid, parts, found = first_model(seen, Timing())
     still = [found.position(c) + o for c, o in zip(parts, found.offsets, strict=True)]
     return lateness(seen, grid, edges_of(seen, still))
-
-
-def _skewed(seen: Sequence[Observed], late: Lateness, fixed: bool) -> Shape:
-    """The shape with the skew that fits best, and, unless that is `fixed`, how late the voltage is by it."""
-    low, high = range_of(seen)
-
-    def skew(q: float) -> float:
-        """Of plays whose voltage is exp(q) times as steep at the high end as at the low one."""
-        return 0.5 * math.expm1(q) / (high - low)
-
-    def best(timing: Timing) -> float:
-        def left(q: float) -> float:
-            _, parts, found = _first_model(seen, timing, skew(q))
-            r = [
-                y.position - found.position(c) - o
-                for y, c, o in zip(seen, parts, found.offsets, strict=True)
-            ]
-            return float(np.concatenate(r).std())
-
-        ends = (-math.log(STEEPEST), math.log(STEEPEST))
-        return skew(float(minimize_scalar(left, bounds=ends, method="bounded", options={"xatol": 0.02}).x))
-
-    found = best(late.timing)
-    if late.edges.number and not fixed:
-        grid = Grid.over(low, high, FIRST_PLAYS, True, 0.0, found)
-        late = lateness(seen, grid, late.edges, late.timing)
-        found = best(late.timing)
-    return Shape(True, found, late)
-
-
-def _first_model(
-    seen: Sequence[Observed], timing: Timing, skew: float = 0.0
-) -> tuple[Grid, list[Columns], Solution]:
-    """A model of plays and square, without creep, at this timing."""
-    grid = Grid.over(*range_of(seen), FIRST_PLAYS, True, 0.0, skew)
-    parts = [columns(one, timing, grid) for one in seen]
-    return grid, parts, _solved(seen, parts, grid)
-
-
-def _solved(seen: Sequence[Observed], parts: Sequence[Columns], grid: Grid) -> Solution:
-    """The least squares over all samples."""
-    return solve(parts, [one.position for one in seen], grid, [np.ones(one.time.size, bool) for one in seen])
 
 
 def named(found: Solution, grid: Grid) -> Values:
@@ -236,7 +201,9 @@ def named(found: Solution, grid: Grid) -> Values:
 
 def _problem(seen: Sequence[Observed], grid: Grid, timing: Timing, unit: str, timed: bool) -> Problem:
     """All coefficients at once, and delay and lag with them where these are `timed`."""
-    begin = named(_solved(seen, [columns(one, timing, grid) for one in seen], grid), grid)
+    begin = named(
+        solved([columns(one, timing, grid) for one in seen], [one.position for one in seen], grid), grid
+    )
     plays = [f"weight_{i}" for i in range(1, grid.thresholds.size + 1)]
     low, high = range_of(seen)
     ends = {"skew": (-0.4 / (high - low), 2.0 / (high - low))}  # the plays' voltage turns back at -0.5
@@ -279,7 +246,7 @@ class _Described:
         if (*timing, skew) not in self.known:
             if len(self.known) > KEPT:
                 self.known.clear()
-            grid = self.grid._replace(skew=skew)
+            grid = self.grid.skewed_by(skew)
             self.known[*timing, skew] = [columns(one, timing, grid) for one in self.seen]
         return self.known[*timing, skew]
 
@@ -334,9 +301,10 @@ def prediction_of(
     ends, count = range_of(seen), len(seen)
     weights = np.array([values[f"weight_{i}"] for i in range(1, grid.thresholds.size + 1)])
     gain = values["gain"]
+    grid = grid.skewed_by(values.get("skew", 0.0))
     slopes = values.get("curvature", 0.0) * grid.bends / gain
-    skews = values.get("skew", 0.0) * grid.bends
-    rows = (grid.thresholds, weights / gain, grid.zones, slopes, skews if np.any(skews) else np.zeros(0))
+    skews = grid.skew * grid.bends if grid.skew else np.zeros(0)
+    rows = (grid.thresholds, weights / gain, grid.zones, slopes, skews)
     hysteresis = PrandtlIshlinskii(*(tuple(row.tolist()) for row in rows))
     creep = None
     if grid.times.size:

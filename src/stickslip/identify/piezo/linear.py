@@ -79,6 +79,17 @@ def solve(
     return found._replace(offsets=found.offsets + levels)
 
 
+def solved(parts: Sequence[Columns], positions: Sequence[Array], grid: Grid) -> Solution:
+    """The least squares over all samples."""
+    return solve(parts, positions, grid, [np.ones(y.size, dtype=bool) for y in positions])
+
+
+def residuals(parts: Sequence[Columns], positions: Sequence[Array], found: Solution) -> Array:
+    """What a solution leaves of all samples, m."""
+    rows = zip(parts, positions, found.offsets, strict=True)
+    return np.concatenate([y - found.position(c) - offset for c, y, offset in rows])
+
+
 def cross_validated(parts: Sequence[Columns], positions: Sequence[Array], grid: Grid, folds: int) -> float:
     """The root mean square [m] that is left of each fold of a recording by the fit of all others: its
     geometric mean over the folds, so that one which no model explains (a first curve, which real piezos and

@@ -87,9 +87,7 @@ def _until(position: Array, shown: Array, first: int, end: int) -> int:
     return first + int(np.clip(LONGER * (high[-1] + 1), FEWEST, left.size))
 
 
-def lateness(
-    observed: Sequence[Observed], grid: Grid, edges: Edges, near: Timing | None = None
-) -> Lateness:
+def lateness(observed: Sequence[Observed], grid: Grid, edges: Edges, near: Timing | None = None) -> Lateness:
     """Delay and lag that fit best after the edges; searched for from those that are `near`, if given."""
     if not edges.number:
         said = (
