@@ -42,11 +42,23 @@ class Operators(NamedTuple):
 
 
 @compiled
+def play(v, r, z):
+    """The state of a play of half-width r for what it sees, v, from the state z."""
+    return max(v - r, min(v + r, z))
+
+
+@compiled
+def beyond(u, s):
+    """How far the drive value u is beyond the end s of a dead zone."""
+    return max(u - s, 0.0)
+
+
+@compiled
 def skewed(plays, u):
     """v, what the plays see of the drive value u."""
     v = u
     for j in range(plays.zone.size):
-        v += plays.skew[j] * (max(u - plays.zone[j], 0.0) - max(-plays.zone[j], 0.0))
+        v += plays.skew[j] * (beyond(u, plays.zone[j]) - beyond(0.0, plays.zone[j]))
     return v
 
 
@@ -72,7 +84,7 @@ def taken_along(plays, u, z):
     """The plays' states for the drive value u; in place."""
     v = skewed(plays, u)
     for i in range(z.size):
-        z[i] = max(v - plays.threshold[i], min(v + plays.threshold[i], z[i]))
+        z[i] = play(v, plays.threshold[i], z[i])
 
 
 @compiled
@@ -82,7 +94,7 @@ def output(plays, u, z):
     for i in range(z.size):
         total += plays.weight[i] * z[i]
     for j in range(plays.zone.size):
-        total += plays.slope[j] * max(u - plays.zone[j], 0.0)
+        total += plays.slope[j] * beyond(u, plays.zone[j])
     return total
 
 
