@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -46,8 +47,13 @@ def skewed_shape(seen: Sequence[Observed], late: Lateness, fixed: bool) -> Shape
             _, parts, found = first_model(seen, timing, skew(q))
             return float(np.std(residuals(parts, positions, found)))
 
-        ends = (-math.log(STEEPEST), math.log(STEEPEST))
-        return skew(float(minimize_scalar(left, bounds=ends, method="bounded", options={"xatol": 0.02}).x))
+        end: Any = minimize_scalar(
+            left,
+            bounds=(-math.log(STEEPEST), math.log(STEEPEST)),
+            method="bounded",
+            options={"xatol": 0.02},
+        )
+        return skew(float(end.x))
 
     found = best(late.timing)
     if late.edges.number and not fixed:
@@ -66,7 +72,8 @@ def lagging_shape(seen: Sequence[Observed], choice: Choice) -> Shape:
         return float(np.std(residuals(parts, positions, solved(parts, positions, choice.grid))))
 
     ends = (0.0, LONGEST * min(_time_of_a_way(one) for one in seen))
-    lag = float(minimize_scalar(left, bounds=ends, method="bounded").x)
+    end: Any = minimize_scalar(left, bounds=ends, method="bounded")
+    lag = float(end.x)
     said = (
         f"lag {lag:.3g} s is the one that fits all samples best: without edges of the drive, a part of it "
         "may be hysteresis, which other frequencies or edges would tell"
