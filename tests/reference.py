@@ -260,11 +260,18 @@ def walk_lugre(model: Any, volts: float, frequency: float, periods: int, times: 
 
 
 def prandtl_ishlinskii(p: Any, drive: Array, rest: float) -> Array:
-    """Play operators by their definition, sample by sample, and dead zones beside them."""
-    z = [np.sign(rest) * max(abs(rest) - r, 0.0) for r in p.thresholds]
+    """Play operators by their definition, sample by sample, and dead zones beside them; what the plays see is
+    drawn by its corners."""
+    ends = [-1e4, *p.dead_zones, 1e4]
+    steep = np.cumsum([1.0, *(p.skews or [0.0] * len(p.dead_zones))])
+    seen = np.cumsum([0.0, *(steep * np.diff(ends))])
+    seen = seen - np.interp(0.0, ends, seen)
+    before = np.interp(rest, ends, seen)
+    z = [np.sign(before) * max(abs(before) - r, 0.0) for r in p.thresholds]
     found = []
     for u in drive:
-        z = [max(u - r, min(u + r, before)) for r, before in zip(p.thresholds, z, strict=True)]
+        v = float(np.interp(u, ends, seen))
+        z = [max(v - r, min(v + r, before)) for r, before in zip(p.thresholds, z, strict=True)]
         plays = sum(w * state for w, state in zip(p.weights, z, strict=True))
         zones = sum(c * max(u - s, 0.0) for s, c in zip(p.dead_zones, p.slopes, strict=True))
         found.append(plays + zones)

@@ -138,6 +138,14 @@ def test_derivatives_have_no_error(expression: str, slopes: tuple[float, float])
     assert found[0] == pytest.approx(slopes, rel=1e-14, abs=1e-300)
 
 
+@pytest.mark.parametrize("value", [0.0, 5e-324, 1e-290])
+def test_derivatives_by_next_to_nothing_are_finite(value: float) -> None:
+    """Of a sum one addend may have been driven to its bound: 5e-324 is the least number above 0."""
+    ties = Ties([A._replace(lower=0.0), B, Parameter("c", tied="a + b", unit="N")])
+    found = ties.slopes(ties({"a": value, "b": 2.0}), ["a", "b"], ["c"])
+    np.testing.assert_allclose(found[0], [1.0, 1.0])
+
+
 @pytest.mark.parametrize(
     ("tied", "words"),
     [

@@ -150,6 +150,8 @@ def test_a_voltage_out_of_range_leaves_a_gap_in_the_curve() -> None:
         {"model": {"end_effector_mass": "50 g", "stage_reaction": False}, "duration": 0.37},
         {"friction": {"damping_velocity": 0.1}},
         {"name": "pohl1987", "model": {"natural_frequency": 5000.0}},
+        {"model": {"hysteresis": 0.3, "creep": 0.02}, "duration": 0.3},
+        {"name": "kang2007-hysteresis", "model": {"hysteresis": 0.1, "creep": 0.0}, "duration": 0.3},
         {"shape": "ReverseSawtooth", "waveform": {"fall_fraction": 0.9}},
         {"law": "Coulomb", "model": {"natural_frequency": "inf"}, "duration": 0.2},
     ],
@@ -174,6 +176,24 @@ def test_the_python_lines_give_the_same_numbers(changes: dict[str, Any]) -> None
         assert names["step"] == pytest.approx(float(step_curves(here)["step"][0]), abs=3e-9)
 
 
+def test_sliders_of_the_piezo_bend_its_loop() -> None:
+    """Of a set that has a model, and of one that has none; untouched, both stay as they are."""
+    for name in ("kang2007", "kang2007-hysteresis"):
+        own = ss.load_actuator(name).piezo
+        assert state(name).actuator().piezo == own
+        made = state(name, model={"hysteresis": 0.4, "creep": 0.03}).actuator().piezo
+        law = made.hysteresis
+        assert law.weights[0] == pytest.approx(0.6 * sum(law.weights))
+        assert made.creep.per_decade == pytest.approx(0.03)
+        if own is not None:
+            assert law.thresholds == own.hysteresis.thresholds
+            assert sum(law.weights) == pytest.approx(sum(own.hysteresis.weights))
+    assert (
+        state("kang2007-hysteresis", model={"hysteresis": 0.2, "creep": 0.0}).actuator().piezo.creep is None
+    )
+    assert state(model={"hysteresis": 0.0, "creep": 0.0}).actuator().piezo is None
+
+
 def test_a_set_that_is_changed_by_nothing_is_written_in_one_line() -> None:
     assert 'actuator = ss.load_actuator("kang2007")\n' in python(state())
 
@@ -186,6 +206,8 @@ def test_a_set_that_is_changed_by_nothing_is_written_in_one_line() -> None:
         ({"friction": {"coulomb_force": 10.0}}, "friction.stiction_force", "coulomb_force"),
         ({"law": "MaxwellSlip", "friction": {"strength_2": 0.0}}, "friction.strength_2", "> 0 N"),
         ({"model": {"stage_mass": "heavy"}}, "model.stage_mass", "kg"),
+        ({"model": {"hysteresis": 1.0}}, "model.hysteresis", "< 1"),
+        ({"model": {"creep": -0.01}}, "model.creep", ">= 0"),
         ({"waveform": {"rise_fraction": 2.0}}, "waveform.rise_fraction", "<= 1"),
         ({"waveform": {"amplitude": 160.0}}, "waveform.amplitude", "150 V"),
         ({"duration": 1e6}, "duration", "<= 100 s"),

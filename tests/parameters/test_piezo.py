@@ -60,9 +60,3 @@ def test_what_is_wrong_is_named(tmp_path: Path, old: str, new: str, said: str) -
     file.write_text(text.replace(old, new), encoding="utf-8")
     with pytest.raises(ParameterSetError, match=said):
         ss.load_actuator(file)
-
-
-def test_exported_code_refuses_what_it_would_leave_out(tmp_path: Path) -> None:
-    with pytest.raises(ss.export.ExportError, match="not part of exported code"):
-        ss.export_c(ss.load_actuator(SET), tmp_path / "code")
-    assert not (tmp_path / "code").exists()

@@ -18,12 +18,14 @@ def model(random: np.random.Generator, zones: bool = True) -> PrandtlIshlinskii:
     plays = int(random.integers(1, 12))
     weights = random.uniform(0.0, 1.0, plays)
     weights[0] += 0.2
-    slopes = random.uniform(-1.0, 1.0, 3) * weights[0] / 6.0
+    slopes = random.uniform(-1.0, 1.0, 3) * weights[0] / 10.0
+    skews = random.uniform(-1.0, 1.0, 3) / 6.0
     return PrandtlIshlinskii(
         (0.0, *np.sort(random.uniform(0.1, 60.0, plays - 1))),
         tuple(weights),
         tuple(np.sort(random.uniform(-20.0, 100.0, 3))) if zones else (),
         tuple(slopes) if zones else (),
+        tuple(skews) if zones and random.random() < 0.7 else (),
     )
 
 
@@ -66,6 +68,19 @@ def test_one_play_is_a_parallelogram() -> None:
     np.testing.assert_allclose(one.output(drive), 0.5 * drive + 0.5 * play)
 
 
+def test_skewed_loops_are_wider_where_the_skew_is() -> None:
+    """A loop of 10 V with all of the weight on one play: its lag behind the drive is that of 4 V as the plays
+    see them, which are 4 V below the dead zone and 2 V above."""
+    one = PrandtlIshlinskii((0.0, 4.0), (0.5, 0.5), (50.0,), (0.0,), (1.0,))
+    low = one.output([0.0, 20.0, 30.0, 20.0])
+    high = one.output([0.0, 70.0, 80.0, 70.0])
+    # seen: 20, 30, 20 V; play 16, 26, 24 V.   seen: 90, 110, 90 V; play 86, 106, 94 V.
+    assert low[3] - low[1] == pytest.approx(0.5 * 8.0)
+    assert high[3] - high[1] == pytest.approx(0.5 * 8.0)
+    np.testing.assert_allclose(low, [0.0, 18.0, 28.0, 22.0])
+    np.testing.assert_allclose(high, [0.0, 88.0, 108.0, 92.0])
+
+
 def test_minor_loops_close_and_are_congruent() -> None:
     """A minor loop between the same voltages has the same shape wherever it hangs, without dead zones."""
     one = model(np.random.default_rng(3), zones=False)
@@ -93,6 +108,9 @@ def test_larger_extremes_wipe_smaller_ones_out() -> None:
         (((), ()), "is empty"),
         (((1.0,), (1.0,)), "no inverse"),
         (((0.0,), (1.0,), (10.0,), (-1.0,)), "no inverse"),
+        (((0.0,), (1.0,), (10.0,), (0.1,), (0.1, 0.2)), "1 dead_zones .V. and 2 skews"),
+        (((0.0,), (1.0,), (10.0, 20.0), (0.0, 0.0), (-0.6, -0.5)), "plays turn back before the voltage"),
+        (((0.0,), (1.0,), (10.0,), (-0.6,), (-0.5,)), "no inverse"),
         (((-1.0,), (1.0,)), r"thresholds\[0\] = -1 V is out of range"),
     ],
 )

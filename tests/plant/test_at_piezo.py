@@ -42,7 +42,8 @@ def hysteresis(seed: int) -> PrandtlIshlinskii:
         (0.0, *np.sort(random.uniform(0.5, 40.0, plays - 1))),
         tuple(weights),
         tuple(np.sort(random.uniform(-40.0, 60.0, 3))),
-        tuple(random.uniform(-0.3, 0.3, 3) * weights[0]),
+        tuple(random.uniform(-0.3, 0.3, 3) * weights[0] / 2.0),
+        tuple(random.uniform(-0.15, 0.15, 3)) if seed % 2 else (),
     )
 
 

@@ -37,6 +37,7 @@ _CONSTANTS = {"pi": np.pi}
 _LONGEST = 300
 # Of a complex step, relative to the value.
 _STEP = 1e-30
+_NOTHING = 1e-200  # of which a step would be 0
 
 
 def names_in(expression: str, of: str) -> list[str]:
@@ -160,7 +161,7 @@ class Ties:
         found = np.zeros((len(rows), len(by)))
         with np.errstate(all="ignore"):
             for column, name in enumerate(by):
-                step = _STEP * (abs(values[name]) or 1.0)
+                step = _STEP * (abs(values[name]) if abs(values[name]) > _NOTHING else 1.0)
                 moved: dict[str, Any] = {n: np.complex128(x) for n, x in self(values).items()}
                 moved[name] += 1j * step
                 for tied, tree in self._order:

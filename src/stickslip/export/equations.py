@@ -8,17 +8,24 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..actuator import Actuator, PulledSlider
 from ..chain import Chain
 from ..electronics import Amplifier, StrainGauge
 from ..friction import element, elements, rate
 from ..friction.law import _implementation
 from ..mechanism import holding_force, joined, slider_acceleration, stage_acceleration
+from ..piezo import Creep, Piezo, PrandtlIshlinskii
 from ..records import Quantity, quantities
 from ..simulation.models import mechanism
 from ..units import QuantityError
+from .piezo import piezo_c
 from .signal_chain import amplifier_after, channel_output, sensor_after, sensor_output
 from .subset import BOOL, INT, REAL, Array, Record, TranslationError, real, record_type
 from .translation import Translation
+
+# Records whose `_check` is not translated: of the models, and of a piezo, whose plays and lags stay bounded
+# whatever their values are.
+UNCHECKED = (Actuator, PulledSlider, Piezo, PrandtlIshlinskii, Creep)
 
 
 class SignalChain(NamedTuple):
@@ -43,7 +50,8 @@ def equations(model: Any, chain: SignalChain, step: float) -> str:
         made.function(function, (mech, REAL, REAL, REAL, REAL))
     made.function(holding_force, (mech, REAL, REAL, Array(7)))
     made.function(joined, (mech, REAL))
-    parts = [*_law(made, law), *_chain(made, chain, step)]
+    piezo = piezo_c(made, getattr(model, "piezo", None))
+    parts = [*_law(made, law), *piezo, *_chain(made, chain, step)]
     checks = _checks(made, "model", kind)
     for name, inner in record_type(chain).fields:
         if isinstance(inner, Record):
@@ -214,7 +222,7 @@ def _checks(made: Translation, owner: str, kind: Record) -> list[str]:
             else:
                 lines.append(f'if (!({_allowed(specs[name], field)})) {{ return "{said}"; }}')
     own = getattr(kind.record_class, "_check", None)
-    if own is not None and kind.record_class.__name__ not in ("Actuator", "PulledSlider"):
+    if own is not None and kind.record_class not in UNCHECKED:
         name = made.check(own, kind)
         lines.append(f"wrong = {name}(&{owner});\n    if (wrong != NULL) {{ return wrong; }}")
     elif "min_voltage" in dict(kind.fields):

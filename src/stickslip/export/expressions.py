@@ -33,7 +33,7 @@ from .subset import (
 
 _OPERATORS = {ast.Add: ("+", SUM), ast.Sub: ("-", SUM), ast.Mult: ("*", PRODUCT), ast.Div: ("/", PRODUCT)}
 _COMPARISONS = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
-_MATH = ("exp", "sin", "cos", "tan", "tanh", "atan", "sqrt", "log", "copysign")
+_MATH = ("exp", "expm1", "sin", "cos", "tan", "tanh", "atan", "sqrt", "log", "log1p", "copysign")
 _FUNCTIONS = {getattr(owner, name): f"r_{name}" for name in _MATH for owner in (math, np)}
 _FUNCTIONS |= {abs: "r_abs", math.fabs: "r_abs", min: "r_min", max: "r_max", math.pow: "r_pow"}
 

@@ -79,6 +79,11 @@ def export_fmu(
     found = exported(source)
     if mode != "plant" and not isinstance(found.model, Actuator):
         raise ExportError(f"mode = {mode!r} is for an Actuator, not for a {type(found.model).__name__}")
+    if mode == "feedforward" and getattr(found.model, "piezo", None) is not None:
+        raise ExportError(
+            "mode = 'feedforward' is not for an actuator with a piezo, whose hysteresis has a past: play the "
+            "drive of inverse_drive, or call stickslip_piezo_inverse of the exported C"
+        )
     if compiler and shutil.which(compiler) is None:
         raise ExportError(f"the compiler {compiler!r} is not installed; compiler = '' leaves the binary out")
     parts = signal_chain(found, amplifier, farad, sensor, chain)

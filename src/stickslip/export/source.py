@@ -13,10 +13,11 @@ from .. import registry
 from ..actuator import Actuator, PulledSlider, load_actuator, load_pulled_slider
 from ..chain import Chain
 from ..estimate.result import Fit
-from ..friction import is_law
 from ..parameters import ParameterSetError, load_set
+from ..piezo import Piezo
 from ..records import quantities
 from ..units import QuantityError
+from .piezo import refused
 
 
 class ExportError(ValueError):
@@ -39,11 +40,12 @@ def exported(source: Any) -> Exported:
         ExportError: it has no actuator, or is nothing of these.
         ParameterSetError, QuantityError: a file is missing or wrong.
     """
-    if getattr(getattr(source, "model", source), "piezo", None) is not None:
-        raise ExportError(
-            "hysteresis and creep of a piezo are not part of exported code: export the actuator with "
-            "replace(piezo=None), and play the drive of inverse_drive"
-        )
+    model = getattr(source, "model", source)
+    said = refused(getattr(model, "piezo", None))
+    if not said and getattr(model, "further_modes", None) is not None:
+        said = "further_modes are not part of exported code: export the actuator with its first mode alone"
+    if said:
+        raise ExportError(said)
     if isinstance(source, Actuator | PulledSlider):
         return Exported(source, _sources(source, {}))
     if isinstance(source, Fit):
@@ -79,7 +81,14 @@ def _of_results(file: Path) -> Exported:
         numbers = json.loads(file.read_text(encoding="utf-8"))["numbers"]
         found = numbers["model"]
         law = registry.laws.of_results(found)
-        model = Actuator(**_fields(found["actuator"]), friction=law(**_fields(found["friction"])))
+        parts = {
+            part: registry.piezos.of_results(one)(**_fields(one["values"]))
+            for part, one in found.get("piezo", {}).items()
+        }
+        piezo = Piezo(**parts) if parts else None
+        model = Actuator(
+            **_fields(found["actuator"]), friction=law(**_fields(found["friction"])), piezo=piezo
+        )
     except OSError as error:
         raise ExportError(f"{file} cannot be read: {error.strerror}") from error
     except QuantityError as error:
@@ -99,7 +108,8 @@ def _of_results(file: Path) -> Exported:
 
 def _fields(found: dict[str, Any]) -> dict[str, Any]:
     """Values by field; a quantity stands there as a value with its unit."""
-    return {name: value["value"] if isinstance(value, dict) else value for name, value in found.items()}
+    values = {name: value["value"] if isinstance(value, dict) else value for name, value in found.items()}
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
 
 
 def _sources(model: Any, fitted: dict[str, str]) -> dict[str, str]:
@@ -139,20 +149,22 @@ def _same(a: Any, b: Any) -> bool:
 
 
 def exported_values(model: Any) -> dict[str, Any]:
-    """The numbers of a model by field; of its law as "friction.sigma_0"."""
+    """The numbers of a model by field; as "friction.sigma_0" those of its law, as "piezo.creep.shares" ..."""
     found = {}
     for name, value in model._asdict().items():
-        if is_law(value):
+        if hasattr(value, "_fields"):
             found |= {f"{name}.{inner}": v for inner, v in exported_values(value).items()}
-        elif isinstance(value, bool | int | float | tuple):
+        elif isinstance(value, bool | int | float | tuple) and value != ():
             found[name] = value
     return found
 
 
 def meaning(model: Any, name: str) -> tuple[str, str, str]:
     """Unit, symbol and meaning of a value that `exported_values` names."""
-    owner = model.friction if name.startswith("friction.") else model
-    field = name.rpartition(".")[2]
+    path, _, field = name.rpartition(".")
+    owner = model
+    for part in path.split(".") if path else ():
+        owner = getattr(owner, part)
     spec = quantities(type(owner)).get(field)
     if spec is None:
         return "", "", field.replace("_", " ")

@@ -21,6 +21,7 @@ from ..simulation.trajectory import COMPLETE, follow_model
 from ..units import QuantityError
 from ..waveform.drive import evaluate
 from ..waveform.signal import Waveform
+from . import piezo_sliders
 from .sets import PACKAGE, Sets
 from .sliders import law_types, shapes
 
@@ -45,9 +46,9 @@ Array = NDArray[np.float64]
 class Model(Strict):
     """An actuator in a request of the page. Values are in SI or texts with units; infinity is "inf".
 
-    `set` is a parameter set, see `sets`; `model` and `friction` have the fields of `Actuator` and of the
-    `law` by name, elements of a law being "stiffness_1" and so on. Fields of the model that are left out are
-    the set's.
+    `set` is a parameter set, see `sets`; `model` and `friction` have the fields of `Actuator` (and those of
+    `piezo_sliders`) and of the `law` by name, elements of a law being "stiffness_1" and so on. Fields of the
+    model that are left out are the set's.
     """
 
     set: str = Field(max_length=100)
@@ -61,7 +62,10 @@ class Model(Strict):
         changes: dict[str, Any] = dict(self.model)
         if "natural_frequency" in changes and base.blocked_force_per_volt is not None:
             changes["blocked_force_per_volt"] = None  # of a static stage only, and moves nothing
-        return base.replace(**changes, friction=self._friction())
+        shares = piezo_sliders.shares(base.piezo)
+        shares |= {field: changes.pop(field) for field in shares if field in changes}
+        piezo = piezo_sliders.with_shares(base.piezo, **shares)
+        return base.replace(**changes, piezo=piezo, friction=self._friction())
 
     def _friction(self) -> Any:
         law = _known(law_types(), self.law, "law")
@@ -256,6 +260,7 @@ def python(state: State, sets: Sets = PACKAGE) -> str:
         model += ".replace(\n    " + ",\n    ".join(arguments) + ",\n)"
     lines = [
         "import stickslip as ss",
+        *(["from stickslip.piezo import *"] if "piezo" in changed else []),
         "",
         *dict.fromkeys(filter(None, (_own(type(actuator.friction)), _own(type(waveform))))),
         f"actuator = {model}",

@@ -16,6 +16,7 @@ from ..comparison.laws import example_laws
 from ..friction import LuGre
 from ..records import Quantity, quantities, sequences
 from ..units import QuantityError
+from . import piezo_sliders
 from .sets import PACKAGE, Sets
 
 
@@ -40,6 +41,7 @@ _MODEL = {
     "stage_reaction": Slider(0, 1, "linear"),
     "clamped": Slider(0, 1, "linear"),
 }
+_PIEZO = {"hysteresis": Slider(0.0, 0.5, "linear"), "creep": Slider(0.0, 0.05, "linear")}
 _FRICTION = {
     "sigma_0": Slider(1e4, 1e9),
     "sigma_1": Slider(1e-1, 1e4, zero=True),
@@ -162,7 +164,8 @@ def choices(offered: Sets = PACKAGE) -> dict[str, Any]:
         laws[law] = actuator.friction
         sets[name] = {
             "title": title,
-            "model": {field: plain(getattr(actuator, field)) for field in _MODEL},
+            "model": {field: plain(getattr(actuator, field)) for field in _MODEL}
+            | piezo_sliders.shares(actuator.piezo),
             "law": law,
             "friction": {kind: values_of(example) for kind, example in laws.items()},
         }
@@ -178,7 +181,10 @@ def choices(offered: Sets = PACKAGE) -> dict[str, Any]:
         start[swinging] |= {"offset": 75.0}
     return {
         "sets": sets,
-        "model": [_described(Actuator, field, slider) for field, slider in _MODEL.items()],
+        "model": [
+            *(_described(Actuator, field, slider) for field, slider in _MODEL.items()),
+            *(_shown(field, piezo_sliders.FIELDS[field], slider) for field, slider in _PIEZO.items()),
+        ],
         "laws": {
             name: [_described(law, f, _slider(q, _FRICTION.get(f))) for f, q in quantities(law).items()]
             for name, law in known.items()
@@ -249,6 +255,10 @@ def _described(record: Any, field: str, slider: Slider) -> dict[str, Any]:
             "clamped": "end-effector fixed to the stage",
         }[field]
         return {"name": field, "switch": True, "meaning": meaning}
+    return _shown(field, quantity, slider)
+
+
+def _shown(field: str, quantity: Quantity, slider: Slider) -> dict[str, Any]:
     return {
         "name": field,
         "unit": quantity.unit,

@@ -11,13 +11,14 @@ it.
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .. import registry
-from .._jit import kernel
+from .._jit import compiled, kernel
 from ..records import Quantity, record
 from ..units import QuantityError, to_si
 
@@ -71,6 +72,13 @@ class Lags(NamedTuple):
     tau: Array
 
 
+@compiled
+def lag_change(tau, step, x, before, after):
+    """The change of a first-order lag x over a step, in which its input goes along a line; exact."""
+    part = -math.expm1(-step / tau)
+    return part * (before - x) + (after - before) * (1.0 - part * (tau / step))
+
+
 @kernel
 def relaxed(lags, times, values, x, out):
     """First-order lags of what is joined by lines, exactly: out[sample, lag], from the states x on, which are
@@ -79,11 +87,8 @@ def relaxed(lags, times, values, x, out):
         out[0, i] = x[i]
     for k in range(1, times.size):
         step = times[k] - times[k - 1]
-        slope = (values[k] - values[k - 1]) / step
         for i in range(lags.tau.size):
-            tau = lags.tau[i]
-            decay = np.exp(-step / tau)
-            x[i] = decay * x[i] + (1.0 - decay) * (values[k - 1] - tau * slope) + slope * step
+            x[i] += lag_change(lags.tau[i], step, x[i], values[k - 1], values[k])
             out[k, i] = x[i]
 
 

@@ -75,7 +75,7 @@ class MaxwellCapacitor(NamedTuple):
     def operators(self) -> Operators:
         """Plays of the charge [C]: the voltage across the elements is Σ k_i q less their output."""
         k, v, none = np.array(self.stiffnesses), np.array(self.breakaways), np.zeros(0)
-        return Operators(v / k, k, none, none)
+        return Operators(v / k, k, none, none, none)
 
     @classmethod
     def of_plays(

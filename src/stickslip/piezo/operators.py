@@ -1,11 +1,15 @@
 r"""Play operators and dead zones on samples: their response, and the drive that gives a wanted one.
 
-.. math:: z_i(t) = \max\bigl(u - r_i, \min(u + r_i, z_i(t^-))\bigr), \qquad
+.. math:: z_i(t) = \max\bigl(v - r_i, \min(v + r_i, z_i(t^-))\bigr), \qquad
           H[u] = \sum_i w_i z_i + \sum_j c_j \max(u - s_j, 0)
 
-A play stands still until the drive has turned back by 2 r_i [krejci2001; kuhnen2003]. Both sums grow with u
-on each way, so that H has an inverse on any history: between the points where a play is taken along, or a
-dead zone ends, it is a straight line.
+A play stands still until v has turned back by 2 r_i [krejci2001; kuhnen2003]; v is the drive u, or skewed,
+
+.. math:: v = u + \sum_j d_j \bigl(\max(u - s_j, 0) - \max(-s_j, 0)\bigr),
+
+so that loops differ in width between low and high voltage. Both sums grow with u on each way, so that H has
+an inverse on any history: between the points where a play is taken along, or a dead zone ends, it is a
+straight line.
 """
 
 from __future__ import annotations
@@ -27,20 +31,60 @@ MOST = 2_000
 
 
 class Operators(NamedTuple):
-    """As kernels see them, whatever their number: thresholds r [V] and weights w of the plays, ends s [V] and
-    slopes c of the dead zones."""
+    """As kernels see them, whatever their number: thresholds r [V] and weights w of the plays, ends s [V],
+    ascending, slopes c and skews d of the dead zones."""
 
     threshold: Array
     weight: Array
     zone: Array
     slope: Array
+    skew: Array
+
+
+@compiled
+def play(v, r, z):
+    """The state of a play of half-width r for what it sees, v, from the state z."""
+    return max(v - r, min(v + r, z))
+
+
+@compiled
+def beyond(u, s):
+    """How far the drive value u is beyond the end s of a dead zone."""
+    return max(u - s, 0.0)
+
+
+@compiled
+def skewed(plays, u):
+    """v, what the plays see of the drive value u."""
+    v = u
+    for j in range(plays.zone.size):
+        v += plays.skew[j] * (beyond(u, plays.zone[j]) - beyond(0.0, plays.zone[j]))
+    return v
+
+
+@compiled
+def unskewed(plays, v):
+    """The drive value u of which plays see v."""
+    if plays.zone.size == 0:
+        return v
+    corner = plays.zone[0]
+    at, slope = skewed(plays, corner), 1.0  # v there, and dv/du until there
+    u = corner + (v - at)
+    for j in range(plays.zone.size):
+        at += slope * (plays.zone[j] - corner)
+        corner = plays.zone[j]
+        slope += plays.skew[j]
+        if v > at:
+            u = corner + (v - at) / slope
+    return u
 
 
 @compiled
 def taken_along(plays, u, z):
     """The plays' states for the drive value u; in place."""
+    v = skewed(plays, u)
     for i in range(z.size):
-        z[i] = max(u - plays.threshold[i], min(u + plays.threshold[i], z[i]))
+        z[i] = play(v, plays.threshold[i], z[i])
 
 
 @compiled
@@ -50,7 +94,7 @@ def output(plays, u, z):
     for i in range(z.size):
         total += plays.weight[i] * z[i]
     for j in range(plays.zone.size):
-        total += plays.slope[j] * max(u - plays.zone[j], 0.0)
+        total += plays.slope[j] * beyond(u, plays.zone[j])
     return total
 
 
@@ -77,7 +121,7 @@ def next_corner(plays, u, z, up):
     there is none."""
     corner = math.inf
     for i in range(z.size):
-        at = up * (z[i] + up * plays.threshold[i])  # where this play is taken along
+        at = up * unskewed(plays, z[i] + up * plays.threshold[i])  # where this play is taken along
         if at > up * u + ROUNDING * (abs(u) + plays.threshold[i]):
             corner = min(corner, at)
     for j in range(plays.zone.size):
@@ -89,14 +133,16 @@ def next_corner(plays, u, z, up):
 @compiled
 def steepness(plays, u, z, up):
     """dH/du just beyond u."""
-    total = 0.0
+    along, beside, share = 0.0, 0.0, 1.0
+    v = skewed(plays, u)
     for i in range(z.size):
-        if up * (u - z[i]) >= plays.threshold[i] - ROUNDING * (abs(u) + plays.threshold[i]):
-            total += plays.weight[i]
+        if up * (v - z[i]) >= plays.threshold[i] - ROUNDING * (abs(u) + plays.threshold[i]):
+            along += plays.weight[i]
     for j in range(plays.zone.size):
         if u > plays.zone[j] or (up > 0.0 and u == plays.zone[j]):
-            total += plays.slope[j]
-    return total
+            share += plays.skew[j]
+            beside += plays.slope[j]
+    return along * share + beside
 
 
 @compiled

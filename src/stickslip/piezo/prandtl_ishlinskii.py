@@ -1,8 +1,10 @@
 r"""Prandtl-Ishlinskii hysteresis, with dead zones for what differs between low and high voltage.
 
-.. math:: H[u] = \sum_i w_i P_{r_i}[u] + \sum_j c_j \max(u - s_j, 0), \qquad y = C H[u]
+.. math:: H[u] = \sum_i w_i P_{r_i}[v] + \sum_j c_j \max(u - s_j, 0), \qquad
+          v = u + \sum_j d_j \bigl(\max(u - s_j, 0) - \max(-s_j, 0)\bigr), \qquad y = C H[u]
 
-P_r is the play operator of half-width r (see `operators`). With weights that are not negative, loops and
+P_r is the play operator of half-width r (see `operators`); with skews d_j it sees the voltage bent, so that
+loops are wider at one end [kuhnen2003 bends what comes out]. With weights that are not negative, loops and
 minor loops close as those of a piezo do, and H has an inverse in closed form [krejci2001; kuhnen2003].
 Rate-independent; loops are congruent and, without dead zones, point-symmetric. In the literature the dead
 zones follow the plays; here they are beside them, which leaves the weights linear in a fit.
@@ -21,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from .. import registry
 from ..records import Quantity, record
 from ..units import QuantityError
-from .operators import Operators, inverse, response
+from .operators import Operators, inverse, response, skewed, unskewed
 
 Array = NDArray[np.float64]
 
@@ -36,6 +38,7 @@ class PrandtlIshlinskii(NamedTuple):
     weights: Annotated[tuple[float, ...], Quantity("", "w_i", "share of each play", minimum=0)]
     dead_zones: Annotated[tuple[float, ...], Quantity("V", "s_j", "voltage where each dead zone ends")] = ()
     slopes: Annotated[tuple[float, ...], Quantity("", "c_j", "share beyond each dead zone")] = ()
+    skews: Annotated[tuple[float, ...], Quantity("", "d_j", "what plays see more beyond each")] = ()
 
     def _check(self) -> None:
         for one, other, unit in (("thresholds", "weights", "V"), ("dead_zones", "slopes", "V")):
@@ -47,6 +50,16 @@ class PrandtlIshlinskii(NamedTuple):
                 )
             if list(first) != sorted(set(first)):
                 raise QuantityError(f"PrandtlIshlinskii.{one} [{unit}] must ascend: {list(first)}")
+        if self.skews and len(self.skews) != len(self.dead_zones):
+            raise QuantityError(
+                f"PrandtlIshlinskii has {len(self.dead_zones)} dead_zones [V] and {len(self.skews)} skews: "
+                "each needs one, or none has"
+            )
+        if min(self._shares) <= 0.0:
+            raise QuantityError(
+                f"PrandtlIshlinskii.skews = {list(self.skews)}: their sum to any dead zone must be above -1, "
+                "or the plays turn back before the voltage does"
+            )
         if not self.thresholds:
             raise QuantityError(
                 "PrandtlIshlinskii.thresholds [V] is empty: a play of threshold 0 is the least"
@@ -62,17 +75,30 @@ class PrandtlIshlinskii(NamedTuple):
     def least_slope(self) -> float:
         """dH/du just after a reversal, at the voltage where it is least."""
         at_once = self.weights[0] if self.thresholds[0] == 0.0 else 0.0
-        return at_once + min(0.0, *np.cumsum((0.0, *self.slopes)).tolist())
+        return float(np.min(at_once * self._shares + np.cumsum((0.0, *self.slopes))))
+
+    @property
+    def _shares(self) -> Array:
+        """dv/du before the first dead zone, and beyond each."""
+        return np.cumsum((1.0, *(self.skews or (0.0,) * len(self.dead_zones))))
 
     @property
     def operators(self) -> Operators:
         """As kernels see it."""
-        rows = (self.thresholds, self.weights, self.dead_zones, self.slopes)
+        skews = self.skews or (0.0,) * len(self.dead_zones)
+        rows = (self.thresholds, self.weights, self.dead_zones, self.slopes, skews)
         return Operators(*(np.array(row, dtype=float) for row in rows))
 
     def rested(self, drive: float) -> Array:
         """The states z [V] at a drive value [V] that was reached from 0 V, without turning back."""
-        return rested(np.array(self.thresholds), drive)
+        return rested(np.array(self.thresholds), skewed(self.operators, float(drive)))
+
+    def corners(self, drive: float, up: float) -> Array:
+        """The voltages [V] at which plays are taken along, from that one in the direction `up` (1.0, -1.0),
+        to which it came from 0 V without turning back, and those where dead zones end."""
+        plays = self.operators
+        along = [unskewed(plays, v) for v in self.rested(drive) + up * plays.threshold]
+        return np.append(along, plays.zone)
 
     def output(self, drive: ArrayLike, rest: float = 0.0) -> Array:
         """H[u] [V], shape (n,), of samples of a drive [V] between which it does not turn back.
@@ -106,5 +132,5 @@ class PrandtlIshlinskii(NamedTuple):
 
 
 def rested(thresholds: Array, drive: float) -> Array:
-    """The states of plays [V] at a drive value [V] that was reached from 0 V, without turning back."""
+    """The states of plays [V] for what they see of a drive [V] that came from 0 V without turning back."""
     return np.sign(drive) * np.maximum(abs(drive) - thresholds, 0.0)

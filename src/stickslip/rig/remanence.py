@@ -64,8 +64,10 @@ def simplified(piezo: Piezo | None) -> Piezo | None:
     hysteresis, after = piezo
     if isinstance(hysteresis, PrandtlIshlinskii):
         plays = [(r, w) for r, w in zip(hysteresis.thresholds, hysteresis.weights, strict=True) if w > 0.0]
-        zones = [(s, c) for s, c in zip(hysteresis.dead_zones, hysteresis.slopes, strict=True) if c != 0.0]
-        of_plays, of_zones = zip(*plays, strict=True), zip(*zones, strict=True) if zones else ((), ())
+        skews = hysteresis.skews or (0.0,) * len(hysteresis.dead_zones)
+        rows = zip(hysteresis.dead_zones, hysteresis.slopes, skews, strict=True)
+        zones = [(s, c, d) for s, c, d in rows if (c, d) != (0.0, 0.0)]
+        of_plays, of_zones = zip(*plays, strict=True), zip(*zones, strict=True) if zones else ((), (), ())
         straight = plays == [(0.0, 1.0)] and not zones
         hysteresis = None if straight else PrandtlIshlinskii(*of_plays, *of_zones)
     if isinstance(after, Creep):

@@ -72,12 +72,22 @@ def test_intervals_hold() -> None:
 def test_measured_piezo_predicts_another_recording(yan9a: dict[str, xr.Dataset], model_fit: Fit) -> None:
     """Fitted to a sine of 1 Hz, predicting other amplitudes and rests: the aim is 0.22 um rms."""
     error = model_fit.predict(yan9a["test"]) - yan9a["test"].stage_position.values  # type: ignore[misc]
-    assert np.sqrt(np.mean(error**2)) < 0.22e-6
+    assert np.sqrt(np.mean(error**2)) < 0.21e-6
+    assert model_fit.rmse < 0.12e-6  # 0.17 without a skew
     assert 0.01 < model_fit.values["creep"] < 0.03
     linear = ss.identify_piezo([yan9a["model"]], operators=1, asymmetric=False, creep=False)
     left = linear.predict(yan9a["test"]) - yan9a["test"].stage_position.values  # type: ignore[misc]
     assert np.sqrt(np.mean(left**2)) > 5.0 * np.sqrt(np.mean(error**2))
     assert any("edge" in remark for remark in model_fit.remarks)
+
+
+def test_measured_piezo_predicts_without_an_edge(yan9a: dict[str, xr.Dataset]) -> None:
+    """Fitted to periods of the sine alone, amid its motion: without a lag 0.68 um would be left."""
+    sine = yan9a["model"].isel(time=slice(400, None))
+    fit = ss.identify_piezo(sine)
+    error = fit.predict(yan9a["test"]) - yan9a["test"].stage_position.values  # type: ignore[misc]
+    assert np.sqrt(np.mean(error**2)) < 0.26e-6
+    assert 0.012 < fit.values["lag"] < 0.02
 
 
 def test_inverse_of_one_recording_tracks_by_the_model_of_the_other(
@@ -89,8 +99,8 @@ def test_inverse_of_one_recording_tracks_by_the_model_of_the_other(
     wanted = middle + 20e-6 * np.sin(2.0 * np.pi * time) * np.exp(-time / 15.0)
     drive = ss.inverse_drive(model_fit, time, wanted)
     shown = ss.make_recording(time, {"drive_voltage": (drive.values, "V"), "stage_position": (wanted, "m")})
-    assert np.std(other.predict(shown) - wanted) < 0.25e-6  # type: ignore[misc]
-    assert np.std(model_fit.predict(shown) - wanted) < 0.01e-6  # type: ignore[misc]
+    assert np.std(other.predict(shown) - wanted) < 0.14e-6  # type: ignore[misc]
+    assert np.std(model_fit.predict(shown) - wanted) < 0.008e-6  # type: ignore[misc]
 
 
 @pytest.mark.parametrize("seed", [2, 5])

@@ -268,6 +268,64 @@ static real_t static_contact(
 }
 #endif
 
+/* Add to a position, or a term of creep, and remember what rounding took away. */
+static void add(real_t *position, real_t *lost, real_t change)
+{
+    const real_t wanted = change - *lost;
+    const real_t sum = *position + wanted;
+    *lost = (sum - *position) - wanted;
+    *position = sum;
+}
+
+#if STICKSLIP_PIEZO
+/* What the piezo's hysteresis gives at an input, V; moves its states. */
+static real_t after_hysteresis(
+    const stickslip_plant *plant, const stickslip_state *state, stickslip_state *moved, real_t before, real_t input)
+{
+    (void)plant;
+    (void)state;
+    (void)moved;
+    (void)before;
+#if STICKSLIP_HYSTERESIS
+    for (int i = 0; i < STICKSLIP_HYSTERESIS; ++i) {
+        moved->hysteresis[i] = state->hysteresis[i];
+    }
+    return stickslip_hysteresis(&plant->piezo, before, input, moved->hysteresis);
+#else
+    return input;
+#endif
+}
+
+/* What has crept, V. */
+static real_t crept(const stickslip_plant *plant, const stickslip_state *state)
+{
+    real_t sum = R(0.0);
+    (void)plant;
+    (void)state;
+#if STICKSLIP_CREEP
+    for (int k = 0; k < STICKSLIP_CREEP; ++k) {
+        sum += plant->piezo.creep.shares[k] * state->creep[k];
+    }
+#endif
+    return sum;
+}
+
+/* The ends of a step behind hysteresis and creep; moves their states. */
+static void through_piezo(const stickslip_plant *plant, stickslip_state *state, real_t *begin, real_t *end)
+{
+    const real_t from = after_hysteresis(plant, state, state, state->input, *begin);
+    const real_t to = after_hysteresis(plant, state, state, *begin, *end);
+    *begin = from + crept(plant, state);
+#if STICKSLIP_CREEP
+    for (int k = 0; k < STICKSLIP_CREEP; ++k) {
+        add(&state->creep[k], &state->creep_lost[k],
+            stickslip_creep(&plant->piezo, k, plant->h, state->creep[k], from, to));
+    }
+#endif
+    *end = to + crept(plant, state);
+}
+#endif
+
 /* ---- Public ----------------------------------------------------------------------------------------------- */
 
 const char *stickslip_init(stickslip_plant *plant, const stickslip_parameters *parameters, double h)
@@ -288,6 +346,9 @@ const char *stickslip_init(stickslip_plant *plant, const stickslip_parameters *p
 #endif
     made.mechanism = ss_mechanism(&parameters->model);
     made.chain = parameters->chain;
+#if STICKSLIP_PIEZO
+    made.piezo = parameters->model.piezo;
+#endif
     for (int i = 0; i < 5; ++i) {
         made.observer_gain[i] = parameters->observer_gain[i];
     }
@@ -341,6 +402,15 @@ void stickslip_rest(const stickslip_plant *plant, stickslip_state *state, real_t
     const stickslip_state empty = {0};
     *state = empty;
     state->input = input;
+#if STICKSLIP_PIEZO /* reached from 0 V, long ago */
+    input = after_hysteresis(plant, state, state, R(0.0), input);
+#if STICKSLIP_CREEP
+    for (int k = 0; k < STICKSLIP_CREEP; ++k) {
+        state->creep[k] = input;
+    }
+#endif
+    input += crept(plant, state);
+#endif
     state->friction_force = mech->clamped ? R(0.0) : held;
     if (mech->kinematic) {
         state->stage_position = mech->gain * input;
@@ -413,15 +483,6 @@ static int admitted(const stickslip_plant *plant, real_t last, real_t low, real_
     return STICKSLIP_OK;
 }
 
-/* Add to a position and remember what rounding took away. */
-static void add(real_t *position, real_t *lost, real_t change)
-{
-    const real_t wanted = change - *lost;
-    const real_t sum = *position + wanted;
-    *lost = (sum - *position) - wanted;
-    *position = sum;
-}
-
 int stickslip_step_ramp(const stickslip_plant *plant, stickslip_state *state, real_t begin, real_t end)
 {
     int bits = STICKSLIP_OK;
@@ -435,6 +496,10 @@ int stickslip_step_ramp(const stickslip_plant *plant, stickslip_state *state, re
     bits |= admitted(plant, state->input, plant->low, plant->high, &begin);
     bits |= admitted(plant, begin, plant->low, plant->high, &end);
 
+    const real_t last = end;
+#if STICKSLIP_PIEZO
+    through_piezo(plant, state, &begin, &end);
+#endif
     const real_t now[7] = {
         state->stage_position, state->stage_velocity, state->end_effector_position, state->end_effector_velocity,
         begin, end - begin, R(1.0)};
@@ -480,7 +545,7 @@ int stickslip_step_ramp(const stickslip_plant *plant, stickslip_state *state, re
     add(&state->end_effector_position, &state->lost[1], change[X]);
     state->stage_velocity += change[W];
     state->end_effector_velocity += change[S];
-    state->input = end;
+    state->input = last;
 #if STICKSLIP_LATE
     state->sensor = seen_late(plant, state);
 #elif STICKSLIP_HAS_SENSOR
@@ -547,3 +612,21 @@ int stickslip_feedforward(
     *input = made;
     return bits;
 }
+
+#if STICKSLIP_PIEZO
+real_t stickslip_piezo_inverse(const stickslip_plant *plant, const stickslip_state *state, real_t wanted)
+{
+    const real_t missing = wanted - crept(plant, state);
+    real_t low = plant->low, high = plant->high;
+    stickslip_state tried = *state;
+    for (int k = 0; k < SUBSTEPS_AT_REST; ++k) {
+        const real_t middle = R(0.5) * (low + high);
+        if (after_hysteresis(plant, state, &tried, state->input, middle) < missing) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    return R(0.5) * (low + high);
+}
+#endif

@@ -33,6 +33,9 @@ typedef struct {
     ss_Mechanism mechanism;
     stickslip_element element[STICKSLIP_STATES];
     stickslip_signal_chain chain;
+#if STICKSLIP_PIEZO
+    stickslip_piezo piezo;
+#endif
     real_t observer_gain[5];
     real_t breakaway;      /* N, of a static law */
     real_t low, high;      /* limits of the input */
@@ -58,6 +61,13 @@ typedef struct {
     real_t friction_force;         /* N, mean of the last step */
     real_t input;                  /* the last input of the actuator, V */
     real_t lost[2];                /* m, what rounding took from the two positions */
+#if STICKSLIP_HYSTERESIS
+    real_t hysteresis[STICKSLIP_HYSTERESIS]; /* V, of its plays, or h of Bouc-Wen */
+#endif
+#if STICKSLIP_CREEP
+    real_t creep[STICKSLIP_CREEP]; /* V, of its terms */
+    real_t creep_lost[STICKSLIP_CREEP];
+#endif
     real_t sensor;                 /* m, the end-effector as the sensor sees it */
 #if STICKSLIP_LATE
     real_t late[STICKSLIP_LATE];   /* m, the end-effector at the last steps, for a channel that is late */
@@ -97,8 +107,14 @@ stickslip_outputs stickslip_read(const stickslip_plant *plant, const stickslip_s
 /* Observer: move the state towards a measured end-effector position (m), after the step to that instant. */
 void stickslip_correct(const stickslip_plant *plant, stickslip_state *state, real_t measured);
 
-/* Feedforward: the input for a wanted position, velocity and acceleration of a sticking end-effector. */
+/* Feedforward: the input for a wanted position, velocity and acceleration of a sticking end-effector. With
+ * hysteresis or creep of the piezo it is what these are to give: see stickslip_piezo_inverse. */
 int stickslip_feedforward(
     const stickslip_plant *plant, real_t position, real_t velocity, real_t acceleration, real_t *input);
+
+#if STICKSLIP_PIEZO
+/* The input at which, from this state on, hysteresis and creep give what is wanted (V), by bisection. */
+real_t stickslip_piezo_inverse(const stickslip_plant *plant, const stickslip_state *state, real_t wanted);
+#endif
 
 #endif

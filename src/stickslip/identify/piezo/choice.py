@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import product
+from itertools import groupby, product
 from typing import NamedTuple
 
 import numpy as np
 
 from ...units import QuantityError
-from .columns import CREEP_BEGINS, Columns, Grid, Observed, Timing, columns
+from .columns import CREEP_BEGINS, Columns, Grid, Observed, columns
 from .linear import cross_validated
+from .timing import Lateness
 
 # Plays that are tried; more than the last predict no better on any data that were looked at.
 PLAYS = (1, 2, 4, 6, 8, 12, 16)
@@ -22,10 +23,22 @@ LONG_ENOUGH = 20.0
 SAMPLES_PER_PLAY = 10
 
 
+class Shape(NamedTuple):
+    """A form that is compared: with the square (`bent`), with a `skew` [1/V], and how late the voltage is by
+    it."""
+
+    bent: bool
+    skew: float
+    late: Lateness
+
+
 class Choice(NamedTuple):
-    """The columns of a fit, and sentences on what was tried."""
+    """The columns of a fit, how late the voltage is, what is left of parts left out [m], and sentences on
+    what was tried."""
 
     grid: Grid
+    late: Lateness
+    score: float
     remarks: tuple[str, ...]
 
 
@@ -38,9 +51,8 @@ def range_of(observed: Sequence[Observed]) -> tuple[float, float]:
 
 def chosen(
     observed: Sequence[Observed],
-    timing: Timing,
+    shapes: Sequence[Shape],
     operators: int | None,
-    asymmetric: bool | None,
     creep: bool | None,
     time_constants: Sequence[float] = (),
 ) -> Choice:
@@ -69,29 +81,35 @@ def chosen(
             f"at least {LONG_ENOUGH * CREEP_BEGINS:g} s are needed"
         )
     plays = PLAYS if operators is None else (operators,)
-    bents = (False, True) if asymmetric is None else (asymmetric,)
     crept = (False, True) if creep is None and long_enough else (bool(creep),)
     tried = []
     positions = [one.position for one in observed]
-    for n in (n for n in plays if n * SAMPLES_PER_PLAY <= fewest):
-        most = Grid.over(*range_of(observed), n, max(bents), lasts if max(crept) else 0.0)
+    # what one shape with the square has, the same without has too
+    alike = [list(some) for _, some in groupby(shapes, key=lambda one: (one.skew, one.late))]
+    for n, some in product((n for n in plays if n * SAMPLES_PER_PLAY <= fewest), alike):
+        bent, skew, late = some[-1]
+        most = Grid.over(*range_of(observed), n, bent, lasts if max(crept) else 0.0, skew)
         if most.times.size and len(time_constants):
             most = most._replace(times=np.array(time_constants))
-        parts = [columns(one, timing, most) for one in observed]
-        for bent, creeps in product(bents, crept):
-            grid = most.without(bent=not bent, creep=not creeps)
-            kept = [Columns(*(rows[:, : n + bent] for rows in part)) for part in parts]
-            tried.append((cross_validated(kept, positions, grid, FOLDS), n + bent + creeps, grid))
-    best = min(score for score, _, _ in tried)
-    score, _, grid = min((one for one in tried if one[0] <= (1.0 + ENOUGH) * best), key=lambda one: one[1])
+        parts = [columns(one, late.timing, most) for one in observed]
+        for shape, creeps in product(some, crept):
+            grid = most.without(bent=not shape.bent, creep=not creeps)
+            kept = [Columns(*(rows[:, : n + shape.bent] for rows in part)) for part in parts]
+            size = n + shape.bent + bool(skew) + creeps
+            tried.append((cross_validated(kept, positions, grid, FOLDS), size, grid, late))
+    best = min(score for score, *_ in tried)
+    score, _, grid, late = min(
+        (one for one in tried if one[0] <= (1.0 + ENOUGH) * best), key=lambda one: one[1]
+    )
     remarks = []
     if len(tried) > 1:
         remarks.append(
-            f"{grid.thresholds.size} plays, {'with' if grid.zones.size else 'without'} asymmetry, "
+            f"{grid.thresholds.size} plays, {'with' if grid.zones.size else 'without'} asymmetry"
+            f"{' and skew' * bool(grid.skew)}, "
             f"{'with' if grid.times.size else 'without'} creep: the smallest of {len(tried)} models that "
             f"predicts parts left out ({score:.3g} m rms) within {100 * ENOUGH:g} % of the "
             f"best ({best:.3g} m)"
         )
     if creep is None and not long_enough:
         remarks.append(f"creep is left out: it does not show within {lasts:.3g} s")
-    return Choice(grid, tuple(remarks))
+    return Choice(grid, late, score, tuple(remarks))

@@ -1,9 +1,10 @@
 r"""Columns of a piezo's design: answers to a recorded drive, which its coefficients multiply.
 
-.. math:: y = y_0 + S + g\,L[S], \qquad S = \sum_i w_i P_{r_i}[u] + \kappa\,B(u)
+.. math:: y = y_0 + S + g\,L[S], \qquad S = \sum_i w_i P_{r_i}[u + a\,B(u) - a\,B(0)] + \kappa\,B(u)
 
 u is the voltage at the piezo: the recorded one, late and lagging. P are plays, B is the square of the voltage
-above its least, drawn with dead zones, and L the logarithmic creep of one share per decade. See `piezo`.
+above its least, drawn with dead zones, a the skew, and L the logarithmic creep of one share per decade. See
+`piezo`.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ...piezo.creep import PER_DECADE, Lags, relaxed, spread
-from ...piezo.operators import Operators, states
+from ...piezo.operators import Operators, skewed, states
 from ...piezo.prandtl_ishlinskii import rested
 from ...recording import RecordingError
 from ..recorded.channels import channel
@@ -35,13 +36,29 @@ Array = NDArray[np.float64]
 
 class Observed(NamedTuple):
     """A recording: `time` [n] from its first sample, s; `drive` [n], V; `position` [n], m; `rest`, V at which
-    it rested before."""
+    it rested before, reached from 0 V; or `cycled`: it did not rest, but went between the ends of the drive
+    before, as it does in the recording."""
 
     name: str
     time: Array
     drive: Array
     position: Array
     rest: float
+    cycled: bool = False
+
+    def begins_as(self, other: Observed) -> bool:
+        """Whether the same was before."""
+        return (self.rest, self.cycled) == (other.rest, other.cycled)
+
+    @property
+    def way(self) -> Array:
+        """The voltages at which the piezo turned before the first sample, and the one that it then had, V."""
+        if not self.cycled:
+            return np.array([self.rest])
+        low, high = float(self.drive.min()), float(self.drive.max())
+        moved = np.flatnonzero(np.abs(self.drive - self.drive[0]) > TURNED * (high - low))
+        rises = bool(self.drive[moved[0]] > self.drive[0])
+        return np.array([high, low, self.rest] if rises else [low, high, self.rest])
 
 
 class Timing(NamedTuple):
@@ -53,33 +70,47 @@ class Timing(NamedTuple):
 
 class Grid(NamedTuple):
     """What the columns are of: `thresholds` of plays [V], `zones` of the square [V], time constants of the
-    creep [s]; either of the latter may be empty."""
+    creep [s]; either of the latter may be empty. `skew` [1/V] of what plays see, where there are zones."""
 
     thresholds: Array
     zones: Array
     times: Array
+    skew: float = 0.0
 
     @classmethod
-    def over(cls, low: float, high: float, plays: int, bent: bool, lasts: float) -> Grid:
+    def over(cls, low: float, high: float, plays: int, bent: bool, lasts: float, skew: float = 0.0) -> Grid:
         """For drives from `low` to `high` [V] and recordings of `lasts` s; 0: without creep.
 
         A play wider than half the range never moves back, so that nothing tells its weight.
         """
-        return cls(
-            0.5 * (high - low) * np.arange(plays) / plays,
-            low + (high - low) * np.arange(ZONES if bent else 0) / ZONES,
-            spread(CREEP_BEGINS, lasts) if lasts > CREEP_BEGINS else np.zeros(0),
-        )
+        zones = low + (high - low) * np.arange(ZONES if bent else 0) / ZONES
+        times = spread(CREEP_BEGINS, lasts) if lasts > CREEP_BEGINS else np.zeros(0)
+        return cls(0.5 * (high - low) * np.arange(plays) / plays, zones, times).skewed_by(skew)
+
+    def skewed_by(self, skew: float) -> Grid:
+        """The same with this skew; thresholds keep their shares of the range that plays see."""
+        if skew == self.skew:
+            return self
+        low, high = self.zones[0], self.zones[0] + ZONES * (self.zones[1] - self.zones[0])
+        made = self._replace(skew=skew)
+        now, then = (skewed(of.plays, high) - skewed(of.plays, low) for of in (self, made))
+        return made._replace(thresholds=self.thresholds * (then / now))
 
     def without(self, bent: bool, creep: bool) -> Grid:
         """The same without the square (`bent`), without the creep, or both."""
         none = np.zeros(0)
-        return Grid(self.thresholds, none if bent else self.zones, none if creep else self.times)
+        return self._replace(zones=none if bent else self.zones, times=none if creep else self.times)
 
     @property
     def bends(self) -> Array:
         """Change of slope at each zone for a coefficient of 1, V."""
         return np.full(self.zones.size, 2.0 * (self.zones[1] - self.zones[0]) if self.zones.size else 0.0)
+
+    @property
+    def plays(self) -> Operators:
+        """Plays of the weight 1, without what is beside them."""
+        ones, none = np.ones(self.thresholds.size), np.zeros(self.zones.size)
+        return Operators(self.thresholds, ones, self.zones, none, self.skew * self.bends)
 
 
 class Columns(NamedTuple):
@@ -138,10 +169,14 @@ def repeated(drive: Array) -> tuple[float, float, float]:
 
 def at_piezo(observed: Observed, timing: Timing) -> Array:
     """The voltage at the piezo, V, shape (n,)."""
-    time, rest = observed.time, observed.rest
-    late = observed.drive
-    if timing.delay > 0.0:
-        late = np.interp(time - timing.delay, time, observed.drive, left=rest)
+    time, rest, late = observed.time, observed.rest, observed.drive
+    if observed.cycled:  # it went on as it now begins
+        slope = float(late[1] - late[0]) / float(time[1])
+        early = time - timing.delay
+        late = np.where(early < 0.0, rest + slope * early, np.interp(early, time, late))
+        rest += -slope * (timing.delay + timing.lag)
+    elif timing.delay > 0.0:
+        late = np.interp(time - timing.delay, time, late, left=rest)
     return lagged(time, late, np.array([timing.lag]), rest)[:, 0] if timing.lag > 0.0 else late
 
 
@@ -154,15 +189,15 @@ def lagged(time: Array, values: Array, tau: Array, rest: float) -> Array:
 
 def columns(observed: Observed, timing: Timing, grid: Grid) -> Columns:
     """All columns of a recording."""
-    u = np.ascontiguousarray(at_piezo(observed, timing))
-    r, none = grid.thresholds, np.zeros(0)
-    at_once = np.empty((u.size, r.size))
-    states(Operators(r, np.ones(r.size), none, none), u, rested(r, observed.rest), at_once)
-    first = rested(r, observed.rest)
+    way = observed.way
+    u = np.append(way, at_piezo(observed, timing))
+    plays = grid.plays
+    every = np.empty((u.size, plays.threshold.size))
+    states(plays, u, rested(plays.threshold, skewed(plays, way[0])), every)
     if grid.zones.size:
-        bent = np.maximum(u[:, None] - grid.zones, 0.0) @ grid.bends
-        at_once = np.column_stack([at_once, bent])
-        first = np.append(first, np.maximum(observed.rest - grid.zones, 0.0) @ grid.bends)
+        every = np.column_stack([every, np.maximum(u[:, None] - grid.zones, 0.0) @ grid.bends])
+    at_once = every[way.size :]
+    first = at_once.mean(axis=0) if observed.cycled else every[way.size - 1]
     crept = np.zeros_like(at_once)
     if grid.times.size:
         for i in range(first.size):

@@ -22,20 +22,24 @@ from ...units import QuantityError, optional_si, to_si
 from ..recorded.channels import names_of, recordings_of, refuse_clipped, unit_of
 from ..recorded.known_noise import converter_step, first_change
 from ..recorded.recorded_drive import noise_level
-from .choice import chosen, range_of
+from .choice import ENOUGH, Choice, Shape, chosen, range_of
 from .columns import Columns, Grid, Observed, Timing, columns, observe, refuse_one_way, repeated
-from .linear import Solution, solve
+from .linear import Solution, solved
 from .prediction import PiezoPrediction
+from .shapes import first_model, lagging_shape, skewed_shape
 from .timing import Edges, Lateness, edges_of, lateness
 
 OBSERVED = "stage_position"
-FIRST_PLAYS = 8  # of the model by which rest and lateness are found
 # What a model leaves, over white noise of the positions, if that is all.
 NOISY = 1.3
+# Relative: what a lag must explain of parts left out, where no edge tells it.
+LATE = 0.1
 # Of its range: a drive further from its first value has moved.
 MOVED = 0.01
 # Of a sample's interval, the step of derivatives by delay and lag; and timings whose columns are kept.
 DIFFERENCE, KEPT = 0.02, 4
+# Over the range, the step of the derivative by skew.
+SKEWED = 1e-4
 
 Array = NDArray[np.float64]
 
@@ -55,20 +59,24 @@ def identify_piezo(
 ) -> Fit:
     r"""Fit Prandtl-Ishlinskii hysteresis and creep to recordings of voltage and displacement.
 
-    .. math:: y = y_0 + S + g\,L[S], \qquad S = \sum_i w_i P_{r_i}[u] + \kappa\,B(u)
+    .. math:: y = y_0 + S + g\,L[S], \qquad
+              S = \sum_i w_i P_{r_i}[u + a\,B(u) - a\,B(0)] + \kappa\,B(u)
 
     Slow against the stage's resonance, free of contact: the recorded displacement is the piezo's. Thresholds
     are spread evenly over half the range of the drive, and creep is logarithmic from 0.1 s to the length of
     the recording: wider plays and slower creep are not determined. How many plays, and whether the square
     B(u) and creep are there, is chosen by cross-validation: the smallest model that predicts parts of the
-    recordings that it was not fitted to about as well as the best one. Delay and lag are those seen after
-    edges of the drive; without edges, a lag cannot be told from hysteresis and is taken as 0.
+    recordings that it was not fitted to about as well as the best one. Where that leaves more than noise, so
+    is the skew a of what the plays see, by which loops are wider at one end. Delay and lag are those seen
+    after edges of the drive; without edges, a lag is hardly told from hysteresis, and only one that predicts
+    clearly better is taken. A recording begins after a rest, or amid the motion with which it goes on,
+    whichever explains it better.
 
     Args:
         recordings: with drive_voltage [V] and stage_position [m].
         model: an actuator into which gain and piezo are put.
         operators: number of plays; left out, chosen.
-        asymmetric: whether B(u) is there; left out, chosen.
+        asymmetric: whether B(u) is there, and a may be; left out, chosen.
         creep: whether creep is there; left out, chosen.
         time_constants: s, of creep, with equal shares; left out, two to the decade from 0.1 s to the length
             of the recordings.
@@ -79,10 +87,10 @@ def identify_piezo(
         observed: name of the position channel.
 
     Returns:
-        A fit of weight_1, ... [m/V] of the plays, curvature κ [m/V²], creep g (share per decade), and the
-        offset of each recording [m]; beside them gain, their sum, delay and lag [s]. `predict(recording)` is
-        the position, m: its level is that of the recording's own positions, where it has any. `model` is the
-        actuator given, or a `Piezo`.
+        A fit of weight_1, ... [m/V] of the plays, curvature κ [m/V²], skew a [1/V], creep g (share per
+        decade), and the offset of each recording [m]; beside them gain, their sum, delay and lag [s].
+        `predict(recording)` is the position, m: its level is that of the recording's own positions, where it
+        has any. `model` is the actuator given, or a `Piezo`.
 
     Raises:
         RecordingError: a channel is missing, too short, not finite, clipped, constant, or the drive never
@@ -101,13 +109,27 @@ def identify_piezo(
     refuse_one_way(seen)
     late = _lateness(seen, *given)
     for assumed in (0.0, None) if rest is None else ():
-        rested = _rested(seen, late.timing, assumed)
-        if rested == [one.rest for one in seen]:
+        begun = _begun(seen, late.timing, assumed)
+        if all(one.begins_as(other) for one, other in zip(seen, begun, strict=True)):
             break
-        seen = [one._replace(rest=r) for one, r in zip(seen, rested, strict=True)]
+        seen = begun
         late = _lateness(seen, *given)
-    choice = chosen(seen, late.timing, operators, asymmetric, creep, taus)
-    fit, remarks = _fitted(seen, choice.grid, late, unit)
+    shapes = [Shape(bent, 0.0, late) for bent in (False, True) if asymmetric in (None, bent)]
+    choice = chosen(seen, shapes, operators, creep, taus)
+    fit, remarks = _fitted(seen, choice, unit)
+    if asymmetric is not False and not _only_noise(fit, seen):
+        skewed = skewed_shape(seen, late, fixed=given != (None, None))
+        # a skew shall not be chosen for what another delay explains
+        shapes = [skewed, *([skewed._replace(skew=0.0)] if skewed.late != late else [])]
+        other = chosen(seen, shapes, operators, creep, taus)
+        if other.score < (1.0 - ENOUGH) * choice.score:
+            choice = other
+            fit, remarks = _fitted(seen, choice, unit)
+    if not late.edges.number and given == (None, None) and not _only_noise(fit, seen):
+        shape = lagging_shape(seen, choice)
+        other = chosen(seen, [shape], operators, creep, taus)
+        if other.score < (1.0 - LATE) * choice.score:
+            fit, remarks = _fitted(seen, choice := other, unit)
     timing = Timing(fit.values["delay"], fit.values["lag"])
     prediction = prediction_of(fit.values, choice.grid, timing, seen, observed)
     gain, piezo = prediction.gain, prediction.piezo
@@ -120,27 +142,36 @@ def identify_piezo(
     )
 
 
-def _fitted(seen: Sequence[Observed], grid: Grid, late: Lateness, unit: str) -> tuple[Fit, tuple[str, ...]]:
+def _fitted(seen: Sequence[Observed], choice: Choice, unit: str) -> tuple[Fit, tuple[str, ...]]:
     """The fit, and what is to be said of its timing. Delay and lag are fitted with all else where the model
     leaves no more than noise; where it leaves more, what it lacks would bend them, and they are those of the
     edges."""
+    grid, late = choice.grid, choice.late
     if late.edges.number:
         whole = fit_least_squares(_problem(seen, grid, late.timing, unit, timed=True))
-        noise = [noise_level(one.position) for one in seen]
-        if all(g.rmse <= NOISY * sigma for g, sigma in zip(whole.recordings, noise, strict=True)):
+        if _only_noise(whole, seen):
             return whole, ()
     return fit_least_squares(_problem(seen, grid, late.timing, unit, timed=False)), late.remarks
 
 
-def _rested(seen: Sequence[Observed], timing: Timing, assumed: float | None) -> list[float]:
-    """The voltages at which the piezo rested before each recording, by a first model without creep; where it
-    is not as it was taken, that `assumed`, if any: the model has yet to learn how late the voltage is."""
-    grid, _, solution = _first_model(seen, timing)
+def _only_noise(fit: Fit, seen: Sequence[Observed]) -> bool:
+    """Whether no more is left than white noise of the positions."""
+    noise = [noise_level(one.position) for one in seen]
+    return all(g.rmse <= NOISY * sigma for g, sigma in zip(fit.recordings, noise, strict=True))
+
+
+def _begun(seen: Sequence[Observed], timing: Timing, assumed: float | None) -> list[Observed]:
+    """The recordings with what was before each, by a first model without creep. Where they rested, but not as
+    it was taken, that `assumed` [V], if any: the model has yet to learn how late the voltage is."""
+    grid, _, solution = first_model(seen, timing)
     first = prediction_of(named(solution, grid), grid, timing, seen, "")
-    found = [first.rest_shown(one) for one in seen]
+    found = [first.begun(one) for one in seen]
     if assumed is None:
         return found
-    return [one.rest if rest == one.rest else assumed for one, rest in zip(seen, found, strict=True)]
+    return [
+        new if new.cycled or new.begins_as(one) else one._replace(rest=assumed, cycled=False)
+        for one, new in zip(seen, found, strict=True)
+    ]
 
 
 def _lateness(seen: Sequence[Observed], delay: float | None, lag: float | None) -> Lateness:
@@ -150,21 +181,9 @@ def _lateness(seen: Sequence[Observed], delay: float | None, lag: float | None) 
         if min(given) < 0.0:
             raise QuantityError(f"delay = {given.delay:g} s and lag = {given.lag:g} s must be >= 0 s")
         return Lateness(given, ("delay and lag are as given",), Edges((), ()))
-    grid, parts, found = _first_model(seen, Timing())
+    grid, parts, found = first_model(seen, Timing())
     still = [found.position(c) + o for c, o in zip(parts, found.offsets, strict=True)]
     return lateness(seen, grid, edges_of(seen, still))
-
-
-def _first_model(seen: Sequence[Observed], timing: Timing) -> tuple[Grid, list[Columns], Solution]:
-    """A model of plays and square, without creep, at this timing."""
-    grid = Grid.over(*range_of(seen), FIRST_PLAYS, True, 0.0)
-    parts = [columns(one, timing, grid) for one in seen]
-    return grid, parts, _solved(seen, parts, grid)
-
-
-def _solved(seen: Sequence[Observed], parts: Sequence[Columns], grid: Grid) -> Solution:
-    """The least squares over all samples."""
-    return solve(parts, [one.position for one in seen], grid, [np.ones(one.time.size, bool) for one in seen])
 
 
 def named(found: Solution, grid: Grid) -> Values:
@@ -172,6 +191,8 @@ def named(found: Solution, grid: Grid) -> Values:
     values = {f"weight_{i}": float(w) for i, w in enumerate(found.weights, start=1)}
     if grid.zones.size:
         values["curvature"] = found.curvature
+    if grid.skew:
+        values["skew"] = grid.skew
     if grid.times.size:
         values["creep"] = found.creep
     values |= {f"offset_{i}": float(o) for i, o in enumerate(found.offsets, start=1)}
@@ -180,18 +201,21 @@ def named(found: Solution, grid: Grid) -> Values:
 
 def _problem(seen: Sequence[Observed], grid: Grid, timing: Timing, unit: str, timed: bool) -> Problem:
     """All coefficients at once, and delay and lag with them where these are `timed`."""
-    begin = named(_solved(seen, [columns(one, timing, grid) for one in seen], grid), grid)
+    begin = named(
+        solved([columns(one, timing, grid) for one in seen], [one.position for one in seen], grid), grid
+    )
     plays = [f"weight_{i}" for i in range(1, grid.thresholds.size + 1)]
+    low, high = range_of(seen)
+    ends = {"skew": (-0.4 / (high - low), 2.0 / (high - low))}  # the plays' voltage turns back at -0.5
     described = _Described(seen, grid, [*plays, *(["curvature"] if grid.zones.size else [])], timed)
-    units = {"curvature": f"{unit}/V²", "creep": "", "delay": "s", "lag": "s"}
+    units = {"curvature": f"{unit}/V²", "skew": "1/V", "creep": "", "delay": "s", "lag": "s"}
     reach = {name: 2.0 * begin["gain"] for name in plays} | {"creep": 1.0}
     reach |= {name: max(10.0 * sum(timing), 1e-9) for name in Timing._fields}
     parameters = [
         Parameter(
             name,
             value,
-            0.0 if name in reach else -math.inf,
-            reach.get(name, math.inf),
+            *ends.get(name, (0.0 if name in reach else -math.inf, reach.get(name, math.inf))),
             units.get(name, unit if name.startswith("offset") else f"{unit}/V"),
             log=False,
         )
@@ -213,46 +237,53 @@ class _Described:
 
     def __init__(self, seen: Sequence[Observed], grid: Grid, names: Sequence[str], timed: bool) -> None:
         self.seen, self.grid, self.names, self.timed = seen, grid, names, timed
-        self.known: dict[Timing, list[Columns]] = {}
+        self.known: dict[tuple[float, ...], list[Columns]] = {}
+        self.shifted = [*(["skew"] if grid.skew else []), *(Timing._fields if timed else ())]
 
-    def parts(self, timing: Timing) -> list[Columns]:
-        if timing not in self.known:
+    def parts(self, values: Values) -> list[Columns]:
+        """At the delay, lag and skew of these values."""
+        timing, skew = Timing(values["delay"], values["lag"]), values.get("skew", 0.0)
+        if (*timing, skew) not in self.known:
             if len(self.known) > KEPT:
                 self.known.clear()
-            self.known[timing] = [columns(one, timing, self.grid) for one in self.seen]
-        return self.known[timing]
+            grid = self.grid.skewed_by(skew)
+            self.known[*timing, skew] = [columns(one, timing, grid) for one in self.seen]
+        return self.known[*timing, skew]
 
-    def shown(self, values: Values, timing: Timing, number: int) -> Array:
+    def shown(self, values: Values, number: int) -> Array:
         """Position without offset, m."""
-        part, x = self.parts(timing)[number], np.array([values[name] for name in self.names])
+        part, x = self.parts(values)[number], np.array([values[name] for name in self.names])
         return part.at_once @ x + values.get("creep", 0.0) * (part.crept @ x)
 
     def residuals(self, number: int) -> Callable[[Values], Array]:
         position = self.seen[number].position
 
         def of(values: Values) -> Array:
-            timing = Timing(values["delay"], values["lag"])
-            return self.shown(values, timing, number) + values[f"offset_{number + 1}"] - position
+            return self.shown(values, number) + values[f"offset_{number + 1}"] - position
 
         return of
 
     def jacobian(self, values: Values) -> Array:
-        """By weights, curvature, creep, offsets, timing where it is free, and gain, by nothing."""
+        """By weights, curvature, skew, creep, offsets, timing where it is free, and gain, by nothing."""
         x = np.array([values[name] for name in self.names])
-        timing = Timing(values["delay"], values["lag"])
+        low, high = range_of(self.seen)
         rows = []
-        for i, (part, one) in enumerate(zip(self.parts(timing), self.seen, strict=True)):
+        for i, (part, one) in enumerate(zip(self.parts(values), self.seen, strict=True)):
+            now = self.shown(values, i)
+            step = dict.fromkeys(Timing._fields, DIFFERENCE * float(one.time[1]))
+            step["skew"] = SKEWED / (high - low)
+            by = {
+                name: (self.shown({**values, name: values[name] + step[name]}, i) - now) / step[name]
+                for name in self.shifted
+            }
             slopes = [part.at_once + values.get("creep", 0.0) * part.crept]
+            if "skew" in by:
+                slopes.append(by.pop("skew")[:, None])
             if "creep" in values:
                 slopes.append((part.crept @ x)[:, None])
             offsets = np.zeros((one.time.size, len(self.seen)))
             offsets[:, i] = 1.0
-            slopes.append(offsets)
-            for name in Timing._fields if self.timed else ():
-                step = DIFFERENCE * float(one.time[1])
-                later = timing._replace(**{name: getattr(timing, name) + step})
-                change = self.shown(values, later, i) - self.shown(values, timing, i)
-                slopes.append((change / step)[:, None])
+            slopes += [offsets, *(one_by[:, None] for one_by in by.values())]
             rows.append(np.hstack([*slopes, np.zeros((one.time.size, 1))]))
         return np.concatenate(rows)
 
@@ -270,8 +301,10 @@ def prediction_of(
     ends, count = range_of(seen), len(seen)
     weights = np.array([values[f"weight_{i}"] for i in range(1, grid.thresholds.size + 1)])
     gain = values["gain"]
+    grid = grid.skewed_by(values.get("skew", 0.0))
     slopes = values.get("curvature", 0.0) * grid.bends / gain
-    rows = (grid.thresholds, weights / gain, grid.zones, slopes)
+    skews = grid.skew * grid.bends if grid.skew else np.zeros(0)
+    rows = (grid.thresholds, weights / gain, grid.zones, slopes, skews)
     hysteresis = PrandtlIshlinskii(*(tuple(row.tolist()) for row in rows))
     creep = None
     if grid.times.size:

@@ -13,10 +13,13 @@ from ...piezo.creep import Lags, before_creep
 from ...recording import RecordingWarning
 from ...units import QuantityError, optional_si
 from ...waveform import Sampled
+from .columns import Observed, Timing, at_piezo
 from .prediction import PiezoPrediction
 
 # Of the range of the drives that were fitted to: so far beyond it the model is not asked without a warning.
 BEYOND = 0.02
+# The lag's inverse takes slopes from samples beside, and is corrected so often where there are corners.
+CORRECTIONS = 3
 
 Array = NDArray[np.float64]
 
@@ -73,8 +76,14 @@ def inverse_drive(
         u = prediction.piezo.hysteresis.inverse(h, rest)
     except QuantityError as error:
         raise QuantityError(f"positions [m] cannot be reached: {error}") from None
-    ahead = u + prediction.lag * np.gradient(u, t)
-    drive = np.interp(t + prediction.delay, t, ahead)
+    timing = Timing(prediction.delay, prediction.lag)
+
+    def ahead(volts: Array) -> Array:
+        return np.interp(t + timing.delay, t, volts + timing.lag * np.gradient(volts, t))
+
+    drive = ahead(u)
+    for _ in range(CORRECTIONS if any(timing) else 0):
+        drive += ahead(u - at_piezo(Observed("", t - t[0], drive, y, rest), timing))
     margin = BEYOND * (prediction.high - prediction.low)
     if drive.min() < prediction.low - margin or drive.max() > prediction.high + margin:
         warnings.warn(

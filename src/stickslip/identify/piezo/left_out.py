@@ -42,9 +42,11 @@ def without_parts(
     law, creep = known.piezo.hysteresis, known.piezo.creep
     times = () if creep is None else creep.time_constants
     grid = Grid(np.array(law.thresholds), np.array(law.dead_zones), np.array(times))
+    if any(law.skews):
+        grid = grid._replace(skew=law.skews[0] / float(grid.bends[0]))
     timing = Timing(known.delay, known.lag)
     seen = [observe(r, name, fit.observed, None) for r, name in zip(found, names_of(found), strict=True)]
-    seen = [one._replace(rest=known.rest_shown(one)) for one in seen]
+    seen = [known.begun(one) for one in seen]
     made = [columns(one, timing, grid) for one in seen]
     positions = [one.position for one in seen]
     models = []

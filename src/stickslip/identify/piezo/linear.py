@@ -79,17 +79,30 @@ def solve(
     return found._replace(offsets=found.offsets + levels)
 
 
+def solved(parts: Sequence[Columns], positions: Sequence[Array], grid: Grid) -> Solution:
+    """The least squares over all samples."""
+    return solve(parts, positions, grid, [np.ones(y.size, dtype=bool) for y in positions])
+
+
+def residuals(parts: Sequence[Columns], positions: Sequence[Array], found: Solution) -> Array:
+    """What a solution leaves of all samples, m."""
+    rows = zip(parts, positions, found.offsets, strict=True)
+    return np.concatenate([y - found.position(c) - offset for c, y, offset in rows])
+
+
 def cross_validated(parts: Sequence[Columns], positions: Sequence[Array], grid: Grid, folds: int) -> float:
-    """The root mean square [m] that is left of each fold of a recording by the fit of all others."""
+    """The root mean square [m] that is left of each fold of a recording by the fit of all others: its
+    geometric mean over the folds, so that one which no model explains (a first curve, which real piezos and
+    plays take otherwise) does not hide what the others tell."""
     creeping = bool(grid.times.size)
     blocks = []
     for i, (c, y) in enumerate(zip(parts, [y - y.mean() for y in positions], strict=True)):
         rows = _with_offset(_design(c, None, creeping), i, len(parts))
         for part in np.array_split(np.arange(y.size), folds):
-            blocks.append(_normal(rows[part], y[part]))
-    total = sum(blocks[1:], blocks[0])
-    left = sum(block.left(_solved(total - block, grid, creeping)) for block in blocks)
-    return float(np.sqrt(left / sum(y.size for y in positions)))
+            blocks.append((_normal(rows[part], y[part]), part.size))
+    total = sum((block for block, _ in blocks[1:]), blocks[0][0])
+    left = [block.left(_solved(total - block, grid, creeping)) / size for block, size in blocks]
+    return float(np.exp(0.5 * np.mean(np.log(np.array(left) + 1e-300))))
 
 
 def _design(of: Columns, before: Solution | None, creeping: bool) -> Array:

@@ -14,6 +14,8 @@ from .columns import Observed, Timing, at_piezo, lagged, observe
 
 # Of the stroke: nearer than this the first position is where the drive's first value has it.
 AT_REST = 0.05
+# Relative; what a motion before the recording must explain more of it than a rest.
+CLEARLY = 0.02
 # Of the voltages used: a rest farther outside is none.
 FAR = 0.5
 
@@ -46,17 +48,24 @@ class PiezoPrediction(NamedTuple):
             voltage = channel(recording, "drive_voltage", name)
             time = recording["time"].values - float(recording["time"].values[0])
             return self.position(Observed(name, time, voltage, voltage, float(voltage[0]))) + self.offset
-        one = observe(recording, name, self.observed, None)
-        one = one._replace(rest=self.rest_shown(one))
+        one = self.begun(observe(recording, name, self.observed, None))
         shown = self.position(one)
         return shown + float(np.mean(one.position - shown))
 
     def position(self, observed: Observed) -> Array:
         """m, without the level."""
         u = at_piezo(observed, Timing(self.delay, self.lag))
-        return self.gain * after_hysteresis(self.piezo, observed.time, u, observed.rest)
+        return self.gain * after_hysteresis(self.piezo, observed, u)
 
-    def rest_shown(self, observed: Observed) -> float:
+    def begun(self, observed: Observed) -> Observed:
+        """With what the positions show of the time before: a rest, or the motion that the drive goes on with
+        (which a rest is preferred to, unless it leaves more)."""
+        rested = observed._replace(rest=self._rest_shown(observed), cycled=False)
+        cycled = observed._replace(rest=float(observed.drive[0]), cycled=True)
+        left = [float(np.std(one.position - self.position(one))) for one in (rested, cycled)]
+        return cycled if left[1] < (1.0 - CLEARLY) * left[0] else rested
+
+    def _rest_shown(self, observed: Observed) -> float:
         """The voltage at which the piezo rested before, V: that assumed, or 0 V, or else the one at which it
         is where the first position has it."""
         first = 0.0
@@ -71,10 +80,14 @@ class PiezoPrediction(NamedTuple):
         return found if low - margin < found < high + margin else observed.rest
 
 
-def after_hysteresis(piezo: Piezo, time: Array, u: Array, rest: float) -> Array:
-    """Hysteresis and creep of a voltage [V], shape (n,)."""
-    h = piezo.hysteresis.output(u, rest)
+def after_hysteresis(piezo: Piezo, observed: Observed, u: Array) -> Array:
+    """Hysteresis and creep of a voltage [V], shape (n,), after the way on which the recording began."""
+    way = observed.way
+    h = piezo.hysteresis.output(np.append(way, u), way[0])
+    before, h = float(h[way.size - 1]), h[way.size :]
     if piezo.creep is None:
         return h
-    terms = lagged(time, h, np.array(piezo.creep.time_constants), piezo.hysteresis.at_rest(rest))
-    return h + terms @ np.array(piezo.creep.shares)
+    begun = float(h.mean()) if observed.cycled else before
+    return h + lagged(observed.time, h, np.array(piezo.creep.time_constants), begun) @ np.array(
+        piezo.creep.shares
+    )

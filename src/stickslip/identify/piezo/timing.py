@@ -87,8 +87,8 @@ def _until(position: Array, shown: Array, first: int, end: int) -> int:
     return first + int(np.clip(LONGER * (high[-1] + 1), FEWEST, left.size))
 
 
-def lateness(observed: Sequence[Observed], grid: Grid, edges: Edges) -> Lateness:
-    """Delay and lag that fit best after the edges."""
+def lateness(observed: Sequence[Observed], grid: Grid, edges: Edges, near: Timing | None = None) -> Lateness:
+    """Delay and lag that fit best after the edges; searched for from those that are `near`, if given."""
     if not edges.number:
         said = (
             "the drive has no edges: a lag of the voltage cannot be told from hysteresis, and is taken as 0 s"
@@ -109,7 +109,7 @@ def lateness(observed: Sequence[Observed], grid: Grid, edges: Edges) -> Lateness
     lasts = float(np.median(lengths)) * step
     # every sample within which an edge falls is a valley of its own
     starts = [np.array([d * step, share * lasts]) for d in DELAYS for share in LAGS]
-    start = min(starts, key=square)
+    start = min(starts, key=square) if near is None else np.array(near)
     simplex = start + np.array([[0.0, 0.0], [0.3 * step, 0.0], [0.0, 0.3 * start[1]]])
     size = square(start) or 1.0
     end = minimize(

@@ -46,8 +46,7 @@ def ramps(piezo: Piezo | None, voltage: float, rest: float, slew_rate: float | N
     path, levels = np.array([rest, rest + voltage]), np.array([rest, rest + voltage])
     if piezo is not None and piezo.hysteresis is not None:
         law = piezo.hysteresis
-        thresholds = np.array(law.thresholds)
-        corners = np.append(law.rested(rest) + np.sign(voltage) * thresholds, law.dead_zones)
+        corners = law.corners(rest, float(np.sign(voltage)))
         along = np.sort(np.abs(corners[(corners - rest) * np.sign(voltage) > 0.0] - rest))
         inside = along[along < abs(voltage)]
         path = rest + np.sign(voltage) * np.unique(np.concatenate([[0.0], inside, [abs(voltage)]]))

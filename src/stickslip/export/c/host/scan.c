@@ -21,6 +21,10 @@ int main(void)
     (void)stickslip_play(&player, &now, &next);
     origin = now;
     (void)stickslip_feedforward(&plant, now, R(0.0), R(0.0), &voltage);
+#if STICKSLIP_PIEZO
+    stickslip_rest(&plant, &state, R(0.0));
+    voltage = stickslip_piezo_inverse(&plant, &state, voltage);
+#endif
     stickslip_rest(&plant, &state, voltage);
     origin -= state.end_effector_position;
     last = now;
@@ -30,6 +34,9 @@ int main(void)
         const real_t velocity = R(0.5) * (next - last) * per_h;
         const real_t acceleration = (next - R(2.0) * now + last) * per_h * per_h;
         bits |= stickslip_feedforward(&plant, now, velocity, acceleration, &voltage);
+#if STICKSLIP_PIEZO
+        voltage = stickslip_piezo_inverse(&plant, &state, voltage);
+#endif
         if (step > 0) {
             (void)stickslip_step_ramp(&plant, &state, before, voltage);
         }

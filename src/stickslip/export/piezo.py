@@ -1,0 +1,99 @@
+"""Hysteresis and creep in C: loops over the functions of `stickslip.piezo`, which are translated.
+
+Within a step the voltage goes along a line, and so does what comes out of the hysteresis, but for corners
+within the step; creep is exact for that.
+"""
+
+from __future__ import annotations
+
+from ..piezo import BoucWen, Creep, Piezo, PrandtlIshlinskii
+from ..piezo.bouc_wen import bent
+from ..piezo.creep import lag_change
+from ..piezo.operators import beyond, play
+from .subset import REAL, record_type
+from .translation import Translation
+
+
+def refused(piezo: Piezo | None) -> str:
+    """Why a piezo cannot be exported; empty if it can."""
+    if piezo is None:
+        return ""
+    for part, known in ((piezo.hysteresis, PrandtlIshlinskii | BoucWen), (piezo.creep, Creep)):
+        if part is not None and not isinstance(part, known):
+            return (
+                f"a {type(part).__name__} is not part of exported code, which has PrandtlIshlinskii, BoucWen "
+                "and Creep: export the actuator with replace(piezo=None)"
+            )
+    return ""
+
+
+def piezo_c(made: Translation, piezo: Piezo | None) -> list[str]:
+    """What a piezo makes of the voltage, as functions that the step method calls."""
+    hysteresis, creep = (None, None) if piezo is None else piezo
+    counts = {
+        "PIEZO": int(hysteresis is not None or creep is not None),
+        "HYSTERESIS": _states(hysteresis),
+        "CREEP": 0 if creep is None else len(creep.shares),
+    }
+    defines = [f"#define STICKSLIP_{name} {count}" for name, count in counts.items()]
+    if piezo is None or not counts["PIEZO"]:
+        return [*defines, ""]
+    lines = [*defines, f"typedef {made.record(record_type(piezo))} stickslip_piezo;", ""]
+    if hysteresis is not None:
+        body = _bouc_wen(made, hysteresis) if isinstance(hysteresis, BoucWen) else _plays(made, hysteresis)
+        lines += [
+            "/* The hysteresis' output [V] at the voltage u, after one of `before`; moves its states z. */",
+            "static inline real_t stickslip_hysteresis(",
+            "    const stickslip_piezo *piezo, real_t before, real_t u, real_t z[STICKSLIP_HYSTERESIS])",
+            "{",
+            *(f"    {line}" for line in body),
+            "}\n",
+        ]
+    if creep is not None:
+        name, _ = made.function(lag_change, (REAL,) * 5)
+        lines += [
+            "/* How a term of creep changes over a step of h; the hysteresis' output goes along a line. */",
+            "static inline real_t stickslip_creep(",
+            "    const stickslip_piezo *piezo, int k, real_t h, real_t x, real_t begin, real_t end)",
+            "{",
+            f"    return {name}(piezo->creep.time_constants[k], h, x, begin, end);",
+            "}\n",
+        ]
+    return lines
+
+
+def _states(hysteresis: object) -> int:
+    if isinstance(hysteresis, PrandtlIshlinskii):
+        return len(hysteresis.thresholds)
+    return int(hysteresis is not None)
+
+
+def _plays(made: Translation, of: PrandtlIshlinskii) -> list[str]:
+    one, _ = made.function(play, (REAL,) * 3)
+    past, _ = made.function(beyond, (REAL,) * 2)
+    zones = len(of.dead_zones)
+    lines = ["const ss_PrandtlIshlinskii *of = &piezo->hysteresis;", "real_t v = u, sum = R(0.0);"]
+    if of.skews:
+        lines += [
+            f"for (int j = 0; j < {zones}; ++j) {{",
+            f"    v += of->skews[j] * ({past}(u, of->dead_zones[j]) - {past}(R(0.0), of->dead_zones[j]));",
+            "}",
+        ]
+    lines += [
+        "for (int i = 0; i < STICKSLIP_HYSTERESIS; ++i) {",
+        f"    z[i] = {one}(v, of->thresholds[i], z[i]);",
+        "    sum += of->weights[i] * z[i];",
+        "}",
+    ]
+    if zones:
+        lines += [
+            f"for (int j = 0; j < {zones}; ++j) {{",
+            f"    sum += of->slopes[j] * {past}(u, of->dead_zones[j]);",
+            "}",
+        ]
+    return [*lines, "(void)before;", "return sum;"]
+
+
+def _bouc_wen(made: Translation, of: BoucWen) -> list[str]:
+    name, _ = made.function(bent, (record_type(of), REAL, REAL, REAL))
+    return [f"z[0] = {name}(&piezo->hysteresis, z[0], before, u);", "return u - z[0];"]
