@@ -23,7 +23,7 @@ from ..waveform.signal import Waveform
 from .grid import AXES, Grid, grid_of
 from .power import UNITS, electrical_demand
 from .solving import NOT_COMPUTED, STATUS, Solved, intervals, solved
-from .spread import drawn_parameters
+from ..study.drawn import drawn_parameters
 
 Array = NDArray[np.float64]
 Extra = Literal["backlash", "ringing", "ripple"]
