@@ -68,7 +68,9 @@ def test_a_jump_takes_plays_along_at_once() -> None:
     np.testing.assert_allclose(after, [5.0, 0.5 * 10.0 + 5.0, 0.5 * 20.0 + 5.0], atol=1e-9)
 
 
-@pytest.mark.parametrize("drive", [ss.Sawtooth(65.0, 5.0), ss.waveform.Triangle(60.0, 7.0)], ids=["saw", "triangle"])
+@pytest.mark.parametrize(
+    "drive", [ss.Sawtooth(65.0, 5.0), ss.waveform.Triangle(60.0, 7.0)], ids=["saw", "triangle"]
+)
 def test_periods_are_repeated_exactly(drive: Any) -> None:
     one, table = hysteresis(3), drive.drive(END)
     assert cycle_of(table, drive.period) > 0

@@ -1,8 +1,8 @@
 """Studies: many members, on one machine or many, that go on after whatever ended them.
 
 A `Study` says which members (`Grid`, `Random`, `Draws`, or several of them), what is done with each
-(`SteadySteps`, `Walk`, a function of your `Own`) and what is kept. `run_study` fills a store that xarray opens
-while it grows; docs/scaling.md says how to run one on clusters.
+(`SteadySteps`, `Walk`, a function of your `Own`) and what is kept. `run_study` fills a store that xarray
+opens while it grows; docs/scaling.md says how to run one on clusters.
 """
 
 from .comparing import Compared as Compared

@@ -1,8 +1,8 @@
 """Chunks on disk: whole or not there at all, each with its checksum.
 
-A chunk is what Zarr [format 3] reads: little-endian bytes and their CRC-32C (RFC 3720), texts as `vlen-utf8`
-compressed by gzip. It is written here, not by the library, because that leaves out chunks that hold nothing but
-missing values (which are results too) and does not wait for the disk before it renames.
+A chunk is what Zarr (format 3) reads: little-endian bytes and their CRC-32C (RFC 3720), texts as `vlen-utf8`
+compressed by gzip. It is written here, not by the library, because that leaves out chunks that hold nothing
+but missing values (which are results too) and does not wait for the disk before it renames.
 """
 
 from __future__ import annotations
@@ -33,11 +33,7 @@ def write_chunk(path: Path, values: NDArray[Any], dtype: str) -> None:
     Raises:
         OSError: the disk is full, or worse; what was begun is removed.
     """
-    data = (
-        _texts(values)
-        if dtype == TEXT
-        else np.ascontiguousarray(values, np.dtype(dtype).newbyteorder("<")).tobytes()
-    )
+    data = _texts(values) if dtype == TEXT else values.astype(np.dtype(dtype).newbyteorder("<")).tobytes()
     check = google_crc32c.value(data).to_bytes(_CRC, "little")
     path.parent.mkdir(parents=True, exist_ok=True)
     begun = path.with_name(f".{path.name}.{uuid.uuid4().hex}{PART}")

@@ -48,7 +48,8 @@ class Prepare(WorkerPlugin):
 def one_task(name: str, number: int) -> tuple[Any, ...]:
     """A task on a worker; what it made, or an error in words and whether it is final."""
     try:
-        return tuple(run_task(*_PREPARED[name], number))
+        study, store = _PREPARED[name]
+        return tuple(run_task(study, store, number))
     except StudyError as error:
         return str(error), True
     except Exception as error:
@@ -103,7 +104,7 @@ def _run(client: Client, load: Load, tasks: Tasks, count: int, heard: Callable[[
     except Exception as error:
         raise StudyError(f"a worker cannot do this study: {told(error)}") from None
     answers: queue.Queue[_Running] = queue.Queue()
-    running: dict[str, _Running] = {}
+    running: dict[Any, _Running] = {}
     given, slots, asked = 0, 0, 0.0
     while len(tasks.done) + len(tasks.failed) < count:
         if client.status != "running":
@@ -139,7 +140,7 @@ def _give(
     name: str,
     number: int,
     given: int,
-    running: dict[str, _Running],
+    running: dict[Any, _Running],
     answers: queue.Queue[_Running],
 ) -> None:
     # The name of each is new: a result of before is none now.
@@ -153,7 +154,8 @@ def _take(one: _Running | None, tasks: Tasks, heard: Callable[[Done], None]) -> 
     if one is None or one.future.status in ("cancelled", "lost", "pending"):
         return
     if one.future.status == "error":
-        tasks.again(one.number, f"its workers ended: {told(one.future.exception() or RuntimeError())}")
+        error: Any = one.future.exception()
+        tasks.again(one.number, f"its workers ended: {told(error)}")
         return
     found = one.future.result()
     if len(found) == len(Done._fields):

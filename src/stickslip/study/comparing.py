@@ -66,7 +66,7 @@ def compare_studies(
     counts = np.zeros(3, dtype=int)
     for i, (place, mine) in enumerate(blocks(a)):
         there = other.isel(place).load()
-        for name in mine.indexes:
+        for name in map(str, mine.indexes):
             if not np.array_equal(mine[name].values, there[name].values):
                 raise StudyDiffers(f"{a.path} and {b.path} differ in the values of {name}")
         done = [one["status"].values != -1 for one in (mine, there)]
@@ -84,7 +84,8 @@ def compare_studies(
                 greatest[name] = max(greatest.get(name, 0.0), most)
         progress("comparing", (i + 1) / a.layout.tasks)
     found = [Comparison(str(n), units[n], members[n], greatest.get(n, float("nan"))) for n in members]
-    return Compared(differences(a.description, b.description), *map(int, counts), found)
+    first_only, second_only, both = counts.tolist()
+    return Compared(differences(a.description, b.description), first_only, second_only, both, found)
 
 
 def _apart(x: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -73,7 +73,7 @@ def _table(part: xr.Dataset, dims: tuple[str, ...]) -> pd.DataFrame:
     columns = {str(one.name): one.transpose(*dims).values.ravel() for one in spread}
     texts = {n: np.asarray(c, dtype=object) if c.dtype.kind not in "fiu" else c for n, c in columns.items()}
     table = pd.DataFrame(texts)
-    return table[table["status"] != -1]
+    return table.loc[table["status"] != -1, :]
 
 
 def _csv(store: Store, file: Path, progress: Progress) -> int:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-# Members of a task, where the study does not say; and tasks that there are to be, so that all processors work.
+# Members of a task, where the study does not say; tasks that there are to be, so that all processors work.
 MOST, TASKS = 8192, 64
 # Bytes of a task in memory.
 LARGEST = 64_000_000
@@ -74,9 +74,8 @@ class Layout(NamedTuple):
 
     def size(self, variable: Variable) -> int:
         """Bytes of a chunk in memory."""
-        return math.prod(self.chunk(variable)) * (
-            8 if variable.dtype == TEXT else np.dtype(variable.dtype).itemsize
-        )
+        one = 8 if variable.dtype == TEXT else np.dtype(variable.dtype).itemsize
+        return one * math.prod(self.chunk(variable))
 
     def whole(self, variable: Variable) -> tuple[int, ...]:
         """The shape of the variable."""

@@ -1,7 +1,8 @@
 """Tasks on the processors of this machine: worker processes, each with one thread, watched.
 
 A worker that dies is replaced, its task given to another; a task that fails three times is reported. Towards
-the end a task that takes long is given to an idle worker too: whoever is first ends it, for both write the same.
+the end a task that takes long is given to an idle worker too: whoever is first ends it, for both write the
+same.
 """
 
 from __future__ import annotations
@@ -83,7 +84,8 @@ class Worker:
         self._listener.join()
         for pipe in (self.process.stdin, self.process.stdout):
             with contextlib.suppress(OSError):  # of what the worker did not read any more
-                pipe and pipe.close()
+                if pipe:
+                    pipe.close()
 
 
 @dataclass

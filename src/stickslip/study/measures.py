@@ -153,7 +153,8 @@ def one_by_one(work: Callable[[slice], xr.Dataset], count: int) -> tuple[xr.Data
     except Exception as error:
         if count == 1:
             return xr.Dataset(), {0: told(error)}
-    made, failed = {}, {}
+    made: dict[int, xr.Dataset] = {}
+    failed: dict[int, str] = {}
     for m in range(count):
         try:
             made[m] = work(slice(m, m + 1))
@@ -163,7 +164,7 @@ def one_by_one(work: Callable[[slice], xr.Dataset], count: int) -> tuple[xr.Data
         return xr.Dataset(), failed
     first = next(iter(made.values()))
     empty = xr.full_like(first.astype(float), np.nan)
-    return xr.concat([made.get(m, empty) for m in range(count)], "member"), failed
+    return xr.concat([made.get(m, empty) for m in range(count)], dim="member"), failed
 
 
 def told(error: BaseException) -> str:

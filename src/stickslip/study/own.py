@@ -1,4 +1,4 @@
-"""Functions and files of the user's own that travel with a study: known by their content, run on every worker."""
+"""Functions and files of the user's own, which travel with a study: known by their content."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Points of a study: grids, random and quasi-random designs, draws of a posterior, and products of them.
 
-No array of all members is ever made: the columns of a task follow from its place in the study, on every machine
-the same.
+No array of all members is ever made: the columns of a task follow from its place in the study, on every
+machine the same.
 """
 
 from __future__ import annotations
@@ -153,7 +153,7 @@ def _random_axis(part: Random, read: Read) -> Axis:
         raise QuantityError("random: there are no ranges")
     about, low, high, log = {}, [], [], []
     for name, given in part.ranges.items():
-        ends = Range(*given)
+        ends = given if isinstance(given, Range) else Range(given[0], given[1])
         (first, last), about[name] = read(name, [ends.low, ends.high])
         if not first < last:
             raise QuantityError(f"random: {name}: low = {first:g} must be below high = {last:g}")

@@ -1,8 +1,8 @@
 """The store of a study: a Zarr group (format 3) that xarray opens while it grows.
 
-All metadata are written before the first task, and never again. A task writes one chunk of each variable, its
-status last: a task whose status is there is done. The attribute `study` of the group is the manifest: what the
-study is, with hashes, and how its results are laid out.
+All metadata are written before the first task, and never again. A task writes one chunk of each variable,
+its status last: a task whose status is there is done. The attribute `study` of the group is the manifest:
+what the study is, with hashes, and how its results are laid out.
 """
 
 from __future__ import annotations
@@ -196,13 +196,13 @@ def _metadata(
             dimension_names=(*variable.dims, *(dim for dim, _ in variable.inner)),
             attributes=variable.about,
         )
-    known = [
-        (name, (axis.dim,), values, axis.about[name])
+    known: list[tuple[str, tuple[str, ...], NDArray[np.float64], dict[str, Any]]] = [
+        (name, (axis.dim,), values, {**axis.about[name]})
         for axis in axes
         if axis.values is not None
         for name, values in zip(axis.names, axis.values, strict=True)
     ]
-    known += [(n, c.dims, c.values, {k: v for k, v in c.attrs.items()}) for n, c in inner.items()]
+    known += [(n, tuple(map(str, c.dims)), c.values, dict(c.attrs)) for n, c in inner.items()]
     for name, dims, values, about in known:
         made = group.create_array(
             name,

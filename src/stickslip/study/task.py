@@ -31,8 +31,8 @@ class Done(NamedTuple):
 
 
 class Load(NamedTuple):
-    """What a worker is given once: the study, pickled; the user's own files that it needs; the store; what the
-    worker must have too: the version, the identity of the study; the folders of the user's modules."""
+    """What a worker is given once: the study, pickled; the user's own files that it needs; the store; what
+    the worker must have too, the version and the identity of the study; the folders of the user's modules."""
 
     study: bytes
     files: list[tuple[str, bytes]]
@@ -75,7 +75,7 @@ def received(load: Load) -> tuple[Study, Store]:
     if here != load.identity:
         store.check(described(study))
     with _alone_on_this_machine():
-        study.computed(study._first())
+        study.computed(study.first_members())
     return study, store
 
 
