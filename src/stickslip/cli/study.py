@@ -7,7 +7,6 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import click
 import typer
 from typer.core import TyperGroup
 
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
 class _FileOrCommand(TyperGroup):
     """`stickslip study FILE.yaml ...` is `stickslip study run FILE.yaml ...`."""
 
-    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         known = {*self.commands, "--help", "--install-completion", "--show-completion"}
         if args and args[0] not in known:
             args = ["run", *args]
