@@ -200,7 +200,9 @@ def study_of_file(path: str | os.PathLike[str]) -> Study:
     if "kind" in content and content["kind"] != "study":
         raise InputFileError(f"{path}: kind: a study file has the kind 'study', not {content['kind']!r}")
     try:
-        return StudyFile.model_validate(content).study(Path(path).parent)
+        study = StudyFile.model_validate(content).study(Path(path).parent)
+        _ = study.axes  # what is wrong with them is told with the file's name
+        return study
     except ValidationError as error:
         raise explain(path, error, content=content) from error
     except InputFileError as error:

@@ -55,7 +55,7 @@ def export_study(
 def _netcdf(store: Store, file: Path, progress: Progress) -> int:
     whole = open_study(store.path).load()
     for name in [n for n, one in whole.items() if one.dtype.kind not in "fiu"]:
-        whole[name] = whole[name].astype(str).astype(object)  # variable in length
+        whole[name] = whole[name].astype(object)  # texts, variable in length
     whole.to_netcdf(file, engine="h5netcdf")
     progress("writing", 1.0)
     return int((whole["status"] != -1).sum())

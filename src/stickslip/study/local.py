@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
 import pickle
 import queue
@@ -125,11 +126,16 @@ class Tasks:
 
     def late(self, running: Iterable[tuple[int, float]]) -> int | None:
         """Of tasks and since when they run [s], the one that is latest, if one is late and runs once."""
-        now, found = time.monotonic(), list(running)
+        now, found, limit = time.monotonic(), list(running), self.limit()
         numbers = [number for number, _ in found]
-        limit = max(AT_LEAST, LATE * statistics.median(self.seconds[-200:])) if self.seconds else float("inf")
         late = [(now - since, n) for n, since in found if now - since > limit and numbers.count(n) == 1]
         return max(late)[1] if late else None
+
+    def limit(self) -> float:
+        """When a task is late [s]; never, while none is done."""
+        if not self.seconds:
+            return math.inf
+        return max(AT_LEAST, LATE * statistics.median(self.seconds[-200:]))
 
 
 def run_local(load: Load, todo: list[int], workers: int, heard: Callable[[Done], None]) -> dict[int, str]:
