@@ -169,7 +169,8 @@ def _late(client: Client, running: dict[Any, _Running], tasks: Tasks) -> list[tu
     late = [number for number, since in newest.items() if since < limit]
     if not late:
         return []
-    held = {key: worker for worker, keys in client.processing().items() for key in keys}
+    processing: Any = client.processing()
+    held = {key: worker for worker, keys in processing.items() for key in keys}
     slow = {held.get(key) for key, one in running.items() if one.number in late}
     others = [worker for worker in client.scheduler_info(n_workers=-1)["workers"] if worker not in slow]
     return [(number, others) for number in late if others]
