@@ -34,7 +34,7 @@ BUILT = {".pyc", ".so", ".o", ".nbi", ".nbc", ".coverage", ".egg-info", ".whl"}
 OWNERS = {
     "numba": {"_jit", "solve/cuda"},
     "pint": {"units"},
-    "pandas": {"readers/csv", "recording/schema", "history/table"},
+    "pandas": {"readers/csv", "recording/schema", "history/table", "study/exports"},
     "matplotlib": {"figures"},
     "jinja2": {"report"},
     "pooch": {"datasets"},
@@ -46,11 +46,14 @@ OWNERS = {
     "asammdf": {"readers/mdf"},
     "typer": {"cli"},
     "fastapi": {"panel"},
-    "dask": {"design/sweep"},
+    "dask": {"study"},
+    "distributed": {"study/cluster"},
+    "zarr": {"study"},
+    "pyarrow": {"study/exports"},
 }
 # What `import stickslip` must leave alone: it is the first line of every script.
 HEAVY = ["numba", "scipy", "xarray", "pandas", "matplotlib", "pint", "h5py", "h5netcdf", "typer", "pydantic"]
-HEAVY += ["jinja2", "dask", "fastapi", "arviz"]
+HEAVY += ["jinja2", "dask", "distributed", "zarr", "fastapi", "arviz"]
 
 
 def room(file: Path) -> str:

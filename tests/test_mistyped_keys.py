@@ -12,6 +12,7 @@ import yaml
 
 import stickslip
 from stickslip.analysis import run_file
+from stickslip.analysis.study import study_of_file
 from stickslip.input_file import InputFileError
 from stickslip.job.file import read_job
 
@@ -67,7 +68,7 @@ FREE = {
     "tied",
     "matrix",
 }
-FREE |= {"published", "marks", "variables", "channels"}
+FREE |= {"published", "marks", "variables", "channels", "grid", "ranges"}
 
 
 def places(node: Any, at: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
@@ -103,13 +104,14 @@ def mistyped(content: Any, place: tuple[Any, ...]) -> tuple[Any, str]:
 @pytest.mark.parametrize("name", FILES)
 def test_a_mistyped_key_is_named_with_the_right_one(name: str, tmp_path: Path) -> None:
     file = tmp_path / "file.yaml"
+    read = study_of_file if name == "kang2007_study" else read_job
     found = list(places(FILES[name]))
     assert len(found) > 8
     for place in found:
         content, wrong = mistyped(FILES[name], place)
         file.write_text(yaml.safe_dump(content, sort_keys=False), "utf-8")
         with pytest.raises(InputFileError) as caught:
-            read_job(file)
+            read(file)
         inside = ".".join(map(str, place[:-1]))
         if place[0] == "steps" and len(place) == 3:
             words = f"{inside}: there is no step {wrong!r}"

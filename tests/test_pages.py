@@ -124,7 +124,7 @@ def test_bench_to_drive(run: Callable, capsys: pytest.CaptureFixture[str]) -> No
 
 
 def test_many_simulations(run: Callable) -> None:
-    found = run("scale.md")["found"]
+    found = run("scaling.md")["found"]
     assert found.sizes["member"] == 10_000
     assert np.ptp(found["net_displacement"].values) > 1e-6
 

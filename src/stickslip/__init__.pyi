@@ -23,6 +23,7 @@ from . import registry as registry
 from . import report as report
 from . import rig as rig
 from . import simulation as simulation
+from . import study as study
 from . import units as units
 from . import verification as verification
 from . import waveform as waveform
@@ -56,7 +57,6 @@ from .waveform import Sampled as Sampled
 from .waveform import Sawtooth as Sawtooth
 from .waveform import Sine as Sine
 from .waveform import Step as Step
-from .waveform import Triangle as Triangle
 
 # Simulation
 from .simulation import final_state as final_state
@@ -96,9 +96,10 @@ from .design import minimum_voltage as minimum_voltage
 from .design import step_map as step_map
 from .design import plan_experiment as plan_experiment
 
-# Pictures, files whose steps do all of this, code for others
+# Pictures, files whose steps do all of this, studies of many members, code for others
 from .figures.plotting import plot as plot
 from .job import run_job as run_job
+from .study import run_study as run_study
 from .export import export_c as export_c
 from .export import export_fmu as export_fmu
 from ._version import __version__ as __version__

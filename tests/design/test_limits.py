@@ -89,7 +89,7 @@ def test_blocking_force_is_where_the_speed_changes_its_sign(seed: int) -> None:
 
 def test_blocking_force_says_what_there_is_not() -> None:
     with pytest.raises(SimulationError, match="without a load it does not walk"):
-        design.blocking_force(KANG, ss.Triangle(65.0, 5.0))
+        design.blocking_force(KANG, ss.waveform.Triangle(65.0, 5.0))
     with pytest.raises(SimulationError, match=r"still steps by .* against 0.05 N: look farther"):
         design.blocking_force(KANG, SLOW, max_load=0.05)
 
@@ -111,7 +111,7 @@ def test_highest_frequency_says_what_there_is_not() -> None:
     with pytest.raises(SimulationError, match="still reaches the share"):
         design.stepping_frequency_limit(KANG, SLOW, max_frequency="100 Hz")
     with pytest.raises(SimulationError, match="there is no step"):
-        design.stepping_frequency_limit(KANG, ss.Triangle(30.0, 5.0), max_frequency=100.0)
+        design.stepping_frequency_limit(KANG, ss.waveform.Triangle(30.0, 5.0), max_frequency=100.0)
     with pytest.raises(QuantityError, match=r"share = 1\.0 is out of range"):
         design.stepping_frequency_limit(KANG, SLOW, 1.0)
     with pytest.raises(QuantityError, match="max_frequency = inf Hz"):

@@ -35,7 +35,7 @@ FEW = {
     "slow": ss.Sawtooth(65.0, 5.0),
     "fast": there_and_back(100.0, 97.0, 1.0, 0.4),
     "faster": there_and_back(80.0, 197.0, 0.8, 0.4),
-    "triangle": ss.Triangle(60.0, 23.0),
+    "triangle": ss.waveform.Triangle(60.0, 23.0),
 }
 
 
@@ -284,7 +284,7 @@ def test_drives_begin_at_rest() -> None:
         ({"free": None}, "free is missing"),
         ({"goal": "sigma_2"}, "goal = 'sigma_2' is not free"),
         ({"goal": 3.0}, "goal = 3.0 must be"),
-        ({"goal": ss.Triangle(1.0, 5.0)}, "no net step"),
+        ({"goal": ss.waveform.Triangle(1.0, 5.0)}, "no net step"),
         ({"noise": None}, "noise is missing"),
         ({"noise": "0 nm"}, "noise = 0 m is out of range"),
         ({"recordings": 0}, "recordings = 0 is out of range"),

@@ -35,7 +35,7 @@ def loss_of(swing: float, stack: Stack = STACK) -> float:
 
 def test_a_triangle() -> None:
     """100 V at 50 Hz: the current is +-10 mA per uF, a quarter of the field's energy goes in and out."""
-    found = electrical(ss.Triangle(100.0, 50.0), STACK, "0.2 s", ambient="20 degC")
+    found = electrical(ss.waveform.Triangle(100.0, 50.0), STACK, "0.2 s", ambient="20 degC")
     current = FARAD * 1e4
     assert found["peak_current"] == pytest.approx(current)
     assert found["rms_current"] == pytest.approx(current)
@@ -110,12 +110,12 @@ def test_noise_does_not_hide_the_large_cycles() -> None:
 
 def test_warming_up() -> None:
     """A constant loss warms the stack by R P (1 - exp(-t/RC)), and it cools down afterwards."""
-    run = electrical(ss.Triangle(100.0, 50.0), STACK, 100.0)
+    run = electrical(ss.waveform.Triangle(100.0, 50.0), STACK, 100.0)
     rise = 50.0 * 50.0 * loss_of(100.0)
     at = [10.0, 50.0, 100.0]
     expected = 293.15 + rise * -np.expm1(-np.array(at) / 100.0)
     np.testing.assert_allclose(run["temperature"].interp(time=at), expected, atol=5e-3 * rise)
-    pause = ss.waveform.Sequence((ss.Triangle(100.0, 50.0), 10.0), ss.waveform.Rest(200.0))
+    pause = ss.waveform.Sequence((ss.waveform.Triangle(100.0, 50.0), 10.0), ss.waveform.Rest(200.0))
     cooled = electrical(pause, STACK, 210.0)["temperature"].values
     assert cooled[-1] - 293.15 == pytest.approx((cooled.max() - 293.15) * math.exp(-2.0), rel=1e-3)
 
@@ -195,11 +195,11 @@ def test_refused_records(changes: dict[str, Any], said: str) -> None:
 
 
 def test_refused_calls() -> None:
-    saw = ss.Triangle(10.0, 5.0)
+    saw = ss.waveform.Triangle(10.0, 5.0)
     with pytest.raises(QuantityError, match="duration = None s"):
         electrical(saw, STACK)
     with pytest.raises(QuantityError, match="Triangle is in m"):
-        electrical(ss.Triangle(1e-6, 5.0, unit="m"), STACK, 1.0)
+        electrical(ss.waveform.Triangle(1e-6, 5.0, unit="m"), STACK, 1.0)
     with pytest.raises(QuantityError, match="tolerance = 0 V"):
         electrical(saw, STACK, 1.0, tolerance=0.0)
     with pytest.raises(QuantityError, match=r"ambient.*out of range"):

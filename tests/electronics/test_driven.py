@@ -120,7 +120,7 @@ def test_an_ideal_amplifier_is_the_identity() -> None:
     assert driven(amplifier(), saw, NEC, 1.0) is saw
     with pytest.raises(QuantityError, match=r"Sawtooth jumps beyond -30 V to 80 V.*bandwidth"):
         driven(amplifier(high=80.0), saw, NEC, 1.0)
-    cut = driven(amplifier(high=80.0), ss.Triangle(100.0, 50.0, periods=1), NEC, 0.03)
+    cut = driven(amplifier(high=80.0), ss.waveform.Triangle(100.0, 50.0, periods=1), NEC, 0.03)
     np.testing.assert_allclose(cut.value([0.004, 0.008, 0.01, 0.012, 0.025]), [40.0, 80.0, 80.0, 80.0, 0.0])  # type: ignore[attr-defined]
 
 

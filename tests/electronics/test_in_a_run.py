@@ -24,5 +24,5 @@ def test_a_simulation_takes_what_is_driven() -> None:
 
 def test_of_a_simulated_trajectory() -> None:
     a, stack = ss.load_actuator("kang2007"), load_stack("ae0505d16")
-    run = ss.simulate(a, ss.Triangle(65.0, 5.0), duration=0.4, sample_rate=1e3)
+    run = ss.simulate(a, ss.waveform.Triangle(65.0, 5.0), duration=0.4, sample_rate=1e3)
     assert electrical(run, stack)["mean_loss"] == pytest.approx(5.0 * stack.cycle_loss(65.0), rel=1e-6)

@@ -19,13 +19,13 @@ from stickslip.waveform.drive import evaluate
 END = 1.0
 RANDOM = np.random.default_rng(8)
 DRIVES = (
-    ss.Triangle(65.0, 5.0),
+    ss.waveform.Triangle(65.0, 5.0),
     ss.Sine(60.0, 7.3, offset=5.0),
     ss.Sampled(np.linspace(0.0, END, 40), RANDOM.normal(20.0, 30.0, 40)),
     ss.PeriodicKnots((0.0, 0.1, 0.23), (0.0, 60.0, 20.0), period=0.33, smooth=True),
     Ramp(80.0),
     Sequence(
-        (ss.Triangle(40.0, 10.0), 0.3),
+        (ss.waveform.Triangle(40.0, 10.0), 0.3),
         (Multisine((20.0, 10.0), (5.0, 9.0), (0.0, 1.0)), 0.3),
         (ss.Sine(20.0, 9.0), 0.5),
     ),
@@ -69,7 +69,9 @@ def test_a_jump_takes_plays_along_at_once() -> None:
     np.testing.assert_allclose(after, [5.0, 0.5 * 10.0 + 5.0, 0.5 * 20.0 + 5.0], atol=1e-9)
 
 
-@pytest.mark.parametrize("drive", [ss.Sawtooth(65.0, 5.0), ss.Triangle(60.0, 7.0)], ids=["saw", "triangle"])
+@pytest.mark.parametrize(
+    "drive", [ss.Sawtooth(65.0, 5.0), ss.waveform.Triangle(60.0, 7.0)], ids=["saw", "triangle"]
+)
 def test_periods_are_repeated_exactly(drive: Any) -> None:
     one, table = hysteresis(3), drive.drive(END)
     assert cycle_of(table, drive.period) > 0
@@ -79,7 +81,7 @@ def test_periods_are_repeated_exactly(drive: Any) -> None:
 
 
 def test_a_settled_period_is_that_after_many() -> None:
-    drive, period = ss.Triangle(65.0, 5.0), 0.2
+    drive, period = ss.waveform.Triangle(65.0, 5.0), 0.2
     piezo = Piezo(hysteresis(4), Creep((0.3, 2.0), (0.01, 0.02)))
     settled = at_piezo(piezo, drive.drive(period), period, period, settled=True)
     long = at_piezo(piezo, drive.drive(40.0), 40.0, period)

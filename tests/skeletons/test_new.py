@@ -178,7 +178,7 @@ def test_what_cannot_be_written_is_said(
         ss.Sawtooth(65.0, 20.0, periods=8),
         ss.Sawtooth(65.0, 20.0, offset=5.0, periods=3),
         ss.ReverseSawtooth(35.5, 5.0, periods=2),
-        ss.Triangle(10.0, 10.0, periods=4),
+        ss.waveform.Triangle(10.0, 10.0, periods=4),
         ss.Sine(30.0, 12.5, offset=40.0, periods=5),
     ],
     ids=repr,

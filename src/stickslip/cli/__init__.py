@@ -13,3 +13,4 @@ from . import history as history
 from . import inspection as inspection
 from . import laboratory as laboratory
 from . import panel as panel
+from . import study as study

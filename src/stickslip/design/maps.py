@@ -18,12 +18,12 @@ from ..progress import Progress, unheard
 from ..simulation.errors import SimulationWarning
 from ..simulation.steady_members import CONVERGED
 from ..simulation.varied import waveform_names
+from ..study.drawn import drawn_parameters
 from ..units import QuantityError, to_si
 from ..waveform.signal import Waveform
 from .grid import AXES, Grid, grid_of
 from .power import UNITS, electrical_demand
 from .solving import NOT_COMPUTED, STATUS, Solved, intervals, solved
-from .spread import drawn_parameters
 
 Array = NDArray[np.float64]
 Extra = Literal["backlash", "ringing", "ripple"]

@@ -1,0 +1,230 @@
+"""Study files: many members, as `stickslip study` runs them.
+
+::
+
+    kind: study
+    title: What the actuator can do
+    model: kang2007                     # or fit: results.json of an identification
+    drive: {shape: Sawtooth, fields: {amplitude: 65 V, frequency: 5 Hz}}
+    measure: {kind: steady}
+    grid:
+      amplitude: {start: 10 V, stop: 150 V, points: 100}
+    random:
+      members: 10000
+      ranges: {coulomb_force: {low: 0.3 N, high: 0.8 N}}
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import xarray as xr
+from pydantic import Field, ValidationError
+
+from ..actuator import Actuator
+from ..experiment.cells import drive_of
+from ..experiment.file import PartSpec
+from ..identify.saved import load_fit
+from ..input_file import Hertz, InputFileError, Seconds, Strict, explain, load_yaml, quantity
+from ..study import Draws, Grid, Own, Random, Range, SteadySteps, Study, Walk, drawn_parameters
+from ..study.own import own_function
+from ..study.points import Part
+from ..units import QuantityError
+from ..waveform.signal import Waveform
+from .verification import results_model
+from .walk import changed
+
+Count = Annotated[int, Field(ge=1)]
+
+
+class AxisSpec(Strict):
+    """Values from `start` to `stop`, evenly spaced, or by their ratios (`spacing: log`)."""
+
+    start: float | str
+    stop: float | str
+    points: Annotated[int, Field(ge=2, le=1_000_000)]
+    spacing: Literal["linear", "log"] = "linear"
+
+    def values(self, name: str, study: Any) -> list[float]:
+        """In SI, as the measure reads the name; raises QuantityError."""
+        (first, last), _ = study.read(name, [self.start, self.stop])
+        if self.spacing == "linear":
+            return np.linspace(first, last, self.points).tolist()
+        if not (first > 0.0 and last > 0.0):
+            raise QuantityError(f"grid.{name}: spacing: log needs values above 0, not {first:g} to {last:g}")
+        return np.geomspace(first, last, self.points).tolist()
+
+
+class RangeSpec(Strict):
+    """From `low` to `high`; `spacing: log`: evenly over the logarithm."""
+
+    low: float | str
+    high: float | str
+    spacing: Literal["linear", "log"] = "linear"
+
+
+class RandomSpec(Strict):
+    """As `Random`."""
+
+    ranges: dict[str, RangeSpec]
+    members: Count
+    method: Literal["sobol", "halton", "uniform"] = "sobol"
+    seed: Annotated[int, Field(ge=0)] = 0
+
+
+class DrawsSpec(Strict):
+    """`members` draws of a `fit` (saved by `save_fit`), or all of a table, `file`: CSV with a line of names,
+    or NetCDF (of a posterior's samples)."""
+
+    fit: str | None = None
+    file: str | None = None
+    members: Count = 200
+    seed: Annotated[int, Field(ge=0)] = 0
+
+    def part(self, folder: Path, model: Actuator) -> Draws:
+        """The draws; raises InputFileError, QuantityError, FitError."""
+        if (self.fit is None) == (self.file is None):
+            raise InputFileError("draws has either 'fit' or 'file'")
+        if self.fit is not None:
+            return Draws(drawn_parameters(load_fit(folder / self.fit), model, self.members, self.seed))
+        return Draws(_table(folder / str(self.file)))
+
+
+class SteadySpec(Strict):
+    """As `SteadySteps`."""
+
+    kind: Literal["steady"]
+    tolerance: Annotated[float, quantity("m")] = 1e-10
+    load: Annotated[float, quantity("")] = 1.0
+
+
+class WalkSpec(Strict):
+    """As `Walk`."""
+
+    kind: Literal["walk"]
+    duration: Seconds | None = None
+    sample_rate: Hertz | None = None
+    tolerance: Annotated[float, quantity("m")] = 1e-9
+    load: Annotated[float, quantity("")] = 1.0
+    max_steps: Count = 2_000_000
+
+
+class OwnSpec(Strict):
+    """As `Own`: `function` is FILE.py:NAME, its file relative to the study's."""
+
+    kind: Literal["own"]
+    function: str
+    units: dict[str, str] = Field(default_factory=dict)
+
+
+class StudyFile(Strict):
+    """See the module. `measure` is `steady`, `walk` or `own`; the points are all combinations of `grid`,
+    `random` and `draws`; `summary` is FILE.py:NAME; `keep` and `task` as for `Study`."""
+
+    kind: Literal["study"]
+    title: str = ""
+    notes: str = ""
+    model: str | None = None
+    fit: str | None = None
+    change: dict[str, float | str | bool] = Field(default_factory=dict)
+    friction: dict[str, float | str] = Field(default_factory=dict)
+    drive: PartSpec | None = None
+    measure: Annotated[SteadySpec | WalkSpec | OwnSpec, Field(discriminator="kind")]
+    grid: dict[str, AxisSpec | list[float | str]] = Field(default_factory=dict)
+    random: RandomSpec | None = None
+    draws: DrawsSpec | None = None
+    summary: str | None = None
+    keep: list[str] = Field(default_factory=list)
+    task: Count | None = None
+
+    def study(self, folder: Path) -> Study:
+        """The study; raises InputFileError, QuantityError, RegistryError, ..."""
+        model = self._model(folder)
+        measure = self._measure(folder, model)
+        points: list[Part] = []
+        if self.grid:
+            axes = {
+                name: one.values(name, measure) if isinstance(one, AxisSpec) else one
+                for name, one in self.grid.items()
+            }
+            points.append(Grid(axes))
+        if self.random:
+            ranges = {n: Range(r.low, r.high, r.spacing == "log") for n, r in self.random.ranges.items()}
+            points.append(Random(ranges, self.random.members, self.random.method, self.random.seed))
+        if self.draws:
+            points.append(self.draws.part(folder, model) if model else Draws(self._table_alone(folder)))
+        summary = own_function(self.summary, folder) if self.summary else None
+        return Study(points, measure, summary, tuple(self.keep), self.task, self.title)
+
+    def _model(self, folder: Path) -> Any:
+        if isinstance(self.measure, OwnSpec):
+            if self.model or self.fit or self.drive or self.change or self.friction:
+                raise InputFileError(
+                    "a function of your own has no 'model', 'fit', 'drive', 'change' or 'friction'"
+                )
+            return None
+        if (self.fit is None) == (self.model is None):
+            raise InputFileError("a study has either 'model', a parameter set, or 'fit', a results.json")
+        if self.model is not None:
+            return changed(folder, self.model, self.change, self.friction)
+        base = results_model(folder / str(self.fit))
+        return base.replace(**self.change, friction=base.friction._replace(**self.friction))
+
+    def _measure(self, folder: Path, model: Any) -> SteadySteps | Walk | Own:
+        given = self.measure
+        if isinstance(given, OwnSpec):
+            return Own(own_function(given.function, folder), given.units)
+        if self.drive is None:
+            raise InputFileError("drive is missing")
+        waveform: Waveform = drive_of([self.drive], {}, folder)
+        if isinstance(given, SteadySpec):
+            return SteadySteps(model, waveform, given.tolerance, given.load)
+        return Walk(model, waveform, **given.model_dump(exclude={"kind"}))
+
+    def _table_alone(self, folder: Path) -> dict[str, Any]:
+        if self.draws is None or self.draws.file is None:
+            raise InputFileError("draws of a function of your own are a 'file'")
+        return _table(folder / self.draws.file)
+
+
+def study_of_file(path: str | os.PathLike[str]) -> Study:
+    """The study that a file describes.
+
+    Raises:
+        InputFileError: the file is not as it must be; names the file and the field.
+    """
+    content = load_yaml(path)
+    if "kind" in content and content["kind"] != "study":
+        raise InputFileError(f"{path}: kind: a study file has the kind 'study', not {content['kind']!r}")
+    try:
+        study = StudyFile.model_validate(content).study(Path(path).parent)
+        _ = study.axes  # what is wrong with them is told with the file's name
+        return study
+    except ValidationError as error:
+        raise explain(path, error, content=content) from error
+    except InputFileError as error:
+        raise InputFileError(f"{path}: {error}") from error
+    except QuantityError as error:
+        raise InputFileError(f"{path}: {error}") from error
+
+
+def _table(path: Path) -> dict[str, Any]:
+    """Columns by name."""
+    try:
+        if path.suffix == ".nc":
+            with xr.open_dataset(path, engine="h5netcdf") as found:
+                return {str(n): v.values.ravel() for n, v in found.items() if n != "log_posterior"}
+        table = np.genfromtxt(path, delimiter=",", names=True, dtype=float, encoding="utf-8", deletechars="")
+    except (OSError, ValueError) as error:
+        raise InputFileError(f"draws: {path}: {' '.join(str(error).split())}") from error
+    names = table.dtype.names or ()
+    columns = {name: np.atleast_1d(table[name]) for name in names}
+    for name, column in columns.items():
+        if not np.all(np.isfinite(column)):
+            raise InputFileError(
+                f"draws: {path}: {name}: line {2 + int(np.argmin(np.isfinite(column)))} is no number"
+            )
+    return columns

@@ -1,0 +1,79 @@
+"""Chunks on disk: whole or not there at all, each with its checksum.
+
+A chunk is what Zarr (format 3) reads: little-endian bytes and their CRC-32C (RFC 3720), texts as `vlen-utf8`
+compressed by gzip. It is written here, not by the library, because that leaves out chunks that hold nothing
+but missing values (which are results too) and does not wait for the disk before it renames.
+"""
+
+from __future__ import annotations
+
+import gzip
+import os
+import uuid
+from pathlib import Path
+from typing import Any
+
+import google_crc32c
+import numpy as np
+from numpy.typing import NDArray
+
+from .layout import TEXT
+
+PART = ".part"
+_CRC = 4  # bytes
+
+
+class ChunkError(Exception):
+    """A chunk that is not as it was written; says which and why."""
+
+
+def write_chunk(path: Path, values: NDArray[Any], dtype: str) -> None:
+    """Write a chunk under another name, wait for the disk, and give it its name.
+
+    Raises:
+        OSError: the disk is full, or worse; what was begun is removed.
+    """
+    data = _texts(values) if dtype == TEXT else values.astype(np.dtype(dtype).newbyteorder("<")).tobytes()
+    check = google_crc32c.value(data).to_bytes(_CRC, "little")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    begun = path.with_name(f".{path.name}.{uuid.uuid4().hex}{PART}")
+    try:
+        with begun.open("wb") as file:
+            file.write(data)
+            file.write(check)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(begun, path)
+    except BaseException:
+        begun.unlink(missing_ok=True)
+        raise
+
+
+def check_chunk(path: Path, size: int | None) -> None:
+    """Read a chunk once.
+
+    Args:
+        path: the file.
+        size: bytes that it must have, without its checksum; None: any.
+
+    Raises:
+        ChunkError: it is not there, of another length, or not what was written.
+    """
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise ChunkError("is missing") from None
+    except OSError as error:
+        raise ChunkError(f"cannot be read: {error.strerror}") from None
+    if len(data) < _CRC or (size is not None and len(data) != size + _CRC):
+        raise ChunkError(f"has {len(data)} bytes")
+    if google_crc32c.value(data[:-_CRC]) != int.from_bytes(data[-_CRC:], "little"):
+        raise ChunkError("does not match its checksum")
+
+
+def _texts(values: NDArray[Any]) -> bytes:
+    encoded = [str(text).encode() for text in values.ravel().tolist()]
+    parts = [len(encoded).to_bytes(4, "little")]
+    for text in encoded:
+        parts += [len(text).to_bytes(4, "little"), text]
+    return gzip.compress(b"".join(parts), 1, mtime=0)

@@ -1,0 +1,194 @@
+"""Tasks on the workers of a dask scheduler, which see the folder of the store.
+
+A task is a number and where the study is described: a file in the store, known by its hash, which a worker
+reads once, before its first task. So a worker that comes later needs nothing else, nor does a scheduler that
+was started again. It is given a few tasks for each worker at a time; when it is lost, it is waited for.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import os
+import pickle
+import queue
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from distributed import Client, Future
+
+from .design import Study
+from .errors import StudyError
+from .layout import Layout
+from .local import ONE_THREAD, Tasks
+from .measures import told
+from .store import Store
+from .task import Done, Load, received, run_task, use_own_cache
+
+# Tasks that each thread of a worker has or waits for, and s that a lost scheduler is waited for.
+AHEAD, PATIENCE = 3, 60.0
+
+_PREPARED: dict[str, tuple[Study, Store]] = {}  # of this worker, by the hash of its load
+_PREPARING = threading.Lock()
+
+
+def one_task(path: str, digest: str, number: int) -> None:
+    """A task on a worker. What it made is in the store: nothing is fetched from a worker, which may hang."""
+    try:
+        with _PREPARING:
+            if digest not in _PREPARED:
+                os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
+                use_own_cache()
+                _PREPARED[digest] = received(_read(Path(path), digest))
+        run_task(*_PREPARED[digest], number)
+    except StudyError:
+        raise
+    except Exception as error:  # of a type that need not be known elsewhere
+        raise RuntimeError(told(error)) from None
+
+
+def _read(path: Path, digest: str) -> Load:
+    """What the worker was told to read, and nothing else."""
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise StudyError(f"a worker does not see the folder of the study: {path}: {error.strerror}") from None
+    if hashlib.sha256(data).hexdigest() != digest:
+        raise StudyError(f"{path} is not what was written for the workers")
+    return pickle.loads(data)
+
+
+def run_on_cluster(
+    load: Load, todo: list[int], address: str, heard: Callable[[Done], None]
+) -> dict[int, str]:
+    """Do tasks; see `run_local`.
+
+    Raises:
+        StudyError: the scheduler does not answer, or not any more; a worker cannot do this study; there is no
+            room for results.
+    """
+    tasks, store, lost = Tasks(waiting=todo[::-1]), Store(load.store), 0.0
+    data = pickle.dumps(load)
+    digest = hashlib.sha256(data).hexdigest()
+    file = store.path.absolute() / f".load-{digest[:16]}"
+    file.write_bytes(data)
+    what = one_task, str(file), digest
+    while True:
+        try:
+            # A scheduler that is gone is noticed within seconds, and not waited for in here.
+            with Client(address, timeout=5.0, set_as_default=False) as client:
+                lost = 0.0
+                if _run(client, what, store.layout, tasks, len(todo), heard):
+                    file.unlink(missing_ok=True)
+                    return tasks.failed
+        except OSError as error:
+            if not tasks.seconds and not lost:
+                raise StudyError(f"no dask scheduler answers at {address}: {error}") from None
+        lost = lost or time.monotonic()
+        if time.monotonic() - lost > PATIENCE:
+            raise StudyError(
+                f"the scheduler at {address} is gone: what is finished is kept; give the same command again"
+            )
+        there = store.done()
+        tasks.done |= {number for number in todo if there[number]}
+        tasks.waiting = [n for n in todo[::-1] if n not in tasks.done and n not in tasks.failed]
+        time.sleep(0.5)
+
+
+class _Running:
+    """A task with the scheduler: what stands for its result, and since when it is there [s]."""
+
+    def __init__(self, number: int, future: Future) -> None:
+        self.number, self.future, self.begun = number, future, time.monotonic()
+
+
+def _run(
+    client: Client,
+    what: tuple[Any, ...],
+    layout: Layout,
+    tasks: Tasks,
+    count: int,
+    heard: Callable[[Done], None],
+) -> bool:
+    """Whether all is done; not, if the scheduler was lost."""
+    answers: queue.Queue[_Running] = queue.Queue()
+    running: dict[Any, _Running] = {}
+    given, slots, asked = 0, 0, 0.0
+    while len(tasks.done) + len(tasks.failed) < count:
+        if client.status != "running":
+            return False
+        if time.monotonic() - asked > 1.0:
+            asked = time.monotonic()
+            workers = client.scheduler_info(n_workers=-1)["workers"]
+            slots = sum(one["nthreads"] for one in workers.values())
+        while len(running) < max(1, AHEAD * slots):
+            number = tasks.take()
+            if number is None:
+                break
+            given += 1
+            _give(client, what, number, given, running, answers)
+        if not tasks.waiting and slots:
+            for number, elsewhere in _late(client, running, tasks):
+                given += 1
+                _give(client, what, number, given, running, answers, elsewhere)
+        with suppress(queue.Empty):
+            done = answers.get(timeout=0.5)
+            while True:
+                _take(running.pop(done.future.key, None), layout, tasks, heard)
+                done = answers.get_nowait()
+    client.cancel([one.future for one in running.values()])
+    return True
+
+
+def _give(
+    client: Client,
+    what: tuple[Any, ...],
+    number: int,
+    given: int,
+    running: dict[Any, _Running],
+    answers: queue.Queue[_Running],
+    workers: list[str] | None = None,
+) -> None:
+    # The name of each is new: a result of before is none now.
+    key = f"stickslip-{os.getpid()}-{id(answers)}-{given}"
+    future = client.submit(*what, number, key=key, pure=False, workers=workers)
+    running[key] = one = _Running(number, future)
+    future.add_done_callback(lambda _: answers.put(one))
+
+
+def _late(client: Client, running: dict[Any, _Running], tasks: Tasks) -> list[tuple[int, list[str]]]:
+    """Tasks that take too long, each with the workers that have no such task: one may hang."""
+    newest: dict[int, float] = {}
+    for one in running.values():
+        newest[one.number] = max(one.begun, newest.get(one.number, 0.0))
+    limit = time.monotonic() - tasks.limit()
+    late = [number for number, since in newest.items() if since < limit]
+    if not late:
+        return []
+    processing: Any = client.processing()
+    held = {key: worker for worker, keys in processing.items() for key in keys}
+    slow = {held.get(key) for key, one in running.items() if one.number in late}
+    others = [worker for worker in client.scheduler_info(n_workers=-1)["workers"] if worker not in slow]
+    return [(number, others) for number in late if others]
+
+
+def _take(one: _Running | None, layout: Layout, tasks: Tasks, heard: Callable[[Done], None]) -> None:
+    if one is None:
+        return
+    if one.future.status in ("cancelled", "lost"):  # with its scheduler
+        tasks.waiting.append(one.number)
+        return
+    if one.future.status == "error":
+        error: Any = one.future.exception()
+        if isinstance(error, StudyError):
+            raise error
+        tasks.again(one.number, str(error))
+        return
+    members = math.prod(part.stop - part.start for part in layout.place(one.number).values())
+    done = Done(one.number, time.monotonic() - one.begun, members, 0)
+    if tasks.finish(done):
+        heard(done)

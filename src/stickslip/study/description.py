@@ -1,0 +1,94 @@
+"""What a study is, in plain values: what its store says of it, and what a run that goes on compares."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+import numpy as np
+
+from .. import _jit
+from .._version import __version__
+from ..registry import origin
+from .own import OwnFunction, content_hash
+
+# Longer lists are said by their hash.
+SHOWN = 64
+TOLD = 4
+
+
+def described(study: Any) -> dict[str, Any]:
+    """A study, the package and its compiled physics, and the user's own files, as JSON knows it."""
+    return {
+        "study": {key: _plain(getattr(study, key)) for key in ("points", "measure", "summary", "keep")},
+        "package": __version__,
+        # Kernels are kept under a hash of all that they are compiled from.
+        "kernels": _jit._package_cache().name,
+    }
+
+
+def identity(description: Mapping[str, Any]) -> str:
+    """The hash of a description."""
+    text = json.dumps(description, sort_keys=True, allow_nan=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def differences(there: Mapping[str, Any], here: Mapping[str, Any]) -> list[str]:
+    """What differs between two descriptions, in words, place by place."""
+    first, second = (dict(_leaves(one)) for one in (there, here))
+    return [
+        f"{place}: {_short(first.get(place, 'nothing'))} there, {_short(second.get(place, 'nothing'))} here"
+        for place in dict.fromkeys([*first, *second])
+        if first.get(place, "nothing") != second.get(place, "nothing")
+    ]
+
+
+def _leaves(value: Any, place: str = "") -> Iterator[tuple[str, Any]]:
+    if isinstance(value, Mapping):
+        for key, one in value.items():
+            yield from _leaves(one, f"{place}.{key}" if place else str(key))
+    elif isinstance(value, list) and any(isinstance(one, Mapping) for one in value):
+        for i, one in enumerate(value):
+            yield from _leaves(one, f"{place}[{i}]")
+    else:
+        yield place, json.dumps(value)
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= 80 else f"{text[:77]}..."
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, OwnFunction):
+        return {"function": value.name, "sha256": value.content}
+    if is_dataclass(value):
+        return {"is": type(value).__name__, **{f.name: _plain(getattr(value, f.name)) for f in fields(value)}}
+    if hasattr(value, "_asdict"):
+        found = {"is": type(value).__name__, **{k: _plain(v) for k, v in value._asdict().items()}}
+        place = origin(type(value))
+        return {**found, "sha256": content_hash(place)} if place.endswith(".py") else found
+    if isinstance(value, Mapping):
+        return {str(key): _plain(one) for key, one in value.items()}
+    if isinstance(value, np.ndarray | list | tuple):
+        return _listed(value)
+    if isinstance(value, np.generic):
+        return value.item()
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    if isinstance(value, Callable):
+        return repr(value)
+    # A waveform that is no record: its state.
+    return {"is": type(value).__name__, **{k: _plain(v) for k, v in sorted(vars(value).items())}}
+
+
+def _listed(values: Any) -> Any:
+    if not isinstance(values, np.ndarray) and any(not isinstance(v, int | float | str) for v in values):
+        return [_plain(one) for one in values]
+    array = np.asarray(values)
+    if array.size <= SHOWN:
+        return array.tolist()
+    plain = json.dumps(array.tolist())
+    return {"values": int(array.size), "sha256": hashlib.sha256(plain.encode()).hexdigest()}

@@ -1,0 +1,164 @@
+"""Studies: which members, what is done with each, and what is kept of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from ..units import QuantityError
+from .errors import StudyError
+from .layout import TEXT, Layout, Variable, cut, usual
+from .measures import Columns, Measure, as_dataset, one_by_one
+from .own import OwnFunction, own_function
+from .points import Axis, Part, axes_of
+
+# What a user's summary adds to the status.
+SUMMARY_FAILED = "summary_failed"
+_STATUS = ("status", "reason")
+
+
+@dataclass(frozen=True)
+class Study:
+    """Many members of one kind, and what to keep of each.
+
+    Args:
+        points: a `Grid`, a `Random` design, `Draws`, or several of them: all combinations.
+        measure: what is done with each member: `SteadySteps`, `Walk` or a function of your `Own`.
+        summary: a function of your own, or ``"FILE.py:NAME"``, that is given the dataset of some members (as
+            `steady_steps` or `simulate_ensemble` returns it, trajectories included where they are asked for)
+            and returns arrays [member] by name, or `xarray.DataArray` with units in their attributes.
+        keep: names of what the measure finds to be kept; left out, all, but for trajectories where there is
+            a summary.
+        task: members of a task, which is what a worker does at a time and what is done again after a crash;
+            left out, a number that suits most studies, which depends on the study alone.
+        title: in words.
+    """
+
+    points: Part | Sequence[Part]
+    measure: Measure
+    summary: Callable[..., Any] | str | OwnFunction | None = None
+    keep: Sequence[str] = ()
+    task: int | None = None
+    title: str = ""
+
+    def __post_init__(self) -> None:
+        if self.summary is not None:
+            object.__setattr__(self, "summary", own_function(self.summary))
+        task = self.task
+        if task is not None and (isinstance(task, bool) or not (isinstance(task, int) and task > 0)):
+            raise QuantityError(f"task = {task!r} must be a whole number of members > 0")
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What is given, without what was made of it."""
+        return {one.name: getattr(self, one.name) for one in fields(self)}
+
+    @cached_property
+    def axes(self) -> list[Axis]:
+        """What varies along each dimension; raises QuantityError."""
+        return axes_of(self.points, self.measure.read)
+
+    @property
+    def dims(self) -> tuple[str, ...]:
+        return tuple(axis.dim for axis in self.axes)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return tuple(axis.size for axis in self.axes)
+
+    def columns(self, place: dict[str, slice]) -> Columns:
+        """What varies, of the members of a part, the last dimension fastest."""
+        parts = [axis.at(place[axis.dim].start, place[axis.dim].stop) for axis in self.axes]
+        shape, found = tuple(part.shape[1] for part in parts), {}
+        for i, (axis, part) in enumerate(zip(self.axes, parts, strict=True)):
+            aligned = (slice(None), *((slice(None) if i == k else None) for k in range(len(parts))))
+            spread = np.broadcast_to(part[aligned], (len(axis.names), *shape)).reshape(len(axis.names), -1)
+            found |= dict(zip(axis.names, spread.astype(float), strict=True))
+        return found
+
+    def computed(self, columns: Columns) -> xr.Dataset:
+        """Everything that is kept of members, over "member", status and reason last.
+
+        Raises:
+            QuantityError: `keep` has a name that there is not, or a summary one that there is already.
+        """
+        found, own = self.measure.computed(columns), []
+        found = found.drop_vars([name for name in columns if name in found])
+        if self.summary is not None:
+            made, found = self._summarised(found, columns)
+            own = [str(name) for name in made]
+            for name in own:
+                if name in found or name in columns:
+                    raise QuantityError(f"{self.summary} returned {name!r}, which there is already")
+            found = found.assign(made)
+        if missing := [name for name in self.keep if name not in found]:
+            raise QuantityError(f"keep: there is no {missing[0]!r}; there are {', '.join(map(str, found))}")
+        kept = [*self.keep, *own]
+        if not self.keep:
+            kept = [str(n) for n in found if self.summary is None or found[n].dims == ("member",)]
+        return found[[name for name in dict.fromkeys(kept) if name not in _STATUS] + list(_STATUS)]
+
+    def layout(self) -> Layout:
+        """How the results are laid out, found by computing two members.
+
+        Raises:
+            QuantityError: something in the study cannot be.
+            StudyError: a function of the user's own fails for both, so that it is not known what it returns.
+        """
+        made = self.computed(self.first_members())
+        if not set(made) - set(_STATUS) or (self.summary is not None and set(made["reason"].values) - {""}):
+            raise StudyError(f"the first two members fail: {made['reason'].values[0]}")
+        known = [axis for axis in self.axes if axis.drawn is not None]
+        varied = [Variable(n, (a.dim,), (), "float64", a.about[n]) for a in known for n in a.names]
+        found = [
+            Variable(
+                str(name),
+                self.dims,
+                tuple((str(dim), int(one.sizes[dim])) for dim in one.dims if dim != "member"),
+                TEXT if name == "reason" else "int8" if name == "status" else "float64",
+                {k: _listed(v) for k, v in one.attrs.items()},
+            )
+            for name, one in made.items()
+        ]
+        found.sort(key=lambda v: v.name == "status")
+        of_one = sum(8 * math.prod(size for _, size in v.inner) for v in found)
+        task = self.task or usual(math.prod(self.shape), of_one)
+        return Layout(self.dims, self.shape, cut(self.shape, task), (*varied, *found))
+
+    def inner(self) -> dict[str, xr.DataArray]:
+        """Coordinates of the results' own dimensions, such as time."""
+        made = self.computed(self.first_members())
+        return {str(name): c for name, c in made.coords.items() if name != "member"}
+
+    def first_members(self) -> Columns:
+        """What varies, of two members: for a trial."""
+        place = {axis.dim: slice(0, min(2, axis.size)) for axis in self.axes}
+        return {name: column[:2] for name, column in self.columns(place).items()}
+
+    def _summarised(self, found: xr.Dataset, columns: Columns) -> tuple[xr.Dataset, xr.Dataset]:
+        """What the summary says of members, and what was found, with those that it fails for."""
+        assert isinstance(self.summary, OwnFunction)
+        summary, given = self.summary, found.assign({n: ("member", c) for n, c in columns.items()})
+
+        def work(rows: slice) -> xr.Dataset:
+            some = given.isel(member=rows)
+            return as_dataset(summary(some), some.sizes["member"], str(summary))
+
+        made, failed = one_by_one(work, next(iter(columns.values())).size)
+        status, reason = found["status"].copy(deep=True), found["reason"].astype(object)
+        code = max(map(int, status.attrs["flag_values"])) + 1
+        status.attrs["flag_values"] = [*status.attrs["flag_values"], code]
+        status.attrs["flag_meanings"] += f" {SUMMARY_FAILED}"
+        for m, text in failed.items():
+            if status.values[m] == 0:
+                status.values[m], reason.values[m] = code, text
+        return made, found.assign(status=status, reason=reason)
+
+
+def _listed(value: Any) -> Any:
+    return value.tolist() if hasattr(value, "tolist") else value

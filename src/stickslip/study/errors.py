@@ -1,0 +1,12 @@
+"""What can go wrong with a study as a whole."""
+
+from __future__ import annotations
+
+
+class StudyError(Exception):
+    """A study that cannot go on: a full disk, workers that die, tasks that fail everywhere. What is finished
+    is kept, and the same call goes on from there."""
+
+
+class StudyDiffers(ValueError):
+    """The store is of another study; says what differs."""

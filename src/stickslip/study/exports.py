@@ -1,0 +1,123 @@
+"""Results of a study as other programs read them: NetCDF, Parquet, CSV."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from ..progress import Progress, unheard
+from ..units import QuantityError
+from .chunks import PART
+from .store import Store, blocks, open_study
+
+
+def export_study(
+    store: str | os.PathLike[str], file: str | os.PathLike[str], progress: Progress = unheard
+) -> int:
+    """Write the results so far to a file, by its ending: ``.nc`` (all that the store has, over its
+    dimensions), ``.parquet`` (needs pyarrow, extra ``stickslip[parquet]``) or ``.csv`` (a line for each
+    member that is computed, with what varies, without results over dimensions of their own, such as time).
+    Tables are written task by task, whatever their length; NetCDF takes the memory of all results.
+
+    Args:
+        store: folder of the study.
+        file: to be written; one of that name is replaced.
+        progress: called after each task.
+
+    Returns:
+        How many members are computed.
+
+    Raises:
+        QuantityError: another ending.
+        StudyError: it is no store of a study.
+    """
+    there, file = Store(store), Path(file)
+    writers = {".nc": _netcdf, ".parquet": _parquet, ".csv": _csv}
+    if file.suffix not in writers:
+        raise QuantityError(f"{file}: studies are exported as {', '.join(writers)}")
+    begun = file.with_name(f".{file.name}.{os.getpid()}{PART}")
+    file.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        count = writers[file.suffix](there, begun, progress)
+        os.replace(begun, file)
+    finally:
+        begun.unlink(missing_ok=True)
+    return count
+
+
+def _netcdf(store: Store, file: Path, progress: Progress) -> int:
+    whole = open_study(store.path).load()
+    for name in [n for n, one in whole.items() if one.dtype.kind not in "fiu"]:
+        whole[name] = whole[name].astype(object)  # texts, variable in length
+    whole.to_netcdf(file, engine="h5netcdf")
+    progress("writing", 1.0)
+    return int((whole["status"] != -1).sum())
+
+
+def _tables(store: Store, progress: Progress) -> Iterator[pd.DataFrame]:
+    for i, (_, part) in enumerate(blocks(store)):
+        yield _table(part, store.layout.dims)
+        progress("writing", (i + 1) / store.layout.tasks)
+
+
+def _table(part: xr.Dataset, dims: tuple[str, ...]) -> pd.DataFrame:
+    """A line for each member that is computed; columns with units in their names' attributes."""
+    spread = xr.broadcast(*(part[n] for n in [*part.coords, *part.data_vars] if {*part[n].dims} <= {*dims}))
+    columns = {str(one.name): one.transpose(*dims).values.ravel() for one in spread}
+    texts = {n: np.asarray(c, dtype=object) if c.dtype.kind not in "fiu" else c for n, c in columns.items()}
+    table = pd.DataFrame(texts)
+    return table.loc[table["status"] != -1, :]
+
+
+def _csv(store: Store, file: Path, progress: Progress) -> int:
+    units = {str(n): str(v.attrs.get("units", "")) for n, v in open_study(store.path).variables.items()}
+    count = 0
+    with file.open("w", encoding="utf-8", newline="") as target:
+        for table in _tables(store, progress):
+            named = table.rename(columns={n: f"{n} [{units[n]}]" for n in table if units.get(str(n))})
+            named.to_csv(target, index=False, header=not count)
+            count += len(table)
+    return count
+
+
+def _parquet(store: Store, file: Path, progress: Progress) -> int:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    variables = open_study(store.path).variables
+    count = 0
+    with _closed() as writers:
+        for frame in _tables(store, progress):
+            if not len(frame):
+                continue
+            made = pa.Table.from_pandas(frame, preserve_index=False)
+            fields = [
+                field.with_metadata({"units": str(variables[field.name].attrs.get("units", ""))})
+                for field in made.schema
+            ]
+            schema = pa.schema(fields)
+            if not writers:
+                writers.append(pq.ParquetWriter(file, schema))
+            writers[0].write_table(made.cast(schema))
+            count += len(frame)
+        if not writers:
+            raise QuantityError(f"{store.path}: nothing is computed yet")
+    return count
+
+
+@contextmanager
+def _closed() -> Iterator[list[Any]]:
+    """A writer, once there is one, closed at the end."""
+    writers: list[Any] = []
+    try:
+        yield writers
+    finally:
+        for writer in writers:
+            writer.close()

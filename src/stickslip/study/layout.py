@@ -1,0 +1,132 @@
+"""Layout of a study's results: variables over dimensions, cut into tasks; a task is one chunk of each."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+# Members of a task, where the study does not say; tasks that there are to be, so that all processors work.
+MOST, TASKS = 8192, 64
+# Bytes of a task in memory.
+LARGEST = 64_000_000
+TEXT = "text"
+
+
+class Variable(NamedTuple):
+    """A result (or what varies). `dims`: of the study, then `inner` ones with their sizes, such as time;
+    `dtype`: of NumPy, or "text"; `about`: attributes."""
+
+    name: str
+    dims: tuple[str, ...]
+    inner: tuple[tuple[str, int], ...]
+    dtype: str
+    about: dict[str, Any]
+
+    @property
+    def missing(self) -> Any:
+        """What stands where nothing is computed yet."""
+        return "" if self.dtype == TEXT else -1 if self.dtype == "int8" else float("nan")
+
+
+class Layout(NamedTuple):
+    """`dims` and `shape` of all members, `task` the part of one task along each, `variables` in the order in
+    which they are written: status last."""
+
+    dims: tuple[str, ...]
+    shape: tuple[int, ...]
+    task: tuple[int, ...]
+    variables: tuple[Variable, ...]
+
+    @property
+    def members(self) -> int:
+        return math.prod(self.shape)
+
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """Tasks along each dimension."""
+        return tuple(-(-size // part) for size, part in zip(self.shape, self.task, strict=True))
+
+    @property
+    def tasks(self) -> int:
+        return math.prod(self.counts)
+
+    @property
+    def bytes(self) -> int:
+        """Of all results, but for texts."""
+        return self.tasks * sum(self.size(v) for v in self.variables if v.dtype != TEXT)
+
+    def place(self, number: int) -> dict[str, slice]:
+        """The part of each dimension that a task covers."""
+        at = np.unravel_index(number, self.counts)
+        return {
+            dim: slice(int(i) * part, min((int(i) + 1) * part, size))
+            for dim, i, part, size in zip(self.dims, at, self.task, self.shape, strict=True)
+        }
+
+    def chunk(self, variable: Variable) -> tuple[int, ...]:
+        """The shape of its chunks, which those at the end have too, filled up."""
+        part = dict(zip(self.dims, self.task, strict=True))
+        return (*(part[dim] for dim in variable.dims), *(size for _, size in variable.inner))
+
+    def size(self, variable: Variable) -> int:
+        """Bytes of a chunk in memory."""
+        one = 8 if variable.dtype == TEXT else np.dtype(variable.dtype).itemsize
+        return one * math.prod(self.chunk(variable))
+
+    def whole(self, variable: Variable) -> tuple[int, ...]:
+        """The shape of the variable."""
+        size = dict(zip(self.dims, self.shape, strict=True))
+        return (*(size[dim] for dim in variable.dims), *(count for _, count in variable.inner))
+
+    def key(self, variable: Variable, number: int) -> str:
+        """The file of a task's chunk, relative to the store."""
+        at = dict(zip(self.dims, np.unravel_index(number, self.counts), strict=True))
+        return "/".join(
+            [
+                variable.name,
+                "c",
+                *(str(int(at[dim])) for dim in variable.dims),
+                *("0" for _ in variable.inner),
+            ]
+        )
+
+
+def cut(shape: tuple[int, ...], wanted: int) -> tuple[int, ...]:
+    """Parts of all dimensions, the last ones whole as far as they fit, of about `wanted` members or fewer."""
+    parts, left = [], max(1, wanted)
+    for size in reversed(shape):
+        parts.append(min(size, left))
+        left = max(1, left // size)
+    return tuple(reversed(parts))
+
+
+def usual(members: int, bytes_of_one: int) -> int:
+    """Members of a task: a power of two, for at least `TASKS` tasks and at most `LARGEST` bytes each."""
+    most = min(MOST, max(1, members // TASKS), max(1, LARGEST // max(1, bytes_of_one)))
+    return 1 << (most.bit_length() - 1)
+
+
+def layout_text(layout: Layout) -> str:
+    """As JSON."""
+    return json.dumps(layout._asdict() | {"variables": [v._asdict() for v in layout.variables]})
+
+
+def layout_of(text: str) -> Layout:
+    """What `layout_text` wrote."""
+    found: Mapping[str, Any] = json.loads(text)
+    return Layout(
+        tuple(found["dims"]),
+        tuple(found["shape"]),
+        tuple(found["task"]),
+        tuple(_variables(found["variables"])),
+    )
+
+
+def _variables(listed: list[dict[str, Any]]) -> Iterator[Variable]:
+    for one in listed:
+        inner = tuple((str(dim), int(size)) for dim, size in one["inner"])
+        yield Variable(**{**one, "dims": tuple(one["dims"]), "inner": inner})

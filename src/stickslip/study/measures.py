@@ -1,0 +1,200 @@
+"""What a study does at each of its points: a walk, a steady step, or a function of the user's own."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from ..actuator import Actuator
+from ..simulation.ensemble import simulate_ensemble
+from ..simulation.errors import SimulationWarning
+from ..simulation.members import checked_columns, labelled
+from ..simulation.steady_members import steady_steps
+from ..units import QuantityError, optional_si, to_si
+from ..waveform.signal import Waveform
+from .own import OwnFunction, own_function
+
+Array = NDArray[np.float64]
+Columns = Mapping[str, Array]
+
+
+@dataclass(frozen=True)
+class SteadySteps:
+    """The steady step of each member; see `stickslip.steady_steps`.
+
+    Args:
+        model, waveform: what the members vary, in all fields that `steady_steps` takes.
+        tolerance: m, on the net step.
+        load: normal force over its reference, for all members.
+    """
+
+    model: Actuator
+    waveform: Waveform
+    tolerance: float | str = 1e-10
+    load: Waveform | float = 1.0
+
+    def read(self, name: str, values: ArrayLike) -> tuple[Array, dict[str, str]]:
+        """Values of a name in SI, and its attributes; raises QuantityError."""
+        return _read(self.model, self.waveform, name, values)
+
+    def computed(self, columns: Columns) -> xr.Dataset:
+        """What became of members, over "member"."""
+        return _quietly(
+            lambda: steady_steps(
+                self.model,
+                self.waveform,
+                parameters=columns,
+                tolerance=to_si(self.tolerance, "m", "tolerance"),
+                load=self.load,
+                threads=1,
+            )
+        )
+
+
+@dataclass(frozen=True)
+class Walk:
+    """A walk of each member from rest; see `stickslip.simulate_ensemble`.
+
+    Args:
+        model, waveform: what the members vary, in all fields that `simulate_ensemble` takes.
+        duration: s; left out, that of each member's waveform.
+        sample_rate: Hz, of trajectories; left out, only summaries are computed.
+        tolerance: m.
+        load: normal force over its reference, for all members.
+        max_steps: of each member.
+    """
+
+    model: Actuator
+    waveform: Waveform
+    duration: float | str | None = None
+    sample_rate: float | str | None = None
+    tolerance: float | str = 1e-9
+    load: Waveform | float = 1.0
+    max_steps: int = 2_000_000
+
+    def read(self, name: str, values: ArrayLike) -> tuple[Array, dict[str, str]]:
+        """As of `SteadySteps`."""
+        return _read(self.model, self.waveform, name, values)
+
+    def computed(self, columns: Columns) -> xr.Dataset:
+        """What became of members, over "member" (and "time", where trajectories are asked for)."""
+        return _quietly(
+            lambda: simulate_ensemble(
+                self.model,
+                self.waveform,
+                optional_si(self.duration, "s", "duration"),
+                parameters=columns,
+                sample_rate=optional_si(self.sample_rate, "Hz", "sample_rate"),
+                tolerance=to_si(self.tolerance, "m", "tolerance"),
+                load=self.load,
+                max_steps=self.max_steps,
+                threads=1,
+            )
+        )
+
+
+@dataclass(frozen=True)
+class Own:
+    """A function of the user's own, which is given columns, arrays [member] by name, and returns what it
+    found: arrays [member] by name, or `xarray.DataArray` with units in their attributes.
+
+    Where it raises for several members, they are tried one by one; a member that fails by itself has the
+    status 1, and the error as its reason.
+
+    Args:
+        function: a function of a module or a file, or ``"FILE.py:NAME"``.
+        units: of the names that vary.
+    """
+
+    function: Callable[..., Any] | str | OwnFunction
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "function", own_function(self.function))
+
+    def read(self, name: str, values: ArrayLike) -> tuple[Array, dict[str, str]]:
+        """As of `SteadySteps`; a string has the unit of the name."""
+        unit = self.units.get(name, "")
+        column = np.array([to_si(v, unit, name) for v in np.atleast_1d(np.asarray(values)).tolist()])
+        return column, {"units": unit} if unit else {}
+
+    def computed(self, columns: Columns) -> xr.Dataset:
+        """What the function makes of members, with status and reason."""
+        of_all = next(iter(columns.values())).size
+        found, failed = one_by_one(lambda rows: self._of({n: c[rows] for n, c in columns.items()}), of_all)
+        status = np.array([failed.get(m, "") != "" for m in range(of_all)], np.int8)
+        flags = {"flag_values": [0, 1], "flag_meanings": "complete failed"}
+        reasons = np.array([failed.get(m, "") for m in range(of_all)], dtype=str)
+        return found.assign(status=("member", status, flags), reason=("member", reasons))
+
+    def _of(self, columns: Columns) -> xr.Dataset:
+        assert isinstance(self.function, OwnFunction)
+        count = next(iter(columns.values())).size
+        return as_dataset(self.function(columns), count, str(self.function))
+
+
+Measure = SteadySteps | Walk | Own
+
+
+def one_by_one(work: Callable[[slice], xr.Dataset], count: int) -> tuple[xr.Dataset, dict[int, str]]:
+    """What `work` makes of members; where it raises, of each by itself, with the error of those that fail.
+
+    Raises:
+        Exception: what `work` raises of all of them.
+    """
+    try:
+        return work(slice(0, count)), {}
+    except Exception as error:
+        if count == 1:
+            return xr.Dataset(), {0: told(error)}
+    made: dict[int, xr.Dataset] = {}
+    failed: dict[int, str] = {}
+    for m in range(count):
+        try:
+            made[m] = work(slice(m, m + 1))
+        except Exception as error:
+            failed[m] = told(error)
+    if not made:
+        return xr.Dataset(), failed
+    first = next(iter(made.values()))
+    empty = xr.full_like(first.astype(float), np.nan)
+    return xr.concat([made.get(m, empty) for m in range(count)], dim="member"), failed
+
+
+def told(error: BaseException) -> str:
+    """An error in one line."""
+    return f"{type(error).__name__}: {' '.join(str(error).split())}"
+
+
+def as_dataset(found: Any, count: int, of: str) -> xr.Dataset:
+    """What a user's function returned, over "member".
+
+    Raises:
+        QuantityError: it is no mapping of arrays [member].
+    """
+    if not isinstance(found, Mapping):
+        raise QuantityError(f"{of} returned a {type(found).__name__}, not arrays [member] by name")
+    made = {}
+    for name, values in found.items():
+        column = np.asarray(values, dtype=float)
+        if column.shape != (count,):
+            raise QuantityError(f"{of}: {name} has the shape {column.shape}, not ({count},), one per member")
+        made[str(name)] = ("member", column, dict(getattr(values, "attrs", {})))
+    return xr.Dataset(made)
+
+
+def _read(model: Actuator, waveform: Waveform, name: str, values: ArrayLike) -> tuple[Array, dict[str, str]]:
+    column = checked_columns(model, waveform, {name: values})[name]
+    return column, labelled(model, waveform, {name: column})[name][2]
+
+
+def _quietly(work: Callable[[], xr.Dataset]) -> xr.Dataset:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SimulationWarning)  # of single members, which their columns say too
+        return work()

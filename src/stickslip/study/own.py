@@ -1,0 +1,105 @@
+"""Functions and files of the user's own, which travel with a study: known by their content."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import os
+import sys
+import tempfile
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from .. import registry
+from ..registry import RegistryError, origin, own_path, use_file
+
+
+@dataclass(frozen=True)
+class OwnFunction:
+    """A function by its file, its name and the hash of the file's content."""
+
+    path: str
+    name: str
+    content: str
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call it; the file is run where it was not yet."""
+        return _found(self)(*arguments)
+
+    def __str__(self) -> str:
+        return f"{Path(self.path).name}:{self.name}"
+
+
+def own_function(given: Callable[..., Any] | str | OwnFunction, folder: str | Path = "") -> OwnFunction:
+    """A function, or ``"FILE.py:NAME"``, so that other processes find it.
+
+    Raises:
+        RegistryError: it is of no file that can be imported.
+    """
+    if isinstance(given, OwnFunction):
+        return given
+    if isinstance(given, str):
+        path, name = own_path(given)
+        if not path:
+            raise RegistryError(f"{given!r}: a function of your own is FILE.py:NAME")
+        path = str(Path(folder, path).resolve())
+    else:
+        name = str(getattr(given, "__qualname__", ""))
+        module = sys.modules.get(str(getattr(given, "__module__", "")))
+        path = str(Path(getattr(module, "__file__", None) or "").resolve()) if module else ""
+        if not name.isidentifier() or not path.endswith(".py") or module is sys.modules.get("__main__"):
+            raise RegistryError(
+                f"{name or given!r} is not a function of a file that other processes can import: put it on "
+                "the top level of a file of its own, and name it FILE.py:NAME"
+            )
+    made = OwnFunction(path, name, content_hash(path))
+    if not callable(_found(made)):
+        raise RegistryError(f"{made} is no function")
+    return made
+
+
+def content_hash(path: str | Path) -> str:
+    """SHA-256 of a file; raises RegistryError."""
+    try:
+        return hashlib.sha256(Path(path).read_bytes()).hexdigest()
+    except OSError as error:
+        raise RegistryError(f"{path} cannot be read: {error.strerror}") from error
+
+
+_PLACES: dict[str, str] = {}  # content -> file on this machine, where it was sent
+
+
+def _found(function: OwnFunction) -> Any:
+    module = use_file(_PLACES.get(function.content, function.path))
+    try:
+        return getattr(module, function.name)
+    except AttributeError:
+        raise RegistryError(f"{function.path} has no function {function.name!r}") from None
+
+
+def files_of(paths: Iterable[str]) -> list[tuple[str, bytes]]:
+    """Files as they are sent: path and content."""
+    return [(path, Path(path).read_bytes()) for path in dict.fromkeys(paths)]
+
+
+def law_files(model: Any) -> list[str]:
+    """The user's own files that a model's law is of, and those in use."""
+    law = origin(type(getattr(model, "friction", None)))
+    return [*([law] if law.endswith(".py") else []), *registry.used_files()]
+
+
+def put_in_use(files: Iterable[tuple[str, bytes]]) -> None:
+    """Run files that were sent, from where they were if they are there as they are, else from a folder of
+    this process's own machine; raises RegistryError."""
+    for path, text in files:
+        content = hashlib.sha256(text).hexdigest()
+        if not (Path(path).is_file() and content_hash(path) == content):
+            folder = Path(tempfile.gettempdir()) / f"stickslip-own-{os.getpid()}-{content[:16]}"
+            folder.mkdir(mode=0o700, exist_ok=True)
+            path = str(folder / Path(path).name)
+            Path(path).write_bytes(text)
+        _PLACES[content] = path
+        importlib.invalidate_caches()
+        use_file(path)

@@ -1,0 +1,205 @@
+"""Points of a study: grids, random and quasi-random designs, draws of a posterior, and products of them.
+
+No array of all members is ever made: the columns of a task follow from its place in the study, on every
+machine the same.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal, NamedTuple, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..units import QuantityError
+
+Array = NDArray[np.float64]
+# From a name and values (numbers, or strings with units) to SI, and what `units` and `long_name` are.
+Read = Callable[[str, ArrayLike], tuple[Array, dict[str, str]]]
+Method = Literal["sobol", "halton", "uniform"]
+
+MOST_MEMBERS = 10**12
+# Of SciPy's Sobol sequence, of 30 bits.
+MOST_SOBOL = 2**30
+
+
+@dataclass(frozen=True)
+class Grid:
+    """All combinations of values: each name becomes a dimension.
+
+    Args:
+        values: by name, SI or strings with units; no value twice.
+    """
+
+    values: Mapping[str, ArrayLike]
+
+
+class Range(NamedTuple):
+    """From `low` to `high`, SI or strings with units; `log`: evenly over the logarithm."""
+
+    low: float | str
+    high: float | str
+    log: bool = False
+
+
+@dataclass(frozen=True)
+class Random:
+    """Members spread over ranges, along the dimension "member".
+
+    Args:
+        ranges: by name, each a `Range` or a pair of its ends.
+        members: how many.
+        method: "sobol" (scrambled; best with a power of two), "halton" (scrambled) or "uniform"
+            (independent). A Sobol sequence has up to 2^30 members.
+        seed: of the scrambling or of the numbers.
+    """
+
+    ranges: Mapping[str, Range | tuple[float | str, float | str]]
+    members: int
+    method: Method = "sobol"
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Draws:
+    """Members as they are given, along the dimension "draw": what a fit or a posterior leaves possible (see
+    `drawn_parameters`), or a list of one's own.
+
+    Args:
+        values: by name, arrays of one length, SI or strings with units.
+    """
+
+    values: Mapping[str, ArrayLike]
+
+
+Part = Grid | Random | Draws
+
+
+class Axis(NamedTuple):
+    """Some names along one dimension. `values` are of all its points, [names, size]; without them
+    `drawn(start, stop)` gives those of some, [names, stop - start]."""
+
+    dim: str
+    names: tuple[str, ...]
+    size: int
+    about: dict[str, dict[str, str]]
+    values: Array | None
+    drawn: Callable[[int, int], Array] | None = None
+
+    def at(self, start: int, stop: int) -> Array:
+        """Of the points from `start` to before `stop`, [names, points]."""
+        return self.values[:, start:stop] if self.drawn is None else self.drawn(start, stop)  # type: ignore[index]
+
+
+def axes_of(parts: Part | Sequence[Part], read: Read) -> list[Axis]:
+    """The axes of a study, in order.
+
+    Raises:
+        QuantityError: a name or a value that cannot be; names the part and the name.
+    """
+    found: list[Axis] = []
+    for part in [parts] if isinstance(parts, Part) else parts:
+        if isinstance(part, Grid):
+            found += [_grid_axis(name, values, read) for name, values in part.values.items()]
+        elif isinstance(part, Random):
+            found.append(_random_axis(part, read))
+        elif isinstance(part, Draws):
+            found.append(_draws_axis(part, read))
+        else:
+            raise QuantityError(f"points are of a Grid, Random or Draws, not of a {type(part).__name__}")
+    names = [name for axis in found for name in axis.names]
+    dims = [axis.dim for axis in found]
+    for name in {*names, *dims}:
+        if names.count(name) > 1 or dims.count(name) > 1:
+            raise QuantityError(f"points: {name!r} varies twice")
+    if not found:
+        raise QuantityError("points: nothing varies")
+    if math.prod(axis.size for axis in found) > MOST_MEMBERS:
+        raise QuantityError(f"points: more than {MOST_MEMBERS:.0e} members")
+    return found
+
+
+def _grid_axis(name: str, values: ArrayLike, read: Read) -> Axis:
+    column, about = read(name, values)
+    if np.unique(column).size != column.size:
+        raise QuantityError(f"grid: {name} has the same value twice")
+    return Axis(name, (name,), column.size, {name: about}, column[None, :])
+
+
+def _draws_axis(part: Draws, read: Read) -> Axis:
+    columns = {name: read(name, values) for name, values in part.values.items()}
+    sizes = {name: column.size for name, (column, _) in columns.items()}
+    if len(set(sizes.values())) != 1:
+        raise QuantityError(f"draws must be arrays of one length; there are {sizes or 'none'}")
+    stacked = np.stack([column for column, _ in columns.values()])
+    return Axis("draw", tuple(columns), stacked.shape[1], {n: a for n, (_, a) in columns.items()}, stacked)
+
+
+def _random_axis(part: Random, read: Read) -> Axis:
+    if part.method not in get_args(Method):
+        raise QuantityError(f"random: there are {', '.join(get_args(Method))}, not {part.method!r}")
+    if isinstance(part.members, bool) or not (isinstance(part.members, int) and part.members > 0):
+        raise QuantityError(f"random: members = {part.members!r} must be a whole number > 0")
+    if part.method == "sobol" and part.members > MOST_SOBOL:
+        raise QuantityError(f'random: a Sobol sequence has {MOST_SOBOL:,} members at most; take "halton"')
+    if isinstance(part.seed, bool) or not (isinstance(part.seed, int) and part.seed >= 0):
+        raise QuantityError(f"random: seed = {part.seed!r} must be a whole number >= 0")
+    if not part.ranges:
+        raise QuantityError("random: there are no ranges")
+    about, low, high, log = {}, [], [], []
+    for name, given in part.ranges.items():
+        ends = given if isinstance(given, Range) else Range(given[0], given[1])
+        (first, last), about[name] = read(name, [ends.low, ends.high])
+        if not first < last:
+            raise QuantityError(f"random: {name}: low = {first:g} must be below high = {last:g}")
+        if ends.log and not first > 0.0:
+            raise QuantityError(f"random: {name}: log needs values above 0, not {first:g}")
+        low.append(math.log(first) if ends.log else first)
+        high.append(math.log(last) if ends.log else last)
+        log.append(ends.log)
+    sequence = _Sequence(part.method, part.seed, len(low))
+    begin, width = np.array(low)[:, None], (np.array(high) - np.array(low))[:, None]
+    which = np.array(log)[:, None]
+
+    def drawn(start: int, stop: int) -> Array:
+        at = begin + width * sequence.numbers(start, stop)
+        return np.where(which, np.exp(np.where(which, at, 0.0)), at)
+
+    return Axis("member", tuple(about), part.members, about, None, drawn)
+
+
+class _Sequence:
+    """Points in the unit cube by their numbers. A sampler is kept: on the way forward it need not begin
+    anew."""
+
+    def __init__(self, method: Method, seed: int, dimensions: int) -> None:
+        self._method, self._seed, self._dimensions = method, seed, dimensions
+        self._sampler: Any = None
+
+    def numbers(self, start: int, stop: int) -> Array:
+        """[dimensions, stop - start]."""
+        if self._method == "uniform":
+            generator = np.random.PCG64(self._seed)
+            generator.advance(start * self._dimensions)
+            return np.random.Generator(generator).random((stop - start, self._dimensions)).T
+        if self._sampler is None or self._sampler.num_generated > start:
+            self._sampler = self._new
+            self._sampler.reset()
+        if start > self._sampler.num_generated:
+            self._sampler.fast_forward(start - self._sampler.num_generated)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # balanced or not, it is the user's choice
+            return self._sampler.random(stop - start).T
+
+    @cached_property
+    def _new(self) -> Any:
+        from scipy.stats import qmc
+
+        if self._method == "halton":
+            return qmc.Halton(self._dimensions, scramble=True, rng=np.random.default_rng(self._seed))
+        return qmc.Sobol(self._dimensions, scramble=True, rng=np.random.default_rng(self._seed))

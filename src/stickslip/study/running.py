@@ -1,0 +1,192 @@
+"""Studies run: what a study costs, its store made or gone on with, its tasks given to an engine."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+import warnings
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from ..progress import Progress, unheard
+from ..simulation.errors import SimulationWarning
+from ..units import QuantityError
+from .description import described
+from .design import Study
+from .errors import StudyError
+from .layout import Layout
+from .local import processors, run_local
+from .store import Store, create, open_study
+from .task import Done, load_of
+
+# Members of the trial that an estimate is from.
+TRIAL = 64
+# s between two lines of progress at first, and as a share of the time that has passed.
+OFTEN, SHARE = 2.0, 0.01
+
+
+class Estimate(NamedTuple):
+    """What a study costs: members, tasks, `cpu` time [s] and bytes on the disk. `seconds` of one member."""
+
+    members: int
+    tasks: int
+    cpu: float
+    bytes: int
+    seconds: float
+
+    def __str__(self) -> str:
+        hours = f"{self.cpu / 3600:.3g} CPU hours" if self.cpu > 360 else f"{self.cpu:.3g} s of CPU"
+        return (
+            f"{self.members:,} members in {self.tasks:,} tasks, about {hours} and {self.bytes / 1e6:.3g} MB"
+        )
+
+
+def estimate_study(study: Study) -> Estimate:
+    """What a study costs, from a trial of some members spread over it; the first trial of a model compiles.
+
+    Raises:
+        QuantityError, StudyError: see `run_study`.
+    """
+    layout, place = study.layout(), {}
+    random = np.random.default_rng(0)
+    chosen = []
+    for _ in range(min(TRIAL, layout.members)):
+        place = {dim: int(random.integers(size)) for dim, size in zip(layout.dims, layout.shape, strict=True)}
+        chosen.append(study.columns({dim: slice(i, i + 1) for dim, i in sorted(place.items())}))
+    columns = {name: np.concatenate([one[name] for one in chosen]) for name in chosen[0]}
+    begun = time.process_time()
+    study.computed(columns)
+    seconds = (time.process_time() - begun) / len(chosen)
+    return Estimate(layout.members, layout.tasks, seconds * layout.members, layout.bytes, seconds)
+
+
+def run_study(
+    study: Study,
+    store: str | os.PathLike[str],
+    *,
+    workers: int | None = None,
+    shard: tuple[int, int] | None = None,
+    scheduler: str | None = None,
+    progress: Progress = unheard,
+) -> xr.Dataset:
+    """Run a study of many members, or go on with it: whatever ended it before, nothing is lost but the tasks
+    that were being done, and the results are the same to the last bit as of a run that nothing ended.
+
+    On this machine it runs in processes of its own, one thread each. On several machines either let each do
+    its share of one store (`shard`), or give the address of a dask scheduler (extra ``stickslip[cluster]``)
+    whose workers see the same folder. At its start, what is done already is checked against its checksums;
+    what does not match is computed again, with a warning.
+
+    Args:
+        study: which members, and what to do with each.
+        store: folder of the results, a Zarr group (format 3) that `xarray.open_zarr` opens at any time:
+            status is -1 where nothing is computed yet. Made if it is not there.
+        workers: processes on this machine; all its processors if left out.
+        shard: (k, n), k from 1 to n: only every n-th task, beginning with the k-th.
+        scheduler: address of a dask scheduler, "tcp://host:8786".
+        progress: called after tasks with what is being done, how fast and how long still, and the share.
+
+    Returns:
+        The results, as `xarray.open_zarr` opens them: over the dimensions of the grid, "member" of a random
+        design, "draw" of draws.
+
+    Raises:
+        QuantityError: something in the study cannot be.
+        StudyDiffers: the store is of another study, of another version of the package or of other compiled
+            physics; says what differs.
+        StudyError: tasks failed on three workers, no worker comes up, the disk is full; what is finished is
+            kept.
+
+    Warns:
+        SimulationWarning: results in the store were damaged.
+    """
+    if workers is not None and not workers > 0:
+        raise QuantityError(f"workers = {workers} must be > 0")
+    if shard is not None and not 1 <= shard[0] <= shard[1]:
+        raise QuantityError(f"shard = {shard[0]}/{shard[1]}: k of k/n is from 1 to n")
+    there = prepared(study, store)
+    todo = _todo(there, shard, progress)
+    heard = _Told(there.layout, len(todo), progress)
+    if todo and scheduler is not None:
+        from .cluster import run_on_cluster
+
+        failed = run_on_cluster(load_of(study, there), todo, scheduler, heard)
+    elif todo:
+        failed = run_local(load_of(study, there, sys.path), todo, workers or processors(), heard)
+    else:
+        failed = {}
+    if failed:
+        number, why = next(iter(failed.items()))
+        raise StudyError(
+            f"{len(failed)} of {len(todo)} tasks failed, task {number} with: {why}; the others are finished, "
+            "and the same command tries these again"
+        )
+    return open_study(there.path)
+
+
+def prepared(study: Study, path: str | os.PathLike[str]) -> Store:
+    """The store of a study, made if it is not there; raises StudyDiffers, QuantityError and StudyError."""
+    description = described(study)
+    if not (Path(path) / "zarr.json").exists():
+        create(path, description, study.layout(), study.axes, study.inner(), study.title)
+    there = Store(path)
+    there.check(description, study.task)
+    there.tidy()
+    return there
+
+
+def _todo(store: Store, shard: tuple[int, int] | None, progress: Progress) -> list[int]:
+    """The tasks that are still to do; those that are done are checked first."""
+    k, n = shard or (1, 1)
+    mine, done, damaged = range(k - 1, store.layout.tasks, n), store.done(), []
+    for i, number in enumerate(mine):
+        if done[number] and (damage := store.damage(number)):
+            damaged.append(f"task {number}: {damage}")
+            store.forget(number)
+            done[number] = False
+        if i % 100 == 0 and done.any():
+            progress("checking what is done", i / len(mine))
+    if damaged:
+        text = f"{store.path}: computed again: {'; '.join(damaged[:4])}"
+        more = f"; and {len(damaged) - 4} more" if len(damaged) > 4 else ""
+        warnings.warn(text + more, SimulationWarning, stacklevel=3)
+    return [number for number in mine if not done[number]]
+
+
+class _Told:
+    """Tells the progress of a run, now and then."""
+
+    def __init__(self, layout: Layout, tasks: int, progress: Progress) -> None:
+        self._layout, self._tasks, self._progress = layout, tasks, progress
+        self._begun = self._last = 0.0
+        self._done = self._members = self._failed = 0
+
+    def __call__(self, done: Done) -> None:
+        self._done += 1
+        self._members += done.members
+        self._failed += done.failed
+        now = time.monotonic()
+        if not self._begun:  # from here on workers are there
+            self._begun = self._last = now - done.seconds
+        passed = now - self._begun
+        if self._done < self._tasks and now - self._last < max(OFTEN, SHARE * passed):
+            return
+        self._last = now
+        left = passed * (self._tasks / self._done - 1.0)
+        rate = self._members / passed
+        text = f"computing: {rate:,.0f} members/s, {duration(left)} left"
+        if self._failed:
+            text += f", {self._failed:,} members failed"
+        self._progress(text, self._done / self._tasks)
+
+
+def duration(seconds: float) -> str:
+    """A time for people."""
+    for unit, size in (("d", 86_400.0), ("h", 3600.0), ("min", 60.0)):
+        if seconds >= 2 * size:
+            return f"{seconds / size:.1f} {unit}"
+    return f"{seconds:.0f} s"

@@ -1,0 +1,124 @@
+"""Tasks of a study: some members, computed and written. What a worker needs for them, wherever it is."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+from .. import _jit
+from .._version import __version__
+from ..lock import locked
+from .description import described, identity
+from .design import Study
+from .errors import StudyError
+from .own import OwnFunction, files_of, law_files, put_in_use
+from .store import Store
+
+
+class Done(NamedTuple):
+    """A task that is written: its number, how long it took [s], members, and how many of them failed."""
+
+    number: int
+    seconds: float
+    members: int
+    failed: int
+
+
+class Load(NamedTuple):
+    """What a worker is given once: the study, pickled; the user's own files that it needs; the store; what
+    the worker must have too, the version and the identity of the study; the folders of the user's modules."""
+
+    study: bytes
+    files: list[tuple[str, bytes]]
+    store: str
+    version: str
+    identity: str
+    folders: Sequence[str]
+
+
+def load_of(study: Study, store: Store, folders: Sequence[str] = ()) -> Load:
+    """Raises StudyError for a study that cannot be sent."""
+    functions = [study.summary, getattr(study.measure, "function", None)]
+    own = [one.path for one in functions if isinstance(one, OwnFunction)]
+    files = files_of([*own, *law_files(getattr(study.measure, "model", None))])
+    try:
+        pickled = pickle.dumps(study)
+    except (pickle.PicklingError, AttributeError, TypeError) as error:
+        raise StudyError(f"the study cannot be sent to a worker: {error}") from None
+    if b"__main__" in pickled:
+        raise StudyError(
+            "the study has something of the script itself, which a worker cannot import: put it into a file "
+            "of its own, and use_file"
+        )
+    return Load(pickled, files, str(store.path.absolute()), __version__, store.identity, folders)
+
+
+def received(load: Load) -> tuple[Study, Store]:
+    """The study on a worker, its kernels compiled.
+
+    Raises:
+        StudyError: the worker has another package, law or function, or does not see the store.
+    """
+    if load.version != __version__:
+        raise StudyError(f"the worker has stickslip {__version__}, the study {load.version}")
+    put_in_use(load.files)
+    study, store = pickle.loads(load.study), Store(load.store)
+    here = identity(described(study))
+    if store.identity != load.identity:
+        raise StudyError(f"the worker sees another study in {store.path}")
+    if here != load.identity:
+        store.check(described(study))
+    with _alone_on_this_machine():
+        study.computed(study.first_members())
+    return study, store
+
+
+@contextmanager
+def _alone_on_this_machine() -> Iterator[None]:
+    """One process compiles, the others of this user wait for it and find the kernels."""
+    folder = _jit._package_cache()
+    while True:
+        with locked(folder / "compiling.lock") as mine:
+            if mine:
+                yield
+                return
+        time.sleep(0.05)
+
+
+def use_own_cache() -> None:
+    """Keep kernels on this machine's own disk, unless STICKSLIP_CACHE_DIR says where: on file systems of
+    several machines compilers race."""
+    if "STICKSLIP_CACHE_DIR" in os.environ:
+        return
+    user = os.getuid() if hasattr(os, "getuid") else 0
+    folder = Path(tempfile.gettempdir()) / f"stickslip-kernels-{user}"
+    folder.mkdir(mode=0o700, exist_ok=True)
+    if hasattr(os, "getuid") and folder.stat().st_uid != user:
+        raise StudyError(f"{folder} is somebody else's: set STICKSLIP_CACHE_DIR")
+    os.environ["STICKSLIP_CACHE_DIR"] = str(folder)
+
+
+def run_task(study: Study, store: Store, number: int) -> Done:
+    """Compute a task and write it.
+
+    Raises:
+        StudyError: there is no room.
+        Exception: what a function of the user's own raises.
+    """
+    begun, place = time.perf_counter(), store.layout.place(number)
+    found = study.computed(study.columns(place))
+    varied = {
+        name: values
+        for axis in study.axes
+        if axis.drawn is not None
+        for name, values in zip(axis.names, axis.at(place[axis.dim].start, place[axis.dim].stop), strict=True)
+    }
+    store.write(number, found, varied)
+    failed = int((found["status"].values != 0).sum())
+    return Done(number, time.perf_counter() - begun, found.sizes["member"], failed)

@@ -1,0 +1,49 @@
+"""A worker of this machine: a process that is given a study on its standard input, then tasks by number.
+
+It answers each with a line of JSON. It ends when its input does: a study whose process was killed leaves
+nothing behind that goes on computing.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import pickle
+import signal
+import sys
+from typing import Any
+
+from .errors import StudyError
+from .measures import told
+from .task import Load, received, run_task
+
+
+def main() -> None:
+    """Read a `Load`, say that it is there, then do as told."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for who asked for the study
+    # What a user's function prints does not go among the answers.
+    answers = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
+    load: Load = pickle.load(sys.stdin.buffer)
+    sys.path[:] = list(load.folders) or sys.path
+
+    def say(**what: Any) -> None:
+        answers.write(json.dumps(what) + "\n")
+        answers.flush()
+
+    try:
+        study, store = received(load)
+    except Exception as error:
+        say(error=str(error) if isinstance(error, StudyError | ValueError) else told(error), final=True)
+        return
+    say(ready=os.getpid())
+    for line in sys.stdin.buffer:
+        try:
+            say(done=run_task(study, store, int(line)))
+        except Exception as error:
+            full = isinstance(error, StudyError)
+            say(error=str(error) if full else told(error), final=full)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,130 @@
+"""Studies on a real dask cluster of this machine, whose parts are killed and stopped."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import stickslip as ss
+import study_functions
+from stickslip.study import Draws, Grid, Own, Study, StudyError
+from stickslip.study.store import Store
+
+FILE = study_functions.__file__
+GRID = Grid({"x": np.arange(20.0), "y": np.arange(12.0)})
+EXPECTED = np.arange(20.0)[:, None] ** 2 + 10.0 * np.arange(12.0)
+STUDY = """
+kind: study
+measure: {kind: own, function: FILE:slow_squares}
+task: 3
+grid: {x: {start: 0, stop: 19, points: 20}, y: {start: 0, stop: 11, points: 12}}
+"""
+
+
+class Cluster:
+    """A scheduler and workers, each a process of one thread."""
+
+    def __init__(self, folder: Path) -> None:
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            self.port = free.getsockname()[1]
+        self.address = f"tcp://127.0.0.1:{self.port}"
+        self._folder = folder
+        self.scheduler = self.start_scheduler()
+        self.workers = [self.start_worker(), self.start_worker()]
+
+    def start_scheduler(self) -> subprocess.Popen:
+        return self._start("scheduler", "--host", "127.0.0.1", "--port", str(self.port), "--no-dashboard")
+
+    def start_worker(self) -> subprocess.Popen:
+        options = ["--nthreads", "1", "--no-nanny", "--no-dashboard", "--local-directory", str(self._folder)]
+        return self._start("worker", self.address, *options)
+
+    def _start(self, *words: str) -> subprocess.Popen:
+        # Ended with the process of the tests too, however that ends: it holds the other end of the pipe.
+        with (self._folder / "log").open("ab") as log:
+            return subprocess.Popen([sys.executable, "-m", "dask", *words], stderr=log)
+
+    def end(self) -> None:
+        for process in (self.scheduler, *self.workers):
+            process.kill()
+            process.wait()
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+    folder = tmp_path_factory.mktemp("cluster")
+    os.environ["STUDY_LOG"] = str(folder / "computed")
+    made = Cluster(folder)
+    yield made
+    made.end()
+    del os.environ["STUDY_LOG"]
+
+
+def begin(folder: Path, cluster: Cluster) -> subprocess.Popen:
+    (folder / "study.yaml").write_text(STUDY.replace("FILE", FILE))
+    words = ["study", str(folder / "study.yaml"), "--store", str(folder / "s.zarr")]
+    command = [sys.executable, "-m", "stickslip", *words, "--scheduler", cluster.address]
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+def wait_for(store: Path, tasks: int, process: subprocess.Popen) -> None:
+    while not (store / "zarr.json").exists() or Store(store).done().sum() < tasks:
+        assert process.poll() is None
+        time.sleep(0.005)
+
+
+def test_whatever_is_killed_it_goes_on_and_ends_the_same(tmp_path: Path, cluster: Cluster) -> None:
+    """A worker, the scheduler with all workers, the client; then a worker hangs until the end."""
+    store = tmp_path / "s.zarr"
+    run = begin(tmp_path, cluster)
+    wait_for(store, 8, run)
+    cluster.workers[0].kill()
+    cluster.workers[0].wait()
+    wait_for(store, 20, run)
+    cluster.end()
+    cluster.scheduler = cluster.start_scheduler()
+    cluster.workers = [cluster.start_worker(), cluster.start_worker()]
+    wait_for(store, 40, run)
+    run.kill()
+    run.wait()
+    run = begin(tmp_path, cluster)
+    wait_for(store, 60, run)
+    cluster.workers[0].send_signal(signal.SIGSTOP)
+    assert run.wait() == 0
+    cluster.workers[0].send_signal(signal.SIGCONT)
+    found = xr.open_zarr(store, chunks=None).load()
+    np.testing.assert_array_equal(found["value"], EXPECTED)
+    lines = Path(os.environ["STUDY_LOG"]).read_text().splitlines()
+    again = sum(not line.endswith(" 2") for line in lines) - 80
+    # One in hand of each worker that was killed or hung, and of two when the client went, three for each.
+    assert 0 <= again <= 1 + 2 + 2 * 3 + 3
+
+
+def test_results_are_those_of_this_machine_and_messages_are_small(tmp_path: Path, cluster: Cluster) -> None:
+    model, drive = ss.load_actuator("kang2007"), ss.Sawtooth(65.0, 50.0, periods=2)
+    draws = Draws({"sigma_0": np.linspace(1e6, 2e6, 5_000)})
+    study = Study([draws, Grid({"amplitude": [40.0, 65.0]})], ss.study.Walk(model, drive), task=500)
+    there = ss.run_study(study, tmp_path / "cluster.zarr", scheduler=cluster.address).load()
+    here = ss.run_study(study, tmp_path / "here.zarr", workers=1).load()
+    assert there.identical(here)
+
+
+def test_a_worker_that_cannot_do_it_says_why(tmp_path: Path, cluster: Cluster) -> None:
+    """What is wrong with a function is told; the member has it as its reason, the study ends."""
+    found = ss.run_study(
+        Study(GRID, Own(f"{FILE}:picky"), task=120), tmp_path / "s.zarr", scheduler=cluster.address
+    )
+    assert set(found["reason"].values.ravel()) == {"", "ValueError: x = 5 cannot be"}
+    with pytest.raises(StudyError, match=r"no dask scheduler answers at tcp://127.0.0.1:9"):
+        ss.run_study(Study(GRID, Own(f"{FILE}:squares")), tmp_path / "t.zarr", scheduler="tcp://127.0.0.1:9")
