@@ -114,7 +114,7 @@ class Axis:
 def ramp(begin: float, end: float, seconds: float) -> Piece:
     """A line from the present voltage to another."""
     count = int(np.clip(seconds / 1e-3, 2, 200))
-    times = np.arange(1, count + 1) * (seconds / count)
+    times: Array = np.arange(1, count + 1, dtype=np.float64) * (seconds / count)
     return Piece(times[-1:], np.array([end]), times) if end != begin else _held(times, end)
 
 
@@ -133,13 +133,13 @@ def steps(
     if stage.voltage != base:
         yield ramp(stage.voltage, base, 0.01)
     left = None if count is None else abs(count)
-    slow = (np.arange(1, _POINTS + 1) / _POINTS) * (period - flank)
+    slow = (np.arange(1, _POINTS + 1, dtype=np.float64) / _POINTS) * (period - flank)
     edges = np.array([period - flank, period]) if up else np.array([flank, period])
     samples = np.append(slow, period) if up else np.append(flank, flank + slow)
     levels = base + np.array([amplitude, 0.0])
     while left is None or left > 0:
         n = max(1, round(CHUNK * abs(frequency)))
         n = n if left is None else min(n, left)
-        starts = np.arange(n)[:, None] * period
+        starts: Array = np.arange(n, dtype=np.float64)[:, None] * period
         yield Piece((starts + edges).ravel(), np.tile(levels, n), (starts + samples).ravel())
         left = None if left is None else left - n

@@ -18,23 +18,26 @@ _LOOP = 100  # ticks from one step of the closed loop to the next
 
 
 class Recorder:
-    """Two channels of samples, from `begin` [s] on, `interval` apart."""
+    """Two channels of samples, `interval` apart; the first when the output next moves, or rests on."""
 
     def __init__(self) -> None:
         self.sources = [0, 2]
         self.rows: list[Array] = []
         self.count = self.length = 0
-        self.begin, self.interval = 0.0, TICK
+        self.begin: float | None = None
+        self.interval = TICK
         self.armed = self.running = False
 
-    def start(self, now: float, stride: int, length: int) -> None:
-        """Begin at once; a length of 0 goes on until it is stopped, and keeps the last RECORD samples."""
+    def start(self, stride: int, length: int) -> None:
+        """Begin; a length of 0 goes on until it is stopped, and keeps the last RECORD samples."""
         self.rows, self.count = [], 0
-        self.begin, self.interval, self.length = now, stride * TICK, length
+        self.begin, self.interval, self.length = None, stride * TICK, length
         self.armed, self.running = False, True
 
     def take(self, began: float, path: Path, columns: Array) -> None:
         """The samples that fall into a piece; `columns` [sources, n] at the times of the path."""
+        if self.begin is None:
+            self.begin = began
         end = began + float(path.times[-1])
         last = int(np.floor((end - self.begin) / self.interval - 1e-6)) + 1
         last = min(last, self.length) if self.length else last
@@ -156,8 +159,7 @@ class Output:
         self._play(iter((np.zeros(1),)))
 
     def _record_now(self) -> None:
-        now = self.axis.advance()
-        self.recorder.start(now, int(self._kept["recstr"]), int(self._kept["reclen"]))
+        self.recorder.start(int(self._kept["recstr"]), int(self._kept["reclen"]))
 
     def _play(self, points: Iterator[Array], forever: bool = False) -> None:
         self.axis.begin(self._pieces(points), forever)
@@ -252,7 +254,7 @@ class Output:
 
 def _piece(begin: float, volts: Array) -> Piece:
     """A value a tick, reached within it; ticks without a change need no knot."""
-    times: Array = np.arange(1, volts.size + 1) * TICK
+    times: Array = np.arange(1, volts.size + 1, dtype=np.float64) * TICK
     slopes = np.diff(np.append(begin, volts))
     keep = np.append(np.abs(np.diff(slopes)) > 1e-12, True)
     return Piece(times[keep], volts[keep], times)
