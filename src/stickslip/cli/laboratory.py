@@ -88,6 +88,35 @@ def instrument(
             server.serve_forever()
 
 
+@app.command()
+def rigs(
+    at: Annotated[
+        list[str], typer.Option(metavar="HOST[:PORT]", help="An address to ask which controller it is.")
+    ] = [],  # noqa: B006  # typer copies it
+    show_traceback: Traceback = False,
+) -> None:
+    """List the back ends, what they do and what they were tried on; and what is connected."""
+    with errors_in_one_line(show_traceback):
+        from ..attached import attached_devices, known_devices, probe
+
+        for one in known_devices():
+            about = one.about
+            typer.echo(f"{one.name} ({one.kind}): {about.device}; {about.does}")
+            if about.samples:
+                typer.echo(f"    samples {about.samples}; safe state: {about.safe_state}")
+            typer.echo(f"    verified against: {about.verified}")
+        found = attached_devices()
+        for where in at:
+            host, colon, port = where.rpartition(":")
+            answers = probe(host, int(port)) if colon and port.isdecimal() else probe(where)
+            if not answers:
+                typer.echo(f"{where}: no controller that is known answers there", err=True)
+            found += answers
+        typer.echo("connected:" if found else "connected: nothing that can be seen from here")
+        for one in found:
+            typer.echo(f"    {one.where}: {one.says}" + (f", {one.name}" if one.name else ""))
+
+
 class TwinName(StrEnum):
     """Controllers that there is a twin of."""
 

@@ -106,7 +106,9 @@ class Nv200Rig:
     def told(self, runs: int) -> dict[str, str]:
         """For the recording: the device and what it is set to."""
         del runs
-        return {"device": json.dumps({"device": "NV200/D_NET", **self.told_of, "interval": self._factor * TICK})}
+        return {
+            "device": json.dumps({"device": "NV200/D_NET", **self.told_of, "interval": self._factor * TICK})
+        }
 
     def load(self, volts: Array) -> None:
         """Put the drive into the table.
@@ -118,15 +120,17 @@ class Nv200Rig:
         size = first + period
         if size > TABLE:
             raise RigError(
-                f"NV200: the drive of {volts.size} values needs {size} in the table, which has {TABLE}: a longer "
-                "interval, or one of which a period of the drive is a multiple, makes it shorter"
+                f"NV200: the drive of {volts.size} values needs {size} in the table, which has {TABLE}: a "
+                "longer interval, or one of which a period of the drive is a multiple, makes it shorter"
             )
         if cycles > 65535:
             raise RigError(f"NV200: the drive repeats {cycles} times; the generator does up to 65535")
         if float(volts.min()) < self._low or float(volts.max()) > self._high:
             raise RigError(f"NV200: the drive is not within {self._low:g} to {self._high:g} V")
         self._loaded = False
-        for index, value in enumerate((100.0 * (volts[:size] - self._low) / (self._high - self._low)).tolist()):
+        for index, value in enumerate(
+            (100.0 * (volts[:size] - self._low) / (self._high - self._low)).tolist()
+        ):
             self._do(f"gbarb,{index},{value:.6f}")
         for name, value in (
             ("gtarb", self._factor),
@@ -144,7 +148,9 @@ class Nv200Rig:
             if name not in _SOURCES:
                 raise RigError(f"NV200: there is no input {name!r}; there are {', '.join(_SOURCES)}")
         if not 1 <= samples <= RECORD or not 1 <= len(inputs) <= 2:
-            raise RigError(f"NV200: it records 1 or 2 inputs, 1 to {RECORD} samples; not {len(inputs)}, {samples}")
+            raise RigError(
+                f"NV200: it records 1 or 2 inputs, 1 to {RECORD} samples; not {len(inputs)}, {samples}"
+            )
         for channel, name in enumerate(inputs):
             self._do(f"recsrc,{channel},{_SOURCES[name]}")
         for command in ("recrun,0", "recast,2", f"recstr,{self._factor}", f"reclen,{samples}", "recrun,1"):
