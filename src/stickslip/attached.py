@@ -49,7 +49,7 @@ def known_devices() -> list[Known]:
 
 
 def attached_devices() -> list[Found]:
-    """What the machine has: serial ports, USB instruments, NI devices. Nothing is sent to a port or a network."""
+    """What the machine has: serial ports, USB instruments, NI devices. Nothing is sent to any port."""
     found = [Found(port, words) for pattern, words in _FILES for port in sorted(glob.glob(pattern))]
     return [*found, *(Found(name, model, "daqmx") for name, model in _asked(_ni_devices))]
 
