@@ -3,6 +3,7 @@
 #   make demo       identify, verify and simulate; writes out/demo/report.html
 #   make test       all tests, compiled; then those of the kernels as plain Python; the lines that both have seen
 #   make check      lint, format, types, layers
+#   make drivers    others' drivers of controllers in an environment of their own, for the tests
 #   make mutation   flips signs in the physics and asks the tests to notice; SINCE=--since-record for what changed
 #   make bench      everything measured beside other tools: docs/benchmarks/; PART=fit for one part
 #   make docs       the documentation, out/docs/index.html; every warning is an error (needs gcc)
@@ -38,9 +39,11 @@ LOWEST_TESTS := tests/test_records.py tests/test_units.py tests/test_registry.py
 LOWEST := .venv-lowest
 # Other tools, only for the benchmarks, in an environment of their own.
 PEERS := .venv-peers
+# Others' drivers and frameworks of laboratories, which tests run against twins and rigs.
+DRIVERS := .venv-drivers
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test tools check format mutation bench docs peers lowest lock clean
+.PHONY: help setup demo test tools drivers check format mutation bench docs peers lowest lock clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -70,7 +73,7 @@ $(READY): requirements.lock pyproject.toml
 demo: $(READY)
 	$(BIN)/stickslip demo --out out/demo
 
-test: $(READY) tools
+test: $(READY) tools drivers
 	$(PYTEST) --cov --cov-report=
 	NUMBA_DISABLE_JIT=1 NUMBA_ENABLE_CUDASIM=1 $(PYTEST) --cov --cov-append --cov-fail-under=$(COVERAGE) $(PLAIN_TESTS)
 
@@ -79,6 +82,18 @@ tools:
 	@for tool in chromium gcc cmake; do command -v $$tool >/dev/null || { echo "installing $$tool for the tests ..." >&2; \
 	  { apt-get update -qq && apt-get install -y -qq --no-install-recommends $$tool libc6-dev; } >/dev/null 2>&1; } || \
 	  echo "$$tool is not there and cannot be installed: tests that need it will fail" >&2; done
+
+# The maker of the NV200 says of its library that it needs Python 3.12; what is used of it runs on 3.11 as well. BLISS
+# asks for all of a beamline; here is what its driver of the MCS2 imports.
+drivers: $(DRIVERS)/.ready
+
+$(DRIVERS)/.ready: tests/twins/drivers/requirements.txt tests/twins/drivers/alone.txt $(READY)
+	@rm -rf $(DRIVERS) && $(BIN)/uv venv --quiet --python $(BIN)/python $(DRIVERS)
+	@install="$(BIN)/uv pip install --quiet --compile-bytecode --python $(DRIVERS)/bin/python --require-hashes --no-deps"; \
+	echo "installing others' drivers into $(DRIVERS), for the tests ..." >&2; \
+	$$install -r tests/twins/drivers/requirements.txt && \
+	$$install --python-version 3.13 -r tests/twins/drivers/alone.txt
+	@touch $@
 
 check: $(READY)
 	$(BIN)/ruff check
@@ -130,6 +145,9 @@ lock: $(READY)
 	  pyproject.toml -o requirements.lock
 	$(BIN)/uv pip compile --quiet --python-version 3.11 --generate-hashes --no-emit-index-url \
 	  --custom-compile-command "make lock" $(LOCK_FLAGS) benchmarks/peers/requirements.in -o benchmarks/peers/requirements.txt
+	$(BIN)/uv pip compile --quiet --universal --fork-strategy fewest --python-version 3.11 --generate-hashes \
+	  --no-emit-index-url --custom-compile-command "make lock" $(LOCK_FLAGS) -c requirements.lock \
+	  tests/twins/drivers/requirements.in -o tests/twins/drivers/requirements.txt
 
 clean:
-	rm -rf $(VENV) $(PEERS) $(LOWEST) out .pytest_cache .ruff_cache .import_linter_cache .hypothesis .coverage*
+	rm -rf $(VENV) $(PEERS) $(DRIVERS) $(LOWEST) out .pytest_cache .ruff_cache .import_linter_cache .hypothesis .coverage*

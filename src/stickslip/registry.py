@@ -47,6 +47,7 @@ class Kind:
     def __init__(self, noun: str, plural: str, room: str) -> None:
         self.noun, self.plural, self._room = noun, plural, f"{_PACKAGE}.{room}"
         self._things: dict[str, dict[str, Any]] = {}  # by name, then by where they are from
+        self._called: dict[Any, str] = {}  # the names of those that are not called as they call themselves
 
     def add(self, thing: T, name: str = "", maker: Any = None) -> T:
         """Make a thing known, and return it (a decorator of classes).
@@ -59,6 +60,8 @@ class Kind:
             maker: the function or class that shows where it is from, if not the thing itself.
         """
         place = origin(thing if maker is None else maker)
+        if name and isinstance(thing, type):
+            self._called[thing] = name
         self._things.setdefault(name or thing.__name__, {})[place] = thing  # type: ignore[attr-defined]
         return thing
 
@@ -127,7 +130,7 @@ class Kind:
     def written(self, thing_type: type) -> dict[str, str]:
         """What results say of a type: its name, and where it is from if it is not of the package."""
         place = origin(thing_type)
-        said = {self.noun: thing_type.__name__}
+        said = {self.noun: self._called.get(thing_type, thing_type.__name__)}
         return {**said, f"{self.noun}_of": place} if place else said
 
     def of_results(self, said: Any) -> Any:
@@ -297,4 +300,5 @@ waveforms = Kind("waveform", "waveforms", "waveform")
 sensors = Kind("sensor", "sensors", "electronics")
 readers = Kind("reader", "readers", "readers")
 rigs = Kind("rig", "rigs", "rig")
+positioners = Kind("positioner", "positioners", "positioners")
 piezos = Kind("piezo model", "piezos", "piezo")

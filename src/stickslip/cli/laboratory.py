@@ -89,6 +89,75 @@ def instrument(
 
 
 @app.command()
+def rigs(
+    at: Annotated[
+        list[str], typer.Option(metavar="HOST[:PORT]", help="An address to ask which controller it is.")
+    ] = [],  # noqa: B006  # typer copies it
+    show_traceback: Traceback = False,
+) -> None:
+    """List the back ends, what they do and what they were tried on; and what is connected."""
+    with errors_in_one_line(show_traceback):
+        from ..attached import attached_devices, known_devices, probe
+
+        for one in known_devices():
+            about = one.about
+            typer.echo(f"{one.name} ({one.kind}): {about.device}; {about.does}")
+            if about.samples:
+                typer.echo(f"    samples {about.samples}; safe state: {about.safe_state}")
+            typer.echo(f"    verified against: {about.verified}")
+        found = attached_devices()
+        for where in at:
+            host, colon, port = where.rpartition(":")
+            answers = probe(host, int(port)) if colon and port.isdecimal() else probe(where)
+            if not answers:
+                typer.echo(f"{where}: no controller that is known answers there", err=True)
+            found += answers
+        typer.echo("connected:" if found else "connected: nothing that can be seen from here")
+        for one in found:
+            typer.echo(f"    {one.where}: {one.says}" + (f", {one.name}" if one.name else ""))
+
+
+class TwinName(StrEnum):
+    """Controllers that there is a twin of."""
+
+    NV200 = "nv200"
+    MCS2 = "mcs2"
+    ANC300 = "anc300"
+    KIM101 = "kim101"
+
+
+@app.command()
+def twin(
+    name: Annotated[TwinName, typer.Argument(help="Controller.")],
+    port: Annotated[int, typer.Option(help="TCP port; 0 takes a free one.", min=0, max=65535)] = 0,
+    host: Annotated[str, typer.Option(help="Address to serve; by default this machine only.")] = "127.0.0.1",
+    parameters: Annotated[
+        str,
+        typer.Option(
+            "--actuator", metavar="SET|FILE.toml", help="What moves.", autocompletion=completion.sets
+        ),
+    ] = "kang2007-hysteresis",
+    load: Annotated[str, typer.Option(help="Force on the end-effectors, with its unit.")] = "0 N",
+    travel: Annotated[str, typer.Option(help="From end stop to end stop, with its unit.")] = "4 mm",
+    axes: Annotated[int, typer.Option(help="Stages on it; the NV200 has one.", min=1, max=4)] = 3,
+    seed: Annotated[int, typer.Option(help="Of scatter, noise and position at power-on.", min=0)] = 0,
+    show_traceback: Traceback = False,
+) -> None:
+    """Serve a twin of a controller, with stages behind it that move by the model, until Ctrl-C."""
+    with errors_in_one_line(show_traceback):
+        from ..actuator import load_actuator
+        from ..twins import TwinServer, make_twin
+
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
+        actuator = load_actuator(parameters).replace(external_force=load)
+        made = make_twin(name.value, actuator, axes=axes, travel=travel, seed=seed)
+        with TwinServer(made, host, port) as server:
+            address, number = server.server_address[:2]
+            typer.echo(f"{address}:{number}")
+            server.serve_forever()
+
+
+@app.command()
 def schema(kind: Annotated[Kind, typer.Argument(help="Kind of file.")] = Kind.JOB) -> None:
     """Print the JSON Schema of files, for editors: of jobs, or of one of the kinds that a step may be."""
     if kind is Kind.JOB:

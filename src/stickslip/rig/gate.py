@@ -47,6 +47,7 @@ class Gate:
         self._inputs: tuple[str, ...] = ()
         self._position: PositionInput | None = None
         self._rest = self._done = self._same = 0
+        self._until = 0.0  # s that a run takes whose samples come at its end
         self._origin, self._last = 0.0, math.nan
         self.began: float | None = None
 
@@ -64,6 +65,7 @@ class Gate:
         self._origin = getattr(self._rig, "origin", 0.0)
         self._done = self._same = 0
         self._last, self.began = math.nan, None
+        self._until = 0.0 if self._can.streams else samples / self._can.sample_rate
         self._rig.arm(inputs, samples)
 
     def start(self) -> None:
@@ -96,7 +98,7 @@ class Gate:
         now = time.monotonic()
         if samples:
             self._heard = now
-        elif now - self._heard > self._limits.watchdog:
+        elif now - self._heard > self._limits.watchdog + self._until:
             raise LimitError(
                 f"watchdog: nothing came from {self._can.name} for {with_prefix(now - self._heard, 's')}"
             )

@@ -22,7 +22,8 @@ class Capabilities(NamedTuple):
     """What a rig can do: rates in Hz, voltages at the piezo in V.
 
     `step` is that of the output, V; `max_points` the longest drive or recording, in samples; `inputs` the
-    unit of each.
+    unit of each. A rig that does not `streams` hands its samples out when the run has ended: until then no
+    end stop is watched. `jitter` is how unsure the moment is at which output and recording begin, s.
     """
 
     name: str
@@ -33,6 +34,20 @@ class Capabilities(NamedTuple):
     step: float
     max_points: int
     inputs: dict[str, str]
+    streams: bool = True
+    jitter: float = 0.0
+
+
+class About(NamedTuple):
+    """What is known of a back end before it is connected, for `stickslip rigs`: the device, what it does,
+    how its samples come, how the output is brought to its safe state, and what of all that was verified
+    against what."""
+
+    device: str
+    does: str
+    samples: str
+    safe_state: str
+    verified: str
 
 
 class DriveOutput(Protocol):

@@ -9,7 +9,7 @@ import numpy as np
 
 from .. import registry
 from ..units import to_si
-from .protocols import Array, Capabilities, RigError
+from .protocols import About, Array, Capabilities, RigError
 
 
 class ScpiRig:
@@ -23,6 +23,14 @@ class ScpiRig:
     Raises:
         RigError: PyVISA is not installed, or nobody answers there.
     """
+
+    about = About(
+        device="what `stickslip instrument` serves, behind VISA",
+        does="puts out and records",
+        samples="as they come",
+        safe_state="ramp to 0 V, by the device's own watchdog too",
+        verified="the served virtual rig; no instrument on sale speaks this dialect",
+    )
 
     def __init__(self, resource: str, *, timeout: float | str = 10.0, backend: str = "@py") -> None:
         timeout = to_si(timeout, "s", "timeout")

@@ -18,7 +18,7 @@ from ..waveform.sampled import Sampled
 from ..waveform.signal import Waveform
 from .bench import Bench, Mounted
 from .limits import LONGEST_STOP
-from .protocols import Array, Capabilities, RigError
+from .protocols import About, Array, Capabilities, RigError
 from .remanence import Remanence, annealed, from_state, left_by, remembers, simplified
 from .variation import EXACT, Repeats
 
@@ -48,6 +48,14 @@ class VirtualRig:
     that is made anew has rested long at 0 V; a sine about 0 V that decays over many periods leaves almost
     that, where the amplifier goes below 0 V, and a run at 0 V is a rest.
     """
+
+    about = About(
+        device="none: the simulated bench of a laboratory",
+        does="puts out and records",
+        samples="as they come",
+        safe_state="ramp to 0 V",
+        verified="the tests of this package",
+    )
 
     def __init__(
         self,

@@ -1,0 +1,144 @@
+"""attocube's ANC300 by its console on TCP."""
+
+from __future__ import annotations
+
+import re
+from typing import ClassVar
+
+from .. import registry
+from ..rig.line import Line
+from ..rig.protocols import About, RigError
+from ..units import to_si
+from .protocols import Ranges
+
+PORT = 7230
+_MOST_AXES = 7
+
+
+class Anc300Client:
+    """The controller; see `Positioner`. Axes are its modules, from 1 on; there is no sensor.
+
+    Args:
+        host: its address.
+        port: of its console.
+        password: of the console.
+        timeout: s, for each answer.
+
+    Raises:
+        RigError: nobody answers there, or the password is wrong.
+    """
+
+    about: ClassVar[About] = About(
+        device="attocube ANC300 (console, TCP)",
+        does="steps, holds an offset",
+        samples="none",
+        safe_state="motions stop and the axes are grounded",
+        verified="our twin, which the driver of PyMeasure drives too; not run on hardware",
+    )
+
+    def __init__(
+        self, host: str, *, port: int = PORT, password: str = "123456", timeout: float | str = 2.0
+    ) -> None:
+        self._line = Line("ANC300", host, port, to_si(timeout, "s", "timeout"))
+        self._counted: dict[int, int] = {}
+        try:
+            self._line.send(password.encode("latin-1") + b"\r\n")
+            self._line.until(b"Authorization success\r\n", b"the password")
+            self._ask("echo off")
+            axes = tuple(axis for axis in range(1, _MOST_AXES + 1) if self._has(axis))
+            serial = self._ask("getcser").strip()
+        except RigError:
+            self._line.close()
+            raise
+        self.ranges = Ranges(
+            name=f"ANC300 {serial}",
+            axes=axes,
+            max_voltage=150.0,
+            min_frequency=1.0,
+            max_frequency=10e3,
+            max_steps=1_000_000,
+            sensor=False,
+            scans=True,
+        )
+
+    def step(self, axis: int, count: int, voltage: float | str, frequency: float | str) -> None:
+        """Begin steps."""
+        voltage, frequency = to_si(voltage, "V", "voltage"), to_si(frequency, "Hz", "frequency")
+        self.ranges.check(axis, count, voltage, frequency)
+        if not count:
+            return
+        self._ask(f"setm {axis} stp")
+        self._ask(f"setv {axis} {voltage:.3f}")
+        self._ask(f"setf {axis} {frequency:.0f}")
+        self._ask(f"{'stepu' if count > 0 else 'stepd'} {axis} {abs(count)}")
+        self._counted[axis] = self._counted.get(axis, 0) + count
+
+    def scan(self, axis: int, voltage: float | str) -> None:
+        """Hold a voltage; needs a module with an offset."""
+        voltage = to_si(voltage, "V", "voltage")
+        self.ranges.check(axis, voltage=voltage)
+        self._ask(f"setm {axis} off")
+        self._ask(f"seta {axis} {voltage:.3f}")
+
+    def moving(self, axis: int) -> bool:
+        """Whether the output is away from where it rests, 0 V or the offset: the console says no more."""
+        self.ranges.check(axis)
+        rest = self._number(f"geta {axis}") if self._value(f"getm {axis}") == "off" else 0.0
+        return any(abs(self._number(f"geto {axis}") - rest) > 1e-3 for _ in range(3))
+
+    def position(self, axis: int) -> float:
+        """Steps that were asked for since the connection, up less down."""
+        self.ranges.check(axis)
+        return float(self._counted.get(axis, 0))
+
+    def stop(self) -> None:
+        """End all motions, and ground the axes."""
+        for axis in self.ranges.axes:
+            self._ask(f"stop {axis}")
+            self._ask(f"setm {axis} gnd")
+
+    def close(self) -> None:
+        """Let go."""
+        self._line.close()
+
+    def _has(self, axis: int) -> bool:
+        try:
+            self._ask(f"getm {axis}")
+        except RigError as error:
+            if "Wrong axis type" not in str(error):
+                raise
+            return False
+        return True
+
+    def _number(self, command: str) -> float:
+        said = self._value(command)
+        try:
+            return float(said)
+        except ValueError:
+            raise RigError(
+                f"{self._line.device}: {command} is answered by {said[:60]!r}, no number"
+            ) from None
+
+    def _value(self, command: str) -> str:
+        said = self._ask(command)
+        found = re.search(r"=\s*(\S+)", said)
+        if found is None:
+            raise RigError(f"{self._line.device}: {command} is answered by {said[:60]!r}")
+        return found[1]
+
+    def _ask(self, command: str) -> str:
+        asked = command.encode("latin-1")
+        self._line.send(asked + b"\r\n")
+        lines: list[str] = []
+        while True:
+            line = self._line.until(b"\n", asked).decode("latin-1").strip("\r\x00 ")
+            if line == "OK":
+                return "\n".join(lines)
+            if line == "ERROR":
+                raise RigError(f"{self._line.device}: {command}: {' '.join(lines)[:200]}")
+            if len(lines) > 1000:
+                raise RigError(f"{self._line.device}: the answer to {command} does not end")
+            lines.append(line)
+
+
+registry.positioners.add(Anc300Client, "anc300")

@@ -1,0 +1,167 @@
+"""Thorlabs' KIM101 by its APT frames, on a serial port (USB) or TCP."""
+
+from __future__ import annotations
+
+import struct
+from typing import Any, ClassVar
+
+from .. import registry
+from ..rig.line import Line
+from ..rig.protocols import About, RigError
+from ..units import to_si
+from .protocols import Ranges
+
+_HOST, _DEVICE = 0x01, 0x50
+_MOVING = 0b1111 << 4
+_COMPLETED = 0x08D6  # comes whenever a motion ends
+_OLDER = 8  # frames that may stand before an answer
+
+
+class Kim101Client:
+    """The controller; see `Positioner`. Axes are its channels, 1 to 4; it counts steps.
+
+    Args:
+        where: "HOST:PORT", or a serial port such as /dev/ttyUSB0 (needs pyserial).
+        timeout: s, for each answer.
+
+    Raises:
+        RigError: nobody answers there, or not as this device does.
+    """
+
+    about: ClassVar[About] = About(
+        device="Thorlabs KIM101 (APT, serial or TCP)",
+        does="steps",
+        samples="none; steps are counted",
+        safe_state="motions stop and the channels are disabled",
+        verified="our twin, which pylablib drives too; not run on hardware",
+    )
+
+    def __init__(self, where: str, *, timeout: float | str = 2.0) -> None:
+        timeout = to_si(timeout, "s", "timeout")
+        host, colon, port = where.rpartition(":")
+        self._line: Any = (
+            Line("KIM101", host, int(port), timeout)
+            if colon and port.isdecimal()
+            else _Serial(where, timeout)
+        )
+        try:
+            info = self._ask(0x0005, b"", 0x0006)
+            if len(info) != 84 or not info[4:10].startswith(b"KIM"):
+                raise RigError(f"{self._line.device} says it is {info[4:12]!r}, not a KIM101")
+        except RigError:
+            self._line.close()
+            raise
+        self.ranges = Ranges(
+            name=f"KIM101 {struct.unpack('<I', info[:4])[0]}",
+            axes=(1, 2, 3, 4),
+            min_voltage=85.0,
+            max_voltage=125.0,
+            min_frequency=1.0,
+            max_frequency=2000.0,
+            max_steps=1_000_000,
+            sensor=False,
+            scans=False,
+        )
+
+    def step(self, axis: int, count: int, voltage: float | str, frequency: float | str) -> None:
+        """Begin steps."""
+        voltage, frequency = to_si(voltage, "V", "voltage"), to_si(frequency, "Hz", "frequency")
+        self.ranges.check(axis, count, voltage, frequency)
+        mask = 1 << (axis - 1)
+        self._send(0x08C0, struct.pack("<HHHII", 0x07, mask, round(voltage), round(frequency), 100_000))
+        self._send(0x08C0, struct.pack("<HH", 0x2B, axis))
+        self._send(0x08D4, struct.pack("<Hi", mask, round(self.position(axis)) + count))
+
+    def scan(self, axis: int, voltage: float | str) -> None:
+        """Raises RigError: it cannot."""
+        raise RigError(f"{self.ranges.name}: axis {axis} cannot be held at {voltage}: it only steps")
+
+    def moving(self, axis: int) -> bool:
+        """Whether a motion is going on."""
+        return bool(self._status(axis)[1] & _MOVING)
+
+    def position(self, axis: int) -> float:
+        """Steps, up less down, since power-on or since they were set to 0."""
+        return float(self._status(axis)[0])
+
+    def stop(self) -> None:
+        """End all motions, and disable the channels."""
+        self._send(0x08C0, struct.pack("<HH", 0x2B, 0))
+        self._ask(0x08E0, b"", 0x08E1)
+
+    def close(self) -> None:
+        """Let go."""
+        self._line.close()
+
+    def _status(self, axis: int) -> tuple[int, int]:
+        """Steps and bits of a channel."""
+        self.ranges.check(axis)
+        data = self._ask(0x08E0, b"", 0x08E1)
+        if len(data) != 56:
+            raise RigError(f"{self._line.device}: 0x08E0 is answered by {len(data)} bytes")
+        _, steps, _, bits = struct.unpack("<HiiI", data[14 * (axis - 1) : 14 * axis])
+        return steps, bits
+
+    def _send(self, message: int, data: bytes) -> None:
+        head = struct.pack("<HHBB", message, len(data), _DEVICE | (0x80 if data else 0), _HOST)
+        self._line.send(head + data)
+
+    def _ask(self, message: int, data: bytes, answer: int) -> bytes:
+        """The data of the answer."""
+        self._send(message, data)
+        asked, found = f"0x{message:04X}".encode(), 0
+        for _ in range(_OLDER):
+            head = self._line.exactly(6, asked)
+            found, length, destination, _ = struct.unpack("<HHBB", head)
+            if destination & 0x80 and length > 1024:
+                break
+            content = self._line.exactly(length, asked) if destination & 0x80 else b""
+            if found == answer:
+                return content
+            if found == 0x0081:
+                raise RigError(
+                    f"{self._line.device}: {asked.decode()} is refused: {content[4:].strip(bytes(1))!r}"
+                )
+            if found != _COMPLETED:
+                break
+        raise RigError(f"{self._line.device}: {asked.decode()} is answered by 0x{found:04X}")
+
+
+class _Serial:
+    """A serial port with the calls of a `Line`."""
+
+    def __init__(self, port: str, timeout: float) -> None:
+        self.device = f"KIM101 at {port}"
+        try:
+            import serial  # type: ignore[import-not-found]
+        except ModuleNotFoundError:
+            raise RigError("a KIM101 on a serial port needs pyserial: pip install pyserial") from None
+        self._failures = (serial.SerialException, OSError)
+        try:
+            self._port = serial.Serial(port, 115200, timeout=timeout, write_timeout=timeout)
+        except (*self._failures, ValueError) as error:
+            raise RigError(f"{self.device} cannot be opened: {error}") from None
+
+    def send(self, content: bytes) -> None:
+        """Send."""
+        try:
+            self._port.write(content)
+        except self._failures as error:
+            raise RigError(f"{self.device}: {error}") from None
+
+    def exactly(self, count: int, asked: bytes = b"") -> bytes:
+        """So many bytes."""
+        try:
+            found = self._port.read(count)
+        except self._failures as error:
+            raise RigError(f"{self.device}: {error}") from None
+        if len(found) < count:
+            raise RigError(f"{self.device}: only {len(found)} bytes came as the answer to {asked.decode()}")
+        return found
+
+    def close(self) -> None:
+        """Let go."""
+        self._port.close()
+
+
+registry.positioners.add(Kim101Client, "kim101")

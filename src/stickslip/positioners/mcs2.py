@@ -1,0 +1,139 @@
+"""SmarAct's MCS2 by its ASCII commands on TCP."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from .. import registry
+from ..rig.line import Line
+from ..rig.protocols import About, RigError
+from ..units import to_si
+from .protocols import Ranges
+
+PORT = 55551
+_FULL, _SCALE = 100.0, 65535  # V, and the number for it
+_MOVING, _SENSOR = 1 << 0, 1 << 5
+
+
+class Mcs2Client:
+    """The controller; see `Positioner`. Axes are its channels, from 0 on.
+
+    Args:
+        host: its address.
+        port: of its ASCII interface.
+        timeout: s, for each answer.
+
+    Raises:
+        RigError: nobody answers there, or not as this device does.
+    """
+
+    about: ClassVar[About] = About(
+        device="SmarAct MCS2 (ASCII, TCP)",
+        does="steps, scans, reads its sensors",
+        samples="read one by one",
+        safe_state="motions stop; the piezo keeps its voltage",
+        verified="our twin, which the driver of BLISS drives too; not run on hardware",
+    )
+
+    def __init__(self, host: str, *, port: int = PORT, timeout: float | str = 2.0) -> None:
+        self._line = Line("MCS2", host, port, to_si(timeout, "s", "timeout"))
+        try:
+            count = self._number(":DEV:NOCH?")
+            sensors = [bool(self._number(f":CHAN{i}:STAT?") & _SENSOR) for i in range(min(count, 64))]
+            name = self._ask(":DEV:SNUM?").strip('"')
+        except RigError:
+            self._line.close()
+            raise
+        self.ranges = Ranges(
+            name=f"MCS2 {name}",
+            axes=tuple(range(len(sensors))),
+            min_voltage=_FULL / _SCALE,
+            max_voltage=_FULL,
+            min_frequency=1.0,
+            max_frequency=20e3,
+            max_steps=100_000,
+            sensor=all(sensors),
+            scans=True,
+        )
+
+    def step(self, axis: int, count: int, voltage: float | str, frequency: float | str) -> None:
+        """Begin steps."""
+        voltage, frequency = to_si(voltage, "V", "voltage"), to_si(frequency, "Hz", "frequency")
+        self.ranges.check(axis, count, voltage, frequency)
+        self._do(f":CHAN{axis}:STEP:AMPL {max(round(voltage / _FULL * _SCALE), 1)}")
+        self._do(f":CHAN{axis}:STEP:FREQ {round(frequency)}")
+        self._do(f":CHAN{axis}:MMOD 4")
+        self._do(f":MOVE{axis} {count}")
+
+    def scan(self, axis: int, voltage: float | str) -> None:
+        """Hold a voltage."""
+        voltage = to_si(voltage, "V", "voltage")
+        self.ranges._replace(min_voltage=0.0).check(axis, voltage=voltage)
+        self._do(f":CHAN{axis}:MMOD 2")
+        self._do(f":MOVE{axis} {round(voltage / _FULL * _SCALE)}")
+
+    def go(self, axis: int, position: float | str) -> None:
+        """Begin to move in closed loop, to m from where its positions count."""
+        position = to_si(position, "m", "position")
+        self.ranges.check(axis)
+        self._do(f":CHAN{axis}:MMOD 0")
+        self._do(f":MOVE{axis} {round(1e12 * position)}")
+
+    def moving(self, axis: int) -> bool:
+        """Whether a motion is going on."""
+        self.ranges.check(axis)
+        return bool(self._number(f":CHAN{axis}:STAT?") & _MOVING)
+
+    def position(self, axis: int) -> float:
+        """m, from where it was at power-on, or from its mark."""
+        self.ranges.check(axis)
+        return 1e-12 * self._number(f":CHAN{axis}:POS?")
+
+    def stop(self) -> None:
+        """End all motions."""
+        for axis in self.ranges.axes:
+            self._do(f":STOP{axis}")
+
+    def close(self) -> None:
+        """Let go."""
+        self._line.close()
+
+    def _number(self, command: str) -> int:
+        said = self._ask(command)
+        try:
+            return int(said)
+        except ValueError:
+            raise RigError(
+                f"{self._line.device}: {command} is answered by {said[:60]!r}, no number"
+            ) from None
+
+    def _ask(self, command: str) -> str:
+        self._line.send(command.encode("latin-1") + b"\n")
+        try:
+            return self._line.until(b"\n", command.encode("latin-1")).decode("latin-1").strip()
+        except RigError as silent:
+            self._check(command)  # an error that it remembers says more
+            raise silent from None
+
+    def _do(self, command: str) -> None:
+        self._line.send(command.encode("latin-1") + b"\n")
+        self._check(command)
+
+    def _check(self, command: str) -> None:
+        """Raises RigError with the oldest error that the device remembers, and forgets the others."""
+        ask = b":SYST:ERR?"
+        self._line.send(ask + b"\n")
+        said = first = self._line.until(b"\n", ask).decode("latin-1").strip()
+        for _ in range(64):
+            number, comma, _ = said.partition(",")
+            if not comma or not number.lstrip("+-").isdecimal():
+                raise RigError(f"{self._line.device}: {ask.decode()} is answered by {said[:60]!r}")
+            if int(number) == 0:
+                break
+            self._line.send(ask + b"\n")
+            said = self._line.until(b"\n", ask).decode("latin-1").strip()
+        if not first.lstrip("+-").startswith("0,"):
+            raise RigError(f"{self._line.device}: {command}: {first}")
+
+
+registry.positioners.add(Mcs2Client, "mcs2")

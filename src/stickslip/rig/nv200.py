@@ -1,0 +1,255 @@
+"""Piezosystem jena's NV200/D NET as a rig: its generator drives, its recorder records, on one clock.
+
+The drive goes into a table of 1024 values: what comes before a loop, and the loop. So it is a waveform that
+repeats, or steps and rests; the number of updates of a period must be whole. Both channels have 6144 samples,
+handed out when the run is over.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+
+import numpy as np
+
+from .. import registry
+from ..units import QuantityError, to_si
+from .line import Line
+from .protocols import About, Array, Capabilities, RigError
+
+TICK = 50e-6  # s
+TABLE, RECORD = 1024, 6144
+_ON, _OFF = b"\x11", b"\x13"
+_ERRORS = {
+    1: "error not specified",
+    2: "unknown command",
+    3: "parameter missing",
+    4: "admissible range exceeded",
+    5: "too many parameters",
+    6: "locked",
+    7: "underload",
+    8: "overload",
+    9: "too low",
+    10: "too high",
+}
+_SOURCES = {"position": 0, "drive": 2}
+_POLL = 0.02  # s
+
+
+class Nv200Rig:
+    """The amplifier as a rig; see `protocols.Rig`.
+
+    Args:
+        host: its address.
+        port: of its data; 23 unless it was changed.
+        interval: s, between updates of the output and between samples, a multiple of 50 us.
+        timeout: s, for each answer.
+
+    Inputs are "drive", the voltage at the piezo, and "position", that of its sensor.
+
+    Raises:
+        RigError: nobody answers there, or not as this device does.
+        QuantityError: another interval.
+    """
+
+    about = About(
+        device="piezosystem jena NV200/D NET (TCP)",
+        does="puts out and records",
+        samples="at the end of the run, 2 x 6144, up to 20 kHz",
+        safe_state="ramp to 0 V by its slew rate; without a connection it keeps its voltage",
+        verified="our twin, which the maker's library drives too; not run on hardware",
+    )
+
+    def __init__(
+        self,
+        host: str,
+        *,
+        port: int = 23,
+        interval: float | str = TICK,
+        timeout: float | str = 2.0,
+    ) -> None:
+        interval, self._timeout = to_si(interval, "s", "interval"), to_si(timeout, "s", "timeout")
+        self._factor = round(interval / TICK)
+        if not 1 <= self._factor <= 65535 or abs(interval - self._factor * TICK) > 1e-9:
+            raise QuantityError(f"interval = {interval:g} s must be a multiple of 50 us, up to 3.27 s")
+        self._line = Line("NV200", host, port, self._timeout)
+        self._inputs: tuple[str, ...] = ()
+        self._samples, self._loaded, self._running = 0, False, False
+        try:
+            self._line.send(b"\r\n")
+            found = self._line.until(_ON, b"\r\n").strip(b"\r\n\x00<>" + _OFF)
+            if found != b"NV200/D_NET":
+                raise RigError(f"{self._line.device} says it is {found!r}, not an NV200/D_NET")
+            self._low, self._high = (float(self._ask(name)[0]) for name in ("avmin", "avmax"))
+            self.told_of = {name: ",".join(self._ask(name)).strip() for name in ("desc", "acserno", "sr")}
+            for command in ("grun,0", "cl,0", "setlpon,0", "notchon,0", "sr,2000"):
+                self._do(command)
+        except (RigError, ValueError) as error:
+            self._line.close()
+            if isinstance(error, ValueError):
+                raise RigError(f"{self._line.device}: a reply is no number: {error}") from None
+            raise
+        rate = 1.0 / (TICK * self._factor)
+        self.capabilities = Capabilities(
+            name=f"NV200 {self.told_of['desc']} {self.told_of['acserno']}",
+            update_rate=rate,
+            sample_rate=rate,
+            min_voltage=self._low,
+            max_voltage=self._high,
+            step=(self._high - self._low) / 65536,
+            max_points=RECORD,
+            inputs={"drive": "V", "position": "m"},
+            streams=False,
+        )
+
+    def told(self, runs: int) -> dict[str, str]:
+        """For the recording: the device and what it is set to."""
+        del runs
+        return {
+            "device": json.dumps({"device": "NV200/D_NET", **self.told_of, "interval": self._factor * TICK})
+        }
+
+    def load(self, volts: Array) -> None:
+        """Put the drive into the table.
+
+        Raises:
+            RigError: it is longer than the table, and no loop of it makes it shorter.
+        """
+        first, period, cycles = loop_of(volts, self.capabilities.step)
+        size = first + period
+        if size > TABLE:
+            raise RigError(
+                f"NV200: the drive of {volts.size} values needs {size} in the table, which has {TABLE}: a "
+                "longer interval, or one of which a period of the drive is a multiple, makes it shorter"
+            )
+        if cycles > 65535:
+            raise RigError(f"NV200: the drive repeats {cycles} times; the generator does up to 65535")
+        if float(volts.min()) < self._low or float(volts.max()) > self._high:
+            raise RigError(f"NV200: the drive is not within {self._low:g} to {self._high:g} V")
+        self._loaded = False
+        for index, value in enumerate(
+            (100.0 * (volts[:size] - self._low) / (self._high - self._low)).tolist()
+        ):
+            self._do(f"gbarb,{index},{value:.6f}")
+        for name, value in (
+            ("gtarb", self._factor),
+            ("goarb", 0),
+            ("gsarb", first),
+            ("gearb", size - 1),
+            ("gcarb", cycles),
+        ):
+            self._do(f"{name},{value}")
+        self._loaded = True
+
+    def arm(self, inputs: tuple[str, ...], samples: int) -> None:
+        """Record these inputs when the output starts."""
+        for name in inputs:
+            if name not in _SOURCES:
+                raise RigError(f"NV200: there is no input {name!r}; there are {', '.join(_SOURCES)}")
+        if not 1 <= samples <= RECORD or not 1 <= len(inputs) <= 2:
+            raise RigError(
+                f"NV200: it records 1 or 2 inputs, 1 to {RECORD} samples; not {len(inputs)}, {samples}"
+            )
+        for channel, name in enumerate(inputs):
+            self._do(f"recsrc,{channel},{_SOURCES[name]}")
+        for command in ("recrun,0", "recast,2", f"recstr,{self._factor}", f"reclen,{samples}", "recrun,1"):
+            self._do(command)
+        self._inputs, self._samples = inputs, samples
+
+    def start(self) -> None:
+        """Start generator and recorder."""
+        if not self._loaded or not self._samples:
+            raise RigError("NV200: start needs a drive (load) and inputs (arm)")
+        self._do("modsrc,3")
+        self._do("grun,1")
+        self._running = True
+
+    def fetch(self) -> Array:
+        """All samples [inputs, n] when the run is over, none before."""
+        if not self._running:
+            raise RigError("NV200: nothing is running")
+        if self._number("recrun") != 0.0:
+            time.sleep(_POLL)
+            return np.zeros((len(self._inputs), 0))
+        rows = []
+        for channel, name in enumerate(self._inputs):
+            found = self._ask(f"recoutf,{channel}", 3.0 * self._timeout)[1:]
+            try:
+                values = np.array([float(one) for one in found])
+            except ValueError as error:
+                raise RigError(f"{self._line.device}: recoutf,{channel}: {error}") from None
+            if values.size != self._samples:
+                raise RigError(f"{self._line.device}: {values.size} samples came of {self._samples}")
+            rows.append(values * (1e-6 if name == "position" else 1.0))
+        return np.array(rows)
+
+    def stop(self, slew: float) -> None:
+        """Ramp to 0 V by the slew rate of the device, 2 million V/s at most."""
+        percent = slew / (self._high - self._low) * 0.1  # of the range, per ms
+        self._running = False
+        for command in ("grun,0", f"sr,{min(max(percent, 8e-7), 2000.0):.7g}", "set,0", "modsrc,0"):
+            self._do(command)
+        longest = max(self._high, -self._low) / slew
+        if math.isfinite(longest):
+            time.sleep(min(longest, 10.0))
+        self._do("sr,2000")
+
+    def close(self) -> None:
+        """Let go; the voltage stays as it is."""
+        self._line.close()
+
+    def _number(self, command: str) -> float:
+        found = self._ask(command)
+        try:
+            return float(found[0])
+        except ValueError:
+            raise RigError(f"{self._line.device}: {command} is answered by {found[0]!r}, no number") from None
+
+    def _ask(self, command: str, timeout: float | None = None) -> list[str]:
+        """What stands after the name in the answer."""
+        name, *found = self._said(command, timeout).split(",")
+        if name != command.split(",")[0] or not found:
+            raise RigError(f"{self._line.device}: {command} is answered by {','.join([name, *found])[:60]!r}")
+        return found
+
+    def _do(self, command: str) -> None:
+        said = self._said(command)
+        if said:
+            raise RigError(f"{self._line.device}: {command} is answered by {said[:60]!r}")
+
+    def _said(self, command: str, timeout: float | None = None) -> str:
+        asked = command.encode("latin-1") + b"\r\n"
+        self._line.send(asked)
+        said = self._line.until(_ON, asked, timeout).decode("latin-1").strip("\x13\r\n\x00 ")
+        if said.startswith("error"):
+            number = said.partition(",")[2].strip()
+            why = _ERRORS.get(int(number), "unknown error") if number.isdecimal() else "unknown error"
+            raise RigError(f"{self._line.device}: {command}: {why} ({said})")
+        return said
+
+
+def loop_of(volts: Array, within: float) -> tuple[int, int, int]:
+    """Before the loop, its length, and how often it is run so that all values come: the shortest such table.
+
+    The last value is held when the loop has ended: a drive that ends so needs whole cycles up to there.
+
+    Args:
+        volts: the drive [n], V, one value an update.
+        within: V by which repeated values may differ.
+    """
+    changes = np.flatnonzero(np.abs(volts - volts[-1]) > within)
+    held = min(int(changes[-1]) + 2 if changes.size else 1, volts.size)  # up to the first of the last values
+    best = held - 1, 1, 1
+    for values, whole in ((volts, False), (volts[:held], True)):
+        for period in range(1, min(TABLE, values.size - 1) + 1):
+            differs = np.flatnonzero(np.abs(values[period:] - values[:-period]) > within)
+            first = int(differs[-1]) + 1 if differs.size else 0
+            if whole:
+                first += (values.size - first) % period
+            if first < values.size and first + period < best[0] + best[1]:
+                best = first, period, math.ceil((values.size - first) / period)
+    return best
+
+
+registry.rigs.add(Nv200Rig, "nv200")

@@ -1,0 +1,18 @@
+"""Twins of controllers: servers that speak a maker's protocol, with our plant behind them.
+
+Unmodified drivers of the controllers move them (`tests/twins`). What a twin assumes beyond what those drivers
+show stands at the top of its file.
+"""
+
+from .anc300 import Anc300 as Anc300
+from .axis import Axis as Axis
+from .axis import Clock as Clock
+from .axis import WallClock as WallClock
+from .kim101 import Kim101 as Kim101
+from .making import TWINS as TWINS
+from .making import make_twin as make_twin
+from .mcs2 import Mcs2 as Mcs2
+from .nv200 import Nv200 as Nv200
+from .server import HangUp as HangUp
+from .server import TwinServer as TwinServer
+from .stage import Stage as Stage
