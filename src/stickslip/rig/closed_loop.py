@@ -95,7 +95,7 @@ def regulate(
     count = math.ceil(seconds * can.sample_rate)
     if count > can.max_points:
         raise QuantityError(f"duration = {seconds:g} s is longer than {can.name} takes, {can.max_points} updates")
-    wanted = _targets(target, count, can.update_rate)
+    wanted = targets(target, count, can.update_rate)
     told = getattr(rig, "told", None)
     texts = {"title": title, **(attributes or {}), **({} if told is None else told(1))}
     making = Making(can, channels, units, capture, limits, 0, 0, "", texts)
@@ -120,12 +120,13 @@ def regulate(
             samples.close()
 
 
-def _targets(target: Waveform | float | str, count: int, rate: float) -> Array:
+def targets(target: Waveform | float | str, count: int, rate: float) -> list[float]:
+    """The wanted position at each of so many ticks at a rate [Hz], m; raises QuantityError."""
     if isinstance(target, float | int | str):
-        return np.full(count, to_si(target, "m", "target"))
+        return [to_si(target, "m", "target")] * count
     if getattr(target, "unit", None) != "m":
         raise QuantityError(f"target = {target!r:.60} must be a position [m] or a waveform in m")
-    return value_at(target, np.arange(count) / rate)
+    return value_at(target, np.arange(count) / rate).tolist()
 
 
 class _Loop:
@@ -135,13 +136,13 @@ class _Loop:
         self,
         rig: StreamingRig,
         controller: Controller,
-        wanted: Array,
+        wanted: list[float],
         making: Making,
         home: Home,
         samples: Samples | None,
     ) -> None:
         self._rig, self._controller, self._making, self._samples = rig, controller, making, samples
-        self._wanted, self._can, self._limits = wanted.tolist(), making.can, making.limits
+        self._wanted, self._can, self._limits = wanted, making.can, making.limits
         channel = making.channels[POSITION]
         self._position = PositionInput(channel.input, channel.calibration)
         self._row, self._home = making.inputs.index(channel.input), home
