@@ -7,6 +7,10 @@ from .blocks import Regulator as Regulator
 from .moving import MoveError as MoveError
 from .moving import Mover as Mover
 from .moving import Walk as Walk
+from .quantised import NoiseShaped as NoiseShaped
+from .settling import WINDOWS as WINDOWS
+from .settling import Settling as Settling
+from .settling import settling as settling
 from .simulated import simulate_control as simulate_control
 from .steps import Steps as Steps
 from .steps import StepTable as StepTable

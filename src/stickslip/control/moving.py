@@ -4,6 +4,7 @@
     step      full steps, one after the other; the last ones are chosen so that what is left is in the piezo's
               reach, near the middle of its range
     wait      until what the steps left has died away
+    recentre  the piezo jumps to the middle of its range, and the end-effector slips: for a target that is near
     scan      the target moves from where it is to the wanted position, with feedforward and the regulator
     hold      the regulator alone
 
@@ -48,6 +49,8 @@ _RISING = 0.8
 _LOST, _PATIENCE = 0.2, 20
 # V in one tick, up to which a target that moves is followed without a scan.
 _ALONG = 0.5
+# Of the piezo's stroke: nearer targets are tried from the middle of its range before steps are.
+_NEAR = 0.25
 # Moves that begin anew in a row without having been at the target in between.
 _ATTEMPTS = 20
 
@@ -93,6 +96,7 @@ class Mover:
             raise QuantityError(f"Walk.frequency = {walk.frequency:g} Hz leaves {self._period} ticks a step; 8 are needed")
         self._middle = 0.5 * (low + high)
         self._least, self._most = low + walk.margin * (high - low), high - walk.margin * (high - low)
+        self._near = _NEAR * (high - low) * self.gain
         self.phase, self.history = "rest", [("rest", 0.0)]
         self.steps, self.lost, self.done = 0, 0, False
         self.settled_at: float | None = None
@@ -100,6 +104,12 @@ class Mover:
         self._voltage = self._from = self._to = min(max(0.0, low), high)
         self._count = self._lost_now = self._there = self._attempts = 0
         self._direction, self._amplitude, self._before = 1, walk.amplitude, 0.0
+
+    def reaches(self, target: float) -> bool:
+        """Whether the piezo reaches a position [m] from rest at the start, with one slip edge at most."""
+        needed = self._voltage + target / self.gain
+        return self._least <= needed <= self._most or abs(target) <= self._near
+
 
     def step(self, measured: float, target: float, tick: int) -> float:
         """The voltage [V] for a position and a target, m; raises MoveError where it gets nowhere."""
@@ -119,7 +129,7 @@ class Mover:
             self._voltage = self._from + share * (self._to - self._from)
             if self._count >= self._scan:
                 self._next_step(measured, tick)
-        else:  # wait
+        else:  # recentre, wait
             self._count += 1
             if self._count >= self._pause:
                 self._choose(measured, tick)
@@ -146,6 +156,10 @@ class Mover:
                 f"{with_prefix(self._goal, 'm')} is not reached in {_ATTEMPTS} attempts; it is at "
                 f"{with_prefix(measured, 'm')}"
             )
+        if self._attempts == 1 and abs(self._goal - measured) <= self._near:
+            self._voltage = self._middle
+            self._enter("recentre", tick)
+            return
         # The way that is left when the piezo is in the middle, from there on.
         self._direction = 1 if needed > self._middle else -1
         low, high = self.regulator.low, self.regulator.high

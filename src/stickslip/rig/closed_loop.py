@@ -262,7 +262,8 @@ class _Loop:
         values[POSITION] = np.array(self._measured[:count])[chosen]
         made = making.recording(values, making.times(chosen.size), outcome)
         for name, column, unit in ((TARGET, self._wanted, "m"), (ASKED, self._asked, "V")):
-            made[name] = ("time", np.array(column[:count], dtype=float)[chosen], {"units": unit})
+            told = {"units": unit, "long_name": name.replace("_", " ")}
+            made[name] = ("time", np.array(column[:count], dtype=float)[chosen], told)
         made.attrs.update(
             limited_updates=self._guard.limited,
             slowest_step=self._slowest,
