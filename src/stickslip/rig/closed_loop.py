@@ -224,10 +224,10 @@ class _Loop:
             self._heard = time.monotonic()
             if self._left:
                 return
+            given = guard.allowed(wish, given, tick)
             raw.append(readings)
             self._measured.append(measured)
             asked.append(wish)
-            given = guard.allowed(wish, given, tick)
             if getattr(self._controller, "done", False):
                 break
             readings = exchange(given)
