@@ -5,6 +5,7 @@ from . import calibration as calibration
 from . import campaign as campaign
 from . import chain as chain
 from . import comparison as comparison
+from . import control as control
 from . import design as design
 from . import electronics as electronics
 from . import estimate as estimate

@@ -60,13 +60,16 @@ def test_a_position_is_reached_and_recorded(tmp_path: Path) -> None:
         progress=lambda doing, done: told.append(done),
     )  # fmt: skip
     assert made.sizes["time"] == 2401, "it was done"
-    assert made["end_effector_position"].values[-1] == pytest.approx(2e-6, abs=2.0 * rig.capabilities.step * ACTUATOR.gain)
+    assert made["end_effector_position"].values[-1] == pytest.approx(
+        2e-6, abs=2.0 * rig.capabilities.step * ACTUATOR.gain
+    )
     assert np.all(made["target_position"] == 2e-6)
     np.testing.assert_allclose(made["drive_voltage"][1:], made["asked_voltage"][:-1], atol=0.08)
     assert made.attrs["limited_updates"] == 0 < made.attrs["mean_step"] <= made.attrs["slowest_step"]
     assert at_rest(rig)
     kept = open_recording(tmp_path / "loop.nc")
-    assert kept.attrs["outcome"] == "complete" and kept.attrs["title"] == "two microns"
+    assert kept.attrs["outcome"] == "complete"
+    assert kept.attrs["title"] == "two microns"
     np.testing.assert_array_equal(kept["asked_voltage"], made["asked_voltage"])
     assert [path.name for path in tmp_path.iterdir()] == ["loop.nc"]
     assert all(0.0 <= one <= 1.0 for one in told)
@@ -92,12 +95,14 @@ def test_no_update_is_beyond_a_limit() -> None:
     made = regulate(rig, Asking(lambda tick: wild[tick]), 0.0, IDEAL, limits, 0.1)
     given = np.append(0.0, made["drive_voltage"].values)
     step = rig.capabilities.step
-    assert given.max() <= 60.0 + 0.5 * step and given.min() >= -0.5 * step
+    assert given.max() <= 60.0 + 0.5 * step
+    assert given.min() >= -0.5 * step
     assert given.max() > 59.0
     assert np.abs(np.diff(given)).max() <= 2e4 / 20e3 + step
     assert made.attrs["limited_updates"] > 1500
-    times, volts = rig.output()
-    assert volts.max() <= 60.0 + 0.5 * step and volts.min() >= -0.5 * step
+    _times, volts = rig.output()
+    assert volts.max() <= 60.0 + 0.5 * step
+    assert volts.min() >= -0.5 * step
     assert at_rest(rig)
 
 
@@ -118,7 +123,8 @@ def test_a_controller_that_fails_ends_in_the_ramp(tmp_path: Path) -> None:
         with pytest.raises(LimitError, match=words) as caught:
             regulate(rig, failing(700, wrong), 0.0, IDEAL, Limits(), 0.1, save=path)  # type: ignore[arg-type]
         kept = open_recording(tmp_path / "unfinished" / path.name)
-        assert kept.sizes["time"] == 700 and words in kept.attrs["outcome"]
+        assert kept.sizes["time"] == 700
+        assert words in kept.attrs["outcome"]
         assert caught.value.recording.identical(kept)  # type: ignore[attr-defined]
         times, volts = rig.output()
         assert volts.max() == pytest.approx(30.0, abs=0.1)
@@ -199,7 +205,8 @@ def test_an_operator_who_ends_it_gets_the_ramp_and_the_recording() -> None:
     with pytest.raises(Away) as caught:
         regulate(rig, endless, 0.0, IDEAL, Limits(), 100.0, progress=away)
     kept = caught.value.recording  # type: ignore[attr-defined]
-    assert kept.sizes["time"] > 2 and "Away" in kept.attrs["outcome"]
+    assert kept.sizes["time"] > 2
+    assert "Away" in kept.attrs["outcome"]
     assert at_rest(rig)
 
 
@@ -237,7 +244,10 @@ def test_what_was_recorded_outlives_kill_9(tmp_path: Path) -> None:
 def test_what_cannot_be_closed_is_refused_before_a_volt() -> None:
     rig, calm = VirtualRig(ACTUATOR, BENCH), Asking(lambda tick: 1.0)
     for arguments, words in (
-        ((0.0, {"drive_voltage": Channel("drive")}, Limits(), 0.1), "needs the channel end_effector_position"),
+        (
+            (0.0, {"drive_voltage": Channel("drive")}, Limits(), 0.1),
+            "needs the channel end_effector_position",
+        ),
         ((0.0, CHANNELS, Limits(), 0.1), "no filter and no zero"),
         ((0.0, IDEAL, Limits(max_duty=0.5), 0.1), "max_duty"),
         ((Sine("1 V", "5 Hz"), IDEAL, Limits(), 0.1), "waveform in m"),

@@ -46,7 +46,9 @@ def test_every_input_reads_as_for_the_whole_drive() -> None:
     np.testing.assert_array_equal(found[0, 1:], expected[0, :-1])
     for row, step in ((1, 0.0), (2, 0.0), (3, 0.31e-9), (4, 20 / 2**16), (5, 20 / 2**16)):
         assert np.ptp(expected[row]) > 100 * step
-        assert np.abs(found[row] - expected[row]).max() < 1.01 * step + (2e-9 if row < 4 else 0.0), INPUTS[row]
+        assert np.abs(found[row] - expected[row]).max() < 1.01 * step + (2e-9 if row < 4 else 0.0), INPUTS[
+            row
+        ]
     given, wanted = stream.output(), batch.output()
     np.testing.assert_allclose(np.interp(wanted[0], *given), wanted[1], atol=1e-9)
     assert abs(given[1][-1]) <= stream.capabilities.step, "the ramp"
@@ -62,7 +64,9 @@ def test_noise_and_delay_are_the_sensors() -> None:
     left = (found[0] - moved)[:790]
     expected = 1e-11 * np.sqrt(0.5 * 4 * RATE)  # within half of the analogue rate
     assert left.std() == pytest.approx(expected, rel=0.1)
-    assert streamed(VirtualRig(ACTUATOR, bench, seed=3), ("late", "ideal"))[0] == pytest.approx(found[0], abs=0)
+    assert streamed(VirtualRig(ACTUATOR, bench, seed=3), ("late", "ideal"))[0] == pytest.approx(
+        found[0], abs=0
+    )
     assert np.any(streamed(rig, ("late", "ideal"))[0] != found[0]), "another run, other noise"
 
 

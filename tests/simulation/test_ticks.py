@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -20,7 +22,7 @@ WALK = 30.0 * (TIMES / 0.02 % 1.0)  # slips at every 400th tick
 def ticked(model, volts: np.ndarray, **options) -> np.ndarray:
     motion = Motion(model, voltage=volts[0], **options)
     found = [motion.position]
-    for begin, end in zip(volts[:-1], volts[1:], strict=True):
+    for begin, end in itertools.pairwise(volts):
         motion.follow(np.array([0.0, TICK]), np.array([begin, end]))
         found.append(motion.position)
     assert motion.time == pytest.approx(TIMES[-1])
@@ -62,5 +64,5 @@ def test_what_is_not_followed_is_refused() -> None:
         Motion(KANG.replace(piezo=Piezo(BoucWen(0.3, 0.02, 0.01))))
     with pytest.raises(QuantityError, match="Actuator, not 3"):
         Motion(3)  # type: ignore[arg-type]
-    with pytest.raises(QuantityError, match="voltage.*'3 cd'"):
+    with pytest.raises(QuantityError, match=r"voltage.*'3 cd'"):
         Motion(KANG, voltage="3 cd")

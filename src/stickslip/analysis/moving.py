@@ -74,10 +74,10 @@ class RequirementSpec(Strict):
 class MoveFile(Study):
     """See the module.
 
-    `change` and `friction` of the actuator are those of the plant on the rig; `model` is what the loop is tuned
-    on, the same if it is left out. `spread` are relative uncertainties of fields of it, ``natural_frequency:
-    5 %``: the loop must keep its margins at both ends of each. `within` is what counts as there, `hold` how
-    long it stays, `at_most` when a move is given up; `hold_within` is required of the rms over the hold.
+    `change` and `friction` of the actuator are those of the plant on the rig; `model` is what the loop is
+    tuned on, the same if it is left out. `spread` are relative uncertainties of fields of it,
+    ``natural_frequency: 5 %``: the loop must keep its margins at both ends of each. `within` is what counts as
+    there, `hold` how long it stays, `at_most` when a move is given up; `hold_within` is required of the rms over the hold.
     """
 
     rig: VirtualRigSpec = Field(default_factory=VirtualRigSpec)
@@ -112,7 +112,9 @@ def read_move(path: str | os.PathLike[str]) -> tuple[MoveFile, Path]:
         raise explain(path, error, content=content) from error
 
 
-def run_move(file: MoveFile, folder: Path, out: Path, progress: Progress, *, only_hold: bool = False) -> Document:
+def run_move(
+    file: MoveFile, folder: Path, out: Path, progress: Progress, *, only_hold: bool = False
+) -> Document:
     """Move to the target and hold it; the recording goes to move.nc, or hold.nc, in the folder `out`.
 
     Args:
@@ -129,7 +131,7 @@ def run_move(file: MoveFile, folder: Path, out: Path, progress: Progress, *, onl
     """
     plant = _model(file.actuator, folder)
     model = plant if file.model is None else _model(file.model, folder)
-    limits, bench = limits_of(file, plant), load_bench(own_file(file.rig.bench, folder, ".toml"))
+    limits, bench = limits_of(file.limits, plant), load_bench(own_file(file.rig.bench, folder, ".toml"))
     rig = VirtualRig(
         plant,
         bench,
@@ -144,7 +146,9 @@ def run_move(file: MoveFile, folder: Path, out: Path, progress: Progress, *, onl
     walk = Walk(tolerance=file.within, **_given(file.walk))
     low, high = max(limits.min_voltage, can.min_voltage), min(limits.max_voltage, can.max_voltage)
     if math.isfinite(limits.max_slew):
-        raise AnalysisError("limits: max_slew: steps need a slip edge; leave it to the amplifier of the bench")
+        raise AnalysisError(
+            "limits: max_slew: steps need a slip edge; leave it to the amplifier of the bench"
+        )
     regulator = tuning.regulator(rate, min_voltage=low, max_voltage=high)
     table = StepTable.of_model(model.replace(piezo=None), walk.frequency, high - low)
     mover = Mover(walk, table, regulator, model.gain, hold=file.hold)
@@ -221,12 +225,17 @@ def _document(
             f"the hold is {with_prefix(found.rms, 'm')} rms, above {with_prefix(file.hold_within, 'm')}"
         )
     took = mover.settled_at if mover.settled_at is not None else math.nan
-    said = f"At {with_prefix(file.target, 'm')} after {with_prefix(took, 's')}" if there else "Not at the target"
+    said = (
+        f"At {with_prefix(file.target, 'm')} after {with_prefix(took, 's')}" if there else "Not at the target"
+    )
     said += f", with {mover.steps} steps; over the last {with_prefix(found.held, 's')} it is off by "
     said += f"{with_prefix(found.rms, 'm')} rms."
     volts = recording[DRIVE].values
     last_scan = next((begin for name, begin in reversed(mover.history) if name == "scan"), 0.0)
-    ladder = [[Number(w, "m"), Number(t, "s", note="not to the end")] for w, t in zip(found.windows, found.times, strict=True)]
+    ladder = [
+        [Number(w, "m"), Number(t, "s", note="not to the end")]
+        for w, t in zip(found.windows, found.times, strict=True)
+    ]
     numbers: dict[str, Any] = {
         "settling": {
             f"within_{with_prefix(w, 'm').replace(' ', '_')}": Number(t, "s", note="not to the end")
@@ -259,13 +268,18 @@ def _document(
             points=[f"{name} from {with_prefix(begin, 's')} on" for name, begin in mover.history[-12:]],
             tables=(
                 Table(
-                    "Settling: after which the measured position, averaged over a millisecond, stays within a window.",
+                    "Settling: from when on the position, averaged over a millisecond, stays within.",
                     (Column("window", "m"), Column("from", "s")),
                     ladder,
                 ),
             ),
             figures=(
-                Picture("closed-loop", "The whole run.", svg(closed_loop(recording, mover.history[-12:])), "Position and voltage over time"),
+                Picture(
+                    "closed-loop",
+                    "The whole run.",
+                    svg(closed_loop(recording, mover.history[-12:])),
+                    "Position and voltage over time",
+                ),
                 Picture(
                     "approach",
                     "The last approach, sample by sample, with the windows.",

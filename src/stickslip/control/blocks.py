@@ -1,4 +1,4 @@
-r"""Discrete blocks of a regulator: PID with anti-windup, notch, low-pass, each a record and what it does per tick.
+r"""Discrete blocks of a regulator: PID with anti-windup, notch, low-pass.
 
 With the sample time T = 1/f_s and the error e_k, filtered by notches and low-pass to v_k [astrom2006]:
 

@@ -1,16 +1,16 @@
 """From anywhere to a position, and hold it: steps as far as they are needed, then the piezo alone.
 
     return    the piezo goes, sticking, to the end of its range from which steps in this direction begin
-    step      full steps, one after the other; the last ones are chosen so that what is left is in the piezo's
-              reach, near the middle of its range
+    step      full steps, one after the other; the last ones are chosen so that what is left is in the
+              piezo's reach, near the middle of its range
     wait      until what the steps left has died away
-    recentre  the piezo jumps to the middle of its range, and the end-effector slips: for a target that is near
-    scan      the target moves from where it is to the wanted position, with feedforward and the regulator
+    recentre  the piezo jumps to the middle of its range, and the end-effector slips: for a target nearby
+    scan      the target moves from where it is to the wanted position, with feedforward and regulator
     hold      the regulator alone
 
-Handing over from steps to the piezo is without a jump: the regulator begins at the voltage that is there. Steps
-forward begin at the least voltage and steps backward at the greatest, so that both come to the target from their
-own side. When holding has used up the piezo's range (creep, a load), the move begins anew.
+Handing over from steps to the piezo is without a jump: the regulator begins at the voltage that is there.
+Steps forward begin at the least voltage and steps backward at the greatest, so that both come to the target
+from their own side. When holding has used up the piezo's range (creep, a load), the move begins anew.
 """
 
 from __future__ import annotations
@@ -86,14 +86,16 @@ class Mover:
         low, high = regulator.low, regulator.high
         if walk.amplitude > high - low:
             raise QuantityError(
-                f"Walk.amplitude = {walk.amplitude:g} V is out of range: the regulator has {low:g} V to {high:g} V"
+                f"Walk.amplitude = {walk.amplitude:g} V is out of range: the regulator has {low:g} to {high:g} V"
             )
         rate = regulator.rate
         self._period, self._pause = round(rate / walk.frequency), round(walk.pause * rate)
         self._scan, self._dwell = max(round(walk.scan * rate), 1), round(walk.dwell * rate)
         self._rise = round(_RISING * self._period)
         if self._period < 8:
-            raise QuantityError(f"Walk.frequency = {walk.frequency:g} Hz leaves {self._period} ticks a step; 8 are needed")
+            raise QuantityError(
+                f"Walk.frequency = {walk.frequency:g} Hz leaves {self._period} ticks a step; 8 are needed"
+            )
         self._middle = 0.5 * (low + high)
         self._least, self._most = low + walk.margin * (high - low), high - walk.margin * (high - low)
         self._near = _NEAR * (high - low) * self.gain
@@ -109,7 +111,6 @@ class Mover:
         """Whether the piezo reaches a position [m] from rest at the start, with one slip edge at most."""
         needed = self._voltage + target / self.gain
         return self._least <= needed <= self._most or abs(target) <= self._near
-
 
     def step(self, measured: float, target: float, tick: int) -> float:
         """The voltage [V] for a position and a target, m; raises MoveError where it gets nowhere."""
@@ -167,8 +168,10 @@ class Mover:
         self._enter("return", tick)
 
     def _missing(self, measured: float) -> float:
-        """What steps have to go, in their direction, until the middle of the piezo's range is at the target."""
-        return self._direction * (self._goal - measured) - self._direction * self.gain * (self._middle - self._voltage)
+        """What steps have to go, in their direction, for the piezo to be at the target in mid-range."""
+        return self._direction * (self._goal - measured) - self._direction * self.gain * (
+            self._middle - self._voltage
+        )
 
     def _next_step(self, measured: float, tick: int) -> None:
         """One more step, as far as is missing, or none."""
@@ -178,7 +181,9 @@ class Mover:
         if missing < min(near, 0.5 * full):
             self._enter("wait", tick)
             return
-        self._amplitude = self.walk.amplitude if missing >= full else self.steps_of.voltage_for(missing, self._direction)
+        self._amplitude = (
+            self.walk.amplitude if missing >= full else self.steps_of.voltage_for(missing, self._direction)
+        )
         if self.phase != "step":
             self._enter("step", tick)
         self._before, self._count = measured, 0

@@ -20,7 +20,7 @@ _MEAN = 1e-3  # s over which a position is averaged before it is compared with a
 
 
 class Settling(NamedTuple):
-    """`times` [s] after which the position stays within each of the `windows` [m] (NaN: it does not to the end);
+    """`times` [s] after which the position stays within each of the `windows` [m] (NaN: not to the end);
     `overshoot` [m] beyond the target, in the direction of the move; `rms` [m] of what is left over the last
     `held` seconds."""
 

@@ -53,9 +53,10 @@ class StepTable(NamedTuple):
             found = steady_steps(free, shape(most, hertz), parameters={"amplitude": volts})
             one = sign * found["net_step"].values
             if not one[-1] > 0.0:
+                way, why = "forward" if sign > 0 else "backward", found["reason"].values[-1]
                 raise QuantityError(
-                    f"{model.name or 'the actuator'} does not walk {'forward' if sign > 0 else 'backward'} at "
-                    f"{most:g} V and {hertz:g} Hz: {found['reason'].values[-1] or 'its step is 0 m'}"
+                    f"{model.name or 'the actuator'} does not walk {way} at {most:g} V and {hertz:g} Hz: "
+                    f"{why or f'its step is {one[-1]:.3g} m'}"
                 )
             steps.append(tuple(np.maximum.accumulate(np.where(one > 0.0, one, 0.0)).tolist()))
         return cls(tuple(volts.tolist()), *steps)
@@ -84,7 +85,7 @@ class Steps:
         return factor * float(np.interp(voltage, (0.0, *table.voltages), (0.0, *steps)))
 
     def voltage_for(self, distance: float, direction: int) -> float:
-        """The amplitude [V] of a step of that distance [m]; the greatest of the table where none goes so far."""
+        """The amplitude [V] of a step of that distance [m]; the greatest where none goes so far."""
         table = self.table
         steps = np.array(table.forward if direction > 0 else table.backward)
         factor = self.forward if direction > 0 else self.backward
@@ -92,7 +93,9 @@ class Steps:
         if k == steps.size:
             return table.voltages[-1]
         share = (distance / factor - steps[k - 1]) / max(steps[k] - steps[k - 1], 1e-300)
-        return float(table.voltages[k - 1] + min(max(share, 0.0), 1.0) * (table.voltages[k] - table.voltages[k - 1]))
+        return float(
+            table.voltages[k - 1] + min(max(share, 0.0), 1.0) * (table.voltages[k] - table.voltages[k - 1])
+        )
 
     def learn(self, voltage: float, direction: int, distance: float) -> None:
         """A step of that amplitude [V] went so far [m] in its direction."""

@@ -1,13 +1,14 @@
 r"""Gains from models: the quickest regulator that keeps its margins on every model of a posterior.
 
-The loop is that of the sticking actuator (`simulation.sticking`), held voltages, a delay of whole ticks and the
-regulator. With the loop's response L, the greatest sensitivity is the least distance to instability [astrom2006]
+The loop is that of the sticking actuator (`simulation.sticking`), held voltages, a delay of whole ticks and
+the regulator. With the loop's response L, the greatest sensitivity tells the distance to instability
+[astrom2006]
 
 .. math:: M_S = \max_\omega \left|\frac{1}{1 + L(i\omega)}\right|, \qquad
           g_m \ge \frac{M_S}{M_S - 1}, \qquad \varphi_m \ge 2 \arcsin\frac{1}{2 M_S}
 
-Whether the closed loop is stable is told by the poles of its discrete system, not by its margins. Friction that
-slides, hysteresis and creep are not in these models.
+Whether the closed loop is stable is told by the poles of its discrete system, not by its margins. Friction
+that slides, hysteresis and creep are not in these models.
 """
 
 from __future__ import annotations
@@ -46,6 +47,9 @@ class Requirement(NamedTuple):
     phase_margin: Annotated[float, Quantity("rad", "φ_m", "phase margin", minimum=0)] = math.radians(45.0)
 
 
+DEFAULT = Requirement()
+
+
 class Margins(NamedTuple):
     """Of a loop, the worst of several models: whether all are stable, the greatest sensitivity, gain margin,
     phase margin [rad], and the least crossover [Hz]."""
@@ -67,7 +71,8 @@ class Margins(NamedTuple):
 
 
 class Tuning(NamedTuple):
-    """A regulator's gains and filters, the margins that they keep over all `models`, and the feedforward, V/m."""
+    """A regulator's gains and filters, the margins that they keep over so many `models`, and the feedforward,
+    V/m."""
 
     pid: Pid
     notches: tuple[Notch, ...]
@@ -79,12 +84,17 @@ class Tuning(NamedTuple):
     def regulator(self, rate: float | str, **limits: Any) -> Regulator:
         """At a rate [Hz]; `limits` are min_voltage and max_voltage [V]."""
         return Regulator(
-            self.pid, rate, notches=self.notches, low_pass=self.low_pass, feedforward=self.feedforward, **limits
+            self.pid,
+            rate,
+            notches=self.notches,
+            low_pass=self.low_pass,
+            feedforward=self.feedforward,
+            **limits,
         )
 
 
 class Loop(NamedTuple):
-    """An actuator that sticks, sampled: state transition, input and output (n, n), (n,), (n,), and the rate."""
+    """An actuator that sticks, sampled: state transition (n, n), input (n,), output (n,), and the rate."""
 
     a: Array
     b: Array
@@ -101,15 +111,18 @@ def sampled_loop(model: Actuator, rate: float | str, *, delay: int = 1) -> Loop:
     whole[:n, :n], whole[:n, n] = linear.a / hertz, linear.b / hertz
     step = expm(whole)
     a, b, c = step[:n, :n], step[:n, n], linear.c
-    for _ in range(delay):
-        size = b.size
-        longer = np.zeros((size + 1, size + 1))
-        longer[:size, :size], longer[:size, size] = a, b
-        a, b, c = longer, np.append(np.zeros(size), 1.0), np.append(c, 0.0)
-    return Loop(a, b, c, hertz)
+    size = n + delay
+    late, into = np.zeros((size, size)), np.zeros(size)
+    late[:n, :n] = a
+    late[:n, n : n + 1] = b[:, None] if delay else late[:n, n : n + 1]
+    late[n:, n:] = np.eye(delay, k=1)  # what was put out, on its way
+    into[-1] = 1.0
+    return Loop(late, into if delay else b, np.append(c, np.zeros(delay)), hertz)
 
 
-def models_of(model: Actuator, posterior: Posterior | Sequence[Actuator] | None, members: int = _MEMBERS) -> list[Actuator]:
+def models_of(
+    model: Actuator, posterior: Posterior | Sequence[Actuator] | None, members: int = _MEMBERS
+) -> list[Actuator]:
     """The model, and those of a posterior's draws, evenly taken, or of a list."""
     if posterior is None:
         return [model]
@@ -148,8 +161,9 @@ def _margins(regulator: Regulator, loop: Loop, grid: Array, control: Array) -> M
     at = [s for p, s in _crossings(phase + math.pi, size)]
     at += [s for p, s in _crossings(phase + 3.0 * math.pi, size)]
     gain = 1.0 / max(at) if at else math.inf
-    crossed = _crossings(np.log(size), phase)
-    turned = min((abs(math.remainder(p + math.pi, 2.0 * math.pi)) for _, p in crossed), default=math.inf)
+    # Where it is below 1 from the first frequency on, it crossed before, with the phase that it has there.
+    crossed = [p for _, p in _crossings(np.log(size), phase)] or [float(phase[0])]
+    turned = min(abs(math.remainder(p + math.pi, 2.0 * math.pi)) for p in crossed)
     first = next((k for k in range(size.size) if size[k] < 1.0), size.size - 1)
     return Margins(_stable(regulator, loop), sensitivity, gain, turned, float(grid[first]))
 
@@ -187,7 +201,7 @@ def _stable(regulator: Regulator, loop: Loop) -> bool:
 def check_margins(
     regulator: Regulator,
     model: Actuator,
-    requirement: Requirement = Requirement(),
+    requirement: Requirement = DEFAULT,
     *,
     posterior: Posterior | Sequence[Actuator] | None = None,
     delay: int = 1,
@@ -223,15 +237,15 @@ def _wrong(found: Margins, wanted: Requirement) -> str:
 def tune(
     model: Actuator,
     rate: float | str,
-    requirement: Requirement = Requirement(),
+    requirement: Requirement = DEFAULT,
     *,
     posterior: Posterior | Sequence[Actuator] | None = None,
     delay: int = 1,
 ) -> Tuning:
     """Integral gain, notch and low-pass for the quickest loop that keeps what is required on all models.
 
-    Tried are no notch and notches at the frequencies of the model's modes, each with several low-passes; of each
-    the greatest gain is found by bisection, and the one with the highest crossover is taken.
+    Tried are no notch and notches at the frequencies of the model's modes, each with several low-passes; of
+    each the greatest gain is found by bisection, and the quickest is taken.
 
     Args:
         model: identified.

@@ -1,7 +1,7 @@
-"""A closed loop on a rig: read, step the controller, put out, update by update; through limits, to a recording.
+"""A closed loop on a rig: read, step the controller, put out, update by update.
 
-The loop runs in a thread of its own, so that a controller that never answers can be left behind: whoever waits
-for it ramps the output to 0 V. What the loop recorded until then is kept.
+The loop runs in a thread of its own, so that a controller that never answers can be left behind: whoever
+waits for it ramps the output to 0 V. What the loop recorded until then is kept.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from .capture import Capture, stride
 from .gate import FROZEN_DRIVE, PositionInput
 from .home import Home, calibrated
 from .limits import LimitError, Limits
-from .measurement import DRIVE, POSITION, _home_of, _keep, _why, channel_units
+from .measurement import POSITION, _home_of, _keep, _why, channel_units
 from .protocols import Array, Capabilities, Controller, RigError, StreamingRig
 from .recorded import COMPLETE, Channel, Making
 from .samples import Samples
@@ -52,8 +52,8 @@ def regulate(
 ) -> xr.Dataset:
     """Close a loop for a while, and record it. However it ends, the output ramps to 0 V.
 
-    What the controller asks for is kept within the voltages and the slew of the limits (`limited_updates` says
-    how often that was needed); a voltage that is no finite number, an exception, and no answer within
+    What the controller asks for is kept within voltages and slew of the limits (`limited_updates` says how
+    often that was needed); a voltage that is no finite number, an exception, and no answer within
     `limits.watchdog` end the run. A controller with an attribute `done` ends it when that is true.
 
     Args:
@@ -83,9 +83,13 @@ def regulate(
     if POSITION not in channels:
         raise QuantityError(f"a closed loop needs the channel {POSITION}, which is not recorded")
     if any(channel.filter is not None or channel.zero for channel in channels.values()):
-        raise QuantityError("channels of a closed loop have no filter and no zero: they come sample by sample")
+        raise QuantityError(
+            "channels of a closed loop have no filter and no zero: they come sample by sample"
+        )
     if can.sample_rate != can.update_rate:
-        raise QuantityError(f"{can.name} has {can.sample_rate:g} samples for {can.update_rate:g} updates a second")
+        raise QuantityError(
+            f"{can.name} has {can.sample_rate:g} samples for {can.update_rate:g} updates a second"
+        )
     if limits.max_duty < 1.0:
         raise QuantityError("Limits.max_duty is of drives that are known beforehand, not of a closed loop")
     seconds = to_si(duration, "s", "duration")
@@ -94,7 +98,9 @@ def regulate(
     stride(capture, can.sample_rate)
     count = math.ceil(seconds * can.sample_rate)
     if count > can.max_points:
-        raise QuantityError(f"duration = {seconds:g} s is longer than {can.name} takes, {can.max_points} updates")
+        raise QuantityError(
+            f"duration = {seconds:g} s is longer than {can.name} takes, {can.max_points} updates"
+        )
     wanted = targets(target, count, can.update_rate)
     told = getattr(rig, "told", None)
     texts = {"title": title, **(attributes or {}), **({} if told is None else told(1))}
@@ -198,7 +204,9 @@ class _Loop:
         raw, asked, guard = self._raw, self._asked, self._guard
         readings = self._rig.begin(self._making.inputs)
         first = np.array([readings[self._row]])
-        here = partial(self._home.positions, self._position.name, chain=self._position.calibration, origin=origin)
+        here = partial(
+            self._home.positions, self._position.name, chain=self._position.calibration, origin=origin
+        )
         start = float(here(first)[0])
         self._home.position = start
         plain, zero = not self._position.calibration, readings[self._row]
@@ -215,7 +223,9 @@ class _Loop:
             try:
                 wish = step(measured, target, tick)
             except Exception as error:
-                raise LimitError(f"the controller failed at update {tick}: {type(error).__name__} {error}") from error
+                raise LimitError(
+                    f"the controller failed at update {tick}: {type(error).__name__} {error}"
+                ) from error
             self._answering = False
             took = time.perf_counter() - begun
             self._total += took

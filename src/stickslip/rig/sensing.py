@@ -99,9 +99,7 @@ class Running:
     def __init__(self, filter: Filter, rate: float, first: float) -> None:
         made = sections(filter, rate)
         zi = sosfilt_zi(made) * first
-        self._rows = [
-            [*row[:3], *row[4:], *z] for row, z in zip(made.tolist(), zi.tolist(), strict=True)
-        ]
+        self._rows = [[*row[:3], *row[4:], *z] for row, z in zip(made.tolist(), zi.tolist(), strict=True)]
 
     def __call__(self, value: float) -> float:
         for row in self._rows:

@@ -1,4 +1,4 @@
-"""The bench of a virtual rig from tick to tick: converter, amplifier, actuator, sensors, one update at a time.
+"""The bench of a virtual rig one update at a time: converter, amplifier, actuator, sensors.
 
 It is what `VirtualRig` computes at once for a drive that is known beforehand, with the same instruments, for
 one that a controller makes up as it goes. The sensors' noise has the same statistics, not the same values.
@@ -141,4 +141,3 @@ def _between(a: float, da: float, b: float, db: float, share: float, span: float
     left = 1.0 - share
     bend = (left - share) * (a - b) + (left * da - share * db) * span
     return left * a + share * b + share * left * bend
-

@@ -60,7 +60,9 @@ def sticking(model: Actuator) -> Sticking:
         return Sticking(a, b, c)
     stiffness, damping = (contact.normal * one for one in slopes(contact.law))
     if not stiffness > 0.0:
-        raise QuantityError(f"a {type(contact.law).__name__} contact has no presliding: it has no linear model")
+        raise QuantityError(
+            f"a {type(contact.law).__name__} contact has no presliding: it has no linear model"
+        )
     force = np.zeros(size)
     for m, share in enumerate(contact.velocity):
         force[2 * m], force[2 * m + 1] = stiffness * (share or 0.0), damping * (share or 0.0)

@@ -1,7 +1,7 @@
 """Motion from tick to tick, under voltages that are known only as they come: a controller's.
 
-Between two ticks the trajectory is that of `simulate`, by the same solver; what is left at the end of one is the
-start of the next, so a run of ticks is the run of the whole drive within the tolerance.
+Between two ticks the trajectory is that of `simulate`, by the same solver; the end of one is the start of the
+next, so a run of ticks is the run of the whole drive within the tolerance.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ class Motion:
         voltage: V, reached from 0 V, under which it has rested for long.
         load: normal force over the reference normal force at which the friction parameters hold.
         tolerance: m, on the end-effector's position in each tick.
-        remanence: V, where the plays of the piezo stand and how far each term of its creep has come; left out,
-            as after a long rest.
+        remanence: V, where the plays of the piezo stand and how far each term of its creep has come; left
+            out, as after a long rest.
 
     Raises:
         QuantityError: a piezo whose state is not known here (`MaxwellCapacitor`, one's own model).
