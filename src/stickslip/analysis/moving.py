@@ -76,8 +76,9 @@ class MoveFile(Study):
 
     `change` and `friction` of the actuator are those of the plant on the rig; `model` is what the loop is
     tuned on, the same if it is left out. `spread` are relative uncertainties of fields of it,
-    ``natural_frequency: 5 %``: the loop must keep its margins at both ends of each. `within` is what counts as
-    there, `hold` how long it stays, `at_most` when a move is given up; `hold_within` is required of the rms over the hold.
+    ``natural_frequency: 5 %``: the loop must keep its margins at both ends of each. `within` is what counts
+    as there, `hold` how long it stays, `at_most` when a move is given up; `hold_within` is required of the
+    rms over the hold.
     """
 
     rig: VirtualRigSpec = Field(default_factory=VirtualRigSpec)

@@ -86,7 +86,7 @@ class Mover:
         low, high = regulator.low, regulator.high
         if walk.amplitude > high - low:
             raise QuantityError(
-                f"Walk.amplitude = {walk.amplitude:g} V is out of range: the regulator has {low:g} to {high:g} V"
+                f"Walk.amplitude = {walk.amplitude:g} V is out of range: the piezo has {low:g} to {high:g} V"
             )
         rate = regulator.rate
         self._period, self._pause = round(rate / walk.frequency), round(walk.pause * rate)

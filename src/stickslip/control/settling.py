@@ -53,6 +53,7 @@ def settling(
     """
     goal, span = to_si(target, "m", "target"), to_si(hold, "s", "hold")
     wide = to_si(average, "s", "average")
+    sizes = tuple(to_si(one, "m", "windows") for one in windows)
     time = recording["time"].values
     between = float(time[1] - time[0])
     if span > time[-1] - time[0]:
@@ -60,7 +61,6 @@ def settling(
     x = _averaged(recording["end_effector_position"].values, max(1, round(wide / between)))
     off = x - goal
     found = []
-    sizes = tuple(to_si(one, "m", "windows") for one in windows)
     for one in sizes:
         outside = np.flatnonzero(np.abs(off) > one)
         last = int(outside[-1]) if outside.size else -1

@@ -57,12 +57,14 @@ def simulate_control(
             outside the actuator's voltages.
         SimulationError: the motion could not be followed.
     """
+    if isinstance(target, str):
+        target = to_si(target, "m", "target")
     hertz, seconds = to_si(rate, "Hz", "rate"), to_si(duration, "s", "duration")
     sigma, count = to_si(noise, "m", "noise"), math.ceil(seconds * hertz)
     if not count > 1:
         raise QuantityError(f"duration = {seconds:g} s holds no two ticks at rate = {hertz:g} Hz")
-    motion = Motion(model, tolerance=tolerance)
     wanted = targets(target, count, hertz)
+    motion = Motion(model, tolerance=tolerance)
     read = sigma * np.random.default_rng(seed).standard_normal(count)
     found = np.empty((3, count))
     late = [0.0] * delay

@@ -19,7 +19,7 @@ import xarray as xr
 
 from ..progress import Progress, unheard
 from ..recording import save_recording
-from ..units import QuantityError, to_si, with_prefix
+from ..units import QuantityError, optional_si, to_si, with_prefix
 from ..waveform.signal import Waveform, value_at
 from .capture import Capture, stride
 from .gate import FROZEN_DRIVE, PositionInput
@@ -76,6 +76,9 @@ def regulate(
         LimitError: a limit was passed, or the controller failed; its `recording` is what there is.
         RigError: the rig does not answer as it should.
     """
+    if isinstance(target, str):
+        target = to_si(target, "m", "target")
+    seconds, between = to_si(duration, "s", "duration"), optional_si(interval, "s", "interval")
     can = rig.capabilities
     if not hasattr(rig, "begin") or not hasattr(rig, "exchange"):
         raise RigError(f"{can.name} takes whole drives only: no loop can be closed on it")
@@ -92,9 +95,7 @@ def regulate(
         )
     if limits.max_duty < 1.0:
         raise QuantityError("Limits.max_duty is of drives that are known beforehand, not of a closed loop")
-    seconds = to_si(duration, "s", "duration")
-    between = 1.0 / can.sample_rate if interval is None else to_si(interval, "s", "interval")
-    capture = Capture(seconds, between)
+    capture = Capture(seconds, between or 1.0 / can.sample_rate)
     stride(capture, can.sample_rate)
     count = math.ceil(seconds * can.sample_rate)
     if count > can.max_points:

@@ -54,10 +54,9 @@ class Motion:
         tolerance: float | str = 1e-9,
         remanence: tuple[Array, Array] | None = None,
     ) -> None:
+        rest, self._tolerance = to_si(voltage, "V", "voltage"), to_si(tolerance, "m", "tolerance")
         if not isinstance(model, Actuator):
             raise QuantityError(f"a motion from tick to tick is that of an Actuator, not {model!r:.60}")
-        self.model, self._tolerance = model, to_si(tolerance, "m", "tolerance")
-        rest = to_si(voltage, "V", "voltage")
         contact = contact_load(load, 1.0)
         self._of, self._load = contact.system(model), contact.drive
         self._piezo = None if model.piezo is None else _PiezoState(model.piezo, rest, remanence)
