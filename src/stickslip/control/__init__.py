@@ -4,6 +4,8 @@ from .blocks import LowPass as LowPass
 from .blocks import Notch as Notch
 from .blocks import Pid as Pid
 from .blocks import Regulator as Regulator
+from .estimator import Estimator as Estimator
+from .estimator import StepModel as StepModel
 from .moving import MoveError as MoveError
 from .moving import Mover as Mover
 from .moving import Walk as Walk

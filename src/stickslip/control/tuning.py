@@ -116,8 +116,11 @@ def sampled_loop(model: Actuator, rate: float | str, *, delay: int = 1) -> Loop:
     late[:n, :n] = a
     late[:n, n : n + 1] = b[:, None] if delay else late[:n, n : n + 1]
     late[n:, n:] = np.eye(delay, k=1)  # what was put out, on its way
-    into[-1] = 1.0
-    return Loop(late, into if delay else b, np.append(c, np.zeros(delay)), hertz)
+    if delay:
+        into[-1] = 1.0
+    else:
+        into[:] = b
+    return Loop(late, into, np.append(c, np.zeros(delay)), hertz)
 
 
 def models_of(
