@@ -13,6 +13,8 @@ from .quantised import NoiseShaped as NoiseShaped
 from .settling import WINDOWS as WINDOWS
 from .settling import Settling as Settling
 from .settling import settling as settling
+from .shaping import Shaper as Shaper
+from .shaping import Shaping as Shaping
 from .simulated import simulate_control as simulate_control
 from .steps import Steps as Steps
 from .steps import StepTable as StepTable
