@@ -41,8 +41,8 @@ class StepModel(NamedTuple):
     """Steps and what is not known of them, as standard deviations. `size_error` and `load_error` are those at
     the start; `size_drift` and `load_drift` what is added per root of a step."""
 
-    forward: Annotated[float, Quantity("m", "s_+", "step forward", above=0)]
-    backward: Annotated[float, Quantity("m", "s_-", "step backward", above=0)]
+    forward: Annotated[float, Quantity("m", "s₊", "step forward", above=0)]
+    backward: Annotated[float, Quantity("m", "s₋", "step backward", above=0)]
     per_load: Annotated[float, Quantity("m/N", "c", "step over load")] = 0.0
     scatter: Annotated[float, Quantity("m", "σ_w", "scatter of single steps", minimum=0)] = 0.0
     size_error: Annotated[float, Quantity("m", "σ_s", "error of the steps", minimum=0)] = 0.0

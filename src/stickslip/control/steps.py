@@ -26,8 +26,8 @@ class StepTable(NamedTuple):
     """Net steps forward (towards +x) and backward, as distances, of sawteeth of these voltages."""
 
     voltages: Annotated[tuple[float, ...], Quantity("V", "A", "amplitudes, ascending", above=0)]
-    forward: Annotated[tuple[float, ...], Quantity("m", "s_+", "step forward")]
-    backward: Annotated[tuple[float, ...], Quantity("m", "s_-", "step backward")]
+    forward: Annotated[tuple[float, ...], Quantity("m", "s₊", "step forward")]
+    backward: Annotated[tuple[float, ...], Quantity("m", "s₋", "step backward")]
 
     def _check(self) -> None:
         if not len(self.voltages) == len(self.forward) == len(self.backward) > 1:
