@@ -3,8 +3,9 @@
 python -m benchmarks.control [COUNT] [--seed S] [--long N] [--minute]
 
 Each actuator is `kang2007-hysteresis` (hysteresis 13 % at 150 V, creep) with its numbers drawn; loops are
-tuned on the set itself and its corners, never on the drawn one. Bench: 12-bit converter, amplifier with limited
-current, an interferometer with 1 nm rms of noise and 50 us of delay. Writes docs/benchmarks/control.md.
+tuned on the set itself and its corners, never on the drawn one. Bench: 12-bit converter, amplifier with
+limited current, an interferometer with 1 nm rms of noise and 50 us of delay. Writes
+docs/benchmarks/control.md.
 """
 
 from __future__ import annotations
@@ -222,10 +223,11 @@ def table_of(found: dict[str, list[Result | None]]) -> list[str]:
     lines.append("|" + "---|" * (len(heads) + 5))
     for name, results in found.items():
         there = [one for one in results if one is not None]
+        rms = [1e9 * one.rms for one in there]
         cells = [_time([one.times[w] if one else math.nan for one in results]) for w in range(len(WINDOWS))]
         lines.append(
             f"| {name} | {' | '.join(cells)} | {1e9 * max(o.overshoot for o in there):.0f} nm "
-            f"| {1e9 * float(np.median([o.rms for o in there])):.2f} / {1e9 * max(o.rms for o in there):.2f} nm "
+            f"| {np.median(rms):.2f} / {max(rms):.2f} nm "
             f"| {1e3 * max(o.current for o in there):.0f} mA | {np.median([o.steps for o in there]):.0f} |"
         )
     return lines
@@ -315,12 +317,12 @@ def page(given: Any, near: dict[str, Any], far: dict[str, Any], content: dict[st
         "",
         f"`python -m benchmarks.control {given.count} --long {given.long}"
         f"{' --minute' if given.minute else ''}` wrote this page. Actuators are `{SET}`",
-        "(hysteresis, creep) with numbers drawn independently: gain and mass 3 %, stage frequency 5 %, damping",
-        "10 %, bristle stiffness and friction 10 %, bristle damping 20 % (standard deviations). Loops are tuned",
-        "on the set and its corners, not on the drawn actuator. Bench: 12-bit converter, PD200X4 before 1.4 uF,",
-        "interferometer of 1 nm rms and 50 us delay, 20 kHz. All controllers walk with 65 V at 100 Hz and drive",
-        "through the same noise shaping. Times are median and greatest, after which the measured position,",
-        "averaged over 1 ms, stays within the window to the end of a hold of 0.2 s.",
+        "(hysteresis, creep) with numbers drawn independently: gain and mass 3 %, stage frequency 5 %,",
+        "damping 10 %, bristle stiffness and friction 10 %, bristle damping 20 % (standard deviations).",
+        "Loops are tuned on the set and its corners, not on the drawn actuator. Bench: 12-bit converter, PD200X4",
+        "before 1.4 uF, interferometer of 1 nm rms and 50 us delay, 20 kHz. All controllers walk with 65 V",
+        "at 100 Hz and drive through the same noise shaping. Times are median and greatest, after which the",
+        "measured position, averaged over 1 ms, stays within the window to the end of a hold of 0.2 s.",
         "",
         f"## 40 um, {given.count} actuators",
         "",
@@ -330,10 +332,10 @@ def page(given: Any, near: dict[str, Any], far: dict[str, Any], content: dict[st
         "",
         *table_of(far),
         "",
-        "*Plain stepping* stops where less than half a step is missing. The *published state machine* follows",
-        "the description in a maker's manual (fast steps, slow single steps, linear with PID and notch, closed",
-        "only at the end); the manual prints no gains, ours for it cross over at 20 Hz. *PID only* is our",
-        "regulator without steps: the piezo does not reach so far.",
+        "*Plain stepping* stops where less than half a step is missing. The *published state machine*",
+        "follows the description in a maker's manual (fast steps, slow single steps, linear with PID and",
+        "notch, closed only at the end); the manual prints no gains, ours for it cross over at 20 Hz. *PID",
+        "only* is our regulator without steps: the piezo does not reach so far.",
         "",
         "## Other figures",
         "",
@@ -350,9 +352,9 @@ def page(given: Any, near: dict[str, Any], far: dict[str, Any], content: dict[st
         lines.append(f"| one update of the whole chain, {name}, over the 50 us of 20 kHz | {us / 50.0:.2f} |")
     lines += [
         "",
-        f"Processor: {platform.machine()}, other work beside it. The open-loop motors (100 drawn, the first 100",
-        "steps measured) step by the model's periodic walk at the load of the moment, with 20 nm of scatter; they",
-        "are not simulated step by step.",
+        f"Processor: {platform.machine()}, other work beside it. The open-loop motors (100 drawn, the first",
+        "100 steps measured) step by the model's periodic walk at the load of the moment, with 20 nm of",
+        "scatter; they are not simulated step by step.",
         "",
     ]
     return "\n".join(lines)

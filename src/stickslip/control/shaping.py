@@ -37,10 +37,11 @@ class Shaper(NamedTuple):
         """When [s] and how much of a change comes; the sum of the parts is 1."""
         root = math.sqrt(1.0 - self.damping**2)
         k = math.exp(-self.damping * math.pi / root)
-        shares = np.ones(1)
+        shares: Array = np.ones(1)
         for _ in range(int(self.order)):
             shares = np.convolve(shares, np.array([1.0, k]) / (1.0 + k))
-        return np.arange(shares.size) * 0.5 / (self.frequency * root), shares
+        half = 0.5 / (self.frequency * root)
+        return np.arange(float(shares.size)) * half, shares
 
     def taps(self, rate: float | str) -> Array:
         """The shaper at a rate [Hz]: each part is split between the two ticks around its time."""
