@@ -188,11 +188,16 @@ def controllers(table: StepTable, tuning: Tuning, base: Actuator) -> dict[str, A
     }
 
 
+def loop() -> tuple[Actuator, Tuning, StepTable]:
+    """The set, the loop that is tuned on it and its corners, and its steps."""
+    base = load_actuator(SET)
+    tuning = tune(base, RATE, Requirement(), posterior=corners(base), delay=2)
+    return base, tuning, StepTable.of_model(base.replace(piezo=None), WALK.frequency, TOP)
+
+
 def compare(count: int, goal: float, seed: int, most: float) -> dict[str, list[Result | None]]:
     """All controllers on the same actuators; None where a run ended early."""
-    base, random = load_actuator(SET), np.random.default_rng(seed)
-    tuning = tune(base, RATE, Requirement(), posterior=corners(base), delay=2)
-    table = StepTable.of_model(base.replace(piezo=None), WALK.frequency, TOP)
+    (base, tuning, table), random = loop(), np.random.default_rng(seed)
     found: dict[str, list[Result | None]] = {}
     for k in range(count):
         model = drawn(random)
@@ -238,7 +243,8 @@ def open_loop(count: int, load: float, seed: int) -> tuple[float, float]:
     measured: the share of positions within the 95 % band, and the half-width of the band over the way."""
     random, base = np.random.default_rng(seed), load_actuator(SET).replace(piezo=None)
     held, widths, drive = 0, [], Sawtooth(WALK.amplitude, WALK.frequency)
-    scatter = 20e-9
+    scatter, loaded = 20e-9, base.replace(external_force=load)
+    known = StepModel.of_model(loaded, WALK.amplitude, WALK.frequency, scatter=scatter, size_error=0.3e-6)
     for _ in range(count):
         model = drawn(random).replace(piezo=None)
         forces = np.linspace(1.3 * load, 0.7 * load, 5)
@@ -248,9 +254,7 @@ def open_loop(count: int, load: float, seed: int) -> tuple[float, float]:
         drift = 0.1 * abs(load) / math.sqrt(steps)
         wander = drift * np.cumsum(random.standard_normal(steps))
         at = np.cumsum(np.interp(load + wander, forces, sizes) + scatter * random.standard_normal(steps))
-        known = {"scatter": scatter, "size_error": 0.3e-6, "load_drift": drift}
-        loaded = base.replace(external_force=load)
-        one = Estimator(StepModel.of_model(loaded, WALK.amplitude, WALK.frequency, **known))
+        one = Estimator(known._replace(load_drift=drift))
         for k in range(0, 100, 10):
             one.stepped(1, 10)
             one.measured(float(at[k + 9]), 1e-9)
@@ -281,9 +285,7 @@ def speed() -> dict[str, float]:
 
 def minute(seed: int) -> float:
     """Rms over a minute of holding 15 um on one actuator, m."""
-    base = load_actuator(SET)
-    tuning = tune(base, RATE, Requirement(), posterior=corners(base), delay=2)
-    table = StepTable.of_model(base.replace(piezo=None), WALK.frequency, TOP)
+    base, tuning, table = loop()
     mover = Mover(WALK, table, tuning.regulator(RATE, max_voltage=TOP), base.gain, hold=60.0)
     rig = VirtualRig(base, bench(), seed=seed)
     recording = regulate(

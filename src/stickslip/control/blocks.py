@@ -11,12 +11,11 @@ Notch and low-pass are of second order, made discrete by the bilinear transform 
 
 from __future__ import annotations
 
-import cmath
 import math
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..records import Quantity, record
 from ..units import QuantityError, to_si, with_prefix
@@ -167,9 +166,9 @@ class Regulator:
             self._integral -= self._ki * value
         return given
 
-    def response(self, frequency: float) -> complex:
-        """Voltage per error at a frequency [Hz], V/m."""
-        z = cmath.exp(2j * math.pi * frequency / self.rate)
+    def response(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
+        """Voltage per error at frequencies [Hz], V/m, of their shape."""
+        z = np.exp(2j * math.pi / self.rate * np.asarray(frequencies, dtype=float))
         pid = self.pid
         slope = pid.derivative * self.rate * (1.0 - self._fading) * (1.0 - 1.0 / z) / (1.0 - self._fading / z)
         found = pid.proportional + self._ki / (1.0 - 1.0 / z) + slope

@@ -94,12 +94,19 @@ class Tuning(NamedTuple):
 
 
 class Loop(NamedTuple):
-    """An actuator that sticks, sampled: state transition (n, n), input (n,), output (n,), and the rate."""
+    """An actuator that sticks, sampled: state transition (n, n), input (n,), output (n,), rate [Hz], and its
+    response [m/V] at the frequencies of `grid`."""
 
     a: Array
     b: Array
     c: Array
     rate: float
+    response: NDArray[np.complex128]
+
+
+def grid(rate: float) -> Array:
+    """Frequencies [Hz] at which margins are looked for, at a rate [Hz]."""
+    return np.geomspace(1.0, 0.499 * rate, _POINTS)
 
 
 def sampled_loop(model: Actuator, rate: float | str, *, delay: int = 1) -> Loop:
@@ -120,7 +127,12 @@ def sampled_loop(model: Actuator, rate: float | str, *, delay: int = 1) -> Loop:
         into[-1] = 1.0
     else:
         into[:] = b
-    return Loop(late, into, np.append(c, np.zeros(delay)), hertz)
+    out = np.append(c, np.zeros(delay))
+    z = np.exp(2j * math.pi * grid(hertz) / hertz)
+    # Of the plant without its delay: that has no eigenvectors of its own.
+    poles, vectors = np.linalg.eig(a)
+    shares = (c @ vectors) * np.linalg.solve(vectors, b)
+    return Loop(late, into, out, hertz, (shares / (z[:, None] - poles)).sum(axis=1) / z**delay)
 
 
 def models_of(
@@ -143,10 +155,12 @@ def models_of(
 
 
 def margins(regulator: Regulator, loops: Iterable[Loop]) -> Margins:
-    """The worst over the loops."""
-    grid = np.geomspace(1.0, 0.499 * regulator.rate, _POINTS)
-    control = np.array([regulator.response(f) for f in grid])
-    found = [_margins(regulator, loop, grid, control) for loop in loops]
+    """The worst over the loops, whose rate is the regulator's."""
+    control = regulator.response(grid(regulator.rate))
+    return _worst([_margins(regulator, control, loop) for loop in loops])
+
+
+def _worst(found: list[Margins]) -> Margins:
     return Margins(
         all(one.stable for one in found),
         max(one.sensitivity for one in found),
@@ -156,19 +170,17 @@ def margins(regulator: Regulator, loops: Iterable[Loop]) -> Margins:
     )
 
 
-def _margins(regulator: Regulator, loop: Loop, grid: Array, control: Array) -> Margins:
-    plant = _response(loop, grid)
-    open_loop = control * plant
+def _margins(regulator: Regulator, control: NDArray[np.complex128], loop: Loop) -> Margins:
+    open_loop = control * loop.response
     sensitivity = float(np.max(1.0 / np.abs(1.0 + open_loop)))
     phase, size = np.unwrap(np.angle(open_loop)), np.abs(open_loop)
-    at = [s for p, s in _crossings(phase + math.pi, size)]
-    at += [s for p, s in _crossings(phase + 3.0 * math.pi, size)]
-    gain = 1.0 / max(at) if at else math.inf
+    at = [s for turns in (1.0, 3.0) for _, s in _crossings(phase + turns * math.pi, size)]
     # Where it is below 1 from the first frequency on, it crossed before, with the phase that it has there.
     crossed = [p for _, p in _crossings(np.log(size), phase)] or [float(phase[0])]
     turned = min(abs(math.remainder(p + math.pi, 2.0 * math.pi)) for p in crossed)
-    first = next((k for k in range(size.size) if size[k] < 1.0), size.size - 1)
-    return Margins(_stable(regulator, loop), sensitivity, gain, turned, float(grid[first]))
+    first = int(np.argmax(size < 1.0))
+    gain = 1.0 / max(at) if at else math.inf
+    return Margins(_stable(regulator, loop), sensitivity, gain, turned, float(grid(loop.rate)[first]))
 
 
 def _crossings(values: Array, others: Array) -> list[tuple[int, float]]:
@@ -176,17 +188,6 @@ def _crossings(values: Array, others: Array) -> list[tuple[int, float]]:
     at = np.flatnonzero(np.sign(values[1:]) != np.sign(values[:-1]))
     share = values[at] / (values[at] - values[at + 1])
     return list(zip(at.tolist(), (others[at] + share * (others[at + 1] - others[at])).tolist(), strict=True))
-
-
-def _response(loop: Loop, grid: Array) -> Array:
-    poles, vectors = np.linalg.eig(loop.a)
-    if np.linalg.cond(vectors) < 1e8:
-        left, right = loop.c @ vectors, np.linalg.solve(vectors, loop.b)
-        z = np.exp(2j * math.pi * grid / loop.rate)
-        return ((left * right) / (z[:, None] - poles)).sum(axis=1)
-    eye = np.eye(loop.b.size)
-    z = np.exp(2j * math.pi * grid / loop.rate)
-    return np.array([loop.c @ np.linalg.solve(one * eye - loop.a, loop.b) for one in z])
 
 
 def _stable(regulator: Regulator, loop: Loop) -> bool:
@@ -297,7 +298,8 @@ def _greatest(
     for _ in range(12):
         middle = 0.5 * (low + high) if low else 0.25 * high
         made = Regulator(Pid(middle), rate, notches=notches, low_pass=low_pass)
-        if _wrong(margins(made, loops), requirement):
+        control = made.response(grid(rate))
+        if any(_wrong(_margins(made, control, loop), requirement) for loop in loops):
             high = middle
         else:
             low = middle
