@@ -191,3 +191,17 @@ def test_figures_of_accuracy_are_those_that_were_measured() -> None:
     assert f"worst of 200: {second[1]} nm" in ACCURACY
     assert "2,392 of 2,392 trials" in ACCURACY
     assert "Failures in 2,392 trials" in (folder / "faults.md").read_text(encoding="utf-8")
+
+
+def test_control(run: Callable, capsys: pytest.CaptureFixture[str]) -> None:
+    names = run("control.md")
+    printed = capsys.readouterr().out
+    assert "gains refused, over 3 models" in printed
+    assert names["tuning"].margins.sensitivity <= 1.7
+    assert [phase for phase, _ in names["simulated"].history] == [
+        *("rest", "return", "step", "wait", "scan", "hold")
+    ]
+    assert names["ended"].rms < 1e-9
+    assert not np.isnan(names["ended"].times).any()
+    (missing,) = re.findall(r"([-\d.]+) nm are missing", printed)
+    assert abs(float(missing)) < 1.0

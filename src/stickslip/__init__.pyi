@@ -6,6 +6,7 @@ from . import campaign as campaign
 from . import chain as chain
 from . import comparison as comparison
 from . import contact as contact
+from . import control as control
 from . import design as design
 from . import electronics as electronics
 from . import estimate as estimate

@@ -175,7 +175,10 @@ def test_wild_files_run_within_the_limits_or_are_refused(content, tmp_path_facto
         times, volts = rig.output()
         if times[-1] == 0.0:
             continue
-        allowed, step = limits_of(read_experiment(file), load_actuator("kang2007")), rig.capabilities.step
+        allowed, step = (
+            limits_of(read_experiment(file).limits, load_actuator("kang2007")),
+            rig.capabilities.step,
+        )
         assert allowed.min_voltage - 0.51 * step <= volts.min()
         assert volts.max() <= allowed.max_voltage + 0.51 * step
         assert abs(volts[-1]) <= step

@@ -24,7 +24,7 @@ from ..units import QuantityError, to_si
 from ..waveform.sampled import Sampled
 from ..waveform.sequence import Sequence
 from ..waveform.signal import Waveform, shape
-from .file import ChannelSpec, ExperimentFile, PartSpec, RunSpec, VirtualRigSpec
+from .file import ChannelSpec, ExperimentFile, LimitsSpec, PartSpec, RunSpec, VirtualRigSpec
 from .laboratory import Laboratory, own_file
 
 MOST_CELLS = 10_000
@@ -115,7 +115,7 @@ def _cell(
     named = {k: v for k, v in file.variables.items() if not isinstance(v, bool)} | axes
     actuator = _actuator(file, run, named, folder)
     can = laboratory.capabilities(actuator)
-    limits = limits_of(file, actuator)
+    limits = limits_of(file.limits, actuator)
     units = channel_units(can, channels, limits)
     capture = _capture(run, can, units)
     drive = drive_of(run.waveform, named, folder, read)
@@ -181,9 +181,9 @@ def _actuator(file: ExperimentFile, run: RunSpec, axes: Mapping[str, float | str
     return actuator.replace(friction=actuator.friction._replace(**friction), **changes)
 
 
-def limits_of(file: ExperimentFile, actuator: Actuator) -> Limits:
+def limits_of(spec: LimitsSpec, actuator: Actuator) -> Limits:
     """The limits of a file; its voltages default to the actuator's."""
-    given = {key: value for key, value in file.limits.model_dump().items() if value is not None}
+    given = {key: value for key, value in spec.model_dump().items() if value is not None}
     own = {"min_voltage": actuator.min_voltage, "max_voltage": actuator.max_voltage}
     return Limits(**{key: value for key, value in own.items() if abs(value) < 1e6} | given)
 

@@ -11,6 +11,7 @@ from scipy.linalg import expm, solve_discrete_are
 from ..friction import breakaway, element, elements, rate
 from ..mechanism import slider_acceleration, stage_acceleration
 from ..simulation.models import mechanism
+from ..simulation.sticking import slopes
 
 _DEFLECTION, _VELOCITY = 1e-9, 1e-6  # m and m/s, small against presliding
 
@@ -62,13 +63,10 @@ def observer_gain(model: Any, h: float, noise: float) -> NDArray[np.float64]:
 
 def _slopes(law: Any) -> tuple[float, float, float]:
     """∂F/∂z [N/m] and ∂F/∂v [N s/m] of the contact at rest, and about the force it slides at [N]."""
-    stiffness = damping = force = 0.0
+    stiffness, damping = slopes(law)
+    force = 0.0
     for i in range(elements(law)):
-        one = element(law, i)
-        rest = rate(one, 0.0, 0.0)[0]
-        stiffness += (rate(one, 0.0, _DEFLECTION)[0] - rest) / _DEFLECTION
-        damping += (rate(one, _VELOCITY, 0.0)[0] - rest) / _VELOCITY
-        z = 0.0
+        one, z = element(law, i), 0.0
         for _ in range(200):  # drawn slowly, in steps of a nanometre
             z += _DEFLECTION / _VELOCITY * max(rate(one, _VELOCITY, z)[1], 0.0)
         force += rate(one, _VELOCITY, z)[0]

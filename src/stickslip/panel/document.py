@@ -62,7 +62,7 @@ class BenchDocument:
         laboratory = PlanningLaboratory(file, self._folder.root)
         found = cells(file, self._folder.root, laboratory, self._read)
         can = laboratory.capabilities(found[0].actuator)
-        limits = limits_of(file, found[0].actuator)
+        limits = limits_of(file.limits, found[0].actuator)
         return Checked(content, file, found, channel_units(can, found[0].channels, limits))
 
     def check(self, content: dict[str, Any]) -> Checked:

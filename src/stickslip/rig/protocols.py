@@ -85,3 +85,32 @@ class Rig(DriveOutput, Recorder, Protocol):
     def capabilities(self) -> Capabilities:
         """What it can do."""
         ...
+
+
+class StreamingRig(Rig, Protocol):
+    """A rig that takes its output update by update, so that a loop can be closed around it.
+
+    Its inputs are sampled once per update; what is read at an update is known before its voltage is.
+    """
+
+    def begin(self, inputs: tuple[str, ...]) -> list[float]:
+        """Begin at 0 V; the readings of these inputs, in their units."""
+        ...
+
+    def exchange(self, volts: float) -> list[float]:
+        """Put out a voltage, V at the piezo, at this update; the readings at the next one."""
+        ...
+
+
+class Controller(Protocol):
+    """What closes a loop: in a simulation, on a virtual rig, on a device."""
+
+    def step(self, measured: float, target: float, tick: int) -> float:
+        """The voltage [V] to put out at an update.
+
+        Args:
+            measured: position, m from home, at this update.
+            target: where it should be, m from home.
+            tick: which update of the run this is, from 0 on.
+        """
+        ...

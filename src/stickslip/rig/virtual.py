@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 import time
 import zlib
 
@@ -11,6 +12,7 @@ import numpy as np
 from .. import registry
 from ..actuator import Actuator
 from ..electronics import adc_output, amplifier_output, dac_output, filtered
+from ..simulation.errors import SimulationError
 from ..simulation.models import SLIDER, STAGE
 from ..simulation.trajectory import COMPLETE, follow_model
 from ..units import QuantityError, to_si
@@ -20,6 +22,7 @@ from .bench import Bench, Mounted
 from .limits import LONGEST_STOP
 from .protocols import About, Array, Capabilities, RigError
 from .remanence import Remanence, annealed, from_state, left_by, remembers, simplified
+from .streaming import Stream
 from .variation import EXACT, Repeats
 
 BLOCK = 0.02  # s of samples per `fetch`: a stop waits for no more
@@ -88,11 +91,14 @@ class VirtualRig:
         self.origin = 0.0
         self._slid = np.zeros(0)  # end-effector from stage at each sample of the run, m
         self._volts = np.zeros(0)
+        self._given: list[float] = []  # of a run that goes on update by update
         self._inputs: tuple[str, ...] = ()
         self._samples = self._fetched = 0
         self._began = 0.0
         self._running = False
         self._data = np.zeros((0, 0))
+        self._stream: Stream | None = None  # while a run goes on update by update
+        self._turn = threading.Lock()  # of who puts out and who stops
         self._numbers = np.zeros(0)  # all that went to the converter in the last run, the ramp included
 
     @property
@@ -142,6 +148,38 @@ class VirtualRig:
         self._runs += 1
         self._fetched, self._began, self._running = 0, time.monotonic(), True
 
+    def begin(self, inputs: tuple[str, ...]) -> list[float]:
+        """Begin a run whose output comes update by update, at 0 V; the readings of these inputs."""
+        self._forbid_running("begin")
+        self.arm(inputs, MAX_POINTS)
+        actuator = self._repeats.actuator(self.actuator, self._runs)
+        seed = (self._seed, self._runs)
+        stream = Stream(
+            *(actuator, self.bench, inputs, seed, self._offset, self._per_unit, self._tolerance),
+            self._remanence,
+        )
+        self._runs += 1
+        self._given, self._stream, self._running = [], stream, True
+        self._began = time.monotonic()
+        return stream.readings()
+
+    def exchange(self, volts: float) -> list[float]:
+        """Put out a voltage at this update; the readings at the next one."""
+        with self._turn:
+            stream = self._stream
+            if stream is None:
+                raise RigError("nothing is running that takes its output update by update")
+            if len(self._given) == MAX_POINTS:
+                raise RigError(f"a run has {MAX_POINTS} updates at most")
+            self._given.append(volts)
+            if self._real_time:
+                due = self._began + len(self._given) / self.bench.dac.update_rate
+                time.sleep(max(0.0, due - time.monotonic()))
+            try:
+                return stream.exchange(volts)
+            except SimulationError as error:
+                raise RigError(f"the simulation of the actuator: {error}") from None
+
     def fetch(self) -> Array:
         """The next samples; none are left when all have been handed out."""
         if not self._running:
@@ -161,23 +199,47 @@ class VirtualRig:
         """
         if not self._running:
             return
+        if self._stream is not None:
+            self._stop_stream(self._stream, slew)
+            return
         if self._fetched and not self.actuator.clamped:  # it sticks to the stage as that goes back to 0 V
             self.origin += float(self._slid[self._fetched - 1])
-        longest = float(np.abs(self._volts).max()) / LONGEST_STOP
-        slew = max(slew, longest) if math.isfinite(slew) else math.inf
         rate = self.bench.dac.update_rate
         played = max(1, math.ceil(self._fetched * rate / self.bench.sample_rate))
         volts = _held(self._volts, played)
-        updates = math.ceil(abs(volts[-1]) / slew * rate)
-        ramp = volts[-1] * (1.0 - np.arange(1, updates + 1) / max(updates, 1))
-        rest = np.zeros(math.ceil(_SETTLE * rate))
-        self._numbers = (np.concatenate([volts, ramp, rest]) - self._offset) / self._per_unit
+        ramp = self._ramp(float(volts[-1]), float(np.abs(self._volts).max()), slew)
+        self._numbers = (np.append(volts, ramp) - self._offset) / self._per_unit
         self._running = False
         piezo = self.actuator.piezo
         if piezo is not None and remembers(piezo):
             given = Sampled(*self.output())
             table = given.drive(given.duration)
             self._remanence = left_by(piezo, self._begins(table.before), table, given.duration)
+
+    def _ramp(self, volts: float, greatest: float, slew: float) -> Array:
+        """From a voltage to 0 V and there for a while, after a run with this greatest voltage."""
+        slew = max(slew, greatest / LONGEST_STOP) if math.isfinite(slew) else math.inf
+        rate = self.bench.dac.update_rate
+        updates = math.ceil(abs(volts) / slew * rate)
+        ramp = volts * (1.0 - np.arange(1, updates + 1) / max(updates, 1))
+        return np.append(ramp, np.zeros(math.ceil(_SETTLE * rate)))
+
+    def _stop_stream(self, stream: Stream, slew: float) -> None:
+        """Ramp to 0 V, and leave the actuator as it then is."""
+        with self._turn:
+            self._stream = None  # whoever still wants to put out finds nothing that runs
+            given = self._given or [0.0]
+            ramp = self._ramp(given[-1], max(map(abs, given)), slew).tolist()
+            try:
+                for volts in ramp:
+                    stream.exchange(volts)
+            except SimulationError as error:
+                raise RigError(f"the simulation of the actuator: {error}") from None
+            finally:
+                self._numbers = (np.array(given + ramp) - self._offset) / self._per_unit
+                self._running = False
+                self.origin += stream.slid
+                self._remanence = stream.remanence
 
     def _begins(self, volts: float) -> Remanence:
         """The state of the piezo when a run begins, at that voltage if it is annealed."""

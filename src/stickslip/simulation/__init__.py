@@ -13,4 +13,5 @@ from .state import final_state as final_state
 from .steady import steady_orbit as steady_orbit
 from .steady import steady_step as steady_step
 from .steady_members import steady_steps as steady_steps
+from .ticks import Motion as Motion
 from .trajectory import simulate as simulate

@@ -1,0 +1,315 @@
+"""Moves and holds from a file: the loop is tuned on the model, closed on the rig, and what it did is told.
+
+A file names the rig, the actuator on it, the input that shows the position, and the target::
+
+    title: A millimetre, then nanometres
+    actuator: {set: kang2007}
+    position: {input: interferometer}
+    limits: {max_voltage: 100 V}
+    target: 1 mm
+    within: 10 nm
+    hold: 1 s
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+from typing import Annotated, Any
+
+import xarray as xr
+from pydantic import Field, ValidationError, field_validator
+
+from ..actuator import Actuator
+from ..calibration import load_calibration
+from ..control import WINDOWS, Mover, NoiseShaped, Requirement, Settling, StepTable, Tuning, Walk, tune
+from ..control import settling as settled
+from ..experiment.cells import limits_of
+from ..experiment.file import ActuatorSpec, LimitsSpec, VirtualRigSpec
+from ..experiment.laboratory import own_file
+from ..figures.control import approach, closed_loop
+from ..figures.style import svg
+from ..input_file import Seconds, Strict, explain, load_yaml, quantity
+from ..progress import Progress
+from ..report import Column, Document, Number, Picture, Section, Table
+from ..report.fits import model_numbers
+from ..rig import Channel, Limits, Repeats, Variation, VirtualRig, load_bench, regulate
+from ..units import QuantityError, with_prefix
+from .file import AnalysisError, Study
+from .walk import changed
+
+Quantity = float | str
+Metres = Annotated[float, quantity("m")]
+POSITION, DRIVE = "end_effector_position", "drive_voltage"
+_BEFORE = 0.02  # s before the last scan that are shown of an approach
+
+
+class PositionSpec(Strict):
+    """The input of the rig that shows the end-effector, and the calibrations from its readings to metres."""
+
+    input: str = "interferometer"
+    calibration: list[str] = Field(default_factory=list)
+
+
+class WalkSpec(Strict):
+    """How it steps and hands over; see `stickslip.control.Walk`. What is left out is its default."""
+
+    amplitude: Quantity | None = None
+    frequency: Quantity | None = None
+    pause: Quantity | None = None
+    scan: Quantity | None = None
+    margin: Quantity | None = None
+    dwell: Quantity | None = None
+
+
+class RequirementSpec(Strict):
+    """What the loop must keep on every model; see `stickslip.control.Requirement`."""
+
+    max_sensitivity: Quantity | None = None
+    gain_margin: Quantity | None = None
+    phase_margin: Quantity | None = None
+
+
+class MoveFile(Study):
+    """See the module.
+
+    `change` and `friction` of the actuator are those of the plant on the rig; `model` is what the loop is
+    tuned on, the same if it is left out. `spread` are relative uncertainties of fields of it,
+    ``natural_frequency: 5 %``: the loop must keep its margins at both ends of each. `within` is what counts
+    as there, `hold` how long it stays, `at_most` when a move is given up; `hold_within` is required of the
+    rms over the hold.
+    """
+
+    rig: VirtualRigSpec = Field(default_factory=VirtualRigSpec)
+    actuator: ActuatorSpec = Field(default_factory=ActuatorSpec)
+    model: ActuatorSpec | None = None
+    spread: dict[str, Annotated[float, quantity("")]] = Field(default_factory=dict)
+    position: PositionSpec = Field(default_factory=PositionSpec)
+    limits: LimitsSpec = Field(default_factory=LimitsSpec)
+    walk: WalkSpec = Field(default_factory=WalkSpec)
+    requirement: RequirementSpec = Field(default_factory=RequirementSpec)
+    target: Metres = 0.0
+    within: Metres = 10e-9
+    hold: Seconds = 1.0
+    hold_within: Metres | None = None
+    at_most: Seconds = 60.0
+    interval: Seconds | None = None
+
+    @field_validator("within", "hold", "at_most")
+    @classmethod
+    def _positive(cls, value: float, info: Any) -> float:
+        if not 0.0 < value < math.inf:
+            raise ValueError(f"{info.field_name} must be > 0 and finite")
+        return value
+
+
+def read_move(path: str | os.PathLike[str]) -> tuple[MoveFile, Path]:
+    """A file of a move or a hold, and the folder that its files are relative to; raises AnalysisError."""
+    content = load_yaml(path)
+    try:
+        return MoveFile.model_validate(content), Path(path).parent
+    except ValidationError as error:
+        raise explain(path, error, content=content) from error
+
+
+def run_move(
+    file: MoveFile, folder: Path, out: Path, progress: Progress, *, only_hold: bool = False
+) -> Document:
+    """Move to the target and hold it; the recording goes to move.nc, or hold.nc, in the folder `out`.
+
+    Args:
+        file: as read.
+        folder: that of the file.
+        out: made if it is missing; a run that ended early is in unfinished/ there.
+        progress: see `stickslip.progress`.
+        only_hold: without steps: the target must be in the piezo's reach.
+
+    Raises:
+        AnalysisError, QuantityError: something in the file is wrong.
+        MarginError: no gain keeps the margins.
+        RigError: a limit was passed, or the move got nowhere. The output has gone to 0 V.
+    """
+    plant = _model(file.actuator, folder)
+    model = plant if file.model is None else _model(file.model, folder)
+    limits, bench = limits_of(file.limits, plant), load_bench(own_file(file.rig.bench, folder, ".toml"))
+    rig = VirtualRig(
+        plant,
+        bench,
+        seed=file.rig.seed,
+        real_time=file.rig.real_time,
+        repeats=Repeats(Variation(**file.rig.variation.model_dump()), file.rig.seed, file.rig.first_run),
+    )
+    can, rate = rig.capabilities, rig.capabilities.update_rate
+    progress("tuning the loop", 0.0)
+    wanted = Requirement(**_given(file.requirement))
+    tuning = tune(model, rate, wanted, posterior=_ends(model, file.spread))
+    walk = Walk(tolerance=file.within, **_given(file.walk))
+    low, high = max(limits.min_voltage, can.min_voltage), min(limits.max_voltage, can.max_voltage)
+    if math.isfinite(limits.max_slew):
+        raise AnalysisError(
+            "limits: max_slew: steps need a slip edge; leave it to the amplifier of the bench"
+        )
+    regulator = tuning.regulator(rate, min_voltage=low, max_voltage=high)
+    table = StepTable.of_model(model.replace(piezo=None), walk.frequency, high - low)
+    mover = Mover(walk, table, regulator, model.gain, hold=file.hold)
+    if only_hold and not mover.reaches(file.target):
+        raise AnalysisError(
+            f"target: {with_prefix(file.target, 'm')} is not in the piezo's reach of "
+            f"{with_prefix(model.gain * (high - low), 'm')}: to go there is a move"
+        )
+    name = "hold" if only_hold else "move"
+    out.mkdir(parents=True, exist_ok=True)
+    recording = regulate(
+        rig,
+        NoiseShaped(mover, can.step),
+        file.target,
+        _channels(file, folder),
+        limits,
+        file.at_most + file.hold,
+        interval=file.interval,
+        title=file.title,
+        attributes={"notes": file.notes, "actuator": repr(plant)},
+        progress=progress,
+        save=out / f"{name}.nc",
+    )
+    hold = min(file.hold, float(recording["time"].values[-1]))
+    found = settled(recording, file.target, hold=hold)
+    return _document(file, plant, limits, tuning, mover, recording, found)
+
+
+def _model(spec: ActuatorSpec, folder: Path) -> Actuator:
+    return changed(folder, spec.set, spec.change, spec.friction)
+
+
+def _given(spec: Strict) -> dict[str, Any]:
+    return {key: value for key, value in spec.model_dump().items() if value is not None}
+
+
+def _ends(model: Actuator, spread: dict[str, float]) -> list[Actuator]:
+    """The model with each field at both ends of its spread."""
+    found = []
+    for name, share in spread.items():
+        if not 0.0 < share < 1.0:
+            raise QuantityError(f"spread: {name} = {share:g} must be a share between 0 and 1, such as 5 %")
+        for factor in (1.0 - share, 1.0 + share):
+            if name in model.friction._fields:
+                value = factor * getattr(model.friction, name)
+                found.append(model.replace(friction=model.friction._replace(**{name: value})))
+            elif isinstance(getattr(model, name, None), float):
+                found.append(model.replace(**{name: factor * getattr(model, name)}))
+            else:
+                raise QuantityError(f"spread: {name} is no number of the model or its friction law")
+    return found
+
+
+def _channels(file: MoveFile, folder: Path) -> dict[str, Channel]:
+    chain = tuple(load_calibration(own_file(text, folder, ".json")) for text in file.position.calibration)
+    return {POSITION: Channel(file.position.input, chain), DRIVE: Channel("drive")}
+
+
+def _document(
+    file: MoveFile,
+    plant: Actuator,
+    limits: Limits,
+    tuning: Tuning,
+    mover: Mover,
+    recording: xr.Dataset,
+    found: Settling,
+) -> Document:
+    there = mover.settled_at is not None
+    failures = []
+    if not there:
+        failures.append(f"the position was not within {with_prefix(file.within, 'm')} of the target")
+    if file.hold_within is not None and not found.rms <= file.hold_within:
+        failures.append(
+            f"the hold is {with_prefix(found.rms, 'm')} rms, above {with_prefix(file.hold_within, 'm')}"
+        )
+    took = mover.settled_at if mover.settled_at is not None else math.nan
+    said = (
+        f"At {with_prefix(file.target, 'm')} after {with_prefix(took, 's')}" if there else "Not at the target"
+    )
+    said += f", with {mover.steps} steps; over the last {with_prefix(found.held, 's')} it is off by "
+    said += f"{with_prefix(found.rms, 'm')} rms."
+    volts = recording[DRIVE].values
+    last_scan = next((begin for name, begin in reversed(mover.history) if name == "scan"), 0.0)
+    ladder = [
+        [Number(w, "m"), Number(t, "s", note="not to the end")]
+        for w, t in zip(found.windows, found.times, strict=True)
+    ]
+    numbers: dict[str, Any] = {
+        "settling": {
+            f"within_{with_prefix(w, 'm').replace(' ', '_')}": Number(t, "s", note="not to the end")
+            for w, t in zip(found.windows, found.times, strict=True)
+        },
+        "settled_at": Number(took, "s", note="" if there else "it did not come there"),
+        "overshoot": Number(found.overshoot, "m"),
+        "hold_rms": Number(found.rms, "m"),
+        "steps": Number(mover.steps, ""),
+        "lost_steps": Number(mover.lost, ""),
+        "greatest_voltage": Number(float(volts.max()), "V"),
+        "limited_updates": Number(int(recording.attrs["limited_updates"]), ""),
+        "tuning": {
+            "integral": Number(tuning.pid.integral, "V/(m s)"),
+            "sensitivity": Number(tuning.margins.sensitivity, ""),
+            "gain_margin": Number(tuning.margins.gain_margin, ""),
+            "phase_margin": Number(tuning.margins.phase_margin, "rad"),
+            "crossover": Number(tuning.margins.crossover, "Hz"),
+            "models": Number(tuning.models, ""),
+        },
+        "model": model_numbers(plant),
+    }
+    filters = [f"notch at {with_prefix(n.frequency, 'Hz')}, width {n.width:g}" for n in tuning.notches]
+    if tuning.low_pass is not None:
+        filters.append(f"low-pass at {with_prefix(tuning.low_pass.corner, 'Hz')}")
+    sections = [
+        Section(
+            "What it did",
+            paragraphs=(file.notes,) if file.notes else (),
+            points=[f"{name} from {with_prefix(begin, 's')} on" for name, begin in mover.history[-12:]],
+            tables=(
+                Table(
+                    "Settling: from when on the position, averaged over a millisecond, stays within.",
+                    (Column("window", "m"), Column("from", "s")),
+                    ladder,
+                ),
+            ),
+            figures=(
+                Picture(
+                    "closed-loop",
+                    "The whole run.",
+                    svg(closed_loop(recording, mover.history[-12:])),
+                    "Position and voltage over time",
+                ),
+                Picture(
+                    "approach",
+                    "The last approach, sample by sample, with the windows.",
+                    svg(approach(recording, file.target, max(last_scan - _BEFORE, 0.0), WINDOWS)),
+                    "Distance from the target over time",
+                ),
+            ),
+        ),
+        Section(
+            "The loop",
+            points=[
+                f"integral gain {tuning.pid.integral:.4g} V/(m s)",
+                *filters,
+                f"over {tuning.models} models: {tuning.margins.report()}",
+                f"{recording.attrs['limited_updates']} updates were kept within the limits",
+            ],
+        ),
+    ]
+    return Document(
+        title=file.title,
+        summary=said,
+        sections=sections,
+        highlights=[
+            ("at the target after", Number(took, "s", note="it did not come there")),
+            ("rms over the hold", Number(found.rms, "m")),
+            ("overshoot", Number(found.overshoot, "m")),
+        ],
+        numbers=numbers,
+        assumptions=[f"{field} = {words}" for field, words in plant.assumptions.items()],
+        citations=plant.citation if plant.name else "",
+        failures=failures,
+    )

@@ -1,0 +1,45 @@
+"""Commands of closed loops: move, hold."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .frame import Out, Traceback, app, check_output, errors_in_one_line, progress_bar, write
+
+_File = Annotated[
+    Path, typer.Argument(exists=True, dir_okay=False, metavar="FILE.yaml", help="Rig, actuator, target.")
+]
+
+
+@app.command()
+def move(file: _File, out: Out = Path("out/move"), show_traceback: Traceback = False) -> None:
+    """Move to a position by steps, land by the piezo and hold; the recording goes to move.nc."""
+    _closed_loop(file, out, show_traceback, only_hold=False)
+
+
+@app.command()
+def hold(file: _File, out: Out = Path("out/hold"), show_traceback: Traceback = False) -> None:
+    """Hold a position in the piezo's reach; the recording goes to hold.nc."""
+    _closed_loop(file, out, show_traceback, only_hold=True)
+
+
+def _closed_loop(file: Path, out: Path, show_traceback: bool, only_hold: bool) -> None:
+    begun = time.perf_counter()
+    with errors_in_one_line(show_traceback):
+        check_output(out)
+        from ..analysis.moving import read_move, run_move
+        from ..rig.hosted import stop_all
+        from .interruption import Interruption
+
+        with Interruption(at_once=stop_all) as interruption, progress_bar() as progress:
+
+            def tell(doing: str, done: float) -> None:
+                interruption.check()
+                progress(doing, done)
+
+            document = run_move(*read_move(file), out, tell, only_hold=only_hold)
+        write(document, out, begun)

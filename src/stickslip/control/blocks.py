@@ -1,0 +1,202 @@
+r"""Discrete blocks of a regulator: PID with anti-windup, notch, low-pass.
+
+With the sample time T = 1/f_s and the error e_k, filtered by notches and low-pass to v_k [astrom2006]:
+
+.. math:: i_k = i_{k-1} + K_i T v_k, \qquad
+          d_k = a\,d_{k-1} + (1 - a)\,\frac{v_k - v_{k-1}}{T}, \quad a = e^{-2\pi f_d T}, \qquad
+          u_k = K_p v_k + i_k + K_d d_k + K_f r_k
+
+Notch and low-pass are of second order, made discrete by the bilinear transform with their frequency kept.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..records import Quantity, record
+from ..units import QuantityError, to_si, with_prefix
+
+Array = NDArray[np.float64]
+Coefficients = tuple[float, float, float, float, float]
+
+
+@record
+class Pid(NamedTuple):
+    """Gains of a position error; `roll_off` is where its derivative ends."""
+
+    integral: Annotated[float, Quantity("V/(m*s)", "K_i", "integral gain", minimum=0)]
+    proportional: Annotated[float, Quantity("V/m", "K_p", "proportional gain", minimum=0)] = 0.0
+    derivative: Annotated[float, Quantity("V*s/m", "K_d", "derivative gain", minimum=0)] = 0.0
+    roll_off: Annotated[float, Quantity("Hz", "f_d", "corner of the derivative", above=0)] = 1e3
+
+
+@record
+class Notch(NamedTuple):
+    r"""(s² + 2 ζ d ω s + ω²) / (s² + 2 ζ ω s + ω²): at its frequency the signal is d times as large."""
+
+    frequency: Annotated[float, Quantity("Hz", "f_n", "frequency", above=0)]
+    width: Annotated[float, Quantity("", "ζ", "half its relative width", above=0, maximum=10)] = 0.5
+    depth: Annotated[float, Quantity("", "d", "what is left at its frequency", minimum=0, maximum=1)] = 0.1
+
+    def coefficients(self, rate: float) -> Coefficients:
+        """b0, b1, b2, a1, a2 at a rate [Hz]; raises QuantityError for a frequency beyond half of it."""
+        wide = 2.0 * self.width
+        return _bilinear(self.frequency, rate, "Notch.frequency", (1.0, wide * self.depth, 1.0), wide)
+
+
+@record
+class LowPass(NamedTuple):
+    """ω² / (s² + 2 ζ ω s + ω²)."""
+
+    corner: Annotated[float, Quantity("Hz", "f_c", "corner", above=0)]
+    damping: Annotated[float, Quantity("", "ζ", "damping ratio", above=0, maximum=10)] = math.sqrt(0.5)
+
+    def coefficients(self, rate: float) -> Coefficients:
+        """b0, b1, b2, a1, a2 at a rate [Hz]; raises QuantityError for a corner beyond half of it."""
+        return _bilinear(self.corner, rate, "LowPass.corner", (0.0, 0.0, 1.0), 2.0 * self.damping)
+
+
+def _bilinear(
+    frequency: float, rate: float, name: str, above: tuple[float, float, float], middle: float
+) -> Coefficients:
+    """(above[0] p² + above[1] p + above[2]) / (p² + middle p + 1), p = s/ω."""
+    if not frequency < 0.5 * rate:
+        raise QuantityError(
+            f"{name} = {with_prefix(frequency, 'Hz')} must be below half the rate, {with_prefix(rate, 'Hz')}"
+        )
+    k = 1.0 / math.tan(math.pi * frequency / rate)
+    c2, c1, c0 = above
+    norm = k * k + middle * k + 1.0
+    return (
+        (c2 * k * k + c1 * k + c0) / norm,
+        2.0 * (c0 - c2 * k * k) / norm,
+        (c2 * k * k - c1 * k + c0) / norm,
+        2.0 * (1.0 - k * k) / norm,
+        (k * k - middle * k + 1.0) / norm,
+    )
+
+
+class Biquad:
+    """A section of second order, tick by tick, from rest."""
+
+    def __init__(self, coefficients: Coefficients) -> None:
+        self._c = coefficients
+        self._s1 = self._s2 = 0.0
+
+    def step(self, value: float) -> float:
+        """The next output."""
+        b0, b1, b2, a1, a2 = self._c
+        out = b0 * value + self._s1
+        self._s1 = b1 * value - a1 * out + self._s2
+        self._s2 = b2 * value - a2 * out
+        return out
+
+    def reset(self) -> None:
+        """To rest."""
+        self._s1 = self._s2 = 0.0
+
+
+class Regulator:
+    """PID behind notches and a low-pass, with feedforward; keeps within the voltages that it is given.
+
+    Where the output is at a limit, the integral does not go further beyond it (anti-windup).
+
+    Args:
+        pid: gains.
+        rate: Hz, ticks.
+        notches, low_pass: filters of the error.
+        feedforward: V/m, voltage per wanted position, counted from where the regulator began.
+        min_voltage, max_voltage: V.
+    """
+
+    def __init__(
+        self,
+        pid: Pid,
+        rate: float | str,
+        *,
+        notches: tuple[Notch, ...] = (),
+        low_pass: LowPass | None = None,
+        feedforward: float | str = 0.0,
+        min_voltage: float | str = 0.0,
+        max_voltage: float | str = 100.0,
+    ) -> None:
+        self.pid, self.rate = pid, to_si(rate, "Hz", "rate")
+        self.notches, self.low_pass = tuple(notches), low_pass
+        self.feedforward = to_si(feedforward, "V/m", "feedforward")
+        self.low, self.high = (
+            to_si(min_voltage, "V", "min_voltage"),
+            to_si(max_voltage, "V", "max_voltage"),
+        )
+        if not self.low < self.high:
+            raise QuantityError(f"min_voltage = {self.low:g} V must be < max_voltage = {self.high:g} V")
+        parts: list[Any] = [*self.notches, *([] if low_pass is None else [low_pass])]
+        self._sections = [Biquad(one.coefficients(self.rate)) for one in parts]
+        self._ki = pid.integral / self.rate
+        self._fading = math.exp(-2.0 * math.pi * pid.roll_off / self.rate)
+        self.begin(0.0, 0.0)
+
+    def begin(self, voltage: float, target: float) -> None:
+        """From rest at a voltage [V] and a wanted position [m]: the output goes on without a jump."""
+        for section in self._sections:
+            section.reset()
+        self._integral, self._from = voltage, target
+        self._slope = self._last = 0.0
+
+    def step(self, measured: float, target: float, tick: int) -> float:
+        """The voltage [V] for a measured and a wanted position [m]."""
+        del tick
+        value = target - measured
+        for section in self._sections:
+            value = section.step(value)
+        pid = self.pid
+        self._integral += self._ki * value
+        others = pid.proportional * value + self.feedforward * (target - self._from)
+        if pid.derivative:
+            change = (value - self._last) * self.rate
+            self._slope = self._fading * self._slope + (1.0 - self._fading) * change
+            self._last = value
+            others += pid.derivative * self._slope
+        wanted = self._integral + others
+        given = min(max(wanted, self.low), self.high)
+        if given != wanted and (wanted - given) * value > 0.0:
+            self._integral -= self._ki * value
+        return given
+
+    def response(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
+        """Voltage per error at frequencies [Hz], V/m, of their shape."""
+        z = np.exp(2j * math.pi / self.rate * np.asarray(frequencies, dtype=float))
+        pid = self.pid
+        slope = pid.derivative * self.rate * (1.0 - self._fading) * (1.0 - 1.0 / z) / (1.0 - self._fading / z)
+        found = pid.proportional + self._ki / (1.0 - 1.0 / z) + slope
+        for section in self._sections:
+            b0, b1, b2, a1, a2 = section._c
+            found *= (b0 + b1 / z + b2 / z**2) / (1.0 + a1 / z + a2 / z**2)
+        return found
+
+    def state_space(self) -> tuple[Array, Array, Array, float]:
+        """x' = A x + B e, u = C x + D e of its linear part, with as many states as it keeps."""
+        rows = [(np.zeros((0, 0)), np.zeros(0), np.zeros(0), 1.0)]
+        rows += [_section(section._c) for section in self._sections]
+        a, b, c, d = rows[0]
+        for a2, b2, c2, d2 in rows[1:]:
+            a = np.block([[a, np.zeros((b.size, b2.size))], [np.outer(b2, c), a2]])
+            b, c, d = np.append(b, b2 * d), np.append(d2 * c, c2), d * d2
+        pid, keep = self.pid, self._fading
+        slope = pid.derivative * self.rate * (1.0 - keep)
+        # integral, derivative's lag, last value of the filtered error
+        own = np.diag([1.0, keep, 0.0])
+        own[1, 2] = -slope
+        into, out = np.array([self._ki, slope, 1.0]), np.array([1.0, keep, -slope])
+        direct = pid.proportional + self._ki + slope
+        a = np.block([[a, np.zeros((b.size, 3))], [np.outer(into, c), own]])
+        return a, np.append(b, into * d), np.append(direct * c, out), direct * d
+
+
+def _section(coefficients: Coefficients) -> tuple[Array, Array, Array, float]:
+    b0, b1, b2, a1, a2 = coefficients
+    a = np.array([[-a1, 1.0], [-a2, 0.0]])
+    return a, np.array([b1 - a1 * b0, b2 - a2 * b0]), np.array([1.0, 0.0]), b0

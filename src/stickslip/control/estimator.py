@@ -1,0 +1,163 @@
+r"""Where the end-effector is, from the steps that were made: a Kalman filter, with a sensor or without.
+
+The states are the position, the steps forward and backward, and the load, which a step forward feels with one
+sign and a step backward with the other:
+
+.. math:: x_{k+1} = x_k + s_+ + c\,\ell + w \ \text{(forward)}, \qquad
+          x_{k+1} = x_k - s_- + c\,\ell + w \ \text{(backward)}
+
+Between steps s_+, s_- and the load wander, each a random walk; w is the scatter of single steps. A measured
+position is used as it comes [barshalom2001]. Without one the band grows: with the root of the number of steps
+by their scatter, in proportion to it by what is not known of their size and of the load.
+
+Valid for steps of one kind (amplitude, frequency); c is the slope of the step over the load (`of_model`).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from ..actuator import Actuator
+from ..records import Quantity, record
+from ..simulation.steady import steady_step
+from ..units import QuantityError, to_si
+from ..waveform import ReverseSawtooth, Sawtooth
+
+Array = NDArray[np.float64]
+
+_POSITION, _FORWARD, _BACKWARD, _LOAD = range(4)
+_PROBE = 1e-2  # N, for the slope over the load
+# Of a measured position, in standard deviations: further off is told.
+_SURPRISE = 5.0
+
+
+@record
+class StepModel(NamedTuple):
+    """Steps and what is not known of them, as standard deviations. `size_error` and `load_error` are those at
+    the start; `size_drift` and `load_drift` what is added per root of a step."""
+
+    forward: Annotated[float, Quantity("m", "s₊", "step forward", above=0)]
+    backward: Annotated[float, Quantity("m", "s₋", "step backward", above=0)]
+    per_load: Annotated[float, Quantity("m/N", "c", "step over load")] = 0.0
+    scatter: Annotated[float, Quantity("m", "σ_w", "scatter of single steps", minimum=0)] = 0.0
+    size_error: Annotated[float, Quantity("m", "σ_s", "error of the steps", minimum=0)] = 0.0
+    size_drift: Annotated[float, Quantity("m", "q_s", "drift of the steps", minimum=0)] = 0.0
+    load: Annotated[float, Quantity("N", "ℓ", "load at the start")] = 0.0
+    load_error: Annotated[float, Quantity("N", "σ_ℓ", "error of the load", minimum=0)] = 0.0
+    load_drift: Annotated[float, Quantity("N", "q_ℓ", "drift of the load", minimum=0)] = 0.0
+
+    @classmethod
+    def of_model(
+        cls, model: Actuator, amplitude: float | str, frequency: float | str, **unknown: float | str
+    ) -> StepModel:
+        """Steps of a model's periodic walks under a sawtooth, and how they change with a force along x.
+
+        Args:
+            model: without the load; its `external_force` is there already.
+            amplitude, frequency: of the sawtooth.
+            unknown: the other fields.
+
+        Raises:
+            NotPeriodicError: it does not walk so.
+        """
+        volts, hertz = to_si(amplitude, "V", "amplitude"), to_si(frequency, "Hz", "frequency")
+        pushed = [model.replace(external_force=model.external_force + f) for f in (-_PROBE, _PROBE)]
+        low, high = (steady_step(one, Sawtooth(volts, hertz)) for one in pushed)
+        forward, backward = (steady_step(model, shape(volts, hertz)) for shape in (Sawtooth, ReverseSawtooth))
+        return cls(forward, -backward, (high - low) / (2.0 * _PROBE), **unknown)  # type: ignore[arg-type]
+
+
+class Estimator:
+    """The filter.
+
+    Args:
+        model: of the steps.
+        position: m, at the start, known to `error` [m], a standard deviation.
+
+    Attributes:
+        events: what was noticed, in words, each with the number of steps made before.
+    """
+
+    def __init__(self, model: StepModel, position: float | str = 0.0, error: float | str = 0.0) -> None:
+        self.model = model
+        start, known = to_si(position, "m", "position"), to_si(error, "m", "error")
+        if known < 0.0:
+            raise QuantityError(f"error = {known:g} m must be >= 0 m")
+        self._x = np.array([start, model.forward, model.backward, model.load])
+        self._p = np.diag([known**2, model.size_error**2, model.size_error**2, model.load_error**2])
+        self._wander = np.diag([0.0, model.size_drift**2, model.size_drift**2, model.load_drift**2])
+        self.steps, self.events = 0, list[tuple[int, str]]()
+
+    @property
+    def position(self) -> float:
+        """m."""
+        return float(self._x[_POSITION])
+
+    @property
+    def forward(self) -> float:
+        """Step forward without load, m."""
+        return float(self._x[_FORWARD])
+
+    @property
+    def backward(self) -> float:
+        """Step backward without load, m."""
+        return float(self._x[_BACKWARD])
+
+    @property
+    def load(self) -> float:
+        """N."""
+        return float(self._x[_LOAD])
+
+    @property
+    def error(self) -> float:
+        """Standard deviation of the position, m."""
+        return math.sqrt(self._p[_POSITION, _POSITION])
+
+    def band(self, level: float = 0.95) -> tuple[float, float]:
+        """Where the position is with a probability, m."""
+        if not 0.0 < level < 1.0:
+            raise QuantityError(f"level = {level:g} must be a share between 0 and 1")
+        half = float(norm.ppf(0.5 + 0.5 * level)) * self.error
+        return self.position - half, self.position + half
+
+    def stepped(self, direction: int, count: int = 1) -> None:
+        """So many steps were made, direction 1 (towards +x) or -1."""
+        if direction not in (1, -1):
+            raise QuantityError(f"direction = {direction!r} must be 1 or -1")
+        move = np.eye(4)
+        move[_POSITION, _FORWARD if direction > 0 else _BACKWARD] = float(direction)
+        move[_POSITION, _LOAD] = self.model.per_load
+        scatter = self.model.scatter**2
+        for _ in range(count):
+            self._x = move @ self._x
+            self._p = move @ self._p @ move.T + self._wander
+            self._p[_POSITION, _POSITION] += scatter
+        self.steps += count
+
+    def measured(self, position: float | str, noise: float | str) -> None:
+        """The position was measured [m], with a standard deviation `noise` [m]. What is further off than the
+        filter can explain is among the `events`, and used all the same."""
+        value, sigma = to_si(position, "m", "position"), to_si(noise, "m", "noise")
+        if not sigma > 0.0:
+            raise QuantityError(f"noise = {sigma:g} m must be > 0 m")
+        column = self._p[:, _POSITION]
+        variance = float(column[_POSITION]) + sigma**2
+        off = value - self.position
+        if abs(off) > _SURPRISE * math.sqrt(variance):
+            self.events.append((self.steps, self._said(off, math.sqrt(variance))))
+        gain = column / variance
+        left = np.eye(4)
+        left[:, _POSITION] -= gain
+        self._x = self._x + gain * off
+        self._p = left @ self._p @ left.T + sigma**2 * np.outer(gain, gain)
+
+    def _said(self, off: float, expected: float) -> str:
+        return (
+            f"the position is off by {off:.3g} m, where {expected:.2g} m were expected: lost steps, an end "
+            "stop, or another load"
+        )

@@ -1,0 +1,253 @@
+"""From anywhere to a position, and hold it: steps as far as they are needed, then the piezo alone.
+
+    return    the piezo goes, sticking, to the end of its range from which steps in this direction begin
+    step      full steps, one after the other; the last ones are chosen so that what is left is in the
+              piezo's reach, near the middle of its range
+    wait      until what the steps left has died away
+    recentre  the piezo jumps to the middle of its range, and the end-effector slips: for a target nearby
+    scan      the target moves from where it is to the wanted position, with feedforward and regulator
+    hold      the regulator alone
+
+Handing over from steps to the piezo is without a jump: the regulator begins at the voltage that is there.
+Steps forward begin at the least voltage and steps backward at the greatest, so that both come to the target
+from their own side. When holding has used up the piezo's range (creep, a load), the move begins anew.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+from ..records import Quantity, record
+from ..units import QuantityError, to_si, with_prefix
+from .blocks import Regulator
+from .steps import Steps, StepTable
+
+
+class MoveError(RuntimeError):
+    """A move that gets nowhere: an end stop, lost steps, a target out of reach."""
+
+
+@record
+class Walk(NamedTuple):
+    """How it steps and hands over: `amplitude` of full steps, their `frequency`, the `pause` after the last
+    one, and the time of a `scan` to the target or of the `return` of the piezo. `margin` is the share of the
+    piezo's range at each end that is not used to hold."""
+
+    amplitude: Annotated[float, Quantity("V", "A", "amplitude of full steps", above=0)] = 65.0
+    frequency: Annotated[float, Quantity("Hz", "f", "steps per second", above=0)] = 100.0
+    pause: Annotated[float, Quantity("s", "t_w", "pause after the last step", above=0)] = 0.01
+    scan: Annotated[float, Quantity("s", "t_s", "time of a scan to the target", above=0)] = 0.02
+    margin: Annotated[float, Quantity("", "m", "share of the range kept free", minimum=0, maximum=0.4)] = 0.1
+    tolerance: Annotated[float, Quantity("m", "ε", "what counts as there", above=0)] = 10e-9
+    dwell: Annotated[float, Quantity("s", "t_d", "how long it must be there", minimum=0)] = 0.01
+
+
+# Share of a step in which the voltage rises; in the rest the slip dies away.
+_RISING = 0.8
+# What of the expected way counts as a step, and after how many that were none the move is given up.
+_LOST, _PATIENCE = 0.2, 20
+# V in one tick, up to which a target that moves is followed without a scan.
+_ALONG = 0.5
+# Of the piezo's stroke: nearer targets are tried from the middle of its range before steps are.
+_NEAR = 0.25
+# Moves that begin anew in a row without having been at the target in between.
+_ATTEMPTS = 20
+
+
+class Mover:
+    """A controller: `step(measured, target, tick)` gives the voltage [V]; see the module.
+
+    Args:
+        walk: how.
+        table: step sizes; they are learnt on the way.
+        regulator: for the piezo; its voltages are the range.
+        gain: m/V, of the piezo.
+        hold: s for which it stays at the target, then it is `done`; inf: for ever.
+        learning: see `Steps`.
+
+    Attributes:
+        phase: see the module; `history` is when each began, s.
+        settled_at: s, when it was first at the target, or None; `steps` is how many were made.
+    """
+
+    def __init__(
+        self,
+        walk: Walk,
+        table: StepTable,
+        regulator: Regulator,
+        gain: float | str,
+        *,
+        hold: float | str = math.inf,
+        learning: float | str = 0.2,
+    ) -> None:
+        self.walk, self.steps_of, self.regulator = walk, Steps(table, learning), regulator
+        self.gain, self._hold = to_si(gain, "m/V", "gain"), to_si(hold, "s", "hold")
+        low, high = regulator.low, regulator.high
+        if walk.amplitude > high - low:
+            raise QuantityError(
+                f"Walk.amplitude = {walk.amplitude:g} V is out of range: the piezo has {low:g} to {high:g} V"
+            )
+        rate = regulator.rate
+        self._period, self._pause = round(rate / walk.frequency), round(walk.pause * rate)
+        self._scan, self._dwell = max(round(walk.scan * rate), 1), round(walk.dwell * rate)
+        self._rise = round(_RISING * self._period)
+        if self._period < 8:
+            raise QuantityError(
+                f"Walk.frequency = {walk.frequency:g} Hz leaves {self._period} ticks a step; 8 are needed"
+            )
+        self._middle = 0.5 * (low + high)
+        self._least, self._most = low + walk.margin * (high - low), high - walk.margin * (high - low)
+        self._near = _NEAR * (high - low) * self.gain
+        self.phase, self.history = "rest", [("rest", 0.0)]
+        self.steps, self.lost, self.done = 0, 0, False
+        self.settled_at: float | None = None
+        self._goal = math.nan
+        self._voltage = self._from = self._to = min(max(0.0, low), high)
+        self._count = self._lost_now = self._there = self._attempts = 0
+        self._direction, self._amplitude, self._before = 1, walk.amplitude, 0.0
+
+    def reaches(self, target: float) -> bool:
+        """Whether the piezo reaches a position [m] from rest at the start, with one slip edge at most."""
+        needed = self._voltage + target / self.gain
+        return self._least <= needed <= self._most or abs(target) <= self._near
+
+    def step(self, measured: float, target: float, tick: int) -> float:
+        """The voltage [V] for a position and a target, m; raises MoveError where it gets nowhere."""
+        if target != self._goal and self.phase == "hold" and self._follows(target):
+            self._goal = target
+        elif target != self._goal:
+            self._goal, self._attempts, self.settled_at, self._there = target, 0, None, 0
+            self._begin(measured, tick)
+        phase = self.phase
+        if phase == "hold" or phase == "scan":
+            self._voltage = self._regulated(measured, tick)
+        elif phase == "step":
+            self._stepping(measured, tick)
+        elif phase == "return":
+            self._count += 1
+            share = _smooth(self._count / self._scan)
+            self._voltage = self._from + share * (self._to - self._from)
+            if self._count >= self._scan:
+                self._next_step(measured, tick)
+        else:  # recentre, wait
+            self._count += 1
+            if self._count >= self._pause:
+                self._choose(measured, tick)
+        return self._voltage
+
+    def _follows(self, target: float) -> bool:
+        """Whether a target moves so little that the piezo just goes along."""
+        moved = (target - self._goal) / self.gain
+        return abs(moved) <= _ALONG and self._least <= self._voltage + moved <= self._most
+
+    def _enter(self, phase: str, tick: int) -> None:
+        self.phase, self._count = phase, 0
+        self.history.append((phase, tick / self.regulator.rate))
+
+    def _begin(self, measured: float, tick: int) -> None:
+        """With the piezo alone if it reaches, else by steps."""
+        needed = self._voltage + (self._goal - measured) / self.gain
+        if self._least <= needed <= self._most:
+            self._start_scan(measured, tick)
+            return
+        self._attempts += 1
+        if self._attempts > _ATTEMPTS:
+            raise MoveError(
+                f"{with_prefix(self._goal, 'm')} is not reached in {_ATTEMPTS} attempts; it is at "
+                f"{with_prefix(measured, 'm')}"
+            )
+        if self._attempts == 1 and abs(self._goal - measured) <= self._near:
+            self._voltage = self._middle
+            self._enter("recentre", tick)
+            return
+        # The way that is left when the piezo is in the middle, from there on.
+        self._direction = 1 if needed > self._middle else -1
+        low, high = self.regulator.low, self.regulator.high
+        self._from, self._to = self._voltage, low if self._direction > 0 else high
+        self._enter("return", tick)
+
+    def _missing(self, measured: float) -> float:
+        """What steps have to go, in their direction, for the piezo to be at the target in mid-range."""
+        return self._direction * (self._goal - measured) - self._direction * self.gain * (
+            self._middle - self._voltage
+        )
+
+    def _next_step(self, measured: float, tick: int) -> None:
+        """One more step, as far as is missing, or none."""
+        missing = self._missing(measured)
+        full = self.steps_of.size(self.walk.amplitude, self._direction)
+        near = 0.5 * (self._most - self._middle) * self.gain
+        if missing < min(near, 0.5 * full):
+            self._enter("wait", tick)
+            return
+        self._amplitude = (
+            self.walk.amplitude if missing >= full else self.steps_of.voltage_for(missing, self._direction)
+        )
+        if self.phase != "step":
+            self._enter("step", tick)
+        self._before, self._count = measured, 0
+
+    def _stepping(self, measured: float, tick: int) -> None:
+        """A step goes slowly by its amplitude and back at once; then it rests."""
+        self._count += 1
+        rising = self._count <= self._rise
+        part = self._count / self._rise if rising else 0.0
+        self._voltage = self._to + self._direction * self._amplitude * part
+        if self._count < self._period:
+            return
+        self.steps += 1
+        went = self._direction * (measured - self._before)
+        expected = self.steps_of.size(self._amplitude, self._direction)
+        if went < _LOST * expected:
+            self.lost, self._lost_now = self.lost + 1, self._lost_now + 1
+            if self._lost_now >= _PATIENCE:
+                raise MoveError(
+                    f"{_PATIENCE} steps in a row went less than {_LOST:.0%} of what was expected, at "
+                    f"{with_prefix(measured, 'm')}: an end stop, or lost steps"
+                )
+        else:
+            self._lost_now = 0
+            self.steps_of.learn(self._amplitude, self._direction, went)
+        self._next_step(measured, tick)
+
+    def _choose(self, measured: float, tick: int) -> None:
+        """After the pause: scan if the piezo reaches, else more steps."""
+        needed = self._voltage + (self._goal - measured) / self.gain
+        if self._least <= needed <= self._most:
+            self._start_scan(measured, tick)
+        else:
+            self._begin(measured, tick)
+
+    def _start_scan(self, measured: float, tick: int) -> None:
+        self._before = measured
+        self.regulator.begin(self._voltage, measured)
+        self._enter("scan", tick)
+
+    def _regulated(self, measured: float, tick: int) -> float:
+        """The regulator's voltage; looks whether it is there, and whether the range is used up."""
+        wanted = self._goal
+        if self.phase == "scan":
+            self._count += 1
+            wanted = self._before + _smooth(self._count / self._scan) * (self._goal - self._before)
+            if self._count >= self._scan:
+                self._enter("hold", tick)
+        voltage = self.regulator.step(measured, wanted, tick)
+        if self.phase == "hold":
+            near = abs(measured - self._goal) <= self.walk.tolerance
+            self._there = self._there + 1 if near else 0
+            rate = self.regulator.rate
+            if self.settled_at is None and self._there > self._dwell:
+                self.settled_at, self._attempts = (tick - self._dwell) / rate, 0
+            if self.settled_at is not None and tick / rate - self.settled_at >= self._hold:
+                self.done = True
+            if not self.regulator.low < voltage < self.regulator.high:
+                self._voltage = voltage
+                self._begin(measured, tick)
+        return voltage
+
+
+def _smooth(share: float) -> float:
+    """From 0 to 1 with the least jerk."""
+    s = min(share, 1.0)
+    return s**3 * (10.0 - 15.0 * s + 6.0 * s * s)

@@ -1,0 +1,78 @@
+"""How a move ended: when it was within each window of its target for good, and what it did on the way.
+
+A settling time within one's own dead band measures the dead band, so a ladder of windows is reported.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ..units import QuantityError, to_si
+
+WINDOWS = (1e-6, 100e-9, 30e-9, 10e-9, 3e-9)  # m
+_MEAN = 1e-3  # s over which a position is averaged before it is compared with a window
+
+
+class Settling(NamedTuple):
+    """`times` [s] after which the position stays within each of the `windows` [m] (NaN: not to the end);
+    `overshoot` [m] beyond the target, in the direction of the move; `rms` [m] of what is left over the last
+    `held` seconds."""
+
+    windows: tuple[float, ...]
+    times: tuple[float, ...]
+    overshoot: float
+    rms: float
+    held: float
+
+
+def settling(
+    recording: xr.Dataset,
+    target: float | str,
+    *,
+    windows: Sequence[float | str] = WINDOWS,
+    hold: float | str = 0.0,
+    average: float | str = _MEAN,
+) -> Settling:
+    """Of a recording with `end_effector_position`.
+
+    Args:
+        recording: of `rig.regulate` or `simulate_control`.
+        target: m.
+        windows: m, half-widths.
+        hold: s at the end whose deviation is told.
+        average: s, of a running mean that takes the sensor's noise out of windows, overshoot and rms.
+
+    Raises:
+        QuantityError: the hold is longer than the recording.
+    """
+    goal, span = to_si(target, "m", "target"), to_si(hold, "s", "hold")
+    wide = to_si(average, "s", "average")
+    sizes = tuple(to_si(one, "m", "windows") for one in windows)
+    time = recording["time"].values
+    between = float(time[1] - time[0])
+    if span > time[-1] - time[0]:
+        raise QuantityError(f"hold = {span:g} s is longer than the recording, {time[-1] - time[0]:g} s")
+    x = _averaged(recording["end_effector_position"].values, max(1, round(wide / between)))
+    off = x - goal
+    found = []
+    for one in sizes:
+        outside = np.flatnonzero(np.abs(off) > one)
+        last = int(outside[-1]) if outside.size else -1
+        found.append(math.nan if last == off.size - 1 else float(time[last + 1]))
+    side = 1.0 if goal >= x[0] else -1.0
+    left = off[-max(1, round(span / between)) :]
+    return Settling(
+        sizes, tuple(found), max(float((side * off).max()), 0.0), float(np.sqrt(np.mean(left**2))), span
+    )
+
+
+def _averaged(values: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """The mean of the last `count` values at each sample; before the first they were like it."""
+    total = np.cumsum(np.append(np.zeros(count), values - values[0]))
+    return values[0] + (total[count:] - total[:-count]) / count

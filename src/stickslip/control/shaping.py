@@ -1,0 +1,87 @@
+r"""Input shaping: a change comes in parts, so that what each sets swinging the others stop.
+
+Of a mode with the damped period :math:`T_d = 2\pi/(\omega\sqrt{1-\zeta^2})` and
+:math:`K = e^{-\zeta\pi/\sqrt{1-\zeta^2}}` the shaper of order 1 (ZV) has the parts :math:`1/(1+K)` at once
+and :math:`K/(1+K)` half a period later; that of order n is n of them in a row (2: ZVD), n half periods long
+[singer1990]. With the frequency off by a share d what is left of the swing is about :math:`(\pi d/2)^n`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..records import Quantity, record
+from ..rig.protocols import Controller
+from ..units import QuantityError, to_si
+
+Array = NDArray[np.float64]
+
+
+@record
+class Shaper(NamedTuple):
+    """See the module."""
+
+    frequency: Annotated[float, Quantity("Hz", "ω/2π", "natural frequency of the mode", above=0)]
+    damping: Annotated[float, Quantity("", "ζ", "damping ratio of the mode", minimum=0, maximum=0.99)] = 0.0
+    order: Annotated[float, Quantity("", "n", "1: ZV, 2: ZVD, ...", minimum=1, maximum=6)] = 2
+
+    def _check(self) -> None:
+        if self.order % 1:
+            raise QuantityError(f"Shaper.order = {self.order:g} must be a whole number")
+
+    def parts(self) -> tuple[Array, Array]:
+        """When [s] and how much of a change comes; the sum of the parts is 1."""
+        root = math.sqrt(1.0 - self.damping**2)
+        k = math.exp(-self.damping * math.pi / root)
+        shares: Array = np.ones(1)
+        for _ in range(int(self.order)):
+            shares = np.convolve(shares, np.array([1.0, k]) / (1.0 + k))
+        half = 0.5 / (self.frequency * root)
+        return np.arange(float(shares.size)) * half, shares
+
+    def taps(self, rate: float | str) -> Array:
+        """The shaper at a rate [Hz]: each part is split between the two ticks around its time."""
+        times, shares = self.parts()
+        at = times * to_si(rate, "Hz", "rate")
+        found = np.zeros(math.ceil(at[-1]) + 2)
+        for k, share in zip(at, shares, strict=True):
+            first, part = int(k), k - int(k)
+            found[first] += share * (1.0 - part)
+            found[first + 1] += share * part
+        return found[: np.flatnonzero(found)[-1] + 1]
+
+    def shaped(self, values: ArrayLike, rate: float | str) -> Array:
+        """Samples [n] at a rate [Hz], shaped; before the first they were like it."""
+        given, taps = np.asarray(values, dtype=float), self.taps(rate)
+        return np.convolve(np.append(np.full(taps.size - 1, given[0]), given), taps, mode="valid")
+
+
+class Shaping:
+    """A controller whose target is shaped.
+
+    Args:
+        controller: what sees the shaped target; its attribute `done` is passed on.
+        shaper: of the mode that must not swing.
+        rate: Hz, of the ticks.
+    """
+
+    def __init__(self, controller: Controller, shaper: Shaper, rate: float | str) -> None:
+        self.controller, self._taps = controller, shaper.taps(rate)
+        self._targets: Array | None = None  # the newest first
+
+    @property
+    def done(self) -> bool:
+        """Whether the controller is."""
+        return getattr(self.controller, "done", False)
+
+    def step(self, measured: float, target: float, tick: int) -> float:
+        """The voltage [V]."""
+        if self._targets is None:
+            self._targets = np.full(self._taps.size, target)
+        self._targets[1:] = self._targets[:-1]
+        self._targets[0] = target
+        return self.controller.step(measured, float(self._taps @ self._targets), tick)

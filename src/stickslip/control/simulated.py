@@ -1,0 +1,99 @@
+"""A controller in a simulation: the actuator goes on from tick to tick under what it asks for."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import xarray as xr
+
+from ..actuator import Actuator
+from ..progress import Progress, unheard
+from ..recording import make_recording
+from ..rig.closed_loop import targets
+from ..rig.protocols import Controller
+from ..simulation.ticks import Motion
+from ..units import QuantityError, to_si
+from ..waveform.signal import Waveform
+
+_TOLD = 2000  # ticks between two calls of progress
+
+
+def simulate_control(
+    model: Actuator,
+    controller: Controller,
+    target: Waveform | float | str,
+    duration: float | str,
+    *,
+    rate: float | str = 20e3,
+    delay: int = 0,
+    noise: float | str = 0.0,
+    seed: int = 0,
+    tolerance: float | str = 1e-9,
+    progress: Progress = unheard,
+) -> xr.Dataset:
+    """The trajectory of an actuator that begins at rest at 0 V under a controller.
+
+    At each tick the controller sees the end-effector's position and says the voltage, which is held until the
+    next. There are no converters, amplifier or limits here: those are the rig's (`rig.regulate`).
+
+    Args:
+        model: what is driven.
+        controller: what has `step(measured, target, tick)`; one with an attribute `done` ends the run.
+        target: m, a number, or a waveform in m.
+        duration: s, at most.
+        rate: Hz, of the ticks.
+        delay: ticks by which a voltage comes later.
+        noise: m, standard deviation of a measured position.
+        seed: of the noise.
+        tolerance: m, of the simulation in each tick.
+        progress: called with how much is done.
+
+    Returns:
+        Dataset over "time": end_effector_position, measured_position, target_position (m), drive_voltage (V).
+
+    Raises:
+        QuantityError: the target or a time is wrong, or the controller asks for what is no finite number or
+            outside the actuator's voltages.
+        SimulationError: the motion could not be followed.
+    """
+    if isinstance(target, str):
+        target = to_si(target, "m", "target")
+    hertz, seconds = to_si(rate, "Hz", "rate"), to_si(duration, "s", "duration")
+    sigma, count = to_si(noise, "m", "noise"), math.ceil(seconds * hertz)
+    if not count > 1:
+        raise QuantityError(f"duration = {seconds:g} s holds no two ticks at rate = {hertz:g} Hz")
+    wanted = targets(target, count, hertz)
+    motion = Motion(model, tolerance=tolerance)
+    read = sigma * np.random.default_rng(seed).standard_normal(count)
+    found = np.empty((3, count))
+    late = [0.0] * delay
+    step, tick_time, start = controller.step, 1.0 / hertz, motion.position
+    for tick in range(count):
+        if tick % _TOLD == 0:
+            progress("closed loop", tick / count)
+        position = motion.position - start
+        measured = position + read[tick]
+        volts = float(step(measured, wanted[tick], tick))
+        if not model.min_voltage <= volts <= model.max_voltage:  # NaN is neither
+            raise QuantityError(
+                f"the controller asks for {volts:g} V at tick {tick}; {model.name or 'the actuator'} takes "
+                f"{model.min_voltage:g} V to {model.max_voltage:g} V"
+            )
+        late.append(volts)
+        given = late.pop(0)
+        found[:, tick] = position, measured, given
+        if getattr(controller, "done", False):
+            count = tick + 1
+            break
+        motion.hold(given, tick_time)
+    position, measured, given = found[:, :count]
+    variables = {
+        "end_effector_position": position,
+        "measured_position": (measured, "m"),
+        "target_position": (wanted[:count], "m"),
+        "drive_voltage": given,
+    }
+    made = make_recording(np.arange(count) / hertz, variables, title=f"control of {model.name}".rstrip())
+    made.attrs["model"] = repr(model)
+    return made

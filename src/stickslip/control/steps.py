@@ -1,0 +1,109 @@
+"""Sizes of single steps over the voltage, from a model, corrected by what is measured while it walks.
+
+Forward and backward are learnt apart: under a load, on an incline, or with a piezo that has hysteresis they
+differ. The equaliser is the table read backwards: `voltage_for` gives the amplitude with which a step goes as
+far as wanted in either direction.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from ..actuator import Actuator
+from ..records import Quantity, record
+from ..simulation.steady_members import steady_steps
+from ..units import QuantityError, to_si
+from ..waveform import ReverseSawtooth, Sawtooth
+
+_VOLTAGES = 16  # of a table that is made of a model
+_LEAST = 0.05  # of the greatest voltage
+
+
+@record
+class StepTable(NamedTuple):
+    """Net steps forward (towards +x) and backward, as distances, of sawteeth of these voltages."""
+
+    voltages: Annotated[tuple[float, ...], Quantity("V", "A", "amplitudes, ascending", above=0)]
+    forward: Annotated[tuple[float, ...], Quantity("m", "s₊", "step forward")]
+    backward: Annotated[tuple[float, ...], Quantity("m", "s₋", "step backward")]
+
+    def _check(self) -> None:
+        if not len(self.voltages) == len(self.forward) == len(self.backward) > 1:
+            raise QuantityError(
+                f"StepTable has {len(self.voltages)} voltages [V], {len(self.forward)} steps forward and "
+                f"{len(self.backward)} backward [m]: as many of each are needed, and two at least"
+            )
+        if list(self.voltages) != sorted(set(self.voltages)):
+            raise QuantityError(f"StepTable.voltages [V] must ascend: {list(self.voltages)}")
+
+    @classmethod
+    def of_model(cls, model: Actuator, frequency: float | str, max_voltage: float | str) -> StepTable:
+        """Of the periodic walks of a model at a frequency [Hz], up to a voltage [V].
+
+        Raises:
+            QuantityError: the model does not walk at the greatest voltage.
+        """
+        hertz, most = to_si(frequency, "Hz", "frequency"), to_si(max_voltage, "V", "max_voltage")
+        volts = np.linspace(_LEAST * most, most, _VOLTAGES)
+        free = model.replace(min_voltage=-np.inf, max_voltage=np.inf)
+        steps = []
+        for shape, sign in ((Sawtooth, 1.0), (ReverseSawtooth, -1.0)):
+            found = steady_steps(free, shape(most, hertz), parameters={"amplitude": volts})
+            one = sign * found["net_step"].values
+            if not one[-1] > 0.0:
+                way, why = "forward" if sign > 0 else "backward", found["reason"].values[-1]
+                raise QuantityError(
+                    f"{model.name or 'the actuator'} does not walk {way} at {most:g} V and {hertz:g} Hz: "
+                    f"{why or f'its step is {one[-1]:.3g} m'}"
+                )
+            steps.append(tuple(np.maximum.accumulate(np.where(one > 0.0, one, 0.0)).tolist()))
+        return cls(tuple(volts.tolist()), *steps)
+
+
+class Steps:
+    """A table and what was learnt since: `forward` and `backward` are factors on its steps.
+
+    Args:
+        table: as made.
+        learning: share of the last step in the factors; 0 learns nothing.
+    """
+
+    def __init__(self, table: StepTable, learning: float | str = 0.2) -> None:
+        self.table = table
+        self.learning = to_si(learning, "", "learning")
+        if not 0.0 <= self.learning <= 1.0:
+            raise QuantityError(f"learning = {self.learning:g} is out of range: it must be >= 0 and <= 1")
+        self.forward = self.backward = 1.0
+
+    def size(self, voltage: float, direction: int) -> float:
+        """The distance [m] of a step of that amplitude [V], direction 1 (towards +x) or -1."""
+        table = self.table
+        steps = table.forward if direction > 0 else table.backward
+        factor = self.forward if direction > 0 else self.backward
+        return factor * float(np.interp(voltage, (0.0, *table.voltages), (0.0, *steps)))
+
+    def voltage_for(self, distance: float, direction: int) -> float:
+        """The amplitude [V] of a step of that distance [m]; the greatest where none goes so far."""
+        table = self.table
+        steps = np.array(table.forward if direction > 0 else table.backward)
+        factor = self.forward if direction > 0 else self.backward
+        k = max(int(np.searchsorted(steps, distance / factor)), 1)
+        if k == steps.size:
+            return table.voltages[-1]
+        share = (distance / factor - steps[k - 1]) / max(steps[k] - steps[k - 1], 1e-300)
+        return float(
+            table.voltages[k - 1] + min(max(share, 0.0), 1.0) * (table.voltages[k] - table.voltages[k - 1])
+        )
+
+    def learn(self, voltage: float, direction: int, distance: float) -> None:
+        """A step of that amplitude [V] went so far [m] in its direction."""
+        expected = self.size(voltage, direction)
+        if not expected > 0.0:
+            return
+        factor = 1.0 + self.learning * (distance / expected - 1.0)
+        if direction > 0:
+            self.forward = min(max(self.forward * factor, 0.1), 10.0)
+        else:
+            self.backward = min(max(self.backward * factor, 0.1), 10.0)

@@ -1,0 +1,64 @@
+"""Pictures of a closed loop: where it went, how it came to its target, and what was put out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+
+from .scale import scale_for
+from .style import BLACK, BLUE, GREEN, MEASURED, VERMILLION, drawn, legend_above, panels, trace
+
+_MOST_POINTS = 20_000
+
+
+@drawn
+def closed_loop(recording: xr.Dataset, phases: Sequence[tuple[str, float]] = ()) -> Figure:
+    """Position with its target, and voltage, over time.
+
+    Args:
+        recording: of `rig.regulate`.
+        phases: what began when, s; drawn as lines.
+    """
+    part = recording.isel(time=slice(None, None, max(1, recording.sizes["time"] // _MOST_POINTS)))
+    figure, (above, below) = panels([2.6, 2.0])
+    clock = scale_for("s", part["time"].values)
+    position = part["end_effector_position"].values
+    metres = scale_for("m", position, part["target_position"].values)
+    time = clock(part["time"].values)
+    trace(above, time, metres(part["target_position"].values), color=MEASURED, lw=2.2, label="target")
+    trace(above, time, metres(position), color=BLUE, lw=0.9, label="end-effector, measured")
+    trace(below, time, part["drive_voltage"].values, color=BLACK, lw=0.6)
+    for _, begin in phases:
+        for axes in (above, below):
+            axes.axvline(float(clock(begin)), color=VERMILLION, lw=0.5, alpha=0.6)
+    above.set_ylabel(metres.label("position"))
+    below.set_ylabel("voltage (V)")
+    below.set_xlabel(clock.label("time"))
+    legend_above(above)
+    return figure
+
+
+@drawn
+def approach(recording: xr.Dataset, target: float, begin: float, windows: Sequence[float]) -> Figure:
+    """What is missing to the target over time, on a logarithmic scale, with the windows.
+
+    Args:
+        recording: of `rig.regulate`.
+        target: m.
+        begin: s, of the time that is shown.
+        windows: m, half-widths.
+    """
+    part = recording.sel(time=slice(begin, None))
+    figure, (axes,) = panels([3.0])
+    clock = scale_for("s", part["time"].values)
+    off = np.maximum(np.abs(part["end_effector_position"].values - target), 1e-11)
+    trace(axes, clock(part["time"].values), 1e9 * off, color=BLUE, lw=0.6)
+    for one in windows:
+        axes.axhline(1e9 * one, color=GREEN, lw=0.8)
+    axes.set_yscale("log")
+    axes.set_ylabel("distance from the target (nm)")
+    axes.set_xlabel(clock.label("time"))
+    return figure

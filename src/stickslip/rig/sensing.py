@@ -1,0 +1,136 @@
+"""A sensor from tick to tick: what `Mounted.sensor.sense` does to a whole signal, done to it as it comes."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.signal import sosfilt_zi
+
+from ..chain import Chain
+from ..electronics import Filter, InductiveSensor, Interferometer, PositionSensor, StrainGauge
+from ..electronics.filters import sections
+from .bench import Mounted
+from .protocols import RigError
+
+_DRAWN = 4096  # random numbers at once
+# Where within a tick, as shares of it, a position is looked at: analogue signals are computed at four times
+# the sampling rate.
+OVERSAMPLED = (0.25, 0.5, 0.75, 1.0)
+
+
+class Sensing:
+    """One input of a bench.
+
+    Args:
+        mounted: sensor and converter.
+        anti_alias: the filter before the converter.
+        rate: Hz, `len(OVERSAMPLED)` times that at which it is read.
+        random: the source of its noise.
+        position: m, at which it has been for long.
+
+    Raises:
+        RigError: a sensor of one's own, of which only whole signals are known.
+    """
+
+    def __init__(
+        self, mounted: Mounted, anti_alias: Filter, rate: float, random: np.random.Generator, position: float
+    ) -> None:
+        sensor: Any = mounted.sensor
+        self._shown, self._finished = _curve(sensor), _quantised(sensor)
+        self._delay = getattr(sensor, "delay", 0.0) * rate
+        first = self._shown(position)
+        self._filters = []
+        bandwidth = getattr(sensor, "bandwidth", math.inf)
+        if bandwidth < 0.5 * rate:
+            self._filters.append(Running(Filter(1, bandwidth), rate, first))
+        self._late: deque[float] = deque([first] * (math.ceil(self._delay) + 1), math.ceil(self._delay) + 1)
+        self._noise = getattr(sensor, "noise_density", 0.0) * math.sqrt(0.5 * rate)
+        self._drift = getattr(sensor, "drift", 0.0) / math.sqrt(rate)
+        self._random, self._drawn = random, iter(())
+        self._walked = 0.0
+        self._adc = mounted.adc
+        # What has no memory is looked at where it is read only.
+        simple = mounted.adc is None and not self._filters and not self._delay
+        self.shares = (1.0,) if simple else OVERSAMPLED
+        self._after = None if mounted.adc is None else Running(anti_alias, rate, self._finished(first))
+
+    def sees(self, position: float) -> float:
+        """The next position [m]; what comes out of it, at the input of the converter."""
+        value = self._shown(position)
+        for one in self._filters:
+            value = one(value)
+        if self._delay:
+            late = self._late
+            late.append(value)
+            share = self._delay - math.floor(self._delay)
+            value = late[0] if share == 0.0 else late[1] + share * (late[0] - late[1])
+        if self._noise:
+            value += self._noise * self._normal()
+        if self._drift:
+            self._walked += self._drift * self._normal()
+            value += self._walked
+        value = self._finished(value)
+        return value if self._after is None else self._after(value)
+
+    def reading(self, value: float) -> float:
+        """As the converter gives it, if there is one."""
+        adc = self._adc
+        if adc is None:
+            return value
+        code = min(max(round((value - adc.low) / adc.step), 0), 2**adc.bits - 1)
+        return adc.low + code * adc.step
+
+    def _normal(self) -> float:
+        value = next(self._drawn, None)
+        if value is None:
+            self._drawn = iter(self._random.standard_normal(_DRAWN).tolist())
+            value = next(self._drawn)
+        return value
+
+
+class Running:
+    """A low-pass filter of a signal that comes sample by sample, settled at its first value."""
+
+    def __init__(self, filter: Filter, rate: float, first: float) -> None:
+        made = sections(filter, rate)
+        zi = sosfilt_zi(made) * first
+        self._rows = [[*row[:3], *row[4:], *z] for row, z in zip(made.tolist(), zi.tolist(), strict=True)]
+
+    def __call__(self, value: float) -> float:
+        for row in self._rows:
+            b0, b1, b2, a1, a2, s1, s2 = row
+            out = b0 * value + s1
+            row[5], row[6] = b1 * value - a1 * out + s2, b2 * value - a2 * out
+            value = out
+        return value
+
+
+def _curve(sensor: Any) -> Callable[[float], float]:
+    """From a position to what the sensor makes of it, at rest and without noise."""
+    if isinstance(sensor, PositionSensor | Interferometer):
+        return lambda x: x
+    if isinstance(sensor, Chain):
+        return lambda x: sensor.scale * x + sensor.offset
+    if isinstance(sensor, StrainGauge):
+        return lambda x: x / sensor.sensitivity - sensor.offset
+    if isinstance(sensor, InductiveSensor):
+        spline, (low, high) = CubicSpline(sensor.gaps, sensor.voltages), (sensor.gaps[0], sensor.gaps[-1])
+        return lambda x: float(spline(min(max(x + sensor.standoff, low), high)))
+    raise RigError(
+        f"a {type(sensor).__name__} shows whole recordings only: it cannot be an input of a closed loop"
+    )
+
+
+def _quantised(sensor: Any) -> Callable[[float], float]:
+    """What is done to a value last."""
+    if isinstance(sensor, Interferometer):
+        return lambda x: round(x / sensor.resolution) * sensor.resolution
+    if isinstance(sensor, InductiveSensor):
+        low, high = min(0.0, sensor.voltages[0]), sensor.voltages[-1]
+        return lambda x: min(max(x, low), high)
+    return lambda x: x

@@ -1,0 +1,143 @@
+"""The bench of a virtual rig one update at a time: converter, amplifier, actuator, sensors.
+
+It is what `VirtualRig` computes at once for a drive that is known beforehand, with the same instruments, for
+one that a controller makes up as it goes. The sensors' noise has the same statistics, not the same values.
+"""
+
+from __future__ import annotations
+
+import math
+import zlib
+
+import numpy as np
+
+from ..actuator import Actuator
+from ..electronics.amplifier import limits
+from ..electronics.charging import charged, rest
+from ..simulation.ticks import Motion
+from .bench import Bench
+from .protocols import RigError
+from .remanence import Remanence
+from .sensing import OVERSAMPLED, Sensing
+
+_TOLERANCE = 5e-3  # V, of the lines between points of the amplifier's output
+
+
+class Stream:
+    """A run of the virtual rig that goes on update by update.
+
+    Args:
+        actuator: what is driven, as it is in this run.
+        bench: the instruments; its inputs are sampled once per update of the output.
+        inputs: what is read, "drive" among them or not.
+        seed: of all noise.
+        offset: V, of the output at number 0, and `per_unit` V for the number 1.
+        tolerance: m, of the simulation.
+        remanence: the state of the piezo, where it is not annealed.
+    """
+
+    def __init__(
+        self,
+        actuator: Actuator,
+        bench: Bench,
+        inputs: tuple[str, ...],
+        seed: tuple[int, ...],
+        offset: float,
+        per_unit: float,
+        tolerance: float,
+        remanence: Remanence | None = None,
+    ) -> None:
+        if abs(bench.sample_rate - bench.dac.update_rate) > 1e-9 * bench.sample_rate:
+            raise RigError(
+                f"a closed loop needs as many samples as updates; {bench.name} has {bench.sample_rate:g} Hz "
+                f"and {bench.dac.update_rate:g} Hz"
+            )
+        self._bench, self._offset, self._per_unit = bench, offset, per_unit
+        self._tick = 1.0 / bench.dac.update_rate
+        self._of = limits(bench.amplifier, bench.piezo_capacitance)
+        first = self._amplified(self.number(0.0))
+        self._amplifier, self._volts = rest(first), first
+        self._bounds, self._target, self._slope = np.array([0.0, self._tick]), np.zeros(1), np.zeros(1)
+        self._motion = Motion(actuator, voltage=first, tolerance=tolerance, remanence=remanence)
+        self._monitor = first
+        self._sensors: list[tuple[bool, Sensing] | None] = []
+        for name in inputs:
+            mounted = None if name == "drive" else bench.sensors[name]
+            if mounted is None:
+                self._sensors.append(None)
+                continue
+            random = np.random.default_rng([*seed, zlib.crc32(name.encode())])
+            on_stage = mounted.on == "stage"
+            at = self._motion.stage_position if on_stage else self._motion.position
+            rate = len(OVERSAMPLED) * bench.sample_rate
+            self._sensors.append((on_stage, Sensing(mounted, bench.anti_alias, rate, random, at)))
+        self._before = self._now()
+
+    def number(self, volts: float) -> float:
+        """What goes to the converter for a voltage at the piezo."""
+        return (volts - self._offset) / self._per_unit
+
+    @property
+    def slid(self) -> float:
+        """End-effector from stage, m."""
+        return self._motion.position - self._motion.stage_position
+
+    @property
+    def remanence(self) -> Remanence | None:
+        """The state of the piezo, if it has one."""
+        found = self._motion.remanence
+        return None if found is None else Remanence(*found)
+
+    def exchange(self, volts: float) -> list[float]:
+        """One update of the output, and the readings at the next one."""
+        target = self._amplified(self.number(volts))
+        if target == self._volts and target == self._monitor:
+            self._motion.hold(target, self._tick)
+        else:
+            self._target[0] = target
+            times, given = charged(
+                *(self._of, self._bounds, self._target, self._slope, self._amplifier, _TOLERANCE)
+            )
+            self._volts = float(given[-1])
+            self._motion.follow(times, given)
+        self._monitor = target
+        return self.readings()
+
+    def readings(self) -> list[float]:
+        """Of all inputs, now."""
+        (x0, v0, y0, w0), now = self._before, self._now()
+        self._before = now
+        found = []
+        for one in self._sensors:
+            if one is None:
+                found.append(self._monitor)
+                continue
+            on_stage, sensing = one
+            a, da, b, db = (y0, w0, now[2], now[3]) if on_stage else (x0, v0, now[0], now[1])
+            value = 0.0
+            for share in sensing.shares:
+                value = sensing.sees(_between(a, da, b, db, share, self._tick))
+            found.append(sensing.reading(value))
+        return found
+
+    def _now(self) -> tuple[float, float, float, float]:
+        motion = self._motion
+        return motion.position, motion.velocity, motion.stage_position, motion.stage_velocity
+
+    def _amplified(self, number: float) -> float:
+        """What the amplifier aims at, V."""
+        dac, amplifier = self._bench.dac, self._bench.amplifier
+        steps = (number * dac.gain - dac.low) / dac.step
+        code = math.floor(steps + 1e-6) if dac.truncates else round(steps)
+        code = min(max(code, 0), 2**dac.bits - 1)
+        volts = amplifier.gain * (dac.low + code * dac.step) + amplifier.offset
+        return min(max(volts, amplifier.low), amplifier.high)
+
+
+def _between(a: float, da: float, b: float, db: float, share: float, span: float) -> float:
+    """The cubic through both ends, with their slopes: of the motion within one tick, to picometres."""
+    if share == 1.0:
+        return b
+    left = 1.0 - share
+    bend = (left - share) * (a - b) + (left * da - share * db) * span
+    return left * a + share * b + share * left * bend

@@ -1,0 +1,172 @@
+"""Motion from tick to tick, under voltages that are known only as they come: a controller's.
+
+Between two ticks the trajectory is that of `simulate`, by the same solver; the end of one is the start of the
+next, so a run of ticks is the run of the whole drive within the tolerance.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..actuator import Actuator
+from ..piezo import Creep, Piezo, PrandtlIshlinskii
+from ..piezo.creep import Lags, relaxed
+from ..piezo.operators import response
+from ..solve.outcome import DONE
+from ..solve.periods import integrate
+from ..solve.resume import NO_RESUME
+from ..units import QuantityError, to_si
+from ..waveform.drive import Drive
+from .errors import SimulationError
+from .models import contact_load
+
+Array = NDArray[np.float64]
+
+# Of the solver in one tick, at most: a motion that needs more is not followed.
+MAX_STEPS = 100_000
+_NO_TIMES, _NO_HARMONICS = np.zeros(0), np.zeros((0, 4))
+
+
+class Motion:
+    """An actuator at rest under a voltage, that goes on tick by tick.
+
+    Args:
+        model: what is driven.
+        voltage: V, reached from 0 V, under which it has rested for long.
+        load: normal force over the reference normal force at which the friction parameters hold.
+        tolerance: m, on the end-effector's position in each tick.
+        remanence: V, where the plays of the piezo stand and how far each term of its creep has come; left
+            out, as after a long rest.
+
+    Raises:
+        QuantityError: a piezo whose state is not known here (`MaxwellCapacitor`, one's own model).
+    """
+
+    def __init__(
+        self,
+        model: Actuator,
+        *,
+        voltage: float | str = 0.0,
+        load: float = 1.0,
+        tolerance: float | str = 1e-9,
+        remanence: tuple[Array, Array] | None = None,
+    ) -> None:
+        rest, self._tolerance = to_si(voltage, "V", "voltage"), to_si(tolerance, "m", "tolerance")
+        if not isinstance(model, Actuator):
+            raise QuantityError(f"a motion from tick to tick is that of an Actuator, not {model!r:.60}")
+        contact = contact_load(load, 1.0)
+        self._of, self._load = contact.system(model), contact.drive
+        self._piezo = None if model.piezo is None else _PiezoState(model.piezo, rest, remanence)
+        self._volts = rest if self._piezo is None else self._piezo.level
+        self._q = contact.rest(self._of, self._volts)
+        self._room(8)
+        self._span = np.zeros(2)
+        self._samples = np.zeros((0, self._q.size + max(len(self._of.plant.elements), 1)))
+        self.time = 0.0
+
+    def hold(self, volts: float, duration: float) -> None:
+        """On by `duration` s under one voltage, to which it jumps."""
+        if self._piezo is not None:
+            self.follow(np.array([0.0, duration]), np.array([volts, volts]))
+            return
+        self._polynomial[0, 0], self._polynomial[0, 1] = volts, 0.0
+        self._on(volts, volts, 1, duration)
+
+    def follow(self, times: Array, volts: Array) -> None:
+        """On along voltages [n], joined by lines, at times [n], s from now, the first of them 0.
+
+        Raises:
+            SimulationError: the motion could not be followed.
+        """
+        if self._piezo is not None:
+            volts = self._piezo.through(times, volts)
+        n = times.size - 1
+        if n > self._start.size:
+            self._room(2 * n)
+        self._start[:n], self._polynomial[:n, 0] = times[:-1], volts[:-1]
+        self._polynomial[:n, 1] = (volts[1:] - volts[:-1]) / (times[1:] - times[:-1])
+        self._on(float(volts[0]), float(volts[-1]), n, float(times[-1]))
+
+    def _on(self, begin: float, volts: float, segments: int, end: float) -> None:
+        """On by the first segments of the table."""
+        rows = self._start[:segments], self._polynomial[:segments], self._first[: segments + 1]
+        self._span[1] = end
+        outcome = integrate(
+            *(self._of.plant, Drive(begin, *rows, _NO_HARMONICS), self._load, self._q, self._span),
+            *(self._tolerance, False, MAX_STEPS, _NO_TIMES, self._samples, NO_RESUME, None),
+        )[0]
+        self.time += end
+        self._volts = volts
+        if outcome != DONE:
+            raise SimulationError(f"the motion could not be followed beyond t = {self.time:g} s")
+
+    @property
+    def remanence(self) -> tuple[Array, Array] | None:
+        """As the argument; None without a piezo model."""
+        return None if self._piezo is None else self._piezo.remanence
+
+    @property
+    def position(self) -> float:
+        """Of the end-effector, m."""
+        of, q = self._of, self._q
+        return self.stage_position if of.clamped else float(q[of.slider])
+
+    @property
+    def velocity(self) -> float:
+        """Of the end-effector, m/s."""
+        of, q = self._of, self._q
+        return self.stage_velocity if of.clamped else float(q[of.slider + 1])
+
+    @property
+    def stage_position(self) -> float:
+        """m."""
+        of = self._of
+        return float(sum(self._q[c] for c in of.stages)) if of.stages else of.gain * self._volts
+
+    @property
+    def stage_velocity(self) -> float:
+        """m/s; of a stage that follows its drive, 0 at the ticks."""
+        return float(sum(self._q[c + 1] for c in self._of.stages))
+
+    def _room(self, segments: int) -> None:
+        self._start, self._polynomial = np.zeros(segments), np.zeros((segments, 4))
+        self._first = np.zeros(segments + 1, dtype=np.int64)
+
+
+class _PiezoState:
+    """Where the plays of a piezo stand and how far its creep has come; exact at the points of a drive."""
+
+    def __init__(self, piezo: Piezo, rest: float, remanence: tuple[Array, Array] | None) -> None:
+        hysteresis, after = piezo.hysteresis, piezo.creep
+        if not isinstance(hysteresis, PrandtlIshlinskii | None) or not isinstance(after, Creep | None):
+            name = type(hysteresis if after is None else after).__name__
+            raise QuantityError(f"a piezo with a {name} cannot be followed from tick to tick")
+        self._operators: Any = None if hysteresis is None else hysteresis.operators
+        self._plays = np.zeros(0) if hysteresis is None else hysteresis.rested(rest)
+        level = rest if hysteresis is None else hysteresis.at_rest(rest)
+        self._shares = np.array(() if after is None else after.shares)
+        self._lags = Lags(np.array(() if after is None else after.time_constants))
+        self._terms = np.full(self._shares.size, level)
+        if remanence is not None:
+            self._plays, self._terms = remanence[0].copy(), remanence[1].copy()
+        self.level = float(self.through(np.zeros(1), np.full(1, rest))[0])
+
+    @property
+    def remanence(self) -> tuple[Array, Array]:
+        """The state of each play and each term of creep, V."""
+        return self._plays.copy(), self._terms.copy()
+
+    def through(self, times: Array, volts: Array) -> Array:
+        """The voltages behind it."""
+        level = volts
+        if self._operators is not None:
+            level = np.empty(volts.size)
+            response(self._operators, volts, self._plays, level)
+        if not self._shares.size:
+            return level
+        crept = np.empty((times.size, self._shares.size))
+        relaxed(self._lags, times, level, self._terms, crept)
+        return level + crept @ self._shares

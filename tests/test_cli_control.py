@@ -1,0 +1,88 @@
+"""Commands of closed loops."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+import stickslip
+from stickslip.cli import app
+from stickslip.recording import open_recording
+
+EXAMPLE = Path(stickslip.__path__[0]) / "examples" / "kang2007_move.yaml"
+
+
+def run(*arguments: str):
+    return CliRunner().invoke(app, [*arguments], prog_name="stickslip")
+
+
+def written(folder: Path, **changes: object) -> str:
+    """The example with other fields, without the spread (which takes seconds)."""
+    content = yaml.safe_load(EXAMPLE.read_text(encoding="utf-8")) | {"spread": {}, "hold": "0.1 s"} | changes
+    path = folder / "move.yaml"
+    path.write_text(yaml.safe_dump(content), encoding="utf-8")
+    return str(path)
+
+
+def test_a_move_is_made_recorded_and_reported(tmp_path: Path) -> None:
+    done = run("move", written(tmp_path, target="20 um"), "--out", str(tmp_path / "out"))
+    assert done.exit_code == 0, done.stderr
+    assert "At 20 µm after" in done.stdout
+    results = json.loads((tmp_path / "out" / "results.json").read_text())
+    numbers = results["numbers"]
+    assert numbers["hold_rms"]["value"] < 3e-9
+    assert numbers["settling"]["within_10_nm"]["unit"] == "s"
+    assert numbers["settling"]["within_10_nm"]["value"] < 0.3
+    assert 2 <= numbers["steps"]["value"] <= 8
+    assert numbers["limited_updates"]["value"] == 0
+    recording = open_recording(tmp_path / "out" / "move.nc")
+    assert recording["end_effector_position"].values[-1] == pytest.approx(20e-6, abs=10e-9)
+    report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    for words in ("Settling", "integral gain", "scan from"):
+        assert words in report
+
+
+def test_a_hold_needs_the_target_in_reach(tmp_path: Path) -> None:
+    done = run("hold", written(tmp_path, target="0 m"), "--out", str(tmp_path / "out"))
+    assert done.exit_code == 0, done.stderr
+    assert json.loads((tmp_path / "out" / "results.json").read_text())["numbers"]["steps"]["value"] == 0
+    refused = run("hold", written(tmp_path, target="1 mm"), "--out", str(tmp_path / "other"))
+    assert refused.exit_code == 2
+    assert "target: 1 mm is not in the piezo's reach" in refused.stderr
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"targt": "1 mm"}, "no field 'targt' (did you mean 'target'?)"),
+        ({"target": "1 V"}, "target"),
+        ({"within": 0.0}, "within must be > 0"),
+        ({"position": {"input": "lasr"}}, "no input 'lasr'"),
+        ({"spread": {"natural_frequenc": 0.1}}, "natural_frequenc is no number of the model"),
+        ({"requirement": {"phase_margin": "170 deg"}}, "no integral gain keeps"),
+        ({"walk": {"amplitude": "300 V"}}, "amplitude = 300 V"),
+        ({"limits": {"max_voltage": "100 V", "max_slew": "1 kV/s"}}, "max_slew"),
+    ],
+)
+def test_what_is_wrong_in_a_file_is_one_line(tmp_path: Path, changes: dict, words: str) -> None:
+    done = run("move", written(tmp_path, **changes), "--out", str(tmp_path / "out"))
+    assert done.exit_code == 2
+    error = done.stderr.splitlines()[-1]
+    assert error.startswith("Error: ")
+    assert words in error
+    assert not list((tmp_path / "out").glob("*.nc"))
+
+
+def test_a_requirement_that_is_not_met_fails_and_a_fault_keeps_the_recording(tmp_path: Path) -> None:
+    strict = run("move", written(tmp_path, target="4 um", hold_within="1 pm"), "--out", str(tmp_path / "a"))
+    assert strict.exit_code == 1
+    assert "above 1 pm" in strict.stderr
+    limits = {"max_voltage": "100 V", "max_position": "10 um"}
+    walled = run("move", written(tmp_path, target="40 um", limits=limits), "--out", str(tmp_path / "b"))
+    assert walled.exit_code == 1
+    assert "beyond the end stop at 10 µm" in walled.stderr
+    assert open_recording(tmp_path / "b" / "unfinished" / "move.nc").attrs["outcome"].startswith("stopped")
