@@ -168,7 +168,7 @@ class Regulator:
 
     def response(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
         """Voltage per error at frequencies [Hz], V/m, of their shape."""
-        z = np.exp(2j * math.pi / self.rate * np.asarray(frequencies, dtype=float))
+        z: NDArray[np.complex128] = np.exp(2j * math.pi / self.rate * np.asarray(frequencies, dtype=float))
         pid = self.pid
         slope = pid.derivative * self.rate * (1.0 - self._fading) * (1.0 - 1.0 / z) / (1.0 - self._fading / z)
         found = pid.proportional + self._ki / (1.0 - 1.0 / z) + slope
