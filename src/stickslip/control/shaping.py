@@ -70,7 +70,8 @@ class Shaping:
     """
 
     def __init__(self, controller: Controller, shaper: Shaper, rate: float | str) -> None:
-        self.controller, self._taps = controller, shaper.taps(rate)
+        ticks = to_si(rate, "Hz", "rate")
+        self.controller, self._taps = controller, shaper.taps(ticks)
         self._targets: Array | None = None  # the newest first
 
     @property
