@@ -150,7 +150,7 @@ def run_move(
         raise AnalysisError(
             "limits: max_slew: steps need a slip edge; leave it to the amplifier of the bench"
         )
-    regulator = tuning.regulator(rate, min_voltage=low, max_voltage=high)
+    regulator = tuning.regulator(rate, min_voltage=low, max_voltage=high, lead=tuning.lag)
     table = StepTable.of_model(model.replace(piezo=None), walk.frequency, high - low)
     mover = Mover(walk, table, regulator, model.gain, hold=file.hold)
     if only_hold and not mover.reaches(file.target):

@@ -6,6 +6,7 @@ from .blocks import Pid as Pid
 from .blocks import Regulator as Regulator
 from .estimator import Estimator as Estimator
 from .estimator import StepModel as StepModel
+from .inverse import PiezoInverse as PiezoInverse
 from .moving import MoveError as MoveError
 from .moving import Mover as Mover
 from .moving import Walk as Walk

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..records import Quantity, record
 from ..units import QuantityError, to_si, with_prefix
+from .inverse import PiezoInverse
 
 Array = NDArray[np.float64]
 Coefficients = tuple[float, float, float, float, float]
@@ -109,7 +110,10 @@ class Regulator:
         pid: gains.
         rate: Hz, ticks.
         notches, low_pass: filters of the error.
-        feedforward: V/m, voltage per wanted position, counted from where the regulator began.
+        feedforward: V/m, voltage per wanted position, or the inverse of a piezo; counted from where the
+            regulator began.
+        lead: s by which the feedforward is ahead of a target that moves: the actuator's lag. A target that
+            jumps is not for it.
         min_voltage, max_voltage: V.
     """
 
@@ -120,13 +124,17 @@ class Regulator:
         *,
         notches: tuple[Notch, ...] = (),
         low_pass: LowPass | None = None,
-        feedforward: float | str = 0.0,
+        feedforward: float | str | PiezoInverse = 0.0,
+        lead: float | str = 0.0,
         min_voltage: float | str = 0.0,
         max_voltage: float | str = 100.0,
     ) -> None:
         self.pid, self.rate = pid, to_si(rate, "Hz", "rate")
         self.notches, self.low_pass = tuple(notches), low_pass
-        self.feedforward = to_si(feedforward, "V/m", "feedforward")
+        own = isinstance(feedforward, PiezoInverse)
+        self.inverse = feedforward if own else None
+        self.feedforward = 0.0 if own else to_si(feedforward, "V/m", "feedforward")
+        self._lead = to_si(lead, "s", "lead") * self.rate
         self.low, self.high = (
             to_si(min_voltage, "V", "min_voltage"),
             to_si(max_voltage, "V", "max_voltage"),
@@ -143,8 +151,11 @@ class Regulator:
         """From rest at a voltage [V] and a wanted position [m]: the output goes on without a jump."""
         for section in self._sections:
             section.reset()
-        self._integral, self._from = voltage, target
+        self._integral, self._from, self._target = voltage, target, target
         self._slope = self._last = 0.0
+        if self.inverse is not None:  # what it says now is in the voltage already
+            self._inverted_from = self.inverse.position
+            self._integral -= self.inverse.volts
 
     def step(self, measured: float, target: float, tick: int) -> float:
         """The voltage [V] for a measured and a wanted position [m]."""
@@ -154,7 +165,11 @@ class Regulator:
             value = section.step(value)
         pid = self.pid
         self._integral += self._ki * value
-        others = pid.proportional * value + self.feedforward * (target - self._from)
+        ahead = target - self._from + self._lead * (target - self._target)
+        self._target = target
+        others = pid.proportional * value + self.feedforward * ahead
+        if self.inverse is not None:
+            others += self.inverse.step(self._inverted_from + ahead)
         if pid.derivative:
             change = (value - self._last) * self.rate
             self._slope = self._fading * self._slope + (1.0 - self._fading) * change

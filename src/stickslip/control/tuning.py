@@ -71,26 +71,21 @@ class Margins(NamedTuple):
 
 
 class Tuning(NamedTuple):
-    """A regulator's gains and filters, the margins that they keep over so many `models`, and the feedforward,
-    V/m."""
+    """A regulator's gains and filters, the margins that they keep over so many `models`; the feedforward,
+    V/m, and how late the actuator follows it, s."""
 
     pid: Pid
     notches: tuple[Notch, ...]
     low_pass: LowPass | None
     margins: Margins
     feedforward: float
+    lag: float
     models: int
 
-    def regulator(self, rate: float | str, **limits: Any) -> Regulator:
-        """At a rate [Hz]; `limits` are min_voltage and max_voltage [V]."""
-        return Regulator(
-            self.pid,
-            rate,
-            notches=self.notches,
-            low_pass=self.low_pass,
-            feedforward=self.feedforward,
-            **limits,
-        )
+    def regulator(self, rate: float | str, **options: Any) -> Regulator:
+        """At a rate [Hz]; `options` as of `Regulator`: min_voltage, max_voltage, lead, feedforward."""
+        own = {"notches": self.notches, "low_pass": self.low_pass, "feedforward": self.feedforward}
+        return Regulator(self.pid, rate, **own | options)
 
 
 class Loop(NamedTuple):
@@ -281,8 +276,9 @@ def tune(
         raise MarginError("no integral gain keeps the margins that are required")
     gain, (notches, low_pass) = best
     pid = Pid(gain)
+    lag = -float(np.angle(loops[0].response[0])) / (2.0 * math.pi * grid(hertz)[0])
     made = Regulator(pid, hertz, notches=notches, low_pass=low_pass)
-    return Tuning(pid, notches, low_pass, margins(made, loops), 1.0 / model.gain, len(models))
+    return Tuning(pid, notches, low_pass, margins(made, loops), 1.0 / model.gain, lag, len(models))
 
 
 def _greatest(

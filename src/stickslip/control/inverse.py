@@ -1,0 +1,72 @@
+"""The voltage under which a piezo with hysteresis and creep goes where it should, tick by tick.
+
+The inverse of `piezo.PrandtlIshlinskii` and `piezo.Creep` is exact (`identify.inverse_drive` does the same for a
+whole motion that is known beforehand); what is left for the loop is what the model is off, and the lag of the
+stage.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..actuator import Actuator
+from ..piezo import Creep, PrandtlIshlinskii
+from ..piezo.creep import Lags, before_creep
+from ..piezo.operators import inverse
+from ..units import QuantityError, to_si
+
+
+class PiezoInverse:
+    """Voltages for positions, from rest at a voltage.
+
+    Args:
+        model: an actuator with a `piezo`; its gain.
+        rate: Hz, of the ticks.
+        voltage: V, under which it has rested for long, reached from 0 V.
+
+    Raises:
+        QuantityError: the model has no piezo, or one whose inverse is not known.
+    """
+
+    def __init__(self, model: Actuator, rate: float | str, voltage: float | str = 0.0) -> None:
+        hertz, rest = to_si(rate, "Hz", "rate"), to_si(voltage, "V", "voltage")
+        piezo = getattr(model, "piezo", None)
+        if piezo is None or not isinstance(piezo.hysteresis, PrandtlIshlinskii):
+            raise QuantityError(
+                f"{getattr(model, 'name', model)!s:.60} has no PrandtlIshlinskii to be inverted"
+            )
+        if not isinstance(piezo.creep, Creep | None):
+            raise QuantityError(f"the inverse of a {type(piezo.creep).__name__} is not known")
+        self.gain, self._hysteresis = model.gain, piezo.hysteresis
+        self._operators, self._plays = self._hysteresis.operators, self._hysteresis.rested(rest)
+        level, creep = self._hysteresis.at_rest(rest), piezo.creep
+        self._shares = np.array(() if creep is None else creep.shares)
+        self._lags = Lags(np.array(() if creep is None else creep.time_constants))
+        self._terms = np.full(self._shares.size, level)
+        self._volts, self._times = rest, np.array([0.0, 1.0 / hertz])
+        self._wanted = np.full(2, level * (1.0 + float(self._shares.sum())))
+        self._before, self._out = np.empty(2), np.empty(1)
+
+    @property
+    def position(self) -> float:
+        """Where the last voltage leads, m from rest at 0 V."""
+        return self.gain * float(self._wanted[1])
+
+    @property
+    def volts(self) -> float:
+        """The last voltage."""
+        return self._volts
+
+    def step(self, position: float) -> float:
+        """The voltage [V] at which the free piezo is at a position [m from rest at 0 V], a tick later; raises
+        QuantityError where no voltage gives it."""
+        self._wanted[0], self._wanted[1] = self._wanted[1], position / self.gain
+        level = self._wanted[1:]
+        if self._shares.size:
+            before_creep(self._lags, self._times, self._wanted, self._shares, self._terms, self._before)
+            level = self._before[1:]
+        inverse(self._operators, level, self._volts, self._plays, self._out)
+        self._volts = float(self._out[0])
+        if not np.isfinite(self._volts):
+            raise QuantityError(f"no voltage gives the position {position:g} m")
+        return self._volts
