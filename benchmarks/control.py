@@ -271,7 +271,7 @@ def open_loop(count: int, load: float, seed: int) -> tuple[float, float]:
 
 
 def speed() -> dict[str, float]:
-    """Microseconds of processor time per update of the whole chain, the least of five thousand-update runs."""
+    """Microseconds of processor time per update of the whole chain, the least of five times a thousand."""
     found = {}
     for name, sensor in (("kang2007", "interferometer"), (SET, "interferometer")):
         rig = VirtualRig(load_actuator(name), load_bench(f"{name}-bench"))
@@ -357,9 +357,8 @@ def page(given: Any, near: dict[str, Any], far: dict[str, Any], content: dict[st
     if content["minute"] == content["minute"]:
         lines.append(f"| hold at 15 um over a minute, rms | {1e9 * content['minute']:.2f} nm |")
     for name, us in content["us"].items():
-        lines.append(
-            f"| processor time of an update of the whole chain, {name}, over the 50 us of 20 kHz | {us / 50.0:.2f} |"
-        )
+        what = f"processor time of an update of the whole chain, {name}, over the 50 us of 20 kHz"
+        lines.append(f"| {what} | {us / 50.0:.2f} |")
     lines += [
         "",
         f"Processor: {platform.machine()}, other work beside it. The open-loop motors (100 drawn, the first",

@@ -203,5 +203,10 @@ def test_control(run: Callable, capsys: pytest.CaptureFixture[str]) -> None:
     ]
     assert names["ended"].rms < 1e-9
     assert not np.isnan(names["ended"].times).any()
+    assert names["left"]["inverse"] < 0.003 * 5e-6 < names["left"]["gain"]
+    bands = [(float(a), float(b)) for a, b in re.findall(r"([\d.]+) to ([\d.]+) um", printed)]
+    assert bands[0][0] < 151.2 < bands[0][1]
+    assert bands[1][1] - bands[1][0] < 0.5 * (bands[0][1] - bands[0][0])
+    assert "made by stickslip" in printed
     (missing,) = re.findall(r"([-\d.]+) nm are missing", printed)
     assert abs(float(missing)) < 1.0

@@ -23,7 +23,18 @@ from pydantic import Field, ValidationError, field_validator
 
 from ..actuator import Actuator
 from ..calibration import load_calibration
-from ..control import WINDOWS, Mover, NoiseShaped, Requirement, Settling, StepTable, Tuning, Walk, tune
+from ..control import (
+    WINDOWS,
+    Mover,
+    NoiseShaped,
+    Requirement,
+    Settling,
+    StepTable,
+    Tuning,
+    Walk,
+    export_regulator,
+    tune,
+)
 from ..control import settling as settled
 from ..experiment.cells import limits_of
 from ..experiment.file import ActuatorSpec, LimitsSpec, VirtualRigSpec
@@ -116,7 +127,8 @@ def read_move(path: str | os.PathLike[str]) -> tuple[MoveFile, Path]:
 def run_move(
     file: MoveFile, folder: Path, out: Path, progress: Progress, *, only_hold: bool = False
 ) -> Document:
-    """Move to the target and hold it; the recording goes to move.nc, or hold.nc, in the folder `out`.
+    """Move to the target and hold it; the recording goes to move.nc, or hold.nc, in the folder `out`, and the
+    regulator, as C, to regulator.h.
 
     Args:
         file: as read.
@@ -160,6 +172,7 @@ def run_move(
         )
     name = "hold" if only_hold else "move"
     out.mkdir(parents=True, exist_ok=True)
+    export_regulator(regulator, out / "regulator.h")
     recording = regulate(
         rig,
         NoiseShaped(mover, can.step),

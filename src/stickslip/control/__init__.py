@@ -10,6 +10,8 @@ from .inverse import PiezoInverse as PiezoInverse
 from .moving import MoveError as MoveError
 from .moving import Mover as Mover
 from .moving import Walk as Walk
+from .portable import export_regulator as export_regulator
+from .portable import regulator_source as regulator_source
 from .quantised import NoiseShaped as NoiseShaped
 from .settling import WINDOWS as WINDOWS
 from .settling import Settling as Settling

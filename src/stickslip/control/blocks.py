@@ -85,12 +85,12 @@ class Biquad:
     """A section of second order, tick by tick, from rest."""
 
     def __init__(self, coefficients: Coefficients) -> None:
-        self._c = coefficients
+        self.coefficients = coefficients
         self._s1 = self._s2 = 0.0
 
     def step(self, value: float) -> float:
         """The next output."""
-        b0, b1, b2, a1, a2 = self._c
+        b0, b1, b2, a1, a2 = self.coefficients
         out = b0 * value + self._s1
         self._s1 = b1 * value - a1 * out + self._s2
         self._s2 = b2 * value - a2 * out
@@ -134,7 +134,7 @@ class Regulator:
         own = isinstance(feedforward, PiezoInverse)
         self.inverse = feedforward if own else None
         self.feedforward = 0.0 if own else to_si(feedforward, "V/m", "feedforward")
-        self._lead = to_si(lead, "s", "lead") * self.rate
+        self.lead_ticks = to_si(lead, "s", "lead") * self.rate
         self.low, self.high = (
             to_si(min_voltage, "V", "min_voltage"),
             to_si(max_voltage, "V", "max_voltage"),
@@ -142,14 +142,14 @@ class Regulator:
         if not self.low < self.high:
             raise QuantityError(f"min_voltage = {self.low:g} V must be < max_voltage = {self.high:g} V")
         parts: list[Any] = [*self.notches, *([] if low_pass is None else [low_pass])]
-        self._sections = [Biquad(one.coefficients(self.rate)) for one in parts]
-        self._ki = pid.integral / self.rate
-        self._fading = math.exp(-2.0 * math.pi * pid.roll_off / self.rate)
+        self.sections = [Biquad(one.coefficients(self.rate)) for one in parts]
+        self.per_tick = pid.integral / self.rate
+        self.fading = math.exp(-2.0 * math.pi * pid.roll_off / self.rate)
         self.begin(0.0, 0.0)
 
     def begin(self, voltage: float, target: float) -> None:
         """From rest at a voltage [V] and a wanted position [m]: the output goes on without a jump."""
-        for section in self._sections:
+        for section in self.sections:
             section.reset()
         self._integral, self._from, self._target = voltage, target, target
         self._slope = self._last = 0.0
@@ -161,52 +161,52 @@ class Regulator:
         """The voltage [V] for a measured and a wanted position [m]."""
         del tick
         value = target - measured
-        for section in self._sections:
+        for section in self.sections:
             value = section.step(value)
         pid = self.pid
-        self._integral += self._ki * value
-        ahead = target - self._from + self._lead * (target - self._target)
+        self._integral += self.per_tick * value
+        ahead = target - self._from + self.lead_ticks * (target - self._target)
         self._target = target
         others = pid.proportional * value + self.feedforward * ahead
         if self.inverse is not None:
             others += self.inverse.step(self._inverted_from + ahead)
         if pid.derivative:
             change = (value - self._last) * self.rate
-            self._slope = self._fading * self._slope + (1.0 - self._fading) * change
+            self._slope = self.fading * self._slope + (1.0 - self.fading) * change
             self._last = value
             others += pid.derivative * self._slope
         wanted = self._integral + others
         given = min(max(wanted, self.low), self.high)
         if given != wanted and (wanted - given) * value > 0.0:
-            self._integral -= self._ki * value
+            self._integral -= self.per_tick * value
         return given
 
     def response(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
         """Voltage per error at frequencies [Hz], V/m, of their shape."""
         z: NDArray[np.complex128] = np.exp(2j * math.pi / self.rate * np.asarray(frequencies, dtype=float))
         pid = self.pid
-        slope = pid.derivative * self.rate * (1.0 - self._fading) * (1.0 - 1.0 / z) / (1.0 - self._fading / z)
-        found = pid.proportional + self._ki / (1.0 - 1.0 / z) + slope
-        for section in self._sections:
-            b0, b1, b2, a1, a2 = section._c
+        slope = pid.derivative * self.rate * (1.0 - self.fading) * (1.0 - 1.0 / z) / (1.0 - self.fading / z)
+        found: Any = pid.proportional + self.per_tick / (1.0 - 1.0 / z) + slope
+        for section in self.sections:
+            b0, b1, b2, a1, a2 = section.coefficients
             found *= (b0 + b1 / z + b2 / z**2) / (1.0 + a1 / z + a2 / z**2)
         return found
 
     def state_space(self) -> tuple[Array, Array, Array, float]:
         """x' = A x + B e, u = C x + D e of its linear part, with as many states as it keeps."""
         rows = [(np.zeros((0, 0)), np.zeros(0), np.zeros(0), 1.0)]
-        rows += [_section(section._c) for section in self._sections]
+        rows += [_section(section.coefficients) for section in self.sections]
         a, b, c, d = rows[0]
         for a2, b2, c2, d2 in rows[1:]:
             a = np.block([[a, np.zeros((b.size, b2.size))], [np.outer(b2, c), a2]])
             b, c, d = np.append(b, b2 * d), np.append(d2 * c, c2), d * d2
-        pid, keep = self.pid, self._fading
+        pid, keep = self.pid, self.fading
         slope = pid.derivative * self.rate * (1.0 - keep)
         # integral, derivative's lag, last value of the filtered error
         own = np.diag([1.0, keep, 0.0])
         own[1, 2] = -slope
-        into, out = np.array([self._ki, slope, 1.0]), np.array([1.0, keep, -slope])
-        direct = pid.proportional + self._ki + slope
+        into, out = np.array([self.per_tick, slope, 1.0]), np.array([1.0, keep, -slope])
+        direct = pid.proportional + self.per_tick + slope
         a = np.block([[a, np.zeros((b.size, 3))], [np.outer(into, c), own]])
         return a, np.append(b, into * d), np.append(direct * c, out), direct * d
 

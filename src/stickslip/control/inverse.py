@@ -1,8 +1,8 @@
 """The voltage under which a piezo with hysteresis and creep goes where it should, tick by tick.
 
-The inverse of `piezo.PrandtlIshlinskii` and `piezo.Creep` is exact (`identify.inverse_drive` does the same for a
-whole motion that is known beforehand); what is left for the loop is what the model is off, and the lag of the
-stage.
+The inverse of `piezo.PrandtlIshlinskii` and `piezo.Creep` is exact (`identify.inverse_drive` does the same
+for a whole motion that is known beforehand); what is left for the loop is what the model is off, and the lag
+of the stage.
 """
 
 from __future__ import annotations

@@ -1,0 +1,115 @@
+"""A regulator as C99, in one header: the same operations in the same order, so the same output to the bit.
+
+That holds where doubles are IEEE 754 and products and sums are rounded one by one: ``gcc -std=c99`` does so
+(``-ffp-contract=off`` elsewhere).
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from .._version import __version__
+from ..units import QuantityError
+from .blocks import Regulator
+
+_SOURCE = """\
+/* A regulator made by stickslip {version}: {rate:g} updates a second, {low:g} V to {high:g} V.
+   regulator_begin once, at rest, then regulator_step at each update. SI: m and V. */
+#ifndef STICKSLIP_REGULATOR_H
+#define STICKSLIP_REGULATOR_H
+
+typedef struct {{
+    double sections[{size}][2]; /* what notches and low-pass keep */
+    double integral, from, target, slope, last;
+}} regulator;
+
+#define REGULATOR_SECTIONS {count}
+
+static const double regulator_coefficients[{size}][5] = {{ /* b0, b1, b2, a1, a2 */
+{rows}
+}};
+
+/* From rest at a voltage [V] and a wanted position [m]: the output goes on without a jump. */
+static inline void regulator_begin(regulator *r, double voltage, double target)
+{{
+    int k;
+    for (k = 0; k < REGULATOR_SECTIONS; ++k)
+        r->sections[k][0] = r->sections[k][1] = 0.0;
+    r->integral = voltage;
+    r->from = r->target = target;
+    r->slope = r->last = 0.0;
+}}
+
+/* The voltage [V] for a measured and a wanted position [m]. */
+static inline double regulator_step(regulator *r, double measured, double target)
+{{
+    double value = target - measured, ahead, others, wanted, given;
+    int k;
+    for (k = 0; k < REGULATOR_SECTIONS; ++k) {{
+        const double *c = regulator_coefficients[k];
+        double *s = r->sections[k];
+        const double out = c[0] * value + s[0];
+        s[0] = c[1] * value - c[3] * out + s[1];
+        s[1] = c[2] * value - c[4] * out;
+        value = out;
+    }}
+    r->integral += {ki} * value;
+    ahead = target - r->from + {lead} * (target - r->target);
+    r->target = target;
+    others = {kp} * value + {feedforward} * ahead;
+{derivative}    wanted = r->integral + others;
+    given = wanted < {c_low} ? {c_low} : wanted;
+    given = given > {c_high} ? {c_high} : given;
+    if (given != wanted && (wanted - given) * value > 0.0)
+        r->integral -= {ki} * value;
+    return given;
+}}
+
+#endif
+"""
+_DERIVATIVE = """\
+    r->slope = {fading} * r->slope + {fresh} * ((value - r->last) * {rate});
+    r->last = value;
+    others += {kd} * r->slope;
+"""
+
+
+def regulator_source(regulator: Regulator) -> str:
+    """The header; raises QuantityError for a regulator with the inverse of a piezo."""
+    if regulator.inverse is not None:
+        raise QuantityError("a regulator with a PiezoInverse is not translated to C: give it a gain in V/m")
+    sections = [section.coefficients for section in regulator.sections]
+    rows = [f"    {{{', '.join(map(float.hex, one))}}}" for one in sections or [(0.0,) * 5]]
+    pid, fading = regulator.pid, regulator.fading
+    derivative = ""
+    if pid.derivative:
+        derivative = _DERIVATIVE.format(
+            fading=fading.hex(),
+            fresh=(1.0 - fading).hex(),
+            rate=regulator.rate.hex(),
+            kd=float(pid.derivative).hex(),
+        )
+    return _SOURCE.format(
+        version=__version__,
+        rate=regulator.rate,
+        low=regulator.low,
+        high=regulator.high,
+        size=max(len(sections), 1),
+        count=len(sections),
+        rows=",\n".join(rows),
+        ki=regulator.per_tick.hex(),
+        lead=regulator.lead_ticks.hex(),
+        kp=float(pid.proportional).hex(),
+        feedforward=regulator.feedforward.hex(),
+        derivative=derivative,
+        c_low=regulator.low.hex(),
+        c_high=regulator.high.hex(),
+    )
+
+
+def export_regulator(regulator: Regulator, path: str | os.PathLike[str]) -> Path:
+    """Write the header, regulator.h say; its path. Raises QuantityError as `regulator_source`, OSError."""
+    target = Path(path)
+    target.write_text(regulator_source(regulator), encoding="utf-8")
+    return target
