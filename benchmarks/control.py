@@ -51,6 +51,8 @@ WALK = Walk(amplitude=65.0, frequency=100.0, tolerance=10e-9)
 SPREAD = {"gain": 0.03, "natural_frequency": 0.05, "damping_ratio": 0.1, "end_effector_mass": 0.03}
 OF_FRICTION = {"sigma_0": 0.1, "sigma_1": 0.2, "coulomb_force": 0.1}
 HOLD = 0.2  # s
+# The machine may do other work for long.
+LIMITS = Limits(max_voltage=100.0, watchdog=120.0)
 
 
 class Plain:
@@ -168,9 +170,7 @@ def corners(base: Actuator) -> list[Actuator]:
 def run(model: Actuator, controller: Any, goal: float, seed: int, most: float) -> Result:
     """One run."""
     rig, seen = VirtualRig(model, bench(), seed=seed), {"end_effector_position": Channel("laser")}
-    recording = regulate(
-        rig, NoiseShaped(controller, rig.capabilities.step), goal, seen, Limits(max_voltage=100.0), most
-    )
+    recording = regulate(rig, NoiseShaped(controller, rig.capabilities.step), goal, seen, LIMITS, most)
     hold = min(HOLD, float(recording["time"][-1]))
     found = settling(recording, goal, hold=0.75 * hold)
     times, volts = rig.output()
@@ -295,7 +295,7 @@ def minute(seed: int) -> float:
     rig = VirtualRig(base, bench(), seed=seed)
     recording = regulate(
         *(rig, NoiseShaped(mover, rig.capabilities.step), 15e-6, {"end_effector_position": Channel("laser")}),
-        *(Limits(max_voltage=100.0), 61.0),
+        *(LIMITS, 61.0),
         interval=1e-3,
     )
     return settling(recording, 15e-6, hold=59.9, average=1e-3).rms

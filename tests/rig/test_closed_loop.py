@@ -150,6 +150,21 @@ def test_a_controller_that_never_answers_is_left_behind() -> None:
     rig.stop(1000.0)
 
 
+class Compiling(VirtualRig):
+    """That takes longer to begin than the watchdog waits: as where its solver is compiled for the first time."""
+
+    def begin(self, inputs: tuple[str, ...]) -> list[float]:
+        time.sleep(0.5)
+        return super().begin(inputs)
+
+
+def test_the_watchdog_waits_for_the_begin() -> None:
+    made = regulate(
+        Compiling(ACTUATOR, BENCH), Asking(lambda tick: 1.0), 0.0, IDEAL, Limits(watchdog=0.3), 0.01
+    )
+    assert made.attrs["outcome"] == "complete"
+
+
 class Faulty(VirtualRig):
     """Whose first reading is changed from an update on."""
 

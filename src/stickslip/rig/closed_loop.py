@@ -159,6 +159,7 @@ class _Loop:
         self._asked: list[float] = []
         self._written = 0
         self._heard = time.monotonic()
+        self._begun = False  # whether the rig has; a virtual one compiles its solver before, if it must
         self._answering = False  # whether the controller is being asked just now
         self._left = False  # whether nobody waits any more
         self._ended = threading.Event()
@@ -176,7 +177,7 @@ class _Loop:
             while not self._ended.wait(_LOOK):
                 progress("closed loop", len(self._raw) / len(self._wanted))
                 silent = time.monotonic() - self._heard
-                if silent > self._limits.watchdog:
+                if self._begun and silent > self._limits.watchdog:
                     who = "the controller" if self._answering else self._can.name
                     raise LimitError(f"watchdog: nothing came from {who} for {with_prefix(silent, 's')}")
             failure = self._failure
@@ -204,6 +205,7 @@ class _Loop:
         step, exchange = self._controller.step, self._rig.exchange
         raw, asked, guard = self._raw, self._asked, self._guard
         readings = self._rig.begin(self._making.inputs)
+        self._heard, self._begun = time.monotonic(), True
         first = np.array([readings[self._row]])
         here = partial(
             self._home.positions, self._position.name, chain=self._position.calibration, origin=origin
