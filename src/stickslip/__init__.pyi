@@ -18,6 +18,7 @@ from . import identify as identify
 from . import panel as panel
 from . import parameters as parameters
 from . import piezo as piezo
+from . import positioners as positioners
 from . import readers as readers
 from . import recording as recording
 from . import registry as registry
@@ -25,6 +26,7 @@ from . import report as report
 from . import rig as rig
 from . import simulation as simulation
 from . import study as study
+from . import twins as twins
 from . import units as units
 from . import verification as verification
 from . import waveform as waveform

@@ -6,7 +6,7 @@ import time
 from typing import ClassVar, NamedTuple, Protocol
 
 from ..rig.protocols import About, RigError
-from ..units import QuantityError
+from ..units import QuantityError, to_si
 
 _POLL = 0.02  # s
 
@@ -84,12 +84,13 @@ class Positioner(Protocol):
         ...
 
 
-def wait(positioner: Positioner, axis: int, longest: float = 60.0) -> None:
+def wait(positioner: Positioner, axis: int, longest: float | str = 60.0) -> None:
     """Until an axis is still.
 
     Raises:
         RigError: it still moves after `longest` s; it was stopped.
     """
+    longest = to_si(longest, "s", "longest")
     end = time.monotonic() + longest
     while positioner.moving(axis):
         if time.monotonic() > end:

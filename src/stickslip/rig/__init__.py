@@ -15,6 +15,8 @@ from .hosted import folder_of as folder_of
 from .limits import LimitError as LimitError
 from .limits import Limits as Limits
 from .measurement import measure as measure
+from .nv200 import Nv200Rig as Nv200Rig
+from .protocols import About as About
 from .protocols import Capabilities as Capabilities
 from .protocols import Controller as Controller
 from .protocols import Rig as Rig

@@ -5,7 +5,6 @@ show stands at the top of its file.
 """
 
 from .anc300 import Anc300 as Anc300
-from .axis import Axis as Axis
 from .axis import Clock as Clock
 from .axis import WallClock as WallClock
 from .kim101 import Kim101 as Kim101

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..actuator import Actuator
 from ..rig.variation import Variation
-from ..units import QuantityError
+from ..units import QuantityError, to_si
 from .anc300 import Anc300
 from .axis import Clock
 from .kim101 import Kim101
@@ -40,6 +40,7 @@ def make_twin(
     Raises:
         QuantityError: another name, number of axes, or travel.
     """
+    travel = to_si(travel, "m", "travel")
     if name not in TWINS:
         raise QuantityError(f"{name!r} is no twin; there are {', '.join(TWINS)}")
     if not 1 <= axes <= MOST_AXES:

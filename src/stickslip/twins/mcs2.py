@@ -15,6 +15,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ..units import to_si
 from .axis import Axis, Clock, WallClock, ramp, steps
 from .server import Lines
 from .stage import Piece, Stage
@@ -170,9 +171,9 @@ class Mcs2:
     port = PORT
 
     def __init__(
-        self, stages: list[Stage], noise: float = 2e-9, seed: int = 0, clock: Clock | None = None
+        self, stages: list[Stage], noise: float | str = 2e-9, seed: int = 0, clock: Clock | None = None
     ) -> None:
-        clock = clock or WallClock()
+        clock, noise = clock or WallClock(), to_si(noise, "m", "noise")
         self.channels = [Channel(stage, clock, noise, seed + i) for i, stage in enumerate(stages)]
         self._errors: deque[tuple[int, str]] = deque(maxlen=_QUEUE)
 

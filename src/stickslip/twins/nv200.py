@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+from ..units import to_si
 from .axis import Clock, WallClock
 from .nv200_output import RANGE, RECORD, Output
 from .server import Lines
@@ -73,12 +74,13 @@ class Nv200:
     def __init__(
         self,
         stage: Stage,
-        noise: float = 5e-9,
+        noise: float | str = 5e-9,
         on: str = "end_effector",
         seed: int = 0,
         clock: Clock | None = None,
     ) -> None:
         self.kept = {name: default for name, (default, _, _) in _KEPT.items()}
+        noise = to_si(noise, "m", "noise")
         self.output = Output(stage, clock or WallClock(), self.kept, noise, on, seed)
         self._pcf = [0.0, 0.0, 0.0]
         self._reads: dict[str, Callable[[list[str]], str]] = {
