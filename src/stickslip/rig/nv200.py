@@ -76,6 +76,7 @@ class Nv200Rig:
         self._line = Line("NV200", host, port, self._timeout)
         self._inputs: tuple[str, ...] = ()
         self._samples, self._loaded, self._running = 0, False, False
+        self._volts: Array = np.zeros(1)
         try:
             self._line.send(b"\r\n")
             found = self._line.until(_ON, b"\r\n").strip(b"\r\n\x00<>" + _OFF)
@@ -140,7 +141,7 @@ class Nv200Rig:
             ("gcarb", cycles),
         ):
             self._do(f"{name},{value}")
-        self._loaded = True
+        self._loaded, self._volts = True, np.array(volts, dtype=float)
 
     def arm(self, inputs: tuple[str, ...], samples: int) -> None:
         """Record these inputs when the output starts."""
@@ -194,6 +195,15 @@ class Nv200Rig:
         if math.isfinite(longest):
             time.sleep(min(longest, 10.0))
         self._do("sr,2000")
+
+    def output(self) -> tuple[Array, Array]:
+        """What the drive that was loaded becomes: times [s] from the start and voltages, to be joined by
+        lines. Each value is taken to be reached within a tick (not measured on a device)."""
+        begins = np.arange(self._volts.size) * (TICK * self._factor)
+        times = np.stack([begins, begins + TICK], axis=1).ravel()
+        volts = np.stack([np.append(0.0, self._volts[:-1]), self._volts], axis=1).ravel()
+        keep = np.append(np.diff(times) > 0.0, True)
+        return times[keep], volts[keep]
 
     def close(self) -> None:
         """Let go; the voltage stays as it is."""

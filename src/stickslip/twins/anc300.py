@@ -13,7 +13,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from ..records import Quantity, quantities, record
-from ..units import QuantityError
+from ..units import QuantityError, to_si
 from .axis import Axis, Clock, WallClock, ramp, steps
 from .server import HangUp, Lines
 from .stage import Piece, Stage
@@ -22,7 +22,6 @@ PORT = 7230
 _MODES = ("gnd", "inp", "cap", "stp", "off", "stp+", "stp-")
 _GREETING = b"\xff\xfb\x01\xff\xfb\x03attocube ANC300 console\r\nAuthorization code: "
 _SLOW = 1e-3  # s in which the output goes to a new offset, or to ground
-_LONGEST_WAIT = 600.0  # s of stepw and capw
 _CAPACITY_TIME = 0.5  # s that a measurement of the capacitance takes
 _UP, _DOWN = tuple(range(256)), tuple(range(255, -1, -1))
 
@@ -83,7 +82,7 @@ class Module:
 
     def _go(self, volts: float) -> None:
         def pieces() -> Iterator[Piece]:
-            yield ramp(self.axis.stage.voltage, volts, _SLOW)
+            yield from ramp(self.axis.stage.voltage, volts, _SLOW)
 
         self.axis.begin(pieces())
 
@@ -104,12 +103,20 @@ class Module:
 
 
 class Anc300:
-    """The controller. Args: a stage for each axis, from 1 on; the password of the console; a clock."""
+    """The controller. Args: a stage for each axis, from 1 on; the password of the console; a clock; s that
+    `stepw` and `capw` wait at most."""
 
     port = PORT
 
-    def __init__(self, stages: list[Stage], password: str = "123456", clock: Clock | None = None) -> None:
+    def __init__(
+        self,
+        stages: list[Stage],
+        password: str = "123456",
+        clock: Clock | None = None,
+        longest_wait: float | str = 600.0,
+    ) -> None:
         self.clock = clock or WallClock()
+        self.longest_wait = to_si(longest_wait, "s", "longest_wait")
         self.password = password
         self.modules = {i + 1: Module(stage, self.clock) for i, stage in enumerate(stages)}
 
@@ -181,7 +188,7 @@ class Anc300:
 
     def _wait(self, module: Module) -> None:
         """Until the steps are done, or the capacitance is measured."""
-        until = self.clock.now() + _LONGEST_WAIT
+        until = self.clock.now() + self.longest_wait
         while module.axis.moving or self.clock.now() < module.busy_until:
             if self.clock.now() > until or module.axis.forever:
                 raise ConsoleError("Motion has no end")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator
 from typing import Protocol
@@ -13,6 +14,7 @@ from .stage import Path, Piece, Stage
 
 FLANK = 50e-6  # s of the fast edge of a step, a tenth of its period at most
 CHUNK = 0.02  # s of steps that are played as one piece
+_RAMP = 0.1  # s
 _POINTS = 8  # at which the slow edge of a step is known
 _SLOWEST = 0.1  # s of computing after which a motion is late rather than the answer
 
@@ -47,15 +49,13 @@ class Axis:
     Args:
         stage: what moves.
         clock: what time it is.
-        heard: told of every piece that was played, with the time at which it began.
+        heard: told of every piece that was played.
 
     What a motion does depends on its pieces alone, not on when it is looked at; if the computer cannot keep
     up it is late. A stop lets the piece end that is going on.
     """
 
-    def __init__(
-        self, stage: Stage, clock: Clock, heard: Callable[[float, Path], None] | None = None
-    ) -> None:
+    def __init__(self, stage: Stage, clock: Clock, heard: Callable[[Path], None] | None = None) -> None:
         self.stage, self._clock, self._heard = stage, clock, heard
         self._pieces: Iterator[Piece] | None = None
         self._path: Path | None = None
@@ -97,7 +97,7 @@ class Axis:
             self._path = self.stage.play(piece)
             self._begin, self._end = self._end, self._end + float(piece.times[-1])
             if self._heard is not None:
-                self._heard(self._begin, self._path)
+                self._heard(self._path)
             if self._end <= now and time.monotonic() - began > _SLOWEST:
                 self._end = now  # late
                 break
@@ -111,15 +111,12 @@ class Axis:
         return self._path.at(now - self._begin)
 
 
-def ramp(begin: float, end: float, seconds: float) -> Piece:
-    """A line from the present voltage to another."""
-    count = int(np.clip(seconds / 1e-3, 2, 200))
-    times: Array = np.arange(1, count + 1, dtype=np.float64) * (seconds / count)
-    return Piece(times[-1:], np.array([end]), times) if end != begin else _held(times, end)
-
-
-def _held(times: Array, volts: float) -> Piece:
-    return Piece(times[-1:], np.array([volts]), times)
+def ramp(begin: float, end: float, seconds: float) -> Iterator[Piece]:
+    """A line from the present voltage to another, in pieces of a tenth of a second."""
+    count = max(1, math.ceil(seconds / _RAMP))
+    samples: Array = np.linspace(0.0, seconds / count, 21)[1:]
+    for k in range(1, count + 1):
+        yield Piece(samples[-1:], np.array([begin + (end - begin) * k / count]), samples)
 
 
 def steps(
@@ -131,7 +128,7 @@ def steps(
     period = 1.0 / abs(frequency)
     flank = min(FLANK, 0.1 * period)
     if stage.voltage != base:
-        yield ramp(stage.voltage, base, 0.01)
+        yield from ramp(stage.voltage, base, 0.01)
     left = None if count is None else abs(count)
     slow = (np.arange(1, _POINTS + 1, dtype=np.float64) / _POINTS) * (period - flank)
     edges = np.array([period - flank, period]) if up else np.array([flank, period])

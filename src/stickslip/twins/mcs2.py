@@ -90,7 +90,7 @@ class Channel:
                 raise CommandError(19, "Invalid parameter")
             rate = self.settings["SCAN:VEL"] / FULL_SCALE * FULL
             seconds = max(abs(volts - stage.voltage) / rate, 1e-3)
-            self.axis.begin(iter((ramp(stage.voltage, volts, seconds),)))
+            self.axis.begin(ramp(stage.voltage, volts, seconds))
         else:
             amplitude = self.settings["STEP:AMPL"] / FULL_SCALE * FULL
             self.axis.begin(steps(stage, value, amplitude, float(self.settings["STEP:FREQ"])))
@@ -118,7 +118,7 @@ class Channel:
                 break
             wanted = stage.voltage + 0.5 * error / gain
             if 0.0 <= wanted <= FULL and abs(error) < 0.25 * gain * FULL:
-                yield ramp(stage.voltage, wanted, _TICK)
+                yield from ramp(stage.voltage, wanted, _TICK)
                 continue
             if stage.stop_met * error > 0.0:
                 self.flags = self.flags & ~_CLOSED | _FAILED
@@ -132,7 +132,7 @@ class Channel:
         left = math.inf if hold < 0 else 1e-3 * hold
         while left > 0.0:
             wanted = stage.voltage + 0.5 * (target - self.read(stage.position)) / gain
-            yield ramp(stage.voltage, float(np.clip(wanted, 0.0, FULL)), _TICK)
+            yield from ramp(stage.voltage, float(np.clip(wanted, 0.0, FULL)), _TICK)
             left -= _TICK
         self.flags &= ~_CLOSED
 
@@ -146,7 +146,7 @@ class Channel:
         count = int(np.clip(abs(error) / (2.0 * step), 1, max(1, round(0.02 * frequency))))
         yield from steps(stage, int(math.copysign(count, error)), FULL, frequency)
         if abs(error) < 4.0 * step:
-            yield ramp(stage.voltage, 0.5 * FULL, 0.01)
+            yield from ramp(stage.voltage, 0.5 * FULL, 0.01)
 
     def _to_mark(self) -> Iterator[Piece]:
         stage, options = self.axis.stage, self.settings["REF:OPT"]

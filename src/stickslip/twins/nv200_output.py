@@ -24,26 +24,24 @@ class Recorder:
         self.sources = [0, 2]
         self.rows: list[Array] = []
         self.count = self.length = 0
-        self.begin: float | None = None
-        self.interval = TICK
+        self._elapsed, self.interval = 0.0, TICK
         self.armed = self.running = False
 
     def start(self, stride: int, length: int) -> None:
         """Begin; a length of 0 goes on until it is stopped, and keeps the last RECORD samples."""
         self.rows, self.count = [], 0
-        self.begin, self.interval, self.length = None, stride * TICK, length
+        self._elapsed, self.interval, self.length = 0.0, stride * TICK, length
         self.armed, self.running = False, True
 
-    def take(self, began: float, path: Path, columns: Array) -> None:
+    def take(self, path: Path, columns: Array) -> None:
         """The samples that fall into a piece; `columns` [sources, n] at the times of the path."""
-        if self.begin is None:
-            self.begin = began
-        end = began + float(path.times[-1])
-        last = int(np.floor((end - self.begin) / self.interval - 1e-6)) + 1
+        began = self._elapsed
+        self._elapsed += float(path.times[-1])
+        last = int(np.floor(self._elapsed / self.interval - 1e-6)) + 1
         last = min(last, self.length) if self.length else last
-        if not self.running or last <= self.count:
+        if last <= self.count:
             return
-        at = self.begin + np.arange(self.count, last) * self.interval - began
+        at = np.arange(self.count, last) * self.interval - began
         self.rows.append(np.array([np.interp(at, path.times, row) for row in columns]))
         self.count = last
         if self.length and self.count >= self.length:
@@ -225,16 +223,18 @@ class Output:
             last = int(kept["gearb"])
             self.index = last
             entries = self.table[first : last + 1] if last >= first else self.table[first : first + 1]
-            points = low + 0.01 * entries * (high - low)
-            yield np.repeat(points, int(kept["gtarb"]))
+            points, ticks = low + 0.01 * entries * (high - low), int(kept["gtarb"])
+            together = max(1, _PIECE // ticks)
+            for k in range(0, points.size, together):
+                yield np.repeat(points[k : k + together], ticks)
             cycle, first = cycle + 1, int(kept["gsarb"])
 
-    def _heard(self, began: float, path: Path) -> None:
+    def _heard(self, path: Path) -> None:
         if not self.recorder.running:
             return
         positions = self._sensed(path.stage if self._on_stage else path.end_effector)
         rows = [self._source(source, path, positions) for source in self.recorder.sources]
-        self.recorder.take(began, path, np.array(rows))
+        self.recorder.take(path, np.array(rows))
 
     def _source(self, source: int, path: Path, positions: Array) -> Array:
         error = self.set_point - positions if self._kept["cl"] else np.zeros_like(positions)

@@ -8,6 +8,8 @@ import threading
 from contextlib import suppress
 from typing import Any, Protocol
 
+from ..rig.protocols import RigError
+
 IDLE = 600.0  # s until a silent program is let go
 
 
@@ -69,7 +71,7 @@ class _Connection(socketserver.BaseRequestHandler):
         if not self.server.held.acquire(timeout=1.0):  # the one before may be about to leave
             return
         try:
-            with suppress(OSError, HangUp):
+            with suppress(OSError, HangUp, RigError):
                 self.request.settimeout(IDLE)
                 session = self.server.twin.session()
                 self.request.sendall(session.greeting)
