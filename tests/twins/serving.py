@@ -59,14 +59,19 @@ def drivers_python() -> str:
     return str(ROOT / ".venv-drivers/bin/python")
 
 
-def drive(script: str, port: int, *more: str) -> dict[str, Any]:
-    """What a driver's script says of how it went."""
+def environment(**more: str) -> dict[str, str]:
+    """Of a process that has others' drivers."""
+    return {"PATH": "/usr/bin:/bin", "PYTHONPATH": str(ROOT / "src"), "HOME": str(Path.home()), **more}
+
+
+def drive(script: Path | str, *given: Any, **more: str) -> dict[str, Any]:
+    """What a script says of how it went: a driver's, or an example; `more` is of its environment."""
     done = subprocess.run(
-        [drivers_python(), "-W", "ignore", str(DRIVERS / script), str(port), *more],
+        [drivers_python(), "-W", "ignore", str(DRIVERS / script), *map(str, given)],
         capture_output=True,
         text=True,
         timeout=180,
-        env={"PATH": "/usr/bin:/bin", "PYTHONPATH": str(ROOT / "src"), "HOME": str(Path.home())},
+        env=environment(**more),
         check=False,
     )
     assert done.returncode == 0, done.stderr[-3000:]
