@@ -1,4 +1,5 @@
-"""A stick-slip stage as an EPICS IOC with the fields of a motor, by caproto: python epics_ioc.py HOST:PORT PREFIX.
+"""A stick-slip stage as an EPICS IOC with the fields of a motor, by caproto:
+python epics_ioc.py HOST:PORT PREFIX
 
 PREFIX.VAL is a count of steps from where the IOC began, .RBV what the positioner knows (m by a sensor, else
 steps), .DMOV 0 while it moves, .STOP ends it. What

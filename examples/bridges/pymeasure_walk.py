@@ -1,4 +1,5 @@
-"""A walk as a procedure of PyMeasure, with its results in a file: python pymeasure_walk.py HOST:PORT FILE.csv."""
+"""A walk as a procedure of PyMeasure, with its results in a file:
+python pymeasure_walk.py HOST:PORT FILE.csv."""
 
 import json
 import sys
