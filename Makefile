@@ -87,7 +87,7 @@ tools:
 # asks for all of a beamline; here is what its driver of the MCS2 imports.
 drivers: $(DRIVERS)/.ready
 
-$(DRIVERS)/.ready: tests/twins/drivers/requirements.txt tests/twins/drivers/alone.txt $(READY)
+$(DRIVERS)/.ready: tests/twins/drivers/requirements.txt tests/twins/drivers/alone.txt | $(READY)
 	@rm -rf $(DRIVERS) && $(BIN)/uv venv --quiet --python $(BIN)/python $(DRIVERS)
 	@install="$(BIN)/uv pip install --quiet --compile-bytecode --python $(DRIVERS)/bin/python --require-hashes --no-deps"; \
 	echo "installing others' drivers into $(DRIVERS), for the tests ..." >&2; \
