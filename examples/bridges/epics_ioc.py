@@ -54,5 +54,5 @@ class Motor(PVGroup):
 
 if __name__ == "__main__":
     host, _, port = sys.argv[1].rpartition(":")
-    made = Motor(Mcs2Client(host, port=int(port), timeout=10.0), 0, "80 V", "100 Hz", sys.argv[2])
+    made = Motor(Mcs2Client(host, port=int(port), timeout=30.0), 0, "80 V", "100 Hz", sys.argv[2])
     run(made.pvdb, interfaces=["127.0.0.1"], log_pv_names=True)

@@ -45,7 +45,7 @@ class StickSlipStage(StandardReadable):
 
 if __name__ == "__main__":
     host, _, port = sys.argv[1].rpartition(":")
-    positioner = Mcs2Client(host, port=int(port), timeout=10.0)
+    positioner = Mcs2Client(host, port=int(port), timeout=30.0)
     engine, rows = RunEngine({}), []
     with init_devices():
         stage = StickSlipStage(positioner, 0, "80 V", "100 Hz", name="stage")

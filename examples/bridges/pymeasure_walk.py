@@ -22,7 +22,7 @@ class Walk(Procedure):
     def startup(self):
         """Connect."""
         host, _, port = self.where.rpartition(":")
-        self.stage = Mcs2Client(host, port=int(port), timeout=10.0)
+        self.stage = Mcs2Client(host, port=int(port), timeout=30.0)
 
     def execute(self):
         """Walk."""

@@ -49,7 +49,7 @@ if __name__ == "__main__":
     host, _, port = sys.argv[1].rpartition(":")
     initialise_or_create_database_at(Path(sys.argv[2]) / "walks.db")
     load_or_create_experiment("stick-slip", sample_name="twin")
-    stage = StickSlipStage("stage", Mcs2Client(host, port=int(port), timeout=10.0), 0)
+    stage = StickSlipStage("stage", Mcs2Client(host, port=int(port), timeout=30.0), 0)
     measurement = Measurement()
     measurement.register_parameter(stage.amplitude)
     measurement.register_parameter(stage.position, setpoints=(stage.amplitude,))

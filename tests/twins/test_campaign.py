@@ -45,7 +45,7 @@ def fitted(recording: Any, drive: Any) -> Any:
 def test_a_campaign_through_the_twin_finds_what_the_virtual_rig_finds() -> None:
     stage = Stage(HIDDEN, variation=EXACT.variation, seed=2)
     with served(Nv200(stage, noise=5e-9)) as port:
-        rig = Nv200Rig("127.0.0.1", port=port, interval="100 us", timeout="10 s")
+        rig = Nv200Rig("127.0.0.1", port=port, interval="100 us", timeout="30 s")
         by_device = walks(rig, "position")
         rig.close()
     bench = ss.rig.load_bench("kang2007-bench")

@@ -24,7 +24,7 @@ from stickslip.units import QuantityError
 from .serving import ACTUATOR, TestClock, served, twin_of
 
 
-def client_of(name: str, port: int, timeout: float = 5.0):
+def client_of(name: str, port: int, timeout: float = 30.0):
     if name == "kim101":
         return Kim101Client(f"127.0.0.1:{port}", timeout=timeout)
     made = {"nv200": Nv200Rig, "mcs2": Mcs2Client, "anc300": Anc300Client}[name]
@@ -96,7 +96,7 @@ def test_a_load_makes_steps_uphill_smaller_and_the_end_stop_ends_them() -> None:
 def test_the_nv200_is_a_rig() -> None:
     twin = twin_of("nv200", axes=1)
     with served(twin) as port:
-        rig = Nv200Rig("127.0.0.1", port=port, interval="100 us", timeout="5 s")
+        rig = Nv200Rig("127.0.0.1", port=port, interval="100 us", timeout="30 s")
         channels = {
             "drive_voltage": ss.rig.Channel("drive"),
             "end_effector_position": ss.rig.Channel("position"),

@@ -127,7 +127,11 @@ class Mcs2Client:
         for _ in range(64):
             number, comma, _ = said.partition(",")
             if not comma or not number.lstrip("+-").isdecimal():
-                raise RigError(f"{self._line.device}: {ask.decode()} is answered by {said[:60]!r}")
+                self._line.close()  # which answer is to what is not known any more
+                raise RigError(
+                    f"{self._line.device}: {ask.decode()} after {command} is answered by {said[:60]!r}: late or "
+                    "garbage, and the connection was closed"
+                )
             if int(number) == 0:
                 break
             self._line.send(ask + b"\n")

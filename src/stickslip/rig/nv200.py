@@ -199,9 +199,9 @@ class Nv200Rig:
     def output(self) -> tuple[Array, Array]:
         """What the drive that was loaded becomes: times [s] from the start and voltages, to be joined by
         lines. Each value is taken to be reached within a tick (not measured on a device)."""
-        begins = np.arange(self._volts.size) * (TICK * self._factor)
-        times = np.stack([begins, begins + TICK], axis=1).ravel()
-        volts = np.stack([np.append(0.0, self._volts[:-1]), self._volts], axis=1).ravel()
+        begins: Array = np.arange(self._volts.size, dtype=np.float64) * (TICK * self._factor)
+        times: Array = np.stack([begins, begins + TICK], axis=1).ravel()
+        volts: Array = np.stack([np.append(0.0, self._volts[:-1]), self._volts], axis=1).ravel()
         keep = np.append(np.diff(times) > 0.0, True)
         return times[keep], volts[keep]
 
