@@ -129,7 +129,7 @@ class Mcs2Client:
             if not comma or not number.lstrip("+-").isdecimal():
                 self._line.close()  # which answer is to what is not known any more
                 raise RigError(
-                    f"{self._line.device}: {ask.decode()} after {command} is answered by {said[:60]!r}: late or "
+                    f"{self._line.device}: {command}, then {ask.decode()}: {said[:60]!r} came, late or "
                     "garbage, and the connection was closed"
                 )
             if int(number) == 0:

@@ -1,4 +1,4 @@
-"""The library nidaqmx above a driver of ours with the plant behind it: a recording, its stop, errors, as JSON.
+"""The library nidaqmx above a driver of ours, with the plant behind it: a recording, its stop and errors.
 
 Everything of the library but the calls into NI's driver runs as it is.
 """
