@@ -48,6 +48,7 @@ def test_two_bodies() -> None:
     assert on_rigid.contact_modulus == pytest.approx(1.0)
     assert on_rigid.dundurs == pytest.approx(0.5)  # of a body without cross contraction on a rigid one
     assert Bodies(Material(1e12, 0.3), Material(1.0, 0.0)).dundurs == pytest.approx(-0.5)
+    assert Bodies(Material(1.0, 0.2), Material(1e12, 0.3)).dundurs == pytest.approx(0.375)
     assert Bodies(Material(1.0, 0.5), Material(1e12, 0.3)).dundurs == pytest.approx(0.0, abs=1e-9)
     assert (BODIES.hardness, Bodies(Material(1.0, 0.1), STEEL).hardness) == (7.5e9, 7.5e9)
     assert Bodies(Material(1.0, 0.1), Material(1.0, 0.1)).hardness is None
