@@ -96,15 +96,13 @@ def self_affine(
         )
     q_l, q_r, q_s = (2.0 * math.pi / wavelength for wavelength in (longest, bend, shortest))
 
-    def integral(power: int) -> float:
-        """Of q^power over the spectrum, which is 1 on its plateau."""
+    roots = []
+    for power in (1, 3, 5):  # of q^power over the spectrum, which is 1 on its plateau
         flat = (q_r ** (power + 1) - q_l ** (power + 1)) / (power + 1)
         left = power - 1.0 - 2.0 * hurst
         fall = math.log(q_s / q_r) if left == 0.0 else (q_s**left - q_r**left) / left
-        return flat + q_r ** (2.0 + 2.0 * hurst) * fall
-
-    variance = integral(1)
-    slope, curvature = (height * math.sqrt(integral(power) / variance) for power in (3, 5))
+        roots.append(math.sqrt(flat + q_r ** (2.0 + 2.0 * hurst) * fall))
+    slope, curvature = (height * root / roots[0] for root in roots[1:])
     return Roughness(height, slope, curvature, longest, shortest)
 
 
