@@ -169,6 +169,8 @@ def test_elements_of_measured_loops() -> None:
 
 def test_a_backbone() -> None:
     assert of_backbone([1e-6, 2e-6], [1.0, 1.5]) == MaxwellSlip((0.5e6, 0.5e6), (0.5, 1.0))
+    straight = of_backbone([1e-6, 2e-6, 4e-6], [1.0, 2.0, 3.0])  # in its first two parts
+    assert straight == MaxwellSlip((0.5e6, 0.5e6), (1.0, 2.0))
     with pytest.raises(QuantityError, match=r"beyond 1e-06 m it grows faster"):
         of_backbone([1e-6, 2e-6], [0.5, 1.5])
     with pytest.raises(QuantityError, match="must grow from 0"):
