@@ -7,9 +7,8 @@ with the isotropic spectrum C(q) [m⁴] over the wavevector q [rad/m], whose int
 variance of the heights [jacobs2017]. A self-affine one is constant from q_l to q_r (the plateau) and falls as
 q^(-2-2H) to q_s.
 
-One number such as Ra is no roughness here: in a challenge of 2,088 measurements of one surface it scattered
-by orders of magnitude with the size of the scan and the instrument [pradhan2025], and neither slope nor the
-longest wavelength follow from it.
+One number such as Ra is no roughness here: 2,088 measurements in a challenge showed that it cannot be used
+without a lateral scale [pradhan2025]; neither slope nor the longest wavelength follow from it.
 """
 
 from __future__ import annotations
