@@ -65,6 +65,7 @@ FREE = {
     "friction",
     "fields",
     "bounds",
+    "priors",
     "tied",
     "matrix",
 }

@@ -182,6 +182,14 @@ def test_a_walk_in_short(tmp_path: Path) -> None:
     assert document.numbers["parameters"]["coulomb_force"].value == pytest.approx(0.5401, rel=1e-4)
     assert document.numbers["recordings"]["recording_1"]["r_squared"].value > 0.999999
     assert not document.numbers["undetermined"]
+    file |= {"priors": {"coulomb_force": ["0.5 N", "10 pN"]}, "noise": "1 mm"}
+    (tmp_path / "walk.yaml").write_text(yaml.safe_dump(file), "utf-8")
+    told = run_file(tmp_path / "walk.yaml").numbers["parameters"]["coulomb_force"]
+    assert told.value == pytest.approx(0.5, rel=1e-4)  # a prior that knows it, of a recording that does not
+    del file["noise"]
+    (tmp_path / "walk.yaml").write_text(yaml.safe_dump(file), "utf-8")
+    with pytest.raises(ValueError, match=r"priors weigh against the noise: give noise \[m\]"):
+        run_file(tmp_path / "walk.yaml")
 
 
 @pytest.mark.parametrize(

@@ -72,13 +72,15 @@ class WalkFile(Study):
 
 
 class WalkAnalysis(WalkFile):
-    """See the module; `tied`, `starts`, `hops` and `tolerance` (of the simulations) as for
-    `identify_friction`. `by` names an attribute of the recordings (voltage, temperature, ...) for each value
-    of which they are fitted alone too."""
+    """See the module; `tied`, `starts`, `hops`, `tolerance` (of the simulations), and `priors` (value and
+    standard deviation) that weigh against `noise`, as for `identify_friction`. `by` names an attribute of the
+    recordings (voltage, temperature, ...) for each value of which they are fitted alone too."""
 
     kind: Literal["walk"]
     free: list[str]
     bounds: dict[str, tuple[float | str, float | str]] = Field(default_factory=dict)
+    priors: dict[str, tuple[float | str, float | str]] = Field(default_factory=dict)
+    noise: Annotated[float, quantity("m")] | None = None
     tied: dict[str, str] = Field(default_factory=dict)
     starts: int = 1
     hops: int = 6
@@ -99,6 +101,8 @@ class WalkAnalysis(WalkFile):
         options: dict[str, Any] = {
             "drive": [w for _, w in fitted],
             "bounds": self.bounds or None,
+            "priors": self.priors or None,
+            "noise": self.noise,
             "tied": self.tied,
             "starts": self.starts,
             "hops": self.hops,

@@ -7,8 +7,8 @@ Of each parameter a linear model of its logarithm over all fits i [dersimonian19
 with a number's logarithm as x (b is then an exponent: 1 for Amontons' law, 1/3 for the stiffness of a ball),
 0 or 1 for a name (e^b is a ratio to the first one), e_i of the fit's own variance, and u_i of the variance
 τ² that contacts scatter by beyond it: from place to place, as they are put together. τ² by restricted
-likelihood; intervals by Student's t, never narrower than the fits' own errors. Without more fits than
-coefficients there is no τ², and the intervals say what these very contacts differ by, not what surfaces do.
+likelihood; intervals by Student's t. Without more fits than coefficients there is no τ², and the intervals
+say what these very contacts differ by, not what surfaces do.
 """
 
 from __future__ import annotations
@@ -168,25 +168,24 @@ class _Fitted(NamedTuple):
 def _fitted(design: Array, logarithms: Array, errors: Array) -> _Fitted:
     freedom = len(logarithms) - design.shape[1]
 
-    def at(variance: float) -> tuple[Array, Array, float, float]:
-        """Coefficients, their covariance, weighted squares, -2 times the restricted log-likelihood."""
+    def at(variance: float) -> tuple[Array, Array, float]:
+        """Coefficients, their covariance, and -2 times the restricted log-likelihood."""
         weight = 1.0 / (errors**2 + variance)
         normal = design.T @ (weight[:, None] * design)
         covariance = np.linalg.inv(normal)
         b = covariance @ (design.T @ (weight * logarithms))
         squares = float(np.sum(weight * (logarithms - design @ b) ** 2))
         likelihood = squares - float(np.sum(np.log(weight))) + float(np.linalg.slogdet(normal)[1])
-        return b, np.asarray(covariance, float), squares, likelihood
+        return b, np.asarray(covariance, float), likelihood
 
     scatter = np.nan
     if freedom > 0:
         found: Any = minimize_scalar(
-            lambda tau: at(tau**2)[3], bounds=(0.0, MOST_SCATTER), method="bounded", options={"xatol": 1e-6}
+            lambda tau: at(tau**2)[2], bounds=(0.0, MOST_SCATTER), method="bounded", options={"xatol": 1e-6}
         )
-        scatter = 0.0 if at(0.0)[3] <= found.fun else float(found.x)
-    b, covariance, squares, _ = at(0.0 if freedom == 0 else scatter**2)
-    widening = max(1.0, squares / freedom) if freedom else 1.0
-    deviations = np.sqrt(widening * np.diag(covariance))[1:]
+        scatter = 0.0 if at(0.0)[2] <= found.fun else float(found.x)
+    b, covariance, _ = at(0.0 if freedom == 0 else scatter**2)
+    deviations = np.sqrt(np.diag(covariance))[1:]
     of = stats.t(freedom) if freedom else stats.norm()
     chances = 2.0 * of.sf(np.abs(b[1:]) / deviations)
     return _Fitted(b[1:], of.ppf(0.5 + LEVEL / 2) * deviations, chances, scatter)

@@ -1,10 +1,10 @@
 r"""What a contact says of friction parameters beforehand: values, each with a stated width.
 
-A width is a factor within which 68 % lie either way (a normal distribution of the logarithm). What is known
-apart multiplies in squares: the factor of the friction coefficient (lists of one pair differ by 1.5 and
-more), of the roughness, of γ (see `persson`), of the number of contacts, and of theory itself: measured
-tangential stiffness of interfaces lies within about two of elastic theory, mostly below (films, plastic
-summits, guides and holders in series), so `THEORY` is 2.
+A width is a factor within which 68 % lie either way (a normal distribution of the logarithm). What is
+known apart multiplies in squares: the factor of the friction coefficient (lists of one pair differ by 1.5
+and more), of γ (see `persson`), of the number of contacts, of the roughness (assumed: 1.3), and of theory
+itself. That is assumed to be 2: films, plastic summits, and what is in series make real contacts softer than
+elastic theory.
 
 .. math:: \sigma_0 = k_t, \qquad F_C = \mu P, \qquad \frac{1}{k_t} = \frac{1}{k_{contact}} +
 \frac{1}{k_{holder}}

@@ -7,9 +7,8 @@ with the isotropic spectrum C(q) [m⁴] over the wavevector q [rad/m], whose int
 variance of the heights [jacobs2017]. A self-affine one is constant from q_l to q_r (the plateau) and falls as
 q^(-2-2H) to q_s.
 
-One number such as Ra is no roughness here: in a challenge of 2,088 measurements of one surface it scattered
-by orders of magnitude with the size of the scan and the instrument [pradhan2025], and neither slope nor the
-longest wavelength follow from it.
+One number such as Ra is no roughness here: 2,088 measurements in a challenge showed that it cannot be used
+without a lateral scale [pradhan2025]; neither slope nor the longest wavelength follow from it.
 """
 
 from __future__ import annotations
@@ -96,15 +95,13 @@ def self_affine(
         )
     q_l, q_r, q_s = (2.0 * math.pi / wavelength for wavelength in (longest, bend, shortest))
 
-    def integral(power: int) -> float:
-        """Of q^power over the spectrum, which is 1 on its plateau."""
+    roots = []
+    for power in (1, 3, 5):  # of q^power over the spectrum, which is 1 on its plateau
         flat = (q_r ** (power + 1) - q_l ** (power + 1)) / (power + 1)
         left = power - 1.0 - 2.0 * hurst
         fall = math.log(q_s / q_r) if left == 0.0 else (q_s**left - q_r**left) / left
-        return flat + q_r ** (2.0 + 2.0 * hurst) * fall
-
-    variance = integral(1)
-    slope, curvature = (height * math.sqrt(integral(power) / variance) for power in (3, 5))
+        roots.append(math.sqrt(flat + q_r ** (2.0 + 2.0 * hurst) * fall))
+    slope, curvature = (height * root / roots[0] for root in roots[1:])
     return Roughness(height, slope, curvature, longest, shortest)
 
 
