@@ -31,9 +31,9 @@ WIDE, NEAR = 0.3, 0.08
 # How far inside of the bounds an evolution begins.
 INSIDE = 0.02
 # Conditions that candidates are judged by at first; how often more are added.
-ACTIVE, ROUNDS = 6, 4
+ACTIVE, ROUNDS = 4, 4
 # The first budget over that of a later turn.
-LATER = 8
+LATER = 6
 # Those that stand for all where a quantile is asked for.
 RANKS = 24
 # Of the scale of merits: a gain below it is no reason to go on.
@@ -95,7 +95,9 @@ def robust(task: Task, starts: Array) -> Best:
     begin, spread, share = starts, WIDE, task.budget
     for turn in range(ROUNDS):
         part = task._replace(
-            progress=lambda doing, done, turn=turn: task.progress(doing, (turn + done) / ROUNDS)
+            # Far from any good drive, what falls short of the baseline somewhere only leads back to that.
+            judge=task.judge if turn else task.judge._replace(baseline=None),
+            progress=lambda doing, done, turn=turn: task.progress(doing, (turn + done) / ROUNDS),
         )
         found, tried, stopped = evolved(part, begin, spread, active, share)
         merits = task.merits(found[None], everything)
@@ -108,11 +110,12 @@ def robust(task: Task, starts: Array) -> Best:
             best = best._replace(interrupted=True)
             break
         wider = worst_of(merits[0], task.judge, active)
+        astray = turn and task.judge.falls_short(best.score)
         done = wider.size == active.size or (turn and gained < GAIN * task.judge.scale)
-        if done and not task.judge.falls_short(best.score):
+        if done and not astray:
             break
-        active, begin, spread, share = wider, best.x[None], NEAR, task.budget // LATER
-        if task.judge.falls_short(best.score):  # a few conditions led astray
+        active, begin, spread, share = wider, found[None], NEAR, task.budget // LATER
+        if astray and done:
             begin, spread, share = starts, WIDE, task.budget
     return best._replace(evaluations=spent)
 
