@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,13 +14,14 @@ import xarray as xr
 from numpy.typing import NDArray
 
 import stickslip as ss
-from stickslip.design import Plan
+from stickslip.design import FreeDrives, Plan
 from stickslip.design.candidates import there_and_back
 from stickslip.design.information import Space, covariance, seen
 from stickslip.estimate.coloured import Coloured
 from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.tied import Ties
 from stickslip.identify import Walk
+from stickslip.input_file import load_yaml
 from stickslip.rig import Limits
 from stickslip.simulation import steady_step_derivatives
 from stickslip.units import QuantityError
@@ -261,6 +263,37 @@ def test_tied_values_move_together() -> None:
     found = seen(ACTUATOR, walk, "one", Space((free,), Ties([free, follows])), ss.chain.Chain(), None).normal
     along = np.array([1.0, 0.5])
     assert found[0, 0] == pytest.approx(along @ both[:2, :2] @ along, rel=1e-6)
+
+
+def test_a_free_drive_tells_more_and_comes_back(tmp_path: Path) -> None:
+    how: dict[str, Any] = {
+        "free": FREE,
+        "noise": NOISE,
+        "duration": 0.2,
+        "sample_rate": RATE,
+        "recordings": 1,
+    }
+    limits = Limits(max_voltage=80.0, min_position=-200e-6, max_position=400e-6)
+    usual = ss.plan_experiment(ACTUATOR, goal="sigma_0", limits=limits, **how)
+    free = ss.plan_experiment(ACTUATOR, FreeDrives(5, trials=96), goal="sigma_0", limits=limits, **how)
+    ((name, walk),) = free.recordings.items()
+    assert name.startswith("free drive")
+    assert free.standard_errors["sigma_0"] < usual.standard_errors["sigma_0"]
+    alone = planned({"it": walk}, goal="sigma_0", recordings=1)
+    assert alone.standard_errors["sigma_0"] == pytest.approx(free.standard_errors["sigma_0"])
+    low, high = walk.drive.range()
+    assert low >= 0.0
+    assert high <= 80.0
+    moved = position(ACTUATOR, walk.drive, walk.times)
+    forward = position(ACTUATOR, walk.drive.parts[0][0]._replace(periods=None), walk.times)
+    assert abs(moved[-1]) < 0.3 * abs(forward[-1]), "it walks back as well"
+    content = load_yaml(free.save(tmp_path / "free.yaml"))
+    shapes = {part["shape"] for part in content["runs"][0]["waveform"]}
+    assert shapes == {"PeriodicKnots"}
+    with pytest.raises(QuantityError, match="knots"):
+        FreeDrives(2)
+    with pytest.raises(QuantityError, match="whole number"):
+        FreeDrives(4.5)
 
 
 def test_drives_begin_at_rest() -> None:

@@ -1,6 +1,7 @@
 # isort: skip_file
 from .actuators import optimise_actuator as optimise_actuator
 from .built import OptimisedActuator as OptimisedActuator
+from .free_drives import FreeDrives as FreeDrives
 from .front import Front as Front
 from .fronts import waveform_front as waveform_front
 from .goals import Current as Current

@@ -15,6 +15,8 @@ Over = Literal["worst", "mean"]
 
 # Rounds of exchanges; each ends at a better set, and few are ever needed.
 MOST_ROUNDS = 20
+# Sets that are begun with one candidate each, at most.
+MOST_BEGINS = 64
 
 
 class Goal(NamedTuple):
@@ -60,8 +62,10 @@ def chosen(of: Seen, goal: Goal, over: Over, count: int) -> list[int]:
     The first ones of those that tell the goal: the sets of one, two, ... in their order are good ones too.
     """
     alone = criterion(of, goal) + 0.5 * np.log(of.duration)
-    # Where draws want different recordings, those of one draw are seldom reached from those of another.
-    begins = dict.fromkeys([int(np.argmin(score(of, goal, over))), *np.argmin(alone, axis=1).tolist()])
+    # Where draws want different recordings, those of one draw are seldom reached from those of another. And
+    # what tells most alone is seldom in the best set of several for one parameter.
+    best = np.argsort(score(of, goal, over), kind="stable")[:MOST_BEGINS]
+    begins = dict.fromkeys([*best.tolist(), *np.argmin(alone, axis=1).tolist()])
     found = [_exchanged(of, goal, over, _added(of, goal, over, [first], count)) for first in begins]
     return _ordered(of, goal, over, min(found, key=lambda taken: _of(of, goal, over, taken)))
 

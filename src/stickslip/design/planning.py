@@ -24,6 +24,7 @@ from ..waveform import Sawtooth
 from ..waveform.signal import Waveform
 from .candidates import beyond, refused, sawtooths, walks_of
 from .choice import Goal, Over, chosen, criterion, score
+from .free_drives import FreeDrives, searched
 from .information import Seen, covariance, seen, stacked
 from .plan import Plan, of_choice
 from .starting import Start, draws_of, start
@@ -41,7 +42,7 @@ MOST_FOLLOWED = 24
 
 def plan_experiment(
     model: Actuator | Fit,
-    candidates: Mapping[str, Walk | Waveform] | Sequence[Walk | Waveform] | None = None,
+    candidates: Mapping[str, Walk | Waveform] | Sequence[Walk | Waveform] | FreeDrives | None = None,
     *,
     free: Sequence[str] | None = None,
     goal: str | Waveform = ALL,
@@ -67,7 +68,8 @@ def plan_experiment(
         model: the actuator as far as it is known, or a fit of one by `identify_friction`, whose free
             parameters, delay, rate of samples and noise are then taken where these are left out.
         candidates: recordings to choose from, waveforms or `identify.Walk`, by name or in a list. Left out: a
-            grid of sawtooths in bursts there and back, over voltage, frequency and rise, within the limits.
+            grid of sawtooths in bursts there and back, over voltage, frequency and rise, within the limits;
+            `design.FreeDrives()`: that grid, and a drive that is searched for.
         free: what is to be determined, as for `identify_friction`; the stage's "natural_frequency",
             "damping_ratio" and "gain" too.
         goal: "all" (the product of the standard errors, correlations allowed for: D-optimal), the name of
@@ -117,6 +119,8 @@ def plan_experiment(
     wanted = _goal(goal, starts)
     named = _named(candidates, begin, limits, duration)
     found, left_out = _simulated(named, starts, wanted, limits, progress)
+    if found and isinstance(candidates, FreeDrives):
+        _search(candidates, named, found, starts, wanted, limits, seed, progress)
     if not found:
         raise QuantityError(
             "no candidate can be taken: "
@@ -180,7 +184,7 @@ def _of_step(at: Start, waveform: Waveform) -> np.ndarray:
 
 def _named(candidates: Any, begin: Start, limits: Limits, duration: float) -> dict[str, Walk]:
     how = (duration, begin.sample_rate, begin.noise)
-    if candidates is None:
+    if candidates is None or isinstance(candidates, FreeDrives):
         found = sawtooths(limits, min(begin.chain.slew_rate, limits.max_slew), *how)
         if not found:
             raise QuantityError(
@@ -248,6 +252,34 @@ def _follow(
         left_out[name] = why
     else:
         found[name] = of
+
+
+def _search(
+    asked: FreeDrives,
+    named: dict[str, Walk],
+    found: dict[str, Seen],
+    starts: Sequence[Start],
+    goal: Goal,
+    limits: Limits,
+    seed: int,
+    progress: Progress,
+) -> None:
+    """Add a free drive that tells more than the best of `found`, if there is one, to that and to `named`."""
+    name = min(found, key=lambda one: float(score(found[one], goal, "mean")))
+    nominal = goal if goal.gradients is None else goal._replace(gradients=goal.gradients[:1])
+
+    def told(walk: Walk) -> float:
+        of: dict[str, Seen] = {}
+        if not refused(walk, limits, "free drive"):
+            _follow("free drive", walk, starts[:1], limits, of, {})
+        return float(score(of["free drive"], nominal, "mean")) if of else np.nan
+
+    slew_rate = starts[0].chain.slew_rate
+    walk = searched(asked, named[name], limits, slew_rate, told, seed, progress)
+    drive: Any = walk.drive
+    called = f"free drive {1.0 / drive.parts[0][0].period:.4g} Hz"
+    _follow(called, walk, starts, limits, found, {})
+    named[called] = walk
 
 
 def _foremost(found: Mapping[str, Seen], goal: Goal) -> list[str]:

@@ -1,0 +1,106 @@
+"""Recordings whose drive is itself searched for, to tell more than any of the usual ones.
+
+A drive is a burst of a closed polygon that begins at the lowest voltage, and the same backwards in time,
+which walks back; in turn, for as long as the recording. Values and frequency are searched for by CMA-ES
+[hansen2016], from the best of the usual sawtooths on, at the values of the model.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..identify.walk.experiments import Walk
+from ..progress import Progress
+from ..records import Quantity, record
+from ..rig import Limits
+from ..units import QuantityError
+from ..waveform import PeriodicKnots, Sawtooth
+from ..waveform import Sequence as Parts
+from . import limits as of_search
+from .candidates import BURST, FEWEST, FREQUENCIES
+from .polygons import Polygons, as_knots, knots
+from .search import Index, Judge, Task, robust
+
+Array = NDArray[np.float64]
+# Samples of a period that a fit needs.
+SAMPLES = 10.0
+
+
+@record
+class FreeDrives(NamedTuple):
+    """Among the candidates of a plan is a drive that is searched for."""
+
+    knots: Annotated[float, Quantity("", "n", "values within a period", minimum=3, maximum=32)] = 6
+    trials: Annotated[float, Quantity("", "", "drives that are tried", minimum=16, maximum=100_000)] = 320
+
+    def _check(self) -> None:
+        for name, value in self._asdict().items():
+            if value % 1:
+                raise QuantityError(f"FreeDrives.{name} = {value:g} must be a whole number")
+
+
+def searched(
+    asked: FreeDrives,
+    begin: Walk,
+    limits: Limits,
+    slew_rate: float,
+    told: Callable[[Walk], float],
+    seed: int,
+    progress: Progress,
+) -> Walk:
+    """The recording that tells most.
+
+    Args:
+        asked: how it is searched for.
+        begin: the usual recording from whose drive it begins.
+        limits, slew_rate: of voltage, and V/s.
+        told: the logarithm of the expected error of a recording, less is better; NaN: it cannot be made.
+        seed: of the search.
+        progress: as for `plan_experiment`.
+    """
+    allowed = of_search.Allowed(
+        max(limits.min_voltage, 0.0),
+        limits.max_voltage,
+        min(slew_rate, limits.max_slew),
+        max(FREQUENCIES[0], (FEWEST + 0.1) / begin.duration),
+        min(FREQUENCIES[-1], begin.sample_rate / SAMPLES),
+        None,
+        of_search.Limits(),
+    )
+
+    def walk(x: Array) -> Walk:
+        shape = knots(np.append(0.0, x)[None], allowed)
+        return begin._replace(drive=there_and_back(shape, begin.duration))
+
+    def merits(x: Array, which: Index) -> Array:
+        return np.array([[-told(walk(one))] for one in np.clip(x, 0.0, 1.0)])
+
+    first = as_knots(_polygon(begin), int(asked.knots), allowed)[1:]
+    task = Task(
+        merits, Judge(0.0, None, 1.0), 1, int(asked.trials), np.random.default_rng([seed, 3]), progress
+    )
+    return walk(robust(task, first[None]).x)
+
+
+def there_and_back(shape: Polygons, duration: float) -> Parts:
+    """Bursts of the first polygon and of what it is backwards in time, for as long as the recording [s]."""
+    period, n = float(shape.period[0]), shape.volts.shape[1]
+    periods = max(FEWEST, round(BURST / period))
+    times = tuple((np.arange(n) * period / n).tolist())
+    forward = PeriodicKnots(times, tuple(shape.volts[0].tolist()), period, periods=periods)
+    back = forward._replace(values=(forward.values[0], *forward.values[:0:-1]))
+    return Parts(*((forward, back) * max(1, math.floor(duration / (2 * periods * period) + 1e-9))))
+
+
+def _polygon(walk: Walk) -> Polygons:
+    """The sawtooth that a recording begins with."""
+    saw = walk.drive.parts[0][0] if isinstance(walk.drive, Parts) else None
+    if not isinstance(saw, Sawtooth):
+        raise QuantityError("a free drive begins from one of the usual sawtooths, and none can be taken")
+    volts, rise = np.array([[0.0, saw.amplitude]]), min(saw.rise_fraction, 1.0 - 1e-3)
+    return Polygons(np.array([[0.0, rise]]), volts, np.array([1.0 / saw.frequency]))
