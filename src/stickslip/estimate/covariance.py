@@ -112,33 +112,35 @@ def covariance(jacobian: np.ndarray, residuals: np.ndarray, noise: Noise) -> np.
     z = (residuals / noise.scale) ** 2
     _, first, second = noise.loss(z)
     score = residuals * first
-    inverse = _inverse(jacobian)
+    directions, root, lost = _decomposed(jacobian)
     bend = float(np.mean(first + 2 * z * second))
     if noise.correlated:
         ends = np.cumsum(noise.correlated)[:-1]
-        pieces = zip(np.split(jacobian, ends), np.split(score, ends), strict=True)
-        power = np.sum([_long_run(j * s[:, None], s) for j, s in pieces], axis=0)
-        power = power * score.size / noise.degrees_of_freedom / bend**2
-        known = np.isfinite(np.outer(np.diag(inverse), np.diag(inverse)))
-        finite = np.where(known, inverse, 0.0)
-        return np.where(known, finite @ power @ finite, inverse)
-    if noise.known and not np.any(second):
-        return inverse
-    return inverse * float(score @ score) / noise.degrees_of_freedom / bend**2
+        pieces = zip(np.split(directions, ends), np.split(score, ends), strict=True)
+        power = np.sum([_long_run(u * s[:, None], s) for u, s in pieces], axis=0)
+        spread = root @ power @ root.T * (score.size / noise.degrees_of_freedom / bend**2)
+    else:
+        spread = root @ root.T
+        if not noise.known or np.any(second):
+            spread *= float(score @ score) / noise.degrees_of_freedom / bend**2
+    spread[lost, :] = spread[:, lost] = 0.0
+    spread[lost, lost] = np.inf
+    return spread
 
 
-def _inverse(jacobian: np.ndarray) -> np.ndarray:
-    """Inverse of J'J; infinite on the diagonal for coordinates in its null space."""
+def _decomposed(jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Orthonormal directions U [n, m] that the coordinates move the residuals in, the root R [k, m] of
+    (J'J)^-1 = R R' with J R = U, and which coordinates have a part in J's null space.
+
+    What is summed over samples is summed along U: two coordinates that are nearly alike would else leave
+    differences of large numbers.
+    """
     norms = np.linalg.norm(jacobian, axis=0)
     norms[norms == 0] = 1.0
-    _, s, vt = np.linalg.svd(jacobian / norms, full_matrices=False)
+    u, s, vt = np.linalg.svd(jacobian / norms, full_matrices=False)
     null = s <= s[0] * max(jacobian.shape) * np.finfo(float).eps
     root = vt[~null].T / s[~null] / norms[:, None]
-    inverse = root @ root.T
-    lost = np.flatnonzero(np.any(np.abs(vt[null]) > 1e-6, axis=0))
-    inverse[lost, :] = inverse[:, lost] = 0.0
-    inverse[lost, lost] = np.inf
-    return inverse
+    return u[:, ~null], root, np.flatnonzero(np.any(np.abs(vt[null]) > 1e-6, axis=0))
 
 
 def _long_run(terms: np.ndarray, residuals: np.ndarray) -> np.ndarray:
