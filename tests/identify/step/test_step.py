@@ -72,7 +72,7 @@ def test_truth_lies_in_the_intervals_of_a_noisy_fit_and_not_at_the_formulas() ->
 
 
 def test_repetitions_without_a_peak_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Noise may bring the greatest sample before the rise, which the formulas refuse; here every tenth time."""
+    """Noise may bring the greatest sample too early, which the formulas refuse: here every tenth time."""
     recordings = [step_recording(v, 0.125e-6, seed) for seed, v in enumerate(VOLTS)]
     fit, calls = identify_step(recordings), itertools.count()
 
