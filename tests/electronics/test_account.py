@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
+from scipy.integrate import solve_ivp
 
 import stickslip as ss
 from stickslip.electronics import Stack, TemperatureDependence, driven, electrical, load_amplifier, load_stack
@@ -178,6 +179,36 @@ def test_temperature_dependence() -> None:
         of._replace(reference=200.0)
     with pytest.raises(QuantityError, match=r"TemperatureDependence\.gain = 0\.1 1/K .* nothing is left"):
         of._replace(gain=0.1)
+
+
+def test_temperature_is_fed_back() -> None:
+    """A triangle of 100 V, whose loss is the same in every cycle: against the integrated equation; the charge
+    that is there more is current, and the gain follows."""
+    alpha, triangle = 4e-3, ss.Triangle(100.0, 50.0)
+    of = TemperatureDependence("20 degC", -1e-3, alpha, "0 degC", "150 degC")
+    kinds = {"ambient": "30 degC", "tolerance": "0.1 V"}
+    plain, found = (electrical(triangle, STACK, "40 s", dependence=one, **kinds) for one in (None, of))
+    power = 50.0 * loss_of(100.0)
+
+    def warming(_: float, kelvin: Any) -> Any:
+        return (power * (1.0 + alpha * (kelvin - 293.15)) - (kelvin - 303.15) / 50.0) / 2.0
+
+    expected = solve_ivp(warming, (0.0, 40.0), [303.15], rtol=1e-10, atol=1e-10).y[0, -1]
+    assert float(found["temperature"][-1]) == pytest.approx(expected, abs=2e-4 * (expected - 303.15))
+    assert expected > float(plain["temperature"][-1]) + 0.05
+    last = float(found["temperature"][-1])
+    more = 1.0 + alpha * (last - 293.15)
+    assert float(found["charge"].max()) == pytest.approx(more * float(plain["charge"].max()), rel=1e-3)
+    assert float(found["current"][-2]) == pytest.approx(more * float(plain["current"][-2]), rel=1e-3)
+    assert float(found["gain_factor"][-1]) == pytest.approx(1.0 - 1e-3 * (last - 293.15))
+    assert "gain_factor" not in plain
+    rise = 50.0 * power
+    ever = 303.15 + rise * 1.04 / (1.0 - rise * alpha)  # where the loss there leaves again
+    assert float(found["steady_temperature"]) == pytest.approx(ever, rel=1e-6)
+    wild = of._replace(capacitance=1.01 / rise, low="29 degC", reference="30 degC")
+    assert np.isinf(electrical(triangle, STACK, "1 s", dependence=wild, **kinds)["steady_temperature"])
+    with pytest.raises(QuantityError, match="the coefficients hold from"):
+        electrical(triangle, STACK, "40 s", dependence=of._replace(high="31 degC"), **kinds)
 
 
 @pytest.mark.parametrize(

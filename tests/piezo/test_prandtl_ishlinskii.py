@@ -81,6 +81,22 @@ def test_skewed_loops_are_wider_where_the_skew_is() -> None:
     np.testing.assert_allclose(high, [0.0, 88.0, 108.0, 92.0])
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_corners_are_where_the_output_bends(seed: int) -> None:
+    """On the ways up and down from a rest: between its corners the output is a line, and at each it bends."""
+    random = np.random.default_rng(seed)
+    one, rest = model(random), float(random.uniform(5.0, 30.0))
+    for up in (1.0, -1.0):
+        ways = up * (one.corners(rest, up) - rest)
+        inside = np.sort(ways[(ways > 1e-6) & (ways < 100.0)])
+        assert inside.size
+        fine = rest + up * np.union1d(np.linspace(0.0, 100.0, 2001), inside)
+        slopes = np.diff(one.output(fine, rest)) / np.diff(fine)
+        bends = np.abs(np.diff(slopes)) > 1e-7
+        found = up * (fine[1:-1][bends] - rest)
+        assert np.all(np.min(np.abs(found[:, None] - inside), axis=1) < 1e-6)
+
+
 def test_minor_loops_close_and_are_congruent() -> None:
     """A minor loop between the same voltages has the same shape wherever it hangs, without dead zones."""
     one = model(np.random.default_rng(3), zones=False)

@@ -1,6 +1,11 @@
-"""The electrical account of a run: current, charge, power, and the temperature of the stack.
+r"""The electrical account of a run: current, charge, power, and the temperature of the stack.
 
 Between two points the voltage is a line, so the current is constant there, and every sum below is exact.
+Where capacitance and loss grow with the temperature, by c = 1 + α (ϑ - ϑ_0), between two points
+
+.. math:: C_\vartheta \dot\vartheta = c(\vartheta)\, P - \frac{\vartheta - \vartheta_a}{R_\vartheta}
+
+with a constant P is an exponential still, of the rate 1/(R C) - α P / C_ϑ; below 0 it runs away.
 """
 
 from __future__ import annotations
@@ -17,7 +22,7 @@ from ..units import QuantityError, optional_si, to_si, with_prefix
 from ..waveform.signal import Waveform
 from .cycles import lost_power
 from .lines import jumps, lines_of
-from .stack import TEMPERATURE, Stack
+from .stack import TEMPERATURE, Stack, TemperatureDependence
 
 Array = NDArray[np.float64]
 
@@ -30,6 +35,7 @@ _OVER_TIME = {
     "reactive_power": ("W", "reactive power"),
     "loss_power": ("W", "loss"),
     "temperature": ("K", "temperature of the stack"),
+    "gain_factor": ("", "gain over that at the reference temperature"),
 }
 _OF_ALL = {
     "peak_current": ("A", "greatest current"),
@@ -46,12 +52,12 @@ def electrical(
     *,
     ambient: float | str = 293.15,
     tolerance: float | str = 5e-3,
+    dependence: TemperatureDependence | None = None,
 ) -> xr.Dataset:
     """Current, charge, power and temperature of a stack over a run.
 
     The current is that of the capacitance; what is lost adds to its rms value by less than the square of the
-    loss tangent. Noise of a recording is current, too: smooth it first. The capacitance does not go with the
-    temperature here (see `TemperatureDependence`).
+    loss tangent. Noise of a recording is current, too: smooth it first.
 
     Args:
         source: the voltage at the piezo: a waveform in V, without jumps (`driven` gives one); or a recording
@@ -60,17 +66,21 @@ def electrical(
         duration: s, of a waveform.
         ambient: K, of the surroundings; the stack begins at that.
         tolerance: V, greatest error of the lines by which a waveform is drawn.
+        dependence: how capacitance and gain go with the temperature; the loss goes with the capacitance, and
+            all are fed back. Left out, they do not.
 
     Returns:
         Over "time", which is that of the lines or samples, and closer where the stack's temperature bends:
         `drive_voltage` [V], `charge` [C] and `temperature` [K] at each point, `current` [A],
-        `reactive_power` (into the field, negative: out of it) and `loss_power` [W] from it to the next. Of
+        `reactive_power` (into the field, negative: out of it) and `loss_power` [W] from it to the next; with
+        a `dependence` `gain_factor` at each point: an actuator then has so many times its gain. Of
         the whole: `peak_current`, `rms_current`, `mean_loss`, and `steady_temperature`, which it would have
-        at last if it went on like this.
+        at last if it went on like this: infinite, if the loss grows faster than the heat leaves.
 
     Raises:
         QuantityError: a waveform without a duration, in m or with a jump, which takes an infinite current; a
-            recording without drive_voltage, without two samples or with gaps; a number out of range.
+            recording without drive_voltage, without two samples or with gaps; a number out of range; a
+            temperature beyond those for which the dependence holds.
     """
     seconds = optional_si(duration, "s", "duration")
     kelvin = TEMPERATURE.check(to_si(ambient, "K", "ambient"), "ambient")
@@ -80,23 +90,34 @@ def electrical(
     times, volts = _points(source, seconds, volts_off)
     times, volts = _closer(times, volts, _WARMING * stack.time_constant)
     step = np.diff(times)
-    current = stack.load * np.diff(volts) / step
-    stored = 0.5 * stack.load * np.diff(volts * volts) / step
-    loss = lost_power(times, volts, stack.cycle_loss)
+    cold = lost_power(times, volts, stack.cycle_loss)
     lasted = float(times[-1] - times[0])
+    slope, first = 0.0, 1.0
+    if dependence is not None:
+        slope, first = dependence.capacitance, float(dependence.capacitance_factor(kelvin))
+    rise = _warmed(step, cold, stack, slope, first)
+    factor = np.full(rise.size, 1.0) if dependence is None else dependence.capacitance_factor(kelvin + rise)
+    loss = cold * 0.5 * (factor[1:] + factor[:-1])
+    charge = stack.load * factor * volts
+    current = np.diff(charge) / step
+    stored = 0.5 * np.diff(charge * volts) / step
     mean_loss = float(np.sum(loss * step)) / lasted
+    steady = stack.thermal_resistance * float(np.sum(cold * step)) / lasted  # K, without a dependence
+    left = 1.0 - steady * slope
     found = {
         "drive_voltage": volts,
         "current": _held(current),
-        "charge": stack.load * volts,
+        "charge": charge,
         "reactive_power": _held(stored),
         "loss_power": _held(loss),
-        "temperature": kelvin + _warmed(step, loss, stack),
+        "temperature": kelvin + rise,
         "peak_current": float(np.abs(current).max()),
         "rms_current": math.sqrt(float(np.sum(current * current * step)) / lasted),
         "mean_loss": mean_loss,
-        "steady_temperature": kelvin + stack.thermal_resistance * mean_loss,
+        "steady_temperature": kelvin + steady * first / left if left > 0.0 else math.inf,
     }
+    if dependence is not None:
+        found["gain_factor"] = dependence.gain_factor(kelvin + rise)
     said = {**_OVER_TIME, **_OF_ALL}
     return xr.Dataset(
         {
@@ -106,6 +127,7 @@ def electrical(
                 {"units": unit, "long_name": long_name},
             )
             for name, (unit, long_name) in said.items()
+            if name in found
         },
         {"time": ("time", times, {"units": "s", "long_name": "time"})},
     )
@@ -165,10 +187,13 @@ def _held(values: Array) -> Array:
     return np.append(values, values[-1])
 
 
-def _warmed(step: Array, power: Array, stack: Stack) -> Array:
-    """K above the surroundings at each point, of a power that is constant in between."""
-    left = np.exp(-step / stack.time_constant)
-    gained = stack.thermal_resistance * power * -np.expm1(-step / stack.time_constant)
+def _warmed(step: Array, power: Array, stack: Stack, slope: float, first: float) -> Array:
+    """K above the surroundings at each point, of a power [W] that is constant in between but for a factor:
+    `first` at the surroundings' temperature, and by `slope` [1/K] more above."""
+    rate = 1.0 / stack.time_constant - slope * power / stack.heat_capacity
+    left = np.exp(-rate * step)
+    lasting = np.where(rate == 0.0, step, -np.expm1(-rate * step) / np.where(rate == 0.0, 1.0, rate))
+    gained = first * power / stack.heat_capacity * lasting
     rise, found = 0.0, [0.0]
     for a, b in zip(left.tolist(), gained.tolist(), strict=True):
         rise = a * rise + b

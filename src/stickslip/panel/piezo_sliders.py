@@ -43,12 +43,7 @@ def with_shares(piezo: Piezo | None, hysteresis: Any, creep: Any) -> Piezo | Non
     if not math.isclose(h, now["hysteresis"], rel_tol=1e-9, abs_tol=1e-12):
         law = _stretched(law, h)
     if not math.isclose(g, now["creep"], rel_tol=1e-9, abs_tol=1e-12):
-        if not g:
-            after = None
-        elif after is None or not now["creep"]:
-            after = Creep.logarithmic(g)
-        else:
-            after = after._replace(shares=tuple(a * g / now["creep"] for a in after.shares))
+        after = _crept(after, g)
     return None if law is None and after is None else Piezo(law, after)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -15,8 +16,9 @@ from stickslip.estimate.coloured import Coloured, autoregression, coloured, scor
 from stickslip.estimate.fit import fit_least_squares
 from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.problem import Residuals
+from stickslip.identify.step import fit as step_fit
 from stickslip.identify.step.fit import identify_step, step_formula_errors
-from stickslip.identify.step.formulas import step_features
+from stickslip.identify.step.formulas import StepTest, Timing, classical, step_features
 from stickslip.identify.step.linear import filter_zeros_poles, second_order_poles, step_response
 from stickslip.recording import RecordingError, make_recording
 
@@ -67,6 +69,22 @@ def test_truth_lies_in_the_intervals_of_a_noisy_fit_and_not_at_the_formulas() ->
     # The lag of 60 us alone makes the peak come late: by about that, of 1117 us.
     assert -0.12 < float(errors["by_sensor"]) / TRUTH["natural_frequency"] < -0.01
     assert float(errors["by_noise"]) < 0.0
+
+
+def test_repetitions_without_a_peak_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Noise may bring the greatest sample too early, which the formulas refuse: here every tenth time."""
+    recordings = [step_recording(v, 0.125e-6, seed) for seed, v in enumerate(VOLTS)]
+    fit, calls = identify_step(recordings), itertools.count()
+
+    def sometimes(test: StepTest, timing: Timing) -> dict[str, float]:
+        if next(calls) % 10 == 9:
+            raise RecordingError("too coarsely sampled")
+        return classical(test, timing)
+
+    monkeypatch.setattr(step_fit, "classical", sometimes)
+    errors = step_formula_errors(fit, recordings, n=40)
+    assert np.all(np.isfinite(errors["by_noise"]))
+    assert np.all(errors["scatter"] > 0.0)
 
 
 def test_known_slew_and_filter_are_no_lag() -> None:
