@@ -1,7 +1,8 @@
 """Studies measured: throughput beside the bare ensemble, overhead of a task, memory of a worker, kills, and
 how many tasks a second a scheduler bears.
 
-``python -m benchmarks.study throughput|overhead|kills|scheduler`` prints figures; docs/scaling.md has them.
+``python -m benchmarks.study throughput|overhead|kills|scheduler`` prints figures, ``... picture STORE FILE``
+draws a map; docs/scaling.md has them.
 """
 
 from __future__ import annotations
@@ -16,12 +17,14 @@ import subprocess
 import sys
 import tempfile
 import time
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import stickslip as ss
+from stickslip import _jit
 from stickslip.study import Grid, Random, Study, Walk, compare_studies
 from stickslip.study.store import Store
 
@@ -119,15 +122,16 @@ class Cluster:
         self.workers = [self.start_worker() for _ in range(workers)]
 
     def start_scheduler(self) -> subprocess.Popen[bytes]:
-        return self.start("scheduler", "--host", "127.0.0.1", "--port", str(self.port), "--no-dashboard")
+        return self._start("scheduler", "--host", "127.0.0.1", "--port", str(self.port), "--no-dashboard")
 
     def start_worker(self) -> subprocess.Popen[bytes]:
         options = ["--nthreads", "1", "--no-nanny", "--no-dashboard", "--local-directory", str(self._folder)]
-        return self.start("worker", self.address, *options)
+        return self._start("worker", self.address, *options)
 
-    def start(self, *words: str) -> subprocess.Popen[bytes]:
+    def _start(self, *words: str) -> subprocess.Popen[bytes]:
+        environment = {**os.environ, "STICKSLIP_CACHE_DIR": str(_jit._cache_root())}  # compiled already
         with (self._folder / "log").open("ab") as log:
-            return subprocess.Popen([sys.executable, "-m", "dask", *words], stderr=log)
+            return subprocess.Popen([sys.executable, "-m", "dask", *words], stderr=log, env=environment)
 
     def alive(self) -> None:
         """Start again what has ended."""
@@ -206,6 +210,7 @@ def kills(members: int = 1 << 20, task: int = 2048, count: int = 50) -> None:
 _CLIENT = """
 import sys
 import stickslip as ss
+from stickslip import _jit
 from benchmarks.study import KANG, RANGES, SHORT
 from stickslip.study import Random, Study, Walk
 study = Study(Random(RANGES, {members}), Walk(KANG, SHORT), "{file}:logged", task={task})
@@ -221,25 +226,20 @@ def asleep(columns: Any) -> dict[str, Any]:
 
 
 def scheduler(workers: int = 200, seconds: float = 10.0, tasks: int = 1000) -> None:
-    """Workers that only sleep: what the scheduler and the client bear."""
+    """Workers that only sleep, in one process: what the scheduler and the client bear."""
     from stickslip.study import Own
 
     os.environ["STUDY_SLEEP"] = str(seconds)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         cluster = Cluster(folder, 0)
-        options = ["--nthreads", str(workers), "--no-nanny", "--no-dashboard"]
-        sleepers = cluster.start("worker", cluster.address, *options, "--local-directory", str(folder))
+        (folder / "sleepers.py").write_text(_SLEEPERS)
+        words = [str(folder / "sleepers.py"), cluster.address, str(workers)]
+        sleepers = subprocess.Popen([sys.executable, *words], cwd=folder)
         try:
             study = Study(Grid({"x": np.arange(4.0 * tasks)}), Own(f"{__file__}:asleep"), task=4)
             begun = time.perf_counter()
-            told: list[float] = []
-            ss.run_study(
-                study,
-                folder / "s.zarr",
-                scheduler=cluster.address,
-                progress=lambda d, s: told.append(time.perf_counter()),
-            )
+            ss.run_study(study, folder / "s.zarr", scheduler=cluster.address)
             written = Store(folder / "s.zarr").written()
             took = float(np.ptp(written)) + seconds
             used = Path(f"/proc/{cluster.scheduler.pid}/stat").read_text().split()
@@ -256,5 +256,53 @@ def scheduler(workers: int = 200, seconds: float = 10.0, tasks: int = 1000) -> N
             cluster.end()
 
 
+_SLEEPERS = """
+import asyncio, sys
+from distributed import Worker
+
+async def main():
+    workers = [Worker(sys.argv[1], nthreads=1, dashboard=False) for _ in range(int(sys.argv[2]))]
+    await asyncio.gather(*workers)
+    await asyncio.gather(*(one.finished() for one in workers))
+
+asyncio.run(main())
+"""
+
+
+def picture(store: str, file: str) -> None:
+    """What a map over seven parameters says, two at a time: quantiles over all others."""
+    from matplotlib.colors import LogNorm
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import NullFormatter
+    from scipy.stats import binned_statistic_2d
+
+    found = ss.study.open_study(store).load()
+    there = found["status"].values == 0
+    speed = np.abs(found["net_step"].values * found["frequency"].values)[there] * 1e3
+    pairs = [("frequency", "amplitude"), ("coulomb_force", "end_effector_mass"), ("sigma_0", "rise_fraction")]
+    figure = Figure(figsize=(11, 6.2), layout="constrained")
+    axes = figure.subplots(2, 3)
+    for column, (across, up) in enumerate(pairs):
+        x, y = found[across].values[there], found[up].values[there]
+        log = [np.ptp(np.log10(v)) > 0.7 for v in (x, y)]
+        spaced = [np.geomspace if one else np.linspace for one in log]
+        bins = [of(v.min(), v.max(), 33) for of, v in zip(spaced, (x, y), strict=True)]
+        for row, (words, how) in enumerate((("median", 0.5), ("90 % below", 0.9))):
+            of = partial(np.quantile, q=how)
+            binned = binned_statistic_2d(x, y, speed, of, bins=bins)[0]
+            axis = axes[row, column]
+            drawn = axis.pcolormesh(*bins, binned.T, norm=LogNorm(), cmap="viridis", rasterized=True)
+            figure.colorbar(drawn, ax=axis, label=f"speed, {words}, mm/s")
+            axis.set_xscale("log" if log[0] else "linear")
+            axis.set_yscale("log" if log[1] else "linear")
+            for one in (axis.xaxis, axis.yaxis):
+                one.set_minor_formatter(NullFormatter())
+            for name, label in ((across, axis.set_xlabel), (up, axis.set_ylabel)):
+                label(f"{name.replace('_', ' ')} {found[name].attrs['units']}".strip())
+    figure.suptitle(f"{there.sum():,} of {found.sizes['member']:,} members with a steady step")
+    figure.savefig(file, dpi=80)
+
+
 if __name__ == "__main__":
-    {"throughput": throughput, "overhead": overhead, "kills": kills, "scheduler": scheduler}[sys.argv[1]]()
+    asked = {"throughput": throughput, "overhead": overhead, "kills": kills, "scheduler": scheduler}
+    asked.get(sys.argv[1], picture)(*sys.argv[2:])
