@@ -29,8 +29,8 @@ from stickslip.study import Grid, Random, Study, Walk, compare_studies
 from stickslip.study.store import Store
 
 RANGES = {"sigma_0": ("1 N/um", "2 N/um"), "coulomb_force": ("0.3 N", "0.8 N"), "amplitude": ("40 V", "90 V")}
-SHORT = ss.Sawtooth("65 V", "50 Hz", periods=2)
-LONG = ss.Sawtooth("65 V", "5 Hz", periods=8)
+SHORT = ss.Sawtooth(65.0, 50.0, periods=2)
+LONG = ss.Sawtooth(65.0, 5.0, periods=8)
 KANG = ss.load_actuator("kang2007")
 
 
@@ -286,9 +286,9 @@ def picture(store: str, file: str) -> None:
         x, y = found[across].values[there], found[up].values[there]
         log = [np.ptp(np.log10(v)) > 0.7 for v in (x, y)]
         spaced = [np.geomspace if one else np.linspace for one in log]
-        bins = [of(v.min(), v.max(), 33) for of, v in zip(spaced, (x, y), strict=True)]
+        bins: Any = [of(v.min(), v.max(), 33) for of, v in zip(spaced, (x, y), strict=True)]
         for row, (words, how) in enumerate((("median", 0.5), ("90 % below", 0.9))):
-            of = partial(np.quantile, q=how)
+            of: Any = partial(np.quantile, q=how)
             binned = binned_statistic_2d(x, y, speed, of, bins=bins)[0]
             axis = axes[row, column]
             drawn = axis.pcolormesh(*bins, binned.T, norm=LogNorm(), cmap="viridis", rasterized=True)
@@ -304,5 +304,10 @@ def picture(store: str, file: str) -> None:
 
 
 if __name__ == "__main__":
-    asked = {"throughput": throughput, "overhead": overhead, "kills": kills, "scheduler": scheduler}
+    asked: dict[str, Any] = {
+        "throughput": throughput,
+        "overhead": overhead,
+        "kills": kills,
+        "scheduler": scheduler,
+    }
     asked.get(sys.argv[1], picture)(*sys.argv[2:])
