@@ -304,10 +304,5 @@ def picture(store: str, file: str) -> None:
 
 
 if __name__ == "__main__":
-    asked: dict[str, Any] = {
-        "throughput": throughput,
-        "overhead": overhead,
-        "kills": kills,
-        "scheduler": scheduler,
-    }
+    asked: dict[str, Any] = {one.__name__: one for one in (throughput, overhead, kills, scheduler)}
     asked.get(sys.argv[1], picture)(*sys.argv[2:])
