@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import re
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -247,3 +251,28 @@ def test_options_that_cannot_be(stores: Path, tmp_path: Path, words: list[str], 
     done = stickslip("study", stores / "study.yaml", "--store", tmp_path / "s.zarr", *words)
     assert done.exit_code == 2
     assert message in done.stderr
+
+
+def scripts() -> list[str]:
+    """Those of docs/scaling.md for queues."""
+    page = (Path(__file__).resolve().parents[2] / "docs" / "scaling.md").read_text("utf-8")
+    return [one for one in re.findall(r"```sh\n(.*?)```", page, re.DOTALL) if one.startswith("#!/bin/sh")]
+
+
+def test_the_scripts_for_queues_do_their_shards(stores: Path, tmp_path: Path) -> None:
+    """As SLURM and HTCondor call them, one shard by each; the queues themselves are not here."""
+    slurm, condor = scripts()
+    environment = {k: v for k, v in os.environ.items() if k != "STICKSLIP_CACHE_DIR"}
+    environment["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{environment['PATH']}"
+    environment |= {"SLURM_ARRAY_TASK_ID": "1", "SLURM_ARRAY_TASK_COUNT": "2", "TMPDIR": str(tmp_path)}
+    environment["USER"] = "somebody"
+    store = tmp_path / "map.zarr"
+    for script, words, done in ((slurm, [], [True, False, True]), (condor, ["2", "2"], [True, True, True])):
+        text = script.replace("/shared/map.zarr", str(store))
+        assert text != script
+        (tmp_path / "script").write_text(text)
+        command = ["sh", str(tmp_path / "script"), *words]
+        subprocess.run(command, cwd=stores, env=environment, check=True, capture_output=True)
+        assert Store(store).done().tolist() == done
+    assert [f.name for f in (tmp_path / "stickslip-somebody").iterdir()]
+    assert compare_studies(store, stores / "whole.zarr").equal

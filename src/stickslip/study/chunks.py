@@ -1,8 +1,9 @@
 """Chunks on disk: whole or not there at all, each with its checksum.
 
 A chunk is what Zarr (format 3) reads: little-endian bytes and their CRC-32C (RFC 3720), texts as `vlen-utf8`
-compressed by gzip. It is written here, not by the library, because that leaves out chunks that hold nothing
-but missing values (which are results too) and does not wait for the disk before it renames.
+compressed by gzip. It is written here, not by the library, which leaves out chunks that hold nothing but
+missing values: those are results too. The disk is not waited for: what a power cut destroys does not match
+its checksum, and is computed again.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ class ChunkError(Exception):
 
 
 def write_chunk(path: Path, values: NDArray[Any], dtype: str) -> None:
-    """Write a chunk under another name, wait for the disk, and give it its name.
+    """Write a chunk under another name, and give it its name.
 
     Raises:
         OSError: the disk is full, or worse; what was begun is removed.
@@ -41,8 +42,6 @@ def write_chunk(path: Path, values: NDArray[Any], dtype: str) -> None:
         with begun.open("wb") as file:
             file.write(data)
             file.write(check)
-            file.flush()
-            os.fsync(file.fileno())
         os.replace(begun, path)
     except BaseException:
         begun.unlink(missing_ok=True)
@@ -72,8 +71,9 @@ def check_chunk(path: Path, size: int | None) -> None:
 
 
 def _texts(values: NDArray[Any]) -> bytes:
-    encoded = [str(text).encode() for text in values.ravel().tolist()]
-    parts = [len(encoded).to_bytes(4, "little")]
-    for text in encoded:
+    parts, texts = [values.size.to_bytes(4, "little")], values.ravel().tolist()
+    if not any(texts):  # as a rule
+        return gzip.compress(parts[0] + bytes(4 * len(texts)), 1, mtime=0)
+    for text in (str(one).encode() for one in texts):
         parts += [len(text).to_bytes(4, "little"), text]
     return gzip.compress(b"".join(parts), 1, mtime=0)

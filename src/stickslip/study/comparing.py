@@ -150,8 +150,6 @@ def _copied(source: Path, target: Path, key: str) -> None:
     begun = path.with_name(f".{path.name}.{uuid.uuid4().hex}{PART}")
     try:
         shutil.copyfile(source / key, begun)
-        with begun.open("rb+") as file:
-            os.fsync(file.fileno())
         os.replace(begun, path)
     finally:
         begun.unlink(missing_ok=True)

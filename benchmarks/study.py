@@ -1,0 +1,308 @@
+"""Studies measured: throughput beside the bare ensemble, overhead of a task, memory of a worker, kills, and
+how many tasks a second a scheduler bears.
+
+``python -m benchmarks.study throughput|overhead|kills|scheduler`` prints figures, ``... picture STORE FILE``
+draws a map; docs/scaling.md has them.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import resource
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import stickslip as ss
+from stickslip import _jit
+from stickslip.study import Grid, Random, Study, Walk, compare_studies
+from stickslip.study.store import Store
+
+RANGES = {"sigma_0": ("1 N/um", "2 N/um"), "coulomb_force": ("0.3 N", "0.8 N"), "amplitude": ("40 V", "90 V")}
+SHORT = ss.Sawtooth(65.0, 50.0, periods=2)
+LONG = ss.Sawtooth(65.0, 5.0, periods=8)
+KANG = ss.load_actuator("kang2007")
+
+
+def logged(found: Any) -> dict[str, Any]:
+    """A summary that counts: a line for each time that a task was computed."""
+    with open(os.environ["STUDY_LOG"], "a", encoding="utf-8") as log:
+        log.write(f"{found.sizes['member']}\n")
+    return {"again": found["net_displacement"]}
+
+
+def cpu(who: int = resource.RUSAGE_SELF) -> float:
+    used = resource.getrusage(who)
+    return used.ru_utime + used.ru_stime
+
+
+def throughput(members: int = 1 << 18, task: int = 1 << 14) -> None:
+    """A study on two processes and the bare ensemble in one, of the same members; CPU times, for other
+    programs run too."""
+    study = Study(Random(RANGES, members), Walk(KANG, LONG), task=task)
+    columns = study.columns({"member": slice(0, members)})
+    study.computed(study.first_members())  # compiled, or read from the cache
+    begun, wall = cpu(), time.perf_counter()
+    bare = ss.simulate_ensemble(KANG, LONG, parameters=columns, threads=2)
+    bare_cpu, bare_wall = cpu() - begun, time.perf_counter() - wall
+    with tempfile.TemporaryDirectory() as folder:
+        told: list[float] = []
+        before = cpu(resource.RUSAGE_CHILDREN), cpu()
+        found = ss.run_study(
+            study,
+            Path(folder, "s.zarr"),
+            workers=2,
+            progress=lambda doing, done: told.append(time.perf_counter()),
+        )
+        children, own = cpu(resource.RUSAGE_CHILDREN) - before[0], cpu() - before[1]
+        empty = Study(Random(RANGES, 4), Walk(KANG, LONG), task=2)
+        start = cpu(resource.RUSAGE_CHILDREN)
+        ss.run_study(empty, Path(folder, "empty.zarr"), workers=2)
+        start = cpu(resource.RUSAGE_CHILDREN) - start
+        same = bool(np.array_equal(found["net_displacement"].values, bare["net_displacement"].values))
+        tasks, size = (
+            members // task,
+            sum(f.stat().st_size for f in Path(folder, "s.zarr").rglob("*") if f.is_file()),
+        )
+    working = children - start
+    peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+    print(f"members {members:,} in {tasks} tasks; equal: {same}; {size / 1e6:.1f} MB on the disk")
+    print(f"bare ensemble: {bare_cpu:.2f} s of CPU, {bare_wall:.2f} s")
+    print(f"study: workers {working:.2f} s of CPU and {start:.2f} s to start, client {own:.2f} s")
+    share = f"{bare_cpu / working:.1%}, with the client {bare_cpu / (working + own):.1%}"
+    print(f"throughput of the bare one, by CPU: {share}")
+    print(f"a task: {working / tasks:.3f} s, over the bare one {(working - bare_cpu) / tasks * 1e3:.1f} ms")
+    print(f"most memory of a worker: {peak:.0f} MB")
+
+
+def overhead(tasks: int = 200) -> None:
+    """What a task costs beyond its members, in one process: the same task with and without all around it."""
+    from stickslip.study.running import prepared
+    from stickslip.study.task import run_task
+
+    task = 1 << 14
+    study = Study(Random(RANGES, tasks * task), Walk(KANG, LONG), task=task)
+    place = {"member": slice(0, task)}
+    study.computed(study.first_members())
+    with tempfile.TemporaryDirectory() as folder:
+        store = prepared(study, Path(folder, "s.zarr"))
+        found, times = study.computed(study.columns(place)), []
+        for number in range(tasks):
+            begun, wall = cpu(), time.perf_counter()
+            columns = study.columns(store.layout.place(number))
+            store.write(number, found, columns)
+            times.append((cpu() - begun, time.perf_counter() - wall))
+        begun = cpu()
+        run_task(study, store, 0)
+        whole = cpu() - begun
+    of_cpu, of_wall = np.median(times, axis=0)
+    print(f"columns and chunks of a task: {of_cpu * 1e3:.1f} ms of CPU, {of_wall * 1e3:.1f} ms")
+    print(f"the whole task: {whole:.2f} s of CPU; overhead {of_cpu / whole:.2%}")
+
+
+class Cluster:
+    """A dask scheduler and workers of one thread on this machine."""
+
+    def __init__(self, folder: Path, workers: int) -> None:
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            self.port = free.getsockname()[1]
+        self.address, self._folder = f"tcp://127.0.0.1:{self.port}", folder
+        self.scheduler = self.start_scheduler()
+        self.workers = [self.start_worker() for _ in range(workers)]
+
+    def start_scheduler(self) -> subprocess.Popen[bytes]:
+        return self._start("scheduler", "--host", "127.0.0.1", "--port", str(self.port), "--no-dashboard")
+
+    def start_worker(self) -> subprocess.Popen[bytes]:
+        options = ["--nthreads", "1", "--no-nanny", "--no-dashboard", "--local-directory", str(self._folder)]
+        return self._start("worker", self.address, *options)
+
+    def _start(self, *words: str) -> subprocess.Popen[bytes]:
+        environment = {**os.environ, "STICKSLIP_CACHE_DIR": str(_jit._cache_root())}  # compiled already
+        with (self._folder / "log").open("ab") as log:
+            return subprocess.Popen([sys.executable, "-m", "dask", *words], stderr=log, env=environment)
+
+    def alive(self) -> None:
+        """Start again what has ended."""
+        if self.scheduler.poll() is not None:
+            self.scheduler = self.start_scheduler()
+        self.workers = [w if w.poll() is None else self.start_worker() for w in self.workers]
+
+    def end(self) -> None:
+        for process in (self.scheduler, *self.workers):
+            process.kill()
+            process.wait()
+
+
+def kills(members: int = 1 << 20, task: int = 2048, count: int = 50) -> None:
+    """A study on a dask cluster, of which workers, scheduler and client are killed at random; beside it the
+    same on this machine, without."""
+    chosen = random.Random(19)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        log, store = folder / "computed", folder / "killed.zarr"
+        os.environ["STUDY_LOG"] = str(log)
+        (folder / "client.py").write_text(_CLIENT.format(members=members, task=task, file=__file__))
+        cluster = Cluster(folder, 2)
+        killed = {"worker": 0, "scheduler": 0, "client": 0}
+        lost = 0
+        tasks, begun = members // task, time.perf_counter()
+        client: subprocess.Popen[bytes] | None = None
+        try:
+            while True:  # until a client says that all is done
+                if client is None:
+                    client = subprocess.Popen(
+                        [sys.executable, str(folder / "client.py"), str(store), cluster.address]
+                    )
+                done = int(Store(store).done().sum()) if (store / "zarr.json").exists() else 0
+                if client.poll() is not None:
+                    print(f"client ended: {client.returncode}, {done} of {tasks} tasks", flush=True)
+                    if done == tasks or client.returncode:
+                        break
+                    client = None
+                # A kill as soon as its share of the tasks is done: they are spread over the whole study.
+                elif sum(killed.values()) < count and done > tasks * (sum(killed.values()) + 0.5) / (
+                    count + 1
+                ):
+                    what = chosen.choice(["worker", "worker", "worker", "worker", "client", "scheduler"])
+                    killed[what] += 1
+                    lost += {"worker": 1, "scheduler": 2, "client": 6}[what]
+                    victim = {
+                        "worker": chosen.choice(cluster.workers),
+                        "scheduler": cluster.scheduler,
+                        "client": client,
+                    }[what]
+                    victim.send_signal(signal.SIGKILL)
+                    victim.wait()
+                    if what == "scheduler":
+                        for worker in cluster.workers:
+                            worker.kill()
+                            worker.wait()
+                    client = None if what == "client" else client
+                    print(f"{done} of {tasks}: killed {what}", flush=True)
+                cluster.alive()
+                time.sleep(0.05)
+        finally:
+            cluster.end()
+        took = time.perf_counter() - begun
+        computed = [int(line) for line in log.read_text().split()]
+        again = sum(n == task for n in computed) - tasks
+        os.environ["STUDY_LOG"] = str(folder / "other")
+        study = Study(Random(RANGES, members), Walk(KANG, SHORT), f"{__file__}:logged", task=task)
+        ss.run_study(study, folder / "whole.zarr", workers=2)
+        same = compare_studies(store, folder / "whole.zarr")
+        print(f"{members:,} members in {tasks} tasks, {took:.0f} s; killed {json.dumps(killed)}")
+        print(f"equal to the last bit: {same.equal and not same.said}")
+        print(f"computed again: {again} tasks; at most {lost} in hand")
+
+
+_CLIENT = """
+import sys
+import stickslip as ss
+from stickslip import _jit
+from benchmarks.study import KANG, RANGES, SHORT
+from stickslip.study import Random, Study, Walk
+study = Study(Random(RANGES, {members}), Walk(KANG, SHORT), "{file}:logged", task={task})
+ss.run_study(study, sys.argv[1], scheduler=sys.argv[2])
+"""
+
+
+def asleep(columns: Any) -> dict[str, Any]:
+    """A task that only takes its time."""
+    if columns["x"].size > 2:
+        time.sleep(float(os.environ["STUDY_SLEEP"]))
+    return {"value": columns["x"]}
+
+
+def scheduler(workers: int = 200, seconds: float = 10.0, tasks: int = 1000) -> None:
+    """Workers that only sleep, in one process: what the scheduler and the client bear."""
+    from stickslip.study import Own
+
+    os.environ["STUDY_SLEEP"] = str(seconds)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        cluster = Cluster(folder, 0)
+        (folder / "sleepers.py").write_text(_SLEEPERS)
+        words = [str(folder / "sleepers.py"), cluster.address, str(workers)]
+        sleepers = subprocess.Popen([sys.executable, *words], cwd=folder)
+        try:
+            study = Study(Grid({"x": np.arange(4.0 * tasks)}), Own(f"{__file__}:asleep"), task=4)
+            begun = time.perf_counter()
+            ss.run_study(study, folder / "s.zarr", scheduler=cluster.address)
+            written = Store(folder / "s.zarr").written()
+            took = float(np.ptp(written)) + seconds
+            used = Path(f"/proc/{cluster.scheduler.pid}/stat").read_text().split()
+            busy = (int(used[13]) + int(used[14])) / os.sysconf("SC_CLK_TCK")
+            ideal = tasks / workers * seconds
+            print(f"{tasks} tasks of {seconds} s, {workers} sleepers: {took:.1f} s, at best {ideal:.1f} s")
+            print(
+                f"scheduler: {busy:.2f} s of CPU with its start, {busy / tasks * 1e3:.2f} ms a task at most"
+            )
+            print(f"whole: {time.perf_counter() - begun:.1f} s")
+        finally:
+            sleepers.kill()
+            sleepers.wait()
+            cluster.end()
+
+
+_SLEEPERS = """
+import asyncio, sys
+from distributed import Worker
+
+async def main():
+    workers = [Worker(sys.argv[1], nthreads=1, dashboard=False) for _ in range(int(sys.argv[2]))]
+    await asyncio.gather(*workers)
+    await asyncio.gather(*(one.finished() for one in workers))
+
+asyncio.run(main())
+"""
+
+
+def picture(store: str, file: str) -> None:
+    """What a map over seven parameters says, two at a time: quantiles over all others."""
+    from matplotlib.colors import LogNorm
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import NullFormatter
+    from scipy.stats import binned_statistic_2d
+
+    found = ss.study.open_study(store).load()
+    there = found["status"].values == 0
+    speed = np.abs(found["net_step"].values * found["frequency"].values)[there] * 1e3
+    pairs = [("frequency", "amplitude"), ("coulomb_force", "end_effector_mass"), ("sigma_0", "rise_fraction")]
+    figure = Figure(figsize=(11, 6.2), layout="constrained")
+    axes = figure.subplots(2, 3)
+    for column, (across, up) in enumerate(pairs):
+        x, y = found[across].values[there], found[up].values[there]
+        log = [np.ptp(np.log10(v)) > 0.7 for v in (x, y)]
+        spaced = [np.geomspace if one else np.linspace for one in log]
+        bins: Any = [of(v.min(), v.max(), 33) for of, v in zip(spaced, (x, y), strict=True)]
+        for row, (words, how) in enumerate((("median", 0.5), ("90 % below", 0.9))):
+            of: Any = partial(np.quantile, q=how)
+            binned = binned_statistic_2d(x, y, speed, of, bins=bins)[0]
+            axis = axes[row, column]
+            drawn = axis.pcolormesh(*bins, binned.T, norm=LogNorm(), cmap="viridis", rasterized=True)
+            figure.colorbar(drawn, ax=axis, label=f"speed, {words}, mm/s")
+            axis.set_xscale("log" if log[0] else "linear")
+            axis.set_yscale("log" if log[1] else "linear")
+            for one in (axis.xaxis, axis.yaxis):
+                one.set_minor_formatter(NullFormatter())
+            for name, label in ((across, axis.set_xlabel), (up, axis.set_ylabel)):
+                label(f"{name.replace('_', ' ')} {found[name].attrs['units']}".strip())
+    figure.suptitle(f"{there.sum():,} of {found.sizes['member']:,} members with a steady step")
+    figure.savefig(file, dpi=80)
+
+
+if __name__ == "__main__":
+    asked: dict[str, Any] = {one.__name__: one for one in (throughput, overhead, kills, scheduler)}
+    asked.get(sys.argv[1], picture)(*sys.argv[2:])
