@@ -1,4 +1,4 @@
-"""Study: which model describes walks best, all fitted alike and judged on walks that none has seen."""
+"""Analysis: which model describes walks best, all fitted alike and judged on walks that none has seen."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Study: a map of the step of an actuator, as a design file says.
+"""Analysis: a map of the step of an actuator, as a design file says.
 
 ::
 
@@ -34,7 +34,7 @@ from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import model_numbers
 from ..report.origin import origin_of
 from ..units import QuantityError, to_si
-from .file import AnalysisError, Study
+from .file import Analysis, AnalysisError
 from .verification import results_model
 from .walk import changed
 
@@ -97,7 +97,7 @@ class MapSpec(Strict):
         )
 
 
-class DesignAnalysis(Study):
+class DesignAnalysis(Analysis):
     """See the module. The model is that of `fit`, a results.json of an identification, or of the parameter
     set `model`; `change` and `friction` change fields of it."""
 

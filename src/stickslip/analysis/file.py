@@ -109,7 +109,7 @@ def read_parts(recordings: Sequence[RecordingFile], folder: Path) -> dict[str, x
     return parts
 
 
-class Study(Strict):
+class Analysis(Strict):
     """What every identification file begins with."""
 
     title: str

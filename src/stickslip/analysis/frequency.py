@@ -1,4 +1,4 @@
-"""Study: modal models of a piezo mechanism from frequency responses, per amplitude and for all amplitudes,
+"""Analysis: modal models of a piezo mechanism from frequency responses, per amplitude and for all amplitudes,
 verified on other drives."""
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from ..progress import Progress, within
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import estimates, parameter_table
 from .all_levels import LevelData, OneModel, numbers_of, one_model_section, score
-from .file import AnalysisError, SourceFile, Study
+from .file import Analysis, AnalysisError, SourceFile
 from .modes import Modes, Outputs, Starts, count, refused, started
 
 _TWO_PI = 2.0 * np.pi
@@ -47,7 +47,7 @@ class Level(Arrays):
     test: Arrays | None = None
 
 
-class FrequencyAnalysis(Study):
+class FrequencyAnalysis(Analysis):
     """See the module.
 
     `modes` are the models: for each how many modes, or its starts, as pairs of frequency [Hz] and damping

@@ -1,4 +1,4 @@
-"""Study: friction laws identified from friction loops under a prescribed motion, verified on other parts."""
+"""Analysis: friction laws identified from friction loops under a prescribed motion, verified on other parts."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ..progress import Progress
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import fit_numbers, parameter_table
 from ..verification import verify
-from .file import AnalysisError, RecordingFile, Study, read_parts
+from .file import Analysis, AnalysisError, RecordingFile, read_parts
 
 
 class LawSpec(Strict):
@@ -44,7 +44,7 @@ class LawSpec(Strict):
         return Candidate(label, made, tuple(self.free), dict(self.bounds), tied=dict(self.tied))
 
 
-class LoopAnalysis(Study):
+class LoopAnalysis(Analysis):
     """See the module. Recordings have position, friction_force and, with `reference_normal_force`,
     normal_force; `flip` turns the sign of the force, for channels that show the force on the other body."""
 

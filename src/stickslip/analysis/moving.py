@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -45,9 +46,9 @@ from ..input_file import Seconds, Strict, explain, load_yaml, quantity
 from ..progress import Progress
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import model_numbers
-from ..rig import Channel, Limits, Repeats, Variation, VirtualRig, load_bench, regulate
+from ..rig import Channel, Repeats, Variation, VirtualRig, load_bench, regulate
 from ..units import QuantityError, with_prefix
-from .file import AnalysisError, Study
+from .file import Analysis, AnalysisError
 from .walk import changed
 
 Quantity = float | str
@@ -82,7 +83,7 @@ class RequirementSpec(Strict):
     phase_margin: Quantity | None = None
 
 
-class MoveFile(Study):
+class MoveFile(Analysis):
     """See the module.
 
     `change` and `friction` of the actuator are those of the plant on the rig; `model` is what the loop is
@@ -188,7 +189,7 @@ def run_move(
     )
     hold = min(file.hold, float(recording["time"].values[-1]))
     found = settled(recording, file.target, hold=hold)
-    return _document(file, plant, limits, tuning, mover, recording, found)
+    return _document(file, plant, tuning, mover, recording, found)
 
 
 def _model(spec: ActuatorSpec, folder: Path) -> Actuator:
@@ -224,13 +225,54 @@ def _channels(file: MoveFile, folder: Path) -> dict[str, Channel]:
 def _document(
     file: MoveFile,
     plant: Actuator,
-    limits: Limits,
     tuning: Tuning,
     mover: Mover,
     recording: xr.Dataset,
     found: Settling,
 ) -> Document:
     there = mover.settled_at is not None
+    took = Number(
+        math.nan if mover.settled_at is None else mover.settled_at, "s", note="it did not come there"
+    )
+    held = Number(found.rms, "m")
+    said = (
+        f"At {with_prefix(file.target, 'm')} after {with_prefix(took.value, 's')}"
+        if there
+        else "Not at the target"
+    )
+    said += f", with {mover.steps} steps; over the last {with_prefix(found.held, 's')} it is off by "
+    said += f"{with_prefix(found.rms, 'm')} rms."
+    return Document(
+        title=file.title,
+        summary=said,
+        sections=[_course(file, mover, recording, found), _loop(tuning, recording)],
+        highlights=[
+            ("at the target after", took),
+            ("rms over the hold", held),
+            ("overshoot", Number(found.overshoot, "m")),
+        ],
+        numbers={
+            "settling": {
+                f"within_{with_prefix(w, 'm').replace(' ', '_')}": Number(t, "s", note="not to the end")
+                for w, t in zip(found.windows, found.times, strict=True)
+            },
+            "settled_at": replace(took, note="") if there else took,
+            "overshoot": Number(found.overshoot, "m"),
+            "hold_rms": held,
+            "steps": Number(mover.steps, ""),
+            "lost_steps": Number(mover.lost, ""),
+            "greatest_voltage": Number(float(recording[DRIVE].values.max()), "V"),
+            "limited_updates": Number(int(recording.attrs["limited_updates"]), ""),
+            "tuning": _tuning_numbers(tuning),
+            "model": model_numbers(plant),
+        },
+        assumptions=[f"{field} = {words}" for field, words in plant.assumptions.items()],
+        citations=plant.citation if plant.name else "",
+        failures=_failures(file, there, found),
+    )
+
+
+def _failures(file: MoveFile, there: bool, found: Settling) -> list[str]:
     failures = []
     if not there:
         failures.append(f"the position was not within {with_prefix(file.within, 'm')} of the target")
@@ -238,91 +280,64 @@ def _document(
         failures.append(
             f"the hold is {with_prefix(found.rms, 'm')} rms, above {with_prefix(file.hold_within, 'm')}"
         )
-    took = mover.settled_at if mover.settled_at is not None else math.nan
-    said = (
-        f"At {with_prefix(file.target, 'm')} after {with_prefix(took, 's')}" if there else "Not at the target"
-    )
-    said += f", with {mover.steps} steps; over the last {with_prefix(found.held, 's')} it is off by "
-    said += f"{with_prefix(found.rms, 'm')} rms."
-    volts = recording[DRIVE].values
+    return failures
+
+
+def _tuning_numbers(tuning: Tuning) -> dict[str, Number]:
+    return {
+        "integral": Number(tuning.pid.integral, "V/(m s)"),
+        "sensitivity": Number(tuning.margins.sensitivity, ""),
+        "gain_margin": Number(tuning.margins.gain_margin, ""),
+        "phase_margin": Number(tuning.margins.phase_margin, "rad"),
+        "crossover": Number(tuning.margins.crossover, "Hz"),
+        "models": Number(tuning.models, ""),
+    }
+
+
+def _course(file: MoveFile, mover: Mover, recording: xr.Dataset, found: Settling) -> Section:
     last_scan = next((begin for name, begin in reversed(mover.history) if name == "scan"), 0.0)
     ladder = [
         [Number(w, "m"), Number(t, "s", note="not to the end")]
         for w, t in zip(found.windows, found.times, strict=True)
     ]
-    numbers: dict[str, Any] = {
-        "settling": {
-            f"within_{with_prefix(w, 'm').replace(' ', '_')}": Number(t, "s", note="not to the end")
-            for w, t in zip(found.windows, found.times, strict=True)
-        },
-        "settled_at": Number(took, "s", note="" if there else "it did not come there"),
-        "overshoot": Number(found.overshoot, "m"),
-        "hold_rms": Number(found.rms, "m"),
-        "steps": Number(mover.steps, ""),
-        "lost_steps": Number(mover.lost, ""),
-        "greatest_voltage": Number(float(volts.max()), "V"),
-        "limited_updates": Number(int(recording.attrs["limited_updates"]), ""),
-        "tuning": {
-            "integral": Number(tuning.pid.integral, "V/(m s)"),
-            "sensitivity": Number(tuning.margins.sensitivity, ""),
-            "gain_margin": Number(tuning.margins.gain_margin, ""),
-            "phase_margin": Number(tuning.margins.phase_margin, "rad"),
-            "crossover": Number(tuning.margins.crossover, "Hz"),
-            "models": Number(tuning.models, ""),
-        },
-        "model": model_numbers(plant),
-    }
+    return Section(
+        "What it did",
+        paragraphs=(file.notes,) if file.notes else (),
+        points=[f"{name} from {with_prefix(begin, 's')} on" for name, begin in mover.history[-12:]],
+        tables=(
+            Table(
+                "Settling: from when on the position, averaged over a millisecond, stays within.",
+                (Column("window", "m"), Column("from", "s")),
+                ladder,
+            ),
+        ),
+        figures=(
+            Picture(
+                "closed-loop",
+                "The whole run.",
+                svg(closed_loop(recording, mover.history[-12:])),
+                "Position and voltage over time",
+            ),
+            Picture(
+                "approach",
+                "The last approach, sample by sample, with the windows.",
+                svg(approach(recording, file.target, max(last_scan - _BEFORE, 0.0), WINDOWS)),
+                "Distance from the target over time",
+            ),
+        ),
+    )
+
+
+def _loop(tuning: Tuning, recording: xr.Dataset) -> Section:
     filters = [f"notch at {with_prefix(n.frequency, 'Hz')}, width {n.width:g}" for n in tuning.notches]
     if tuning.low_pass is not None:
         filters.append(f"low-pass at {with_prefix(tuning.low_pass.corner, 'Hz')}")
-    sections = [
-        Section(
-            "What it did",
-            paragraphs=(file.notes,) if file.notes else (),
-            points=[f"{name} from {with_prefix(begin, 's')} on" for name, begin in mover.history[-12:]],
-            tables=(
-                Table(
-                    "Settling: from when on the position, averaged over a millisecond, stays within.",
-                    (Column("window", "m"), Column("from", "s")),
-                    ladder,
-                ),
-            ),
-            figures=(
-                Picture(
-                    "closed-loop",
-                    "The whole run.",
-                    svg(closed_loop(recording, mover.history[-12:])),
-                    "Position and voltage over time",
-                ),
-                Picture(
-                    "approach",
-                    "The last approach, sample by sample, with the windows.",
-                    svg(approach(recording, file.target, max(last_scan - _BEFORE, 0.0), WINDOWS)),
-                    "Distance from the target over time",
-                ),
-            ),
-        ),
-        Section(
-            "The loop",
-            points=[
-                f"integral gain {tuning.pid.integral:.4g} V/(m s)",
-                *filters,
-                f"over {tuning.models} models: {tuning.margins.report()}",
-                f"{recording.attrs['limited_updates']} updates were kept within the limits",
-            ],
-        ),
-    ]
-    return Document(
-        title=file.title,
-        summary=said,
-        sections=sections,
-        highlights=[
-            ("at the target after", Number(took, "s", note="it did not come there")),
-            ("rms over the hold", Number(found.rms, "m")),
-            ("overshoot", Number(found.overshoot, "m")),
+    return Section(
+        "The loop",
+        points=[
+            f"integral gain {tuning.pid.integral:.4g} V/(m s)",
+            *filters,
+            f"over {tuning.models} models: {tuning.margins.report()}",
+            f"{recording.attrs['limited_updates']} updates were kept within the limits",
         ],
-        numbers=numbers,
-        assumptions=[f"{field} = {words}" for field, words in plant.assumptions.items()],
-        citations=plant.citation if plant.name else "",
-        failures=failures,
     )

@@ -1,4 +1,4 @@
-"""Study: hysteresis and creep of a piezo from recordings of voltage and displacement, verified on others."""
+"""Analysis: hysteresis and creep of a piezo from recordings of voltage and displacement, verified on others."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from ..report.fits import estimates, model_numbers, parameter_table
 from ..report.piezo import hysteresis_numbers, hysteresis_pictures
 from ..units import near_one
 from ..verification import Requirement, Verification, verify
-from .file import AnalysisError, RecordingFile, Study, read_parts
+from .file import Analysis, AnalysisError, RecordingFile, read_parts
 from .walk import changed
 
 
-class PiezoAnalysis(Study):
+class PiezoAnalysis(Analysis):
     """See the module. Recordings have drive_voltage and the channel `observed`; `operators`, `asymmetric`,
     `creep`, `time_constants`, `delay`, `lag` and `rest_voltage` as for `identify_piezo`: what is left out,
     the recordings decide. `model` is a parameter set or a file into which gain and piezo are put; `require`

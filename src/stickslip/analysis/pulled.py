@@ -1,4 +1,4 @@
-"""Study: a slider pulled through a spring, its friction from one recording, its stick-slip predicted for
+"""Analysis: a slider pulled through a spring, its friction from one recording, its stick-slip predicted for
 others."""
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from ..parameters import cite
 from ..progress import Progress
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import estimates, parameter_table
-from .file import AnalysisError, RecordingFile, Study, read_parts
+from .file import Analysis, AnalysisError, RecordingFile, read_parts
 
 
 class PulledRecording(RecordingFile):
@@ -35,7 +35,7 @@ class PulledRecording(RecordingFile):
     speed: Annotated[float, quantity("m/s")]
 
 
-class PulledAnalysis(Study):
+class PulledAnalysis(Analysis):
     """See the module. Exactly one recording is for the fit; `tied` as for `identify_pulled_slider`."""
 
     kind: Literal["pulled_slider"]

@@ -1,4 +1,4 @@
-"""Study: a fitted actuator against recordings of its walk, and what is required of it."""
+"""Analysis: a fitted actuator against recordings of its walk, and what is required of it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from ..units import near_one
 from ..verification import Requirement, Verification, verify
 from ..waveform.signal import Waveform
 from .alignment import POSITION, aligned
-from .file import AnalysisError, Study, read_parts
+from .file import Analysis, AnalysisError, read_parts
 from .walk import WalkRecording, changed
 
 MOST_PICTURES = 8
@@ -38,7 +38,7 @@ _READ = ("time", POSITION, DRIVE)
 _EXAMPLES = {"--column": 'end_effector_position="Disp (um)"', "--unit": "drive_voltage=kV"}
 
 
-class VerificationAnalysis(Study):
+class VerificationAnalysis(Analysis):
     """See the module. The model is that of `fit`, a results.json of an identification, or of the parameter
     set `model` with fields changed; `require` are sentences such as "r_squared > 0.99"."""
 

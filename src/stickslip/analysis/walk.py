@@ -1,4 +1,4 @@
-"""Study: friction (and other) parameters of an actuator from recordings of its walk, verified on others."""
+"""Analysis: friction (and other) parameters of an actuator from recordings of its walk, verified on others."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from ..report.fits import estimates, fit_numbers, model_numbers, parameter_table
 from ..report.origin import origin_of
 from ..units import near_one
 from ..waveform.signal import Waveform
-from .file import AnalysisError, RecordingFile, Study, read_parts
+from .file import Analysis, AnalysisError, RecordingFile, read_parts
 
 _ROLE = {"fit": "fitted", "verify": "predicted"}
 
@@ -57,7 +57,7 @@ def changed(
     return base.replace(**changes)
 
 
-class WalkFile(Study):
+class WalkFile(Analysis):
     """Walks of an actuator. `model` is a parameter set or a file; `change` and `friction` change fields of it
     before the fit, which starts there."""
 

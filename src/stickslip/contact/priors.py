@@ -1,4 +1,4 @@
-r"""What a contact says of friction parameters beforehand: values, each with a stated width.
+r"""Priors of friction parameters from a contact: values, each with a stated width.
 
 A width is a factor within which 68 % lie either way (a normal distribution of the logarithm). What is
 known apart multiplies in squares: the factor of the friction coefficient (lists of one pair differ by 1.5

@@ -1,4 +1,4 @@
-r"""Where the end-effector is, from the steps that were made: a Kalman filter, with a sensor or without.
+r"""Estimator of the position from the steps that were made: a Kalman filter, with a sensor or without.
 
 The states are the position, the steps forward and backward, and the load, which a step forward feels with one
 sign and a step backward with the other:

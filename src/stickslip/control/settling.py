@@ -1,4 +1,4 @@
-"""How a move ended: when it was within each window of its target for good, and what it did on the way.
+"""Settling of a move: when it was within each window of its target for good, and what it did on the way.
 
 A settling time within one's own dead band measures the dead band, so a ladder of windows is reported.
 """

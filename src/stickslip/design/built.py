@@ -1,4 +1,4 @@
-"""What became of a search for an actuator."""
+"""Result of a search for an actuator."""
 
 from __future__ import annotations
 

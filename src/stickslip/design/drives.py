@@ -1,4 +1,4 @@
-"""How a drive varies over a map: its stroke, its frequency, and its mirror image.
+"""Drives of a map: stroke, frequency, mirror image.
 
 The mirror image is that in voltage, about the middle of its range: u becomes u_low + u_high - u. It needs the
 same range, and an actuator without load, weight or bias walks back by it exactly as far as it walked forward.

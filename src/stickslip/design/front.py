@@ -1,4 +1,4 @@
-"""What more of one goal costs of another: drives of which none is better in both.
+"""Fronts of two goals: drives of which none is better in both.
 
 Differential evolution of a population, of which after each generation those stay that no other is better
 than in both goals, the crowded ones giving way.

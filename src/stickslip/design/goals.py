@@ -1,4 +1,4 @@
-"""What a drive signal is to do: goals as records, each a number per signal and condition.
+"""Goals of a drive signal as records, each a number per signal and condition.
 
 `of(shapes, moved)` gives the numbers [n, conditions] of polygons that move the actuator so; `sign` is +1
 where more is better, `extras` what it needs to know beside the net step (ripple). What the voltage

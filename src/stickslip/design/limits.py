@@ -1,4 +1,4 @@
-"""What an amplifier and a generator allow of a drive signal, and the signal as the generator plays it."""
+"""Limits of amplifier and generator on a drive signal, and the signal as the generator plays it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How drives move an actuator under conditions: in the search, and exactly."""
+"""Motions of an actuator under conditions: in the search, and exactly."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What became of a search for a drive signal."""
+"""Result of a search for a drive signal."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""Which recordings tell most about an actuator: chosen among candidates by what a fit to them is expected to
-know."""
+"""Plans: of candidates, the recordings after which a fit is expected to know most of an actuator."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a plan starts from: the model, what a fit to the recordings searches for, its noise, and what else the
+"""Start of a plan: the model, what a fit to the recordings searches for, its noise, and what else the
 parameters may be."""
 
 from __future__ import annotations

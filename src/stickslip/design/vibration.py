@@ -1,4 +1,4 @@
-r"""What a drive does to the stage itself, as goals: the load on the tip of the piezo, and the sound.
+r"""Vibration of the stage as goals: the load on the tip of the piezo, and the sound.
 
 The corners of a polygon u(t) of the period T, at t_k, where its slope changes by :math:`\Delta s_k`, are all
 that its second derivative has. So the harmonics of the stage's acceleration are, with the gain C and the

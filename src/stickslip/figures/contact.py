@@ -1,4 +1,4 @@
-"""What a contact says of friction beforehand, and what recordings make of it."""
+"""Figures of priors from contacts, and of what recordings make of them."""
 
 from __future__ import annotations
 

@@ -50,11 +50,11 @@ class ExportSpec(Strict):
     bench: str = ""
 
 
-Study = Annotated[
+Analysis = Annotated[
     LoopAnalysis | FrequencyAnalysis | PiezoAnalysis | PulledAnalysis | WalkAnalysis,
     Field(discriminator="kind"),
 ]
-_STUDY: TypeAdapter[Any] = TypeAdapter(Study)
+_ANALYSIS: TypeAdapter[Any] = TypeAdapter(Analysis)
 # What a campaign has none of, and each other kind of file has one of.
 _TELLING = ("steps", "runs", "kind")
 STEPS = ("record", "identify", "verify", "compare", "export", "design")
@@ -69,7 +69,7 @@ class StepSpec(Strict):
     """
 
     record: ExperimentFile | str | None = None
-    identify: CampaignFile | Study | str | None = None
+    identify: CampaignFile | Analysis | str | None = None
     verify: VerificationAnalysis | str | None = None
     compare: ComparisonAnalysis | str | None = None
     export: ExportSpec | None = None
@@ -182,7 +182,7 @@ def checked(step: Step, where: str = "") -> Any:
         if step.kind == "export":
             return ExportSpec.model_validate(content)
         if "kind" in content:
-            return _STUDY.validate_python(content)
+            return _ANALYSIS.validate_python(content)
         _refuse_mistyped_kind(content, f"{step.path}: {where.rstrip('.')}".removesuffix(": "))
         return CampaignFile.model_validate(content)
     except ValidationError as error:

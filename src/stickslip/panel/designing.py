@@ -1,4 +1,4 @@
-"""What the Design page asks for: a map of the step, drives, their motion, what a recording of one tells."""
+"""Answers to the Design page: a map of the step, drives, their motion, what a recording of one tells."""
 
 from __future__ import annotations
 

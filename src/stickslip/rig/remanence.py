@@ -1,4 +1,4 @@
-r"""What a virtual rig's piezo keeps from run to run: where its plays stand, and how far its creep has come.
+r"""Remanence of a virtual rig's piezo from run to run: where its plays stand, and how far its creep has come.
 
 A drive table becomes that at the piezo as in `plant.at_piezo`, but from any state. Creep is linear: from the
 terms :math:`x_k` instead of those at rest, :math:`h_0`, it is

@@ -1,4 +1,4 @@
-"""What a study is, in plain values: what its store says of it, and what a run that goes on compares."""
+"""Description of a study in plain values: its store holds it, and a run that goes on compares it."""
 
 from __future__ import annotations
 

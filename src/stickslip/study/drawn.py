@@ -1,4 +1,4 @@
-"""What a fit, or a posterior, leaves possible of a model: draws of its parameters."""
+"""Draws of a model's parameters from a fit or a posterior."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What can go wrong with a study as a whole."""
+"""Errors of a study as a whole."""
 
 from __future__ import annotations
 

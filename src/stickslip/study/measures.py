@@ -1,4 +1,4 @@
-"""What a study does at each of its points: a walk, a steady step, or a function of the user's own."""
+"""Measures at each point of a study: a walk, a steady step, or a function of the user's own."""
 
 from __future__ import annotations
 

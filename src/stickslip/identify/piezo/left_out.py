@@ -1,4 +1,4 @@
-r"""How sure a piezo's model is: the models that recordings give without a part of each (delete-a-group
+r"""Uncertainty of a piezo's model: the models that recordings give without a part of each (delete-a-group
 jackknife).
 
 With n parts, models :math:`m_j` and whatever is computed from a model, :math:`f(m)`, the covariance of f is
