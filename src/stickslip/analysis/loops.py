@@ -1,4 +1,4 @@
-"""Analysis: friction laws identified from friction loops under a prescribed motion, verified on other parts."""
+"""Friction laws identified from friction loops under a prescribed motion, verified on other parts."""
 
 from __future__ import annotations
 

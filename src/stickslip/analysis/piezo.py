@@ -1,4 +1,4 @@
-"""Analysis: hysteresis and creep of a piezo from recordings of voltage and displacement, verified on others."""
+"""Hysteresis and creep of a piezo from recordings of voltage and displacement, verified on others."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Analysis: friction (and other) parameters of an actuator from recordings of its walk, verified on others."""
+"""Friction (and other) parameters of an actuator from recordings of its walk, verified on others."""
 
 from __future__ import annotations
 
