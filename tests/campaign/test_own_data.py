@@ -86,7 +86,8 @@ def test_no_report_of_ones_own_data_speaks_of_the_thesis(folder: Path) -> None:
     file = folder / "walks.yaml"
     done = CliRunner().invoke(app, ["identify", str(file), "--out", str(folder / "walks")])
     assert (folder / "walks" / "results.json").is_file(), done.output
-    CliRunner().invoke(app, ["run", str(folder / "models.yaml"), "--out", str(folder / "models")])
+    done = CliRunner().invoke(app, ["run", str(folder / "models.yaml"), "--out", str(folder / "models")])
+    assert (folder / "models" / "results.json").is_file(), done.output
     run("verify", folder / "out" / "results.json", folder / "fast.csv", "--out", folder / "verified")
     for out in ("out", "walks", "models", "verified"):
         said = text_of(folder / out)

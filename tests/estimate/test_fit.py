@@ -345,6 +345,23 @@ def test_given_jacobian_saves_evaluations() -> None:
     assert with_it.n_evaluations < 0.5 * without.n_evaluations
 
 
+def test_derivatives_that_fail_somewhere_are_replaced_by_differences() -> None:
+    x = np.linspace(0.0, 1.0, 30)
+    y = np.exp(-2.0 * x)
+    failed = []
+
+    def jacobian(p):
+        if p["rate"] < 1.0:  # where the search begins
+            failed.append(p["rate"])
+            return np.full((x.size, 1), math.nan)
+        return (-x * np.exp(-p["rate"] * x))[:, None]
+
+    start = [Parameter("rate", 0.1, *FREE, "1/s", log=False)]
+    fit = fit_least_squares([Residuals(lambda p: np.exp(-p["rate"] * x) - y, y)], start, jacobian=jacobian)
+    assert failed
+    assert fit.values["rate"] == pytest.approx(2.0, rel=1e-8)
+
+
 def test_progress_budget_and_a_model_that_fails_at_trial_points() -> None:
     t, y = decay(np.random.default_rng(12))
     seen: list[SearchState] = []

@@ -200,6 +200,8 @@ class Problem:
         if self.jacobian is None:
             return self.differences(q, two_sided)
         of_data = self.by_coordinates(self.values(q)) / (self.noise * self.scale)[:, None]
+        if not np.all(np.isfinite(of_data)):  # the model works there, its derivatives do not
+            return self.differences(q, two_sided)
         return np.concatenate([of_data, np.eye(len(q))[self._known] / (self._spread * self.scale)[:, None]])
 
     def by_coordinates(self, values: Values) -> np.ndarray:
