@@ -184,7 +184,7 @@ def test_temperature_dependence() -> None:
 def test_temperature_is_fed_back() -> None:
     """A triangle of 100 V, whose loss is the same in every cycle: against the integrated equation; the charge
     that is there more is current, and the gain follows."""
-    alpha, triangle = 4e-3, ss.Triangle(100.0, 50.0)
+    alpha, triangle = 4e-3, ss.waveform.Triangle(100.0, 50.0)
     of = TemperatureDependence("20 degC", -1e-3, alpha, "0 degC", "150 degC")
     kinds = {"ambient": "30 degC", "tolerance": "0.1 V"}
     plain, found = (electrical(triangle, STACK, "40 s", dependence=one, **kinds) for one in (None, of))

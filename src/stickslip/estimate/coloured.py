@@ -21,6 +21,7 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.optimize import minimize_scalar
 from scipy.signal import fftconvolve, lfilter
 
+from .covariance import decomposed
 from .minima import Minimum
 from .result import Fit
 
@@ -167,8 +168,8 @@ def with_coloured_noise(fit: Fit, noise: Coloured) -> Fit:
     """
     assert fit.jacobian is not None
     ends = np.cumsum([g.n_data for g in fit.recordings])[:-1]
-    inverse, lost = _inverse(fit.jacobian)
-    spread = inverse @ scores(np.split(fit.jacobian, ends), noise) @ inverse
+    directions, root, lost = decomposed(fit.jacobian)
+    spread = root @ scores(np.split(directions, ends), noise) @ root.T
     spread *= fit.n_data / fit.degrees_of_freedom  # exact for white noise: residuals are smaller than noise
     spread[lost, :] = spread[:, lost] = 0.0
     spread[lost, lost] = np.inf
@@ -208,23 +209,12 @@ def with_inherited(fit: Fit, jacobian: Array, covariance: Array) -> Fit:
         covariance: of those quantities, shape (m, m).
     """
     assert fit.jacobian is not None
-    inverse, _ = _inverse(fit.jacobian)
-    moves = inverse @ (fit.jacobian.T @ jacobian)
+    directions, root, _ = decomposed(fit.jacobian)
+    moves = root @ (directions.T @ jacobian)
     added = moves @ covariance @ moves.T
     known = fit.uncertainty
     released = np.where(known.bounded != 0, known.released + np.diag(added), known.released)
     return replace(fit, uncertainty=known._replace(covariance=known.covariance + added, released=released))
-
-
-def _inverse(jacobian: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Pseudo-inverse of J'J, and the coordinates of which the data say nothing."""
-    norms = np.linalg.norm(jacobian, axis=0)
-    norms[norms == 0.0] = 1.0
-    j = jacobian / norms
-    _, s, vt = np.linalg.svd(j, full_matrices=False)
-    known = s > s[0] * max(j.shape) * np.finfo(float).eps
-    inverse = (vt[known].T / s[known] ** 2) @ vt[known]
-    return inverse / np.outer(norms, norms), np.any(np.abs(vt[~known]) > 1e-6, axis=0)
 
 
 def inflation(fit: Fit, place: int) -> float:

@@ -112,7 +112,7 @@ def covariance(jacobian: np.ndarray, residuals: np.ndarray, noise: Noise) -> np.
     z = (residuals / noise.scale) ** 2
     _, first, second = noise.loss(z)
     score = residuals * first
-    directions, root, lost = _decomposed(jacobian)
+    directions, root, lost = decomposed(jacobian)
     bend = float(np.mean(first + 2 * z * second))
     if noise.correlated:
         ends = np.cumsum(noise.correlated)[:-1]
@@ -128,7 +128,7 @@ def covariance(jacobian: np.ndarray, residuals: np.ndarray, noise: Noise) -> np.
     return spread
 
 
-def _decomposed(jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def decomposed(jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Orthonormal directions U [n, m] that the coordinates move the residuals in, the root R [k, m] of
     (J'J)^-1 = R R' with J R = U, and which coordinates have a part in J's null space.
 
