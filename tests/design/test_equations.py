@@ -72,6 +72,7 @@ def test_what_the_search_moves() -> None:
         [*np.interp([0, 0.2, 0.4, 0.6, 0.8], [0, saw.shares[0, 1]], [0, 1]), 1.0]
     )
     assert np.all(np.diff(begin[1][:5]) > 0)
+    assert begin[1][5] == pytest.approx(1.0)
     assert begin[2] == pytest.approx([0.5] * 5 + [1.0])
     falling = starts(sawtooths(np.array([[0.1, 1.0]]), FREE), 5, FREE)
     assert np.all(np.diff(falling[1][:5]) < 0)

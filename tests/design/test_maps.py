@@ -265,7 +265,10 @@ def test_what_is_done_before_an_interruption_stays(monkeypatch: pytest.MonkeyPat
         ({"waveform": Constant(1.0), "voltage": [0.1]}, "a Constant has no amplitude"),
         ({"waveform": ss.Sawtooth(1.0, 1.0), "quantities": ["bakclash"]}, "'bakclash'"),
         ({"waveform": ss.Sawtooth(1.0, 1.0), "tolerance": 0.0}, "tolerance"),
-        ({"waveform": ss.Sawtooth(1.0, 1.0), "fit": 3}, "fit is a Fit, a Posterior or arrays by name, not a int"),
+        (
+            {"waveform": ss.Sawtooth(1.0, 1.0), "fit": 3},
+            "fit is a Fit, a Posterior or arrays by name, not a int",
+        ),
     ],
 )
 def test_what_is_refused(given: dict[str, Any], said: str) -> None:

@@ -80,12 +80,12 @@ def starts(sawtooth: Polygons, count: int, allowed: Allowed) -> Array:
 
 
 def sawtooths(x: Array, allowed: Allowed) -> Polygons:
-    """Sawtooths of the whole swing, or of what the slope leaves of it: share of the rise [n], and last the
-    frequency, each 0 to 1."""
+    """Sawtooths of the whole swing, or of what the slope leaves of it: share of the rise and frequency [n, 2],
+    each 0 to 1."""
     rise = STEEPEST + (1.0 - 2.0 * STEEPEST) * x[:, 0]
     shares = np.stack([np.zeros_like(rise), rise], axis=1)
     volts = np.tile([allowed.low, allowed.high], (len(x), 1)).astype(float)
-    return Polygons(shares, volts, 1.0 / _frequency(x[:, -1], allowed)).within(allowed)
+    return Polygons(shares, volts, 1.0 / _frequency(x[:, 1], allowed)).within(allowed)
 
 
 def _frequency(x: Array, allowed: Allowed) -> Array:
