@@ -267,7 +267,7 @@ def test_what_is_done_before_an_interruption_stays(monkeypatch: pytest.MonkeyPat
         ({"waveform": ss.Sawtooth(1.0, 1.0), "tolerance": 0.0}, "tolerance"),
         (
             {"waveform": ss.Sawtooth(1.0, 1.0), "fit": 3},
-            "fit is a Fit, a Posterior or arrays by name, not a int",
+            "a Fit, a Posterior or arrays by name, not a int",
         ),
     ],
 )

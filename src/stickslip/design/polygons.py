@@ -80,7 +80,7 @@ def starts(sawtooth: Polygons, count: int, allowed: Allowed) -> Array:
 
 
 def sawtooths(x: Array, allowed: Allowed) -> Polygons:
-    """Sawtooths of the whole swing, or of what the slope leaves of it: share of the rise and frequency [n, 2],
+    """Sawtooths of the whole swing, or of what the slope leaves: share of the rise and frequency [n, 2],
     each 0 to 1."""
     rise = STEEPEST + (1.0 - 2.0 * STEEPEST) * x[:, 0]
     shares = np.stack([np.zeros_like(rise), rise], axis=1)
