@@ -47,6 +47,15 @@ def test_a_move_is_made_recorded_and_reported(tmp_path: Path) -> None:
         assert words in report
 
 
+def test_a_move_is_a_step_of_a_job(tmp_path: Path) -> None:
+    move = yaml.safe_load(Path(written(tmp_path, target="10 um")).read_text("utf-8"))
+    (tmp_path / "job.yaml").write_text(yaml.safe_dump({"title": "x", "steps": [{"move": move}]}), "utf-8")
+    done = run("run", str(tmp_path / "job.yaml"), "--out", str(tmp_path / "out"))
+    assert done.exit_code == 0, done.stderr
+    recording = open_recording(tmp_path / "out" / "move" / "move.nc")
+    assert recording["end_effector_position"].values[-1] == pytest.approx(10e-6, abs=10e-9)
+
+
 def test_a_hold_needs_the_target_in_reach(tmp_path: Path) -> None:
     done = run("hold", written(tmp_path, target="0 m"), "--out", str(tmp_path / "out"))
     assert done.exit_code == 0, done.stderr

@@ -29,6 +29,7 @@ NEEDED = {
     "mastersthesis": {"author", "title", "school", "year"},
     "phdthesis": {"author", "title", "school", "year"},
     "techreport": {"author", "title", "institution", "year"},
+    "manual": {"title", "organization", "year"},
     "misc": {"author", "title", "howpublished", "year"},
 }
 

@@ -46,7 +46,7 @@ def acceleration(shapes: Polygons, gain: float, natural: float, damping: float) 
 
 
 def a_weighting(frequency: Array) -> Array:
-    """How much of an amplitude at a frequency [Hz] is heard, 1 at 1 kHz [iec61672]."""
+    """How much of an amplitude at a frequency [Hz] is heard, 1 at 1 kHz [iec2013]."""
     f2 = frequency**2
     poles = (f2 + 20.6**2) * np.sqrt((f2 + 107.7**2) * (f2 + 737.9**2)) * (f2 + 12194.0**2)
     return 10.0 ** (2.0 / 20.0) * 12194.0**2 * f2**2 / poles

@@ -25,6 +25,7 @@ from ..analysis.comparison import ComparisonAnalysis
 from ..analysis.design import DesignAnalysis
 from ..analysis.frequency import FrequencyAnalysis
 from ..analysis.loops import LoopAnalysis
+from ..analysis.moving import MoveFile
 from ..analysis.piezo import PiezoAnalysis
 from ..analysis.pulled import PulledAnalysis
 from ..analysis.verification import VerificationAnalysis
@@ -57,7 +58,7 @@ Analysis = Annotated[
 _ANALYSIS: TypeAdapter[Any] = TypeAdapter(Analysis)
 # What a campaign has none of, and each other kind of file has one of.
 _TELLING = ("steps", "runs", "kind")
-STEPS = ("record", "identify", "verify", "compare", "export", "design")
+STEPS = ("record", "identify", "verify", "compare", "export", "design", "move")
 
 
 class StepSpec(Strict):
@@ -74,6 +75,7 @@ class StepSpec(Strict):
     compare: ComparisonAnalysis | str | None = None
     export: ExportSpec | None = None
     design: DesignAnalysis | str | None = None
+    move: MoveFile | str | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -163,7 +165,11 @@ def _step(number: int, said: Any, path: Path) -> Step:
 def _kind_of(content: Content, path: Path) -> str:
     if "runs" in content:
         return "record"
+    if "target" in content:
+        return "move"
     kind = content.get("kind")
+    if kind == "study":
+        raise InputFileError(f"{path}: a study needs a store: stickslip study {path.name} --store DIR")
     return {"verification": "verify", "comparison": "compare", "design": "design"}.get(str(kind), "identify")
 
 
@@ -179,6 +185,8 @@ def checked(step: Step, where: str = "") -> Any:
             return ComparisonAnalysis.model_validate(content)
         if step.kind == "design":
             return DesignAnalysis.model_validate(content)
+        if step.kind == "move":
+            return MoveFile.model_validate(content)
         if step.kind == "export":
             return ExportSpec.model_validate(content)
         if "kind" in content:

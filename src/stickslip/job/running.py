@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from ..analysis.moving import run_move
 from ..analysis.running import run_analysis
 from ..campaign.running import campaign_of
 from ..experiment.running import record_experiment
@@ -35,7 +36,7 @@ def run_job(
     """Record, identify, verify, compare, export and map, as a file says.
 
     Args:
-        path: a job file, or an experiment, campaign, identification, verification or design file.
+        path: a job file, or an experiment, campaign, identification, verification, design or move file.
         out: the folder; recordings go into its `recordings`, results of single steps into its `steps`, and
             what is exported beside them. Recordings that are there are kept.
         progress: called with what is being done and how much of all is done, from 0 to 1.
@@ -74,6 +75,8 @@ class _Running:
             recorded = record_experiment(spec, folder, self.out / "recordings", progress, label=step.path)
             self.experiment = (spec, folder)
             return recordings_document(spec.title, recorded, self.out / "recordings" / "experiment.log")
+        if step.kind == "move":
+            return run_move(spec, folder, _unused(self.out / "move"), progress)
         if step.kind == "export":
             return self._exported(spec, folder, progress)
         if step.kind in ("verify", "design") and spec.fit is None and spec.model is None:
