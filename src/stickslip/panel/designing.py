@@ -178,10 +178,11 @@ def motion(asked: Driven, sets: Sets) -> tuple[float, dict[str, Array]]:
     """The speed [m/s], and over two periods time [s], drive_voltage [V] and end_effector_position [m], once
     the motion repeats."""
     moved = motion_by(asked.loaded(sets), {"": asked.drive.waveform()}).isel(drive=0)
+    volts = np.round(moved.drive_voltage.values, 6)  # at the end of a period rounding is no voltage
     period, x = float(moved.period), moved.end_effector_position.values
     return float(x[-1]) / period, {
         "time": period * np.append(moved.phase.values, 1.0 + moved.phase.values[1:]),
-        "drive_voltage": np.append(moved.drive_voltage.values, moved.drive_voltage.values[1:]),
+        "drive_voltage": np.append(volts, volts[1:]),
         "end_effector_position": np.append(x, x[-1] + x[1:]),
     }
 
