@@ -69,7 +69,7 @@ FREE = {
     "tied",
     "matrix",
 }
-FREE |= {"published", "marks", "variables", "channels", "grid", "ranges"}
+FREE |= {"published", "marks", "variables", "channels", "grid", "ranges", "spread"}
 
 
 def places(node: Any, at: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:

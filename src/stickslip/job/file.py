@@ -165,7 +165,7 @@ def _step(number: int, said: Any, path: Path) -> Step:
 def _kind_of(content: Content, path: Path) -> str:
     if "runs" in content:
         return "record"
-    if "target" in content:
+    if {"target", "walk", "position"} & content.keys():  # none of which other files have
         return "move"
     kind = content.get("kind")
     if kind == "study":
