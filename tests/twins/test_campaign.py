@@ -19,6 +19,8 @@ HIDDEN = ss.load_actuator("kang2007").replace(stage_reaction=False)
 FREE = ("sigma_0", "coulomb_force")
 DRIVES = {volts: ss.Sawtooth(volts, "20 Hz", periods=3) for volts in (65.0, 80.0)}
 CAPTURE = ss.rig.Capture(length="0.16 s", interval="100 us", pre_trigger="0 s")
+# What the output as a table costs a fit whose position has next to no noise.
+TABLE = 5e-5
 LIMITS = ss.rig.Limits(max_voltage="100 V")
 
 
@@ -38,7 +40,8 @@ def walks(rig: Any, position: str) -> dict[float, tuple[Any, Any]]:
 
 
 def fitted(recording: Any, drive: Any) -> Any:
-    start = HIDDEN.replace(friction=HIDDEN.friction._replace(sigma_0="1.2 N/um", coulomb_force="0.5 N"))
+    law = HIDDEN.friction._replace(sigma_0="1.2 N/um", coulomb_force="0.5 N", stiction_force="0.5 N")
+    start = HIDDEN.replace(friction=law)  # stiction keeps its ratio: 1
     return ss.identify_friction([recording], model=start, free=list(FREE), drive=drive)
 
 
@@ -54,8 +57,8 @@ def test_a_campaign_through_the_twin_finds_what_the_virtual_rig_finds() -> None:
     for name in FREE:
         true = getattr(HIDDEN.friction, name)
         for fit in (device, virtual):
-            assert fit.values[name] == pytest.approx(true, abs=4.0 * fit.standard_errors[name] + 1e-3 * true)
+            assert fit.values[name] == pytest.approx(true, abs=4.0 * fit.standard_errors[name] + TABLE * true)
         spread = np.hypot(device.standard_errors[name], virtual.standard_errors[name])
-        assert device.values[name] == pytest.approx(virtual.values[name], abs=3.0 * spread + 1e-3 * true)
+        assert device.values[name] == pytest.approx(virtual.values[name], abs=4.0 * spread + TABLE * true)
     recording, drive = by_device[80.0]  # which no fit has seen
     assert ss.verify(device, [recording], drive=drive).r_squared > 0.9999
