@@ -294,6 +294,7 @@ def test_the_schema_knows_all_steps() -> None:
         "identify",
         "verify",
         "compare",
+        "move",
         "design",
         "export",
     }

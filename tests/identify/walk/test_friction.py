@@ -196,6 +196,19 @@ def test_a_flank_that_the_samples_hide_is_warned_of() -> None:
     assert known.values["coulomb_force"] == pytest.approx(TRUTH["coulomb_force"], rel=1e-5)
 
 
+@pytest.mark.parametrize(
+    ("stiction", "said"), [(0.54, ""), (0.648, "stiction_force was not free: it is 1.2 times")]
+)
+def test_stiction_that_follows_at_another_ratio_is_told(stiction: float, said: str) -> None:
+    """Who changes one of two forces of a start fits another law than they may think."""
+    law = LuGre(1.399e6, 34.9, 0.0, 0.54, stiction)
+    model = actuator(**TRUTH).replace(friction=law)
+    fit = identify_friction(reference(), model, ["coulomb_force"], drive=DRIVE, channel=(), hops=0)
+    assert bool(fit.remarks) == bool(said)
+    assert said in "".join(fit.remarks)
+    assert fit.model.friction.stiction_force == pytest.approx(stiction / 0.54 * fit.values["coulomb_force"])
+
+
 def test_what_can_be_free() -> None:
     model = actuator(1e6, 30.0, 1.5)
     assert {"sigma_0", "stiction_ratio", "gain", "end_effector_mass"} <= set(free_names(model))

@@ -34,7 +34,7 @@ from ..recorded.channels import drives_of, names_of, recordings_of, unit_of
 from ..recorded.known_noise import known_noise
 from .displacement import Displacement, has_slopes
 from .first_guess import beginning, first_guess
-from .needed import asked_for, said_free, shown_at_rest
+from .needed import asked_for, said_free, said_kept, shown_at_rest
 from .position_channel import CHANNEL, OBSERVED, of_channel, walked, warn_of_unseen_slips
 from .prediction import Predictor
 from .several import from_points, straightened
@@ -242,7 +242,9 @@ def _completed(fit: Fit, walks: Walks, slew_rate: float | None, tolerance: float
     chain = Chain(
         fit.values.get("delay", 0.0), fit.values.get("offset", 0.0), slew_rate=slew_rate or math.inf
     )
-    return replace(fit, model=model, observed=OBSERVED, predict=Predictor(model, chain, tolerance).predict)
+    remarks = (*fit.remarks, *said_kept(fit, walks.model.friction))
+    predict = Predictor(model, chain, tolerance).predict
+    return replace(fit, model=model, observed=OBSERVED, predict=predict, remarks=remarks)
 
 
 def _searched(

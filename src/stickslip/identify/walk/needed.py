@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Container, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,3 +60,16 @@ def said_free(fit: Fit, names: Sequence[str]) -> str:
     listed = " and ".join(f"{name} = {units[name].shown(fit.values[name], 3)}" for name in names)
     verb = "is" if len(names) == 1 else "are"
     return f"{' and '.join(names)} of the position channel {verb} free too, for the recordings show: {listed}"
+
+
+def said_kept(fit: Fit, law: Any) -> tuple[str, ...]:
+    """A sentence on stiction that is not free, where it follows Coulomb friction at another ratio than 1."""
+    free = {"stiction_force", "stiction_ratio"} & {*fit.values, *fit.tied}
+    if "coulomb_force" not in fit.values or free or "stiction_force" not in law._fields:
+        return ()
+    ratio = law.stiction_force / law.coulomb_force
+    if abs(ratio - 1.0) < 1e-9:
+        return ()
+    return (
+        f"stiction_force was not free: it is {ratio:.4g} times coulomb_force, as in the model that was given",
+    )
