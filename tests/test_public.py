@@ -22,7 +22,15 @@ def test_the_top_level_is_small_and_the_rest_is_in_rooms() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "room"), [("VirtualRig", "rig"), ("Sequence", "waveform"), ("FitError", "estimate")]
+    ("name", "room"),
+    [
+        ("VirtualRig", "rig"),
+        ("Sequence", "waveform"),
+        ("FitError", "estimate"),
+        ("Limits", "rig"),  # design has some too
+        ("Walk", "identify"),
+        ("Requirement", "verification"),
+    ],
 )
 def test_a_name_that_stood_at_the_top_says_where_it_is(name: str, room: str) -> None:
     with pytest.warns(DeprecationWarning, match=rf"stickslip\.{name} is stickslip\.{room}\.{name}"):

@@ -19,13 +19,18 @@ def __getattr__(name: str) -> object:
         return _elsewhere(name)
 
 
+# Rooms that came after: a name that they share with an older one meant that of the older.
+_SINCE = ("contact", "control", "design", "positioners", "study", "twins")
+
+
 def _elsewhere(name: str) -> object:
     """A name of a sub-package, where all names stood once; to be removed with 0.2."""
     from contextlib import suppress
     from pkgutil import iter_modules
     from warnings import warn
 
-    for room in sorted({module.name for module in iter_modules(__path__)} & {*__all__}):
+    rooms = {module.name for module in iter_modules(__path__)} & {*__all__}
+    for room in sorted(rooms, key=lambda room: (room in _SINCE, room)):
         found = None
         with suppress(ModuleNotFoundError):  # of an extra, which need not be that of what is looked for
             found = getattr(_imported(room), name, None)
