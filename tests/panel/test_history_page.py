@@ -212,7 +212,7 @@ def test_a_damaged_upload_is_refused_and_the_page_lives(history: Page, lab: Pane
     history.get_by_role("button", name="Take in a file").click()
     for path in (broken, damaged):
         history.set_input_files("#upload-file", path)
-        expect(history.locator("dialog .fault")).to_contain_text(path.name)
+        expect(history.locator("dialog .fault")).to_contain_text(path.name, timeout=SLOW)
     assert not list((lab.folder / ".uploads").glob("*"))
 
 
