@@ -242,7 +242,7 @@ def _completed(fit: Fit, walks: Walks, slew_rate: float | None, tolerance: float
     chain = Chain(
         fit.values.get("delay", 0.0), fit.values.get("offset", 0.0), slew_rate=slew_rate or math.inf
     )
-    remarks = (*fit.remarks, *said_kept(fit, walks.model.friction))
+    remarks = (*fit.remarks, *said_kept(fit, walks.model))
     predict = Predictor(model, chain, tolerance).predict
     return replace(fit, model=model, observed=OBSERVED, predict=predict, remarks=remarks)
 

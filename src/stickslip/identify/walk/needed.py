@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Container, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...actuator import Actuator
 from ...estimate.lack import KnownNoise
 from ...estimate.result import Fit
 from ...estimate.score import ASKED, gain
+from ...simulation.varied import ratios_of
+from ..free import value_of
 from .position_channel import CHANNEL
 
 # Samples at rest that tell a mean, and of how many standard errors it is one.
@@ -62,12 +64,12 @@ def said_free(fit: Fit, names: Sequence[str]) -> str:
     return f"{' and '.join(names)} of the position channel {verb} free too, for the recordings show: {listed}"
 
 
-def said_kept(fit: Fit, law: Any) -> tuple[str, ...]:
+def said_kept(fit: Fit, model: Actuator) -> tuple[str, ...]:
     """A sentence on stiction that is not free, where it follows Coulomb friction at another ratio than 1."""
     free = {"stiction_force", "stiction_ratio"} & {*fit.values, *fit.tied}
-    if "coulomb_force" not in fit.values or free or "stiction_force" not in law._fields:
+    if free or "coulomb_force" not in fit.values or "stiction_ratio" not in ratios_of(model.friction):
         return ()
-    ratio = law.stiction_force / law.coulomb_force
+    ratio = value_of(model, "stiction_ratio")[0]
     if abs(ratio - 1.0) < 1e-9:
         return ()
     return (
