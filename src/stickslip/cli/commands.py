@@ -192,12 +192,7 @@ def run(
         from .interruption import Interruption
 
         with Interruption(at_once=stop_all) as interruption, progress_bar() as progress:
-
-            def tell(doing: str, done: float) -> None:
-                interruption.check()
-                progress(doing, done)
-
-            document = run_job(file, out, tell, figures=figures)
+            document = run_job(file, out, interruption.ending(progress), figures=figures)
         write(document, out, begun)
 
 

@@ -36,10 +36,5 @@ def _closed_loop(file: Path, out: Path, show_traceback: bool, only_hold: bool) -
         from .interruption import Interruption
 
         with Interruption(at_once=stop_all) as interruption, progress_bar() as progress:
-
-            def tell(doing: str, done: float) -> None:
-                interruption.check()
-                progress(doing, done)
-
-            document = run_move(*read_move(file), out, tell, only_hold=only_hold)
+            document = run_move(*read_move(file), out, interruption.ending(progress), only_hold=only_hold)
         write(document, out, begun)

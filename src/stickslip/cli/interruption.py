@@ -14,6 +14,8 @@ from typing import Any
 
 import typer
 
+from ..progress import Progress
+
 
 class Interruption:
     """A context in which SIGINT and SIGTERM are such wishes.
@@ -44,6 +46,15 @@ class Interruption:
         """Raises KeyboardInterrupt if somebody has asked to end."""
         if self.asked:
             raise KeyboardInterrupt
+
+    def ending(self, progress: Progress) -> Progress:
+        """The progress, which ends by KeyboardInterrupt once somebody has asked to."""
+
+        def tell(doing: str, done: float) -> None:
+            self.check()
+            progress(doing, done)
+
+        return tell
 
     def _heard(self, number: int, frame: FrameType | None) -> None:
         if self.asked:

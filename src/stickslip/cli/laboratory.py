@@ -44,12 +44,7 @@ def record(
 
         with Interruption(at_once=stop_all) as interruption:
             with progress_bar() as progress:
-
-                def tell(doing: str, done: float) -> None:
-                    interruption.check()
-                    progress(doing, done)
-
-                recorded = run_experiment(file, out, tell)
+                recorded = run_experiment(file, out, interruption.ending(progress))
             document = recordings_document(read_experiment(file).title, recorded, out / "experiment.log")
             write(document, out, begun)
 
