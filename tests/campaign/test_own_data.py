@@ -22,8 +22,8 @@ MINE = ss.load_actuator("kang2007").replace(
     gain=0.06e-6,
     natural_frequency=5650.0,
     damping_ratio=0.2,
+    stage_mass=0.0499,
     end_effector_mass=0.05,
-    stage_reaction=False,
     friction=ss.LuGre(0.9e6, 20.0, 0.0, 0.4, 0.4, 1e-3),
     name="",
 )

@@ -230,7 +230,7 @@ def walk_document(
         summary=f"{len(fit.parameters)} parameters fitted to {fitted} recording{'s' if fitted > 1 else ''}: "
         f"r² {near_one(fit.r_squared)}."
         + verified
-        + "".join(f" {text[0].upper()}{text[1:]}." for text in fit.failures),
+        + "".join(f" {text[0].upper()}{text[1:]}." for text in (*fit.failures, *fit.remarks)),
         sections=(
             Section(
                 "Parameters",
@@ -247,6 +247,7 @@ def walk_document(
         numbers={**fit_numbers(fit, unit), "recordings": numbers, "model": model_numbers(fit.model)},
         assumptions=origin.assumptions,
         citations=origin.citations,
+        failures=fit.failures,
     )
 
 

@@ -52,6 +52,7 @@ class Fit:
         jacobian: derivatives of all residuals, joined, by the searched coordinates q, shape (n, k).
         known: what each recording shows of its noise besides the residuals.
         remarks: sentences on what was decided for the user, such as what is free besides what was asked for.
+        doubts: sentences on what other checks have against the values; `failures` tells them.
         predict: from any recording, seen or not, to the values of that channel by the model, shape (n,).
         beside: parameters that are fixed or tied to others.
     """
@@ -79,6 +80,7 @@ class Fit:
     jacobian: np.ndarray | None = None
     known: tuple[KnownNoise, ...] = ()
     remarks: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
     predict: Callable[..., np.ndarray] | None = None
     beside: tuple[Parameter, ...] = ()
 
@@ -278,7 +280,7 @@ class Fit:
         if not self.converged:
             found.append(f"the search has not converged: {self.message}")
         found += [f"{name} ended at a bound of the fit" for name in self.at_bounds]
-        return tuple(found)
+        return (*found, *self.doubts)
 
     @property
     def undetermined(self) -> tuple[str, ...]:

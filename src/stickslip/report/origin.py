@@ -43,7 +43,7 @@ def origin_of(model: Actuator, recordings: Iterable[xr.Dataset], fitted: Collect
     taken = {
         field: words
         for field, words in unchanged(model, load_actuator(model.name), load_set(model.name)).items()
-        if field not in found and not _without_effect(model, field)
+        if field not in found and not _of_any(model, field)
     }
     reason = f"taken over from the parameter set {model.name}, which is of another actuator"
     said = [f"{field} = {words}: {reason}{_scaled(model, field)}" for field, words in taken.items()]
@@ -54,12 +54,12 @@ def origin_of(model: Actuator, recordings: Iterable[xr.Dataset], fitted: Collect
     return Origin(said, f"{bibtex(*model.citation_keys)}\n\n{comment}")
 
 
-def _without_effect(model: Actuator, field: str) -> bool:
-    """Whether no simulated motion depends on a value."""
+def _of_any(model: Actuator, field: str) -> bool:
+    """Whether no simulated motion depends on a value, or any real actuator has it: friction acts back."""
     law = model.friction
     if field == "friction.stribeck_velocity":
         return getattr(law, "stiction_force", None) == getattr(law, "coulomb_force", None)
-    return field in _LIMITS or (field == "stage_mass" and not model.stage_reaction)
+    return field in _LIMITS or (field == "stage_reaction" if model.stage_reaction else field == "stage_mass")
 
 
 def _scaled(model: Actuator, field: str) -> str:

@@ -27,7 +27,7 @@ def write_examples(beside: Path, step: bool) -> list[Path]:
     """Simulate and write them; the files are new."""
     files = example_files(beside, step)
     noise = np.random.default_rng(2007)
-    hidden = load_actuator("kang2007").replace(stage_reaction=False)
+    hidden = load_actuator("kang2007")
     runs = [(hidden, Sawtooth(volts, 20.0, periods=8), rate, 0.6) for volts, rate in _WALKS.items()]
     if step:
         runs.insert(0, (hidden.replace(clamped=True), Step(_STEP), 20e3, 0.2))  # type: ignore[arg-type]

@@ -37,6 +37,7 @@ from .first_guess import beginning, first_guess
 from .needed import asked_for, said_free, said_kept, shown_at_rest
 from .position_channel import CHANNEL, OBSERVED, of_channel, walked, warn_of_unseen_slips
 from .prediction import Predictor
+from .reaction import with_reaction_asked
 from .several import from_points, straightened
 from .walks import Varied, Walks, observed, own_values, slopes_of
 
@@ -63,6 +64,7 @@ def identify_friction(
     seed: int = 0,
     tolerance: float | str | None = None,
     correlated: bool | None = None,
+    averaged: bool = True,
     loss: str = "linear",
     loss_scale: float = 1.0,
     max_evaluations: int = 200,
@@ -75,7 +77,8 @@ def identify_friction(
 
     If the recordings hardly determine one value of the actuator, and derivatives are known, that value is
     given at its mean over all that fits, and the intervals of the others hold for all of that
-    (see `marginal`).
+    (see `marginal`). If the model leaves out that friction acts back on the stage, `failures` or `remarks`
+    tell what the recordings say to that (see `reaction`).
 
     Args:
         recordings: with end_effector_position [m]; or [rad], of an actuator that turns: then forces in the
@@ -110,7 +113,7 @@ def identify_friction(
             recording does not show; in the uncertainty that makes it the less sure.
         starts: how many; those after the first fill the bounds.
         hops: see `fit_least_squares`; 0 looks for no start and no other local minimum: for a start that is
-            near.
+            near, and the reaction on the stage is not asked for.
         seed: of the further starts.
         tolerance: m, of the simulation; left out, 1e-10 for a law of one internal state, whose derivatives
             are those of `sensitivities`. For the others they are differences over half a percent of a
@@ -119,6 +122,8 @@ def identify_friction(
         correlated: True: allow for residuals correlated in time in the uncertainty, whatever they are. Left
             out, for noise that is correlated over some samples and for a random walk (a sensor's drift), as
             far as the residuals show them (see `coloured`), where the noise is not given.
+        averaged: False: what is hardly determined is given where the sum of squares is lowest too, and the
+            intervals are those of the curvature there.
         loss, loss_scale: see `fit_least_squares`: "soft_l1" or "huber" for recordings with outliers; the
             scale is in m unless the noise is given.
         max_evaluations: of all recordings, for each start, with slopes; where these are differences, their
@@ -191,9 +196,12 @@ def identify_friction(
 
     def fitted(free: Sequence[str]) -> Fit:
         own = parameters(free)
-        return _searched(walks, own, found, drives, slew_rate, bounds, starts, hops, max_evaluations)
+        best = _searched(walks, own, found, drives, slew_rate, bounds, starts, hops, max_evaluations)
+        return _averaged(walks, best, {p.name: p.start for p in own}, max_evaluations) if averaged else best
 
     fit = _with_channel(fitted, walks, free, channel, first)
+    if hops:
+        fit = with_reaction_asked(fit, walks, max_evaluations)
     return _completed(fit, walks, slew_rate, tolerance)
 
 
@@ -258,8 +266,8 @@ def _searched(
     hops: int,
     max_evaluations: int,
 ) -> Fit:
-    """From several points, to the ends; then over what is hardly determined."""
-    model, exact = walks.model, has_slopes(walks.model)
+    """From several points, to the ends."""
+    model = walks.model
     given = {p.name: p.start for p in parameters}
     begins = [given]
     if hops:
@@ -276,20 +284,20 @@ def _searched(
     if starts > 1 or (hops and not white(np.concatenate(fit.residuals), [r.size for r in fit.residuals])):
         straight = straightened(parameters, fit.values)
         fit = lowest([fit, walks.fit(straight, max_evaluations=max_evaluations, starts=starts, hops=hops)])
-    linear = walks.loss == "linear"
-    name = loosest(fit, CHANNEL) if exact and linear else None
-    # What a value may be over its bounds is no question where something is known of it otherwise.
-    known = any(p.prior is not None for p in parameters if p.name == name)
-    return fit if name is None or known else _averaged(walks, fit, name, given, max_evaluations)
+    return fit
 
 
-def _averaged(walks: Walks, fit: Fit, name: str, given: Values, max_evaluations: int) -> Fit:
-    """The fit with one value, which it hardly determines, at its mean over all that fits.
+def _averaged(walks: Walks, fit: Fit, given: Values, max_evaluations: int) -> Fit:
+    """The fit with one value, if it hardly determines one, at its mean over all that fits.
 
     Where that describes the recordings worse than the model that was given, the values are those of the
     lowest sum of squares, and only the intervals are about the mean.
     """
     parameters = list(fit.parameters)
+    name = loosest(fit, CHANNEL) if has_slopes(walks.model) and walks.loss == "linear" else None
+    # What a value may be over its bounds is no question where something is known of it otherwise.
+    if name is None or any(p.prior is not None for p in parameters if p.name == name):
+        return fit
     settled = integrated(fit, name, partial(walks.hold, name, parameters, max_evaluations))
     if not isinstance(settled, Fit):
         return lowest([fit, walks.fit(straightened(parameters, settled), max_evaluations=max_evaluations)])

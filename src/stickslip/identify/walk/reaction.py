@@ -1,0 +1,56 @@
+"""Reaction of the friction on the stage, asked of the recordings where a model leaves it out [kang2007, 3.4].
+
+On a real stage it is there. Left out, it is made up for by other values of the contact, which may describe
+one walk nearly as well.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ...estimate.lack import independent_samples
+from ...estimate.problem import FitError
+from ...estimate.result import Fit
+from .walks import Walks
+
+# Difference of chi-squared from which one of two models with as many parameters is the better one: e^5 to 1.
+CLEAR = 10.0
+
+
+def with_reaction_asked(fit: Fit, walks: Walks, max_evaluations: int) -> Fit:
+    """The fit with a sentence on what it would be with the reaction: a doubt where that describes the
+    recordings better, a remark where they do not tell and a value would be outside its interval."""
+    model = walks.model
+    if model.stage_reaction or model.static or model.clamped:
+        return fit
+    start = [p._replace(start=fit.values[p.name]) for p in fit.parameters]
+    try:
+        other = replace(walks, model=model.replace(stage_reaction=True)).fit(
+            start, max_evaluations=max_evaluations
+        )
+    except FitError:  # there is no motion with it from there
+        return fit
+    count = independent_samples(np.concatenate(other.residuals))
+    lower = count * float(np.log(fit.cost / other.cost))
+    ends = fit.confidence_intervals()
+    outside = [
+        f"{p.name} = {p.shown(other.values[p.name], 3)}"
+        for p in fit.parameters
+        if not ends[p.name][0] <= other.values[p.name] <= ends[p.name][1]
+    ]
+    then = f"then {', '.join(outside)}" if outside else "the values are the same within their intervals"
+    if lower > CLEAR:
+        said = (
+            "the recordings are explained better where friction acts back on the stage "
+            f"(stage_reaction: true), chi-squared lower by {lower:.3g}; {then}"
+        )
+        return replace(fit, doubts=(*fit.doubts, said))
+    if lower > -CLEAR and outside:
+        said = (
+            "the recordings do not tell whether friction acts back on the stage, as on a real one it does "
+            f"(stage_reaction: true); {then}"
+        )
+        return replace(fit, remarks=(*fit.remarks, said))
+    return fit
