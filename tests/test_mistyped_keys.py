@@ -20,14 +20,17 @@ PACKAGE = Path(stickslip.__file__).parent
 WALK = {"file": "walk.csv", "columns": {"time": "t"}, "units": {"time": "ms"}, "start": 0.1, "use": "fit"}
 DRIVE = {"shape": "Sawtooth", "fields": {"amplitude": 65.0, "frequency": 5.0}, "duration": 1.0}
 FIT = {"title": "A walk", "model": "kang2007", "change": {"incline": 0.1}, "friction": {"sigma_0": 1e6}}
+LAW = {"law": "Dahl", "fields": {"sigma_0": 1e6, "coulomb_force": 0.5}, "free": ["sigma_0"], "label": "own"}
 TRIGGER = {"signal": "drive_voltage", "level": "1 V", "edge": "rising"}
 CAPTURE = {"length": 1.0, "interval": 1e-3, "trigger": TRIGGER}
 FILTER = {"order": 2, "corner": "1 kHz"}
 FILES: dict[str, Any] = {
     "walk": {"kind": "walk", **FIT, "free": ["sigma_0"], "recordings": [{**WALK, "drive": DRIVE}]},
     "verification": {"kind": "verification", **FIT, "recordings": [WALK], "require": ["rmse < 1 um"]},
-    "comparison": {"kind": "comparison", **FIT, "laws": ["LuGre"], "recordings": [WALK]},
-    "campaign": {**FIT, "recordings": [{**WALK, "waveform": [DRIVE]}], "filter": FILTER},
+    "comparison": {"kind": "comparison", **FIT, "laws": ["LuGre", LAW], "recordings": [WALK]},
+    "campaign": {
+        **FIT, "model_choice": [LAW], "recordings": [{**WALK, "waveform": [DRIVE]}], "filter": FILTER
+    },
     "experiment": {
         "title": "All that there is",
         "rig": {"kind": "virtual", "seed": 1, "variation": {"friction": "1 %", "drift_runs": 3}},

@@ -27,6 +27,31 @@ MINE = ss.load_actuator("kang2007").replace(
     friction=ss.LuGre(0.9e6, 20.0, 0.0, 0.4, 0.4, 1e-3),
     name="",
 )
+# A law of their own, in a file beside the campaign's.
+MY_LAW = """
+from typing import Annotated, NamedTuple
+
+from stickslip.friction import register_law
+from stickslip.records import Quantity, record
+
+
+@record
+class MyDahl(NamedTuple):
+    sigma_0: Annotated[float, Quantity("N/m", "σ₀", "bristle stiffness", above=0)]
+    coulomb_force: Annotated[float, Quantity("N", "F_C", "Coulomb friction", above=0)]
+
+
+def my_dahl(law, v, z):
+    return law.sigma_0 * z, v - law.sigma_0 * abs(v) / law.coulomb_force * z
+
+
+register_law(MyDahl, my_dahl)
+"""
+OWN = {
+    "law": "my_law.py:MyDahl",
+    "fields": {"sigma_0": "1 N/um", "coulomb_force": "0.5 N"},
+    "free": ["sigma_0", "coulomb_force"],
+}
 TAKEN = "end_effector_mass = 0.1 kg: taken over from the parameter set kang2007, which is of another actuator"
 
 
@@ -53,7 +78,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ]
     run("new", "campaign", *files, "--out", made / "campaign.yaml")
     file = yaml.safe_load((made / "campaign.yaml").read_text("utf-8"))
-    file |= {"profiles": True, "model_choice": ["LuGre", "Dahl"]}
+    (made / "my_law.py").write_text(MY_LAW, "utf-8")
+    file |= {"profiles": True, "model_choice": ["LuGre", OWN]}
     (made / "campaign.yaml").write_text(yaml.safe_dump(file), "utf-8")
     run("campaign", made / "campaign.yaml", "--out", made / "out")
     return made
@@ -79,7 +105,7 @@ def test_no_report_of_ones_own_data_speaks_of_the_thesis(folder: Path) -> None:
     (folder / "models.yaml").write_text(
         yaml.safe_dump(
             {key: walks[key] for key in ("title", "model", "change", "friction", "recordings")}
-            | {"kind": "comparison", "laws": ["LuGre", "Dahl"]}
+            | {"kind": "comparison", "laws": ["LuGre", OWN]}
         ),
         "utf-8",
     )
@@ -111,6 +137,16 @@ def test_what_is_known_of_ones_own_actuator_is_taken_over_from_none(folder: Path
     assert "canudas1995" in origin.citations
     (said,) = origin_of(model.replace(gain=0.1057e-6), [walk], free).assumptions
     assert said.startswith("gain = 105.7 nm/V: taken over from the parameter set kang2007, ")
+
+
+def test_a_law_of_ones_own_is_compared(folder: Path) -> None:
+    results = json.loads((folder / "out" / "results.json").read_text("utf-8"))
+    choice = results["numbers"]["model_choice"]
+    assert set(choice) == {"LuGre", "MyDahl"}
+    # It is Dahl's law, which lacks the damping that the actuator has.
+    noise = 20e-9
+    errors = {law: found["verification_rmse"]["value"] for law, found in choice.items()}
+    assert 0.9 * noise < errors["LuGre"] < errors["MyDahl"]
 
 
 def test_recordings_that_name_their_set_are_of_its_actuator() -> None:

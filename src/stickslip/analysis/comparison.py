@@ -22,6 +22,7 @@ from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.origin import origin_of
 from ..units import QuantityError, near_one
 from .file import read_parts
+from .loops import LawChoice
 from .walk import WalkFile
 
 # The usual choice for such actuators [kang2007, ch. 3], its steady friction constant.
@@ -31,15 +32,16 @@ SAME = 0.01
 
 
 class ComparisonAnalysis(WalkFile):
-    """See the module. `laws` are those of `walk_candidates` by their names; all of them if left out."""
+    """See the module. `laws` are those of `walk_candidates` by their names, all of them if left out, and laws
+    of one's own as in a file of friction loops."""
 
     kind: Literal["comparison"] = "comparison"
-    laws: list[str] = Field(default_factory=list)
+    laws: list[LawChoice] = Field(default_factory=list)
 
     @field_validator("laws")
     @classmethod
-    def _known_laws(cls, laws: list[str]) -> list[str]:
-        named(walk_candidates(1.0, 1.0, 1.0), laws, "")
+    def _known_laws(cls, laws: list[LawChoice]) -> list[LawChoice]:
+        named(walk_candidates(1.0, 1.0, 1.0), [one for one in laws if isinstance(one, str)], "")
         return laws
 
     def run(self, folder: Path, progress: Progress) -> Document:
@@ -55,7 +57,7 @@ class ComparisonAnalysis(WalkFile):
             [d for d, _ in data["fit"]],
             [d for d, _ in data["verify"]],
             model,
-            named(candidates_of(model), self.laws or True, "laws"),
+            named(candidates_of(model), self.laws or True, "laws", folder),
             drive=[w for _, w in data["fit"]],
             unseen_drive=[w for _, w in data["verify"]],
             progress=progress,
@@ -86,18 +88,30 @@ def candidates_of(model: Actuator) -> list[Candidate]:
 
 
 def named(
-    candidates: Sequence[Candidate], names: bool | Sequence[str], field: str = "model_choice"
+    candidates: Sequence[Candidate],
+    names: bool | Sequence[LawChoice],
+    field: str = "model_choice",
+    folder: Path = Path(),
 ) -> list[Candidate]:
-    """Those of the names, all of them where there are none; raises QuantityError for an unknown one."""
+    """Those of the names, all of them where there are none; and laws of one's own, their files in the folder.
+
+    Raises:
+        QuantityError: a name is unknown.
+        AnalysisError: a law is.
+    """
     if isinstance(names, bool):
         return list(candidates)
-    by_label = {candidate.label: candidate for candidate in candidates}
+    by_label, found = {candidate.label: candidate for candidate in candidates}, []
     for name in names:
-        if name not in by_label:
+        if not isinstance(name, str):
+            found.append(name.candidate(folder))
+        elif name in by_label:
+            found.append(by_label[name])
+        else:
             hint = did_you_mean(name, by_label)
             said = f"there is no {name!r}{hint}: there are {', '.join(by_label)}"
             raise QuantityError(f"{field}: {said}" if field else said)
-    return [by_label[name] for name in names]
+    return found
 
 
 def choice_numbers(choice: Comparison) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import xarray as xr
-from pydantic import Field
+from pydantic import Discriminator, Field, Tag
 
 from .. import registry
 from ..figures.identification import fit_with_residuals, friction_loop, law_ranking
@@ -42,6 +42,14 @@ class LawSpec(Strict):
         fields = {k: tuple(v) if isinstance(v, list) else v for k, v in self.fields.items()}
         label, made = self.label or law.__name__, law(**fields)
         return Candidate(label, made, tuple(self.free), dict(self.bounds), tied=dict(self.tied))
+
+
+# A law by its name, or with values of one's own; an error is said of that one alone.
+_NAME, _OWN = "a name", "of one's own"
+LawChoice = Annotated[
+    Annotated[str, Tag(_NAME)] | Annotated[LawSpec, Tag(_OWN)],
+    Discriminator(lambda one: _NAME if isinstance(one, str) else _OWN),
+]
 
 
 class LoopAnalysis(Analysis):

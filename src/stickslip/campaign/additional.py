@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from ..analysis.alignment import Aligned
@@ -37,13 +38,14 @@ def additional(
     walks: Sequence[Aligned],
     stage: Fit | None,
     lacking: bool,
+    folder: Path,
     progress: Progress,
 ) -> Additional:
     """What the file asks for, of a fit of friction; a choice of models too where the law is `lacking`.
 
     Raises:
         FitError: a fit or the sampler cannot begin, or what the sampler needs is not installed.
-        QuantityError: the file names a model that there is not.
+        QuantityError, AnalysisError: the file, in the folder, names a model that there is not.
     """
     fitted = [one for one in walks if one.use == "fit"]
     recordings = [one.recording for one in fitted]
@@ -63,7 +65,7 @@ def additional(
             recordings,
             [one.recording for one in unseen],
             friction.model,
-            named(candidates_of(friction.model), file.model_choice),
+            named(candidates_of(friction.model), file.model_choice, folder=folder),
             unseen_drive=[one.drive for one in unseen],
             begin={"delay": delay},
             bounds={"delay": (0.0, _LONGEST_DELAY * delay)} if delay > 0.0 else None,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import xarray as xr
@@ -71,8 +72,14 @@ class Found(NamedTuple):
         return self.hysteresis.widened(self.stage)
 
 
-def evaluate(file: CampaignFile, model: Actuator, gathered: Sequence[Aligned], progress: Progress) -> Found:
-    """Fit and verify; `model` is where the fits start.
+def evaluate(
+    file: CampaignFile,
+    model: Actuator,
+    gathered: Sequence[Aligned],
+    progress: Progress,
+    folder: Path = Path(),
+) -> Found:
+    """Fit and verify; `model` is where the fits start, `folder` where the file is.
 
     Raises:
         RecordingError: a recording is not what it must be.
@@ -146,7 +153,7 @@ def evaluate(file: CampaignFile, model: Actuator, gathered: Sequence[Aligned], p
             *verification.unmet(requirements),
             *dict.fromkeys([*(stage.failures if stage else ()), *friction.failures, *lacking]),
         ],
-        additional(file, friction, walks, stage, bool(lacking), progress),
+        additional(file, friction, walks, stage, bool(lacking), folder, progress),
     )
 
 

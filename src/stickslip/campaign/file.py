@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag, ValidationError, field_validator
 
 from ..analysis.file import RecordingFile
+from ..analysis.loops import LawChoice
 from ..experiment.file import FilterSpec, PartSpec
 from ..input_file import InputFileError, Seconds, Strict, explain, load_yaml, quantity
 from ..records import did_you_mean
@@ -62,7 +63,7 @@ class CampaignFile(Strict):
     `slew_rate` are those of the position channel and of the amplifier, where they are known. `published` are
     r² that others found, by recording (and of all steps, "step"). What takes longer is done on request:
     `posterior` (at most `posterior_simulations`), `profiles` of the likelihood, `model_choice` among all
-    models of a walk, or those that it names.
+    models of a walk, or those that it names, laws of one's own among them.
     """
 
     title: str
@@ -84,7 +85,7 @@ class CampaignFile(Strict):
     posterior: bool = False
     posterior_simulations: Annotated[int, Field(ge=100)] = 30_000
     profiles: bool = False
-    model_choice: bool | list[str] = False
+    model_choice: bool | list[LawChoice] = False
     require: list[str] = Field(default_factory=list)
 
     @field_validator("recordings")

@@ -62,6 +62,6 @@ def campaign_of(
     """
     model = changed(folder, file.model, file.change, file.friction)  # wrong: said before anything is recorded
     gathered, recorded = gather(file, folder, out, partial(within, progress, 0.0, 0.4), experiment)
-    found = evaluate(file, model, gathered, partial(within, progress, 0.4, 0.4))
+    found = evaluate(file, model, gathered, partial(within, progress, 0.4, 0.4), folder)
     progress("drawing" if figures else "writing", 0.8)
     return campaign_document(file, found, recorded, figures=figures)
