@@ -50,40 +50,6 @@ def record(
 
 
 @app.command()
-def instrument(
-    parameters: Annotated[
-        str, typer.Argument(metavar="[SET|FILE.toml]", help="Actuator.", autocompletion=completion.sets)
-    ] = "kang2007",
-    bench: Annotated[
-        str, typer.Option(help="Bench, by name or file.", autocompletion=completion.benches)
-    ] = "kang2007-bench",
-    host: Annotated[str, typer.Option(help="Address to serve; by default this machine only.")] = "127.0.0.1",
-    port: Annotated[int, typer.Option(help="TCP port; 0 takes a free one.", min=0, max=65535)] = 5025,
-    seed: Annotated[int, typer.Option(help="Of the sensors' noise.", min=0)] = 0,
-    real_time: Annotated[
-        bool, typer.Option("--real-time/--fast", help="Take the time that a real rig takes, or less.")
-    ] = True,
-    show_traceback: Traceback = False,
-) -> None:
-    """Serve the virtual rig as an instrument on TCP that understands SCPI, until Ctrl-C."""
-    with errors_in_one_line(show_traceback):
-        from ..actuator import load_actuator
-        from ..rig import Limits, VirtualRig, load_bench
-        from ..rig.instrument import Instrument
-        from ..rig.server import InstrumentServer
-
-        signal.signal(signal.SIGTERM, signal.default_int_handler)
-        actuator = load_actuator(parameters)
-        low, high = max(actuator.min_voltage, -1e6), min(actuator.max_voltage, 1e6)
-        rig = VirtualRig(actuator, load_bench(bench), seed=seed, real_time=real_time)
-        limits = Limits(min_voltage=min(low, 0.0), max_voltage=max(high, 0.0))
-        with InstrumentServer(Instrument(rig, limits), host, port) as server:
-            address, number = server.server_address[:2]
-            typer.echo(f"TCPIP::{address}::{number}::SOCKET")
-            server.serve_forever()
-
-
-@app.command()
 def rigs(
     at: Annotated[
         list[str], typer.Option(metavar="HOST[:PORT]", help="An address to ask which controller it is.")

@@ -61,16 +61,9 @@ class VirtualRigSpec(Strict):
     first_run: Annotated[int, Field(ge=0, lt=10**6)] = 0
 
 
-class ScpiRigSpec(Strict):
-    """A rig on the network that speaks SCPI, by its VISA resource: TCPIP::127.0.0.1::5025::SOCKET."""
-
-    kind: Literal["scpi"]
-    resource: str
-
-
 class OwnRigSpec(Strict):
-    """A rig of a back end of one's own: its name, or "my_rig.py:MyRig" beside the file, and what it is made
-    with."""
+    """A rig of a back end by its name (see `stickslip rigs`), or one of one's own, "my_rig.py:MyRig" beside the
+    file, and what it is made with."""
 
     kind: str
     options: dict[str, Any] = Field(default_factory=dict)
@@ -85,12 +78,11 @@ class OwnRigSpec(Strict):
 
 def _rig(said: Any) -> str:
     kind = said.get("kind", "virtual") if isinstance(said, dict) else getattr(said, "kind", "virtual")
-    return kind if kind in ("virtual", "scpi") else "own"
+    return "virtual" if kind == "virtual" else "own"
 
 
 RigSpec = Annotated[
     Annotated[VirtualRigSpec, Tag("virtual")]
-    | Annotated[ScpiRigSpec, Tag("scpi")]
     | Annotated[OwnRigSpec, Tag("own")],
     Discriminator(_rig),
 ]

@@ -23,9 +23,9 @@ from ..rig import (
     folder_of,
     load_bench,
 )
-from ..rig.devices import own_device, scpi_device, virtual_device
+from ..rig.devices import own_device, virtual_device
 from ..rig.variation import EXACT
-from .file import ExperimentFile, OwnRigSpec, ScpiRigSpec, VirtualRigSpec
+from .file import ExperimentFile, OwnRigSpec, VirtualRigSpec
 
 
 class Laboratory(Protocol):
@@ -156,10 +156,8 @@ def open_laboratory(
     return HostedVirtualLaboratory(bench, named, file.rig.real_time, link, own)
 
 
-def _device(rig: ScpiRigSpec | OwnRigSpec, folder: Path) -> tuple[dict[str, Any], Path]:
+def _device(rig: OwnRigSpec, folder: Path) -> tuple[dict[str, Any], Path]:
     """A real rig, and the folder of the process that owns it."""
-    if isinstance(rig, ScpiRigSpec):
-        return scpi_device(rig.resource), folder_of(rig.resource)
     made = own_device(registry.rigs.find(rig.kind, folder), rig.options)
     return made, folder_of(" ".join([made["rig"], *(f"{k}={v}" for k, v in sorted(rig.options.items()))]))
 

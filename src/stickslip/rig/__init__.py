@@ -23,7 +23,6 @@ from .protocols import Rig as Rig
 from .protocols import RigError as RigError
 from .protocols import StreamingRig as StreamingRig
 from .recorded import Channel as Channel
-from .scpi import ScpiRig as ScpiRig
 from .variation import Repeats as Repeats
 from .variation import Variation as Variation
 from .virtual import VirtualRig as VirtualRig

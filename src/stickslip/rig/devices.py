@@ -8,7 +8,6 @@ from .. import registry
 from ..actuator import Actuator
 from .bench import load_bench
 from .protocols import Rig, RigError
-from .scpi import ScpiRig
 from .variation import EXACT, Repeats
 from .virtual import VirtualRig
 
@@ -29,11 +28,6 @@ def virtual_device(
     }
 
 
-def scpi_device(resource: str) -> dict[str, Any]:
-    """A rig behind VISA."""
-    return {"kind": "scpi", "resource": resource}
-
-
 def own_device(rig_type: type, options: dict[str, Any]) -> dict[str, Any]:
     """A rig of a back end known by name, made with these options."""
     return {"kind": "own", **registry.rigs.written(rig_type), "options": options}
@@ -47,12 +41,10 @@ def open_device(device: dict[str, Any], origin: float) -> Rig:
         ValueError: a value in it is wrong.
     """
     kind = device.get("kind")
-    if kind == "scpi":
-        return ScpiRig(str(device["resource"]))
     if kind == "own":
         return registry.rigs.of_client(device)(**device["options"])
     if kind != "virtual":
-        raise RigError(f"{kind!r} is no kind of rig: virtual, scpi or own")
+        raise RigError(f"{kind!r} is no kind of rig: virtual or own")
     made = VirtualRig(
         _actuator(device),
         load_bench(str(device["bench"])),

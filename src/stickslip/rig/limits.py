@@ -85,6 +85,11 @@ def check_drive(volts: Array, limits: Limits, can: Capabilities) -> None:
             f"the drive changes at {slew:.4g} V/s, faster than the greatest slew of "
             f"{limits.max_slew:.4g} V/s (a sawtooth with rise_fraction < 1 has no jumps)"
         )
+    if can.own_slew > limits.max_slew * (1 + 1e-9):
+        raise LimitError(
+            f"{can.name} ends a drive with a ramp of {can.own_slew:.4g} V/s, faster than the greatest slew of "
+            f"{limits.max_slew:.4g} V/s"
+        )
     duty = float(np.mean(np.abs(volts) > 0.01 * limits.max_voltage))
     if duty > limits.max_duty:
         raise LimitError(

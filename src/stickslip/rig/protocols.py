@@ -24,6 +24,7 @@ class Capabilities(NamedTuple):
     `step` is that of the output, V; `max_points` the longest drive or recording, in samples; `inputs` the
     unit of each. A rig that does not `streams` hands its samples out when the run has ended: until then no
     end stop is watched. `jitter` is how unsure the moment is at which output and recording begin, s.
+    `own_slew` is that of a ramp to 0 V which the rig itself puts after a drive, V/s.
     """
 
     name: str
@@ -36,6 +37,7 @@ class Capabilities(NamedTuple):
     inputs: dict[str, str]
     streams: bool = True
     jitter: float = 0.0
+    own_slew: float = 0.0
 
 
 class About(NamedTuple):

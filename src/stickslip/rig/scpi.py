@@ -1,138 +1,185 @@
-"""A rig behind VISA (network, USB, GPIB) that speaks the commands of `stickslip.rig.instrument`."""
+"""Connections to instruments that understand SCPI, over TCP or VISA: queries, commands, blocks, queues of errors.
+
+After each command the queue of errors is read, so what an instrument refuses is told with the command that it
+refused. Where an answer is late or garbage, which answer is to what is not known any more: nothing is asked
+again, and only `tell` goes on, for a last command that brings an output to its safe state.
+"""
 
 from __future__ import annotations
 
-import json
+import contextlib
 from typing import Any
 
-import numpy as np
+from .line import Line
+from .protocols import RigError
 
-from .. import registry
-from ..units import to_si
-from .protocols import About, Array, Capabilities, RigError
+LARGEST_BLOCK = 100_000_000  # bytes
+_MOST_ERRORS = 32  # that a queue may hold
+_PIECE = 65536  # bytes of a block that are waited for at a time
 
 
-class ScpiRig:
-    """A rig behind VISA that understands SCPI; see `protocols.Rig`.
+class ScpiInstrument:
+    """An instrument; `identity` is its answer to ``*IDN?``.
 
     Args:
-        resource: VISA resource, ``TCPIP::127.0.0.1::5025::SOCKET``.
-        timeout: s, for each answer. `patience`, the same by default, is that for samples.
-        backend: of PyVISA: "@py" is pyvisa-py, which needs no driver.
+        role: what it is called in errors, "generator".
+        where: "HOST", "HOST:PORT", or a VISA resource, "USB0::0x0957::0x2807::MY1::INSTR" (needs pyvisa).
+        port: TCP port, where none is given.
+        timeout: s, for each answer.
+        end: what ends a message to it.
 
     Raises:
-        RigError: PyVISA is not installed, or nobody answers there.
+        RigError: nobody answers there.
     """
 
-    about = About(
-        device="what `stickslip instrument` serves, behind VISA",
-        does="puts out and records",
-        samples="as they come",
-        safe_state="ramp to 0 V, by the device's own watchdog too",
-        verified="the served virtual rig; no instrument on sale speaks this dialect",
-    )
-
-    def __init__(self, resource: str, *, timeout: float | str = 10.0, backend: str = "@py") -> None:
-        timeout = to_si(timeout, "s", "timeout")
+    def __init__(
+        self, role: str, where: str, port: int = 5025, timeout: float = 5.0, end: bytes = b"\n"
+    ) -> None:
+        self._end = end
+        self.errors = "SYST:ERR?"  # how its queue of errors is read
+        self._lost = False
+        if "::" in where:
+            self._line: Any = _VisaLine(role, where, timeout)
+        else:
+            host, _, given = where.partition(":")
+            if given and not given.isdecimal():
+                raise RigError(f"{role}: {where!r} is no HOST:PORT")
+            self._line = Line(role, host, int(given or port), timeout)
         try:
-            import pyvisa
-        except ModuleNotFoundError:
-            raise RigError('a rig on the network needs pyvisa: pip install "stickslip[scpi]"') from None
-        self._failures = (pyvisa.Error, OSError)
-        try:
-            self._manager = pyvisa.ResourceManager(backend)
-            self._link: Any = self._manager.open_resource(
-                resource, read_termination="\n", write_termination="\n", timeout=1000.0 * timeout
-            )
-        except (*self._failures, ValueError) as error:
-            raise RigError(f"{resource} cannot be opened: {error}") from None
-        self._resource, self._inputs = resource, 0
-        self.timeout = self.patience = timeout
-        self.origin = 0.0
-        try:
-            self._check()  # an instrument that another program holds says so
-            self.capabilities = self._asked_capabilities()
+            self.identity = self.ask("*IDN?")
         except RigError:
             self.close()
             raise
 
-    def load(self, volts: Array) -> None:
-        """Send the drive, V at the piezo, one value per update."""
-        content = np.ascontiguousarray(volts, dtype="<f8")
-        self._try(lambda: self._link.write_binary_values("SOUR:DATA ", content, datatype="d"))
-        self._check()
+    @property
+    def name(self) -> str:
+        """Role and place, for errors."""
+        return self._line.device
 
-    def arm(self, inputs: tuple[str, ...], samples: int) -> None:
-        """Record these inputs when the output starts."""
-        self._asked_capabilities()
-        self._do(f"SENS:CONF {samples},{','.join(inputs)}")
-        self._do("INIT")
-        self._inputs = len(inputs)
+    def tell(self, command: str) -> None:
+        """Send a command, and ask for nothing."""
+        self._line.send(command.encode("latin-1") + self._end)
 
-    def start(self) -> None:
-        """Start output and recording."""
-        self._do("*TRG")
+    def ask(self, query: str) -> str:
+        """The answer to a query."""
+        return self._heard(query, lambda asked: self._line.until(b"\n", asked)).decode("latin-1").strip()
 
-    def fetch(self) -> Array:
-        """The next samples [inputs, n]."""
-        content = self._query_block("FETC?", self.patience)
-        if not content:
-            self._check()
-        values = np.frombuffer(content, dtype="<f8")
-        if not self._inputs or values.size % self._inputs:
-            raise RigError(f"{self._resource}: {values.size} samples came for {self._inputs} inputs")
-        return values.reshape(self._inputs, -1)
+    def do(self, command: str, content: bytes | None = None) -> None:
+        """A command, with a block of data or not.
 
-    def stop(self, slew: float) -> None:
-        """Ramp to 0 V."""
-        self._do(f"OUTP:STOP {slew!r}")
+        Raises:
+            RigError: its queue of errors is not empty then; says what is in it.
+        """
+        if self._lost:
+            raise RigError(f"{self.name}: {command}: an answer was late or garbage before, and it is not heard")
+        count = b"" if content is None else str(len(content)).encode()
+        block = b"" if content is None else b"#" + str(len(count)).encode() + count + content
+        self._line.send(command.encode("latin-1") + block + self._end)
+        self.check(command)
+
+    def check(self, command: str) -> None:
+        """Raises RigError with the oldest error of the queue, which is empty then."""
+        first = ""
+        for _ in range(_MOST_ERRORS):
+            said = self.ask(self.errors)
+            if self.errors.startswith("*ESR?;"):
+                said = said.partition(";")[2]
+            number, comma, _ = said.partition(",")
+            if not comma or not number.lstrip("+-").isdecimal():
+                self._lost = True
+                raise RigError(f"{self.name}: {command}, then {self.errors}: {said[:60]!r} came, late or garbage")
+            if int(number) == 0:
+                break
+            first = first or said
+        if first:
+            raise RigError(f"{self.name}: {command}: {first[:200]}")
+
+    def number(self, query: str) -> float:
+        """The answer to a query for a number."""
+        said = self.ask(query)
+        try:
+            return float(said)
+        except ValueError:
+            self._lost = True
+            raise RigError(f"{self.name}: {query} is answered by {said[:60]!r}, no number") from None
+
+    def block(self, query: str) -> bytes:
+        """The content of the block of definite length that answers a query."""
+        return self._heard(query, self._read_block)
 
     def close(self) -> None:
-        """Let go of the connection; a run that is going on is stopped by the instrument."""
-        self._link.close()
-        self._manager.close()
+        """Let go of the connection."""
+        self._line.close()
 
-    def _asked_capabilities(self) -> Capabilities:
-        """What it says of itself; `origin` is in it where readings begin at zero with each run."""
+    def _read_block(self, asked: bytes) -> bytes:
+        head = self._line.exactly(2, asked)
+        digits = self._line.exactly(int(head[1:]), asked) if head[:1] == b"#" and head[1:].isdigit() else b""
+        if not digits.isdigit() or int(digits) > LARGEST_BLOCK:
+            raise RigError(f"{self.name}: {asked.decode()} is answered by {(head + digits)!r}..., no block")
+        pieces, left = [], int(digits)
+        while left:
+            pieces.append(self._line.exactly(min(left, _PIECE), asked))
+            left -= len(pieces[-1])
+        self._line.until(b"\n", asked)
+        return b"".join(pieces)
+
+    def _heard(self, query: str, read: Any) -> bytes:
+        if self._lost:
+            raise RigError(f"{self.name}: {query}: an answer was late or garbage before, and it is not heard")
+        asked = query.encode("latin-1")
         try:
-            found = json.loads(self._query_block("SYST:CAP?"))
-            self.origin = float(found.pop("origin", 0.0))
-            return Capabilities(**found)
-        except (ValueError, TypeError) as error:
-            raise RigError(f"{self._resource}: its capabilities cannot be read: {error}") from None
+            self._line.send(asked + self._end)
+            return read(asked)
+        except RigError:
+            self._lost = True
+            raise
 
-    def _do(self, command: str) -> None:
-        self._try(lambda: self._link.write(command))
-        self._check()
 
-    def _check(self) -> None:
-        """Raises RigError with the oldest error that the instrument remembers; forgets the others."""
-        answer = self._try(lambda: self._link.query("SYST:ERR?"))
-        number, _, words = str(answer).partition(",")
-        if number.strip() not in ("0", "+0"):
-            self._try(lambda: self._link.write("*CLS"))
-            raise RigError(f"{self._resource}: {words.strip().strip(chr(34))} ({number})")
+class _VisaLine:
+    """A VISA resource with the calls of a `Line`."""
 
-    def _query_block(self, command: str, patience: float | None = None) -> bytes:
-        def ask() -> bytes:
-            self._link.timeout = 1000.0 * (patience or self.timeout)
-            self._link.write(command)
-            digits = self._link.read_bytes(2)
-            if digits[:1] != b"#" or not digits[1:].isdigit():
-                raise RigError(f"{self._resource}: no block came for {command}, but {digits!r}")
-            length = int(self._link.read_bytes(int(digits[1:])))
-            content = self._link.read_bytes(length) if length else b""
-            self._link.read_bytes(1)  # line feed
-            self._link.timeout = 1000.0 * self.timeout
-            return content
+    def __init__(self, role: str, resource: str, timeout: float) -> None:
+        self.device = f"{role} at {resource}"
+        try:
+            import pyvisa
+        except ModuleNotFoundError:
+            raise RigError('an instrument behind VISA needs pyvisa: pip install "stickslip[scpi]"') from None
+        self._failures, self._rest = (pyvisa.Error, OSError, ValueError), b""
+        try:
+            self._manager = pyvisa.ResourceManager("@py")
+            self._link: Any = self._manager.open_resource(resource, timeout=1000.0 * timeout)
+            if resource.upper().endswith("SOCKET"):  # where nothing else ends a message
+                self._link.read_termination = "\n"
+        except self._failures as error:
+            raise RigError(f"{self.device} cannot be opened: {error}") from None
 
-        return self._try(ask)
+    def send(self, content: bytes) -> None:
+        """Send."""
+        self._tried(lambda: self._link.write_raw(content), content)
 
-    def _try(self, talk: Any) -> Any:
+    def until(self, end: bytes, asked: bytes = b"") -> bytes:
+        """What comes up to and without `end`."""
+        while end not in self._rest:
+            self._rest += self._tried(self._link.read_raw, asked)
+        found, _, self._rest = self._rest.partition(end)
+        return found
+
+    def exactly(self, count: int, asked: bytes = b"") -> bytes:
+        """So many bytes."""
+        while len(self._rest) < count:
+            self._rest += self._tried(self._link.read_raw, asked)
+        found, self._rest = self._rest[:count], self._rest[count:]
+        return found
+
+    def close(self) -> None:
+        """Let go."""
+        with contextlib.suppress(*self._failures):
+            self._link.close()
+            self._manager.close()
+
+    def _tried(self, talk: Any, asked: bytes) -> Any:
         try:
             return talk()
         except self._failures as error:
-            raise RigError(f"{self._resource}: {error}") from None
-
-
-registry.rigs.add(ScpiRig, "scpi")
+            said = asked[:60].decode("latin-1").strip()
+            raise RigError(f"{self.device}: {said!r}: {error}") from None

@@ -24,7 +24,6 @@ from .limits import LimitError, Limits
 from .memory import collect
 from .protocols import Array, Rig, RigError
 from .samples import complete
-from .scpi import ScpiRig
 
 ANOTHER = 3  # exit code of a process that finds the rig owned by another one
 HOMING = 0.02  # s of readings at 0 V that tell where home is
@@ -161,8 +160,6 @@ class Supervisor:
 
     def _run(self, rig: Rig, order: Order) -> None:
         gate = Gate(rig, order.limits, rig.capabilities, self.home)
-        if isinstance(rig, ScpiRig):
-            rig.patience = order.limits.watchdog
         failure: BaseException | None = None
         try:
             gate.load(order.volts)

@@ -1,0 +1,106 @@
+"""GCS 2.0, the General Command Set of Physik Instrumente (PI), over TCP: commands, queries, error numbers.
+
+A command has no answer; ``ERR?`` says how it went. An answer of several lines ends each but the last with a
+space.
+"""
+
+from __future__ import annotations
+
+import re
+
+from .line import Line
+from .protocols import RigError
+
+PORT = 50000
+_LONGEST = 1_000_000  # lines of an answer
+_ERRORS = {
+    1: "parameter syntax error",
+    2: "unknown command",
+    5: "axis is not referenced, or its servo is off",
+    7: "position out of limits",
+    10: "stopped by command",
+    15: "invalid axis identifier",
+    17: "parameter out of range",
+    23: "illegal axis",
+    24: "wrong number of parameters",
+    25: "invalid floating point number",
+    26: "missing parameter",
+}
+
+
+class GcsLine:
+    """A connection to a controller; `identity` is its answer to ``*IDN?``.
+
+    Raises:
+        RigError: nobody answers there, or none of PI's.
+    """
+
+    def __init__(self, host: str, port: int, timeout: float) -> None:
+        self._line = Line("PI controller", host, port, timeout)
+        self._lost = False
+        try:
+            self.identity = self.ask("*IDN?")[0]
+            if "physik instrumente" not in self.identity.lower():
+                raise RigError(f"{self.name} says it is {self.identity[:80]!r}, not a controller of PI")
+            self.ask("ERR?")  # forgets what was before
+        except RigError:
+            self._line.close()
+            raise
+
+    @property
+    def name(self) -> str:
+        """Device and place, for errors."""
+        return self._line.device
+
+    def tell(self, command: str) -> None:
+        """Send a command, and ask for nothing."""
+        self._line.send(command.encode("latin-1") + b"\n")
+
+    def do(self, command: str, allowed: tuple[int, ...] = ()) -> None:
+        """A command; RigError where its error is none of those allowed."""
+        self.tell(command)
+        said = self.ask("ERR?")[0]
+        if not said.lstrip("-").isdecimal():
+            self._lost = True
+            raise RigError(f"{self.name}: {command}, then ERR?: {said[:60]!r} came, late or garbage")
+        if int(said) not in (0, *allowed):
+            words = _ERRORS.get(int(said), "see the manual's list of errors")
+            raise RigError(f"{self.name}: {command}: error {said}, {words}")
+
+    def ask(self, query: str) -> list[str]:
+        """The lines of the answer. A single control character, such as chr(5), is a query too."""
+        if self._lost:
+            raise RigError(f"{self.name}: {query!r}: an answer was late or garbage before, and it is not heard")
+        asked, lines = query.encode("latin-1"), list[str]()
+        try:
+            self._line.send(asked if len(asked) == 1 else asked + b"\n")
+            while not lines or lines[-1].endswith(" "):
+                if len(lines) > _LONGEST:
+                    raise RigError(f"{self.name}: the answer to {query} does not end")
+                lines.append(self._line.until(b"\n", asked).decode("latin-1").strip("\r"))
+        except RigError:
+            self._lost = True
+            raise
+        return [line.rstrip() for line in lines]
+
+    def number(self, query: str) -> float:
+        """What stands behind the last "=" of the answer."""
+        said = self.ask(query)[0]
+        found = re.fullmatch(r"(?:.*=)?\s*([-+.\deE]+)\s*", said)
+        try:
+            return float(found[1] if found else "")
+        except ValueError:
+            self._lost = True
+            raise RigError(f"{self.name}: {query} is answered by {said[:60]!r}, no number") from None
+
+    def table(self, query: str) -> list[list[float]]:
+        """The rows of numbers of a GCS array."""
+        lines = [line for line in self.ask(query) if not line.startswith("#")]
+        try:
+            return [[float(one) for one in line.split()] for line in lines if line]
+        except ValueError:
+            raise RigError(f"{self.name}: {query} is answered by no table: {lines[0][:60]!r}") from None
+
+    def close(self) -> None:
+        """Let go."""
+        self._line.close()

@@ -1,0 +1,191 @@
+"""A function generator and an oscilloscope as a rig, what most laboratories own, each by its SCPI commands.
+
+The generator's output goes to an amplifier of known gain, whose output drives the piezo; its sync output
+triggers the oscilloscope, to whose channels the sensors go. Which commands each understands is in
+`generators` and `oscilloscopes`, by what it says that it is.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Mapping
+
+import numpy as np
+
+from .. import registry
+from ..units import QuantityError, to_si
+from .generators import Generator
+from .oscilloscopes import Oscilloscope
+from .protocols import About, Array, Capabilities, RigError
+from .table import checked_inputs, fade_out, with_ramp, within
+
+_SAMPLES = 50_000  # of a recording; oscilloscopes give some 60,000 points of a screen
+_POLL = 0.02  # s
+_JITTER = 1e-6  # s, assumed: of a trigger by cable
+_LATE = 5.0  # s after the end of the screen at which an acquisition should be over
+
+
+class PairRig:
+    """Generator and oscilloscope; see `protocols.Rig`.
+
+    Args:
+        generator, oscilloscope: "HOST", "HOST:PORT" (5025 unless told; Rigol 5555, Tektronix 4000), or a VISA
+            resource (needs pyvisa).
+        gain: of the amplifier, V at the piezo per V of the generator.
+        inputs: which channel each input of the rig is, such as {"gauge": 2}, all in V; "drive" is what was put
+            out, unless a channel measures it.
+        spans: V from the bottom to the top of the screen, of inputs; 8 V by default.
+        rate: Hz, of output and inputs.
+        ramp: V/s at the piezo, of the ramp to 0 V that ends each drive.
+        output: of the generator.
+        trigger: what triggers the oscilloscope, as it calls it; `level` is the trigger's, V.
+        timeout: s, for each answer.
+
+    Raises:
+        RigError: one of them does not answer, or is of no known family.
+        QuantityError: a value that cannot be.
+    """
+
+    about = About(
+        device="a function generator and an oscilloscope by SCPI (families: see docs/devices/scpi.md)",
+        does="puts out and records",
+        samples="at the end of the run, up to 50,000",
+        safe_state="amplitude faded to 0 V, output off; a table ends at 0 V without the program too",
+        verified="our twins, which PyMeasure's drivers of 33500 and DSOX1102G drive too; not run on hardware",
+    )
+
+    def __init__(
+        self,
+        generator: str,
+        oscilloscope: str,
+        *,
+        gain: float,
+        inputs: Mapping[str, int],
+        spans: Mapping[str, float | str] | None = None,
+        rate: float | str = 20e3,
+        ramp: float | str = 1000.0,
+        output: int = 1,
+        trigger: str = "EXT",
+        level: float | str = 1.0,
+        timeout: float | str = 5.0,
+    ) -> None:
+        rate, ramp = to_si(rate, "Hz", "rate"), to_si(ramp, "V/s", "ramp")
+        level, timeout = to_si(level, "V", "level"), to_si(timeout, "s", "timeout")
+        self._spans = {name: to_si(span, "V", f"spans.{name}") for name, span in (spans or {}).items()}
+        numbers = {"gain": gain, "rate": rate, "ramp": ramp, "timeout": timeout, **self._spans}
+        for name, value in numbers.items():
+            if not (math.isfinite(value) and value > 0.0):
+                raise QuantityError(f"{name} = {value} must be > 0")
+        if not inputs or set(self._spans) - set(inputs):
+            raise QuantityError(f"inputs = {dict(inputs)} must name a channel for each of spans")
+        self._channels, self._rate, self._ramp, self._gain = dict(inputs), rate, ramp, gain
+        self._generator = Generator(generator, output, timeout)
+        try:
+            self._oscilloscope = Oscilloscope(oscilloscope, trigger, level, timeout)
+        except RigError:
+            self._generator.link.close()
+            raise
+        one = self._generator.table
+        if rate > one.max_rate:
+            self.close()
+            raise QuantityError(f"rate = {rate:g} Hz must be <= {one.max_rate:g} Hz for {one.name}")
+        self._volts: Array = np.zeros(0)
+        self._inputs: tuple[str, ...] = ()
+        self._samples, self._running = 0, False
+        self._lasts = self._ends = self._over = 0.0  # s the table takes; when table and acquisition are over
+        self.capabilities = Capabilities(
+            name=f"{one.name} and {self._oscilloscope.table.name}",
+            update_rate=rate,
+            sample_rate=rate,
+            min_voltage=-gain * one.volts,
+            max_voltage=gain * one.volts,
+            step=gain * one.volts / one.full,
+            max_points=min(_SAMPLES, one.points // 2),
+            inputs={"drive": "V", **dict.fromkeys(self._channels, "V")},
+            streams=False,
+            jitter=_JITTER,
+            own_slew=ramp,
+        )
+
+    def told(self, runs: int) -> dict[str, str]:
+        """For the recording: the instruments and what they are set to."""
+        del runs
+        known = {
+            "generator": self._generator.link.identity,
+            "oscilloscope": self._oscilloscope.link.identity,
+            "gain": self._gain,
+            "channels": self._channels,
+        }
+        return {"device": json.dumps(known)}
+
+    def load(self, volts: Array) -> None:
+        """Upload the drive, V at the piezo, and a ramp to 0 V after it."""
+        can = self.capabilities
+        table = with_ramp(np.asarray(volts, dtype=float), self._ramp, self._rate)
+        within(can.name, table, can.min_voltage, can.max_voltage, self._generator.table.points)
+        self._volts = np.zeros(0)
+        self._generator.load(table / self._gain, self._rate)
+        self._volts = np.array(volts, dtype=float)
+        self._lasts = table.size / self._rate
+
+    def arm(self, inputs: tuple[str, ...], samples: int) -> None:
+        """Set the oscilloscope up for these inputs."""
+        can = self.capabilities
+        checked_inputs(can.name, inputs, can.inputs, samples, can.max_points)
+        channels = {self._channels[name]: self._spans.get(name, 8.0) for name in inputs if name in self._channels}
+        if not channels:  # it tells when the run is over
+            name, channel = next(iter(self._channels.items()))
+            channels = {channel: self._spans.get(name, 8.0)}
+        self._oscilloscope.arm(channels, (samples + 1) / self._rate)
+        self._inputs, self._samples = inputs, samples
+
+    def start(self) -> None:
+        """Trigger the generator, and so the oscilloscope."""
+        if not self._volts.size or not self._samples:
+            raise RigError(f"{self.capabilities.name}: start needs a drive (load) and inputs (arm)")
+        self._oscilloscope.start()
+        self._generator.on()
+        self._running, self._ends = True, time.monotonic() + self._lasts + 1.0
+        self._generator.trigger()
+        self._ends = time.monotonic() + self._lasts
+        self._over = time.monotonic() + self._oscilloscope.length + _LATE
+
+    def fetch(self) -> Array:
+        """All samples [inputs, n], V, when the acquisition is over, none before."""
+        if not self._running:
+            raise RigError(f"{self.capabilities.name}: nothing is running")
+        if not self._oscilloscope.over():
+            if time.monotonic() > self._over:
+                raise RigError(
+                    f"{self._oscilloscope.link.name}: its acquisition is not over, {_LATE:g} s after it should "
+                    "be: does the generator's sync output trigger it?"
+                )
+            time.sleep(_POLL)
+            return np.zeros((len(self._inputs), 0))
+        # The table begins with a value at rest, so the first value of the drive comes one update later.
+        times = np.arange(1, self._samples + 1) / self._rate
+        played = self._volts[np.minimum(np.arange(self._samples), self._volts.size - 1)]
+        read = self._oscilloscope.read
+        return np.array([read(self._channels[n], times) if n in self._channels else played for n in self._inputs])
+
+    def stop(self, slew: float) -> None:
+        """Fade to 0 V and disconnect the output; that is sent even where nothing else is understood."""
+        running, self._running = self._running, False
+        try:
+            if running:
+                greatest = float(np.abs(self._volts).max(initial=0.0))
+                fade_out(self._generator.fade, greatest, slew, self._ends)
+        finally:
+            self._generator.off()
+            if running:
+                self._oscilloscope.stop()
+
+    def close(self) -> None:
+        """Let go; a table that is put out goes on to its end, 0 V."""
+        self._generator.link.close()
+        self._oscilloscope.link.close()
+
+
+registry.rigs.add(PairRig, "scpi")

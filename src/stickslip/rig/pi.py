@@ -1,0 +1,176 @@
+"""A digital piezo controller of Physik Instrumente as a rig: wave generator and data recorder, by GCS 2.0.
+
+Controllers such as E-709 and E-727: the servo is off, so the wave table is the piezo's voltage; position and
+voltage are recorded in steps of the servo's cycle.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+
+import numpy as np
+
+from .. import registry
+from ..units import QuantityError, to_si
+from .gcs import PORT, GcsLine
+from .limits import LONGEST_STOP
+from .protocols import About, Array, Capabilities, RigError
+from .table import checked_inputs, with_ramp, within
+
+_CYCLE = "SPA? 1 0x0E000200"  # s, of the servo
+_OPTIONS = {"position": 2, "drive": 16}  # of the recorder: position of the axis, voltage of the channel
+_AT_A_TIME = 10  # values in one command: its length is limited
+_POLL = 0.02  # s
+_STEPS = 50  # of a ramp, at most
+_LATE = 5.0  # s
+
+
+class PiRig:
+    """The controller; see `protocols.Rig`.
+
+    Args:
+        host: its address.
+        axis: of the controller, with its first output channel and wave generator.
+        interval: s, between updates of the output and between samples; a multiple of the servo's cycle.
+        points: of a wave table, and of a record, as the controller's manual says.
+        ramp: V/s, of the ramp to 0 V that ends each drive.
+        port: TCP port.
+        timeout: s, for each answer.
+
+    Inputs are "drive", the voltage at the piezo, and "position", that of its sensor.
+
+    Raises:
+        RigError: nobody answers there, or not as a controller of PI does.
+        QuantityError: a value that cannot be.
+    """
+
+    about = About(
+        device="Physik Instrumente, digital piezo controllers such as E-709, E-727 (GCS 2.0, TCP)",
+        does="puts out and records",
+        samples="at the end of the run, as many as its tables hold",
+        safe_state="steps to 0 V by SVA; a table ends at 0 V without the program too",
+        verified="a controller simulated in the tests, which PI's pipython drives too; not run on hardware",
+    )
+
+    def __init__(
+        self,
+        host: str,
+        *,
+        axis: str = "1",
+        interval: float | str = 100e-6,
+        points: int = 8192,
+        ramp: float | str = 1000.0,
+        port: int = PORT,
+        timeout: float | str = 5.0,
+    ) -> None:
+        interval, ramp = to_si(interval, "s", "interval"), to_si(ramp, "V/s", "ramp")
+        timeout = to_si(timeout, "s", "timeout")
+        for name, value in {"interval": interval, "points": points, "ramp": ramp, "timeout": timeout}.items():
+            if not (math.isfinite(value) and value > 0.0):
+                raise QuantityError(f"{name} = {value} must be > 0")
+        self._line = GcsLine(host, port, timeout)
+        self._axis, self._ramp = axis, ramp
+        self._inputs: tuple[str, ...] = ()
+        self._volts: Array = np.zeros(0)
+        self._samples, self._running = 0, False
+        self._lasts = self._ends = 0.0
+        try:
+            cycle = self._line.number(_CYCLE)
+            self._factor = max(round(interval / cycle), 1) if cycle > 0.0 else 1
+            if abs(interval - self._factor * cycle) > 1e-3 * interval:
+                raise QuantityError(f"interval = {interval:g} s must be a multiple of {cycle:g} s, the servo's cycle")
+            self._low, self._high = (self._line.number(f"{name}? 1") for name in ("VMI", "VMA"))
+            self._line.do("WGO 1 0")
+            self._line.do(f"SVO {axis} 0")
+        except (RigError, QuantityError):
+            self._line.close()
+            raise
+        self.capabilities = Capabilities(
+            name=f"PI {self._line.identity.split(',')[1].strip() if ',' in self._line.identity else 'controller'}",
+            update_rate=1.0 / interval,
+            sample_rate=1.0 / interval,
+            min_voltage=min(self._low, 0.0),
+            max_voltage=max(self._high, 0.0),
+            step=(self._high - self._low) / 65536,
+            max_points=points - 1,
+            inputs={"drive": "V", "position": "m"},
+            streams=False,
+            own_slew=ramp,
+        )
+
+    def told(self, runs: int) -> dict[str, str]:
+        """For the recording: the controller and what it is set to."""
+        del runs
+        known = {"device": self._line.identity, "axis": self._axis, "interval": 1.0 / self.capabilities.update_rate}
+        return {"device": json.dumps(known)}
+
+    def load(self, volts: Array) -> None:
+        """Put the drive, V, and a ramp to 0 V after it, into the wave table."""
+        can = self.capabilities
+        table = with_ramp(np.asarray(volts, dtype=float), self._ramp, can.update_rate)
+        within(can.name, table, can.min_voltage, can.max_voltage, can.max_points + 1)
+        self._volts = np.zeros(0)
+        for begin in range(0, table.size, _AT_A_TIME):
+            some = table[begin : begin + _AT_A_TIME]
+            values = " ".join(f"{one:.5f}" for one in some)
+            self._line.do(f"WAV 1 {'&' if begin else 'X'} PNT 1 {some.size} {values}")
+        for command in (f"WTR 0 {self._factor} 0", "WSL 1 1", "WGC 1 1", "WOS 1 0"):
+            self._line.do(command)
+        self._volts, self._lasts = np.array(volts, dtype=float), table.size / can.update_rate
+
+    def arm(self, inputs: tuple[str, ...], samples: int) -> None:
+        """Record these inputs when the wave generator starts."""
+        can = self.capabilities
+        checked_inputs(can.name, inputs, can.inputs, samples, can.max_points)
+        self._line.do(f"RTR {self._factor}")
+        for table, name in enumerate(inputs, 1):
+            source = self._axis if name == "position" else "1"
+            self._line.do(f"DRC {table} {source} {_OPTIONS[name]}")
+        self._inputs, self._samples = inputs, samples
+
+    def start(self) -> None:
+        """Start the wave generator, and with it the recorder."""
+        if not self._volts.size or not self._samples:
+            raise RigError(f"{self.capabilities.name}: start needs a drive (load) and inputs (arm)")
+        self._running, self._ends = True, time.monotonic() + self._lasts + 1.0
+        self._line.do("WGO 1 1")
+        self._ends = time.monotonic() + self._lasts
+
+    def fetch(self) -> Array:
+        """All samples [inputs, n] when they are recorded, none before."""
+        if not self._running:
+            raise RigError(f"{self.capabilities.name}: nothing is running")
+        if self._line.number("DRL? 1") < self._samples + 1:
+            if time.monotonic() > self._ends + _LATE:
+                raise RigError(f"{self._line.name}: DRL? 1: it does not record so many samples")
+            time.sleep(_POLL)
+            return np.zeros((len(self._inputs), 0))
+        tables = " ".join(str(i + 1) for i in range(len(self._inputs)))
+        query = f"DRR? 1 {self._samples + 1} {tables}"
+        rows = self._line.table(query)
+        if len(rows) != self._samples + 1 or any(len(row) != len(self._inputs) for row in rows):
+            raise RigError(f"{self._line.name}: {query}: {len(rows)} rows came")
+        scale = np.array([1e-6 if name == "position" else 1.0 for name in self._inputs])  # from um
+        return (np.array(rows[1:]) * scale).T  # the first is that at rest
+
+    def stop(self, slew: float) -> None:
+        """End the wave where it is not over, and go to 0 V in steps."""
+        running, self._running = self._running, False
+        if running and 0.0 < self._ends - time.monotonic() <= float(np.abs(self._volts).max()) / slew:
+            time.sleep(max(self._ends - time.monotonic(), 0.0))  # the table's own ramp
+        self._line.do("WGO 1 0")
+        volts = self._line.number("VOL? 1")
+        takes = abs(volts) / max(slew, abs(volts) / LONGEST_STOP) if volts else 0.0
+        steps = min(max(math.ceil(takes / _POLL), 1), _STEPS)
+        for step in range(1, steps + 1):
+            self._line.do(f"SVA {self._axis} {volts * (1.0 - step / steps):.5f}")
+            time.sleep(takes / steps)
+
+    def close(self) -> None:
+        """Let go; a wave that is put out goes on to its end, 0 V."""
+        self._line.close()
+
+
+registry.rigs.add(PiRig, "pi")

@@ -1,0 +1,66 @@
+"""A drive as a table that begins and ends at 0 V, for generators that put it out once, and how it is faded out.
+
+A generator that loses its program goes on to the end of its table, so that is at 0 V: the ramp to there is part
+of the table. In mid-run the amplitude is brought down in steps.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from .limits import LONGEST_STOP
+from .protocols import Array, RigError
+
+_STEP = 0.02  # s from one amplitude to the next, at least
+_MOST_STEPS = 100
+
+
+def with_ramp(volts: Array, slew: float, rate: float) -> Array:
+    """A drive [n], V, one value per 1/rate s, and a ramp at `slew` V/s from its last value to 0 V, after 0 V.
+
+    The first value is that at rest: generators wait there.
+    """
+    last = float(volts[-1])
+    count = max(math.ceil(abs(last) / slew * rate), 1)
+    return np.concatenate([[0.0], volts, last * (1.0 - np.arange(1, count + 1) / count)])
+
+
+def within(name: str, volts: Array, low: float, high: float, points: int) -> None:
+    """Raises RigError unless the table [n], V, is finite, from `low` to `high` V, and not too long."""
+    if not np.all(np.isfinite(volts)) or volts.min() < low - 1e-9 or volts.max() > high + 1e-9:
+        raise RigError(f"{name}: the drive must be finite and within {low:g} to {high:g} V")
+    if volts.size > points:
+        raise RigError(f"{name}: the drive and its ramp to 0 V have {volts.size} values; {points} are possible")
+
+
+def checked_inputs(name: str, inputs: tuple[str, ...], known: dict[str, str], samples: int, most: int) -> None:
+    """Raises RigError for inputs that there are not, and for too many samples."""
+    for one in inputs:
+        if one not in known:
+            raise RigError(f"{name}: there is no input {one!r}; there are {', '.join(known)}")
+    if not 1 <= samples <= most:
+        raise RigError(f"{name}: {samples} samples are not 1 to {most}")
+
+
+def fade_out(fade: Callable[[float], None], greatest: float, slew: float, ends: float) -> None:
+    """Bring an output to 0 V by its amplitude, at `slew` on average, or wait for the end of its table.
+
+    Args:
+        fade: makes the amplitude that share of what it was.
+        greatest: V that there can be at present.
+        slew: V/s; a ramp takes 10 s at most.
+        ends: when the table is over, s of the monotonic clock.
+    """
+    takes = greatest / max(slew, greatest / LONGEST_STOP) if greatest else 0.0
+    left = ends - time.monotonic()
+    if left <= takes:
+        time.sleep(max(left, 0.0))
+        return
+    steps = min(max(math.ceil(takes / _STEP), 1), _MOST_STEPS)
+    for step in range(1, steps + 1):
+        fade(1.0 - step / steps)
+        time.sleep(takes / steps)

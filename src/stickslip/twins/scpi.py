@@ -1,0 +1,152 @@
+"""SCPI from an instrument's side: messages with blocks, headers in long or short form, a queue of errors."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable
+
+from .server import HangUp
+
+LONGEST = 4_000_000  # bytes of a message
+_VOWELS = "AEIOU"
+
+Command = Callable[[list[str], bytes], str | bytes | None]
+
+
+class ScpiError(Exception):
+    """What a command cannot do: SCPI's number and words."""
+
+    def __init__(self, number: int, words: str) -> None:
+        super().__init__(words)
+        self.number = number
+
+
+class ScpiDevice:
+    """Executes messages by a table of commands.
+
+    Args:
+        identity: the answer to ``*IDN?``.
+        errors: the query that takes the oldest error from the queue, or ESR and event, as Tektronix has it.
+    """
+
+    end = b"\n"  # of an answer
+
+    def __init__(self, identity: str, errors: str = "SYST:ERR?") -> None:
+        self.identity = identity
+        self.queue: deque[tuple[int, str]] = deque(maxlen=20)
+        self.commands: dict[str, Command] = {
+            "*IDN?": lambda given, block: self.identity,
+            "*CLS": lambda given, block: self.queue.clear(),
+            "*OPC?": lambda given, block: "1",
+            "*ESR?": lambda given, block: "32" if self.queue else "0",
+            errors: lambda given, block: self._oldest(),
+        }
+
+    def session(self) -> ScpiSession:
+        """A connection."""
+        return ScpiSession(self)
+
+    def execute(self, text: str, block: bytes = b"") -> bytes:
+        """The answers to the commands of a message, joined; what goes wrong is in the queue."""
+        answers = []
+        for command in text.split(";") if not block else [text]:
+            header, _, rest = command.strip().partition(" ")
+            if not header:
+                continue
+            try:
+                name, suffix = shortened(header)
+                found = self.commands.get(name)
+                if found is None:
+                    raise ScpiError(-113, "Undefined header")
+                given = [str(suffix), *(part.strip() for part in rest.split(","))]
+                said = found(given, block)
+            except ScpiError as error:
+                self.queue.append((error.number, str(error)))
+                continue
+            if said is not None:
+                answers.append(said if isinstance(said, bytes) else said.encode("latin-1"))
+        return b";".join(answers) + self.end if answers else b""
+
+    def _oldest(self) -> str:
+        number, words = self.queue.popleft() if self.queue else (0, "No error")
+        return f'{number:+d},"{words}"'
+
+
+class ScpiSession:
+    """A connection: cuts what comes into messages."""
+
+    greeting = b""
+
+    def __init__(self, device: ScpiDevice) -> None:
+        self._device, self._rest = device, b""
+
+    def feed(self, data: bytes) -> bytes:
+        """The answers to the messages that are complete."""
+        self._rest += data
+        made = b""
+        while (cut := self._message()) is not None:
+            text, block = cut
+            made += self._device.execute(text.decode("latin-1"), block)
+        if len(self._rest) > LONGEST:
+            raise HangUp("a message does not end")
+        return made
+
+    def _message(self) -> tuple[bytes, bytes] | None:
+        """The next message and its block, taken from what came."""
+        end = self._rest.find(b"\n")
+        mark = self._rest.find(b"#", 0, end if end >= 0 else None)
+        if mark >= 0 and self._rest[mark + 1 : mark + 2].isdigit():
+            digits = int(self._rest[mark + 1 : mark + 2])
+            size = self._rest[mark + 2 : mark + 2 + digits]
+            if len(size) == digits and size.isdigit():
+                first = mark + 2 + digits
+                last = first + int(size)
+                if int(size) > LONGEST:
+                    raise HangUp("a block is too long")
+                if len(self._rest) <= last:
+                    return None
+                text, block = self._rest[:mark], self._rest[first:last]
+                self._rest = self._rest[last:].removeprefix(b"\r").removeprefix(b"\n")
+                return text, block
+            if len(size) < digits:
+                return None
+        if end < 0:
+            return None
+        text, self._rest = self._rest[:end], self._rest[end + 1 :]
+        return text.strip(b"\r"), b""
+
+
+def shortened(header: str) -> tuple[str, int]:
+    """A header in short form, a suffix of any word but the first channel's left out: ":CHANnel2:RANGe?" is
+    "CHAN:RANG?", 2; a suffix that is not there is 1."""
+    query = "?" if header.endswith("?") else ""
+    words, suffix = [], 1
+    for word in header.upper().strip(":?").split(":"):
+        letters = word.rstrip("0123456789")
+        if letters == "DAC":  # whose number is no suffix
+            letters = word
+        elif word != letters:
+            suffix = int(word[len(letters) :][:6])
+        if len(letters) > 4 and letters.isalpha():
+            letters = letters[: 3 if letters[3] in _VOWELS else 4]
+        words.append(letters)
+    return ":".join(words) + query, suffix
+
+
+def number(text: str, low: float = -math.inf, high: float = math.inf) -> float:
+    """A number within a range."""
+    try:
+        value = float(text)
+    except ValueError:
+        raise ScpiError(-104, "Data type error") from None
+    if not (math.isfinite(value) and low <= value <= high):
+        raise ScpiError(-222, "Data out of range")
+    return value
+
+
+def switch(text: str) -> bool:
+    """ON, OFF, 1, 0."""
+    if text.upper() not in ("ON", "OFF", "1", "0", "RUN", "STOP"):
+        raise ScpiError(-104, "Data type error")
+    return text.upper() in ("ON", "1", "RUN")
