@@ -198,7 +198,7 @@ class PiezoController(Gcs):
             **dict.fromkeys(("WSL", "WGC", "WOS"), lambda given: None if len(given) == 2 else given[2]),
             "WGO": self._go,
             "WGO?": lambda given: [f"1={int(self.wiring.axis.moving)}"],
-            "DRC": lambda given: self.sources.__setitem__(int(given[0]), (given[1], int(given[2]))),
+            "DRC": self._sources,
             "DRL?": lambda given: [f"1={self._recorded()}"],
             "DRR?": self._record,
             "VOL?": lambda given: [f"1={self.wiring.axis.state()[0]:.4f}"],
@@ -219,6 +219,10 @@ class PiezoController(Gcs):
             self.began = self.wiring.clock.now()
         else:
             self.wiring.axis.stop()
+
+    def _sources(self, given: list[str]) -> None:
+        for table, source, option in zip(given[::3], given[1::3], given[2::3], strict=True):
+            self.sources[int(table)] = source, int(option)
 
     def _set(self, given: list[str]) -> None:
         self.wiring.axis.begin(ramp(self.wiring.axis.state()[0], limited(given[1], -30.0, 130.0), 1e-3))

@@ -39,6 +39,7 @@ class ScpiDevice:
             "*IDN?": lambda given, block: self.identity,
             "*CLS": lambda given, block: self.queue.clear(),
             "*OPC?": lambda given, block: "1",
+            "*WAI": lambda given, block: None,
             "*ESR?": lambda given, block: "32" if self.queue else "0",
             errors: lambda given, block: self._oldest(),
         }
