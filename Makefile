@@ -33,7 +33,7 @@ SINCE ?=
 LOWEST_TESTS := tests/test_records.py tests/test_units.py tests/test_registry.py tests/test_known.py tests/test_cli.py \
   tests/test_mistyped_keys.py tests/parameters tests/recording tests/calibration tests/figures \
   tests/friction/test_contract.py tests/solve/test_step.py tests/simulation/test_state.py tests/estimate/test_fit.py \
-  tests/identify/test_saved.py tests/rig/test_gate.py tests/rig/test_scpi.py tests/readers/test_text.py \
+  tests/identify/test_saved.py tests/rig/test_gate.py tests/twins/test_pair.py tests/readers/test_text.py \
   tests/readers/test_matlab.py tests/readers/test_arrays.py tests/report/test_document.py tests/report/test_html.py \
   tests/report/test_results.py tests/report/test_writing.py tests/analysis/test_verification.py
 LOWEST := .venv-lowest

@@ -1,5 +1,5 @@
-"""The device of the fault study: the virtual rig in real time, as an instrument in a process of its own,
-which fails when it is told to and writes down what came out of its amplifier.
+"""The device of the fault study: the virtual rig in real time, behind a socket in a process of its own, which
+fails when it is told to and writes down what came out of its amplifier.
 
 python -m benchmarks.fault_device FOLDER
 """
@@ -7,18 +7,20 @@ python -m benchmarks.fault_device FOLDER
 from __future__ import annotations
 
 import json
+import socket
 import sys
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from stickslip.actuator import load_actuator
-from stickslip.rig import Limits, VirtualRig, load_bench
-from stickslip.rig.instrument import Instrument
-from stickslip.rig.server import InstrumentServer
+from stickslip.rig import Gate, Limits, RigError, VirtualRig, load_bench
+from stickslip.rig.limits import LONGEST_STOP
+from stickslip.rig.wire import receive, send
 
 # What the device allows by itself; a program's limits are narrower.
 OWN = Limits(min_voltage=0.0, max_voltage=150.0, watchdog=0.5, stop_slew=1000.0)
@@ -36,7 +38,6 @@ class FailingRig(VirtualRig):
         )
         self.folder = folder
         self.server: Any = None
-        self._lock = threading.RLock()  # a connection that hangs and the next one
         self._fault: dict = {}
         self._failed: float | None = None
         self._held: np.ndarray | None = None
@@ -104,23 +105,76 @@ class FailingRig(VirtualRig):
         (self.folder / "running").unlink(missing_ok=True)
 
 
-class Server(InstrumentServer):
-    """An instrument whose cable can be pulled."""
+class Server:
+    """The device's side of `far_rig`: one program at a time; when it goes, or is silent for too long while a
+    run goes on, the output stops. Its cable can be pulled."""
+
+    def __init__(self, rig: FailingRig) -> None:
+        self._rig, self._gate = rig, Gate(rig, OWN, rig.capabilities)
+        self._held = threading.Lock()
+        self._link: socket.socket | None = None
+        self._running = False
 
     def drop(self) -> None:
-        """Pull it."""
-        holder = self._holder
-        if holder is not None:
-            holder.hang_up()
+        """Pull the cable."""
+        link = self._link
+        if link is not None:
+            with suppress(OSError):
+                link.shutdown(socket.SHUT_RDWR)
+
+    def serve(self, listening: socket.socket) -> None:
+        """Until the process is ended."""
+        while True:
+            link, _ = listening.accept()
+            threading.Thread(target=self._hold, args=(link,), daemon=True).start()
+
+    def _hold(self, link: socket.socket) -> None:
+        with link, suppress(OSError, EOFError):
+            if not self._held.acquire(timeout=1.0):  # the one before may be about to leave
+                return
+            try:
+                self._link = link
+                while True:
+                    link.settimeout(OWN.watchdog if self._running else None)
+                    asked, values = receive(link)
+                    try:
+                        send(link, *self._done(asked, values))
+                    except RigError as error:
+                        send(link, {"error": str(error)})
+            finally:
+                self._stop()
+                self._link = None
+                self._held.release()
+
+    def _done(self, asked: dict[str, Any], values: np.ndarray) -> tuple[dict[str, Any], np.ndarray | None]:
+        do, block = asked["do"], None
+        if do == "load":
+            self._gate.load(values)
+        elif do == "arm":
+            self._rig.arm(tuple(asked["inputs"]), asked["samples"])
+        elif do == "start":
+            self._gate.start()
+            self._running = True
+        elif do == "fetch":
+            block = self._rig.fetch()
+        elif do == "stop":
+            self._rig.stop(max(asked["slew"], OWN.max_voltage / LONGEST_STOP))
+            self._running = False
+        return {"capabilities": self._rig.capabilities._asdict(), "origin": self._rig.origin}, block
+
+    def _stop(self) -> None:
+        if self._running:
+            self._running = False
+            self._gate.stop()
 
 
 def main(folder: Path) -> None:
     """Serve until the process is ended."""
     rig = FailingRig(folder)
-    with Server(Instrument(rig, OWN), port=0) as server:
-        rig.server = server
-        (folder / "port").write_text(str(server.server_address[1]))
-        server.serve_forever(poll_interval=0.1)
+    rig.server = Server(rig)
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        (folder / "port").write_text(str(listening.getsockname()[1]))
+        rig.server.serve(listening)
 
 
 if __name__ == "__main__":

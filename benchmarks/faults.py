@@ -37,6 +37,7 @@ from stickslip.recording import open_recording
 from stickslip.rig import Link, RigError, folder_of
 from stickslip.rig.samples import recover
 
+FAR_RIG = Path(__file__).parent / "far_rig.py"
 WATCHDOG = 0.4  # s
 BLOCK = 0.02  # s in which a fault is seen
 GRACE = 0.25  # s for the processes of a machine that does other things besides
@@ -82,7 +83,7 @@ def experiment(random: random.Random, port: str, folder: Path) -> tuple[Path, di
         fields |= {"amplitude": amplitude / 2, "offset": amplitude / 2}
     content = {
         "title": "Fault",
-        "rig": {"kind": "scpi", "resource": f"TCPIP::127.0.0.1::{port}::SOCKET"},
+        "rig": {"kind": f"{FAR_RIG}:FarRig", "options": {"port": int(port), "patience": WATCHDOG}},
         "limits": limits,
         "channels": {"drive_voltage": {"input": "drive"}, "end_effector_position": {"input": "ideal"}},
         "runs": [
@@ -158,9 +159,7 @@ def strike(fault: str, child: int, rigs: Path, random: random.Random) -> float |
                 now = time.monotonic()
                 if fault == "stop":
                     return now if other.ask("stop", why="stop")[0]["stopped"] else None
-                other.ask(
-                    "open", device={"kind": "scpi", "resource": "TCPIP::127.0.0.1::1::SOCKET"}, again=False
-                )
+                other.ask("open", device={"kind": "none"}, again=False)
             finally:
                 other.close()
     return None
@@ -195,7 +194,7 @@ def trial(number: int, random: random.Random, folder: Path, port: str) -> Trial:
     fault = FAULTS[number % len(FAULTS)]
     out, log = folder / f"out{number}", folder / "runs.jsonl"
     path, limits = experiment(random, port, folder)
-    rigs = folder_of(f"TCPIP::127.0.0.1::{port}::SOCKET")
+    rigs = folder_of(f"FarRig patience={WATCHDOG} port={port}")
     (rigs / "home.json").unlink(missing_ok=True)
     log.unlink(missing_ok=True)
     (folder / "started").unlink(missing_ok=True)

@@ -38,9 +38,9 @@ FILES: dict[str, Any] = {
         "runs": [{"name": "a", "waveform": [DRIVE], "capture": CAPTURE}],
         "panel": [{"kind": "plotter", "variables": ["x"], "width": 3}],
     },
-    "scpi": {
+    "device": {
         "title": "A rig on the network",
-        "rig": {"kind": "scpi", "resource": "TCPIP::127.0.0.1::5025::SOCKET"},
+        "rig": {"kind": "nv200", "options": {"host": "192.168.0.20"}},
         "channels": {"x": {"input": "a"}},
         "runs": [{"name": "a", "waveform": [DRIVE], "capture": {"length": 1.0, "down_sampling": 2}}],
     },
@@ -72,7 +72,7 @@ FREE = {
     "tied",
     "matrix",
 }
-FREE |= {"published", "marks", "variables", "channels", "grid", "ranges", "spread"}
+FREE |= {"published", "marks", "variables", "channels", "grid", "ranges", "spread", "options"}
 
 
 def places(node: Any, at: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:

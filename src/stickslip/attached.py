@@ -6,20 +6,23 @@ import glob
 import importlib
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 from . import registry
 from .rig.protocols import About, RigError
+from .rig.scpi import ScpiInstrument
 
 _PATIENCE = 3.0  # s for what is asked of a library
-_PORTS = {"nv200": 23, "mcs2": 55551, "anc300": 7230}  # where the makers have them
+_PORTS = {"nv200": 23, "mcs2": 55551, "anc300": 7230, "e871": 50000}  # where the makers have them
+_SCPI = {5025: "scpi", 5555: "scpi", 4000: "scpi", 5000: "redpitaya"}  # what answers to *IDN? there
 _FILES = (
     ("/dev/ttyUSB*", "a serial port"),
     ("/dev/ttyACM*", "a serial port"),
     ("/dev/tty.usb*", "a serial port"),
     ("/dev/usbtmc*", "an instrument on USB"),
 )
-_PROBES = ("nv200", "mcs2", "anc300", "kim101")
+_PROBES = ("nv200", "mcs2", "anc300", "kim101", "e871")
 
 
 class Known(NamedTuple):
@@ -75,7 +78,13 @@ def probe(host: str, port: int | None = None, timeout: float = 0.5) -> list[Foun
         opened.close()
         found.append(Found(f"{host}:{at}", said, name))
         if port is not None:
-            break
+            return found
+    for at in _SCPI if port is None else (port,):
+        with suppress(RigError):
+            asked = ScpiInstrument("instrument", host, at, timeout)
+            name = "redpitaya" if "REDPITAYA" in asked.identity.upper() else _SCPI.get(at, "scpi")
+            found.append(Found(f"{host}:{at}", asked.identity, name))
+            asked.close()
     return found
 
 

@@ -22,7 +22,7 @@ import pytest
 
 from stickslip.recording import open_recording
 from stickslip.rig import Capture, HostedRig, LimitError, Limits, Link, RigError, VirtualRig, measure
-from stickslip.rig.devices import scpi_device, virtual_device
+from stickslip.rig.devices import virtual_device
 from stickslip.rig.host import Host
 from stickslip.rig.samples import recover
 from stickslip.rig.supervisor import Order
@@ -244,7 +244,17 @@ def test_nonsense_is_refused_and_it_stays(link: Link) -> None:
         ("open", {"device": {}, "again": False}),
         ("fetch", {"wait": "long"}),
         ("run", {"limits": {"max_voltage": "much"}, "inputs": [], "samples": 0, "rest": 0, "position": None}),
-        ("open", {"device": scpi_device("TCPIP::127.0.0.1::1::SOCKET"), "again": False}),
+        (
+            "open",
+            {
+                "device": {
+                    "kind": "own",
+                    "rig": "redpitaya",
+                    "options": {"host": "127.0.0.1", "port": 1, "gain": 1.0, "inputs": {"gauge": 1}},
+                },
+                "again": False,
+            },
+        ),
     ]:
         with pytest.raises((RigError, ValueError)):
             link.ask(do, np.zeros(3), **what)

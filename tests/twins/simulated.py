@@ -1,8 +1,9 @@
-"""A Red Pitaya and controllers of PI as their drivers see them, with the plant behind; from others' drivers and
-manuals, without hardware. What they have beyond these is left out."""
+"""A Red Pitaya and controllers of PI as their drivers see them, with the plant behind; from others' drivers
+and manuals, without hardware. What they have beyond these is left out."""
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -10,9 +11,9 @@ import numpy as np
 
 from stickslip.rig.protocols import Array
 from stickslip.twins.axis import Axis, WallClock, ramp, steps
-from stickslip.twins.pair import Wiring
 from stickslip.twins.scpi import ScpiDevice, ScpiError, number, switch
 from stickslip.twins.stage import Piece, Stage
+from stickslip.twins.wiring import Wiring
 
 _CHUNK = 200  # values of a table that are played as one piece
 
@@ -33,12 +34,12 @@ class Board(ScpiDevice):
 
     def __init__(self, wiring: Wiring) -> None:
         super().__init__("REDPITAYA,INSTR2023,0,01-02")
-        self.wiring, self.on, self.amplitude = wiring, False, 0.0
+        self.wiring, self.on, self.amplitude, self.lock = wiring, False, 0.0, wiring.lock
         self.table, self.frequency = np.zeros(1), 1e3
         self.decimation, self.delay, self.armed = 1, 0, ""
         self.began: float | None = None
-        kept = "GEN:RST SOUR:FUNC SOUR:VOLT:OFFS SOUR:BURS:STAT SOUR:BURS:NCYC SOUR:BURS:NOR SOUR:TRIG:SOUR ACQ:STOP"
-        kept += " ACQ:RST ACQ:AVG ACQ:DATA:FORM ACQ:DATA:UNIT ACQ:SOUR:GAIN ACQ:STAR"
+        kept = "GEN:RST SOUR:FUNC SOUR:VOLT:OFFS SOUR:BURS:STAT SOUR:BURS:NCYC SOUR:BURS:NOR SOUR:TRIG:SOUR"
+        kept += " ACQ:STOP ACQ:RST ACQ:AVG ACQ:DATA:FORM ACQ:DATA:UNIT ACQ:SOUR:GAIN ACQ:STAR"
         for name in kept.split():
             self.commands[name] = lambda given, block: None
         self.commands |= {
@@ -55,7 +56,9 @@ class Board(ScpiDevice):
             "ACQ:TRIG:STAT?": lambda given, block: "WAIT" if self.began is None else "TD",
             "ACQ:TRIG:FILL?": lambda given, block: str(int(self._filled())),
             "ACQ:BUF:SIZE?": lambda given, block: "16384",
-            "ACQ:SOUR:DATA:OLD:N?": lambda given, block: self._data(int(given[0]), int(number(given[1], 1, 16384))),
+            "ACQ:SOUR:DATA:OLD:N?": lambda given, block: self._data(
+                int(given[0]), int(number(given[1], 1, 16384))
+            ),
             "ACQ:SOUR:DATA?": lambda given, block: self._data(int(given[0]), 16384),
         }
 
@@ -128,7 +131,7 @@ class Gcs:
     def __init__(self, model: str, axes: int) -> None:
         self.identity = f"(c)2016 Physik Instrumente (PI) GmbH & Co. KG, {model}, 0116000001, 01.00.00.00"
         self.axes, self.error = [str(i + 1) for i in range(axes)], 0
-        self.servo = dict.fromkeys(self.axes, False)
+        self.servo, self.lock = dict.fromkeys(self.axes, False), threading.RLock()
         self.commands: dict[str, Callable[[list[str]], list[str] | None]] = {
             "*IDN?": lambda given: [self.identity],
             "SAI?": lambda given: self.axes,
@@ -146,6 +149,10 @@ class Gcs:
 
     def execute(self, line: str) -> str:
         """The answer, whose lines end in a space but for the last; errors are kept."""
+        with self.lock:
+            return self._execute(line)
+
+    def _execute(self, line: str) -> str:
         name, *given = line.split()
         known = self.commands.get(name.upper())
         try:
@@ -185,6 +192,7 @@ class PiezoController(Gcs):
 
     def __init__(self, wiring: Wiring) -> None:
         super().__init__("E-709.CRG", 1)
+        self.lock = wiring.lock
         self.wiring, self.wave, self.rates = wiring, list[float](), [1, 1]
         self.sources: dict[int, tuple[str, int]] = {}
         self.began: float | None = None
@@ -237,9 +245,17 @@ class PiezoController(Gcs):
         first, count, *tables = (int(one) for one in given)
         times = (np.arange(count) + first - 1) * self.CYCLE * self.rates[1]
         scale = {2: (2, 1e6 * self.wiring.per_volt), 16: (1, self.wiring.gain)}
-        columns = [scale[self.sources[n][1]][1] * self.wiring.seen(scale[self.sources[n][1]][0], times) for n in tables]
+        columns = [
+            scale[self.sources[n][1]][1] * self.wiring.seen(scale[self.sources[n][1]][0], times)
+            for n in tables
+        ]
         names = [f"# NAME{i} = table {n}" for i, n in enumerate(tables)]
-        head = ["# TYPE = 1", "# SEPARATOR = 32", f"# DIM = {len(tables)}", f"# SAMPLE_TIME = {times[1] - times[0]:.6f}"]
+        head = [
+            "# TYPE = 1",
+            "# SEPARATOR = 32",
+            f"# DIM = {len(tables)}",
+            f"# SAMPLE_TIME = {times[1] - times[0]:.6f}",
+        ]
         rows = [" ".join(f"{one:.6f}" for one in row) for row in np.transpose(columns)]
         return [*head, f"# NDATA = {count}", *names, "# END_HEADER", *rows]
 
@@ -249,7 +265,9 @@ class StepController(Gcs):
 
     def __init__(self, stages: list[Stage], clock: Any = None) -> None:
         super().__init__("E-871.1A1", len(stages))
-        self.moved = {axis: Axis(stage, clock or WallClock()) for axis, stage in zip(self.axes, stages, strict=True)}
+        self.moved = {
+            axis: Axis(stage, clock or WallClock()) for axis, stage in zip(self.axes, stages, strict=True)
+        }
         self._zero = {axis: one.stage.position for axis, one in self.moved.items()}
         self.amplitude, self.rate = dict.fromkeys(self.axes, 48.0), dict.fromkeys(self.axes, 100.0)
         self.commands |= {

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import json
 import signal
+import threading
 import time
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from . import completion
 from .frame import Out, Traceback, app, check_output, errors_in_one_line, progress_bar, write
+
+if TYPE_CHECKING:
+    from ..actuator import Actuator
 
 
 class Kind(StrEnum):
@@ -85,12 +89,16 @@ class TwinName(StrEnum):
     MCS2 = "mcs2"
     ANC300 = "anc300"
     KIM101 = "kim101"
+    SCPI = "scpi"
 
 
 @app.command()
 def twin(
     name: Annotated[TwinName, typer.Argument(help="Controller.")],
-    port: Annotated[int, typer.Option(help="TCP port; 0 takes a free one.", min=0, max=65535)] = 0,
+    port: Annotated[
+        int,
+        typer.Option(help="TCP port, of an oscilloscope the next; 0 takes a free one.", min=0, max=65535),
+    ] = 0,
     host: Annotated[str, typer.Option(help="Address to serve; by default this machine only.")] = "127.0.0.1",
     parameters: Annotated[
         str,
@@ -111,11 +119,27 @@ def twin(
 
         signal.signal(signal.SIGTERM, signal.default_int_handler)
         actuator = load_actuator(parameters).replace(external_force=load)
+        if name is TwinName.SCPI:
+            return serve_pair(actuator, travel, seed, host, port)
         made = make_twin(name.value, actuator, axes=axes, travel=travel, seed=seed)
         with TwinServer(made, host, port) as server:
             address, number = server.server_address[:2]
             typer.echo(f"{address}:{number}")
             server.serve_forever()
+
+
+def serve_pair(actuator: Actuator, travel: str, seed: int, host: str, port: int) -> None:
+    """Serve a generator and an oscilloscope, until Ctrl-C."""
+    from ..twins import TwinServer
+    from ..twins.pair import make_pair
+
+    generator, oscilloscope = make_pair(actuator, travel=travel, seed=seed)
+    with TwinServer(generator, host, port) as one, TwinServer(oscilloscope, host, port and port + 1) as other:
+        for role, server in (("generator", one), ("oscilloscope", other)):
+            address, number = server.server_address[:2]
+            typer.echo(f"{role} {address}:{number}")
+        threading.Thread(target=other.serve_forever, daemon=True).start()
+        one.serve_forever()
 
 
 @app.command()

@@ -62,8 +62,8 @@ class VirtualRigSpec(Strict):
 
 
 class OwnRigSpec(Strict):
-    """A rig of a back end by its name (see `stickslip rigs`), or one of one's own, "my_rig.py:MyRig" beside the
-    file, and what it is made with."""
+    """A rig of a back end by its name (see `stickslip rigs`), or one of one's own, "my_rig.py:MyRig" beside
+    the file, and what it is made with."""
 
     kind: str
     options: dict[str, Any] = Field(default_factory=dict)
@@ -82,8 +82,7 @@ def _rig(said: Any) -> str:
 
 
 RigSpec = Annotated[
-    Annotated[VirtualRigSpec, Tag("virtual")]
-    | Annotated[OwnRigSpec, Tag("own")],
+    Annotated[VirtualRigSpec, Tag("virtual")] | Annotated[OwnRigSpec, Tag("own")],
     Discriminator(_rig),
 ]
 

@@ -101,7 +101,7 @@ class RealLaboratory:
         self._device, self._link = device, link
         self.home = Home()
         opened = HostedRig(link, self._device)
-        self._can = opened.capabilities
+        self._can, self._said = opened.capabilities, opened.told(1)
         opened.stop(0.0)  # others may have it until something is recorded
 
     def capabilities(self, actuator: Actuator) -> Capabilities:
@@ -112,7 +112,7 @@ class RealLaboratory:
     def rig(self, actuator: Actuator, seed: int, repeats: Repeats = EXACT) -> Rig:
         """The rig."""
         del actuator, seed, repeats
-        return HostedRig(self._link, self._device, self._can)
+        return HostedRig(self._link, self._device, self._can, self._said)
 
     def close(self) -> None:
         """Let go of the process."""

@@ -15,7 +15,7 @@ _STOPPED = 10  # the error that a stop leaves
 
 
 class E871Client:
-    """The controller; see `Positioner`. Axes are numbered from 1 on; those of a chain have the names 1, 2, ...
+    """The controller; see `Positioner`. Axes are numbered from 1 on.
 
     Args:
         host: its address.
@@ -42,7 +42,7 @@ class E871Client:
             self._line.close()
             raise
         self.ranges = Ranges(
-            name=f"PI {self._line.identity.split(',')[1].strip() if ',' in self._line.identity else 'controller'}",
+            name=f"PI {self._line.model}",
             axes=tuple(int(name) for name in axes if name.isdecimal()),
             min_voltage=1.0,
             max_voltage=48.0,

@@ -48,6 +48,11 @@ class GcsLine:
             raise
 
     @property
+    def model(self) -> str:
+        """As the controller says it."""
+        return [*self.identity.split(","), "controller"][1].strip()
+
+    @property
     def name(self) -> str:
         """Device and place, for errors."""
         return self._line.device
@@ -70,7 +75,7 @@ class GcsLine:
     def ask(self, query: str) -> list[str]:
         """The lines of the answer. A single control character, such as chr(5), is a query too."""
         if self._lost:
-            raise RigError(f"{self.name}: {query!r}: an answer was late or garbage before, and it is not heard")
+            raise RigError(f"{self.name}: {query!r}: not asked, an answer was late or garbage before")
         asked, lines = query.encode("latin-1"), list[str]()
         try:
             self._line.send(asked if len(asked) == 1 else asked + b"\n")

@@ -158,7 +158,11 @@ class Host:
             return state_of(self.supervisor, "" if self._holder is None else self._holder[1]), None
         if do == "open":
             self._hold(link, name)
-            return {"capabilities": self._open(asked["device"], bool(asked["again"]))._asdict()}, None
+            capabilities = self._open(asked["device"], bool(asked["again"]))
+            told = getattr(self.supervisor.rig, "told", None)
+            virtual = asked["device"].get("kind") == "virtual"  # of which the client knows more
+            said = {} if told is None or virtual else told(1)
+            return {"capabilities": capabilities._asdict(), "told": said}, None
         if self._holder is None or self._holder[0] is not link:
             raise RigError(f"{do}: open the rig first")
         if do == "fetch":

@@ -108,13 +108,21 @@ class HostedRig:
         link: to the process.
         device: what it is to open; see `devices`.
         capabilities: of the rig, where they are known: then it is opened when it is first used.
+        said: what recordings say of the device, where that is known.
 
     Raises:
         RigError: another program holds the rig, or it does not answer.
     """
 
-    def __init__(self, link: Link, device: dict[str, Any], capabilities: Capabilities | None = None) -> None:
+    def __init__(
+        self,
+        link: Link,
+        device: dict[str, Any],
+        capabilities: Capabilities | None = None,
+        said: dict[str, str] | None = None,
+    ) -> None:
         self._link, self._device, self._opened, self.phase = link, device, False, ""
+        self._said = said or {}
         self.capabilities = capabilities or self._open()
         self._volts = np.zeros(0)
         self._guard: dict[str, Any] = {}
@@ -139,8 +147,9 @@ class HostedRig:
         }
 
     def told(self, runs: int) -> dict[str, str]:
-        """What a recording made of the next runs says of their truth, where the rig is a virtual one."""
-        return told_of(self._device, runs, self._runs)
+        """What a recording made of the next runs says: of their truth, where the rig is a virtual one; of the
+        device, where it is another."""
+        return told_of(self._device, runs, self._runs) or self._said
 
     def load(self, volts: Array) -> None:
         """Take the drive, V at the piezo, one value per update."""
@@ -192,7 +201,7 @@ class HostedRig:
 
     def _open(self) -> Capabilities:
         answer, _ = self._link.ask("open", device=self._device, again=self._opened)
-        self._opened = True
+        self._opened, self._said = True, answer.get("told", {})
         return Capabilities(**answer["capabilities"])
 
     def _ask(self, do: str, values: Array | None = None, **what: Any) -> Array:

@@ -87,8 +87,8 @@ def check_drive(volts: Array, limits: Limits, can: Capabilities) -> None:
         )
     if can.own_slew > limits.max_slew * (1 + 1e-9):
         raise LimitError(
-            f"{can.name} ends a drive with a ramp of {can.own_slew:.4g} V/s, faster than the greatest slew of "
-            f"{limits.max_slew:.4g} V/s"
+            f"{can.name} ends a drive with a ramp of {can.own_slew:.4g} V/s, faster than the greatest slew "
+            f"of {limits.max_slew:.4g} V/s"
         )
     duty = float(np.mean(np.abs(volts) > 0.01 * limits.max_voltage))
     if duty > limits.max_duty:

@@ -22,7 +22,7 @@ _ARMED = 5.0  # s that arming may take
 
 
 class Preamble(NamedTuple):
-    """How numbers become volts: time of sample i is `begin` + i `tick`, its voltage `zero` + number `unit`."""
+    """How numbers become volts: sample i is at `begin` + i `tick`, its voltage `zero` + its number `unit`."""
 
     begin: float
     tick: float
@@ -165,7 +165,15 @@ TEKTRONIX = OscilloscopeCommands(
     name="Tektronix MSO, DPO, MDO 2000, 3000, 4000",
     known_by=r"TEKTRONIX,\s*(MSO|DPO|MDO)[234]\d\d\d",
     errors="*ESR?;EVM?",  # which frees the events that came since
-    before=("*CLS", "HEAD OFF", "ACQ:STATE OFF", "ACQ:MOD HIR", "ACQ:STOPA SEQ", "TRIG:A:TYP EDG", "TRIG:A:MOD NORM"),
+    before=(
+        "*CLS",
+        "HEAD OFF",
+        "ACQ:STATE OFF",
+        "ACQ:MOD HIR",
+        "ACQ:STOPA SEQ",
+        "TRIG:A:TYP EDG",
+        "TRIG:A:MOD NORM",
+    ),
     channel=("SEL:CH{n} ON", "CH{n}:COUP DC", "CH{n}:SCA {division:.6g}", "CH{n}:POS 0", "CH{n}:OFFS 0"),
     hidden="SEL:CH{n} OFF",
     screen=(
@@ -275,7 +283,11 @@ class Oscilloscope:
             raise RigError(f"{what}: {numbers.size} samples came, with {scale}")
         last = scale.begin + (numbers.size - 1) * scale.tick
         spacing = float(times[-1]) / max(times.size - 1, 1)
-        if scale.begin > times[0] + scale.tick or last < times[-1] - scale.tick or scale.tick > 1.01 * spacing:
+        if (
+            scale.begin > times[0] + scale.tick
+            or last < times[-1] - scale.tick
+            or scale.tick > 1.01 * spacing
+        ):
             raise RigError(
                 f"{what} has samples from {scale.begin:.6g} to {last:.6g} s, {scale.tick:.3g} s apart; "
                 f"up to {times[-1]:.6g} s, {spacing:.3g} s apart, are asked for"

@@ -19,9 +19,10 @@ from ..units import QuantityError, to_si
 from .generators import Generator
 from .oscilloscopes import Oscilloscope
 from .protocols import About, Array, Capabilities, RigError
-from .table import checked_inputs, fade_out, with_ramp, within
+from .table import check_inputs, fade_out, with_ramp, within
 
 _SAMPLES = 50_000  # of a recording; oscilloscopes give some 60,000 points of a screen
+_SPAN = 8.0  # V
 _POLL = 0.02  # s
 _JITTER = 1e-6  # s, assumed: of a trigger by cable
 _LATE = 5.0  # s after the end of the screen at which an acquisition should be over
@@ -34,8 +35,8 @@ class PairRig:
         generator, oscilloscope: "HOST", "HOST:PORT" (5025 unless told; Rigol 5555, Tektronix 4000), or a VISA
             resource (needs pyvisa).
         gain: of the amplifier, V at the piezo per V of the generator.
-        inputs: which channel each input of the rig is, such as {"gauge": 2}, all in V; "drive" is what was put
-            out, unless a channel measures it.
+        inputs: which channel each input of the rig is, such as {"gauge": 2}, all in V; "drive" is what was
+            put out, unless a channel measures it.
         spans: V from the bottom to the top of the screen, of inputs; 8 V by default.
         rate: Hz, of output and inputs.
         ramp: V/s at the piezo, of the ramp to 0 V that ends each drive.
@@ -133,12 +134,11 @@ class PairRig:
     def arm(self, inputs: tuple[str, ...], samples: int) -> None:
         """Set the oscilloscope up for these inputs."""
         can = self.capabilities
-        checked_inputs(can.name, inputs, can.inputs, samples, can.max_points)
-        channels = {self._channels[name]: self._spans.get(name, 8.0) for name in inputs if name in self._channels}
-        if not channels:  # it tells when the run is over
-            name, channel = next(iter(self._channels.items()))
-            channels = {channel: self._spans.get(name, 8.0)}
-        self._oscilloscope.arm(channels, (samples + 1) / self._rate)
+        check_inputs(can, inputs, samples)
+        read = [name for name in inputs if name in self._channels]
+        shown = read or list(self._channels)[:1]  # it tells when the run is over, whatever is read
+        spans = {self._channels[name]: self._spans.get(name, _SPAN) for name in shown}
+        self._oscilloscope.arm(spans, (samples + 1) / self._rate)
         self._inputs, self._samples = inputs, samples
 
     def start(self) -> None:
@@ -159,16 +159,16 @@ class PairRig:
         if not self._oscilloscope.over():
             if time.monotonic() > self._over:
                 raise RigError(
-                    f"{self._oscilloscope.link.name}: its acquisition is not over, {_LATE:g} s after it should "
-                    "be: does the generator's sync output trigger it?"
+                    f"{self._oscilloscope.link.name}: its acquisition is not over, {_LATE:g} s after it "
+                    "should be: does the generator's sync output trigger it?"
                 )
             time.sleep(_POLL)
             return np.zeros((len(self._inputs), 0))
         # The table begins with a value at rest, so the first value of the drive comes one update later.
         times = np.arange(1, self._samples + 1) / self._rate
         played = self._volts[np.minimum(np.arange(self._samples), self._volts.size - 1)]
-        read = self._oscilloscope.read
-        return np.array([read(self._channels[n], times) if n in self._channels else played for n in self._inputs])
+        read, channels = self._oscilloscope.read, self._channels
+        return np.array([read(channels[n], times) if n in channels else played for n in self._inputs])
 
     def stop(self, slew: float) -> None:
         """Fade to 0 V and disconnect the output; that is sent even where nothing else is understood."""

@@ -17,7 +17,7 @@ from ..units import QuantityError, to_si
 from .gcs import PORT, GcsLine
 from .limits import LONGEST_STOP
 from .protocols import About, Array, Capabilities, RigError
-from .table import checked_inputs, with_ramp, within
+from .table import check_inputs, with_ramp, within
 
 _CYCLE = "SPA? 1 0x0E000200"  # s, of the servo
 _OPTIONS = {"position": 2, "drive": 16}  # of the recorder: position of the axis, voltage of the channel
@@ -80,7 +80,9 @@ class PiRig:
             cycle = self._line.number(_CYCLE)
             self._factor = max(round(interval / cycle), 1) if cycle > 0.0 else 1
             if abs(interval - self._factor * cycle) > 1e-3 * interval:
-                raise QuantityError(f"interval = {interval:g} s must be a multiple of {cycle:g} s, the servo's cycle")
+                raise QuantityError(
+                    f"interval = {interval:g} s must be a multiple of {cycle:g} s, the servo's cycle"
+                )
             self._low, self._high = (self._line.number(f"{name}? 1") for name in ("VMI", "VMA"))
             self._line.do("WGO 1 0")
             self._line.do(f"SVO {axis} 0")
@@ -88,7 +90,7 @@ class PiRig:
             self._line.close()
             raise
         self.capabilities = Capabilities(
-            name=f"PI {self._line.identity.split(',')[1].strip() if ',' in self._line.identity else 'controller'}",
+            name=f"PI {self._line.model}",
             update_rate=1.0 / interval,
             sample_rate=1.0 / interval,
             min_voltage=min(self._low, 0.0),
@@ -103,7 +105,11 @@ class PiRig:
     def told(self, runs: int) -> dict[str, str]:
         """For the recording: the controller and what it is set to."""
         del runs
-        known = {"device": self._line.identity, "axis": self._axis, "interval": 1.0 / self.capabilities.update_rate}
+        known = {
+            "device": self._line.identity,
+            "axis": self._axis,
+            "interval": 1.0 / self.capabilities.update_rate,
+        }
         return {"device": json.dumps(known)}
 
     def load(self, volts: Array) -> None:
@@ -123,7 +129,7 @@ class PiRig:
     def arm(self, inputs: tuple[str, ...], samples: int) -> None:
         """Record these inputs when the wave generator starts."""
         can = self.capabilities
-        checked_inputs(can.name, inputs, can.inputs, samples, can.max_points)
+        check_inputs(can, inputs, samples)
         self._line.do(f"RTR {self._factor}")
         for table, name in enumerate(inputs, 1):
             source = self._axis if name == "position" else "1"

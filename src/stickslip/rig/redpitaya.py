@@ -16,7 +16,7 @@ from .. import registry
 from ..units import QuantityError, to_si
 from .protocols import About, Array, Capabilities, RigError
 from .scpi import ScpiInstrument
-from .table import checked_inputs, fade_out, with_ramp, within
+from .table import check_inputs, fade_out, with_ramp, within
 
 PORT = 5000
 CLOCK = 125e6  # Hz
@@ -77,7 +77,9 @@ class RedPitayaRig:
         if self._decimation not in (1, 2, 4, 8) and not 16 <= self._decimation <= 65536:
             raise QuantityError(f"rate = {rate:g} Hz must be 125 MHz by 1, 2, 4, 8 or 16 to 65536")
         if jumpers not in _SPAN or not inputs or not set(inputs.values()) <= {1, 2}:
-            raise QuantityError(f"jumpers = {jumpers!r} must be LV or HV, inputs = {dict(inputs)} name 1 and 2")
+            raise QuantityError(
+                f"jumpers = {jumpers!r} must be LV or HV, inputs = {dict(inputs)} name 1 and 2"
+            )
         self._rate, self._gain, self._ramp = CLOCK / self._decimation, gain, ramp
         self._channels, self._span = dict(inputs), _SPAN[jumpers]
         self._link = ScpiInstrument("Red Pitaya", host, port, timeout, end=b"\r\n")
@@ -108,7 +110,12 @@ class RedPitayaRig:
     def told(self, runs: int) -> dict[str, str]:
         """For the recording: the board and what it is set to."""
         del runs
-        known = {"device": self._link.identity, "gain": self._gain, "inputs": self._channels, "span": self._span}
+        known = {
+            "device": self._link.identity,
+            "gain": self._gain,
+            "inputs": self._channels,
+            "span": self._span,
+        }
         return {"device": json.dumps(known)}
 
     def load(self, volts: Array) -> None:
@@ -131,7 +138,7 @@ class RedPitayaRig:
     def arm(self, inputs: tuple[str, ...], samples: int) -> None:
         """Record these inputs when the output starts."""
         can = self.capabilities
-        checked_inputs(can.name, inputs, can.inputs, samples, can.max_points)
+        check_inputs(can, inputs, samples)
         self._do(
             *("ACQ:STOP", "ACQ:RST", f"ACQ:DEC {self._decimation}", "ACQ:AVG ON"),
             *("ACQ:DATA:FORMAT ASCII", "ACQ:DATA:UNITS VOLTS"),

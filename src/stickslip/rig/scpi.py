@@ -1,4 +1,4 @@
-"""Connections to instruments that understand SCPI, over TCP or VISA: queries, commands, blocks, queues of errors.
+"""Connections to instruments that understand SCPI, over TCP or VISA: queries, commands, blocks, errors.
 
 After each command the queue of errors is read, so what an instrument refuses is told with the command that it
 refused. Where an answer is late or garbage, which answer is to what is not known any more: nothing is asked
@@ -71,7 +71,7 @@ class ScpiInstrument:
             RigError: its queue of errors is not empty then; says what is in it.
         """
         if self._lost:
-            raise RigError(f"{self.name}: {command}: an answer was late or garbage before, and it is not heard")
+            raise RigError(f"{self.name}: {command}: not sent, an answer was late or garbage before")
         count = b"" if content is None else str(len(content)).encode()
         block = b"" if content is None else b"#" + str(len(count)).encode() + count + content
         self._line.send(command.encode("latin-1") + block + self._end)
@@ -87,7 +87,9 @@ class ScpiInstrument:
             number, comma, _ = said.partition(",")
             if not comma or not number.lstrip("+-").isdecimal():
                 self._lost = True
-                raise RigError(f"{self.name}: {command}, then {self.errors}: {said[:60]!r} came, late or garbage")
+                raise RigError(
+                    f"{self.name}: {command}, then {self.errors}: {said[:60]!r} came, late or garbage"
+                )
             if int(number) == 0:
                 break
             first = first or said
@@ -125,7 +127,7 @@ class ScpiInstrument:
 
     def _heard(self, query: str, read: Any) -> bytes:
         if self._lost:
-            raise RigError(f"{self.name}: {query}: an answer was late or garbage before, and it is not heard")
+            raise RigError(f"{self.name}: {query}: not asked, an answer was late or garbage before")
         asked = query.encode("latin-1")
         try:
             self._line.send(asked + self._end)

@@ -1,7 +1,7 @@
-"""A drive as a table that begins and ends at 0 V, for generators that put it out once, and how it is faded out.
+"""A drive as a table that begins and ends at 0 V, for generators that put it out once, and its fading out.
 
-A generator that loses its program goes on to the end of its table, so that is at 0 V: the ramp to there is part
-of the table. In mid-run the amplitude is brought down in steps.
+A generator that loses its program goes on to the end of its table, so that is at 0 V: the ramp to there is
+part of the table. In mid-run the amplitude is brought down in steps.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 from .limits import LONGEST_STOP
-from .protocols import Array, RigError
+from .protocols import Array, Capabilities, RigError
 
 _STEP = 0.02  # s from one amplitude to the next, at least
 _MOST_STEPS = 100
@@ -34,16 +34,18 @@ def within(name: str, volts: Array, low: float, high: float, points: int) -> Non
     if not np.all(np.isfinite(volts)) or volts.min() < low - 1e-9 or volts.max() > high + 1e-9:
         raise RigError(f"{name}: the drive must be finite and within {low:g} to {high:g} V")
     if volts.size > points:
-        raise RigError(f"{name}: the drive and its ramp to 0 V have {volts.size} values; {points} are possible")
+        raise RigError(
+            f"{name}: the drive and its ramp to 0 V have {volts.size} values; {points} are possible"
+        )
 
 
-def checked_inputs(name: str, inputs: tuple[str, ...], known: dict[str, str], samples: int, most: int) -> None:
+def check_inputs(can: Capabilities, inputs: tuple[str, ...], samples: int) -> None:
     """Raises RigError for inputs that there are not, and for too many samples."""
     for one in inputs:
-        if one not in known:
-            raise RigError(f"{name}: there is no input {one!r}; there are {', '.join(known)}")
-    if not 1 <= samples <= most:
-        raise RigError(f"{name}: {samples} samples are not 1 to {most}")
+        if one not in can.inputs:
+            raise RigError(f"{can.name}: there is no input {one!r}; there are {', '.join(can.inputs)}")
+    if not 1 <= samples <= can.max_points:
+        raise RigError(f"{can.name}: {samples} samples are not 1 to {can.max_points}")
 
 
 def fade_out(fade: Callable[[float], None], greatest: float, slew: float, ends: float) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from collections import deque
 from collections.abc import Callable
 
@@ -33,7 +34,7 @@ class ScpiDevice:
     end = b"\n"  # of an answer
 
     def __init__(self, identity: str, errors: str = "SYST:ERR?") -> None:
-        self.identity = identity
+        self.identity, self.lock = identity, threading.RLock()
         self.queue: deque[tuple[int, str]] = deque(maxlen=20)
         self.commands: dict[str, Command] = {
             "*IDN?": lambda given, block: self.identity,
@@ -50,6 +51,10 @@ class ScpiDevice:
 
     def execute(self, text: str, block: bytes = b"") -> bytes:
         """The answers to the commands of a message, joined; what goes wrong is in the queue."""
+        with self.lock:
+            return self._execute(text, block)
+
+    def _execute(self, text: str, block: bytes) -> bytes:
         answers = []
         for command in text.split(";") if not block else [text]:
             header, _, rest = command.strip().partition(" ")

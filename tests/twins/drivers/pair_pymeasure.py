@@ -29,6 +29,7 @@ scope.ch1.range = 16.0
 said["range"] = scope.ch2.range if isinstance(scope.ch2.range, float) else scope.ask(":channel2:range?")
 scope.timebase_range, scope.timebase_offset = 0.05, 0.025
 scope.single()
+scope.ask("*OPC?")  # it waits for the trigger, now
 channel.output = True
 generator.trigger()
 time.sleep(0.06)

@@ -1,4 +1,4 @@
-"""PI's own pipython moves what listens at two ports, a piezo and a stick-slip controller; says how, as JSON."""
+"""PI's own pipython moves what listens at two ports, a piezo and a stick-slip controller; how, as JSON."""
 
 import json
 import sys

@@ -1,4 +1,4 @@
-"""PyMeasure's driver of a Red Pitaya reads what listens at a port; the generator is told in plain commands."""
+"""PyMeasure's driver of a Red Pitaya reads what listens at a port; its generator is told in plain text."""
 
 import json
 import sys
