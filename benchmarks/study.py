@@ -1,8 +1,8 @@
 """Studies measured: throughput beside the bare ensemble, overhead of a task, memory of a worker, kills, and
 how many tasks a second a scheduler bears.
 
-``python -m benchmarks.study throughput|overhead|kills|scheduler`` prints figures, ``... picture STORE FILE``
-draws a map; docs/scaling.md has them.
+``python -m benchmarks.study throughput|overhead|memory|kills|scheduler [NUMBERS]`` prints figures, in the order
+of the function's arguments; ``... picture STORE FILE`` draws a map; docs/scaling.md has them.
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ import json
 import os
 import random
 import resource
-import signal
 import socket
 import subprocess
 import sys
 import tempfile
 import time
+from collections import Counter
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -35,9 +35,10 @@ KANG = ss.load_actuator("kang2007")
 
 
 def logged(found: Any) -> dict[str, Any]:
-    """A summary that counts: a line for each time that a task was computed."""
+    """A summary that counts: a line for each time that a task was computed, and with which member it begins."""
+    time.sleep(float(os.environ.get("STUDY_PAUSE", "0")))
     with open(os.environ["STUDY_LOG"], "a", encoding="utf-8") as log:
-        log.write(f"{found.sizes['member']}\n")
+        log.write(f"{found.sizes['member']} {found['sigma_0'].values[0]!r}\n")
     return {"again": found["net_displacement"]}
 
 
@@ -139,56 +140,50 @@ class Cluster:
             self.scheduler = self.start_scheduler()
         self.workers = [w if w.poll() is None else self.start_worker() for w in self.workers]
 
+    def kill(self, what: str, client: subprocess.Popen[bytes], chosen: random.Random) -> None:
+        """A worker, the client, or the scheduler: with that its workers go."""
+        victims = {"worker": [chosen.choice(self.workers)], "client": [client]}
+        for one in victims.get(what, [self.scheduler, *self.workers]):
+            one.kill()
+            one.wait()
+
     def end(self) -> None:
         for process in (self.scheduler, *self.workers):
             process.kill()
             process.wait()
 
 
-def kills(members: int = 1 << 20, task: int = 2048, count: int = 50) -> None:
+def kills(members: int = 1 << 20, task: int = 2048, count: int = 50, pause: float = 0.0) -> None:
     """A study on a dask cluster, of which workers, scheduler and client are killed at random; beside it the
-    same on this machine, without."""
+    same on this machine, without. A task waits for `pause` s: so there is time for many kills in few."""
     chosen = random.Random(19)
+    os.environ["STUDY_PAUSE"] = str(pause)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         log, store = folder / "computed", folder / "killed.zarr"
-        os.environ["STUDY_LOG"] = str(log)
+        os.environ |= {"STUDY_LOG": str(log), "PYTHONPATH": str(Path(__file__).parents[1])}
         (folder / "client.py").write_text(_CLIENT.format(members=members, task=task, file=__file__))
         cluster = Cluster(folder, 2)
         killed = {"worker": 0, "scheduler": 0, "client": 0}
-        lost = 0
         tasks, begun = members // task, time.perf_counter()
-        client: subprocess.Popen[bytes] | None = None
+        client = None
         try:
             while True:  # until a client says that all is done
                 if client is None:
-                    client = subprocess.Popen(
-                        [sys.executable, str(folder / "client.py"), str(store), cluster.address]
-                    )
+                    client = subprocess.Popen([sys.executable, folder / "client.py", store, cluster.address])
                 done = int(Store(store).done().sum()) if (store / "zarr.json").exists() else 0
+                many = sum(killed.values())
                 if client.poll() is not None:
                     print(f"client ended: {client.returncode}, {done} of {tasks} tasks", flush=True)
-                    if done == tasks or client.returncode:
+                    if client.returncode or done == tasks:
                         break
                     client = None
-                # A kill as soon as its share of the tasks is done: they are spread over the whole study.
-                elif sum(killed.values()) < count and done > tasks * (sum(killed.values()) + 0.5) / (
-                    count + 1
-                ):
-                    what = chosen.choice(["worker", "worker", "worker", "worker", "client", "scheduler"])
+                # Each when its share of the tasks is done, somewhere within the next ones.
+                elif many < count and done > tasks * (many + 0.5) / (count + 1):
+                    time.sleep(chosen.random() * max(pause, 0.1))
+                    what = chosen.choice(["worker"] * 4 + ["client", "scheduler"])
                     killed[what] += 1
-                    lost += {"worker": 1, "scheduler": 2, "client": 6}[what]
-                    victim = {
-                        "worker": chosen.choice(cluster.workers),
-                        "scheduler": cluster.scheduler,
-                        "client": client,
-                    }[what]
-                    victim.send_signal(signal.SIGKILL)
-                    victim.wait()
-                    if what == "scheduler":
-                        for worker in cluster.workers:
-                            worker.kill()
-                            worker.wait()
+                    cluster.kill(what, client, chosen)
                     client = None if what == "client" else client
                     print(f"{done} of {tasks}: killed {what}", flush=True)
                 cluster.alive()
@@ -196,15 +191,22 @@ def kills(members: int = 1 << 20, task: int = 2048, count: int = 50) -> None:
         finally:
             cluster.end()
         took = time.perf_counter() - begun
-        computed = [int(line) for line in log.read_text().split()]
-        again = sum(n == task for n in computed) - tasks
-        os.environ["STUDY_LOG"] = str(folder / "other")
+        lines = [line.split() for line in log.read_text().splitlines()]
+        times = Counter(first for size, first in lines if int(size) == task)
+        os.environ |= {"STUDY_LOG": str(folder / "other"), "STUDY_PAUSE": "0"}
         study = Study(Random(RANGES, members), Walk(KANG, SHORT), f"{__file__}:logged", task=task)
         ss.run_study(study, folder / "whole.zarr", workers=2)
         same = compare_studies(store, folder / "whole.zarr")
+        bytewise = all(
+            (store / f.relative_to(folder / "whole.zarr")).read_bytes() == f.read_bytes()
+            for f in (folder / "whole.zarr").rglob("*")
+            if f.is_file()
+        )
+        # In hand: one of a worker, of two with the scheduler, and what a client had given to two workers.
+        most = killed["worker"] + 2 * killed["scheduler"] + 6 * killed["client"]
         print(f"{members:,} members in {tasks} tasks, {took:.0f} s; killed {json.dumps(killed)}")
-        print(f"equal to the last bit: {same.equal and not same.said}")
-        print(f"computed again: {again} tasks; at most {lost} in hand")
+        print(f"equal to the last bit: {same.equal and not same.said}; every file: {bytewise}")
+        print(f"computed: {len(times)} tasks, again {times.total() - tasks}; at most {most} were in hand")
 
 
 _CLIENT = """
@@ -305,4 +307,7 @@ def picture(store: str, file: str) -> None:
 
 if __name__ == "__main__":
     asked: dict[str, Any] = {one.__name__: one for one in (throughput, overhead, kills, scheduler)}
-    asked.get(sys.argv[1], picture)(*sys.argv[2:])
+    if sys.argv[1] == "picture":
+        picture(*sys.argv[2:])
+    else:
+        asked[sys.argv[1]](*map(json.loads, sys.argv[2:]))

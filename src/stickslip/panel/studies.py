@@ -1,0 +1,190 @@
+"""Routes of the Studies page: studies of the folder, their state wherever they run, begin, go on, stop, look at.
+
+A study runs in a process of its own, as `stickslip study` does: it is that command. Stores are read in the
+process that can be ended, as recordings are, and only a run's own file is ever run.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from functools import partial
+from pathlib import Path
+from typing import IO, Any, NamedTuple
+
+from fastapi import APIRouter, Response
+from pydantic import Field
+
+from ..input_file import Strict
+from ..readers.process import Reader
+from ..recording import RecordingError
+from ..study.picture import Statistic, pictured, study_picture
+from ..study.running import processors
+from ..study.state import study_state
+from ..study.store import Store
+from .folder import Folder, FolderError
+from .journal import Journal
+from .packing import packed
+
+MANIFEST = "zarr.json"
+_KIND = re.compile(rb"^kind:\s*[\"']?study\b", re.MULTILINE)
+_LOOKED = 65_536  # bytes of a file, in which its kind stands
+_NICE = 10  # below the panel, whose stream and runs come first
+_TOLD = 2000  # bytes of what a run said last
+
+
+class Asked(Strict):
+    """A store of the folder."""
+
+    name: str = Field(max_length=400)
+
+
+class Begin(Strict):
+    """A study file, and the store that it fills or goes on with; left out, the file's name with .zarr."""
+
+    file: str = Field(max_length=400)
+    name: str = Field(default="", max_length=400)
+
+
+class Wanted(Asked):
+    """A picture of a store; see `study_picture`."""
+
+    result: str
+    across: str
+    up: str = ""
+    statistic: Statistic = "median"
+
+
+class _Run(NamedTuple):
+    process: subprocess.Popen[bytes]
+    said: IO[bytes]
+
+
+class Studies:
+    """The studies that run from here; those of others are known by their stores alone."""
+
+    def __init__(self, folder: Folder, journal: Journal) -> None:
+        self._folder, self._journal = folder, journal
+        self._runs: dict[str, _Run] = {}
+
+    def begin(self, file: Path, store: Path) -> None:
+        """Run a study, or go on with it; raises FolderError while it runs from here already."""
+        name = self._folder.name(store)
+        if self.runs(name):
+            raise FolderError(f"{name} runs already")
+        said = tempfile.TemporaryFile()
+        words = ["study", str(file), "--store", str(store), "--workers", str(max(1, processors() - 1))]
+        process = subprocess.Popen(
+            [sys.executable, "-m", "stickslip", *words], stdin=subprocess.DEVNULL, stdout=said, stderr=said
+        )
+        with contextlib.suppress(OSError, AttributeError):
+            os.setpriority(os.PRIO_PROCESS, process.pid, _NICE)
+        self._runs[name] = _Run(process, said)
+        self._journal(f"{name}: the study runs")
+
+    def runs(self, name: str) -> bool:
+        """Whether a store's study runs from here."""
+        return name in self._runs and self._runs[name].process.poll() is None
+
+    def fault(self, name: str) -> str:
+        """What a run that failed said last."""
+        run = self._runs.get(name)
+        if run is None or not run.process.poll():
+            return ""
+        run.said.seek(max(0, run.said.seek(0, os.SEEK_END) - _TOLD))
+        lines = run.said.read().decode(errors="replace").strip().splitlines()
+        return self._folder.told(lines[-1] if lines else f"it ended (exit code {run.process.returncode})")
+
+    def close(self) -> None:
+        """End those that run: what is finished is kept."""
+        for run in self._runs.values():
+            run.process.kill()
+            run.process.wait()
+            run.said.close()
+
+
+def study_routes(folder: Folder, studies: Studies, journal: Journal, read: Reader) -> APIRouter:
+    """The routes."""
+    routes = APIRouter(prefix="/studies")
+
+    def manifest(name: str) -> Path:
+        file = folder.path(name) / MANIFEST
+        if not file.is_file():
+            raise FolderError(f"{name[:60]!r} is no study in the panel's folder")
+        return file
+
+    @routes.get("")
+    def listed() -> dict[str, Any]:
+        files, stores = _found(folder)
+        return {"files": files, "stores": [_row(studies, files, name) for name in stores]}
+
+    @routes.post("/state")
+    def state(asked: Asked) -> dict[str, Any]:
+        files, _ = _found(folder)
+        row = _row(studies, files, asked.name)
+        try:
+            return row | read.apply(_state, manifest(asked.name))
+        except RecordingError as error:
+            return row | {"problem": folder.told(str(error))}
+
+    @routes.post("/begin")
+    def begin(asked: Begin) -> dict[str, str]:
+        file = folder.path(asked.file)
+        store = folder.path(asked.name or f"{asked.file.rsplit('.', 1)[0]}.zarr")
+        if asked.file not in _found(folder)[0]:
+            raise FolderError(f"{asked.file[:60]!r} is no study file in the panel's folder")
+        studies.begin(file, store)
+        return {"name": folder.name(store)}
+
+    @routes.post("/stop")
+    def stop(asked: Asked) -> dict[str, str]:
+        manifest(asked.name)
+        Store(folder.path(asked.name)).stop()
+        journal(f"{asked.name}: the study was asked to stop; what is finished is kept")
+        return {"name": asked.name}
+
+    @routes.post("/picture")
+    def picture(asked: Wanted) -> Response:
+        words = asked.result, asked.across, asked.up, asked.statistic
+        found = read.apply(partial(_picture, words=words), manifest(asked.name))
+        header = {one: found[one] for one in ("members", "done", "read", "damaged")}
+        arrays = found["across"], found["up"], found["cells"]
+        return Response(packed(header, *arrays), media_type="application/octet-stream")
+
+    return routes
+
+
+def _found(folder: Folder) -> tuple[list[str], list[str]]:
+    """Names of the study files and of the stores of the folder."""
+    files, stores = [], []
+    for name, *_ in folder.files(".yaml", ".yml", ".json"):
+        if name.endswith(f"/{MANIFEST}"):
+            stores.append(name.removesuffix(f"/{MANIFEST}"))
+        elif not name.endswith(".json"):
+            with contextlib.suppress(OSError), open(folder.path(name), "rb") as file:
+                if _KIND.search(file.read(_LOOKED)):
+                    files.append(name)
+    return files, stores
+
+
+def _row(studies: Studies, files: list[str], name: str) -> dict[str, Any]:
+    """What is known of a store without reading it: the file of its name is its study, if there is one."""
+    own = [file for file in files if file.rsplit(".", 1)[0] == name.rsplit(".", 1)[0]]
+    return {"name": name, "file": own[0] if own else "", "runs": studies.runs(name), "fault": studies.fault(name)}
+
+
+def _state(manifest: Path) -> dict[str, Any]:
+    """The state of a store, and what a picture of it can be over."""
+    found, store = study_state(manifest.parent), Store(manifest.parent)
+    varied, results = pictured(store)
+    said = {n: float(v) if v == v and abs(v) < float("inf") else None for n, v in found._asdict().items() if isinstance(v, float)}
+    about = lambda of: [{"name": n, "unit": v.about.get("units", ""), "label": n.replace("_", " ")} for n, v in of.items()]  # noqa: E731
+    return found._asdict() | said | {"varied": about(varied), "results": about(results)}
+
+
+def _picture(manifest: Path, words: tuple[str, str, str, Statistic]) -> dict[str, Any]:
+    return study_picture(manifest.parent, *words)._asdict()
