@@ -1,8 +1,8 @@
 """Studies measured: throughput beside the bare ensemble, overhead of a task, memory of a worker, kills, and
 how many tasks a second a scheduler bears.
 
-``python -m benchmarks.study throughput|overhead|memory|kills|scheduler [NUMBERS]`` prints figures, in the order
-of the function's arguments; ``... picture STORE FILE`` draws a map; docs/scaling.md has them.
+``python -m benchmarks.study throughput|overhead|memory|kills|scheduler [NUMBERS]`` prints figures, NUMBERS in
+the order of the function's arguments; ``... picture STORE FILE`` draws a map; docs/scaling.md has them.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ KANG = ss.load_actuator("kang2007")
 
 
 def logged(found: Any) -> dict[str, Any]:
-    """A summary that counts: a line for each time that a task was computed, and with which member it begins."""
+    """A summary that counts: a line for each time that a task was computed, with its first member."""
     time.sleep(float(os.environ.get("STUDY_PAUSE", "0")))
     with open(os.environ["STUDY_LOG"], "a", encoding="utf-8") as log:
         log.write(f"{found.sizes['member']} {found['sigma_0'].values[0]!r}\n")

@@ -1,4 +1,4 @@
-"""Routes of the Studies page: studies of the folder, their state wherever they run, begin, go on, stop, look at.
+"""Routes of the Studies page: studies of the folder, wherever they run: state, begin, go on, stop, look at.
 
 A study runs in a process of its own, as `stickslip study` does: it is that command. Stores are read in the
 process that can be ended, as recordings are, and only a run's own file is ever run.
@@ -7,6 +7,7 @@ process that can be ended, as recordings are, and only a run's own file is ever 
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import re
 import subprocess
@@ -22,15 +23,16 @@ from pydantic import Field
 from ..input_file import Strict
 from ..readers.process import Reader
 from ..recording import RecordingError
-from ..study.picture import Statistic, pictured, study_picture
-from ..study.running import processors
-from ..study.state import study_state
+from ..study.layout import Variable
+from ..study.local import processors
+from ..study.picture import Picture, Statistic, pictured, study_picture
+from ..study.running import duration
+from ..study.state import State, study_state
 from ..study.store import Store
-from .folder import Folder, FolderError
+from .folder import STORE, Folder, FolderError
 from .journal import Journal
 from .packing import packed
 
-MANIFEST = "zarr.json"
 _KIND = re.compile(rb"^kind:\s*[\"']?study\b", re.MULTILINE)
 _LOOKED = 65_536  # bytes of a file, in which its kind stands
 _NICE = 10  # below the panel, whose stream and runs come first
@@ -76,7 +78,7 @@ class Studies:
         name = self._folder.name(store)
         if self.runs(name):
             raise FolderError(f"{name} runs already")
-        said = tempfile.TemporaryFile()
+        said = tempfile.TemporaryFile()  # noqa: SIM115 - as long as its run is known
         words = ["study", str(file), "--store", str(store), "--workers", str(max(1, processors() - 1))]
         process = subprocess.Popen(
             [sys.executable, "-m", "stickslip", *words], stdin=subprocess.DEVNULL, stdout=said, stderr=said
@@ -112,7 +114,7 @@ def study_routes(folder: Folder, studies: Studies, journal: Journal, read: Reade
     routes = APIRouter(prefix="/studies")
 
     def manifest(name: str) -> Path:
-        file = folder.path(name) / MANIFEST
+        file = folder.path(name) / STORE
         if not file.is_file():
             raise FolderError(f"{name[:60]!r} is no study in the panel's folder")
         return file
@@ -127,9 +129,10 @@ def study_routes(folder: Folder, studies: Studies, journal: Journal, read: Reade
         files, _ = _found(folder)
         row = _row(studies, files, asked.name)
         try:
-            return row | read.apply(_state, manifest(asked.name))
+            found, names = read.apply(_state, manifest(asked.name))
         except RecordingError as error:
-            return row | {"problem": folder.told(str(error))}
+            return row | {"said": folder.told(str(error)), "wrong": True}
+        return row | names | _said(found, row["runs"], studies.fault(asked.name))
 
     @routes.post("/begin")
     def begin(asked: Begin) -> dict[str, str]:
@@ -142,8 +145,7 @@ def study_routes(folder: Folder, studies: Studies, journal: Journal, read: Reade
 
     @routes.post("/stop")
     def stop(asked: Asked) -> dict[str, str]:
-        manifest(asked.name)
-        Store(folder.path(asked.name)).stop()
+        read.apply(_stop, manifest(asked.name))
         journal(f"{asked.name}: the study was asked to stop; what is finished is kept")
         return {"name": asked.name}
 
@@ -151,9 +153,12 @@ def study_routes(folder: Folder, studies: Studies, journal: Journal, read: Reade
     def picture(asked: Wanted) -> Response:
         words = asked.result, asked.across, asked.up, asked.statistic
         found = read.apply(partial(_picture, words=words), manifest(asked.name))
-        header = {one: found[one] for one in ("members", "done", "read", "damaged")}
-        arrays = found["across"], found["up"], found["cells"]
-        return Response(packed(header, *arrays), media_type="application/octet-stream")
+        said = f"{found.members:,} members, of {found.read:,} of {found.done:,} tasks that are done"
+        if found.damaged:
+            said += f"; {found.damaged:,} are damaged: who goes on computes them again"
+        header = {"said": f"{said}.", "log": found.log}
+        answer = packed(header, found.across, found.up, found.cells)
+        return Response(answer, media_type="application/octet-stream")
 
     return routes
 
@@ -162,8 +167,8 @@ def _found(folder: Folder) -> tuple[list[str], list[str]]:
     """Names of the study files and of the stores of the folder."""
     files, stores = [], []
     for name, *_ in folder.files(".yaml", ".yml", ".json"):
-        if name.endswith(f"/{MANIFEST}"):
-            stores.append(name.removesuffix(f"/{MANIFEST}"))
+        if name.endswith(f"/{STORE}"):
+            stores.append(name.removesuffix(f"/{STORE}"))
         elif not name.endswith(".json"):
             with contextlib.suppress(OSError), open(folder.path(name), "rb") as file:
                 if _KIND.search(file.read(_LOOKED)):
@@ -174,17 +179,41 @@ def _found(folder: Folder) -> tuple[list[str], list[str]]:
 def _row(studies: Studies, files: list[str], name: str) -> dict[str, Any]:
     """What is known of a store without reading it: the file of its name is its study, if there is one."""
     own = [file for file in files if file.rsplit(".", 1)[0] == name.rsplit(".", 1)[0]]
-    return {"name": name, "file": own[0] if own else "", "runs": studies.runs(name), "fault": studies.fault(name)}
+    return {"name": name, "file": own[0] if own else "", "runs": studies.runs(name)}
 
 
-def _state(manifest: Path) -> dict[str, Any]:
+def _said(found: State, runs: bool, fault: str) -> dict[str, Any]:
+    """The state of a study in words."""
+    grows = runs or (not found.finished and math.isfinite(found.rate))
+    rows = [("tasks", f"{found.done:,} of {found.tasks:,}"), ("members", f"{found.members:,}")]
+    if grows and math.isfinite(found.rate):
+        rows += [("rate", f"{found.rate:,.0f} members/s"), ("left", duration(found.left))]
+    rows += [(name.replace("_", " "), f"{many:,}") for name, many in found.statuses.items() if many]
+    words = "Complete." if found.finished else "It runs here." if runs else "It grows." if grows else ""
+    wrong = f"It ended: {fault}" if fault and not found.finished else ""
+    return {
+        "title": found.title,
+        "share": found.done / found.tasks,
+        "grows": grows,
+        "rows": rows,
+        "said": wrong or words or "Nobody works on it.",
+        "wrong": bool(wrong),
+    }
+
+
+def _state(manifest: Path) -> tuple[State, dict[str, list[dict[str, str]]]]:
     """The state of a store, and what a picture of it can be over."""
-    found, store = study_state(manifest.parent), Store(manifest.parent)
-    varied, results = pictured(store)
-    said = {n: float(v) if v == v and abs(v) < float("inf") else None for n, v in found._asdict().items() if isinstance(v, float)}
-    about = lambda of: [{"name": n, "unit": v.about.get("units", ""), "label": n.replace("_", " ")} for n, v in of.items()]  # noqa: E731
-    return found._asdict() | said | {"varied": about(varied), "results": about(results)}
+    varied, results = ([_about(one) for one in some.values()] for some in pictured(Store(manifest.parent)))
+    return study_state(manifest.parent), {"varied": varied, "results": results}
 
 
-def _picture(manifest: Path, words: tuple[str, str, str, Statistic]) -> dict[str, Any]:
-    return study_picture(manifest.parent, *words)._asdict()
+def _about(variable: Variable) -> dict[str, str]:
+    return {"name": variable.name, "unit": str(variable.about.get("units", ""))}
+
+
+def _stop(manifest: Path) -> None:
+    Store(manifest.parent).stop()
+
+
+def _picture(manifest: Path, words: tuple[str, str, str, Statistic]) -> Picture:
+    return study_picture(manifest.parent, *words)

@@ -22,7 +22,7 @@ from typing import Any
 from distributed import Client, Future
 
 from .design import Study
-from .errors import StudyError
+from .errors import STOPPED, StudyError
 from .layout import Layout
 from .local import ONE_THREAD, Tasks
 from .measures import told
@@ -82,7 +82,7 @@ def run_on_cluster(
             # A scheduler that is gone is noticed within seconds, and not waited for in here.
             with Client(address, timeout=5.0, set_as_default=False) as client:
                 lost = 0.0
-                if _run(client, what, store.layout, tasks, len(todo), heard):
+                if _run(client, what, store, tasks, len(todo), heard):
                     file.unlink(missing_ok=True)
                     return tasks.failed
         except OSError as error:
@@ -109,7 +109,7 @@ class _Running:
 def _run(
     client: Client,
     what: tuple[Any, ...],
-    layout: Layout,
+    store: Store,
     tasks: Tasks,
     count: int,
     heard: Callable[[Done], None],
@@ -119,6 +119,8 @@ def _run(
     running: dict[Any, _Running] = {}
     given, slots, asked = 0, 0, 0.0
     while len(tasks.done) + len(tasks.failed) < count:
+        if store.must_end():
+            raise StudyError(STOPPED)
         if client.status != "running":
             return False
         if time.monotonic() - asked > 1.0:
@@ -138,7 +140,7 @@ def _run(
         with suppress(queue.Empty):
             done = answers.get(timeout=0.5)
             while True:
-                _take(running.pop(done.future.key, None), layout, tasks, heard)
+                _take(running.pop(done.future.key, None), store.layout, tasks, heard)
                 done = answers.get_nowait()
     client.cancel([one.future for one in running.values()])
     return True

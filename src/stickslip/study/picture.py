@@ -1,7 +1,7 @@
-"""Pictures of a study: a result over two of the values that vary, in cells, over all others; while it grows too.
+"""Pictures of a study: a result over two of the values that vary, in cells, over all others.
 
-Only the store's own files are read, each checked, and no more of a large one than a picture needs: so it can be
-looked at wherever it grows, and whatever is damaged in it.
+Only the store's own files are read, each checked, and no more of a large one than a picture needs: so it can
+be looked at while it grows, wherever that is, and whatever is damaged in it.
 """
 
 from __future__ import annotations
@@ -29,12 +29,14 @@ _QUANTILES = {"median": 0.5, "tenth": 0.1, "nine_tenths": 0.9, "least": 0.0, "gr
 
 
 class Picture(NamedTuple):
-    """`cells` [up, across] between the edges, NaN where there is no member; `members` that it is of, and how
-    many of the tasks that are done were `read` and were found `damaged`."""
+    """`cells` [up, across] between the edges, NaN where there is no member; `log`, whether the edges are
+    evenly apart by their ratios, across and up; `members` that it is of, and how many of the tasks that are
+    done were `read` and were found `damaged`."""
 
     across: Array
     up: Array
     cells: Array
+    log: tuple[bool, bool]
     members: int
     done: int
     read: int
@@ -67,8 +69,8 @@ def study_picture(
         path: the store.
         result: name of a result, of whose members in a cell the statistic is.
         across, up: names of what varies; without `up`, the result itself is upwards, and cells count members.
-        statistic: "median", "tenth" and "nine_tenths" (quantiles), "least", "greatest", "count" of members, or
-            "failed", the share of members that have no result.
+        statistic: "median", "tenth" and "nine_tenths" (quantiles), "least", "greatest", "count" of members,
+            or "failed", the share of members that have no result.
 
     Raises:
         QuantityError: there is no such name or statistic.
@@ -96,7 +98,8 @@ def study_picture(
     flat = cells[1] * shape[1] + cells[0]
     shown = np.where(complete[there], 0.0, 1.0) if failing else values[result]
     found = _of_cells(flat, shown, math.prod(shape), statistic if up else "count").reshape(shape)
-    return Picture(edges[0], edges[1], found, int(there.sum()), done, read, damaged)
+    log = _log(edges[0]), _log(edges[1])
+    return Picture(edges[0], edges[1], found, log, int(there.sum()), done, read, damaged)
 
 
 def _at_random(description: Any) -> set[str]:
@@ -121,7 +124,11 @@ def _columns(
     of = {one.name: one for one in layout.variables}
     done = np.flatnonzero(store.done())
     most = max(1, MOST // math.prod(layout.task))
-    chosen = done[np.unique(np.linspace(0, done.size - 1, min(most, done.size)).astype(int))] if done.size else done
+    chosen = (
+        done[np.unique(np.linspace(0, done.size - 1, min(most, done.size)).astype(int))]
+        if done.size
+        else done
+    )
     columns: dict[str, list[Array]] = {name: [] for name in names}
     damaged = 0
     for number in chosen.tolist():
@@ -159,6 +166,14 @@ def _edges(values: Array, known: Array | None) -> Array:
         apart = abs(low) / 2 or 0.5
         return np.array([low - apart, low + apart])
     return np.geomspace(low, high, CELLS + 1) if log else np.linspace(low, high, CELLS + 1)
+
+
+def _log(edges: Array) -> bool:
+    """Whether edges are nearer to be evenly apart by their ratios."""
+    if edges.size < 3 or not edges[0] > 0.0:
+        return False
+    uneven = [np.ptp(apart) / abs(apart.mean()) for apart in (np.diff(edges), np.diff(np.log(edges)))]
+    return bool(uneven[1] < uneven[0])
 
 
 def _cell(values: Array, edges: Array) -> NDArray[np.intp]:

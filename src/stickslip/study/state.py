@@ -51,7 +51,9 @@ def study_state(path: str | os.PathLike[str]) -> State:
     for number in np.flatnonzero(done).tolist():
         try:
             codes, many = np.unique(store.read(number, status), return_counts=True)
-            found = {names.get(code, DAMAGED): n for code, n in zip(codes.tolist(), many.tolist(), strict=True)}
+            found = {
+                names.get(code, DAMAGED): n for code, n in zip(codes.tolist(), many.tolist(), strict=True)
+            }
         except ChunkError:
             place = layout.place(number).values()
             found = {DAMAGED: math.prod(part.stop - part.start for part in place)}
@@ -72,3 +74,14 @@ def study_state(path: str | os.PathLike[str]) -> State:
         each * float((~done).sum()) / rate,
         float(written.max(initial=-np.inf)) if written.size else float("nan"),
     )
+
+
+def stop_study(path: str | os.PathLike[str]) -> None:
+    """Ask all that work on a study, on whatever machine that sees its store, to end, within a second or so.
+    Tasks that are done are kept; who runs the study again goes on with it.
+
+    Raises:
+        StudyError: it is no store of a study.
+        OSError: it cannot be written.
+    """
+    Store(path).stop()

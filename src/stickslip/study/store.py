@@ -56,6 +56,7 @@ class Store:
             raise StudyError(f"{self.path} is no store of a study") from None
         if form != FORMAT:
             raise StudyError(f"{self.path} has the format {form}; stickslip {__version__} reads {FORMAT}")
+        self._asked_before = self._asked()
 
     def check(self, description: Mapping[str, Any], task: int | None = None) -> None:
         """Raise StudyDiffers where the store is of another study."""
@@ -141,16 +142,19 @@ class Store:
         return found
 
     def stop(self) -> None:
-        """Ask whoever works on it, on whatever machine, to end."""
-        (self.path / STOP).write_text("")
+        """Ask all that work on it, on whatever machine, to end."""
+        (self.path / STOP).touch()
         os.utime(self.path / STOP)
 
-    def asked_to_stop(self) -> float:
-        """When it was asked to, by the clock of the file system: a run compares it with what it was."""
+    def must_end(self) -> bool:
+        """Whether somebody asked since this was opened."""
+        return self._asked() != self._asked_before
+
+    def _asked(self) -> int:
         try:
-            return (self.path / STOP).stat().st_mtime
+            return (self.path / STOP).stat().st_mtime_ns
         except OSError:
-            return 0.0
+            return 0
 
     def written(self) -> NDArray[np.float64]:
         """When the tasks that are done were written, s (Unix time)."""
