@@ -13,6 +13,7 @@ import re
 import subprocess
 import sys
 import tempfile
+import time
 from functools import partial
 from pathlib import Path
 from typing import IO, Any, NamedTuple
@@ -36,6 +37,7 @@ from .packing import packed
 _KIND = re.compile(rb"^kind:\s*[\"']?study\b", re.MULTILINE)
 _LOOKED = 65_536  # bytes of a file, in which its kind stands
 _NICE = 10  # below the panel, whose stream and runs come first
+QUIET, MISSED = 30.0, 10.0  # s, and times that a task takes: after which nobody works on it
 _TOLD = 2000  # bytes of what a run said last
 
 
@@ -88,6 +90,9 @@ class Studies:
         self._runs[name] = _Run(process, said)
         self._journal(f"{name}: the study runs")
 
+    def __contains__(self, name: str) -> bool:
+        return name in self._runs
+
     def runs(self, name: str) -> bool:
         """Whether a store's study runs from here."""
         return name in self._runs and self._runs[name].process.poll() is None
@@ -128,6 +133,9 @@ def study_routes(folder: Folder, studies: Studies, journal: Journal, read: Reade
     def state(asked: Asked) -> dict[str, Any]:
         files, _ = _found(folder)
         row = _row(studies, files, asked.name)
+        if asked.name in studies and not (folder.path(asked.name) / STORE).exists():
+            fault = studies.fault(asked.name)
+            return row | {"said": fault or "It begins.", "wrong": bool(fault)}
         try:
             found, names = read.apply(_state, manifest(asked.name))
         except RecordingError as error:
@@ -184,7 +192,9 @@ def _row(studies: Studies, files: list[str], name: str) -> dict[str, Any]:
 
 def _said(found: State, runs: bool, fault: str) -> dict[str, Any]:
     """The state of a study in words."""
-    grows = runs or (not found.finished and math.isfinite(found.rate))
+    task = found.members / found.tasks / found.rate  # s
+    lately = time.time() - found.last < max(QUIET, MISSED * task)  # not, where either is NaN
+    grows = runs or (lately and not found.finished and not fault)
     rows = [("tasks", f"{found.done:,} of {found.tasks:,}"), ("members", f"{found.members:,}")]
     if grows and math.isfinite(found.rate):
         rows += [("rate", f"{found.rate:,.0f} members/s"), ("left", duration(found.left))]

@@ -46,7 +46,7 @@ export async function mount(element, app) {
     share: 0.5,
     async ask(name) {
       const found = await app.request("/studies");
-      if (!found.stores.some((row) => row.name === name)) name = found.stores[0]?.name ?? "";
+      name ||= found.stores[0]?.name ?? "";
       return { ...found, name, state: name && await app.request("/studies/state", { name }) };
     },
     take(answer) {
