@@ -11,21 +11,26 @@ import json
 import os
 import random
 import resource
+import signal
 import socket
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections import Counter
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from distributed import Client
 
 import stickslip as ss
 from stickslip import _jit
 from stickslip.study import Grid, Random, Study, Walk, compare_studies
+from stickslip.study.running import prepared
 from stickslip.study.store import Store
 
 RANGES = {"sigma_0": ("1 N/um", "2 N/um"), "coulomb_force": ("0.3 N", "0.8 N"), "amplitude": ("40 V", "90 V")}
@@ -88,7 +93,6 @@ def throughput(members: int = 1 << 18, task: int = 1 << 14) -> None:
 
 def overhead(tasks: int = 200) -> None:
     """What a task costs beyond its members, in one process: the same task with and without all around it."""
-    from stickslip.study.running import prepared
     from stickslip.study.task import run_task
 
     task = 1 << 14
@@ -109,6 +113,49 @@ def overhead(tasks: int = 200) -> None:
     of_cpu, of_wall = np.median(times, axis=0)
     print(f"columns and chunks of a task: {of_cpu * 1e3:.1f} ms of CPU, {of_wall * 1e3:.1f} ms")
     print(f"the whole task: {whole:.2f} s of CPU; overhead {of_cpu / whole:.2%}")
+
+
+def memory(members: int = 1 << 18, task: int = 1 << 14) -> None:
+    """Most memory of all processes of a study, with kernels that are there and with none, by its size."""
+    for words, cache in (("kernels there", None), ("none", "cold")):
+        for size in (members // 4, members):
+            with tempfile.TemporaryDirectory() as name:
+                folder = Path(name)
+                environment = {
+                    **os.environ,
+                    **({"STICKSLIP_CACHE_DIR": f"{folder}/{cache}"} if cache else {}),
+                }
+                environment["PYTHONPATH"] = str(Path(__file__).parents[1])
+                code = _LOCAL.format(members=size, task=task, store=folder / "s.zarr")
+                if cache:  # a store that is there, as another machine finds it: who begins it has compiled
+                    begun = Study(Random(RANGES, size), Walk(KANG, SHORT), task=task)
+                    prepared(begun, folder / "s.zarr")
+                client = subprocess.Popen([sys.executable, "-c", code], env=environment)
+                most: dict[str, int] = {}
+                while client.poll() is None:
+                    look(most)
+                    time.sleep(0.02)
+                print(f"{words}, {size:,} members: {json.dumps(most)} MB")
+
+
+def look(most: dict[str, int]) -> None:
+    """Keep the most memory of workers of this machine, and of one that compiles [MB]."""
+    for one in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):
+            words = (one / "cmdline").read_bytes().split(b"\0")
+            if b"stickslip.study.worker" not in words:
+                continue
+            kind = "compiles" if b"compile" in words else "works"
+            status = (one / "status").read_text()
+            most[kind] = max(most.get(kind, 0), int(status.split("VmHWM:")[1].split()[0]) // 1024)
+
+
+_LOCAL = """
+import stickslip as ss
+from benchmarks.study import KANG, RANGES, SHORT
+from stickslip.study import Random, Study, Walk
+ss.run_study(Study(Random(RANGES, {members}), Walk(KANG, SHORT), task={task}), "{store}", workers=2)
+"""
 
 
 class Cluster:
@@ -227,47 +274,107 @@ def asleep(columns: Any) -> dict[str, Any]:
     return {"value": columns["x"]}
 
 
-def scheduler(workers: int = 200, seconds: float = 10.0, tasks: int = 1000) -> None:
-    """Workers that only sleep, in one process: what the scheduler and the client bear."""
+def scheduler(workers: int = 200, seconds: float = 1.0, tasks: int = 2000) -> None:
+    """Workers, each a process, that only sleep for as long as a task takes: what the scheduler and the client
+    bear, and what goes through the scheduler's door, counted by what stands in front of it."""
     from stickslip.study import Own
 
     os.environ["STUDY_SLEEP"] = str(seconds)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         cluster = Cluster(folder, 0)
+        door = Door(cluster.port)
+        address = f"tcp://127.0.0.1:{door.port}"
         (folder / "sleepers.py").write_text(_SLEEPERS)
-        words = [str(folder / "sleepers.py"), cluster.address, str(workers)]
-        sleepers = subprocess.Popen([sys.executable, *words], cwd=folder)
+        words = [str(folder / "sleepers.py"), address, str(workers)]
+        sleepers = subprocess.Popen([sys.executable, *words], cwd=folder, start_new_session=True)
         try:
+            with Client(address, timeout=120, set_as_default=False) as client:
+                client.wait_for_workers(workers, timeout=600)
+            print(f"{workers} sleepers are there", flush=True)
+            idle = door.bytes, time.perf_counter(), seconds_of(cluster.scheduler.pid)
+            time.sleep(10.0)
+            idle_bytes, passed = door.bytes - idle[0], time.perf_counter() - idle[1]
+            idle_cpu = (seconds_of(cluster.scheduler.pid) - idle[2]) / passed
             study = Study(Grid({"x": np.arange(4.0 * tasks)}), Own(f"{__file__}:asleep"), task=4)
-            begun = time.perf_counter()
-            ss.run_study(study, folder / "s.zarr", scheduler=cluster.address)
+            before = door.bytes, time.perf_counter(), seconds_of(cluster.scheduler.pid), cpu()
+            ss.run_study(study, folder / "s.zarr", scheduler=address)
+            took = time.perf_counter() - before[1]
             written = Store(folder / "s.zarr").written()
-            took = float(np.ptp(written)) + seconds
-            used = Path(f"/proc/{cluster.scheduler.pid}/stat").read_text().split()
-            busy = (int(used[13]) + int(used[14])) / os.sysconf("SC_CLK_TCK")
-            ideal = tasks / workers * seconds
-            print(f"{tasks} tasks of {seconds} s, {workers} sleepers: {took:.1f} s, at best {ideal:.1f} s")
+            rate = (tasks - 1) / float(np.ptp(written))
+            busy = seconds_of(cluster.scheduler.pid) - before[2] - idle_cpu * took
+            sent = door.bytes - before[0] - idle_bytes / passed * took
+            print(f"{tasks} tasks of {seconds} s: {took:.1f} s, at best {tasks / workers * seconds:.1f} s")
+            print(f"{rate:.0f} tasks/s; {workers / seconds:.0f} would be all that these workers can do")
+            own = cpu() - before[3]
+            print(f"a task: scheduler {busy / tasks * 1e3:.2f} ms of CPU, client {own / tasks * 1e3:.2f} ms")
+            print(f"a task: {sent / tasks:.0f} bytes to and from the scheduler")
             print(
-                f"scheduler: {busy:.2f} s of CPU with its start, {busy / tasks * 1e3:.2f} ms a task at most"
+                f"idle: {idle_cpu:.1%} of a processor, {idle_bytes / passed / workers:.0f} bytes/s a worker"
             )
-            print(f"whole: {time.perf_counter() - begun:.1f} s")
         finally:
-            sleepers.kill()
+            os.killpg(sleepers.pid, signal.SIGKILL)
             sleepers.wait()
             cluster.end()
+            door.close()
+
+
+def seconds_of(process: int) -> float:
+    """Of CPU, that a process has taken [s]."""
+    used = Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()
+    return (int(used[11]) + int(used[12])) / os.sysconf("SC_CLK_TCK")
+
+
+class Door:
+    """A way to a port of this machine that counts the bytes which go through it, both ways."""
+
+    def __init__(self, port: int) -> None:
+        self._behind, self.bytes = port, 0
+        self._listening = socket.create_server(("127.0.0.1", 0), backlog=512)
+        self.port = self._listening.getsockname()[1]
+        threading.Thread(target=self._open, daemon=True).start()
+
+    def _open(self) -> None:
+        with suppress(OSError):
+            while True:
+                near, _ = self._listening.accept()
+                far = self._reached()
+                for ends in ((near, far), (far, near)):
+                    threading.Thread(target=self._pass, args=ends, daemon=True).start()
+
+    def _reached(self) -> socket.socket:
+        while True:
+            try:
+                return socket.create_connection(("127.0.0.1", self._behind))
+            except ConnectionRefusedError:  # it starts
+                time.sleep(0.1)
+
+    def _pass(self, source: socket.socket, target: socket.socket) -> None:
+        with suppress(OSError):
+            while data := source.recv(65536):
+                self.bytes += len(data)
+                target.sendall(data)
+        with suppress(OSError):
+            target.shutdown(socket.SHUT_WR)
+
+    def close(self) -> None:
+        self._listening.close()
 
 
 _SLEEPERS = """
-import asyncio, sys
+import asyncio, os, sys
+import stickslip.study.cluster
 from distributed import Worker
 
 async def main():
-    workers = [Worker(sys.argv[1], nthreads=1, dashboard=False) for _ in range(int(sys.argv[2]))]
-    await asyncio.gather(*workers)
-    await asyncio.gather(*(one.finished() for one in workers))
+    async with Worker(sys.argv[1], nthreads=1, dashboard=False) as worker:
+        await worker.finished()
 
-asyncio.run(main())
+for _ in range(int(sys.argv[2])):
+    if os.fork() == 0:
+        asyncio.run(main())
+        os._exit(0)
+os.wait()
 """
 
 
@@ -306,7 +413,7 @@ def picture(store: str, file: str) -> None:
 
 
 if __name__ == "__main__":
-    asked: dict[str, Any] = {one.__name__: one for one in (throughput, overhead, kills, scheduler)}
+    asked: dict[str, Any] = {one.__name__: one for one in (throughput, overhead, memory, kills, scheduler)}
     if sys.argv[1] == "picture":
         picture(*sys.argv[2:])
     else:
