@@ -287,7 +287,8 @@ def scheduler(workers: int = 200, seconds: float = 1.0, tasks: int = 2000) -> No
         address = f"tcp://127.0.0.1:{door.port}"
         (folder / "sleepers.py").write_text(_SLEEPERS)
         words = [str(folder / "sleepers.py"), address, str(workers)]
-        sleepers = subprocess.Popen([sys.executable, *words], cwd=folder, start_new_session=True)
+        quiet = {**os.environ, "DASK_DISTRIBUTED__LOGGING__DISTRIBUTED": "error"}
+        sleepers = subprocess.Popen([sys.executable, *words], cwd=folder, env=quiet, start_new_session=True)
         try:
             with Client(address, timeout=120, set_as_default=False) as client:
                 client.wait_for_workers(workers, timeout=600)

@@ -125,8 +125,7 @@ def _run(
             return False
         if time.monotonic() - asked > 1.0:
             asked = time.monotonic()
-            workers = client.scheduler_info(n_workers=-1)["workers"]
-            slots = sum(one["nthreads"] for one in workers.values())
+            slots = sum(_threads(client).values())
         while len(running) < max(1, AHEAD * slots):
             number = tasks.take()
             if number is None:
@@ -144,6 +143,12 @@ def _run(
                 done = answers.get_nowait()
     client.cancel([one.future for one in running.values()])
     return True
+
+
+def _threads(client: Client) -> dict[str, int]:
+    """Of each worker; all that a scheduler knows of its workers would be kilobytes of each."""
+    found: Any = client.nthreads()
+    return found
 
 
 def _give(
@@ -174,7 +179,7 @@ def _late(client: Client, running: dict[Any, _Running], tasks: Tasks) -> list[tu
     processing: Any = client.processing()
     held = {key: worker for worker, keys in processing.items() for key in keys}
     slow = {held.get(key) for key, one in running.items() if one.number in late}
-    others = [worker for worker in client.scheduler_info(n_workers=-1)["workers"] if worker not in slow]
+    others = [worker for worker in _threads(client) if worker not in slow]
     return [(number, others) for number in late if others]
 
 
