@@ -1,8 +1,8 @@
 """Studies measured: throughput beside the bare ensemble, overhead of a task, memory of a worker, kills, and
 how many tasks a second a scheduler bears.
 
-``python -m benchmarks.study throughput|overhead|kills|scheduler`` prints figures, ``... picture STORE FILE``
-draws a map; docs/scaling.md has them.
+``python -m benchmarks.study throughput|overhead|memory|kills|scheduler [NUMBERS]`` prints figures, NUMBERS in
+the order of the function's arguments; ``... picture STORE FILE`` draws a map; docs/scaling.md has them.
 """
 
 from __future__ import annotations
@@ -16,16 +16,21 @@ import socket
 import subprocess
 import sys
 import tempfile
+import threading
 import time
+from collections import Counter
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from distributed import Client
 
 import stickslip as ss
 from stickslip import _jit
 from stickslip.study import Grid, Random, Study, Walk, compare_studies
+from stickslip.study.running import prepared
 from stickslip.study.store import Store
 
 RANGES = {"sigma_0": ("1 N/um", "2 N/um"), "coulomb_force": ("0.3 N", "0.8 N"), "amplitude": ("40 V", "90 V")}
@@ -35,9 +40,10 @@ KANG = ss.load_actuator("kang2007")
 
 
 def logged(found: Any) -> dict[str, Any]:
-    """A summary that counts: a line for each time that a task was computed."""
+    """A summary that counts: a line for each time that a task was computed, with its first member."""
+    time.sleep(float(os.environ.get("STUDY_PAUSE", "0")))
     with open(os.environ["STUDY_LOG"], "a", encoding="utf-8") as log:
-        log.write(f"{found.sizes['member']}\n")
+        log.write(f"{found.sizes['member']} {found['sigma_0'].values[0]!r}\n")
     return {"again": found["net_displacement"]}
 
 
@@ -87,7 +93,6 @@ def throughput(members: int = 1 << 18, task: int = 1 << 14) -> None:
 
 def overhead(tasks: int = 200) -> None:
     """What a task costs beyond its members, in one process: the same task with and without all around it."""
-    from stickslip.study.running import prepared
     from stickslip.study.task import run_task
 
     task = 1 << 14
@@ -108,6 +113,49 @@ def overhead(tasks: int = 200) -> None:
     of_cpu, of_wall = np.median(times, axis=0)
     print(f"columns and chunks of a task: {of_cpu * 1e3:.1f} ms of CPU, {of_wall * 1e3:.1f} ms")
     print(f"the whole task: {whole:.2f} s of CPU; overhead {of_cpu / whole:.2%}")
+
+
+def memory(members: int = 1 << 18, task: int = 1 << 14) -> None:
+    """Most memory of all processes of a study, with kernels that are there and with none, by its size."""
+    for words, cache in (("kernels there", None), ("none", "cold")):
+        for size in (members // 4, members):
+            with tempfile.TemporaryDirectory() as name:
+                folder = Path(name)
+                environment = {
+                    **os.environ,
+                    **({"STICKSLIP_CACHE_DIR": f"{folder}/{cache}"} if cache else {}),
+                }
+                environment["PYTHONPATH"] = str(Path(__file__).parents[1])
+                code = _LOCAL.format(members=size, task=task, store=folder / "s.zarr")
+                if cache:  # a store that is there, as another machine finds it: who begins it has compiled
+                    begun = Study(Random(RANGES, size), Walk(KANG, SHORT), task=task)
+                    prepared(begun, folder / "s.zarr")
+                client = subprocess.Popen([sys.executable, "-c", code], env=environment)
+                most: dict[str, int] = {}
+                while client.poll() is None:
+                    look(most)
+                    time.sleep(0.02)
+                print(f"{words}, {size:,} members: {json.dumps(most)} MB")
+
+
+def look(most: dict[str, int]) -> None:
+    """Keep the most memory of workers of this machine, and of one that compiles [MB]."""
+    for one in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):
+            words = (one / "cmdline").read_bytes().split(b"\0")
+            if b"stickslip.study.worker" not in words:
+                continue
+            kind = "compiles" if b"compile" in words else "works"
+            status = (one / "status").read_text()
+            most[kind] = max(most.get(kind, 0), int(status.split("VmHWM:")[1].split()[0]) // 1024)
+
+
+_LOCAL = """
+import stickslip as ss
+from benchmarks.study import KANG, RANGES, SHORT
+from stickslip.study import Random, Study, Walk
+ss.run_study(Study(Random(RANGES, {members}), Walk(KANG, SHORT), task={task}), "{store}", workers=2)
+"""
 
 
 class Cluster:
@@ -139,56 +187,50 @@ class Cluster:
             self.scheduler = self.start_scheduler()
         self.workers = [w if w.poll() is None else self.start_worker() for w in self.workers]
 
+    def kill(self, what: str, client: subprocess.Popen[bytes], chosen: random.Random) -> None:
+        """A worker, the client, or the scheduler: with that its workers go."""
+        victims = {"worker": [chosen.choice(self.workers)], "client": [client]}
+        for one in victims.get(what, [self.scheduler, *self.workers]):
+            one.kill()
+            one.wait()
+
     def end(self) -> None:
         for process in (self.scheduler, *self.workers):
             process.kill()
             process.wait()
 
 
-def kills(members: int = 1 << 20, task: int = 2048, count: int = 50) -> None:
+def kills(members: int = 1 << 20, task: int = 2048, count: int = 50, pause: float = 0.0) -> None:
     """A study on a dask cluster, of which workers, scheduler and client are killed at random; beside it the
-    same on this machine, without."""
+    same on this machine, without. A task waits for `pause` s: so there is time for many kills in few."""
     chosen = random.Random(19)
+    os.environ["STUDY_PAUSE"] = str(pause)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         log, store = folder / "computed", folder / "killed.zarr"
-        os.environ["STUDY_LOG"] = str(log)
+        os.environ |= {"STUDY_LOG": str(log), "PYTHONPATH": str(Path(__file__).parents[1])}
         (folder / "client.py").write_text(_CLIENT.format(members=members, task=task, file=__file__))
         cluster = Cluster(folder, 2)
         killed = {"worker": 0, "scheduler": 0, "client": 0}
-        lost = 0
         tasks, begun = members // task, time.perf_counter()
-        client: subprocess.Popen[bytes] | None = None
+        client = None
         try:
             while True:  # until a client says that all is done
                 if client is None:
-                    client = subprocess.Popen(
-                        [sys.executable, str(folder / "client.py"), str(store), cluster.address]
-                    )
+                    client = subprocess.Popen([sys.executable, folder / "client.py", store, cluster.address])
                 done = int(Store(store).done().sum()) if (store / "zarr.json").exists() else 0
+                many = sum(killed.values())
                 if client.poll() is not None:
                     print(f"client ended: {client.returncode}, {done} of {tasks} tasks", flush=True)
-                    if done == tasks or client.returncode:
+                    if client.returncode or done == tasks:
                         break
                     client = None
-                # A kill as soon as its share of the tasks is done: they are spread over the whole study.
-                elif sum(killed.values()) < count and done > tasks * (sum(killed.values()) + 0.5) / (
-                    count + 1
-                ):
-                    what = chosen.choice(["worker", "worker", "worker", "worker", "client", "scheduler"])
+                # Each when its share of the tasks is done, somewhere within the next ones.
+                elif many < count and done > tasks * (many + 0.5) / (count + 1):
+                    time.sleep(chosen.random() * max(pause, 0.1))
+                    what = chosen.choice(["worker"] * 4 + ["client", "scheduler"])
                     killed[what] += 1
-                    lost += {"worker": 1, "scheduler": 2, "client": 6}[what]
-                    victim = {
-                        "worker": chosen.choice(cluster.workers),
-                        "scheduler": cluster.scheduler,
-                        "client": client,
-                    }[what]
-                    victim.send_signal(signal.SIGKILL)
-                    victim.wait()
-                    if what == "scheduler":
-                        for worker in cluster.workers:
-                            worker.kill()
-                            worker.wait()
+                    cluster.kill(what, client, chosen)
                     client = None if what == "client" else client
                     print(f"{done} of {tasks}: killed {what}", flush=True)
                 cluster.alive()
@@ -196,15 +238,22 @@ def kills(members: int = 1 << 20, task: int = 2048, count: int = 50) -> None:
         finally:
             cluster.end()
         took = time.perf_counter() - begun
-        computed = [int(line) for line in log.read_text().split()]
-        again = sum(n == task for n in computed) - tasks
-        os.environ["STUDY_LOG"] = str(folder / "other")
+        lines = [line.split() for line in log.read_text().splitlines()]
+        times = Counter(first for size, first in lines if int(size) == task)
+        os.environ |= {"STUDY_LOG": str(folder / "other"), "STUDY_PAUSE": "0"}
         study = Study(Random(RANGES, members), Walk(KANG, SHORT), f"{__file__}:logged", task=task)
         ss.run_study(study, folder / "whole.zarr", workers=2)
         same = compare_studies(store, folder / "whole.zarr")
+        bytewise = all(
+            (store / f.relative_to(folder / "whole.zarr")).read_bytes() == f.read_bytes()
+            for f in (folder / "whole.zarr").rglob("*")
+            if f.is_file()
+        )
+        # In hand: one of a worker, of two with the scheduler, and what a client had given to two workers.
+        most = killed["worker"] + 2 * killed["scheduler"] + 6 * killed["client"]
         print(f"{members:,} members in {tasks} tasks, {took:.0f} s; killed {json.dumps(killed)}")
-        print(f"equal to the last bit: {same.equal and not same.said}")
-        print(f"computed again: {again} tasks; at most {lost} in hand")
+        print(f"equal to the last bit: {same.equal and not same.said}; every file: {bytewise}")
+        print(f"computed: {len(times)} tasks, again {times.total() - tasks}; at most {most} were in hand")
 
 
 _CLIENT = """
@@ -225,47 +274,108 @@ def asleep(columns: Any) -> dict[str, Any]:
     return {"value": columns["x"]}
 
 
-def scheduler(workers: int = 200, seconds: float = 10.0, tasks: int = 1000) -> None:
-    """Workers that only sleep, in one process: what the scheduler and the client bear."""
+def scheduler(workers: int = 200, seconds: float = 1.0, tasks: int = 2000) -> None:
+    """Workers, each a process, that only sleep for as long as a task takes: what the scheduler and the client
+    bear, and what goes through the scheduler's door, counted by what stands in front of it."""
     from stickslip.study import Own
 
     os.environ["STUDY_SLEEP"] = str(seconds)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         cluster = Cluster(folder, 0)
+        door = Door(cluster.port)
+        address = f"tcp://127.0.0.1:{door.port}"
         (folder / "sleepers.py").write_text(_SLEEPERS)
-        words = [str(folder / "sleepers.py"), cluster.address, str(workers)]
-        sleepers = subprocess.Popen([sys.executable, *words], cwd=folder)
+        words = [str(folder / "sleepers.py"), address, str(workers)]
+        quiet = {**os.environ, "DASK_DISTRIBUTED__LOGGING__DISTRIBUTED": "error"}
+        sleepers = subprocess.Popen([sys.executable, *words], cwd=folder, env=quiet, start_new_session=True)
         try:
+            with Client(address, timeout=120, set_as_default=False) as client:
+                client.wait_for_workers(workers, timeout=600)
+            print(f"{workers} sleepers are there", flush=True)
+            idle = door.bytes, time.perf_counter(), seconds_of(cluster.scheduler.pid)
+            time.sleep(10.0)
+            idle_bytes, passed = door.bytes - idle[0], time.perf_counter() - idle[1]
+            idle_cpu = (seconds_of(cluster.scheduler.pid) - idle[2]) / passed
             study = Study(Grid({"x": np.arange(4.0 * tasks)}), Own(f"{__file__}:asleep"), task=4)
-            begun = time.perf_counter()
-            ss.run_study(study, folder / "s.zarr", scheduler=cluster.address)
+            before = door.bytes, time.perf_counter(), seconds_of(cluster.scheduler.pid), cpu()
+            ss.run_study(study, folder / "s.zarr", scheduler=address)
+            took = time.perf_counter() - before[1]
             written = Store(folder / "s.zarr").written()
-            took = float(np.ptp(written)) + seconds
-            used = Path(f"/proc/{cluster.scheduler.pid}/stat").read_text().split()
-            busy = (int(used[13]) + int(used[14])) / os.sysconf("SC_CLK_TCK")
-            ideal = tasks / workers * seconds
-            print(f"{tasks} tasks of {seconds} s, {workers} sleepers: {took:.1f} s, at best {ideal:.1f} s")
+            rate = (tasks - 1) / float(np.ptp(written))
+            busy = seconds_of(cluster.scheduler.pid) - before[2] - idle_cpu * took
+            sent = door.bytes - before[0] - idle_bytes / passed * took
+            print(f"{tasks} tasks of {seconds} s: {took:.1f} s, at best {tasks / workers * seconds:.1f} s")
+            print(f"{rate:.0f} tasks/s; {workers / seconds:.0f} would be all that these workers can do")
+            own = cpu() - before[3]
+            print(f"a task: scheduler {busy / tasks * 1e3:.2f} ms of CPU, client {own / tasks * 1e3:.2f} ms")
+            print(f"a task: {sent / tasks:.0f} bytes to and from the scheduler")
             print(
-                f"scheduler: {busy:.2f} s of CPU with its start, {busy / tasks * 1e3:.2f} ms a task at most"
+                f"idle: {idle_cpu:.1%} of a processor, {idle_bytes / passed / workers:.0f} bytes/s a worker"
             )
-            print(f"whole: {time.perf_counter() - begun:.1f} s")
         finally:
-            sleepers.kill()
+            os.killpg(sleepers.pid, signal.SIGKILL)
             sleepers.wait()
             cluster.end()
+            door.close()
+
+
+def seconds_of(process: int) -> float:
+    """Of CPU, that a process has taken [s]."""
+    used = Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()
+    return (int(used[11]) + int(used[12])) / os.sysconf("SC_CLK_TCK")
+
+
+class Door:
+    """A way to a port of this machine that counts the bytes which go through it, both ways."""
+
+    def __init__(self, port: int) -> None:
+        self._behind, self.bytes = port, 0
+        self._listening = socket.create_server(("127.0.0.1", 0), backlog=512)
+        self.port = self._listening.getsockname()[1]
+        threading.Thread(target=self._open, daemon=True).start()
+
+    def _open(self) -> None:
+        with suppress(OSError):
+            while True:
+                near, _ = self._listening.accept()
+                far = self._reached()
+                for ends in ((near, far), (far, near)):
+                    threading.Thread(target=self._pass, args=ends, daemon=True).start()
+
+    def _reached(self) -> socket.socket:
+        while True:
+            try:
+                return socket.create_connection(("127.0.0.1", self._behind))
+            except ConnectionRefusedError:  # it starts
+                time.sleep(0.1)
+
+    def _pass(self, source: socket.socket, target: socket.socket) -> None:
+        with suppress(OSError):
+            while data := source.recv(65536):
+                self.bytes += len(data)
+                target.sendall(data)
+        with suppress(OSError):
+            target.shutdown(socket.SHUT_WR)
+
+    def close(self) -> None:
+        self._listening.close()
 
 
 _SLEEPERS = """
-import asyncio, sys
+import asyncio, os, sys
+import stickslip.study.cluster
 from distributed import Worker
 
 async def main():
-    workers = [Worker(sys.argv[1], nthreads=1, dashboard=False) for _ in range(int(sys.argv[2]))]
-    await asyncio.gather(*workers)
-    await asyncio.gather(*(one.finished() for one in workers))
+    async with Worker(sys.argv[1], nthreads=1, dashboard=False) as worker:
+        await worker.finished()
 
-asyncio.run(main())
+for _ in range(int(sys.argv[2])):
+    if os.fork() == 0:
+        asyncio.run(main())
+        os._exit(0)
+os.wait()
 """
 
 
@@ -304,5 +414,8 @@ def picture(store: str, file: str) -> None:
 
 
 if __name__ == "__main__":
-    asked: dict[str, Any] = {one.__name__: one for one in (throughput, overhead, kills, scheduler)}
-    asked.get(sys.argv[1], picture)(*sys.argv[2:])
+    asked: dict[str, Any] = {one.__name__: one for one in (throughput, overhead, memory, kills, scheduler)}
+    if sys.argv[1] == "picture":
+        picture(*sys.argv[2:])
+    else:
+        asked[sys.argv[1]](*map(json.loads, sys.argv[2:]))

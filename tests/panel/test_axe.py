@@ -7,8 +7,13 @@ import re
 from collections.abc import Callable, Iterator
 from importlib.resources import files
 
+import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, expect
+
+import stickslip as ss
+import study_functions
+from stickslip.study import Grid, Own, Study
 
 from .conftest import PATIENCE, Panel
 from .test_history_page import FIT, ONE, TWO, walk
@@ -55,6 +60,10 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Panel]:
     for name, text in (("report.html", "<title>r</title>"), ("results.json", "{}")):
         (place / name).write_text(text)
     (place / "shown.json").write_text(json.dumps(shown))
+    points = Grid({"x": np.arange(6.0), "y": np.arange(5.0)})
+    ss.run_study(Study(points, Own(f"{study_functions.__file__}:squares")), folder / "map.zarr", workers=1)
+    (folder / "broken.zarr").mkdir()
+    (folder / "broken.zarr" / "zarr.json").write_text("{}")
     served = Panel(folder)
     yield served
     served.end()
@@ -185,8 +194,19 @@ def history(page: Page) -> Iterator[str]:
     yield "nothing found"
 
 
+def studies(page: Page) -> Iterator[str]:
+    page.locator("[data-study='map.zarr']").click(timeout=SLOW)
+    page.locator(".history-right[data-pictures]").wait_for(timeout=SLOW)
+    yield "a study and its picture"
+    page.locator("[data-study='broken.zarr']").click()
+    page.locator(".history-run [role=status].fault").wait_for(timeout=SLOW)
+    yield "one that cannot be read"
+
+
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("states", [bench, identify, explore, design, history], ids=lambda one: one.__name__)
+@pytest.mark.parametrize(
+    "states", [bench, identify, explore, design, history, studies], ids=lambda one: one.__name__
+)
 def test_no_findings(
     lab: Panel, browser: Browser, states: Callable[[Page], Iterator[str]], scheme: str
 ) -> None:

@@ -85,11 +85,11 @@ def test_fingers_zoom_pan_and_show_everything(tablet: Page) -> None:
     assert not [url for url in requests if url.endswith("/bench/window")], "everything is there already"
 
 
-@pytest.mark.parametrize("name", ["bench", "identify", "explore", "design", "history"])
+@pytest.mark.parametrize("name", ["bench", "identify", "explore", "design", "history", "studies"])
 def test_targets_are_as_large_as_a_finger(tablet: Page, panel: Panel, name: str) -> None:
     tablet.goto(f"{panel.url}#{name}")
     ready = {"bench": "#start", "identify": ".identify[data-phase]", "explore": ".explore[data-curves]"}
-    ready |= {"history": ".history", "design": ".design[data-old]"}
+    ready |= {"history": ".history", "studies": ".studies", "design": ".design[data-old]"}
     tablet.locator(ready[name]).wait_for(timeout=SLOW)
     assert tablet.evaluate("matchMedia('(pointer: coarse)').matches")
     for summary in tablet.locator("details:not([open]) > summary").all():

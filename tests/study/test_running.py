@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import pickle
 import resource
 import shutil
 import signal
@@ -19,7 +20,20 @@ import xarray as xr
 
 import stickslip as ss
 import study_functions
-from stickslip.study import Grid, Own, Random, Range, Study, StudyDiffers, StudyError, Walk, estimate_study
+from stickslip.study import (
+    Grid,
+    Own,
+    Random,
+    Range,
+    Study,
+    StudyDiffers,
+    StudyError,
+    Walk,
+    estimate_study,
+    stop_study,
+    task,
+)
+from stickslip.study.running import prepared
 from stickslip.study.store import Store
 
 KANG = ss.load_actuator("kang2007")
@@ -203,6 +217,68 @@ def test_a_worker_that_hangs_does_not_hold_the_end(
     found = ss.run_study(own("once_stopped"), tmp_path / "s.zarr", workers=2)
     np.testing.assert_array_equal(found["value"], EXPECTED)
     assert (tmp_path / "mark").exists()
+
+
+HANGS = """
+import os, pathlib, sys
+if "worker" in sys.argv[0]:
+    try:
+        pathlib.Path(__file__).with_name("mark").touch(exist_ok=False)
+    except FileExistsError:
+        pass
+    else:
+        os.kill(os.getpid(), 19)  # SIGSTOP
+def squares(columns):
+    return {"value": columns["x"] ** 2 + 10.0 * columns["y"]}
+"""
+
+
+def test_a_worker_that_hangs_before_it_begins_is_replaced(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "hangs.py").write_text(HANGS)
+    monkeypatch.setattr("stickslip.study.local.FIRST", 3.0)  # s; twice as long for each that is lost
+    study = Study(GRID, Own(f"{tmp_path / 'hangs.py'}:squares"), task=6)
+    found = ss.run_study(study, tmp_path / "s.zarr", workers=1)
+    assert (tmp_path / "mark").exists()
+    np.testing.assert_array_equal(found["value"], EXPECTED)
+
+
+def test_a_stop_ends_it_and_what_is_finished_is_kept(tmp_path: Path) -> None:
+    file, store = tmp_path / "study.yaml", tmp_path / "s.zarr"
+    file.write_text(
+        f"kind: study\nmeasure: {{kind: own, function: {FILE}:slow_squares}}\ntask: 3\n"
+        "grid: {x: {start: 0, stop: 19, points: 20}, y: {start: 0, stop: 11, points: 12}}\n"
+    )
+    run = begin(file, store, "--workers", "1")
+    wait_for(store, 4, run)
+    stop_study(store)
+    assert run.wait() == 1
+    done = Store(store).done()
+    assert 4 <= done.sum() < done.size
+    assert begin(file, store, "--workers", "1").wait() == 0  # an old stop stops nobody
+    np.testing.assert_array_equal(xr.open_zarr(store, chunks=None)["value"], EXPECTED)
+
+
+def test_kernels_are_compiled_by_a_process_that_ends(
+    walks: tuple[Study, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a machine that has not seen the study: its worker asks for it once."""
+    study, path = walks
+    store, calls = Store(path), []
+    monkeypatch.setattr(task, "tried", lambda identity: tmp_path / identity[:4])
+    monkeypatch.setattr(subprocess, "run", lambda command, **more: calls.append((command, more["input"])))
+    for _ in range(2):
+        task.received(task.load_of(study, store))
+    ((command, given),) = calls
+    assert command[1:] == ["-m", "stickslip.study.worker", "compile"]
+    monkeypatch.undo()
+    monkeypatch.setenv("STUDY_LOG", str(tmp_path / "log"))
+    own_load = pickle.dumps(task.load_of(own("squares"), prepared(own("squares"), tmp_path / "own.zarr")))
+    assert pickle.loads(given).identity == store.identity
+    (tmp_path / "log").unlink()
+    assert subprocess.run(command, input=own_load, check=False).returncode == 0
+    assert (tmp_path / "log").read_text() == "0.0 0.0 2\n"
 
 
 def test_a_task_that_fails_everywhere_is_reported_and_the_others_are_kept(tmp_path: Path) -> None:

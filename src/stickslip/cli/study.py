@@ -1,4 +1,4 @@
-"""Commands on studies: run or go on with one, show, compare, merge, export."""
+"""Commands on studies: run or go on with one, show, stop, compare, merge, export."""
 
 from __future__ import annotations
 
@@ -29,7 +29,8 @@ class _FileOrCommand(TyperGroup):
 study = typer.Typer(
     cls=_FileOrCommand,
     no_args_is_help=True,
-    help="Many members on one machine or many: study FILE.yaml --store DIR; show, compare, merge, export.",
+    help="Many members on one machine or many: study FILE.yaml --store DIR; show, stop, compare, merge, "
+    "export.",
     rich_markup_mode=None,
 )
 app.add_typer(study, name="study")
@@ -111,6 +112,16 @@ def _lines(state: State) -> list[str]:
         if state.rate == state.rate:
             lines.append(f"  {state.rate:,.0f} members/s lately, {duration(state.left)} left")
     return lines
+
+
+@study.command()
+def stop(store: StoreFolder, show_traceback: Traceback = False) -> None:
+    """Ask all that work on a study, on whatever machine, to end; the command that runs it goes on with it."""
+    with errors_in_one_line(show_traceback):
+        from ..study import stop_study
+
+        stop_study(store)
+        typer.echo(f"{store}: asked to stop")
 
 
 @study.command()

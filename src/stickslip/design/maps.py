@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -23,7 +25,8 @@ from ..units import QuantityError, to_si
 from ..waveform.signal import Waveform
 from .grid import AXES, Grid, grid_of
 from .power import UNITS, electrical_demand
-from .solving import NOT_COMPUTED, STATUS, Solved, intervals, solved
+from .solving import NOT_COMPUTED, STATUS, Solved, ends, intervals, solved
+from .stored import Stored, solved_in_store
 
 Array = NDArray[np.float64]
 Extra = Literal["backlash", "ringing", "ripple"]
@@ -65,6 +68,8 @@ def step_map(
     normal_load: Waveform | float = 1.0,
     tolerance: float | str = 1e-10,
     threads: int | None = None,
+    store: str | os.PathLike[str] | None = None,
+    scheduler: str | None = None,
     progress: Progress = unheard,
 ) -> xr.Dataset:
     """The steady step over all combinations of what is given, on all processors.
@@ -93,7 +98,10 @@ def step_map(
         draws, seed: of the fit.
         normal_load: normal force over its reference, for all points.
         tolerance: m, on the net step.
-        threads: how many; all processors if left out.
+        threads: how many; all processors if left out. With a `store`, processes.
+        store: folder in which the points are kept as studies (see `run_study`), ``steps.zarr`` and, with a
+            fit, ``draws.zarr``: the same call goes on after whatever ended it. Not with `quantities`.
+        scheduler: address of a dask scheduler whose workers fill the store.
         progress: called after each block of points with what is being done and the share that is.
 
     Returns:
@@ -109,6 +117,7 @@ def step_map(
 
     Raises:
         QuantityError: a value, or a name, that cannot be; see also `steady_orbit`.
+        StudyDiffers, StudyError: of the store; see `run_study`.
     """
     tolerance = to_si(tolerance, "m", "tolerance")
     extras = _extras(quantities)
@@ -117,8 +126,13 @@ def step_map(
     drawn = {} if fit is None else _drawn(fit, model, grid, draws, seed)
     demand = {} if stack is None else _demand(grid, stack)
     common = (model, grid.waveform, grid.columns, tolerance, normal_load, threads)
+    stored = _stored(store, scheduler, extras)
     share = 1.0 / (1.0 + (draws if drawn else 0))
-    found = solved(*common, lambda doing, done: progress(doing, share * done), extras)
+
+    def points(doing: str, done: float) -> None:
+        progress(doing, share * done)
+
+    found = solved(*common, points, extras) if stored is None else solved_in_store(common, stored, points)
     values: dict[str, Any] = {
         "net_step": found.steps,
         "speed": found.steps * grid.frequency,
@@ -128,9 +142,15 @@ def step_map(
     }
     interrupted = found.interrupted
     if drawn and not interrupted:
-        low, high, count, interrupted = intervals(
-            common, drawn, lambda doing, done: progress(doing, share + (1.0 - share) * done)
-        )
+
+        def rest(doing: str, done: float) -> None:
+            progress(doing, share + (1.0 - share) * done)
+
+        if stored is None:
+            low, high, count, interrupted = intervals(common, drawn, rest)
+        else:
+            of_draws = solved_in_store(common, stored, rest, drawn)
+            (low, high, count), interrupted = ends(of_draws.steps), of_draws.interrupted
         values |= {"net_step_low": low, "net_step_high": high}
         values |= {"speed_low": low * grid.frequency, "speed_high": high * grid.frequency}
         values["draws_converged"] = count
@@ -154,6 +174,16 @@ def _extras(quantities: Iterable[Extra]) -> tuple[str, ...]:
         if name not in get_args(Extra):
             raise QuantityError(f"quantities: there are {', '.join(get_args(Extra))}, not {name!r}")
     return names
+
+
+def _stored(store: Any, scheduler: str | None, extras: tuple[str, ...]) -> Stored | None:
+    if store is None:
+        if scheduler is not None:
+            raise QuantityError("a scheduler needs a store, the folder that its workers see")
+        return None
+    if extras:
+        raise QuantityError(f"quantities: {', '.join(extras)} cannot be kept in a store")
+    return Stored(Path(store), scheduler)
 
 
 def _drawn(fit: Any, model: Actuator, grid: Grid, draws: int, seed: int) -> dict[str, Array]:

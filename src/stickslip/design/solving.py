@@ -92,7 +92,7 @@ def intervals(
     model, waveform, columns, tolerance, normal_load, threads = common
     points, draws = next(iter(columns.values())).size, next(iter(drawn.values())).size
     together = max(1, AT_ONCE // points)
-    steps, done, interrupted = np.full((draws, points), np.nan), 0, False
+    steps, interrupted = np.full((draws, points), np.nan), False
     for begin in range(0, draws, together):
         some = slice(begin, min(begin + together, draws))
         size = some.stop - begin
@@ -109,13 +109,19 @@ def intervals(
             lambda doing, part, begin=begin, share=share: progress(doing, begin / draws + share * part),
         )
         steps[some] = found.steps.reshape(size, points)
-        done, interrupted = some.stop, found.interrupted
+        interrupted = found.interrupted
         if interrupted:
             break
-    there = np.isfinite(steps)
-    count, low, high = there.sum(axis=0), np.full(points, np.nan), np.full(points, np.nan)
-    fine = (count >= ENOUGH * draws) & (done > 0)
+    return *ends(steps), interrupted
+
+
+def ends(steps: Array) -> tuple[Array, Array, NDArray[np.int64]]:
+    """Both ends of the 95 % intervals of net steps [draws, points], NaN where too few draws have one, and how
+    many of each point do."""
+    draws, points = steps.shape
+    count, low, high = np.isfinite(steps).sum(axis=0), np.full(points, np.nan), np.full(points, np.nan)
+    fine = count >= ENOUGH * draws
     if np.any(fine):
-        ends = np.nanquantile(steps[:, fine], [0.5 - LEVEL / 2, 0.5 + LEVEL / 2], axis=0)
-        low[fine], high[fine] = ends
-    return low, high, count, interrupted
+        quantiles = [0.5 - LEVEL / 2, 0.5 + LEVEL / 2]
+        low[fine], high[fine] = np.nanquantile(steps[:, fine], quantiles, axis=0)
+    return low, high, count

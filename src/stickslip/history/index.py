@@ -202,7 +202,8 @@ class Index:
     def _files(self) -> Iterator[tuple[str, tuple[float, int]]]:
         """Names of recordings and of folders of fits, with time of change and size."""
         for folder, folders, names in os.walk(self.folder):
-            folders[:] = sorted(one for one in folders if not one.startswith("."))
+            store = "zarr.json" in names  # of a study, whose chunks are no recordings
+            folders[:] = [] if store else sorted(one for one in folders if not one.startswith("."))
             if "results.json" in names and "report.html" in names and "experiment.log" not in names:
                 parts = [Path(folder, one).stat() for one in ("results.json", *NOTES) if one in names]
                 if Path(folder) != self.folder:

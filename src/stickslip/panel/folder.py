@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 _ABSOLUTE = re.compile(r"(?<![\w.)\]])(?:[A-Za-z]:)?[/\\](?:[^\s'\":;,/\\]+[/\\])+([^\s'\":;,/\\]*)")
+STORE = "zarr.json"  # a folder that has it is a study's store
 _SETTLED = 2e9  # ns after which a change of a folder shows in its time, on any file system
 
 
@@ -80,6 +81,9 @@ class Folder:
     def _walk(self, inside: str) -> Iterator[tuple[str, bool]]:
         with suppress(FileNotFoundError, NotADirectoryError):
             content = self._content(inside)
+            if inside and (STORE, False) in content.files:  # its chunks are no files of the lab
+                yield inside + STORE, False
+                return
             for name, link in content.files:
                 yield inside + name, link
             for name in content.folders:

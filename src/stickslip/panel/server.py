@@ -44,6 +44,7 @@ from .sets import Sets
 from .starting import Starter
 from .statistics import Statistics, statistics_routes
 from .stream import Hub
+from .studies import Studies, study_routes
 from .warming import warm_up
 
 STATIC = Path(__file__).parent / "static"
@@ -93,6 +94,7 @@ def create_app(
     sequencer = Sequencer(hub, document, runner, starter)
     readiness = Readiness(hub)
     fitting, searches = Fitting(files, hub, readiness), Searches(hub)
+    studies = Studies(files, journal)
 
     async def beat() -> None:
         """Every second a sign of life: silence tells a page that the connection is lost."""
@@ -115,6 +117,7 @@ def create_app(
             end_warming()
             fitting.close()
             searches.stop()
+            studies.close()
             if runner.stop("the panel closes"):
                 await asyncio.to_thread(runner.join)
             await asyncio.to_thread(sequencer.join)
@@ -130,6 +133,7 @@ def create_app(
     app.include_router(path_routes(files, hub, control, journal, document, read))
     app.include_router(recording_routes(files, hub, control, read))
     app.include_router(history_routes(files, hub, control, read))
+    app.include_router(study_routes(files, studies, journal, read))
 
     sets = Sets(files)
     app.include_router(explore_routes(sets))

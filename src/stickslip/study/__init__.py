@@ -26,5 +26,6 @@ from .running import Estimate as Estimate
 from .running import estimate_study as estimate_study
 from .running import run_study as run_study
 from .state import State as State
+from .state import stop_study as stop_study
 from .state import study_state as study_state
 from .store import open_study as open_study

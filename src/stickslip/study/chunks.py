@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import gzip
 import os
+import stat
 import uuid
 from pathlib import Path
 from typing import Any
@@ -48,8 +49,8 @@ def write_chunk(path: Path, values: NDArray[Any], dtype: str) -> None:
         raise
 
 
-def check_chunk(path: Path, size: int | None) -> None:
-    """Read a chunk once.
+def read_chunk(path: Path, size: int | None = None) -> bytes:
+    """What a chunk holds, without its checksum.
 
     Args:
         path: the file.
@@ -58,16 +59,24 @@ def check_chunk(path: Path, size: int | None) -> None:
     Raises:
         ChunkError: it is not there, of another length, or not what was written.
     """
-    try:
-        data = path.read_bytes()
-    except FileNotFoundError:
-        raise ChunkError("is missing") from None
-    except OSError as error:
-        raise ChunkError(f"cannot be read: {error.strerror}") from None
+    data = plain_bytes(path)
     if len(data) < _CRC or (size is not None and len(data) != size + _CRC):
         raise ChunkError(f"has {len(data)} bytes")
     if google_crc32c.value(data[:-_CRC]) != int.from_bytes(data[-_CRC:], "little"):
         raise ChunkError("does not match its checksum")
+    return data[:-_CRC]
+
+
+def plain_bytes(path: Path) -> bytes:
+    """A plain file: others (a pipe, a device) may never end. Raises ChunkError."""
+    try:
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise ChunkError("is no plain file")
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise ChunkError("is missing") from None
+    except OSError as error:
+        raise ChunkError(f"cannot be read: {error.strerror}") from None
 
 
 def _texts(values: NDArray[Any]) -> bytes:

@@ -22,7 +22,7 @@ from typing import Any
 from distributed import Client, Future
 
 from .design import Study
-from .errors import StudyError
+from .errors import STOPPED, StudyError
 from .layout import Layout
 from .local import ONE_THREAD, Tasks
 from .measures import told
@@ -82,7 +82,7 @@ def run_on_cluster(
             # A scheduler that is gone is noticed within seconds, and not waited for in here.
             with Client(address, timeout=5.0, set_as_default=False) as client:
                 lost = 0.0
-                if _run(client, what, store.layout, tasks, len(todo), heard):
+                if _run(client, what, store, tasks, len(todo), heard):
                     file.unlink(missing_ok=True)
                     return tasks.failed
         except OSError as error:
@@ -109,7 +109,7 @@ class _Running:
 def _run(
     client: Client,
     what: tuple[Any, ...],
-    layout: Layout,
+    store: Store,
     tasks: Tasks,
     count: int,
     heard: Callable[[Done], None],
@@ -119,12 +119,13 @@ def _run(
     running: dict[Any, _Running] = {}
     given, slots, asked = 0, 0, 0.0
     while len(tasks.done) + len(tasks.failed) < count:
+        if store.must_end():
+            raise StudyError(STOPPED)
         if client.status != "running":
             return False
         if time.monotonic() - asked > 1.0:
             asked = time.monotonic()
-            workers = client.scheduler_info(n_workers=-1)["workers"]
-            slots = sum(one["nthreads"] for one in workers.values())
+            slots = sum(_threads(client).values())
         while len(running) < max(1, AHEAD * slots):
             number = tasks.take()
             if number is None:
@@ -138,10 +139,16 @@ def _run(
         with suppress(queue.Empty):
             done = answers.get(timeout=0.5)
             while True:
-                _take(running.pop(done.future.key, None), layout, tasks, heard)
+                _take(running.pop(done.future.key, None), store.layout, tasks, heard)
                 done = answers.get_nowait()
     client.cancel([one.future for one in running.values()])
     return True
+
+
+def _threads(client: Client) -> dict[str, int]:
+    """Of each worker; all that a scheduler knows of its workers would be kilobytes of each."""
+    found: Any = client.nthreads()
+    return found
 
 
 def _give(
@@ -172,7 +179,7 @@ def _late(client: Client, running: dict[Any, _Running], tasks: Tasks) -> list[tu
     processing: Any = client.processing()
     held = {key: worker for worker, keys in processing.items() for key in keys}
     slow = {held.get(key) for key, one in running.items() if one.number in late}
-    others = [worker for worker in client.scheduler_info(n_workers=-1)["workers"] if worker not in slow]
+    others = [worker for worker in _threads(client) if worker not in slow]
     return [(number, others) for number in late if others]
 
 

@@ -110,7 +110,7 @@ class Study:
             QuantityError: something in the study cannot be.
             StudyError: a function of the user's own fails for both, so that it is not known what it returns.
         """
-        made = self.computed(self.first_members())
+        made = self._trial
         if not set(made) - set(_STATUS) or (self.summary is not None and set(made["reason"].values) - {""}):
             raise StudyError(f"the first two members fail: {made['reason'].values[0]}")
         known = [axis for axis in self.axes if axis.drawn is not None]
@@ -132,8 +132,12 @@ class Study:
 
     def inner(self) -> dict[str, xr.DataArray]:
         """Coordinates of the results' own dimensions, such as time."""
-        made = self.computed(self.first_members())
+        made = self._trial
         return {str(name): c for name, c in made.coords.items() if name != "member"}
+
+    @cached_property
+    def _trial(self) -> xr.Dataset:
+        return self.computed(self.first_members())
 
     def first_members(self) -> Columns:
         """What varies, of two members: for a trial."""

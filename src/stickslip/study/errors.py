@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+STOPPED = "stopped, as was asked: what is finished is kept, and the same command goes on"
+
 
 class StudyError(Exception):
     """A study that cannot go on: a full disk, workers that die, tasks that fail everywhere. What is finished

@@ -22,12 +22,16 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
-from .errors import StudyError
+from .errors import STOPPED, StudyError
+from .store import Store
 from .task import Done, Load
 
 ATTEMPTS = 3
 # A task is late when it takes this many times as long as others do, and at least so long [s].
 LATE, AT_LEAST = 3.0, 2.0
+# A worker that does not begin within so many times what the first one took, and at least so long [s], hangs;
+# the first one may have to compile. With each that is lost it doubles: the machine may be busy.
+BEGINS, LEAST, FIRST = 5.0, 60.0, 900.0
 # One thread for each worker: what libraries have of their own would fight for the processors.
 ONE_THREAD = (
     "NUMBA_NUM_THREADS",
@@ -151,14 +155,19 @@ def run_local(load: Load, todo: list[int], workers: int, heard: Callable[[Done],
         Why tasks failed, by number.
 
     Raises:
-        StudyError: no worker comes up, or there is no room for results.
+        StudyError: no worker comes up, there is no room for results, or somebody asked to stop.
     """
     answers: queue.Queue[tuple[Worker, Any]] = queue.Queue()
-    tasks = Tasks(waiting=todo[::-1])
+    tasks, store = Tasks(waiting=todo[::-1]), Store(load.store)
     team = [Worker(load, answers)]
-    lost = 0
+    lost, patience = 0, FIRST
     try:
         while len(tasks.done) + len(tasks.failed) < len(todo):
+            if store.must_end():
+                raise StudyError(STOPPED)
+            for one in team:
+                if not one.ready and time.monotonic() - one.begun > patience * 2.0**lost:
+                    one.process.kill()  # its end is heard as that of any other
             try:
                 worker, answer = answers.get(timeout=0.5)
             except queue.Empty:
@@ -176,6 +185,7 @@ def run_local(load: Load, todo: list[int], workers: int, heard: Callable[[Done],
                 else:
                     _take(worker, answer, tasks, heard)
                     if "ready" in answer and len(team) == 1:  # by now the kernels are compiled
+                        patience = max(LEAST, BEGINS * (time.monotonic() - worker.begun))
                         team += [Worker(load, answers) for _ in range(min(workers, len(todo)) - 1)]
             for idle in (one for one in team if one.ready and one.task is None):
                 number = tasks.take()

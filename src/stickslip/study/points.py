@@ -67,14 +67,16 @@ class Random:
 
 @dataclass(frozen=True)
 class Draws:
-    """Members as they are given, along the dimension "draw": what a fit or a posterior leaves possible (see
+    """Members as they are given, along one dimension: what a fit or a posterior leaves possible (see
     `drawn_parameters`), or a list of one's own.
 
     Args:
         values: by name, arrays of one length, SI or strings with units.
+        dim: name of the dimension.
     """
 
     values: Mapping[str, ArrayLike]
+    dim: str = "draw"
 
 
 Part = Grid | Random | Draws
@@ -137,7 +139,7 @@ def _draws_axis(part: Draws, read: Read) -> Axis:
     if len(set(sizes.values())) != 1:
         raise QuantityError(f"draws must be arrays of one length; there are {sizes or 'none'}")
     stacked = np.stack([column for column, _ in columns.values()])
-    return Axis("draw", tuple(columns), stacked.shape[1], {n: a for n, (_, a) in columns.items()}, stacked)
+    return Axis(part.dim, tuple(columns), stacked.shape[1], {n: a for n, (_, a) in columns.items()}, stacked)
 
 
 def _random_axis(part: Random, read: Read) -> Axis:

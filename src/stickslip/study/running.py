@@ -15,13 +15,13 @@ import xarray as xr
 from ..progress import Progress, unheard
 from ..simulation.errors import SimulationWarning
 from ..units import QuantityError
-from .description import described
+from .description import described, identity
 from .design import Study
 from .errors import StudyError
 from .layout import Layout
 from .local import processors, run_local
 from .store import Store, create, open_study
-from .task import Done, load_of
+from .task import Done, load_of, tried
 
 # Members of the trial that an estimate is from.
 TRIAL = 64
@@ -133,6 +133,7 @@ def prepared(study: Study, path: str | os.PathLike[str]) -> Store:
     description = described(study)
     if not (Path(path) / "zarr.json").exists():
         create(path, description, study.layout(), study.axes, study.inner(), study.title)
+        tried(identity(description)).touch()
     there = Store(path)
     there.check(description, study.task)
     there.tidy()

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import math
 import os
 import time
 from typing import NamedTuple
 
 import numpy as np
 
-from .store import Store, open_study
+from .chunks import ChunkError
+from .store import Store
 
-# s, within which tasks are counted for the rate, and after which nobody seems to be at work.
-LATELY, SILENT = 300.0, 600.0
+# s, within which tasks are counted for the rate.
+LATELY = 300.0
+# What members are said to be whose status cannot be read; who goes on with the study computes them again.
+DAMAGED = "damaged"
 
 
 class State(NamedTuple):
@@ -39,23 +43,29 @@ def study_state(path: str | os.PathLike[str]) -> State:
     Raises:
         StudyError: it is no store of a study.
     """
-    store = Store(path)
-    layout, whole, now = store.layout, open_study(path), time.time()
+    store, now = Store(path), time.time()
+    layout, status = store.layout, store.layout.variables[-1]
     done, written = store.done(), store.written()
-    flags = whole["status"].attrs
-    names = dict(zip(flags["flag_values"], str(flags["flag_meanings"]).split(), strict=True))
+    names = dict(zip(status.about["flag_values"], str(status.about["flag_meanings"]).split(), strict=True))
     counts: dict[str, int] = dict.fromkeys(names.values(), 0)
     for number in np.flatnonzero(done).tolist():
-        codes, many = np.unique(whole["status"].isel(store.layout.place(number)).values, return_counts=True)
-        for code, count in zip(codes.tolist(), many.tolist(), strict=True):
-            counts[names[code]] += count
+        try:
+            codes, many = np.unique(store.read(number, status), return_counts=True)
+            found = {
+                names.get(code, DAMAGED): n for code, n in zip(codes.tolist(), many.tolist(), strict=True)
+            }
+        except ChunkError:
+            place = layout.place(number).values()
+            found = {DAMAGED: math.prod(part.stop - part.start for part in place)}
+        for name, n in found.items():
+            counts[name] = counts.get(name, 0) + n
     lately = written[written > now - LATELY]
     each = layout.members / layout.tasks
     rate = float("nan")
     if lately.size > 1 and np.ptp(lately) > 0.0 and now - lately.max() < LATELY:
         rate = each * (lately.size - 1) / float(np.ptp(lately))
     return State(
-        str(whole.attrs["title"]),
+        store.title,
         layout.tasks,
         int(done.sum()),
         layout.members,
@@ -64,3 +74,14 @@ def study_state(path: str | os.PathLike[str]) -> State:
         each * float((~done).sum()) / rate,
         float(written.max(initial=-np.inf)) if written.size else float("nan"),
     )
+
+
+def stop_study(path: str | os.PathLike[str]) -> None:
+    """Ask all that work on a study, on whatever machine that sees its store, to end, within a second or so.
+    Tasks that are done are kept; who runs the study again goes on with it.
+
+    Raises:
+        StudyError: it is no store of a study.
+        OSError: it cannot be written.
+    """
+    Store(path).stop()

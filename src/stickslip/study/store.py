@@ -24,7 +24,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from .._version import __version__
-from .chunks import PART, ChunkError, check_chunk, write_chunk
+from .chunks import PART, ChunkError, plain_bytes, read_chunk, write_chunk
 from .description import differences, identity
 from .errors import StudyDiffers, StudyError
 from .layout import TEXT, Layout, Variable, layout_of, layout_text
@@ -33,6 +33,8 @@ from .points import Axis
 FORMAT = 1
 # s, after which a chunk that was begun is one that nobody finishes.
 ABANDONED = 86_400.0
+# A file of that name asks all runs to stop, when it is made or changed.
+STOP = ".stop"
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
@@ -42,16 +44,19 @@ class Store:
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = Path(path)
         try:
-            content = json.loads((self.path / "zarr.json").read_text("utf-8"))
-            manifest = json.loads(content["attributes"]["study"])
+            attributes = json.loads(plain_bytes(self.path / "zarr.json"))["attributes"]
+            manifest = json.loads(attributes["study"])
             form = manifest["format"]
-        except (OSError, ValueError, KeyError, TypeError):
+            if form == FORMAT:
+                self.title = str(attributes["title"])
+                self.description: dict[str, Any] = manifest["description"]
+                self.identity: str = manifest["identity"]
+                self.layout: Layout = layout_of(json.dumps(manifest["layout"]))
+        except (ChunkError, ValueError, KeyError, TypeError, AttributeError):
             raise StudyError(f"{self.path} is no store of a study") from None
         if form != FORMAT:
             raise StudyError(f"{self.path} has the format {form}; stickslip {__version__} reads {FORMAT}")
-        self.description: dict[str, Any] = manifest["description"]
-        self.identity: str = manifest["identity"]
-        self.layout: Layout = layout_of(json.dumps(manifest["layout"]))
+        self._asked_before = self._asked()
 
     def check(self, description: Mapping[str, Any], task: int | None = None) -> None:
         """Raise StudyDiffers where the store is of another study."""
@@ -74,7 +79,7 @@ class Store:
         for variable in self.layout.variables:
             size = None if variable.dtype == TEXT else self.layout.size(variable)
             try:
-                check_chunk(self._file(variable, number), size)
+                read_chunk(self._file(variable, number), size)
             except ChunkError as error:
                 return f"{variable.name} {error}"
         return ""
@@ -114,6 +119,42 @@ class Store:
                         "same command again"
                     ) from None
                 raise
+
+    def read(self, number: int, variable: Variable) -> NDArray[Any]:
+        """Numbers of a task, over the variable's dimensions; raises ChunkError."""
+        data = read_chunk(self._file(variable, number), self.layout.size(variable))
+        whole = np.frombuffer(data, np.dtype(variable.dtype).newbyteorder("<"))
+        place = self.layout.place(number)
+        there = tuple(slice(0, place[dim].stop - place[dim].start) for dim in variable.dims)
+        return whole.reshape(self.layout.chunk(variable))[there]
+
+    def coordinates(self) -> dict[str, tuple[Variable, NDArray[np.float64]]]:
+        """What varies and is known beforehand: values of grids and draws; raises ChunkError."""
+        found, sizes = {}, dict(zip(self.layout.dims, self.layout.shape, strict=True))
+        for file in sorted(self.path.glob("*/zarr.json")):
+            about = json.loads(plain_bytes(file))
+            (dim, *more), name = about.get("dimension_names") or ["", ""], file.parent.name
+            if more or dim not in sizes or any(name == one.name for one in self.layout.variables):
+                continue
+            data = read_chunk(file.parent / "c" / "0", 8 * sizes[dim])
+            variable = Variable(name, (dim,), (), "float64", dict(about["attributes"]))
+            found[name] = variable, np.frombuffer(data, "<f8")
+        return found
+
+    def stop(self) -> None:
+        """Ask all that work on it, on whatever machine, to end."""
+        (self.path / STOP).touch()
+        os.utime(self.path / STOP)
+
+    def must_end(self) -> bool:
+        """Whether somebody asked since this was opened."""
+        return self._asked() != self._asked_before
+
+    def _asked(self) -> int:
+        try:
+            return (self.path / STOP).stat().st_mtime_ns
+        except OSError:
+            return 0
 
     def written(self) -> NDArray[np.float64]:
         """When the tasks that are done were written, s (Unix time)."""

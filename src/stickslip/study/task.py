@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import pickle
+import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
@@ -60,7 +62,7 @@ def load_of(study: Study, store: Store, folders: Sequence[str] = ()) -> Load:
 
 
 def received(load: Load) -> tuple[Study, Store]:
-    """The study on a worker, its kernels compiled.
+    """The study on a worker, its kernels compiled, once on each machine.
 
     Raises:
         StudyError: the worker has another package, law or function, or does not see the store.
@@ -75,8 +77,17 @@ def received(load: Load) -> tuple[Study, Store]:
     if here != load.identity:
         store.check(described(study))
     with _alone_on_this_machine():
-        study.computed(study.first_members())
+        if not tried(load.identity).exists():
+            # What compiles takes more memory than what works: a process that ends. If it fails, tasks will.
+            command = [sys.executable, "-m", "stickslip.study.worker", "compile"]
+            subprocess.run(command, input=pickle.dumps(load), stdout=subprocess.DEVNULL, check=False)
+            tried(load.identity).touch()
     return study, store
+
+
+def tried(identity: str) -> Path:
+    """A file that is there once this machine has computed members of the study, and so has its kernels."""
+    return _jit._package_cache() / f"tried-{identity[:16]}"
 
 
 @contextmanager

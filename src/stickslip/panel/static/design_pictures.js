@@ -2,10 +2,10 @@
 
 import { makePicture } from "./picture.js";
 
-const SHADES = 64;
+export const SHADES = 64;
 
 /** Colours from nothing to the most, of "#rrggbb" stops. */
-function palette(stops) {
+export function palette(stops) {
   const parts = stops.map((one) => [1, 3, 5].map((i) => parseInt(one.slice(i, i + 2), 16)));
   return Array.from({ length: SHADES }, (_, i) => {
     const at = (i / (SHADES - 1)) * (parts.length - 1), k = Math.min(Math.floor(at), parts.length - 2);

@@ -1,0 +1,53 @@
+"""Maps as studies: their points computed into stores that go on, here or on a cluster."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..progress import Progress
+from ..study import Draws, SteadySteps, Study, open_study, run_study
+from .solving import NOT_COMPUTED, Common, Solved
+
+Array = NDArray[np.float64]
+
+
+class Stored(NamedTuple):
+    """The folder of a map's stores, and the address of a dask scheduler, if one is to do it."""
+
+    folder: Path
+    scheduler: str | None
+
+
+def solved_in_store(
+    common: Common, stored: Stored, progress: Progress, drawn: Mapping[str, Array] | None = None
+) -> Solved:
+    """As `solved`, over the points, or over draws and points where there are any; what is in the store is not
+    computed again.
+
+    Raises:
+        StudyDiffers, StudyError: see `run_study`.
+    """
+    model, waveform, columns, tolerance, normal_load, threads = common
+    points = [Draws(columns, "point")] if drawn is None else [Draws(drawn), Draws(columns, "point")]
+    study = Study(
+        points,
+        SteadySteps(model, waveform, tolerance, normal_load),
+        keep=("net_step", "error_estimate"),
+        title="points of a map of the step" if drawn is None else "draws of a map of the step",
+    )
+    store = stored.folder / ("steps.zarr" if drawn is None else "draws.zarr")
+    try:
+        run_study(study, store, workers=threads, scheduler=stored.scheduler, progress=progress)
+        interrupted = False
+    except KeyboardInterrupt:
+        interrupted = True
+    found = open_study(store).load()
+    there = found.status.values != -1
+    status = np.where(there, found.status.values, NOT_COMPUTED).astype(np.int8)
+    reasons = np.where(there, found.reason.values, "not computed").ravel().tolist()
+    return Solved(found.net_step.values, found.error_estimate.values, {}, status, reasons, interrupted)

@@ -1,0 +1,229 @@
+"""Routes of the Studies page: studies of the folder, wherever they run: state, begin, go on, stop, look at.
+
+A study runs in a process of its own, as `stickslip study` does: it is that command. Stores are read in the
+process that can be ended, as recordings are, and only a run's own file is ever run.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from functools import partial
+from pathlib import Path
+from typing import IO, Any, NamedTuple
+
+from fastapi import APIRouter, Response
+from pydantic import Field
+
+from ..input_file import Strict
+from ..readers.process import Reader
+from ..recording import RecordingError
+from ..study.layout import Variable
+from ..study.local import processors
+from ..study.picture import Picture, Statistic, pictured, study_picture
+from ..study.running import duration
+from ..study.state import State, study_state
+from ..study.store import Store
+from .folder import STORE, Folder, FolderError
+from .journal import Journal
+from .packing import packed
+
+_KIND = re.compile(rb"^kind:\s*[\"']?study\b", re.MULTILINE)
+_LOOKED = 65_536  # bytes of a file, in which its kind stands
+_NICE = 10  # below the panel, whose stream and runs come first
+QUIET, MISSED = 30.0, 10.0  # s, and times that a task takes: after which nobody works on it
+_TOLD = 2000  # bytes of what a run said last
+
+
+class Asked(Strict):
+    """A store of the folder."""
+
+    name: str = Field(max_length=400)
+
+
+class Begin(Strict):
+    """A study file, and the store that it fills or goes on with; left out, the file's name with .zarr."""
+
+    file: str = Field(max_length=400)
+    name: str = Field(default="", max_length=400)
+
+
+class Wanted(Asked):
+    """A picture of a store; see `study_picture`."""
+
+    result: str
+    across: str
+    up: str = ""
+    statistic: Statistic = "median"
+
+
+class _Run(NamedTuple):
+    process: subprocess.Popen[bytes]
+    said: IO[bytes]
+
+
+class Studies:
+    """The studies that run from here; those of others are known by their stores alone."""
+
+    def __init__(self, folder: Folder, journal: Journal) -> None:
+        self._folder, self._journal = folder, journal
+        self._runs: dict[str, _Run] = {}
+
+    def begin(self, file: Path, store: Path) -> None:
+        """Run a study, or go on with it; raises FolderError while it runs from here already."""
+        name = self._folder.name(store)
+        if self.runs(name):
+            raise FolderError(f"{name} runs already")
+        said = tempfile.TemporaryFile()  # noqa: SIM115 - as long as its run is known
+        words = ["study", str(file), "--store", str(store), "--workers", str(max(1, processors() - 1))]
+        process = subprocess.Popen(
+            [sys.executable, "-m", "stickslip", *words], stdin=subprocess.DEVNULL, stdout=said, stderr=said
+        )
+        with contextlib.suppress(OSError, AttributeError):
+            os.setpriority(os.PRIO_PROCESS, process.pid, _NICE)
+        self._runs[name] = _Run(process, said)
+        self._journal(f"{name}: the study runs")
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._runs
+
+    def runs(self, name: str) -> bool:
+        """Whether a store's study runs from here."""
+        return name in self._runs and self._runs[name].process.poll() is None
+
+    def fault(self, name: str) -> str:
+        """What a run that failed said last."""
+        run = self._runs.get(name)
+        if run is None or not run.process.poll():
+            return ""
+        run.said.seek(max(0, run.said.seek(0, os.SEEK_END) - _TOLD))
+        lines = run.said.read().decode(errors="replace").strip().splitlines()
+        return self._folder.told(lines[-1] if lines else f"it ended (exit code {run.process.returncode})")
+
+    def close(self) -> None:
+        """End those that run: what is finished is kept."""
+        for run in self._runs.values():
+            run.process.kill()
+            run.process.wait()
+            run.said.close()
+
+
+def study_routes(folder: Folder, studies: Studies, journal: Journal, read: Reader) -> APIRouter:
+    """The routes."""
+    routes = APIRouter(prefix="/studies")
+
+    def manifest(name: str) -> Path:
+        file = folder.path(name) / STORE
+        if not file.is_file():
+            raise FolderError(f"{name[:60]!r} is no study in the panel's folder")
+        return file
+
+    @routes.get("")
+    def listed() -> dict[str, Any]:
+        files, stores = _found(folder)
+        return {"files": files, "stores": [_row(studies, files, name) for name in stores]}
+
+    @routes.post("/state")
+    def state(asked: Asked) -> dict[str, Any]:
+        files, _ = _found(folder)
+        row = _row(studies, files, asked.name)
+        if asked.name in studies and not (folder.path(asked.name) / STORE).exists():
+            fault = studies.fault(asked.name)
+            return row | {"said": fault or "It begins.", "wrong": bool(fault)}
+        try:
+            found, names = read.apply(_state, manifest(asked.name))
+        except RecordingError as error:
+            return row | {"said": folder.told(str(error)), "wrong": True}
+        return row | names | _said(found, row["runs"], studies.fault(asked.name))
+
+    @routes.post("/begin")
+    def begin(asked: Begin) -> dict[str, str]:
+        file = folder.path(asked.file)
+        store = folder.path(asked.name or f"{asked.file.rsplit('.', 1)[0]}.zarr")
+        if asked.file not in _found(folder)[0]:
+            raise FolderError(f"{asked.file[:60]!r} is no study file in the panel's folder")
+        studies.begin(file, store)
+        return {"name": folder.name(store)}
+
+    @routes.post("/stop")
+    def stop(asked: Asked) -> dict[str, str]:
+        read.apply(_stop, manifest(asked.name))
+        journal(f"{asked.name}: the study was asked to stop; what is finished is kept")
+        return {"name": asked.name}
+
+    @routes.post("/picture")
+    def picture(asked: Wanted) -> Response:
+        words = asked.result, asked.across, asked.up, asked.statistic
+        found = read.apply(partial(_picture, words=words), manifest(asked.name))
+        said = f"{found.members:,} members, of {found.read:,} of {found.done:,} tasks that are done"
+        if found.damaged:
+            said += f"; {found.damaged:,} are damaged: who goes on computes them again"
+        header = {"said": f"{said}.", "log": found.log}
+        answer = packed(header, found.across, found.up, found.cells)
+        return Response(answer, media_type="application/octet-stream")
+
+    return routes
+
+
+def _found(folder: Folder) -> tuple[list[str], list[str]]:
+    """Names of the study files and of the stores of the folder."""
+    files, stores = [], []
+    for name, *_ in folder.files(".yaml", ".yml", ".json"):
+        if name.endswith(f"/{STORE}"):
+            stores.append(name.removesuffix(f"/{STORE}"))
+        elif not name.endswith(".json"):
+            with contextlib.suppress(OSError), open(folder.path(name), "rb") as file:
+                if _KIND.search(file.read(_LOOKED)):
+                    files.append(name)
+    return files, stores
+
+
+def _row(studies: Studies, files: list[str], name: str) -> dict[str, Any]:
+    """What is known of a store without reading it: the file of its name is its study, if there is one."""
+    own = [file for file in files if file.rsplit(".", 1)[0] == name.rsplit(".", 1)[0]]
+    return {"name": name, "file": own[0] if own else "", "runs": studies.runs(name)}
+
+
+def _said(found: State, runs: bool, fault: str) -> dict[str, Any]:
+    """The state of a study in words."""
+    task = found.members / found.tasks / found.rate  # s
+    lately = time.time() - found.last < max(QUIET, MISSED * task)  # not, where either is NaN
+    grows = runs or (lately and not found.finished and not fault)
+    rows = [("tasks", f"{found.done:,} of {found.tasks:,}"), ("members", f"{found.members:,}")]
+    if grows and math.isfinite(found.rate):
+        rows += [("rate", f"{found.rate:,.0f} members/s"), ("left", duration(found.left))]
+    rows += [(name.replace("_", " "), f"{many:,}") for name, many in found.statuses.items() if many]
+    words = "Complete." if found.finished else "It runs here." if runs else "It grows." if grows else ""
+    wrong = f"It ended: {fault}" if fault and not found.finished else ""
+    return {
+        "title": found.title,
+        "share": found.done / found.tasks,
+        "grows": grows,
+        "rows": rows,
+        "said": wrong or words or "Nobody works on it.",
+        "wrong": bool(wrong),
+    }
+
+
+def _state(manifest: Path) -> tuple[State, dict[str, list[dict[str, str]]]]:
+    """The state of a store, and what a picture of it can be over."""
+    varied, results = ([_about(one) for one in some.values()] for some in pictured(Store(manifest.parent)))
+    return study_state(manifest.parent), {"varied": varied, "results": results}
+
+
+def _about(variable: Variable) -> dict[str, str]:
+    return {"name": variable.name, "unit": str(variable.about.get("units", ""))}
+
+
+def _stop(manifest: Path) -> None:
+    Store(manifest.parent).stop()
+
+
+def _picture(manifest: Path, words: tuple[str, str, str, Statistic]) -> Picture:
+    return study_picture(manifest.parent, *words)

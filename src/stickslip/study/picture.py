@@ -1,0 +1,196 @@
+"""Pictures of a study: a result over two of the values that vary, in cells, over all others.
+
+Only the store's own files are read, each checked, and no more of a large one than a picture needs: so it can
+be looked at while it grows, wherever that is, and whatever is damaged in it.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from typing import Any, Literal, NamedTuple, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..units import QuantityError
+from .chunks import ChunkError
+from .errors import StudyError
+from .layout import Variable
+from .store import Store
+
+Array = NDArray[np.float64]
+Statistic = Literal["median", "tenth", "nine_tenths", "least", "greatest", "count", "failed"]
+
+CELLS = 32  # along an axis, where its values are not few
+MOST = 2**20  # members of a picture; of more, tasks spread over all
+WIDE = 5.0  # greatest over least, from which on an axis is logarithmic
+_QUANTILES = {"median": 0.5, "tenth": 0.1, "nine_tenths": 0.9, "least": 0.0, "greatest": 1.0}
+
+
+class Picture(NamedTuple):
+    """`cells` [up, across] between the edges, NaN where there is no member; `log`, whether the edges are
+    evenly apart by their ratios, across and up; `members` that it is of, and how many of the tasks that are
+    done were `read` and were found `damaged`."""
+
+    across: Array
+    up: Array
+    cells: Array
+    log: tuple[bool, bool]
+    members: int
+    done: int
+    read: int
+    damaged: int
+
+
+def pictured(store: Store) -> tuple[dict[str, Variable], dict[str, Variable]]:
+    """What varies, and the results that are one number of each member, by name.
+
+    Raises:
+        StudyError: coordinates of the store are damaged.
+    """
+    layout, at_random = store.layout, _at_random(store.description)
+    varied = {name: one for name, (one, _) in _coordinates(store).items()}
+    results = {}
+    for one in layout.variables:
+        if one.name in at_random:
+            varied[one.name] = one
+        elif one.dtype == "float64" and one.dims == layout.dims and not one.inner:
+            results[one.name] = one
+    return varied, results
+
+
+def study_picture(
+    path: str | os.PathLike[str], result: str, across: str, up: str = "", statistic: Statistic = "median"
+) -> Picture:
+    """A result of a study over one or two of the values that vary.
+
+    Args:
+        path: the store.
+        result: name of a result, of whose members in a cell the statistic is.
+        across, up: names of what varies; without `up`, the result itself is upwards, and cells count members.
+        statistic: "median", "tenth" and "nine_tenths" (quantiles), "least", "greatest", "count" of members,
+            or "failed", the share of members that have no result.
+
+    Raises:
+        QuantityError: there is no such name or statistic.
+        StudyError: it is no store of a study, or nothing of it can be shown yet.
+    """
+    store = Store(path)
+    varied, results = pictured(store)
+    for name, among in ((result, results), (across, varied), (up or across, varied)):
+        if name not in among:
+            raise QuantityError(f"the study has no {name!r}; there are {', '.join(among)}")
+    if statistic not in get_args(Statistic):
+        raise QuantityError(f"statistic: there are {', '.join(get_args(Statistic))}, not {statistic!r}")
+    known = _coordinates(store)
+    names = list(dict.fromkeys([across, up or result, result]))
+    columns, done, read, damaged = _columns(store, [*names, "status"], known)
+    complete = columns["status"] == 0
+    failing = statistic == "failed" and bool(up)
+    there = np.full(complete.shape, True) if failing else complete & np.isfinite(columns[result])
+    if not there.any():
+        raise StudyError(f"{store.path}: there is nothing to show yet")
+    values = {name: columns[name][there] for name in names}
+    edges = [_edges(values[n], known[n][1] if n in known else None) for n in (across, up or result)]
+    cells = [_cell(values[n], e) for n, e in zip((across, up or result), edges, strict=True)]
+    shape = (edges[1].size - 1, edges[0].size - 1)
+    flat = cells[1] * shape[1] + cells[0]
+    shown = np.where(complete[there], 0.0, 1.0) if failing else values[result]
+    found = _of_cells(flat, shown, math.prod(shape), statistic if up else "count").reshape(shape)
+    log = _log(edges[0]), _log(edges[1])
+    return Picture(edges[0], edges[1], found, log, int(there.sum()), done, read, damaged)
+
+
+def _at_random(description: Any) -> set[str]:
+    """Names of what varies at random, as the manifest has them."""
+    points = description["study"]["points"]
+    parts = points if isinstance(points, list) else [points]
+    return {name for one in parts for name in one.get("ranges", {})}
+
+
+def _coordinates(store: Store) -> dict[str, tuple[Variable, Array]]:
+    try:
+        return store.coordinates()
+    except (ChunkError, ValueError, KeyError, TypeError) as error:
+        raise StudyError(f"{store.path}: its coordinates are damaged: {error}") from None
+
+
+def _columns(
+    store: Store, names: list[str], known: dict[str, tuple[Variable, Array]]
+) -> tuple[dict[str, Array], int, int, int]:
+    """Columns of members that are computed; how many tasks are done, were read, are damaged."""
+    layout = store.layout
+    of = {one.name: one for one in layout.variables}
+    done = np.flatnonzero(store.done())
+    most = max(1, MOST // math.prod(layout.task))
+    chosen = (
+        done[np.unique(np.linspace(0, done.size - 1, min(most, done.size)).astype(int))]
+        if done.size
+        else done
+    )
+    columns: dict[str, list[Array]] = {name: [] for name in names}
+    damaged = 0
+    for number in chosen.tolist():
+        place = layout.place(number)
+        shape = tuple(part.stop - part.start for part in place.values())
+        try:
+            found = {}
+            for name in names:
+                if name in known:
+                    dims, values = known[name][0].dims, known[name][1][place[known[name][0].dims[0]]]
+                else:
+                    dims, values = of[name].dims, store.read(number, of[name])
+                spread = values.reshape([n if d in dims else 1 for d, n in zip(place, shape, strict=True)])
+                found[name] = np.broadcast_to(spread, shape).ravel()
+        except ChunkError:
+            damaged += 1
+            continue
+        for name, values in found.items():
+            columns[name].append(values)
+    joined = {name: np.concatenate(parts) if parts else np.empty(0) for name, parts in columns.items()}
+    return joined, int(done.size), int(chosen.size), damaged
+
+
+def _edges(values: Array, known: Array | None) -> Array:
+    """Where cells meet: halfway between the values of a grid, where these are few; else evenly, by their
+    ratios where these are large."""
+    low, high = float(values.min()), float(values.max())
+    log = low > 0.0 and high / low > WIDE
+    if known is not None and 1 < known.size <= 2 * CELLS:
+        at = np.log(np.sort(known)) if log and known.min() > 0.0 else np.sort(known)
+        middle = (at[1:] + at[:-1]) / 2
+        edges = np.concatenate([[2 * at[0] - middle[0]], middle, [2 * at[-1] - middle[-1]]])
+        return np.exp(edges) if log and known.min() > 0.0 else edges
+    if not low < high:
+        apart = abs(low) / 2 or 0.5
+        return np.array([low - apart, low + apart])
+    return np.geomspace(low, high, CELLS + 1) if log else np.linspace(low, high, CELLS + 1)
+
+
+def _log(edges: Array) -> bool:
+    """Whether edges are nearer to be evenly apart by their ratios."""
+    if edges.size < 3 or not edges[0] > 0.0:
+        return False
+    uneven = [np.ptp(apart) / abs(apart.mean()) for apart in (np.diff(edges), np.diff(np.log(edges)))]
+    return bool(uneven[1] < uneven[0])
+
+
+def _cell(values: Array, edges: Array) -> NDArray[np.intp]:
+    return np.clip(np.searchsorted(edges, values, side="right") - 1, 0, edges.size - 2)
+
+
+def _of_cells(flat: NDArray[np.intp], values: Array, count: int, statistic: Statistic) -> Array:
+    """The statistic of the values in each cell; NaN where there are none."""
+    many = np.bincount(flat, minlength=count)
+    if statistic == "count":
+        return np.where(many > 0, many, np.nan).astype(float)
+    found, some = np.full(count, np.nan), many > 0
+    if statistic == "failed":
+        found[some] = np.bincount(flat, values, minlength=count)[some] / many[some]
+        return found
+    ordered = values[np.lexsort((values, flat))]
+    first = np.cumsum(many) - many
+    at = first + np.round(_QUANTILES[statistic] * (many - 1)).astype(int)
+    found[some] = ordered[at[some]]
+    return found
