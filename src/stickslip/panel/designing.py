@@ -29,6 +29,8 @@ VOLTAGES, FREQUENCIES, TOLERANCE = 33, 41, 1e-9
 SLOWEST, FASTEST = 5.0, 1000.0
 # s, of a recording of which it is asked what it tells; how many values of the model it may be about.
 RECORDED = 0.4
+# Half-widths, as shares of the value, from which on it is not told.
+NOT_TOLD = 10.0
 # Hz, of its samples at least; of a period. Each period is sampled at other instants.
 SAMPLED, PER_PERIOD = 2000.0, 20.3
 FIELDS = ("amplitude", "frequency", "rise_fraction", "offset")  # of a sawtooth
@@ -188,7 +190,8 @@ def motion(asked: Driven, sets: Sets) -> tuple[float, dict[str, Array]]:
 
 
 def told(asked: Telling, sets: Sets) -> dict[str, Any]:
-    """What a recording of a drive would tell of the actuator's values, beside that of 65 V, 5 Hz."""
+    """What a recording of a drive would tell of the actuator's values, beside that of 65 V, 5 Hz; None for what it
+    does not tell."""
     model = asked.loaded(sets)
     has = {name for name, value in model.friction._asdict().items() if isinstance(value, float) and value > 0}
     has |= set() if model.static else {"natural_frequency", "damping_ratio"}
@@ -204,7 +207,8 @@ def told(asked: Telling, sets: Sets) -> dict[str, Any]:
     )
     of = plan.dataset
     names = ("name", "value", "unit", "half_width", "default_half_width")
-    columns = [of[n].values.tolist() for n in ("parameter", "value", "unit", *names[3:])]
+    columns = [of[n].values.tolist() for n in ("parameter", "value", "unit")]
+    columns += [[x if x < NOT_TOLD else None for x in of[n].values.tolist()] for n in names[3:]]
     rows = [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)]
     return {"duration": RECORDED, "parameters": rows}
 

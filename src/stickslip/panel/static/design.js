@@ -206,7 +206,7 @@ export async function mount(element, app) {
     said.textContent = "Computing what a recording would tell …";
     try {
       const { parameters } = await app.request("/api/design/tells", { ...asked(), drive, noise: kept.values.noise });
-      const share = (one) => (one < 10 ? `± ${Number((100 * one).toPrecision(2))} %` : "not told");
+      const share = (one) => (one === null ? "not told" : `± ${Number((100 * one).toPrecision(2))} %`);
       tabled(telling, ["parameter", "value", "this recording", "65 V, 5 Hz"], parameters.map((one) => [one.name, formatQuantity(one.value, one.unit), share(one.half_width), share(one.default_half_width)]));
     } finally {
       said.textContent = "";
