@@ -1,4 +1,4 @@
-"""Maps and drives of random actuators, and seeds of the search: ``python -m benchmarks.design PART [FIRST COUNT]``.
+"""Maps and drives of random actuators, seeds of the search: ``python -m benchmarks.design PART [FIRST COUNT]``.
 
 - `maps`: points of `step_map` of random actuators against `simulate` run until its periods repeat.
 - `drives`: optimised drives of random actuators against the best sawtooth, and against what SciPy's
@@ -118,7 +118,9 @@ def compared(of: Member) -> list[dict[str, Any]]:
 def maps(first: int, count: int) -> None:
     """Print the table of each law."""
     rows = [(of, row) for of in map(member, range(first, first + count)) for row in compared(of)]
-    print("| law | points | both have a step | off, median, nm | 95 %, nm | most, nm | map alone | waiting alone |")
+    print(
+        "| law | points | both have a step | off, median, nm | 95 %, nm | most, nm | map alone | waiting alone |"
+    )
     print("|---|---|---|---|---|---|---|---|")
     for law in [*dict.fromkeys(of.law for of, _ in rows), ""]:
         some = [row for of, row in rows if law in ("", of.law)]
@@ -167,7 +169,9 @@ def searched(number: int) -> dict[str, Any]:
 
 def drives(first: int, count: int) -> None:
     """Print a row for each actuator."""
-    print("| | law | ours, mm/s | best sawtooth | differential evolution | ours over the best of both | motions |")
+    print(
+        "| | law | ours, mm/s | best sawtooth | differential evolution | ours over the best of both | motions |"
+    )
     print("|---|---|---|---|---|---|---|")
     for number in range(first, first + count):
         try:
@@ -202,13 +206,17 @@ def seeds(first: int, count: int) -> None:
     loads = [Scenario(external_force=f"{newton} N") for newton in (-0.1, 0.1)]
     common: dict[str, Any] = {"goal": "speed", "knots": 8, "max_voltage": TOP}
     ss.optimise_waveform(model, **common, budget=100)  # compiles
-    print("| seed | one condition, mm/s | motions | s | 195 conditions | sawtooth | motions | over those of one | s | of one | worse than the sawtooth in |")
+    print(
+        "| seed | one condition, mm/s | motions | s | 195 conditions | sawtooth | motions | over those of one | s | of one | worse than the sawtooth in |"
+    )
     print("|---|---|---|---|---|---|---|---|---|---|---|")
     for seed in range(first, first + count):
         begun = time.process_time()
         one = ss.optimise_waveform(model, **common, seed=seed)
         between = time.process_time()
-        many = ss.optimise_waveform(model, **common, seed=seed, scenarios=loads, uncertainty=draws(seed), draws=64)
+        many = ss.optimise_waveform(
+            model, **common, seed=seed, scenarios=loads, uncertainty=draws(seed), draws=64
+        )
         spent = [between - begun, time.process_time() - between]
         worse = int(np.sum(many.values < many.sawtooth_values - 1e-9))
         print(
@@ -225,7 +233,9 @@ def costs(first: int, count: int) -> None:
     model, took = ss.load_actuator("kang2007"), []
     for seed in range(count + 1):
         times = [time.process_time()]
-        front = design.waveform_front(model, goals=("speed", design.Current("1.8 uF")), max_voltage=TOP, seed=seed)
+        front = design.waveform_front(
+            model, goals=("speed", design.Current("1.8 uF")), max_voltage=TOP, seed=seed
+        )
         times.append(time.process_time())
         ss.step_map(model, voltage=np.linspace(1.0, TOP, 100), frequency=np.geomspace(5.0, 1000.0, 100))
         times.append(time.process_time())

@@ -72,7 +72,18 @@ FREE = {
     "tied",
     "matrix",
 }
-FREE |= {"published", "marks", "variables", "channels", "grid", "ranges", "spread"}
+FREE |= {
+    "published",
+    "marks",
+    "variables",
+    "channels",
+    "grid",
+    "ranges",
+    "spread",
+    "factors",
+    "free",
+    "models",
+}
 
 
 def places(node: Any, at: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:

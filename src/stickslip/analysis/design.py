@@ -1,5 +1,5 @@
-"""Analysis: what an actuator can do, as a design file asks: a map of the step, the fastest drive, the front of two
-goals, the actuator itself, the recordings that would tell most of it.
+"""Analysis: what an actuator can do, as a design file asks: a map of the step, the fastest drive, the front
+of two goals, the actuator itself, the recordings that would tell most of it.
 
 ::
 

@@ -27,14 +27,14 @@ from ..waveform.knots import PeriodicKnots
 from .design_given import GeneratorSpec, Given, Goal, Made, Quantity, SearchSpec, arrays, goal_of
 from .walk import changed
 
-# Conditions that a table shows, the worst ones: all of them are in results.json.
-MOST_ROWS = 30
+# Conditions that a table shows, the worst ones, and points of a front: all of them are in results.json.
+MOST_ROWS, MOST_POINTS = 30, 12
 STOPPED = "stopped before the end of the search: the best until then"
 
 
 class OptimiseSpec(SearchSpec):
-    """As `optimise_waveform`; a goal is "speed", "ripple", "tip_load", "noise" or one with a number. `draws` are
-    taken of the file's `uncertainty`, where it has one."""
+    """As `optimise_waveform`; a goal is "speed", "ripple", "tip_load", "noise" or one with a number. `draws`
+    are taken of the file's `uncertainty`, where it has one."""
 
     goal: Goal | None = None
     knots: int = 8
@@ -101,17 +101,17 @@ class FrontSpec(SearchSpec):
         said = f"{len(found.waveforms)} drives of which none is better in both, {labels[0]} and {labels[1]}."
         caption = f"Each point is a drive: what more {labels[0]} takes of {labels[1]}."
         figure = svg(draw_front(found.table)[0].figure)
-        section = Section(
-            "Front of two goals",
-            tables=(_front_table(found, names),),
-            figures=(Picture("front", caption, figure, f"{labels[1]} over {labels[0]} of {len(found.waveforms)} drives"),),
-        )  # fmt: skip
-        return Made(section, said, _front_numbers(found), stopped=f"front: {STOPPED}" if found.interrupted else "")
+        picture = Picture("front", caption, figure, f"{labels[1]} over {labels[0]} of all drives")
+        tables = (_front_table(found, names),)
+        section = Section("Front of two goals", tables=tables, figures=(picture,))
+        return Made(
+            section, said, _front_numbers(found), stopped=f"front: {STOPPED}" if found.interrupted else ""
+        )
 
 
 class ActuatorSpec(SearchSpec):
-    """As `design.optimise_actuator`: `free` are fields with their ranges; `models` are parameter sets by name, of
-    which each is searched, in place of the model of the file."""
+    """As `design.optimise_actuator`: `free` are fields with their ranges; `models` are parameter sets by
+    name, of which each is searched, in place of the model of the file."""
 
     goal: Goal | None = None
     free: dict[str, list[Quantity]]
@@ -138,7 +138,8 @@ class ActuatorSpec(SearchSpec):
         best, goal = found.best, found.goal
         lines = found.report().splitlines()
         shown = {"as found": best.values, "as given": best.before}
-        caption = f"{goal.label.capitalize()} in every condition: as found and as given, each with its best sawtooth."
+        label = goal.label.capitalize()
+        caption = f"{label} in every condition: as found and as given, each with its best sawtooth."
         section = Section(
             "Optimised actuator",
             paragraphs=lines[1:2],
@@ -172,7 +173,9 @@ class ActuatorSpec(SearchSpec):
 def _conditions_table(found: OptimisedWaveform) -> Table:
     order = np.argsort(found.goal.sign * found.values)[:MOST_ROWS].tolist()
     unit = found.goal.unit
-    rows = [(found.conditions.names[i], float(found.values[i]), float(found.sawtooth_values[i])) for i in order]
+    rows = [
+        (found.conditions.names[i], float(found.values[i]), float(found.sawtooth_values[i])) for i in order
+    ]
     left = found.values.size - len(rows)
     return Table(
         f"{found.goal.label.capitalize()} in every condition, the worst first.",
@@ -195,8 +198,8 @@ def _pictures(found: OptimisedWaveform) -> list[Picture]:
     return [
         Picture(
             "drive",
-            "One period of the optimised drive and of the best sawtooth, at the piezo, and how far the end-effector "
-            "comes in it, in the model as it is.",
+            "One period of the optimised drive and of the best sawtooth, at the piezo, and how far the "
+            "end-effector comes in it, in the model as it is.",
             svg(plot(found)[0].figure),
             "Voltage and position over a period of both drives",
         ),
@@ -210,9 +213,12 @@ def _conditions_picture(name: str, caption: str, names: Any, shown: dict[str, An
 
 
 def _front_table(found: Front, names: list[str]) -> Table:
-    columns = [Column(str(found.table[n].attrs["long_name"]), str(found.table[n].attrs["units"])) for n in names]
-    rows = list(zip(*(found.table[n].values.tolist() for n in (*names, "frequency")), strict=True))
-    return Table("Drives of the front.", (*columns, Column("frequency", "Hz")), rows)
+    count = len(found.waveforms)
+    some = found.table.isel(point=np.unique(np.linspace(0, count - 1, MOST_POINTS).round().astype(int)))
+    columns = [Column(str(some[n].attrs["long_name"]), str(some[n].attrs["units"])) for n in names]
+    rows = list(zip(*(some[n].values.tolist() for n in (*names, "frequency")), strict=True))
+    left = f"All {count} are in results.json." if count > len(rows) else ""
+    return Table("Drives of the front.", (*columns, Column("frequency", "Hz")), rows, notes=left)
 
 
 def _free_table(best: Built) -> Table:
@@ -236,10 +242,17 @@ def _choices_table(found: OptimisedActuator) -> Table:
 
 def _waveform_numbers(waveform: Any) -> dict[str, Any]:
     if isinstance(waveform, PeriodicKnots):
-        made = {"times": (waveform.times, "s"), "values": (waveform.values, "V"), "period": (waveform.period, "s")}
+        made = {
+            "times": (waveform.times, "s"),
+            "values": (waveform.values, "V"),
+            "period": (waveform.period, "s"),
+        }
         return {"shape": "PeriodicKnots", **arrays(made)}
     fields = {"amplitude": "V", "frequency": "Hz", "rise_fraction": "", "offset": "V"}
-    return {"shape": type(waveform).__name__, **{n: Number(getattr(waveform, n), u) for n, u in fields.items()}}
+    return {
+        "shape": type(waveform).__name__,
+        **{n: Number(getattr(waveform, n), u) for n, u in fields.items()},
+    }
 
 
 def _drive_numbers(found: OptimisedWaveform) -> dict[str, Any]:
@@ -283,7 +296,14 @@ def _run_of(waveform: PeriodicKnots) -> str:
 def _csv(played: Any) -> str:
     """One period, as the generator plays it."""
     text = io.StringIO()
-    np.savetxt(text, np.column_stack([played.times, played.values]), "%.9g", ",", header="time [s],voltage [V]", comments="")
+    np.savetxt(
+        text,
+        np.column_stack([played.times, played.values]),
+        "%.9g",
+        ",",
+        header="time [s],voltage [V]",
+        comments="",
+    )
     return text.getvalue()
 
 

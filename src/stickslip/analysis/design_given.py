@@ -31,8 +31,8 @@ DRAWS = 1000
 
 
 class Given(NamedTuple):
-    """What a part starts from: the model; draws of its parameters by name, if there is an uncertainty; the folder
-    of the file."""
+    """What a part starts from: the model; draws of its parameters by name, if there is an uncertainty; the
+    folder of the file."""
 
     model: Actuator
     uncertainty: dict[str, Array] | None
@@ -65,8 +65,8 @@ class StackSpec(Strict):
 
 
 class GoalSpec(Strict):
-    """A goal that needs a number, exactly one: the direction of the speed (1 or -1), the step that is wanted, the
-    capacitance of which the current is, the stack of which the heat is."""
+    """A goal that needs a number, exactly one: the direction of the speed (1 or -1), the step that is wanted,
+    the capacitance of which the current is, the stack of which the heat is."""
 
     speed: Quantity | None = None
     step: Quantity | None = None
@@ -145,7 +145,7 @@ class GeneratorSpec(Strict):
 
 
 class ScenarioSpec(Strict):
-    """A condition: `change` are values of fields of the actuator or its law, `factors` on those that they have."""
+    """A condition: `change` are values of fields of the actuator or its law, `factors` on those they have."""
 
     name: str = ""
     change: dict[str, Quantity] = Field(default_factory=dict)

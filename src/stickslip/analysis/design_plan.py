@@ -38,9 +38,9 @@ class FreeDrivesSpec(Strict):
 
 
 class PlanSpec(Strict):
-    """As `plan_experiment`: `goal` is "all", a parameter, or a waveform whose step is to be predicted; `noise` a
-    standard deviation, or a recording at rest. With an `uncertainty` of the file the plan is the best one where it
-    is worst among its draws."""
+    """As `plan_experiment`: `goal` is "all", a parameter, or a waveform whose step is to be predicted;
+    `noise` a standard deviation, or a recording at rest. With an `uncertainty` of the file the plan is the
+    best one where it is worst among its draws."""
 
     free: list[str] = Field(min_length=1)
     goal: PartSpec | str = "all"
@@ -82,8 +82,8 @@ class PlanSpec(Strict):
             figures=(
                 Picture(
                     "plan",
-                    "Left, how many times smaller the error of the goal is by each candidate than by the default in "
-                    "equal time; right, expected 95 % intervals.",
+                    "Left, how many times smaller the error of the goal is by each candidate than by the "
+                    "default in equal time; right, expected 95 % intervals.",
                     svg(plot(plan)[0].figure),
                     "Gain of each candidate over frequency, and half-widths of the intervals",
                 ),

@@ -9,8 +9,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..actuator import Actuator
-from ..estimate.posterior import Posterior
-from ..estimate.result import Fit
 from ..progress import Progress, unheard, within
 from ..simulation.varied import free_names
 from ..units import QuantityError, optional_si

@@ -179,7 +179,10 @@ def _half_widths(
         "half_width": ("parameter", half[0], per),
         "worst_half_width": ("parameter", half.max(axis=0), per),
         "default_half_width": ("parameter", by_usual, per),
-        "narrower": ("parameter", np.divide(by_usual, half[0], out=np.ones(len(own)), where=np.isfinite(half[0]))),
+        "narrower": (
+            "parameter",
+            np.divide(by_usual, half[0], out=np.ones(len(own)), where=np.isfinite(half[0])),
+        ),
         "expected": (("count", "parameter"), np.array([halves(one)[0] for one in steps]), per),
         "alone": (("candidate", "parameter"), halves(every)[0], per),
     }
@@ -208,7 +211,11 @@ def _report(plan: Plan) -> str:
     lines = [
         f"Planned for {wanted}: {these}, {with_prefix(plan.duration, 's', 3)}, will give "
         + _listed(
-            [f"{name} within {_percent(x)}" for name, x in _rows(of, "half_width") if name not in plan.undetermined]
+            [
+                f"{name} within {_percent(x)}"
+                for name, x in _rows(of, "half_width")
+                if name not in plan.undetermined
+            ]
         )
         + " (95 %).",
         *([f"Not determined by any candidate: {_listed(plan.undetermined)}."] if plan.undetermined else []),

@@ -101,8 +101,8 @@ def plan_experiment(
 
     Raises:
         QuantityError: an unknown name, no candidates, none within the limits, a goal that none of them
-            determines (of "all" those parameters are left out of the goal that none does, and the plan says so),
-            or draws of another model.
+            determines (of "all" those parameters are left out of the goal that none does, and the plan says
+            so), or draws of another model.
     """
     noise = noise if isinstance(noise, xr.Dataset) else optional_si(noise, "m", "noise")
     limits = limits or _limits_of(model)
@@ -302,8 +302,8 @@ def _foremost(found: Mapping[str, Seen], goal: Goal) -> list[str]:
 
 
 def _without_unseen(every: Seen, goal: Goal, begin: Start) -> Goal:
-    """The goal without parameters that no candidate tells, nor all of them together; raises QuantityError where
-    nothing is left of it."""
+    """The goal without parameters that no candidate tells, nor all of them together; raises QuantityError
+    where nothing is left of it."""
     total = Seen(*(one.sum(axis=1) for one in every))
     deviations = np.sqrt(np.diagonal(covariance(total), axis1=-2, axis2=-1)).max(axis=0)
     most = [LOST if p.log else np.finfo(float).max for p in begin.space.parameters]
@@ -312,9 +312,10 @@ def _without_unseen(every: Seen, goal: Goal, begin: Start) -> Goal:
     if kept.own.any() and np.all(np.isfinite(criterion(total, kept))):
         return kept
     names = [name for name, gone in zip(begin.space.names, lost, strict=True) if gone]
+    what = " and ".join(names) if goal.gradients is None else goal.name
     raise QuantityError(
-        f"{goal.name if goal.gradients is not None else ' and '.join(names)} cannot be determined: no candidate "
-        "tells it, nor do all of them together; leave that out of free, or give candidates that tell more"
+        f"{what} cannot be determined: no candidate tells it, nor do all of them together; leave that out of "
+        "free, or give candidates that tell more"
     )
 
 

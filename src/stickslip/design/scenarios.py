@@ -163,7 +163,9 @@ def drawn(model: Actuator, source: Uncertainty, count: int, seed: int) -> list[d
         flat = {name: np.ravel(np.asarray(values, float)) for name, values in source.items()}
         sizes = {values.size for values in flat.values()}
         if len(sizes) != 1 or 0 in sizes:
-            raise QuantityError("uncertainty: of each parameter as many draws as of the others, and at least one")
+            raise QuantityError(
+                "uncertainty: of each parameter as many draws as of the others, and at least one"
+            )
         rows = random.integers(0, sizes.pop(), count)
         found = {name: values[rows] for name, values in flat.items()}
     elif isinstance(source, Fit):

@@ -1,10 +1,10 @@
 """The search itself: candidates of a generation, under all active conditions, in one call.
 
 Three evolutions (CMA-ES [hansen2016]) begin at different shapes and share the calls; the worst is given up
-after a part of the budget, and then the next. Of several conditions the worst one alone comes first, twice, which is
-cheap and finds the right hill; from there on candidates are judged by the worst few conditions, and which these
-are is found again each time that the best so far is driven under all of them. Why there is no polish by
-derivatives: docs/decisions/design.md.
+after a part of the budget, and then the next. Of several conditions the worst one alone comes first, twice,
+which is cheap and finds the right hill; from there on candidates are judged by the worst few conditions, and
+which these are is found again each time that the best so far is driven under all of them. Why there is no
+polish by derivatives: docs/decisions/design.md.
 """
 
 from __future__ import annotations
@@ -95,7 +95,9 @@ def robust(task: Task, starts: Array) -> Best:
         spent += tried
         score = float(task.judge.score(merits[None], everything)[0])
         if score > best.score or stopped:
-            best = Best(found, score, spent, stopped) if score > best.score else best._replace(interrupted=True)
+            best = (
+                Best(found, score, spent, stopped) if score > best.score else best._replace(interrupted=True)
+            )
         if stopped:
             return best._replace(evaluations=spent)
         active = worst_of(merits, task.judge, active)
@@ -122,13 +124,15 @@ def robust(task: Task, starts: Array) -> Best:
 
 
 def _of_the_worst(task: Task, starts: Array, merits: Array) -> tuple[Array, Array, int, bool]:
-    """The better of two searches in the condition that is the worst of these merits, without a baseline: where it
-    is, its merits in all conditions, members that it took, whether it was stopped.
+    """The better of two searches in the condition that is the worst of these merits, without a baseline:
+    where it is, its merits in all conditions, members that it took, whether it was stopped.
 
     Far from the baseline every drive falls short of it somewhere, which would lead back to it.
     """
     one = np.array([int(np.argmin(np.where(np.isnan(merits), -np.inf, merits)))])
-    free = task._replace(judge=Judge(0.0, None, task.judge.scale), progress=lambda doing, done: task.progress(doing, 0.0))
+    free = task._replace(
+        judge=Judge(0.0, None, task.judge.scale), progress=lambda doing, done: task.progress(doing, 0.0)
+    )
     found, spent, stopped = list[Array](), 0, False
     for begin in (starts, task.random.random(starts.shape)):
         x, tried, stopped = evolved(free, begin, WIDE, one, task.budget)

@@ -61,7 +61,7 @@ def optimise_waveform(
         generator: what plays it. The period then is a whole number of its updates, and what is played is
             what counts.
         scenarios: loads, detunings; see `Scenario`.
-        uncertainty: `draws` of the posterior, of the fit, or of arrays by name (row by row) are conditions too.
+        uncertainty: `draws` of the posterior, of the fit, or of arrays by name are conditions too.
         quantile: of the conditions, in place of the worst: 0.05, say.
         minimum_speed: m/s, in every condition; needed by goals that would stand still.
         budget: candidates of the first search; later ones, with more conditions, take a fifth.

@@ -61,6 +61,8 @@ def draw_front(table: xr.Dataset) -> NDArray[Any]:
     scales = [scale_for(str(one.attrs["units"]), one.values) for one in (first, second)]
     panel = shown(WIDTH, 3.0).subplots()
     panel.plot(scales[0](first.values), scales[1](second.values), "o-", color=BLUE, ms=4)
-    labels = [scale.label(str(one.attrs["long_name"])) for scale, one in zip(scales, (first, second), strict=True)]
+    labels = [
+        scale.label(str(one.attrs["long_name"])) for scale, one in zip(scales, (first, second), strict=True)
+    ]
     panel.set(xlabel=labels[0], ylabel=labels[1])
     return np.array([panel], dtype=object)

@@ -190,8 +190,8 @@ def motion(asked: Driven, sets: Sets) -> tuple[float, dict[str, Array]]:
 
 
 def told(asked: Telling, sets: Sets) -> dict[str, Any]:
-    """What a recording of a drive would tell of the actuator's values, beside that of 65 V, 5 Hz; None for what it
-    does not tell."""
+    """What a recording of a drive would tell of the actuator's values, beside that of 65 V, 5 Hz; None for
+    what it does not tell."""
     model = asked.loaded(sets)
     has = {name for name, value in model.friction._asdict().items() if isinstance(value, float) and value > 0}
     has |= set() if model.static else {"natural_frequency", "damping_ratio"}

@@ -21,8 +21,8 @@ def write_report(
     command: str = "",
     elapsed: float | str | None = None,
 ) -> Path:
-    """Write ``report.html``, ``results.json``, ``figures/NAME.svg`` and the document's own files into a folder, made
-    if missing.
+    """Write ``report.html``, ``results.json``, ``figures/NAME.svg`` and the document's own files into a
+    folder, made if missing.
 
     The numbers are written first, before any picture is drawn: whatever happens to those, they are kept. The
     other files take their names only when all of them are whole on disk: a full disk leaves the report that
