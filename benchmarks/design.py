@@ -1,4 +1,4 @@
-"""Maps and drives of random actuators, seeds of the search: ``python -m benchmarks.design PART [FIRST COUNT]``.
+"""Maps and drives of random actuators, seeds of searches: ``python -m benchmarks.design PART [FIRST COUNT]``.
 
 - `maps`: points of `step_map` of random actuators against `simulate` run until its periods repeat.
 - `drives`: optimised drives of random actuators against the best sawtooth, and against what SciPy's
@@ -31,7 +31,6 @@ from stickslip.estimate import Posterior
 from stickslip.waveform.signal import Waveform
 
 KNOTS, TOP = 4, 100.0  # values within a period; V
-# What the bounds of the outside search end at, beside those of ours: nothing, they are the same.
 GENERATIONS, POPULATION = 60, 15
 # Periods that are waited for, at most; what of a net step counts as repeated, m.
 MOST_PERIODS, REPEATED = 6400, 2e-12
@@ -84,6 +83,11 @@ def member(number: int) -> Member:
     return Member(number, made, float(random.uniform(0.85, 0.98)))
 
 
+def headed(*names: str) -> None:
+    """Print the head of a table."""
+    print(f"| {' | '.join(names)} |\n|{'---|' * len(names)}", flush=True)
+
+
 def settled_step(model: ss.Actuator, drive: Waveform, period: float) -> float:
     """m: net step of a period after so many from rest that it no longer changes; NaN where it still does."""
     periods, before = 50, math.nan
@@ -118,10 +122,8 @@ def compared(of: Member) -> list[dict[str, Any]]:
 def maps(first: int, count: int) -> None:
     """Print the table of each law."""
     rows = [(of, row) for of in map(member, range(first, first + count)) for row in compared(of)]
-    print(
-        "| law | points | both have a step | off, median, nm | 95 %, nm | most, nm | map alone | waiting alone |"
-    )
-    print("|---|---|---|---|---|---|---|---|")
+    heads = ("law", "points", "both have a step", "off, median, nm", "95 %, nm", "most, nm", "map alone")
+    headed(*heads, "waiting alone")
     for law in [*dict.fromkeys(of.law for of, _ in rows), ""]:
         some = [row for of, row in rows if law in ("", of.law)]
         pairs = np.array([(row["map"], row["waited"]) for row in some])
@@ -147,7 +149,7 @@ def outside(model: ss.Actuator, seed: int) -> tuple[float, int]:
         period = 1.0 / (within.slowest * np.exp(span * columns[:, -1]))
         knots = {f"value_{k + 1}": TOP * columns[:, k] for k in range(KNOTS)}
         knots |= {f"time_{k + 1}": k / KNOTS * period for k in range(1, KNOTS)} | {"period": period}
-        start = ss.PeriodicKnots([k / KNOTS for k in range(KNOTS)], [0.0, 1.0, 2.0, 1.0], 1.0)
+        start = ss.PeriodicKnots((0.0, 0.25, 0.5, 0.75), (0.0, 1.0, 2.0, 1.0), 1.0)
         steps = ss.steady_steps(model, start, parameters=knots, tolerance=1e-9).net_step.values
         return np.where(np.isfinite(steps), -steps / period, 1.0)
 
@@ -169,10 +171,8 @@ def searched(number: int) -> dict[str, Any]:
 
 def drives(first: int, count: int) -> None:
     """Print a row for each actuator."""
-    print(
-        "| | law | ours, mm/s | best sawtooth | differential evolution | ours over the best of both | motions |"
-    )
-    print("|---|---|---|---|---|---|---|")
+    heads = ("", "law", "ours, mm/s", "best sawtooth", "differential evolution", "ours over the best of both")
+    headed(*heads, "motions")
     for number in range(first, first + count):
         try:
             row = searched(number)
@@ -206,17 +206,14 @@ def seeds(first: int, count: int) -> None:
     loads = [Scenario(external_force=f"{newton} N") for newton in (-0.1, 0.1)]
     common: dict[str, Any] = {"goal": "speed", "knots": 8, "max_voltage": TOP}
     ss.optimise_waveform(model, **common, budget=100)  # compiles
-    print(
-        "| seed | one condition, mm/s | motions | s | 195 conditions | sawtooth | motions | over those of one | s | of one | worse than the sawtooth in |"
-    )
-    print("|---|---|---|---|---|---|---|---|---|---|---|")
+    many_of = ("195 conditions, mm/s", "sawtooth", "motions", "over one", "s", "over one")
+    headed("seed", "one condition, mm/s", "motions", "s", *many_of, "worse than the sawtooth in")
     for seed in range(first, first + count):
         begun = time.process_time()
         one = ss.optimise_waveform(model, **common, seed=seed)
         between = time.process_time()
-        many = ss.optimise_waveform(
-            model, **common, seed=seed, scenarios=loads, uncertainty=draws(seed), draws=64
-        )
+        known = {"scenarios": loads, "uncertainty": draws(seed), "draws": 64}
+        many = ss.optimise_waveform(model, **common, seed=seed, **known)
         spent = [between - begun, time.process_time() - between]
         worse = int(np.sum(many.values < many.sawtooth_values - 1e-9))
         print(
@@ -233,9 +230,8 @@ def costs(first: int, count: int) -> None:
     model, took = ss.load_actuator("kang2007"), []
     for seed in range(count + 1):
         times = [time.process_time()]
-        front = design.waveform_front(
-            model, goals=("speed", design.Current("1.8 uF")), max_voltage=TOP, seed=seed
-        )
+        goals = "speed", design.Current("1.8 uF")
+        front = design.waveform_front(model, goals=goals, max_voltage=TOP, seed=seed)
         times.append(time.process_time())
         ss.step_map(model, voltage=np.linspace(1.0, TOP, 100), frequency=np.geomspace(5.0, 1000.0, 100))
         times.append(time.process_time())

@@ -153,7 +153,7 @@ def optimise(**change: Any) -> dict[str, Any]:
         ({"plan": PLAN | {"free": ["sigma_9"]}}, "plan: 'sigma_9' cannot be free"),
         ({"uncertainty": "fit", "plan": PLAN}, "uncertainty: fit: there is no fit"),
         ({"uncertainty": "none.nc", "plan": PLAN}, "none.nc: no samples of a posterior"),
-        ({"uncertainty": "other.nc", "optimise": OPTIMISE}, "the uncertainty is of another model: it has 'k'"),
+        ({"uncertainty": "other.nc", "optimise": OPTIMISE}, "of another model: it has 'k'"),
         ({"uncertainty": "other.nc", "plan": PLAN}, "plan: draws: .*they are of another model"),
     ],
 )  # fmt: skip
