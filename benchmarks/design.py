@@ -165,8 +165,14 @@ def searched(number: int) -> dict[str, Any]:
     of = member(number)
     found = ss.optimise_waveform(of.actuator, goal="speed", knots=KNOTS, max_voltage=TOP)
     other, count = outside(of.actuator, number)
-    return {"number": number, "law": of.law, "ours": found.value, "sawtooth": found.sawtooth_value,
-            "outside": other, "motions": found.evaluations, "theirs": count, "fell_back": found.fell_back}  # fmt: skip
+    return {
+        "law": of.law,
+        "ours": found.value,
+        "sawtooth": found.sawtooth_value,
+        "outside": other,
+        "motions": (found.evaluations, count),
+        "fell_back": found.fell_back,
+    }
 
 
 def drives(first: int, count: int) -> None:
@@ -184,7 +190,7 @@ def drives(first: int, count: int) -> None:
         saw = " (the sawtooth)" if row["fell_back"] else ""
         print(
             f"| {number} | {row['law']} | {speeds} | {row['ours'] / best:.4f}{saw} "
-            f"| {row['motions']} and {row['theirs']} |",
+            f"| {row['motions'][0]} and {row['motions'][1]} |",
             flush=True,
         )
 
@@ -218,7 +224,8 @@ def seeds(first: int, count: int) -> None:
         worse = int(np.sum(many.values < many.sawtooth_values - 1e-9))
         print(
             f"| {seed} | {1e3 * one.value:.4f} | {one.evaluations} | {spent[0]:.2f} | {1e3 * many.value:.3f} "
-            f"| {1e3 * many.sawtooth_value:.3f} | {many.evaluations} | {many.evaluations / one.evaluations:.1f} "
+            f"| {1e3 * many.sawtooth_value:.3f} | {many.evaluations} "
+            f"| {many.evaluations / one.evaluations:.1f} "
             f"| {spent[1]:.1f} | {spent[1] / spent[0]:.1f} | {worse} of {many.values.size} |",
             flush=True,
         )
