@@ -72,7 +72,19 @@ FREE = {
     "tied",
     "matrix",
 }
-FREE |= {"published", "marks", "variables", "channels", "grid", "ranges", "spread", "options"}
+FREE |= {
+    "published",
+    "marks",
+    "variables",
+    "channels",
+    "grid",
+    "ranges",
+    "spread",
+    "factors",
+    "free",
+    "models",
+    "options",
+}
 
 
 def places(node: Any, at: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:

@@ -95,7 +95,7 @@ def test_a_seed_reproduces():
 
 
 def test_no_condition_is_worse_than_with_the_sawtooth():
-    found = ss.optimise_waveform(KANG, goal="speed", knots=6, max_voltage=100.0, scenarios=LOADS, budget=500)
+    found = ss.optimise_waveform(KANG, goal="speed", knots=6, max_voltage=100.0, scenarios=LOADS, budget=1000)
     table = found.comparison
     assert list(table.scenario.values) == ["nominal", "external_force -0.1 N", "external_force 0.1 N"]
     assert not found.fell_back

@@ -155,7 +155,7 @@ def test_a_map_of_what_was_identified(tmp_path: Path) -> None:
     ("content", "message"),
     [
         ({"map": {}}, "either 'fit', a results.json, or 'model'"),
-        ({"model": "kang2007"}, "map: Field required"),
+        ({"model": "kang2007"}, "a design asks for at least one of map, optimise"),
         ({"model": "kang2007", "map": {"voltage": "65 N", "frequency": 5.0}}, "voltage = '65 N'"),
         (
             {"model": "kang2007", "map": {"voltage": {"start": 1.0, "stop": "3 N", "points": 2}}},
@@ -214,6 +214,7 @@ def test_other_kinds_of_files_are_jobs_of_one_step(tmp_path: Path) -> None:
         "piezo_mirror.yaml": ["identify"],
         "pulled_slider.yaml": ["identify"],
         "kang2007_map.yaml": ["design"],
+        "kang2007_design.yaml": ["design"],
         "kang2007_move.yaml": ["move"],
         "kang2007_piezo.yaml": ["record", "identify"],
         "contact_study.yaml": ["record"],

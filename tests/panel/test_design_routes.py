@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
+from stickslip import design
 from stickslip.panel import create_app
 from stickslip.panel.design import bench_run
 from stickslip.panel.designing import Drive, from_lowest
@@ -77,9 +78,34 @@ def test_a_search_that_is_stopped_gives_the_best_until_then(client: httpx.Client
     assert len(found["conditions"]) == 3
 
 
+def test_a_search_within_generator_and_amplifier(client: httpx.Client) -> None:
+    asked = {"knots": "4", "update_time": "0.1 ms", "points": 100, "step": "1 V", "current": "0.2 A"}
+    answer = client.post("/api/design/search", json=MODEL | asked | {"voltage": 100.0, "capacitance": "1 uF"})
+    found = ss.optimise_waveform(
+        ss.load_actuator("kang2007"), goal="speed", knots=4, max_voltage=100.0,
+        generator=design.Generator(1e4, 100, 1.0), limits=design.Limits(current=0.2, capacitance=1e-6),
+    )  # fmt: skip
+    assert answer.json()["value"] == pytest.approx(found.value, rel=1e-9)
+    assert len(answer.json()["drive"]["fields"]["values"]) == 4
+
+
+def test_what_is_not_told_is_said_of_each_parameter(client: httpx.Client) -> None:
+    """At 1 V the end-effector hardly slips: how it is damped then is not told, the stage is, roughly."""
+    drive = {"shape": "Sawtooth", "fields": {"amplitude": 1.0, "frequency": 50.0}}
+    rows = client.post("/api/design/tells", json=MODEL | {"drive": drive, "noise": 1e-7}).json()["parameters"]
+    told = {row["name"]: row["half_width"] for row in rows}
+    assert told["sigma_1"] is None
+    assert told["natural_frequency"] < 0.5
+    assert next(row["default_half_width"] for row in rows if row["name"] == "coulomb_force") < 1.0
+
+
 @pytest.mark.parametrize(
     ("path", "change", "words"),
     [
+        ("search", {"voltage": 100.0, "knots": 1}, "knots"),
+        ("search", {"voltage": 100.0, "points": 100}, "update_time [s] is missing"),
+        ("search", {"voltage": 100.0, "update_time": "1 V"}, "update_time"),
+        ("search", {"voltage": 100.0, "current": "1 V"}, "current"),
         ("map", {"voltage": "5 N"}, "voltage"),
         ("map", {"voltage": 0.0}, "voltage"),
         ("search", {"voltage": 100.0, "spread": -1.0}, "spread of the load"),

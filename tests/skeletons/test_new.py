@@ -87,6 +87,23 @@ def test_what_needs_no_recordings(kind: str, tmp_path: Path) -> None:
     assert numbers(tmp_path / "out")["net_displacement"]["value"] > 1e-6
 
 
+def test_a_design_of_everything(tmp_path: Path) -> None:
+    made = run("new", "design", "--out", tmp_path / "mine.yaml")
+    content = yaml.safe_load((tmp_path / "mine.yaml").read_text("utf-8"))
+    small = {
+        "optimise": {"budget": 100},
+        "front": {"points": 8, "generations": 2},
+        "actuator": {"budget": 50},
+    }
+    small["plan"] = {"duration": 0.1, "recordings": 1}
+    for part, change in small.items():
+        content[part] |= change
+    (tmp_path / "mine.yaml").write_text(yaml.safe_dump(content), "utf-8")
+    done = run_said(made.output, "--out", tmp_path / "out")
+    assert done.exit_code == 0, done.output
+    assert set(numbers(tmp_path / "out")) == {"map", *small, "model"}
+
+
 def test_a_campaign_without_recordings_writes_examples(tmp_path: Path) -> None:
     made = new_file("campaign", out=tmp_path / "campaign.yaml")
     assert [file.name for file in made.files[1:]] == [

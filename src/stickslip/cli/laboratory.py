@@ -26,6 +26,7 @@ class Kind(StrEnum):
     EXPERIMENT = "experiment"
     CAMPAIGN = "campaign"
     IDENTIFICATION = "identification"
+    DESIGN = "design"
 
 
 @app.command()
@@ -151,6 +152,8 @@ def schema(kind: Annotated[Kind, typer.Argument(help="Kind of file.")] = Kind.JO
         from ..experiment.file import json_schema
     elif kind is Kind.CAMPAIGN:
         from ..campaign.file import json_schema
+    elif kind is Kind.DESIGN:
+        from ..analysis.design import json_schema
     else:
         from ..analysis.running import json_schema
     typer.echo(json.dumps(json_schema(), indent=1))

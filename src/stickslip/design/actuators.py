@@ -9,8 +9,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..actuator import Actuator
-from ..estimate.posterior import Posterior
-from ..estimate.result import Fit
 from ..progress import Progress, unheard, within
 from ..simulation.varied import free_names
 from ..units import QuantityError, optional_si
@@ -20,7 +18,7 @@ from .limits import Allowed, Limits, allowed, frequencies
 from .moving import exactly, moved
 from .polygons import Array, sawtooths
 from .sawtooth import best_sawtooth
-from .scenarios import Conditions, Scenario, conditions_of, own
+from .scenarios import Conditions, Scenario, Uncertainty, conditions_of, own
 from .search import SHORTFALL, Index, Judge, Task, robust
 from .searched import Searched
 from .space import Space, built, check_conditions, space_of
@@ -40,7 +38,7 @@ def optimise_actuator(
     frequency: tuple[float | str, float | str] | None = None,
     limits: Limits | Mapping[str, Limits] | None = None,
     scenarios: Sequence[Scenario | Mapping[str, Any]] = (),
-    uncertainty: Posterior | Fit | None = None,
+    uncertainty: Uncertainty | None = None,
     draws: int = 64,
     minimum_speed: float | str | None = None,
     holding_force: float | str | None = None,

@@ -47,6 +47,7 @@ class Plan:
         model: the actuator that it was planned with.
         limits: that it keeps.
         left_out: candidates that could not be taken, or were not followed at all draws, and why.
+        undetermined: parameters that no candidate tells, nor all of them together: the others are the goal.
     """
 
     recordings: dict[str, Walk]
@@ -56,6 +57,7 @@ class Plan:
     model: Actuator
     limits: Limits
     left_out: dict[str, str]
+    undetermined: tuple[str, ...] = ()
 
     @property
     def duration(self) -> float:
@@ -122,13 +124,13 @@ def of_choice(
     """The plan of a choice among what candidates tell [draws, candidates]."""
     names = list(walks)
     steps = [together(every, taken[: n + 1]) for n in range(len(taken))]
-    own = np.flatnonzero(goal.own).tolist()
+    own = np.flatnonzero(begin.space.own).tolist()
     free = [begin.space.parameters[i] for i in own]
     spread = covariance(steps[-1])[0][np.ix_(own, own)]
     deviations = np.sqrt(np.diag(spread))
     listed = [p.name for p in free]
     correlation = xr.DataArray(
-        spread / np.outer(deviations, deviations),
+        np.where(np.isfinite(deviations), spread / np.outer(deviations, deviations), np.nan),
         dims=("parameter", "other"),
         coords={"parameter": listed, "other": listed},
     )
@@ -154,7 +156,9 @@ def of_choice(
     for one in dict.fromkeys(taken):
         walk = walks[names[one]]
         recordings[names[one]] = walk._replace(repeats=walk.repeats * taken.count(one))
-    return Plan(recordings, dataset, correlation, goal.name, begin.model, limits, left_out)
+    seen = dict(zip(begin.space.names, goal.own, strict=True))
+    lost = tuple(name for name in listed if not seen[name])
+    return Plan(recordings, dataset, correlation, goal.name, begin.model, limits, left_out, lost)
 
 
 def _half_widths(
@@ -175,7 +179,10 @@ def _half_widths(
         "half_width": ("parameter", half[0], per),
         "worst_half_width": ("parameter", half.max(axis=0), per),
         "default_half_width": ("parameter", by_usual, per),
-        "narrower": ("parameter", by_usual / half[0]),
+        "narrower": (
+            "parameter",
+            np.divide(by_usual, half[0], out=np.ones(len(own)), where=np.isfinite(half[0])),
+        ),
         "expected": (("count", "parameter"), np.array([halves(one)[0] for one in steps]), per),
         "alone": (("candidate", "parameter"), halves(every)[0], per),
     }
@@ -203,8 +210,15 @@ def _report(plan: Plan) -> str:
     these = "this recording" if count == 1 else f"these {count} recordings"
     lines = [
         f"Planned for {wanted}: {these}, {with_prefix(plan.duration, 's', 3)}, will give "
-        + _listed([f"{name} within {_percent(x)}" for name, x in _rows(of, "half_width")])
+        + _listed(
+            [
+                f"{name} within {_percent(x)}"
+                for name, x in _rows(of, "half_width")
+                if name not in plan.undetermined
+            ]
+        )
         + " (95 %).",
+        *([f"Not determined by any candidate: {_listed(plan.undetermined)}."] if plan.undetermined else []),
         "",
     ]
     for i, (name, walk) in enumerate(plan.recordings.items(), start=1):
@@ -229,7 +243,7 @@ def _report(plan: Plan) -> str:
     lines.append(
         "Default: its recording repeated for equal time. Half-widths are linearised, of 95 % intervals."
     )
-    wide = [name for name, x in _rows(of, "half_width") if not x < WIDE]
+    wide = [name for name, x in _rows(of, "half_width") if not x < WIDE and name not in plan.undetermined]
     if wide:
         lines.append(f"{_listed(wide)}: so wide that the linearised figure is only a sign; more is needed.")
     if plan.left_out:
@@ -242,6 +256,8 @@ def _rows(of: xr.Dataset, name: str) -> list[tuple[str, float]]:
 
 
 def _percent(share: float) -> str:
+    if not math.isfinite(share):
+        return "not told"
     if share < 0.995:
         return f"{100.0 * share:.2g} %"
     return f"{100.0 * share:.0f} %" if share < 100.0 else f"{100.0 * share:.0e} %"

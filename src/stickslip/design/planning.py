@@ -100,8 +100,9 @@ def plan_experiment(
         that no covariance shows. The uncertainty of a stage that is taken as known is not in it.
 
     Raises:
-        QuantityError: an unknown name, no candidates, none within the limits, a parameter that none of them
-            determines, or draws of another model.
+        QuantityError: an unknown name, no candidates, none within the limits, a goal that none of them
+            determines (of "all" those parameters are left out of the goal that none does, and the plan says
+            so), or draws of another model.
     """
     noise = noise if isinstance(noise, xr.Dataset) else optional_si(noise, "m", "noise")
     limits = limits or _limits_of(model)
@@ -128,7 +129,7 @@ def plan_experiment(
         )
     names = list(found)
     every = stacked([found[name] for name in names], axis=1)
-    _refuse_unseen(every, wanted, begin)
+    wanted = _without_unseen(every, wanted, begin)
     taken = chosen(every, wanted, over, int(recordings))
     usual = _usual(default, begin, limits, duration, every, taken)
     compared = stacked(
@@ -300,18 +301,21 @@ def _foremost(found: Mapping[str, Seen], goal: Goal) -> list[str]:
     return [names[i] for i in sorted(list(kept)[:MOST_FOLLOWED])]
 
 
-def _refuse_unseen(every: Seen, goal: Goal, begin: Start) -> None:
-    """Raises QuantityError unless all candidates together tell what is to be known."""
+def _without_unseen(every: Seen, goal: Goal, begin: Start) -> Goal:
+    """The goal without parameters that no candidate tells, nor all of them together; raises QuantityError
+    where nothing is left of it."""
     total = Seen(*(one.sum(axis=1) for one in every))
     deviations = np.sqrt(np.diagonal(covariance(total), axis1=-2, axis2=-1)).max(axis=0)
     most = [LOST if p.log else np.finfo(float).max for p in begin.space.parameters]
     lost = goal.own & (deviations > most)
+    kept = goal._replace(own=goal.own & ~lost)
+    if kept.own.any() and np.all(np.isfinite(criterion(total, kept))):
+        return kept
     names = [name for name, gone in zip(begin.space.names, lost, strict=True) if gone]
-    if not names and np.all(np.isfinite(criterion(total, goal))):
-        return
+    what = " and ".join(names) if goal.gradients is None else goal.name
     raise QuantityError(
-        f"{' and '.join(names) or goal.name} cannot be determined: no candidate tells it, nor do all of them "
-        "together; leave that out of free, or give candidates that tell more"
+        f"{what} cannot be determined: no candidate tells it, nor do all of them together; leave that out of "
+        "free, or give candidates that tell more"
     )
 
 

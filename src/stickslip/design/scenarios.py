@@ -18,6 +18,8 @@ from ..simulation.varied import element_of, free_names, law_of, with_values
 from ..units import QuantityError, to_si
 
 Array = NDArray[np.float64]
+# What says how uncertain an actuator is: draws, a fit's covariance, or arrays by name, row by row.
+Uncertainty = Posterior | Fit | Mapping[str, Any]
 NOMINAL = "nominal"
 # Of samples and fits, what belongs to the sensor's channel or to the sampler, not to the actuator.
 NOT_OF_ACTUATOR = ("delay", "offset", "log_posterior")
@@ -69,7 +71,7 @@ class Conditions(NamedTuple):
 def conditions_of(
     model: Actuator,
     scenarios: Sequence[Scenario | Mapping[str, Any]],
-    uncertainty: Posterior | Fit | None,
+    uncertainty: Uncertainty | None,
     draws: int,
     seed: int,
 ) -> Conditions:
@@ -147,7 +149,7 @@ def own(model: Actuator, name: str) -> float:
     return float(getattr(model, name))
 
 
-def drawn(model: Actuator, source: Posterior | Fit, count: int, seed: int) -> list[dict[str, float]]:
+def drawn(model: Actuator, source: Uncertainty, count: int, seed: int) -> list[dict[str, float]]:
     """Values of the model's parameters that its posterior, or its fit's covariance, leaves possible.
 
     Raises:
@@ -156,9 +158,15 @@ def drawn(model: Actuator, source: Posterior | Fit, count: int, seed: int) -> li
     """
     random = np.random.default_rng([seed, 64])
     if isinstance(source, Posterior):
-        samples = source.samples
-        flat = {str(name): samples[name].values.ravel() for name in samples.data_vars}
-        rows = random.integers(0, next(iter(flat.values())).size, count)
+        source = {str(name): source.samples[name].values for name in source.samples.data_vars}
+    if isinstance(source, Mapping):
+        flat = {name: np.ravel(np.asarray(values, float)) for name, values in source.items()}
+        sizes = {values.size for values in flat.values()}
+        if len(sizes) != 1 or 0 in sizes:
+            raise QuantityError(
+                "uncertainty: of each parameter as many draws as of the others, and at least one"
+            )
+        rows = random.integers(0, sizes.pop(), count)
         found = {name: values[rows] for name, values in flat.items()}
     elif isinstance(source, Fit):
         covariance = source.uncertainty.covariance
@@ -173,7 +181,7 @@ def drawn(model: Actuator, source: Posterior | Fit, count: int, seed: int) -> li
         }
         found = {name: np.broadcast_to(v, count) for name, v in source.ties(found).items()}
     else:
-        raise QuantityError(f"uncertainty = {source!r:.60} must be a posterior or a fit")
+        raise QuantityError(f"uncertainty = {source!r:.60} must be a posterior, a fit or arrays by name")
     kept, known = {n: v for n, v in found.items() if n not in NOT_OF_ACTUATOR}, free_names(model)
     for name in kept:
         if name not in known:

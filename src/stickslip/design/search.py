@@ -1,9 +1,10 @@
 """The search itself: candidates of a generation, under all active conditions, in one call.
 
 Three evolutions (CMA-ES [hansen2016]) begin at different shapes and share the calls; the worst is given up
-after a part of the budget, and then the next. Candidates are judged by the worst conditions, and which these
-are is found again each time that the best so far is driven under all of them. Why there is no polish by
-derivatives: docs/decisions/design.md.
+after a part of the budget, and then the next. Of several conditions the worst one alone comes first, twice,
+which is cheap and finds the right hill; from there on candidates are judged by the worst few conditions, and
+which these are is found again each time that the best so far is driven under all of them. Why there is no
+polish by derivatives: docs/decisions/design.md.
 """
 
 from __future__ import annotations
@@ -38,8 +39,6 @@ LATER = 6
 RANKS = 24
 # Of the scale of merits: a gain below it is no reason to go on.
 GAIN = 2e-5
-# Of that scale: a first turn that has not gained more on the baseline has another one.
-LITTLE = 0.2
 # A falling short of the baseline counts so many times.
 SHORTFALL = 10.0
 
@@ -60,10 +59,6 @@ class Judge(NamedTuple):
             short = np.maximum(self.baseline[which] - full, 0.0).max(axis=1)
             worst = worst - SHORTFALL * np.where(short > 1e-9 * self.scale, short, 0.0)
         return np.where(lost.any(axis=1), -100.0 * self.scale * (1.0 + lost.mean(axis=1)), worst)
-
-    def is_near_baseline(self, score: float) -> bool:
-        """Whether that is little more than what the baseline itself has in its worst condition, or less."""
-        return self.baseline is not None and score < float(np.min(self.baseline)) + LITTLE * self.scale
 
 
 class Task(NamedTuple):
@@ -95,6 +90,18 @@ def robust(task: Task, starts: Array) -> Best:
     best, spent = Best(starts[first], float(scores[first]), 0), len(starts) * task.conditions
     active = worst_of(merits[first], task.judge, np.zeros(0, np.int64))
     begin, spread, share = starts, WIDE, task.budget
+    if task.conditions > 1:
+        found, merits, tried, stopped = _of_the_worst(task, starts, merits[first])
+        spent += tried
+        score = float(task.judge.score(merits[None], everything)[0])
+        if score > best.score or stopped:
+            best = (
+                Best(found, score, spent, stopped) if score > best.score else best._replace(interrupted=True)
+            )
+        if stopped:
+            return best._replace(evaluations=spent)
+        active = worst_of(merits, task.judge, active)
+        begin, spread, share = found[None], NEAR, task.budget // 2
     for turn in range(ROUNDS):
         part = task._replace(
             progress=lambda doing, done, turn=turn: task.progress(doing, (turn + done) / ROUNDS),
@@ -103,15 +110,6 @@ def robust(task: Task, starts: Array) -> Best:
         merits = task.merits(found[None], everything)
         score = float(task.judge.score(merits, everything)[0])
         spent += tried * active.size + task.conditions
-        if not turn and not stopped and task.judge.is_near_baseline(score):
-            # Far from it every drive falls short somewhere, which may lead back: once more, without that.
-            free = part._replace(judge=task.judge._replace(baseline=None))
-            other, tried, stopped = evolved(free, task.random.random(starts.shape), WIDE, active, share)
-            of_other = task.merits(other[None], everything)
-            spent += tried * active.size + task.conditions
-            if float(np.nanmin(of_other)) > float(np.nanmin(merits)):
-                found, merits = other, of_other
-                score = float(task.judge.score(merits, everything)[0])
         gained = score - best.score
         if gained > 0.0:
             best = Best(found, score, 0)
@@ -119,11 +117,32 @@ def robust(task: Task, starts: Array) -> Best:
             best = best._replace(interrupted=True)
             break
         wider = worst_of(merits[0], task.judge, active)
-        settled = turn and gained < GAIN * task.judge.scale and not task.judge.is_near_baseline(best.score)
-        if wider.size == active.size or settled:
+        if wider.size == active.size or (turn and gained < GAIN * task.judge.scale):
             break
         active, begin, spread, share = wider, found[None], NEAR, task.budget // LATER
     return best._replace(evaluations=spent)
+
+
+def _of_the_worst(task: Task, starts: Array, merits: Array) -> tuple[Array, Array, int, bool]:
+    """The better of two searches in the condition that is the worst of these merits, without a baseline:
+    where it is, its merits in all conditions, members that it took, whether it was stopped.
+
+    Far from the baseline every drive falls short of it somewhere, which would lead back to it.
+    """
+    one = np.array([int(np.argmin(np.where(np.isnan(merits), -np.inf, merits)))])
+    free = task._replace(
+        judge=Judge(0.0, None, task.judge.scale), progress=lambda doing, done: task.progress(doing, 0.0)
+    )
+    found, spent, stopped = list[Array](), 0, False
+    for begin in (starts, task.random.random(starts.shape)):
+        x, tried, stopped = evolved(free, begin, WIDE, one, task.budget)
+        found.append(x)
+        spent += tried + task.conditions
+        if stopped:
+            break
+    of_all = task.merits(np.array(found), np.arange(task.conditions))
+    k = int(np.argmax(np.where(np.isnan(of_all), -np.inf, of_all).min(axis=1)))
+    return found[k], of_all[k], spent, stopped
 
 
 def worst_of(merits: Array, judge: Judge, before: Index) -> Index:

@@ -13,7 +13,7 @@ from ..units import QuantityError, optional_si, to_si
 from .goals import goal_of
 from .limits import Generator, Limits, allowed, frequencies
 from .optimised import OptimisedWaveform
-from .scenarios import Scenario, conditions_of
+from .scenarios import Scenario, Uncertainty, conditions_of
 from .searched import Searched
 
 COUNTS = {
@@ -36,7 +36,7 @@ def optimise_waveform(
     limits: Limits | None = None,
     generator: Generator | None = None,
     scenarios: Sequence[Scenario | Mapping[str, Any]] = (),
-    uncertainty: Posterior | Fit | None = None,
+    uncertainty: Uncertainty | None = None,
     draws: int = 64,
     quantile: float | str = 0.0,
     minimum_speed: float | str | None = None,
@@ -61,7 +61,7 @@ def optimise_waveform(
         generator: what plays it. The period then is a whole number of its updates, and what is played is
             what counts.
         scenarios: loads, detunings; see `Scenario`.
-        uncertainty: `draws` of the posterior, or of the fit, are conditions too.
+        uncertainty: `draws` of the posterior, of the fit, or of arrays by name are conditions too.
         quantile: of the conditions, in place of the worst: 0.05, say.
         minimum_speed: m/s, in every condition; needed by goals that would stand still.
         budget: candidates of the first search; later ones, with more conditions, take a fifth.
@@ -92,7 +92,7 @@ def optimise_waveform(
     return searched.result(knots, budget, seed, progress)
 
 
-def _model_of(model: Any, uncertainty: Posterior | Fit | None) -> tuple[Actuator, Posterior | Fit | None]:
+def _model_of(model: Any, uncertainty: Uncertainty | None) -> tuple[Actuator, Uncertainty | None]:
     """The actuator, and what is known of how uncertain it is."""
     if isinstance(model, Fit):
         found, uncertainty = model.model, uncertainty or model

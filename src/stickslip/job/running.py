@@ -151,6 +151,11 @@ def joined(title: str, notes: str, documents: Sequence[Document], *, told: bool 
         assumptions=list(dict.fromkeys(a for one in documents for a in one.assumptions)),
         citations="\n\n".join(dict.fromkeys(one.citations for one in documents if one.citations)),
         failures=[failure for one in documents for failure in one.failures],
+        files={
+            f"step{i}-{name}": text
+            for i, one in enumerate(documents, start=1)
+            for name, text in one.files.items()
+        },
     )
 
 

@@ -29,6 +29,8 @@ VOLTAGES, FREQUENCIES, TOLERANCE = 33, 41, 1e-9
 SLOWEST, FASTEST = 5.0, 1000.0
 # s, of a recording of which it is asked what it tells; how many values of the model it may be about.
 RECORDED = 0.4
+# Half-widths, as shares of the value, from which on it is not told.
+NOT_TOLD = 10.0
 # Hz, of its samples at least; of a period. Each period is sampled at other instants.
 SAMPLED, PER_PERIOD = 2000.0, 20.3
 FIELDS = ("amplitude", "frequency", "rise_fraction", "offset")  # of a sawtooth
@@ -38,6 +40,9 @@ _LOAD = Quantity("N", "F", "load", minimum=-1e3, maximum=1e3)
 _SPREAD = Quantity("N", "", "spread of the load", minimum=0.0, maximum=1e3)
 _VOLTAGE = Quantity("V", "", "greatest voltage", above=0.0, maximum=1e4)
 _CAPACITANCE = Quantity("F", "C", "capacitance", above=0.0, maximum=1.0)
+_KNOTS = Quantity("", "", "knots", minimum=2, maximum=32)
+_UPDATE = Quantity("s", "", "update time", above=0.0, maximum=1.0)
+_POINTS = Quantity("", "", "points of a period", minimum=4.0, maximum=1e7)
 _NOISE = Quantity("m", "", "noise of a sample", above=0.0, maximum=1e-3)
 
 
@@ -59,10 +64,18 @@ class Map(Loaded):
 
 
 class Search(Map):
-    """For the fastest drive; `spread` [N] is how far the load may be off either way, in the worst case."""
+    """For the fastest drive; `spread` [N] is how far the load may be off either way, in the worst case. What
+    plays it updates after each `update_time` [s], up to `points` of a period, in steps [V]; its amplifier
+    gives up to `current` [A] into the `capacitance` [F] of the piezo, and `slew_rate` [V/s]."""
 
     spread: Value = 0.0
-    knots: int = Field(default=8, ge=2, le=32)
+    knots: Value = 8
+    capacitance: Value = 1.8e-6
+    current: Value | None = None
+    slew_rate: Value | None = None
+    update_time: Value | None = None
+    points: Value | None = None
+    step: Value | None = None
 
     def asked(self, sets: Sets) -> tuple[Actuator, dict[str, Any]]:
         """The model, and what searches share."""
@@ -74,14 +87,31 @@ class Search(Map):
             if spread
         ]
         top = _VOLTAGE.check(self.voltage, "voltage")
-        return model, {"knots": self.knots, "max_voltage": top, "scenarios": scenarios}
+        knots = int(_KNOTS.check(self.knots, "knots"))
+        common = {"knots": knots, "max_voltage": top, "scenarios": scenarios, "limits": self._limits()}
+        return model, common
+
+    def _limits(self) -> design.Limits:
+        given = {name: getattr(self, name) for name in ("current", "slew_rate")}
+        load = _CAPACITANCE.check(self.capacitance, "capacitance")
+        return design.Limits(capacitance=load, **{n: v for n, v in given.items() if v is not None})
+
+    def generator(self) -> design.Generator | None:
+        """QuantityError for a wrong value."""
+        if self.update_time is None:
+            for name in ("points", "step"):
+                if getattr(self, name) is not None:
+                    raise QuantityError(f"update_time [s] is missing: a generator has {name} of that")
+            return None
+        rate = 1.0 / _UPDATE.check(self.update_time, "update_time")
+        points = math.inf if self.points is None else _POINTS.check(self.points, "points")
+        return design.Generator(rate, points, 0.0 if self.step is None else self.step)  # type: ignore[arg-type]
 
 
 class Front(Search):
-    """Of speed against another goal; `capacitance` [F] of the piezo, for its current."""
+    """Of speed against another goal, within the same limits; its drives are those before the generator."""
 
     against: Literal["current", "ripple"] = "current"
-    capacitance: Value = 1.8e-6
 
 
 class Drive(Strict):
@@ -133,7 +163,9 @@ def step_map(asked: Map, sets: Sets) -> dict[str, Array]:
 def searched(asked: Search, sets: Sets, progress: Progress) -> dict[str, Any]:
     """The fastest drive and the best sawtooth, as the page takes them, and what they do in each condition."""
     model, common = asked.asked(sets)
-    found = design.optimise_waveform(model, goal="speed", progress=progress, **common)
+    found = design.optimise_waveform(
+        model, goal="speed", generator=asked.generator(), progress=progress, **common
+    )
     rows = zip(found.conditions.names, found.values.tolist(), found.sawtooth_values.tolist(), strict=True)
     return {
         "drive": described(found.waveform),
@@ -188,7 +220,8 @@ def motion(asked: Driven, sets: Sets) -> tuple[float, dict[str, Array]]:
 
 
 def told(asked: Telling, sets: Sets) -> dict[str, Any]:
-    """What a recording of a drive would tell of the actuator's values, beside that of 65 V, 5 Hz."""
+    """What a recording of a drive would tell of the actuator's values, beside that of 65 V, 5 Hz; None for
+    what it does not tell."""
     model = asked.loaded(sets)
     has = {name for name, value in model.friction._asdict().items() if isinstance(value, float) and value > 0}
     has |= set() if model.static else {"natural_frequency", "damping_ratio"}
@@ -204,7 +237,8 @@ def told(asked: Telling, sets: Sets) -> dict[str, Any]:
     )
     of = plan.dataset
     names = ("name", "value", "unit", "half_width", "default_half_width")
-    columns = [of[n].values.tolist() for n in ("parameter", "value", "unit", *names[3:])]
+    columns = [of[n].values.tolist() for n in ("parameter", "value", "unit")]
+    columns += [[x if x < NOT_TOLD else None for x in of[n].values.tolist()] for n in names[3:]]
     rows = [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)]
     return {"duration": RECORDED, "parameters": rows}
 

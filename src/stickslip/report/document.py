@@ -151,6 +151,7 @@ class Document:
         assumptions: what was assumed, a sentence each.
         citations: BibTeX.
         failures: what had been required and is not so, a sentence each.
+        files: texts to write beside the report, by their names: what a user goes on with.
     """
 
     title: str
@@ -161,6 +162,7 @@ class Document:
     assumptions: Sequence[str] = ()
     citations: str = ""
     failures: Sequence[str] = ()
+    files: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         _freeze(self, "the document", ["sections", "highlights", "assumptions", "failures"])

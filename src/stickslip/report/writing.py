@@ -21,7 +21,8 @@ def write_report(
     command: str = "",
     elapsed: float | str | None = None,
 ) -> Path:
-    """Write ``report.html``, ``results.json`` and ``figures/NAME.svg`` into a folder, made if missing.
+    """Write ``report.html``, ``results.json``, ``figures/NAME.svg`` and the document's own files into a
+    folder, made if missing.
 
     The numbers are written first, before any picture is drawn: whatever happens to those, they are kept. The
     other files take their names only when all of them are whole on disk: a full disk leaves the report that
@@ -47,6 +48,7 @@ def write_report(
         folder.mkdir(parents=True, exist_ok=True)
         temporary.write_text(results_json(document, made), encoding="utf-8", newline="\n")
     texts = {f"figures/{picture.name}.svg": _file_of(picture.svg) for picture in document.pictures()}
+    texts |= document.files
     texts["report.html"] = report_html(document, made)
     written: dict[Path, Path] = {}
     try:

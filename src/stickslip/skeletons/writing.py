@@ -39,6 +39,7 @@ KINDS = {
     "campaign": _Kind("campaign.yaml", "campaign.yaml", True, "stickslip campaign {}"),
     "identification": _Kind("identification.yaml", "identification.yaml", True, "stickslip identify {}"),
     "experiment": _Kind("experiment.yaml", "experiment.yaml", False, "stickslip record {}"),
+    "design": _Kind("design.yaml", "design.yaml", False, "stickslip design {}"),
     "actuator": _Kind(
         "my_actuator.toml", "actuator.toml", False,
         'stickslip simulate {} --amplitude "65 V" --frequency "5 Hz" --periods 4',
@@ -90,7 +91,7 @@ def new_file(
             f"there is no kind {kind!r}{did_you_mean(kind, KINDS)}; there are {', '.join(KINDS)}"
         )
     known = KINDS[kind]
-    if recordings and kind in ("law", "waveform"):
+    if recordings and kind in ("design", "law", "waveform"):
         raise QuantityError(f"a {kind} is not made from recordings")
     target = Path(known.file if out is None else out)
     if target.suffix != Path(known.file).suffix:

@@ -19,9 +19,15 @@ const FIELDS = [
   { name: "noise", unit: "m", meaning: "noise of a position sample", symbol: "", low: 1e-10, high: 1e-5, scale: "log" },
 ];
 const ON_MAP = ["load", "voltage"];
+// Typed, and left empty for what has no limit.
+const TYPED = [
+  ["knots", "Knots of the drive", "2 to 32"], ["update_time", "Generator updates after", "any, or 50 us"],
+  ["points", "Points of a period, at most", "any, or 1024"], ["step", "Voltage step", "any, or 25 mV"],
+  ["current", "Amplifier gives up to", "any, or 0.5 A"], ["slew_rate", "Slew rate up to", "any, or 0.3 V/us"],
+];
 const AGAINST = [["current", "peak current"], ["ripple", "ripple of the motion"]];
 // What was set and found stays while other pages are looked at.
-const kept = { set: "kang2007", values: { load: 0, voltage: 100, spread: 0.1, capacitance: 1.8e-6, noise: 1e-7 }, found: null, front: null, designed: null };
+const kept = { set: "kang2007", values: { load: 0, voltage: 100, spread: 0.1, capacitance: 1.8e-6, noise: 1e-7 }, typed: { knots: "8" }, found: null, front: null, designed: null };
 
 const named = (answer) => {
   const { header, arrays } = unpack(answer);
@@ -37,7 +43,7 @@ export async function mount(element, app) {
     const { set, model, law, friction } = wire(begin(choices, kept.set));
     return { set, model, law, friction, load: kept.values.load };
   };
-  const search = () => ({ ...asked(), voltage: kept.values.voltage, spread: kept.values.spread });
+  const search = () => ({ ...asked(), voltage: kept.values.voltage, spread: kept.values.spread, capacitance: kept.values.capacitance, ...Object.fromEntries(Object.entries(kept.typed).filter(([, text]) => text)) });
 
   // --- frame
   const fault = h("p", { class: "fault", role: "alert" });
@@ -46,7 +52,7 @@ export async function mount(element, app) {
   const go = h("button", { type: "button", class: "primary", onclick: () => run("Searching for the fastest drive", "/api/design/search", search(), found) }, "Find the fastest drive");
   const stop = h("button", { type: "button", disabled: true, title: "The best until then stays", onclick: () => app.request("/api/design/stop", {}).catch(say) }, "Stop");
   const against = makeChoice("Speed against", AGAINST, "current", () => {});
-  const goFront = h("button", { type: "button", onclick: () => run("Searching for the front", "/api/design/front", { ...search(), against: against.select.value, capacitance: kept.values.capacitance }, fronted) }, "Find the front");
+  const goFront = h("button", { type: "button", onclick: () => run("Searching for the front", "/api/design/front", { ...search(), against: against.select.value }, fronted) }, "Find the front");
   const sliders = new Map(FIELDS.map((field) => [field.name, makeSlider(field, kept.values[field.name], {
     app, drag: (value) => changed(field.name, value), settle() {}, type: (value) => changed(field.name, value),
   })]));
@@ -54,6 +60,8 @@ export async function mount(element, app) {
   const panel = h("section", { class: "card explore-sliders", "aria-label": "What is given" },
     makeChoice("Parameter set", sets, kept.set, (set) => { kept.set = set; forget(); maps.want(1); }).element,
     ...[...sliders.values()].map((one) => one.element),
+    h("details", {}, h("summary", {}, "Knots, generator, amplifier"), h("div", { class: "design-typed" }, ...TYPED.map(([name, label, hint]) => h("label", { class: "field" }, h("span", {}, label),
+      h("input", { type: "text", value: kept.typed[name] ?? "", placeholder: hint, onchange: (event) => { kept.typed[name] = event.target.value.trim(); } }))))),
     h("div", { class: "row" }, go, stop), h("div", { class: "design-choose" }, against.element, goFront), bar, said, fault);
   const numbers = h("dl", { class: "explore-numbers" });
   const shown = {};
@@ -206,7 +214,7 @@ export async function mount(element, app) {
     said.textContent = "Computing what a recording would tell …";
     try {
       const { parameters } = await app.request("/api/design/tells", { ...asked(), drive, noise: kept.values.noise });
-      const share = (one) => (one < 10 ? `± ${Number((100 * one).toPrecision(2))} %` : "not told");
+      const share = (one) => (one === null ? "not told" : `± ${Number((100 * one).toPrecision(2))} %`);
       tabled(telling, ["parameter", "value", "this recording", "65 V, 5 Hz"], parameters.map((one) => [one.name, formatQuantity(one.value, one.unit), share(one.half_width), share(one.default_half_width)]));
     } finally {
       said.textContent = "";

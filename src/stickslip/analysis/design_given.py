@@ -1,0 +1,232 @@
+"""What the parts of a design file have in common: the model with what is uncertain of it, goals, limits, the
+generator, conditions; and what each part comes to."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from ..actuator import Actuator
+from ..design import Current, Generator, Heat, Limits, Noise, Scenario, Speed, StepSize, TipLoad
+from ..electronics import Stack
+from ..experiment.laboratory import own_file
+from ..input_file import Strict
+from ..progress import Progress
+from ..report import Number, Section
+from ..rig import load_bench
+from ..units import QuantityError, to_si
+from .file import AnalysisError
+
+Quantity = float | str
+Array = NDArray[np.float64]
+# Draws that are made of the intervals of a results.json, of which each part takes its own number.
+DRAWS = 1000
+
+
+class Given(NamedTuple):
+    """What a part starts from: the model; draws of its parameters by name, if there is an uncertainty; the
+    folder of the file."""
+
+    model: Actuator
+    uncertainty: dict[str, Array] | None
+    folder: Path
+    progress: Progress
+
+
+class Made(NamedTuple):
+    """What a part has come to: its section, what to say of it in a sentence, numbers, files, and what is left
+    undone, where it was stopped."""
+
+    section: Section
+    said: str
+    numbers: Mapping[str, Any]
+    highlights: Sequence[tuple[str, Number]] = ()
+    files: Mapping[str, str] = {}
+    stopped: str = ""
+
+
+class StackSpec(Strict):
+    """The numbers of a stack, as of `electronics.Stack`."""
+
+    capacitance: Quantity
+    loss_tangent: Quantity
+    loss_factor: Quantity
+    full_voltage: Quantity
+    thermal_resistance: Quantity
+    heat_capacity: Quantity
+    capacitance_factor: Quantity = 1.0
+
+
+class GoalSpec(Strict):
+    """A goal that needs a number, exactly one: the direction of the speed (1 or -1), the step that is wanted,
+    the capacitance of which the current is, the stack of which the heat is."""
+
+    speed: Quantity | None = None
+    step: Quantity | None = None
+    current: Quantity | None = None
+    heat: StackSpec | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> GoalSpec:
+        if len(self.model_fields_set) != 1:
+            raise ValueError(f"a goal is exactly one of {', '.join(GoalSpec.model_fields)}")
+        return self
+
+    def goal(self) -> Any:
+        """Raises QuantityError."""
+        if self.heat is not None:
+            return Heat(Stack(**self.heat.model_dump()))
+        ((name, value),) = self.model_dump(exclude_unset=True).items()
+        kinds: dict[str, Any] = {"speed": Speed, "step": StepSize, "current": Current}
+        return kinds[name](value)
+
+
+Goal = GoalSpec | str
+
+
+def goal_of(given: Goal | None, model: Actuator) -> Any:
+    """A goal as the searches take it; raises QuantityError."""
+    if isinstance(given, GoalSpec):
+        return given.goal()
+    if given in ("tip_load", "noise"):
+        return (TipLoad if given == "tip_load" else Noise).of_stage(model)
+    return given
+
+
+class LimitsSpec(Strict):
+    """As `design.Limits`; or the amplifier of a `bench` into its piezo."""
+
+    bench: str | None = None
+    slew_rate: Quantity | None = None
+    current: Quantity | None = None
+    capacitance: Quantity | None = None
+
+    def limits(self, folder: Path) -> Limits:
+        """Raises QuantityError."""
+        own = self.model_dump(exclude_none=True, exclude={"bench"})
+        if self.bench is None:
+            return Limits(**own)
+        if own:
+            raise QuantityError(f"limits.{next(iter(own))} is that of limits.bench: give one of them")
+        bench = load_bench(own_file(self.bench, folder, ".toml"))
+        return Limits.of_amplifier(bench.amplifier, bench.piezo_capacitance)
+
+
+class GeneratorSpec(Strict):
+    """As `design.Generator`; or the converter of a `bench`, with its `points`."""
+
+    bench: str | None = None
+    update_rate: Quantity | None = None
+    points: float | None = None
+    step: Quantity | None = None
+    interpolation: str | None = None
+
+    def generator(self, folder: Path) -> Generator:
+        """Raises QuantityError."""
+        own = self.model_dump(exclude_none=True, exclude={"bench", "points"})
+        if self.bench is None:
+            if self.update_rate is None:
+                raise QuantityError("generator.update_rate [Hz] is missing, or generator.bench")
+            return Generator(**own, **({} if self.points is None else {"points": self.points}))
+        if own or self.points is None:
+            raise QuantityError(
+                f"generator.{next(iter(own))} is that of generator.bench: give one of them"
+                if own
+                else "generator.points is missing: how many points of a period the generator takes"
+            )
+        return Generator.of_bench(load_bench(own_file(self.bench, folder, ".toml")), self.points)  # type: ignore[arg-type]
+
+
+class ScenarioSpec(Strict):
+    """A condition: `change` are values of fields of the actuator or its law, `factors` on those they have."""
+
+    name: str = ""
+    change: dict[str, Quantity] = Field(default_factory=dict)
+    factors: dict[str, Quantity] = Field(default_factory=dict)
+
+    def scenario(self) -> Scenario:
+        """Raises QuantityError."""
+        factors = {name: to_si(one, "", f"factors.{name}") for name, one in self.factors.items()}
+        return Scenario(self.name, factors=factors, **self.change)
+
+
+class SearchSpec(Strict):
+    """What all searches for a drive are told; see `optimise_waveform`."""
+
+    max_voltage: Quantity | None = None
+    min_voltage: Quantity | None = None
+    frequency: list[Quantity] | None = None
+    limits: LimitsSpec | None = None
+    scenarios: list[ScenarioSpec] = Field(default_factory=list)
+    seed: int = 0
+
+    def common(self, given: Given) -> dict[str, Any]:
+        """Arguments of the call; raises QuantityError."""
+        return {
+            "max_voltage": self.max_voltage,
+            "min_voltage": self.min_voltage,
+            "frequency": self.frequency,
+            "limits": None if self.limits is None else self.limits.limits(given.folder),
+            "scenarios": [one.scenario() for one in self.scenarios],
+            "seed": self.seed,
+            "progress": given.progress,
+        }
+
+
+def draws_of_file(path: Path) -> dict[str, Array]:
+    """Draws of an actuator's parameters, by name: the samples of a posterior (NetCDF), or `DRAWS` of what an
+    identification or a campaign knows of them (results.json), normal in the logarithm of what is positive.
+
+    Raises:
+        AnalysisError: the file holds neither.
+    """
+    if path.suffix == ".json":
+        return _drawn(path)
+    try:
+        with xr.open_dataset(path) as samples:
+            found = {str(name): np.ravel(one.values).astype(float) for name, one in samples.data_vars.items()}
+    except (OSError, ValueError) as error:
+        raise AnalysisError(f"{path}: no samples of a posterior: {error}") from error
+    return {name: values for name, values in found.items() if name != "log_posterior"}
+
+
+def _drawn(path: Path) -> dict[str, Array]:
+    try:
+        numbers = json.loads(path.read_text(encoding="utf-8"))["numbers"]
+        parts = [numbers[part] for part in ("friction", "stage") if part in numbers] or [numbers]
+        random, found = np.random.default_rng(0), dict[str, Array]()
+        for part in parts:
+            names = part["correlation"]["parameters"]
+            known = part.get("parameters_with_all_errors", part["parameters"])
+            value, error = (
+                np.array([known[name][of] for name in names], float) for of in ("value", "standard_error")
+            )
+            known_ones = np.flatnonzero(np.isfinite(error))
+            positive = value[known_ones] > 0.0
+            scale = np.where(positive, value[known_ones], 1.0)
+            relative = error[known_ones] / scale
+            correlation = np.array(part["correlation"]["coefficients"]["value"], float)
+            spread = np.outer(relative, relative) * np.nan_to_num(correlation[np.ix_(known_ones, known_ones)])
+            np.fill_diagonal(spread, relative**2)
+            q = random.multivariate_normal(np.zeros(known_ones.size), spread, DRAWS, method="eigh")
+            drawn = np.where(positive, scale * np.exp(q), value[known_ones] + q)
+            found |= {names[k]: column for k, column in zip(known_ones, drawn.T, strict=True)}
+    except (KeyError, OSError, TypeError, ValueError, AttributeError) as error:
+        raise AnalysisError(
+            f"{path}: no results of an identification that says how sure it is: {error}"
+        ) from error
+    if not found:
+        raise AnalysisError(f"{path}: no parameter has a standard error")
+    return found
+
+
+def arrays(values: Mapping[str, tuple[Any, str]]) -> dict[str, Any]:
+    """Arrays with their units, for results.json."""
+    return {name: {"value": np.asarray(one), "unit": unit} for name, (one, unit) in values.items()}

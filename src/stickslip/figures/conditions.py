@@ -1,0 +1,68 @@
+"""What a search has found: goals in every condition, and fronts of two goals."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from .scale import scale_for
+from .style import BLUE, MEASURED, WIDTH, drawn, legend_above, shown
+
+# Conditions that are named; more are only counted.
+MOST_NAMED = 12
+
+
+@drawn
+def draw_conditions(
+    names: Sequence[str], values: Mapping[str, NDArray[Any]], label: str, unit: str, sign: float = 1.0
+) -> NDArray[Any]:
+    """One row for each condition, the worst of the first values above; more than `MOST_NAMED` are not named.
+
+    Args:
+        names: of the conditions.
+        values: two series [conditions], by what they are of.
+        label, unit: of the values.
+        sign: +1 where more is better.
+    """
+    first = next(iter(values.values()))
+    order = np.argsort(-sign * first)
+    scale = scale_for(unit, np.concatenate(list(values.values())))
+    few = len(names) <= MOST_NAMED
+    panel = shown(WIDTH, 1.3 + 0.22 * len(names) if few else 3.0).subplots()
+    rows = np.arange(len(names))
+    columns = [scale(np.asarray(one)[order]) for one in values.values()]
+    if few:
+        panel.hlines(rows, columns[0], columns[1], color="#BFBFBF", lw=1.5, zorder=1)
+        panel.set_yticks(rows, [names[i] for i in order])
+    else:
+        panel.set_ylabel("conditions, from the best up to the worst")
+        panel.set_yticks([])
+    marks = zip(values, columns, ("o", "s"), (BLUE, MEASURED), strict=True)
+    for name, column, marker, colour in marks:
+        panel.plot(column, rows, marker, color=colour, ms=5 if few else 2.5, label=name)
+    panel.set(xlabel=scale.label(label), ylim=(-0.6, len(names) - 0.4))
+    panel.margins(x=0.06)
+    legend_above(panel)
+    return np.array([panel], dtype=object)
+
+
+@drawn
+def draw_front(table: xr.Dataset) -> NDArray[Any]:
+    """The second goal over the first.
+
+    Args:
+        table: of `design.Front`.
+    """
+    first, second = (table[name] for name in table if name != "frequency")
+    scales = [scale_for(str(one.attrs["units"]), one.values) for one in (first, second)]
+    panel = shown(WIDTH, 3.0).subplots()
+    panel.plot(scales[0](first.values), scales[1](second.values), "o-", color=BLUE, ms=4)
+    labels = [
+        scale.label(str(one.attrs["long_name"])) for scale, one in zip(scales, (first, second), strict=True)
+    ]
+    panel.set(xlabel=labels[0], ylabel=labels[1])
+    return np.array([panel], dtype=object)
