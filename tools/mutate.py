@@ -160,6 +160,8 @@ TARGETS = (
         "design/front.py", ("tests/design/test_conditions.py::test_what_stays_of_a_front",), ("unbeaten",)
     ),
     Target("design/choice.py", ("tests/design/test_choice.py",), ("criterion", "score", "together")),
+    Target("rig/table.py", ("tests/rig/test_table.py",)),
+    Target("rig/oscilloscopes.py", ("tests/rig/test_table.py",), ("_keysight", "_rigol", "_tektronix")),
 )
 
 # A change can make a loop endless; that is noticed too, after this many times what the tests take without it.

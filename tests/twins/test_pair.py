@@ -13,7 +13,6 @@ import pytest
 import stickslip as ss
 from stickslip.rig import LimitError, RigError
 from stickslip.rig.pair import PairRig
-from stickslip.rig.table import with_ramp
 from stickslip.twins.generator import GeneratorTwin
 from stickslip.twins.oscilloscope import OscilloscopeTwin
 from stickslip.twins.scpi import shortened
@@ -141,7 +140,7 @@ def test_a_stop_in_mid_run_fades_to_zero() -> None:
         rig.stop(300.0)
         took = time.monotonic() - began
         amplitudes = [float(text.split()[1]) for text in bench.heard if text.startswith("SOUR1:VOLT ")][1:]
-        assert 90.0 / 300.0 <= took < 90.0 / 300.0 + 2.0
+        assert 90.0 / 300.0 <= took < 10.0
         assert len(amplitudes) > 10
         assert np.all(np.diff(amplitudes) < 0.0)
         assert np.ptp(np.diff(amplitudes[:-1])) < 1e-3  # even steps
@@ -158,7 +157,8 @@ def test_a_stop_in_mid_run_fades_to_zero() -> None:
     ],
 )
 def test_a_cable_that_is_out_is_told(cable: str, said: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("stickslip.rig.pair._LATE", 0.1)
+    if cable == "sync":
+        monkeypatch.setattr("stickslip.rig.pair._LATE", 0.1)
     bench = Bench()
     bench.wiring.cables.discard(cable)
     with bench.rig() as rig, pytest.raises(RigError, match=said):
@@ -180,7 +180,7 @@ def broken(
 
 
 def late(text: str, said: bytes) -> bytes:
-    time.sleep(0.5)
+    time.sleep(2.5)
     return said
 
 
@@ -202,11 +202,13 @@ def test_garbage_and_late_answers_are_told_and_the_output_is_off(
     which: str, query: str, answer: Any, said: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bench = Bench()
-    with bench.rig(timeout="0.3 s") as rig:
+    with bench.rig(timeout="2 s") as rig:
         broken(answer, monkeypatch, getattr(bench, which), query)
         with pytest.raises(RigError, match=f"{which} at 127.0.0.1:\\d+.*{said}"):
             ss.rig.measure(rig, DRIVE, CHANNELS, CAPTURE, LIMITS)
-        time.sleep(0.2)  # what the client told is done
+        end = time.monotonic() + 10.0
+        while bench.generator.on and time.monotonic() < end:  # what the client told is still to be done
+            time.sleep(0.02)
         assert not bench.generator.on
         assert bench.at_rest()
 
@@ -247,12 +249,6 @@ def test_a_signal_beyond_the_screen_is_told() -> None:
     beyond = pytest.raises(RigError, match="channel 2 was beyond what it shows")
     with bench.rig(spans={"gauge": "0.5 V", "monitor": "12 V"}) as rig, beyond:
         ss.rig.measure(rig, DRIVE, CHANNELS, CAPTURE, LIMITS)
-
-
-def test_a_table_begins_and_ends_at_zero() -> None:
-    table = with_ramp(np.array([5.0, 10.0]), 1000.0, 1000.0)
-    np.testing.assert_allclose(table, [0, 5, 10, 9, 8, 7, 6, 5, 4, 3, 2, 1, 0], atol=1e-12)
-    assert with_ramp(np.array([-3.0]), 1e9, 1000.0).tolist() == [0.0, -3.0, 0.0]
 
 
 def test_headers_in_long_form() -> None:

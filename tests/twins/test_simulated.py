@@ -71,7 +71,7 @@ def test_a_red_pitaya_stops_in_mid_run_and_tells_what_is_wrong(monkeypatch: pyte
             time.sleep(0.01)
         began = time.monotonic()
         rig.stop(400.0)
-        assert 80.0 / 400.0 <= time.monotonic() - began < 80.0 / 400.0 + 2.0
+        assert 80.0 / 400.0 <= time.monotonic() - began < 10.0
         time.sleep(0.05)
         assert board.wiring.voltage == 0.0
         rig.close()
@@ -80,7 +80,7 @@ def test_a_red_pitaya_stops_in_mid_run_and_tells_what_is_wrong(monkeypatch: pyte
         with pytest.raises(RigError, match="input 1 was beyond 1 V"):
             ss.rig.measure(rig, DRIVE, CHANNELS, CAPTURE, LIMITS)
         monkeypatch.setattr(board, "_data", lambda channel, count: "{0.1,nonsense}")
-        with pytest.raises(RigError, match=r"DATA:OLD:N\? \d+ is answered by '\{0\.1,nonsense\}'"):
+        with pytest.raises(RigError, match=r"ACQ:SOUR2:DATA\? is answered by '\{0\.1,nonsense\}'"):
             ss.rig.measure(rig, DRIVE, CHANNELS, CAPTURE, LIMITS)
         rig.close()
         board.identity = "Another,Board,1,2"

@@ -142,7 +142,7 @@ class RedPitayaRig:
         self._do(
             *("ACQ:STOP", "ACQ:RST", f"ACQ:DEC {self._decimation}", "ACQ:AVG ON"),
             *("ACQ:DATA:FORMAT ASCII", "ACQ:DATA:UNITS VOLTS"),
-            f"ACQ:TRIG:DLY {BUFFER // 2}",  # from the middle, where the trigger is: so it is the oldest value
+            f"ACQ:TRIG:DLY {samples + 1 - BUFFER // 2}",  # from the middle: those samples are the last
         )
         self._inputs, self._samples = inputs, samples
 
@@ -160,7 +160,7 @@ class RedPitayaRig:
         if not self._running:
             raise RigError(f"{self.capabilities.name}: nothing is running")
         if self._link.ask("ACQ:TRIG:FILL?") != "1":
-            if time.monotonic() > self._ends + BUFFER / self._rate + _LATE:
+            if time.monotonic() > self._ends + self._samples / self._rate + _LATE:
                 raise RigError(f"{self._link.name}: ACQ:TRIG:FILL?: its buffer does not fill")
             time.sleep(_POLL)
             return np.zeros((len(self._inputs), 0))
@@ -188,17 +188,18 @@ class RedPitayaRig:
 
     def _read(self, channel: int) -> Array:
         """The samples from the first value of the drive on: one after the trigger."""
-        query = f"ACQ:SOUR{channel}:DATA:OLD:N? {self._samples + 1}"
+        query = f"ACQ:SOUR{channel}:DATA?"
         said = self._link.ask(query)
         try:
             found = np.array([float(one) for one in said.strip("{}").split(",")])
         except ValueError:
             found = np.zeros(0)
-        if found.size != self._samples + 1 or not np.all(np.isfinite(found)):
+        if found.size != BUFFER or not np.all(np.isfinite(found)):
             raise RigError(f"{self._link.name}: {query} is answered by {said[:60]!r}, {found.size} numbers")
+        found = found[-self._samples :]
         if np.abs(found).max() >= 0.999 * self._span:
             raise RigError(f"{self._link.name}: input {channel} was beyond {self._span:g} V")
-        return found[1:]
+        return found
 
     def _do(self, *commands: str) -> None:
         for command in commands:
