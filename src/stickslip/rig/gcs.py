@@ -6,6 +6,7 @@ space.
 
 from __future__ import annotations
 
+import math
 import re
 
 from .line import Line
@@ -65,7 +66,7 @@ class GcsLine:
         """A command; RigError where its error is none of those allowed."""
         self.tell(command)
         said = self.ask("ERR?")[0]
-        if not said.lstrip("-").isdecimal():
+        if not re.fullmatch(r"-?\d{1,6}", said):
             self._lost = True
             raise RigError(f"{self.name}: {command}, then ERR?: {said[:60]!r} came, late or garbage")
         if int(said) not in (0, *allowed):
@@ -93,7 +94,7 @@ class GcsLine:
         said = self.ask(query)[0]
         found = re.fullmatch(r"(?:.*=)?\s*([-+.\deE]+)\s*", said)
         try:
-            return float(found[1] if found else "")
+            return _finite(found[1] if found else "")
         except ValueError:
             self._lost = True
             raise RigError(f"{self.name}: {query} is answered by {said[:60]!r}, no number") from None
@@ -102,10 +103,17 @@ class GcsLine:
         """The rows of numbers of a GCS array."""
         lines = [line for line in self.ask(query) if not line.startswith("#")]
         try:
-            return [[float(one) for one in line.split()] for line in lines if line]
+            return [[_finite(one) for one in line.split()] for line in lines if line]
         except ValueError:
             raise RigError(f"{self.name}: {query} is answered by no table: {lines[0][:60]!r}") from None
 
     def close(self) -> None:
         """Let go."""
         self._line.close()
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(f"{text} is not finite")
+    return value

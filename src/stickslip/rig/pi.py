@@ -162,8 +162,16 @@ class PiRig:
         return (np.array(rows[1:]) * scale).T  # the first is that at rest
 
     def stop(self, slew: float) -> None:
-        """End the wave where it is not over, and go to 0 V in steps."""
+        """End the wave where it is not over, and go to 0 V in steps; at once where it is not heard."""
         running, self._running = self._running, False
+        try:
+            self._go_to_zero(slew, running)
+        except RigError:
+            self._line.tell("WGO 1 0")
+            self._line.tell(f"SVA {self._axis} 0")
+            raise
+
+    def _go_to_zero(self, slew: float, running: bool) -> None:
         if running and 0.0 < self._ends - time.monotonic() <= float(np.abs(self._volts).max()) / slew:
             time.sleep(max(self._ends - time.monotonic(), 0.0))  # the table's own ramp
         self._line.do("WGO 1 0")

@@ -8,6 +8,7 @@ again, and only `tell` goes on, for a last command that brings an output to its 
 from __future__ import annotations
 
 import contextlib
+import re
 from typing import Any
 
 from .line import Line
@@ -84,13 +85,13 @@ class ScpiInstrument:
             said = self.ask(self.errors)
             if self.errors.startswith("*ESR?;"):
                 said = said.partition(";")[2]
-            number, comma, _ = said.partition(",")
-            if not comma or not number.lstrip("+-").isdecimal():
+            number = re.match(r"[+-]?\d{1,6},", said)
+            if number is None:
                 self._lost = True
                 raise RigError(
                     f"{self.name}: {command}, then {self.errors}: {said[:60]!r} came, late or garbage"
                 )
-            if int(number) == 0:
+            if int(number[0][:-1]) == 0:
                 break
             first = first or said
         if first:

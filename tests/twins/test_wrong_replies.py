@@ -1,0 +1,173 @@
+"""Mutated replies to rigs that put out tables: an error of ours or none, no hang, no voltage beyond limits.
+
+The devices are in this process, and time goes on when it is told to: thousands of replies take seconds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stickslip.positioners.e871 import E871Client
+from stickslip.rig import Gate, Limits, RigError
+from stickslip.rig.pair import PairRig
+from stickslip.rig.pi import PiRig
+from stickslip.rig.redpitaya import RedPitayaRig
+from stickslip.rig.variation import EXACT
+from stickslip.twins import Stage
+from stickslip.twins.generator import GeneratorTwin
+from stickslip.twins.oscilloscope import OscilloscopeTwin
+from stickslip.twins.wiring import Wiring
+from stickslip.units import QuantityError
+
+from .serving import TestClock
+from .simulated import Board, PiezoController, StepController
+from .wired import PER_VOLT, PLANT
+
+COUNT = 10000  # replies
+SHARE = 0.02  # of them are mutated
+HIGHEST = 60.0  # V that is asked for
+
+
+class Time(TestClock):
+    """Time for clients and devices; `asked` is how often the clients looked at it."""
+
+    asked = 0
+
+    def monotonic(self) -> float:
+        self.asked += 1
+        return self.now()
+
+
+def mutated(random: np.random.Generator, reply: bytes) -> bytes:
+    """A reply with something changed, cut, doubled or put in."""
+    made, at = bytearray(reply), int(random.integers(0, len(reply)))
+    some = [b"9", b"-", b"e9", b",", b" ", b"nan", b"\n", b"#", b"1" * 30, random.bytes(3)]
+    change = int(random.integers(0, 4))
+    if change == 0:
+        made[at] = int(random.integers(0, 256))
+    elif change == 1:
+        del made[at : at + int(random.integers(1, 40))]
+    elif change == 2:
+        made[at:at] = made[: int(random.integers(0, 12))]
+    else:
+        made[at:at] = some[int(random.integers(len(some)))]
+    return bytes(made)
+
+
+def line_to(devices: list[Any], random: np.random.Generator, counts: dict[str, int]) -> Callable[..., Any]:
+    """A `Line` to the device of that port, whose replies are mutated now and then."""
+
+    class Mutating:
+        def __init__(self, role: str, host: str, port: int, timeout: float) -> None:
+            self.device, self._rest = f"{role} at {host}:{port}", b""
+            self._session = devices[port].session()
+
+        def send(self, content: bytes) -> None:
+            reply = self._session.feed(content)
+            counts["replies"] += bool(reply)
+            if reply and random.random() < SHARE:
+                reply = mutated(random, reply)
+            self._rest += reply
+
+        def until(self, end: bytes, asked: bytes = b"", timeout: float | None = None) -> bytes:
+            if end not in self._rest:
+                raise RigError(f"{self.device}: nothing came as the answer to {asked!r}")
+            found, _, self._rest = self._rest.partition(end)
+            return found
+
+        def exactly(self, count: int, asked: bytes = b"") -> bytes:
+            if len(self._rest) < count:
+                raise RigError(f"{self.device}: too little came as the answer to {asked!r}")
+            found, self._rest = self._rest[:count], self._rest[count:]
+            return found
+
+        def close(self) -> None:
+            pass
+
+    return Mutating
+
+
+def made(name: str, clock: Time) -> tuple[list[Any], Callable[[], Any], Any]:
+    """Devices by port, what opens the client, and the stage."""
+    stage = Stage(PLANT, variation=EXACT.variation, seed=2)
+    if name == "e871":
+        return [StepController([stage], clock)], lambda: E871Client("here", port=0), stage
+    wires = Wiring(stage, {"redpitaya": 100.0, "pi": 1.0}.get(name, 15.0), PER_VOLT, clock=clock)
+    if name == "redpitaya":
+        options: dict[str, Any] = {"gain": 100.0, "inputs": {"gauge": 1}, "rate": "10 kHz"}
+        return [Board(wires)], lambda: RedPitayaRig("here", port=0, **options), stage
+    if name == "pi":
+        return [PiezoController(wires)], lambda: PiRig("here", port=0), stage
+    families = {"infiniivision": "33500", "mso5000": "dg1000z", "dpo3000": "33500"}
+    devices = [GeneratorTwin(wires, families[name]), OscilloscopeTwin(wires, name)]
+    options = {"gain": 15.0, "inputs": {"gauge": 2}, "rate": "10 kHz"}
+    return devices, lambda: PairRig("here:0", "here:1", **options), stage
+
+
+def run(rig: Any, clock: Time) -> None:
+    """A short run through the gate, as `measure` does it."""
+    can = rig.capabilities
+    gate = Gate(rig, Limits(max_voltage=HIGHEST), can)
+    name = next(one for one in can.inputs if one != "drive")
+    gate.load(np.append(np.linspace(0.0, HIGHEST, 50), np.zeros(50)))
+    gate.arm(("drive", name), 100)
+    try:
+        gate.start()
+        done = 0
+        while done < 100:
+            block = rig.fetch()
+            assert np.all(np.isfinite(block))
+            gate.take(block)
+            done += block.shape[1]
+            clock.sleep(0.02)
+            assert clock.asked < 100_000, "it hangs"
+    finally:
+        gate.stop()
+
+
+def step(client: Any, clock: Time) -> None:
+    """Steps there, and a look."""
+    client.step(1, 3, "40 V", "200 Hz")
+    for _ in range(100):
+        clock.sleep(0.02)
+        if not client.moving(1):
+            break
+    assert np.isfinite(client.position(1))
+    client.stop()
+
+
+@pytest.mark.parametrize("name", ["infiniivision", "mso5000", "dpo3000", "redpitaya", "pi", "e871"])
+def test_mutated_replies_do_no_harm(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock, random, counts = Time(), np.random.default_rng([7, len(name)]), {"replies": 0, "refused": 0}
+    devices, opened, stage = made(name, clock)
+    low, high, play = [0.0], [0.0], stage.play
+
+    def watched(piece: Any) -> Any:
+        low.append(float(piece.volts.min()))
+        high.append(float(piece.volts.max()))
+        return play(piece)
+
+    monkeypatch.setattr(stage, "play", watched)
+    for module in ("gate", "oscilloscopes", "pair", "pi", "redpitaya", "table"):
+        monkeypatch.setattr(f"stickslip.rig.{module}.time", clock)
+    for module in ("scpi", "gcs"):
+        monkeypatch.setattr(f"stickslip.rig.{module}.Line", line_to(devices, random, counts))
+    client, whole = None, 0
+    while counts["replies"] < COUNT:
+        clock.asked = 0
+        try:
+            client = client or opened()
+            (step if name == "e871" else run)(client, clock)
+            whole += 1
+        except (RigError, QuantityError):
+            counts["refused"] += 1
+            client = None
+            clock.sleep(1.0)  # what was put out comes to its end
+    assert whole
+    assert counts["refused"]
+    assert min(low) >= -1e-9
+    assert 30.0 < max(high) <= HIGHEST * 1.001
