@@ -1,4 +1,5 @@
-"""Mutated replies to rigs that put out tables: an error of ours or none, no hang, no voltage beyond limits.
+"""Mutated replies to rigs that put out tables, and requests to twins: an error of ours or none, no hang, no
+voltage beyond limits.
 
 The devices are in this process, and time goes on when it is told to: thousands of replies take seconds.
 """
@@ -20,6 +21,7 @@ from stickslip.rig.variation import EXACT
 from stickslip.twins import Stage
 from stickslip.twins.generator import GeneratorTwin
 from stickslip.twins.oscilloscope import OscilloscopeTwin
+from stickslip.twins.server import HangUp
 from stickslip.twins.wiring import Wiring
 from stickslip.units import QuantityError
 
@@ -27,7 +29,7 @@ from .serving import TestClock
 from .simulated import Board, PiezoController, StepController
 from .wired import PER_VOLT, PLANT
 
-COUNT = 10000  # replies
+COUNT = 2000  # replies, and requests
 SHARE = 0.02  # of them are mutated
 HIGHEST = 60.0  # V that is asked for
 
@@ -58,7 +60,9 @@ def mutated(random: np.random.Generator, reply: bytes) -> bytes:
     return bytes(made)
 
 
-def line_to(devices: list[Any], random: np.random.Generator, counts: dict[str, int]) -> Callable[..., Any]:
+def line_to(
+    devices: list[Any], random: np.random.Generator, counts: dict[str, int], share: float = SHARE
+) -> Callable[..., Any]:
     """A `Line` to the device of that port, whose replies are mutated now and then."""
 
     class Mutating:
@@ -69,7 +73,7 @@ def line_to(devices: list[Any], random: np.random.Generator, counts: dict[str, i
         def send(self, content: bytes) -> None:
             reply = self._session.feed(content)
             counts["replies"] += bool(reply)
-            if reply and random.random() < SHARE:
+            if reply and random.random() < share:
                 reply = mutated(random, reply)
             self._rest += reply
 
@@ -171,3 +175,48 @@ def test_mutated_replies_do_no_harm(name: str, monkeypatch: pytest.MonkeyPatch) 
     assert counts["refused"]
     assert min(low) >= -1e-9
     assert 30.0 < max(high) <= HIGHEST * 1.001
+
+
+@pytest.mark.parametrize("name", ["infiniivision", "mso5000", "dpo3000"])
+def test_mutated_requests_do_no_harm(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a client sends in a run, mutated; whatever a twin raises but the end of a connection is raised."""
+    clock, random = Time(), np.random.default_rng([8, len(name)])
+    devices, opened, stage = made(name, clock)
+    sent: list[tuple[int, bytes]] = []
+    base = line_to(devices, random, {"replies": 0}, share=0.0)
+
+    class Listening(base):  # type: ignore[misc, valid-type]
+        def __init__(self, role: str, host: str, port: int, timeout: float) -> None:
+            super().__init__(role, host, port, timeout)
+            self.port = port
+
+        def send(self, content: bytes) -> None:
+            sent.append((self.port, content))
+            super().send(content)
+
+    for module in ("gate", "oscilloscopes", "pair", "table"):
+        monkeypatch.setattr(f"stickslip.rig.{module}.time", clock)
+    monkeypatch.setattr("stickslip.rig.scpi.Line", Listening)
+    run(opened(), clock)
+    extremes, play = [0.0], stage.play
+
+    def watched(piece: Any) -> Any:
+        extremes.extend((float(piece.volts.min()), float(piece.volts.max())))
+        return play(piece)
+
+    monkeypatch.setattr(stage, "play", watched)
+    sessions = [device.session() for device in devices]
+    some = list(dict.fromkeys(sent))
+    starts = [content for port, content in some if port == 0 and b"OFF" not in content]
+    for request in range(COUNT):
+        if request % 200 == 0:  # a right start among them
+            devices[0].session().feed(b"".join(starts))
+        port, content = some[int(random.integers(len(some)))]
+        clock.sleep(float(random.choice([0.0, 0.002, 0.02])))
+        try:
+            sessions[port].feed(mutated(random, content))
+        except HangUp:
+            sessions[port] = devices[port].session()
+    assert np.ptp(extremes) > 0.0  # something moved
+    assert max(map(abs, extremes)) <= 150.0 + 1e-9  # 10 V of the generator by the amplifier of 15
+    assert devices[1].execute("*IDN?").strip().decode() == devices[1].identity
