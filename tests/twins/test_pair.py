@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
+from stickslip.attached import probe
 from stickslip.rig import LimitError, RigError
 from stickslip.rig.pair import PairRig
 from stickslip.twins.generator import GeneratorTwin
@@ -231,6 +232,12 @@ def test_who_is_somebody_else_is_told() -> None:
         PairRig("127.0.0.1:1", "127.0.0.1:1", **OPTIONS)
     with pytest.raises(RigError, match=r"generator at TCPIP::127\.0\.0\.1::1::SOCKET.*refused"):
         PairRig("TCPIP::127.0.0.1::1::SOCKET", "127.0.0.1:1", **OPTIONS)
+
+
+def test_an_instrument_is_found_at_an_address() -> None:
+    with served(Bench().oscilloscope) as port:
+        (found,) = probe("127.0.0.1", port)
+    assert found == (f"127.0.0.1:{port}", "AGILENT TECHNOLOGIES,DSO-X 3024A,MY50000001,02.50", "scpi")
 
 
 def test_a_program_that_is_gone_leaves_zero_volts() -> None:
