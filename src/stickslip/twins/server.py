@@ -1,5 +1,5 @@
-"""Servers of a twin, on TCP (one program at a time, as the controllers have it) or on a pseudo terminal; lines
-of bounded length."""
+"""Servers of a twin, on TCP (one program at a time, as the controllers have it) or on a pseudo terminal; and
+lines of bounded length."""
 
 from __future__ import annotations
 
