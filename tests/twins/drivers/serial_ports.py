@@ -1,4 +1,4 @@
-"""Our clients move what listens on two serial ports, a KIM101 and an ANC300; pylablib's driver the second, too.
+"""Our clients move what listens on two serial ports, a KIM101 and an ANC300; pylablib's driver the second.
 
 pylablib's driver of the KIM101 first raises RTS, which a pseudo terminal does not have.
 """
