@@ -120,8 +120,9 @@ class Kim101Client:
             if found == answer:
                 return content
             if found == 0x0081:
+                refused = int.from_bytes(content[:2], "little")
                 raise RigError(
-                    f"{self._line.device}: {asked.decode()} is refused: {content[4:].strip(bytes(1))!r}"
+                    f"{self._line.device}: 0x{refused:04X} is refused: {content[4:].strip(bytes(1))!r}"
                 )
             if found != _COMPLETED:
                 break
