@@ -181,7 +181,7 @@ class DaqmxRig:
 
     def output(self) -> tuple[Array, Array]:
         """What the drive that was loaded becomes: times [s] from the start and voltages, to be joined by
-        lines. Each value is held, and taken to be reached within 2 % of its update (not measured on a card)."""
+        lines. Each is held, and taken to be reached within 2 % of its update (not measured on a card)."""
         tick = 1.0 / self._rate
         begins: Array = np.arange(self._volts.size, dtype=np.float64) * tick
         times: Array = np.stack([begins + _EDGE * tick, begins + tick], axis=1).ravel()

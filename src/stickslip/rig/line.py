@@ -12,6 +12,7 @@ from typing import Any, NoReturn
 from .protocols import RigError
 
 LONGEST_REPLY = 1_000_000  # bytes
+_INSISTENCE, _PAUSE = 1.0, 0.05  # s
 
 
 class Line:
@@ -63,13 +64,14 @@ class Line:
             raise
 
     def insist(self, act: Callable[[], object], begin: Callable[[], object] = lambda: None) -> None:
-        """Do what brings the output to its safe state; where the connection is closed, or fails meanwhile,
-        once more on a new one, which `begin` begins.
+        """Do what brings the output to its safe state; where the connection is closed, or fails, again
+        on a new one, which `begin` begins: twice at least, and for a second.
 
         Raises:
             RigError: it did not help; the output may keep its voltage.
         """
-        for last in (False, True):
+        end, again = time.monotonic() + _INSISTENCE, True
+        while True:
             try:
                 if self.closed:
                     self.open()
@@ -78,10 +80,12 @@ class Line:
                 act()
                 return
             except RigError as error:
-                if last or not self.closed:
+                if not (self.closed and (again or time.monotonic() < end)):
                     raise RigError(
                         f"{error}; not known to have stopped, the output may keep its voltage"
                     ) from None
+            again = False
+            time.sleep(_PAUSE)
 
     def send(self, content: bytes) -> None:
         """Send.

@@ -19,7 +19,7 @@ said["kim101"] = ours.position(2)
 ours.stop()
 ours.close()
 
-controller = ANC300(anc300)
+controller = ANC300(anc300, backend="serial")
 said["axes"] = controller.get_all_axes()
 controller.set_mode(1, "stp")
 controller.set_voltage(1, 80)
