@@ -102,9 +102,9 @@ class Watched(Stage):
         return super().play(piece)
 
 
-def twin_with(name: str, seed: int, clock: TestClock) -> tuple[Any, list[Watched]]:
+def twin_with(name: str, seed: int, clock: TestClock) -> tuple[Any, list[Any]]:
     """A twin whose stages are watched."""
-    stages = [Watched(ACTUATOR, seed=seed + i) for i in range(1 if name == "nv200" else 2)]
+    stages: list[Any] = [Watched(ACTUATOR, seed=seed + i) for i in range(1 if name == "nv200" else 2)]
     if name == "nv200":
         return Nv200(stages[0], clock=clock), stages
     if name == "anc300":
