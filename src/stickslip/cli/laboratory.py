@@ -139,8 +139,7 @@ def serve_pair(actuator: Actuator, travel: str, seed: int, host: str, port: int)
     generator, oscilloscope = make_pair(actuator, travel=travel, seed=seed)
     with TwinServer(generator, host, port) as one, TwinServer(oscilloscope, host, port and port + 1) as other:
         for role, server in (("generator", one), ("oscilloscope", other)):
-            address, number = server.server_address[:2]
-            typer.echo(f"{role} {address}:{number}")
+            typer.echo(f"{role} {server.where}")
         threading.Thread(target=other.serve_forever, daemon=True).start()
         one.serve_forever()
 

@@ -46,7 +46,7 @@ class Anc300Client:
         password: str = "123456",
         timeout: float | str = 2.0,
     ) -> None:
-        self._line = Line("ANC300", host, port, to_si(timeout, "s", "timeout"), baud=_BAUD)
+        self._line = Line("ANC300", host, port, to_si(timeout, "s", "timeout"), baud=_BAUD, closing=True)
         self._counted: dict[int, int] = {}
         with self._line.closed_on_refusal():
             self._password = None if port is None else password

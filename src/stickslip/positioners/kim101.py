@@ -40,7 +40,9 @@ class Kim101Client:
         timeout = to_si(timeout, "s", "timeout")
         host, colon, port = where.rpartition(":")
         over_tcp = bool(colon) and port.isdecimal()
-        self._line = Line("KIM101", host if over_tcp else where, int(port) if over_tcp else None, timeout)
+        self._line = Line(
+            "KIM101", host if over_tcp else where, int(port) if over_tcp else None, timeout, closing=True
+        )
         with self._line.closed_on_refusal():
             info = self._ask(0x0005, b"", 0x0006)
             if len(info) != 84 or not info[4:10].startswith(b"KIM"):

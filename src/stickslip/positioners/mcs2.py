@@ -40,7 +40,7 @@ class Mcs2Client:
     )
 
     def __init__(self, host: str, *, port: int = PORT, timeout: float | str = 2.0) -> None:
-        self._line = Line("MCS2", host, port, to_si(timeout, "s", "timeout"))
+        self._line = Line("MCS2", host, port, to_si(timeout, "s", "timeout"), closing=True)
         with self._line.closed_on_refusal():
             count = self._number(":DEV:NOCH?")
             if not 1 <= count <= _MOST_AXES:

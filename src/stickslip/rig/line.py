@@ -16,8 +16,7 @@ _INSISTENCE, _PAUSE = 1.0, 0.05  # s
 
 
 class Line:
-    """A connection. It is closed where an answer does not come, or not whole: what comes later could be taken
-    for the answer to something else.
+    """A connection.
 
     Args:
         device: what it is called in errors.
@@ -25,15 +24,26 @@ class Line:
         port: of TCP; None for a serial port, which needs pyserial.
         timeout: s, for connecting and for each answer.
         baud: bits/s of a serial port.
+        closing: where an answer is late, or none, the connection is closed: what comes later could be taken
+            for the answer to something else. Who leaves it open sees to that, and may still send.
 
     Raises:
         RigError: nobody answers there.
     """
 
-    def __init__(self, device: str, host: str, port: int | None, timeout: float, baud: int = 115200) -> None:
+    def __init__(
+        self,
+        device: str,
+        host: str,
+        port: int | None,
+        timeout: float,
+        *,
+        baud: int = 115200,
+        closing: bool = False,
+    ) -> None:
         where = host if port is None else f"{host}:{port}"
         self.device, self._host, self._port, self._baud = f"{device} at {where}", host, port, baud
-        self._timeout = timeout
+        self._timeout, self._closing = timeout, closing
         self.open()
 
     def open(self) -> None:
@@ -145,8 +155,9 @@ class Line:
         self._rest += came
 
     def fail(self, why: str) -> NoReturn:
-        """Close, and raise RigError that says why."""
-        self.close()
+        """Raise RigError that says why; close, if it is a line that does."""
+        if self._closing:
+            self.close()
         raise RigError(f"{self.device}: {why}") from None
 
 

@@ -73,7 +73,7 @@ class Nv200Rig:
         self._factor = round(interval / TICK)
         if not 1 <= self._factor <= 65535 or abs(interval - self._factor * TICK) > 1e-9:
             raise QuantityError(f"interval = {interval:g} s must be a multiple of 50 us, up to 3.27 s")
-        self._line = Line("NV200", host, port, self._timeout)
+        self._line = Line("NV200", host, port, self._timeout, closing=True)
         self._inputs: tuple[str, ...] = ()
         self._samples, self._loaded, self._running = 0, False, False
         self._volts: Array = np.zeros(1)
