@@ -8,10 +8,9 @@ import math
 from collections.abc import Callable, Iterator
 from typing import Any
 
-import yaml
-
 from .. import registry
 from ..attached import attached_devices, known_devices
+from ..input_file import InputFileError, yaml_mapping
 from ..parameters import ParameterSetError
 from ..registry import RegistryError
 from ..rig import About, Capabilities, Limits, RigError, available_benches, load_bench
@@ -65,11 +64,10 @@ def asked_rig(kind: str, bench: str, options: str, before: Content) -> Content:
         )
         return {**kept, "bench": bench}
     try:
-        made = yaml.safe_load("{" + options[:_LONGEST] + "}")
-    except yaml.YAMLError:
-        made = None
-    if not isinstance(made, dict):
-        raise QuantityError(f"options = {options[:60]!r} must be like host: 192.168.0.20, interval: 100 us")
+        made = yaml_mapping("{" + options[:_LONGEST] + "}", "options")
+    except InputFileError:
+        said = f"options = {options[:60]!r} must be like host: 192.168.0.20, interval: 100 us"
+        raise QuantityError(said) from None
     return {"kind": kind, "options": {k: v for k, v in made.items() if v is not None}}
 
 
