@@ -70,19 +70,30 @@ def load_yaml(path: str | os.PathLike[str]) -> dict[str, Any]:
             raise InputFileError(f"{path}: no plain file")
         if path.stat().st_size > LARGEST:
             raise InputFileError(f"{path}: {path.stat().st_size / 1e6:.1f} MB; an input file has up to 1 MB")
-        found = yaml.load(path.read_text(encoding="utf-8"), Loader=_LOADER)
-        if _count(found, 0) > MOST_VALUES:
-            raise InputFileError(f"{path}: it stands for more than {MOST_VALUES} values")
+        text = path.read_text(encoding="utf-8")
     except OSError as error:
         raise InputFileError(f"{path}: {error.strerror or error}") from error
     except UnicodeDecodeError as error:
         raise InputFileError(f"{path}: {error}") from error
+    return yaml_mapping(text, str(path))
+
+
+def yaml_mapping(text: str, source: str) -> dict[str, Any]:
+    """The content of a YAML text; `source` is what errors call it.
+
+    Raises:
+        InputFileError: it is no YAML, or no mapping.
+    """
+    try:
+        found = yaml.load(text, Loader=_LOADER)
+        if _count(found, 0) > MOST_VALUES:
+            raise InputFileError(f"{source}: it stands for more than {MOST_VALUES} values")
     except InputFileError:
         raise
     except (yaml.YAMLError, ValueError, RecursionError) as error:  # ValueError: a date that does not exist
-        raise InputFileError(f"{path} is no YAML: {' '.join(str(error).split())}") from error
+        raise InputFileError(f"{source} is no YAML: {' '.join(str(error).split())}") from error
     if not isinstance(found, dict):
-        raise InputFileError(f"{path}: the file must be a mapping, with 'title' and so on")
+        raise InputFileError(f"{source}: the file must be a mapping, with 'title' and so on")
     return found
 
 

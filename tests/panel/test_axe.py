@@ -116,6 +116,10 @@ def bench(page: Page) -> Iterator[str]:
         page.get_by_role("button", name=name).click()
         yield name
         page.keyboard.press("Escape")
+    page.locator("#rig").click()
+    page.locator(".choices details").first.click()
+    yield "the rig, and others"
+    page.keyboard.press("Escape")
     for title in ("Rename", "Export"):
         page.locator("#tab-recordings li").first.get_by_title(title).click()
         yield title

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import threading
+
 import numpy as np
 import pytest
+
+from stickslip.twins import TwinTerminal
+from stickslip.units import QuantityError
 
 from .serving import drive, served, twin_of
 
@@ -96,3 +101,24 @@ def test_the_driver_of_bliss_moves_the_mcs2() -> None:
     assert said["error"] == 'Error 19 on channel 1: "Invalid parameter"'
     assert said["channel_error"] == 'Error 34 on channel 7: "Invalid channel index"'
     assert not said["after"]
+
+
+def test_serial_ports() -> None:
+    """pylablib's driver of the ANC300, and our clients, through pseudo terminals."""
+    kim101, anc300 = twin_of("kim101"), twin_of("anc300")
+    motor, stage = kim101.channels[1].axis.stage, anc300.modules[1].axis.stage
+    begin, before = motor.position, stage.position
+    with TwinTerminal(kim101) as one, TwinTerminal(anc300) as other:
+        threads = [threading.Thread(target=each.serve_forever, daemon=True) for each in (one, other)]
+        for thread in threads:
+            thread.start()
+        said = drive("serial_ports.py", one.where, other.where)
+        one.shutdown()
+        other.shutdown()
+        for thread in threads:
+            thread.join()
+    assert said == {"kim101": 30.0, "axes": [1, 2, 3], "voltage": 80.0, "anc300": -10.0}
+    assert 30e-6 < motor.position - begin < 30 * 110 * GAIN
+    assert 10e-6 < stage.position - before < 30 * 80 * GAIN  # 30 steps by pylablib, 10 back by ours
+    with pytest.raises(QuantityError, match="Nv200 has no serial port"):
+        TwinTerminal(twin_of("nv200", axes=1))

@@ -70,7 +70,7 @@ def errors_in_one_line(show_traceback: bool) -> Iterator[None]:
 
 
 def _explained(error: Exception) -> str:
-    text = " ".join(str(error).split())
+    text = " ".join(". ".join((str(error), *getattr(error, "__notes__", ()))).split())
     if isinstance(error, ModuleNotFoundError) and not str(error.name).startswith("stickslip"):
         return f"this command needs {error.name}; {_INSTALL}"
     if isinstance(error, OSError) and error.strerror and error.filename is not None:

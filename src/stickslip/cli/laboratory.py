@@ -111,21 +111,23 @@ def twin(
     travel: Annotated[str, typer.Option(help="From end stop to end stop, with its unit.")] = "4 mm",
     axes: Annotated[int, typer.Option(help="Stages on it; the NV200 has one.", min=1, max=4)] = 3,
     seed: Annotated[int, typer.Option(help="Of scatter, noise and position at power-on.", min=0)] = 0,
+    pty: Annotated[
+        bool, typer.Option("--pty", help="On a pseudo terminal: a serial port (anc300, kim101).")
+    ] = False,
     show_traceback: Traceback = False,
 ) -> None:
     """Serve a twin of a controller, with stages behind it that move by the model, until Ctrl-C."""
     with errors_in_one_line(show_traceback):
         from ..actuator import load_actuator
-        from ..twins import TwinServer, make_twin
+        from ..twins import TwinServer, TwinTerminal, make_twin
 
         signal.signal(signal.SIGTERM, signal.default_int_handler)
         actuator = load_actuator(parameters).replace(external_force=load)
         if name is TwinName.SCPI:
             return serve_pair(actuator, travel, seed, host, port)
         made = make_twin(name.value, actuator, axes=axes, travel=travel, seed=seed)
-        with TwinServer(made, host, port) as server:
-            address, number = server.server_address[:2]
-            typer.echo(f"{address}:{number}")
+        with TwinTerminal(made) if pty else TwinServer(made, host, port) as server:
+            typer.echo(server.where)
             server.serve_forever()
 
 
@@ -137,8 +139,7 @@ def serve_pair(actuator: Actuator, travel: str, seed: int, host: str, port: int)
     generator, oscilloscope = make_pair(actuator, travel=travel, seed=seed)
     with TwinServer(generator, host, port) as one, TwinServer(oscilloscope, host, port and port + 1) as other:
         for role, server in (("generator", one), ("oscilloscope", other)):
-            address, number = server.server_address[:2]
-            typer.echo(f"{role} {address}:{number}")
+            typer.echo(f"{role} {server.where}")
         threading.Thread(target=other.serve_forever, daemon=True).start()
         one.serve_forever()
 

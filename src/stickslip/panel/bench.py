@@ -15,6 +15,7 @@ from .document import BenchDocument
 from .folder import Folder
 from .journal import Journal
 from .live import Live
+from .rigs import offered
 from .running import Runner
 from .starting import Starter
 from .stream import Client, Hub
@@ -45,6 +46,14 @@ class Named(Strict):
     """A file of the folder."""
 
     name: str
+
+
+class Chosen(Strict):
+    """A rig: a bench of the virtual one, or a back end and its options as they are typed."""
+
+    kind: str
+    bench: str = ""
+    options: str = ""
 
 
 class Note(Strict):
@@ -175,6 +184,20 @@ def _add_experiment(
         done = document.undo(asked.again)
         hub.send(_described(document))
         return {"done": done}
+
+    @routes.get("/rigs")
+    def rigs() -> dict[str, Any]:
+        return offered(folder)
+
+    @routes.post("/rig")
+    def choose(asked: Chosen, request: Request) -> dict[str, list[str]]:
+        control.need(request.headers.get("x-client", ""))
+        if runner.busy:
+            raise QuantityError("a run is going on: another rig can be chosen when it has ended")
+        left_out = document.choose_rig(asked.kind, asked.bench, asked.options)
+        journal("; ".join([f"the rig is now {document.checked.can.name}", *left_out]))
+        hub.send(_described(document))
+        return {"left_out": left_out}
 
     @routes.get("/experiments")
     def experiments() -> list[str]:

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from .. import registry
 from ..actuator import Actuator
 from ..experiment.cells import Cell, cells, limits_of
 from ..experiment.file import ExperimentFile, VirtualRigSpec
@@ -21,9 +22,11 @@ from ..recording import STANDARD_NAMES
 from ..recording.replacing import replaced_whole
 from ..records import quantities
 from ..registry import check_used
+from ..rig import Capabilities, Limits
 from ..rig.measurement import channel_units
 from ..units import QuantityError, to_si
 from .folder import Folder
+from .rigs import asked_rig, facts, fitted
 from .sets import check_own
 
 DEFAULT = Path(__file__).parent / "experiment.yaml"
@@ -32,12 +35,14 @@ _KEY_LIMIT = 8  # parts of a path into the content
 
 
 class Checked(NamedTuple):
-    """Content that was found right: what it says, its cells, and the unit of each channel."""
+    """Content that was found right: what it says, its cells, the unit of each channel, rig and limits."""
 
     content: dict[str, Any]
     file: ExperimentFile
     cells: list[Cell]
     units: dict[str, str]
+    can: Capabilities
+    limits: Limits
 
 
 class BenchDocument:
@@ -53,17 +58,21 @@ class BenchDocument:
 
     def _check(self, content: dict[str, Any]) -> Checked:
         """Raises ValueError or RigError for what cannot be recorded; nothing is put out."""
+        file, laboratory = self._planned(content)
+        found = cells(file, self._folder.root, laboratory, self._read)
+        can = laboratory.capabilities(found[0].actuator)
+        limits = limits_of(file.limits, found[0].actuator)
+        return Checked(content, file, found, channel_units(can, found[0].channels, limits), can, limits)
+
+    def _planned(self, content: dict[str, Any]) -> tuple[ExperimentFile, PlanningLaboratory]:
+        """What it says, none of it a file that was not used, and its laboratory."""
         file = check_experiment(content)
         for name in _files(file):
             check_own(self._folder.path(name))
         for part in (part for run in file.runs for part in run.waveform):
             check_used(part.shape or "", self._folder.root)
         check_used(file.rig.kind, self._folder.root)
-        laboratory = PlanningLaboratory(file, self._folder.root)
-        found = cells(file, self._folder.root, laboratory, self._read)
-        can = laboratory.capabilities(found[0].actuator)
-        limits = limits_of(file.limits, found[0].actuator)
-        return Checked(content, file, found, channel_units(can, found[0].channels, limits))
+        return file, PlanningLaboratory(file, self._folder.root)
 
     def check(self, content: dict[str, Any]) -> Checked:
         """As `change` would; but nothing is changed."""
@@ -72,9 +81,22 @@ class BenchDocument:
     def change(self, path: list[str | int], value: Any) -> None:
         """Set one place of the content, null takes it away; raises as `replace`, and nothing is changed."""
         with self._lock:
-            made = self._check(self._changed(path, value))
-            if made.content == self.checked.content:
-                return
+            self._take(self._check(self._changed(path, value)))
+
+    def choose_rig(self, kind: str, bench: str, options: str) -> list[str]:
+        """Put the experiment on another rig; what of it was left out there. Raises as `replace`."""
+        with self._lock:
+            content = self.checked.content
+            content = {**content, "rig": asked_rig(kind, bench, options, content.get("rig", {}))}
+            _, laboratory = self._planned(content)
+            can = laboratory.capabilities(self.checked.cells[0].actuator)
+            made, left_out = fitted(content, can, self._check)
+            self._take(self._check(made))
+            return left_out
+
+    def _take(self, made: Checked) -> None:
+        """Put it on the bench, to be taken back."""
+        if made.content != self.checked.content:
             self._before = [*self._before, self.checked][-MOST_KEPT:]
             self.checked, self._undone = made, []
 
@@ -138,8 +160,11 @@ class BenchDocument:
 
     def described(self) -> dict[str, Any]:
         """All that a page needs to know of it."""
-        content, file, _, units = self.checked
+        content, file, _, units, can, limits = self.checked
+        virtual = isinstance(file.rig, VirtualRigSpec)
+        back_end = None if virtual else registry.rigs.find(file.rig.kind, self._folder.root)
         return {
+            "rig": facts(can, limits, getattr(back_end, "about", None)),
             "name": self.name,
             "content": content,
             "panel": [one.model_dump() for one in file.panel],
@@ -151,7 +176,7 @@ class BenchDocument:
 
     def _variables(self) -> Iterator[dict[str, Any]]:
         """Everything that an input can be bound to: name, value in SI, unit, meaning, place in the file."""
-        _, file, found, _ = self.checked
+        file, found = self.checked.file, self.checked.cells
         for name, value in file.variables.items():
             unit = _unit_of(name, value)
             if unit is not None and not isinstance(value, bool):

@@ -180,7 +180,7 @@ def _slug(text: str) -> str:
 
 def homing(folder: Folder, document: BenchDocument, position: float) -> Job:
     """Walk towards home until the end-effector is there while the drive is at 0 V."""
-    content, file, _, units = document.checked
+    content, file, _, units, *_ = document.checked
     walk = {"forward_voltage", "reverse_voltage", "frequency"}
     if not walk <= file.variables.keys() or POSITION not in units:
         raise QuantityError(

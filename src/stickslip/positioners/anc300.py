@@ -1,4 +1,4 @@
-"""attocube's ANC300 by its console on TCP."""
+"""attocube's ANC300 by its console, on TCP or on its serial port."""
 
 from __future__ import annotations
 
@@ -6,22 +6,24 @@ import re
 from typing import ClassVar
 
 from .. import registry
-from ..rig.line import Line
+from ..rig.line import Line, finite
 from ..rig.protocols import About, RigError
 from ..units import to_si
 from .protocols import Ranges
 
 PORT = 7230
+_BAUD = 38400  # of its serial port
 _MOST_AXES = 7
+_STOPPING = (("stop", ""), ("setm", " gnd"))
 
 
 class Anc300Client:
     """The controller; see `Positioner`. Axes are its modules, from 1 on; there is no sensor.
 
     Args:
-        host: its address.
-        port: of its console.
-        password: of the console.
+        host: its address, or its serial port, such as /dev/ttyACM0.
+        port: of its console; None for a serial port, which asks for no password.
+        password: of the console on TCP.
         timeout: s, for each answer.
 
     Raises:
@@ -29,7 +31,7 @@ class Anc300Client:
     """
 
     about: ClassVar[About] = About(
-        device="attocube ANC300 (console, TCP)",
+        device="attocube ANC300 (console, TCP or serial)",
         does="steps, holds an offset",
         samples="none",
         safe_state="motions stop and the axes are grounded",
@@ -37,19 +39,20 @@ class Anc300Client:
     )
 
     def __init__(
-        self, host: str, *, port: int = PORT, password: str = "123456", timeout: float | str = 2.0
+        self,
+        host: str,
+        *,
+        port: int | None = PORT,
+        password: str = "123456",
+        timeout: float | str = 2.0,
     ) -> None:
-        self._line = Line("ANC300", host, port, to_si(timeout, "s", "timeout"))
+        self._line = Line("ANC300", host, port, to_si(timeout, "s", "timeout"), baud=_BAUD, closing=True)
         self._counted: dict[int, int] = {}
-        try:
-            self._line.send(password.encode("latin-1") + b"\r\n")
-            self._line.until(b"Authorization success\r\n", b"the password")
-            self._ask("echo off")
+        with self._line.closed_on_refusal():
+            self._password = None if port is None else password
+            self._begin()
             axes = tuple(axis for axis in range(1, _MOST_AXES + 1) if self._has(axis))
             serial = self._ask("getcser").strip()
-        except RigError:
-            self._line.close()
-            raise
         self.ranges = Ranges(
             name=f"ANC300 {serial}",
             axes=axes,
@@ -93,13 +96,24 @@ class Anc300Client:
 
     def stop(self) -> None:
         """End all motions, and ground the axes."""
-        for axis in self.ranges.axes:
-            self._ask(f"stop {axis}")
-            self._ask(f"setm {axis} gnd")
+        self._line.insist(self._ground, self._begin)
 
     def close(self) -> None:
         """Let go."""
         self._line.close()
+
+    def _ground(self) -> None:
+        commands = [f"{what} {axis}{to}" for axis in self.ranges.axes for what, to in _STOPPING]
+        self._line.send("".join(f"{one}\r\n" for one in commands).encode())
+        for command in commands:
+            self._said(command)
+
+    def _begin(self) -> None:
+        """What a connection begins with."""
+        if self._password is not None:
+            self._line.send(self._password.encode("latin-1") + b"\r\n")
+            self._line.until(b"Authorization success\r\n", b"the password")
+        self._ask("echo off")
 
     def _has(self, axis: int) -> bool:
         try:
@@ -113,22 +127,24 @@ class Anc300Client:
     def _number(self, command: str) -> float:
         said = self._value(command)
         try:
-            return float(said)
+            return finite(said)
         except ValueError:
-            raise RigError(
-                f"{self._line.device}: {command} is answered by {said[:60]!r}, no number"
-            ) from None
+            self._line.fail(f"{command} is answered by {said[:60]!r}, no number")
 
     def _value(self, command: str) -> str:
         said = self._ask(command)
         found = re.search(r"=\s*(\S+)", said)
         if found is None:
-            raise RigError(f"{self._line.device}: {command} is answered by {said[:60]!r}")
+            self._line.fail(f"{command} is answered by {said[:60]!r}")
         return found[1]
 
     def _ask(self, command: str) -> str:
+        self._line.send(command.encode("latin-1") + b"\r\n")
+        return self._said(command)
+
+    def _said(self, command: str) -> str:
+        """What the console says before OK."""
         asked = command.encode("latin-1")
-        self._line.send(asked + b"\r\n")
         lines: list[str] = []
         while True:
             line = self._line.until(b"\n", asked).decode("latin-1").strip("\r\x00 ")
@@ -137,7 +153,7 @@ class Anc300Client:
             if line == "ERROR":
                 raise RigError(f"{self._line.device}: {command}: {' '.join(lines)[:200]}")
             if len(lines) > 1000:
-                raise RigError(f"{self._line.device}: the answer to {command} does not end")
+                self._line.fail(f"the answer to {command} does not end")
             lines.append(line)
 
 

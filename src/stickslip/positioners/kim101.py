@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from .. import registry
 from ..rig.line import Line
@@ -39,18 +39,14 @@ class Kim101Client:
     def __init__(self, where: str, *, timeout: float | str = 2.0) -> None:
         timeout = to_si(timeout, "s", "timeout")
         host, colon, port = where.rpartition(":")
-        self._line: Any = (
-            Line("KIM101", host, int(port), timeout)
-            if colon and port.isdecimal()
-            else _Serial(where, timeout)
+        over_tcp = bool(colon) and port.isdecimal()
+        self._line = Line(
+            "KIM101", host if over_tcp else where, int(port) if over_tcp else None, timeout, closing=True
         )
-        try:
+        with self._line.closed_on_refusal():
             info = self._ask(0x0005, b"", 0x0006)
             if len(info) != 84 or not info[4:10].startswith(b"KIM"):
                 raise RigError(f"{self._line.device} says it is {info[4:12]!r}, not a KIM101")
-        except RigError:
-            self._line.close()
-            raise
         self.ranges = Ranges(
             name=f"KIM101 {struct.unpack('<I', info[:4])[0]}",
             axes=(1, 2, 3, 4),
@@ -70,7 +66,11 @@ class Kim101Client:
         mask = 1 << (axis - 1)
         self._send(0x08C0, struct.pack("<HHHII", 0x07, mask, round(voltage), round(frequency), 100_000))
         self._send(0x08C0, struct.pack("<HH", 0x2B, axis))
-        self._send(0x08D4, struct.pack("<Hi", mask, round(self.position(axis)) + count))
+        # It takes a target: the count is read twice, for how far it goes hangs on it.
+        begin = self._status(axis)[0]
+        if self._status(axis)[0] != begin:
+            raise RigError(f"{self._line.device}: channel {axis} is moving: wait, or stop it")
+        self._send(0x08D4, struct.pack("<Hi", mask, begin + count))
 
     def scan(self, axis: int, voltage: float | str) -> None:
         """Raises RigError: it cannot."""
@@ -86,19 +86,22 @@ class Kim101Client:
 
     def stop(self) -> None:
         """End all motions, and disable the channels."""
-        self._send(0x08C0, struct.pack("<HH", 0x2B, 0))
-        self._ask(0x08E0, b"", 0x08E1)
+        self._line.insist(self._disable)
 
     def close(self) -> None:
         """Let go."""
         self._line.close()
+
+    def _disable(self) -> None:
+        self._send(0x08C0, struct.pack("<HH", 0x2B, 0))
+        self._ask(0x08E0, b"", 0x08E1)
 
     def _status(self, axis: int) -> tuple[int, int]:
         """Steps and bits of a channel."""
         self.ranges.check(axis)
         data = self._ask(0x08E0, b"", 0x08E1)
         if len(data) != 56:
-            raise RigError(f"{self._line.device}: 0x08E0 is answered by {len(data)} bytes")
+            self._line.fail(f"0x08E0 is answered by {len(data)} bytes")
         _, steps, _, bits = struct.unpack("<HiiI", data[14 * (axis - 1) : 14 * axis])
         return steps, bits
 
@@ -119,49 +122,13 @@ class Kim101Client:
             if found == answer:
                 return content
             if found == 0x0081:
+                refused = int.from_bytes(content[:2], "little")
                 raise RigError(
-                    f"{self._line.device}: {asked.decode()} is refused: {content[4:].strip(bytes(1))!r}"
+                    f"{self._line.device}: 0x{refused:04X} is refused: {content[4:].strip(bytes(1))!r}"
                 )
             if found != _COMPLETED:
                 break
-        raise RigError(f"{self._line.device}: {asked.decode()} is answered by 0x{found:04X}")
-
-
-class _Serial:
-    """A serial port with the calls of a `Line`."""
-
-    def __init__(self, port: str, timeout: float) -> None:
-        self.device = f"KIM101 at {port}"
-        try:
-            import serial  # type: ignore[import-not-found]
-        except ModuleNotFoundError:
-            raise RigError("a KIM101 on a serial port needs pyserial: pip install pyserial") from None
-        self._failures = (serial.SerialException, OSError)
-        try:
-            self._port = serial.Serial(port, 115200, timeout=timeout, write_timeout=timeout)
-        except (*self._failures, ValueError) as error:
-            raise RigError(f"{self.device} cannot be opened: {error}") from None
-
-    def send(self, content: bytes) -> None:
-        """Send."""
-        try:
-            self._port.write(content)
-        except self._failures as error:
-            raise RigError(f"{self.device}: {error}") from None
-
-    def exactly(self, count: int, asked: bytes = b"") -> bytes:
-        """So many bytes."""
-        try:
-            found = self._port.read(count)
-        except self._failures as error:
-            raise RigError(f"{self.device}: {error}") from None
-        if len(found) < count:
-            raise RigError(f"{self.device}: only {len(found)} bytes came as the answer to {asked.decode()}")
-        return found
-
-    def close(self) -> None:
-        """Let go."""
-        self._port.close()
+        self._line.fail(f"{asked.decode()} is answered by 0x{found:04X}")
 
 
 registry.positioners.add(Kim101Client, "kim101")

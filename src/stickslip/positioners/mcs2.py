@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import ClassVar
 
 from .. import registry
@@ -13,6 +14,9 @@ from .protocols import Ranges
 PORT = 55551
 _FULL, _SCALE = 100.0, 65535  # V, and the number for it
 _MOVING, _SENSOR = 1 << 0, 1 << 5
+_ASK = b":SYST:ERR?"
+_ERROR, _WHOLE = re.compile(r"[+-]?[0-9]+,"), re.compile(r"[+-]?[0-9]{1,18}")
+_MOST_ERRORS, _MOST_AXES = 64, 64
 
 
 class Mcs2Client:
@@ -36,14 +40,13 @@ class Mcs2Client:
     )
 
     def __init__(self, host: str, *, port: int = PORT, timeout: float | str = 2.0) -> None:
-        self._line = Line("MCS2", host, port, to_si(timeout, "s", "timeout"))
-        try:
+        self._line = Line("MCS2", host, port, to_si(timeout, "s", "timeout"), closing=True)
+        with self._line.closed_on_refusal():
             count = self._number(":DEV:NOCH?")
-            sensors = [bool(self._number(f":CHAN{i}:STAT?") & _SENSOR) for i in range(min(count, 64))]
+            if not 1 <= count <= _MOST_AXES:
+                self._line.fail(f":DEV:NOCH? is answered by {count}")
+            sensors = [bool(self._number(f":CHAN{i}:STAT?") & _SENSOR) for i in range(count)]
             name = self._ask(":DEV:SNUM?").strip('"')
-        except RigError:
-            self._line.close()
-            raise
         self.ranges = Ranges(
             name=f"MCS2 {name}",
             axes=tuple(range(len(sensors))),
@@ -91,8 +94,7 @@ class Mcs2Client:
 
     def stop(self) -> None:
         """End all motions."""
-        for axis in self.ranges.axes:
-            self._do(f":STOP{axis}")
+        self._line.insist(lambda: self._do("\n".join(f":STOP{axis}" for axis in self.ranges.axes)))
 
     def close(self) -> None:
         """Let go."""
@@ -100,44 +102,42 @@ class Mcs2Client:
 
     def _number(self, command: str) -> int:
         said = self._ask(command)
-        try:
-            return int(said)
-        except ValueError:
-            raise RigError(
-                f"{self._line.device}: {command} is answered by {said[:60]!r}, no number"
-            ) from None
+        if not _WHOLE.fullmatch(said):
+            self._line.fail(f"{command} is answered by {said[:60]!r}, no number")
+        return int(said)
 
     def _ask(self, command: str) -> str:
-        self._line.send(command.encode("latin-1") + b"\n")
-        try:
-            return self._line.until(b"\n", command.encode("latin-1")).decode("latin-1").strip()
-        except RigError as silent:
-            self._check(command)  # an error that it remembers says more
-            raise silent from None
+        """Its answer. What is wrong has none: then the error, which is asked for as well, comes instead."""
+        said = self._sent(command)
+        if _ERROR.match(said):
+            self._check(command, said)
+            self._line.fail(f"{command} is not answered")
+        self._check(command, self._said())
+        return said
 
     def _do(self, command: str) -> None:
-        self._line.send(command.encode("latin-1") + b"\n")
-        self._check(command)
+        self._check(command, self._sent(command))
 
-    def _check(self, command: str) -> None:
+    def _sent(self, command: str) -> str:
+        """The first line that comes for a command, and for the question what was wrong."""
+        self._line.send(command.encode("latin-1") + b"\n" + _ASK + b"\n")
+        return self._said(command)
+
+    def _said(self, command: str = _ASK.decode()) -> str:
+        return self._line.until(b"\n", command.encode("latin-1")).decode("latin-1").strip()
+
+    def _check(self, command: str, said: str) -> None:
         """Raises RigError with the oldest error that the device remembers, and forgets the others."""
-        ask = b":SYST:ERR?"
-        self._line.send(ask + b"\n")
-        said = first = self._line.until(b"\n", ask).decode("latin-1").strip()
-        for _ in range(64):
-            number, comma, _ = said.partition(",")
-            if not comma or not number.lstrip("+-").isdecimal():
-                self._line.close()  # which answer is to what is not known any more
-                raise RigError(
-                    f"{self._line.device}: {command}, then {ask.decode()}: {said[:60]!r} came, late or "
-                    "garbage, and the connection was closed"
-                )
-            if int(number) == 0:
+        if not _ERROR.match(said):
+            self._line.fail(f"{command}, then {_ASK.decode()}: {said[:60]!r} came, late or garbage")
+        first, passed = said, ("0,", "+0,")
+        for _ in range(_MOST_ERRORS):
+            if said.startswith(passed):
                 break
-            self._line.send(ask + b"\n")
-            said = self._line.until(b"\n", ask).decode("latin-1").strip()
-        if not first.lstrip("+-").startswith("0,"):
-            raise RigError(f"{self._line.device}: {command}: {first}")
+            self._line.send(_ASK + b"\n")
+            said = self._said()
+        if not first.startswith(passed):
+            raise RigError(f"{self._line.device}: {command}: {first[:200]}")
 
 
 registry.positioners.add(Mcs2Client, "mcs2")

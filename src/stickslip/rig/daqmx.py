@@ -7,6 +7,7 @@ inputs. The output is clocked by the inputs' sample clock, so both begin with th
 from __future__ import annotations
 
 import importlib
+import json
 import math
 import time
 from collections.abc import Mapping
@@ -21,6 +22,7 @@ from .limits import LONGEST_STOP
 from .protocols import About, Array, Capabilities, RigError
 
 _POLL = 0.01  # s
+_EDGE = 0.02  # share of an update in which the output jumps
 _MOST = 5_000_000  # samples
 
 
@@ -78,9 +80,12 @@ class DaqmxRig:
         self._tasks: list[Any] = []
         self._started = False
         with self._told("is there"):
-            self._library.Task().close()
+            system = importlib.import_module("nidaqmx.system")
+            card, driver = system.Device(device), system.System.local().driver_version
+            self._card = {"device": str(card.product_type), "serial": f"{int(card.serial_num):08X}"}
+            self._card["driver"] = "NI-DAQmx " + ".".join(str(part) for part in driver)
         self.capabilities = Capabilities(
-            name=f"NI-DAQmx {device}",
+            name=f"NI-DAQmx {device} ({self._card['device']})",
             update_rate=rate,
             sample_rate=rate,
             min_voltage=gain * low,
@@ -89,6 +94,14 @@ class DaqmxRig:
             max_points=_MOST,
             inputs={"drive": "V", **dict.fromkeys(self._channels, "V")},
         )
+
+    def told(self, runs: int) -> dict[str, str]:
+        """For the recording: the card, its driver, and what both are set to."""
+        del runs
+        low, high = self._range
+        settings = {"name": self._device, "gain": self._gain, "low": low, "high": high, "rate": self._rate}
+        wiring = {"output": self._output, "inputs": self._channels}
+        return {"device": json.dumps({**self._card, **settings, **wiring})}
 
     def load(self, volts: Array) -> None:
         """Take the drive, V at the piezo."""
@@ -158,31 +171,42 @@ class DaqmxRig:
         if not self._started:
             self._end()
             return
-        with self._told("stop"):
-            output = self._tasks[1]
-            played = int(output.out_stream.total_samp_per_chan_generated)
+        try:
+            with self._told("stop"):
+                self._ramp(slew)
+        except RigError as error:
+            raise RigError(f"{error}; the card may keep its last voltage") from None
+        finally:
             self._end()
-            if not played:
-                return
-            begin = float(self._volts[min(played, self._volts.size) - 1])
-            slew = max(slew, max(abs(self._gain * one) for one in self._range) / LONGEST_STOP)
-            count = max(math.ceil(abs(begin) / slew * self._rate), 2) if math.isfinite(slew) else 2
-            ramp = begin / self._gain * (1.0 - np.arange(1, count + 1) / count)
-            low, high = self._range
-            output = self._new()
-            output.ao_channels.add_ao_voltage_chan(
-                f"{self._device}/{self._output}", min_val=low, max_val=high
-            )
-            finite = self._constants.AcquisitionType.FINITE
-            output.timing.cfg_samp_clk_timing(self._rate, sample_mode=finite, samps_per_chan=count)
-            output.write(ramp, auto_start=False)
-            output.start()
-            output.wait_until_done(timeout=LONGEST_STOP + 5.0)
-            self._end()
+
+    def output(self) -> tuple[Array, Array]:
+        """What the drive that was loaded becomes: times [s] from the start and voltages, to be joined by
+        lines. Each is held, and taken to be reached within 2 % of its update (not measured on a card)."""
+        tick = 1.0 / self._rate
+        begins: Array = np.arange(self._volts.size, dtype=np.float64) * tick
+        times: Array = np.stack([begins + _EDGE * tick, begins + tick], axis=1).ravel()
+        return np.append(0.0, times), np.append(0.0, np.repeat(self._volts, 2))
 
     def close(self) -> None:
         """Let go; the card keeps its last voltage."""
         self._end()
+
+    def _ramp(self, slew: float) -> None:
+        """To 0 V from where the output is."""
+        played = int(self._tasks[1].out_stream.total_samp_per_chan_generated)
+        self._end()
+        if not played:
+            return
+        begin = float(self._volts[min(played, self._volts.size) - 1])
+        slew = max(slew, max(abs(self._gain * one) for one in self._range) / LONGEST_STOP)
+        count = max(math.ceil(abs(begin) / slew * self._rate), 2) if math.isfinite(slew) else 2
+        output, (low, high) = self._new(), self._range
+        output.ao_channels.add_ao_voltage_chan(f"{self._device}/{self._output}", min_val=low, max_val=high)
+        finite = self._constants.AcquisitionType.FINITE
+        output.timing.cfg_samp_clk_timing(self._rate, sample_mode=finite, samps_per_chan=count)
+        output.write(begin / self._gain * (1.0 - np.arange(1, count + 1) / count), auto_start=False)
+        output.start()
+        output.wait_until_done(timeout=LONGEST_STOP + 5.0)
 
     def _measured(self) -> list[str]:
         return [name for name in self._inputs if name in self._channels]

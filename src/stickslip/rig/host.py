@@ -146,7 +146,8 @@ class Host:
         except (
             Exception
         ) as error:  # all of it is told: a client that does not know goes on as if all were well
-            return {"error": str(error), "kind": type(error).__name__, **self._progress()}, None
+            said = ". ".join((str(error), *getattr(error, "__notes__", ())))
+            return {"error": said, "kind": type(error).__name__, **self._progress()}, None
 
     def _done(
         self, link: socket.socket, name: str, asked: dict[str, Any], values: Array

@@ -1,13 +1,18 @@
-"""A connection to a device that answers in text over TCP, with errors that name device, command and reply."""
+"""A connection to a device, over TCP or a serial port, with errors that name device, command and reply."""
 
 from __future__ import annotations
 
+import math
 import socket
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, NoReturn
 
 from .protocols import RigError
 
 LONGEST_REPLY = 1_000_000  # bytes
+_INSISTENCE, _PAUSE = 1.0, 0.05  # s
 
 
 class Line:
@@ -15,20 +20,82 @@ class Line:
 
     Args:
         device: what it is called in errors.
-        host: name or address; port.
+        host: name or address, or a serial port such as /dev/ttyUSB0.
+        port: of TCP; None for a serial port, which needs pyserial.
         timeout: s, for connecting and for each answer.
+        baud: bits/s of a serial port.
+        closing: where an answer is late, or none, the connection is closed: what comes later could be taken
+            for the answer to something else. Who leaves it open sees to that, and may still send.
 
     Raises:
         RigError: nobody answers there.
     """
 
-    def __init__(self, device: str, host: str, port: int, timeout: float) -> None:
-        self.device, self._timeout, self._rest = f"{device} at {host}:{port}", timeout, b""
+    def __init__(
+        self,
+        device: str,
+        host: str,
+        port: int | None,
+        timeout: float,
+        *,
+        baud: int = 115200,
+        closing: bool = False,
+    ) -> None:
+        where = host if port is None else f"{host}:{port}"
+        self.device, self._host, self._port, self._baud = f"{device} at {where}", host, port, baud
+        self._timeout, self._closing = timeout, closing
+        self.open()
+
+    def open(self) -> None:
+        """Connect, anew where it was closed.
+
+        Raises:
+            RigError: nobody answers there.
+        """
+        self._rest, self.closed = b"", False
+        self._socket: Any
         try:
-            self._socket = socket.create_connection((host, port), timeout)
-            self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        except (OSError, OverflowError, UnicodeError) as error:
+            if self._port is None:
+                self._socket = _Serial(self._host, self._baud, self._timeout)
+            else:
+                self._socket = socket.create_connection((self._host, self._port), self._timeout)
+                self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        except (OSError, OverflowError, ValueError) as error:
+            self.closed = True
             raise RigError(f"{self.device} cannot be reached: {error}") from None
+
+    @contextmanager
+    def closed_on_refusal(self) -> Iterator[None]:
+        """Where what is done in this context fails, the device is free for others again."""
+        try:
+            yield
+        except BaseException:
+            self.close()
+            raise
+
+    def insist(self, act: Callable[[], object], begin: Callable[[], object] = lambda: None) -> None:
+        """Do what brings the output to its safe state; where the connection is closed, or fails, again
+        on a new one, which `begin` begins: twice at least, and for a second.
+
+        Raises:
+            RigError: it did not help; the output may keep its voltage.
+        """
+        end, again = time.monotonic() + _INSISTENCE, True
+        while True:
+            try:
+                if self.closed:
+                    self.open()
+                    with self.closed_on_refusal():
+                        begin()
+                act()
+                return
+            except RigError as error:
+                if not (self.closed and (again or time.monotonic() < end)):
+                    raise RigError(
+                        f"{error}; not known to have stopped, the output may keep its voltage"
+                    ) from None
+            again = False
+            time.sleep(_PAUSE)
 
     def send(self, content: bytes) -> None:
         """Send.
@@ -36,11 +103,13 @@ class Line:
         Raises:
             RigError: the connection is gone.
         """
+        if self.closed:
+            raise RigError(f"{self.device}: {_told(content)} was not sent: the connection is closed")
         try:
             self._socket.settimeout(self._timeout)
             self._socket.sendall(content)
         except OSError as error:
-            raise RigError(f"{self.device}: {_told(content)} could not be sent: {error}") from None
+            self.fail(f"{_told(content)} could not be sent: {error}")
 
     def until(self, end: bytes, asked: bytes = b"", timeout: float | None = None) -> bytes:
         """What comes up to and without `end`; `asked` is for the error.
@@ -64,22 +133,70 @@ class Line:
 
     def close(self) -> None:
         """Let go."""
-        self._socket.close()
+        if not self.closed:
+            self.closed = True
+            self._socket.close()
 
     def _receive(self, last: float, asked: bytes) -> None:
+        if self.closed:
+            raise RigError(f"{self.device}: no answer to {_told(asked)}: the connection is closed")
         if len(self._rest) > LONGEST_REPLY:
-            raise RigError(f"{self.device}: the answer to {_told(asked)} does not end")
+            self.fail(f"the answer to {_told(asked)} does not end")
         try:
             self._socket.settimeout(max(last - time.monotonic(), 1e-3))
             came = self._socket.recv(65536)
         except TimeoutError:
             got = f"only {_told(self._rest)}" if self._rest else "nothing"
-            raise RigError(f"{self.device}: {got} came as the answer to {_told(asked)}") from None
+            self.fail(f"{got} came as the answer to {_told(asked)}")
         except OSError as error:
-            raise RigError(f"{self.device}: {_told(asked)}: {error}") from None
+            self.fail(f"{_told(asked)}: {error}")
         if not came:
-            raise RigError(f"{self.device}: the connection ended after {_told(asked)}")
+            self.fail(f"the connection ended after {_told(asked)}")
         self._rest += came
+
+    def fail(self, why: str) -> NoReturn:
+        """Raise RigError that says why; close, if it is a line that does."""
+        if self._closing:
+            self.close()
+        raise RigError(f"{self.device}: {why}") from None
+
+
+def finite(text: str) -> float:
+    """A number; ValueError for what is none, or not finite."""
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(f"{text!r} is not finite")
+    return value
+
+
+class _Serial:
+    """A serial port with the calls of a socket; its errors are OSErrors as well."""
+
+    def __init__(self, port: str, baud: int, timeout: float) -> None:
+        try:
+            import serial  # type: ignore[import-not-found]
+        except ModuleNotFoundError:
+            raise RigError(f"{port}: a serial port needs pyserial: pip install pyserial") from None
+        self._port = serial.Serial(port, baud, timeout=timeout, write_timeout=timeout, exclusive=True)
+
+    def settimeout(self, timeout: float) -> None:
+        """s, for what follows."""
+        self._port.timeout = self._port.write_timeout = timeout
+
+    def sendall(self, content: bytes) -> None:
+        """Send."""
+        self._port.write(content)
+
+    def recv(self, most: int) -> bytes:
+        """What has come, at least a byte of it."""
+        first = self._port.read(1)
+        if not first:
+            raise TimeoutError("nothing came")
+        return first + self._port.read(min(self._port.in_waiting, most))
+
+    def close(self) -> None:
+        """Let go."""
+        self._port.close()
 
 
 def _told(content: bytes) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 
 from .. import registry
 from ..units import QuantityError, to_si
-from .line import Line
+from .line import Line, finite
 from .protocols import About, Array, Capabilities, RigError
 
 TICK = 50e-6  # s
@@ -73,24 +73,20 @@ class Nv200Rig:
         self._factor = round(interval / TICK)
         if not 1 <= self._factor <= 65535 or abs(interval - self._factor * TICK) > 1e-9:
             raise QuantityError(f"interval = {interval:g} s must be a multiple of 50 us, up to 3.27 s")
-        self._line = Line("NV200", host, port, self._timeout)
+        self._line = Line("NV200", host, port, self._timeout, closing=True)
         self._inputs: tuple[str, ...] = ()
         self._samples, self._loaded, self._running = 0, False, False
         self._volts: Array = np.zeros(1)
-        try:
-            self._line.send(b"\r\n")
-            found = self._line.until(_ON, b"\r\n").strip(b"\r\n\x00<>" + _OFF)
-            if found != b"NV200/D_NET":
-                raise RigError(f"{self._line.device} says it is {found!r}, not an NV200/D_NET")
-            self._low, self._high = (float(self._ask(name)[0]) for name in ("avmin", "avmax"))
+        with self._line.closed_on_refusal():
+            self._greet()
+            self._low, self._high = self._number("avmin"), self._number("avmax")
+            # The table is in shares of this range: once more, for what is put out hangs on it.
+            again = self._number("avmin"), self._number("avmax")
+            if again != (self._low, self._high) or not self._low <= 0.0 < self._high:
+                self._line.fail(f"avmin, avmax are {self._low:g}, {self._high:g} V, then {again} V")
             self.told_of = {name: ",".join(self._ask(name)).strip() for name in ("desc", "acserno", "sr")}
             for command in ("grun,0", "cl,0", "setlpon,0", "notchon,0", "sr,2000"):
                 self._do(command)
-        except (RigError, ValueError) as error:
-            self._line.close()
-            if isinstance(error, ValueError):
-                raise RigError(f"{self._line.device}: a reply is no number: {error}") from None
-            raise
         rate = 1.0 / (TICK * self._factor)
         self.capabilities = Capabilities(
             name=f"NV200 {self.told_of['desc']} {self.told_of['acserno']}",
@@ -179,7 +175,7 @@ class Nv200Rig:
             try:
                 values = np.array([float(one) for one in found])
             except ValueError as error:
-                raise RigError(f"{self._line.device}: recoutf,{channel}: {error}") from None
+                self._line.fail(f"recoutf,{channel}: {str(error)[:60]}")
             if values.size != self._samples:
                 raise RigError(f"{self._line.device}: {values.size} samples came of {self._samples}")
             rows.append(values * (1e-6 if name == "position" else 1.0))
@@ -189,8 +185,8 @@ class Nv200Rig:
         """Ramp to 0 V by the slew rate of the device, 2 million V/s at most."""
         percent = slew / (self._high - self._low) * 0.1  # of the range, per ms
         self._running = False
-        for command in ("grun,0", f"sr,{min(max(percent, 8e-7), 2000.0):.7g}", "set,0", "modsrc,0"):
-            self._do(command)
+        commands = ("grun,0", f"sr,{min(max(percent, 8e-7), 2000.0):.7g}", "set,0", "modsrc,0")
+        self._line.insist(lambda: [self._do(command) for command in commands], self._greet)
         longest = max(self._high, -self._low) / slew
         if math.isfinite(longest):
             time.sleep(min(longest, 10.0))
@@ -209,24 +205,31 @@ class Nv200Rig:
         """Let go; the voltage stays as it is."""
         self._line.close()
 
+    def _greet(self) -> None:
+        """It says at once who it is."""
+        self._line.send(b"\r\n")
+        found = self._line.until(_ON, b"\r\n").strip(b"\r\n\x00<>" + _OFF)
+        if found != b"NV200/D_NET":
+            self._line.fail(f"it says it is {found[:60]!r}, not an NV200/D_NET")
+
     def _number(self, command: str) -> float:
         found = self._ask(command)
         try:
-            return float(found[0])
+            return finite(found[0])
         except ValueError:
-            raise RigError(f"{self._line.device}: {command} is answered by {found[0]!r}, no number") from None
+            self._line.fail(f"{command} is answered by {found[0][:60]!r}, no number")
 
     def _ask(self, command: str, timeout: float | None = None) -> list[str]:
         """What stands after the name in the answer."""
         name, *found = self._said(command, timeout).split(",")
         if name != command.split(",")[0] or not found:
-            raise RigError(f"{self._line.device}: {command} is answered by {','.join([name, *found])[:60]!r}")
+            self._line.fail(f"{command} is answered by {','.join([name, *found])[:60]!r}")
         return found
 
     def _do(self, command: str) -> None:
         said = self._said(command)
         if said:
-            raise RigError(f"{self._line.device}: {command} is answered by {said[:60]!r}")
+            self._line.fail(f"{command} is answered by {said[:60]!r}")
 
     def _said(self, command: str, timeout: float | None = None) -> str:
         asked = command.encode("latin-1") + b"\r\n"

@@ -189,6 +189,8 @@ class Supervisor:
         try:
             gate.stop()
         except BaseException as error:
+            if failure is not None:
+                failure.add_note(f"The stop failed too: {error}")
             failure = failure or error
             self.let_go()  # which a device takes as a reason to stop by itself
         with self._news:

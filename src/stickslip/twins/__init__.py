@@ -14,4 +14,5 @@ from .mcs2 import Mcs2 as Mcs2
 from .nv200 import Nv200 as Nv200
 from .server import HangUp as HangUp
 from .server import TwinServer as TwinServer
+from .server import TwinTerminal as TwinTerminal
 from .stage import Stage as Stage

@@ -124,6 +124,10 @@ class Anc300:
         """A console."""
         return ConsoleSession(self)
 
+    def serial_session(self) -> ConsoleSession:
+        """The console on its serial port, which asks for no password."""
+        return ConsoleSession(self, known=True)
+
     def leave(self) -> None:
         """Steps without an end stop."""
         for module in self.modules.values():
@@ -196,12 +200,13 @@ class Anc300:
 
 
 class ConsoleSession:
-    """A connection: the password first, then commands; each line is echoed until `echo off`."""
+    """A connection: the password first, unless it is `known`, then commands; each line is echoed until
+    `echo off`."""
 
     greeting = _GREETING
 
-    def __init__(self, twin: Anc300) -> None:
-        self._twin, self._lines, self._echo, self._known = twin, Lines(), True, False
+    def __init__(self, twin: Anc300, known: bool = False) -> None:
+        self._twin, self._lines, self._echo, self._known = twin, Lines(), True, known
 
     def feed(self, data: bytes) -> bytes:
         """The answers to the lines that are complete."""

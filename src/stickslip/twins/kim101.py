@@ -78,6 +78,8 @@ class Kim101:
         """A connection."""
         return FrameSession(self)
 
+    serial_session = session
+
     def leave(self) -> None:
         """Jogs without an end stop."""
         for channel in self.channels:

@@ -1,14 +1,17 @@
-"""The TCP server of a twin: one program at a time, as the controllers have it; lines and frames of bounded
-length."""
+"""Servers of a twin, on TCP (one program at a time, as the controllers have it) or on a pseudo terminal; and
+lines of bounded length."""
 
 from __future__ import annotations
 
+import os
+import select
 import socketserver
 import threading
 from contextlib import suppress
-from typing import Any, Protocol
+from typing import Any, Protocol, Self
 
 from ..rig.protocols import RigError
+from ..units import QuantityError
 
 IDLE = 600.0  # s until a silent program is let go
 
@@ -51,7 +54,7 @@ class TwinServer(socketserver.ThreadingTCPServer):
     Args:
         twin: what is served.
         host: the address to bind to; only this machine can reach the loopback address.
-        port: 0 takes a free one; `server_address` says which.
+        port: 0 takes a free one; `where` says which.
     """
 
     allow_reuse_address = True
@@ -60,6 +63,7 @@ class TwinServer(socketserver.ThreadingTCPServer):
     def __init__(self, twin: Twin, host: str = "127.0.0.1", port: int = 0) -> None:
         self.twin, self.held = twin, threading.Lock()
         super().__init__((host, port), _Connection)
+        self.where = "{}:{}".format(*self.server_address[:2])
 
 
 class _Connection(socketserver.BaseRequestHandler):
@@ -82,6 +86,50 @@ class _Connection(socketserver.BaseRequestHandler):
         finally:
             self.server.twin.leave()
             self.server.held.release()
+
+
+class TwinTerminal:
+    """Serves a twin on a pseudo terminal, which a program opens as a serial port; `where` says which.
+
+    As on a serial line, the device does not see who opens and closes it: what goes on goes on, until
+    `shutdown`. What cannot be understood is thrown away. POSIX only.
+    """
+
+    def __init__(self, twin: Twin) -> None:
+        session = getattr(twin, "serial_session", None)
+        if session is None:
+            raise QuantityError(f"a twin of {type(twin).__name__} has no serial port")
+        import tty  # not on Windows
+
+        self._twin, self._session, self._ended = twin, session, threading.Event()
+        self._ours, self._theirs = os.openpty()
+        tty.setraw(self._theirs)
+        self.where = os.ttyname(self._theirs)
+
+    def serve_forever(self, poll_interval: float = 0.1) -> None:
+        """Answer until `shutdown`."""
+        session = self._session()
+        while not self._ended.is_set():
+            if not select.select([self._ours], [], [], poll_interval)[0]:
+                continue
+            try:
+                answer = session.feed(os.read(self._ours, 65536))
+            except (HangUp, RigError):
+                answer, session = b"", self._session()
+            while answer:
+                answer = answer[os.write(self._ours, answer) :]
+
+    def shutdown(self) -> None:
+        """End `serve_forever`, and motions without an end of their own."""
+        self._ended.set()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._twin.leave()
+        os.close(self._ours)
+        os.close(self._theirs)
 
 
 class Lines:

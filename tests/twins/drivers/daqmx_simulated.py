@@ -1,9 +1,13 @@
-"""The library nidaqmx above a driver of ours, with the plant behind it: a recording, its stop and errors.
+"""The library nidaqmx above a driver of ours, with the plant behind it: recordings, a stop and errors.
+
+Walks of a campaign go to the folder that is given, and what was put out for them.
 
 Everything of the library but the calls into NI's driver runs as it is.
 """
 
 import json
+import sys
+from pathlib import Path
 
 import nidaqmx.utils
 import numpy as np
@@ -20,6 +24,7 @@ from stickslip.twins import Stage
 from stickslip.twins.stage import Piece
 
 GAIN, PER_VOLT = 15.0, 1e-5  # V/V of the amplifier, m/V of the sensor
+UNPLUGGED = -88705
 
 
 class Driver(BaseInterpreter):
@@ -30,6 +35,8 @@ class Driver(BaseInterpreter):
         self.zero = stage.position
         self.card = 0.0  # V at the output
         self.ramp = None
+        self.noise, self.random = 0.0, np.random.default_rng(2)  # m, of the sensor
+        self.gone = False  # the cable is out
 
     def task(self, handle):
         return self.tasks[handle]
@@ -97,7 +104,8 @@ class Driver(BaseInterpreter):
         times = np.stack([begins + 0.02 * tick, begins + tick], axis=1).ravel()
         path = self.stage.play(Piece(times, GAIN * np.repeat(values, 2), begins[1:]))
         self.card = float(values[-1])
-        return np.interp(begins, path.times, path.end_effector) - self.zero
+        noise = self.noise * self.random.standard_normal(count)
+        return np.interp(begins, path.times, path.end_effector) - self.zero + noise
 
     def get_read_attribute_uint32(self, task, attribute):
         if attribute == 0x1223:  # samples that wait to be read
@@ -106,12 +114,25 @@ class Driver(BaseInterpreter):
         return len(self.task(task)["channels"])
 
     def read_analog_f64(self, task, count, timeout, fill, array):
+        if self.gone:
+            raise DaqError("Device does not exist or is not accessible.", UNPLUGGED)
         one = self.task(task)
         array[:] = one["samples"][one["given"] : one["given"] + count]
         one["given"] += count
         return array, count
 
+    def get_device_attribute_string(self, device, attribute):
+        return {0x631: "USB-6363 (simulated)"}[attribute]
+
+    def get_device_attribute_uint32(self, device, attribute):
+        return {0x632: 0x1A2B3C4}[attribute]
+
+    def get_system_info_attribute_uint32(self, attribute):
+        return {0x1272: 23, 0x1923: 8, 0x2F22: 0}[attribute]
+
     def get_write_attribute_uint64(self, task, attribute):
+        if self.gone:
+            raise DaqError("Device does not exist or is not accessible.", UNPLUGGED)
         return self.task(task)["data"].size
 
     def get_write_attribute_uint32(self, task, attribute):
@@ -155,7 +176,27 @@ said = {
     "volts": float(recording.drive_voltage.max()),
     "ramp": driver.ramp.tolist()[-1:],
     "left": len(driver.tasks),
+    "device": json.loads(recording.attrs["device"]),
 }
+driver.noise, folder, limits = 5e-9, Path(sys.argv[1]), ss.rig.Limits(max_voltage="100 V")
+for volts in (65, 80):
+    walk = ss.rig.measure(rig, ss.Sawtooth(float(volts), "20 Hz", periods=3), channels, capture, limits)
+    ss.save_recording(walk, folder / f"walk_{volts}.nc")
+    np.save(folder / f"output_{volts}.npy", rig.output())
+
+
+def pulled(doing, part):
+    """The cable comes out in the middle of a run."""
+    driver.gone = part > 0.4
+
+
+try:
+    ss.rig.measure(rig, drive, channels, capture, limits, progress=pulled)
+except RigError as error:
+    said["pulled"] = [str(error), *error.__notes__]
+    said["kept"] = error.recording.sizes["time"]
+driver.gone = False
+said["left_then"] = len(driver.tasks)
 for what, call in {
     "no_device": lambda: ss.rig.measure(
         DaqmxRig("Dev7", gain=GAIN, inputs={"gauge": "ai0"}), drive, channels, capture, ss.rig.Limits()

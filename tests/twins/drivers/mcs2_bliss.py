@@ -1,28 +1,25 @@
 """The MCS2 driver of BLISS (ESRF) moves what listens at a port, and says how it went, as JSON.
 
-The driver is unmodified; its axes, whose settings live in a server of BLISS (Beacon, Redis), are left out.
+The driver runs whole and unmodified. BLISS remembers what is initialised in a server (Beacon, Redis): here a
+value of this process stands for that. Its axes, whose settings live there too, are left out.
 """
 
 import json
 import sys
 import time
-import types
 import warnings
 
 warnings.simplefilter("ignore")
 
+from bliss.controllers import motor  # noqa: E402
 from bliss.controllers.motors.smaract_mcs2 import Positioner, SmarAct_MCS2, SmarActMCS2Error  # noqa: E402
 
 
-class Bare(SmarAct_MCS2):
-    """Without a configuration server."""
+class Remembered:
+    """Of one process, where BLISS has all of a beamline's."""
 
-    def __init__(self, port):
-        self._where = types.SimpleNamespace(config_dict={"tcp": {"url": f"127.0.0.1:{port}"}})
-        self.initialize()
-        self.initialize_hardware()
-
-    config = property(lambda self: self._where)
+    def __init__(self, owner, name, default_value=None):
+        self.value = default_value
 
 
 def until_still(of, longest=30.0):
@@ -33,7 +30,10 @@ def until_still(of, longest=30.0):
 
 
 said = {}
-controller = Bare(sys.argv[1])
+motor.Cache = Remembered
+controller = SmarAct_MCS2({"tcp": {"url": f"127.0.0.1:{sys.argv[1]}"}})
+controller.initialize()
+controller.initialize_hardware()
 said["channels"] = controller.nb_channels
 p = Positioner(controller, 1, None)
 said["at_power_on"] = [p.position, p.is_physical_position_known]

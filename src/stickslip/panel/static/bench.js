@@ -7,6 +7,7 @@ import { variableField } from "./instruments.js";
 import { makeLiveData } from "./livedata.js";
 import { makeLog, makeVariables } from "./tables.js";
 import { makeRecordings } from "./recordings.js";
+import { makeRig } from "./rigs.js";
 import { formatQuantity } from "./quantity.js";
 import { makeSequence } from "./sequence.js";
 import { makeStatistics } from "./statistics.js";
@@ -44,9 +45,10 @@ export async function mount(element, app) {
   const bar = h("progress", { max: 1, value: 0, "aria-label": "Progress of the run" });
   const inputs = h("div", { class: "inputs", id: "inputs" });
   // Whoever does not hold control may do no more than stop.
+  const rig = makeRig(bench);
   const whole = (...inside) => h("fieldset", { class: "bare" }, ...inside);
   const watching = h("p", { class: "watching", hidden: true }, "Another page is in control: ask it at the top. Stop works from here too.");
-  const choice = whole(h("div", { class: "field" }, h("label", { htmlFor: "run-choice" }, "Run"), select));
+  const choice = whole(h("div", { class: "field" }, h("label", { htmlFor: "run-choice" }, "Run"), select), rig.element);
   const values = whole(h("h2", {}, "Inputs"), inputs);
   const controls = h("div", { class: "bare" }, watching, choice, h("div", { class: "row" }, start, halt, home), values);
   const words = h("input", { "aria-label": "A note on this run", placeholder: "Note on this run", maxLength: 2000 });
@@ -135,6 +137,7 @@ export async function mount(element, app) {
       inputs.replaceChildren(...fields.map(([, field]) => field.element));
     }
     for (const [called, field] of fields) field.set(own.find((one) => one.name === called).value);
+    rig.show();
     capture.build();
     variables.build();
     sequence.build();

@@ -1,0 +1,120 @@
+"""Rigs that the Bench page offers: benches, back ends, what is connected; the experiment made to fit one."""
+
+from __future__ import annotations
+
+import copy
+import inspect
+import math
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from .. import registry
+from ..attached import attached_devices, known_devices
+from ..input_file import InputFileError, yaml_mapping
+from ..parameters import ParameterSetError
+from ..registry import RegistryError
+from ..rig import About, Capabilities, Limits, RigError, available_benches, load_bench
+from ..rig.measurement import DRIVE, POSITION
+from ..units import QuantityError
+from .folder import Folder
+from .sets import check_own
+
+Content = dict[str, Any]
+_MOST = 50  # benches of the folder
+_LONGEST = 2000  # characters of options
+
+
+def offered(folder: Folder) -> dict[str, Any]:
+    """What can be chosen, and what is connected to this machine; nothing is sent to any device."""
+    benches = [*available_benches(), *_own_benches(folder)]
+    return {
+        "rigs": [
+            *({"kind": "virtual", "bench": name, "device": f"virtual rig, {name}"} for name in benches),
+            *(
+                {"kind": one.name, "options": _options(one.name), **one.about._asdict()}
+                for one in known_devices()
+                if one.kind == "rig" and one.name != "virtual"
+            ),
+        ],
+        "connected": [one._asdict() for one in attached_devices()],
+    }
+
+
+def _own_benches(folder: Folder) -> Iterator[str]:
+    for name, *_ in folder.files(".toml")[:_MOST]:
+        try:
+            check_own(folder.path(name))
+            load_bench(folder.path(name))
+        except (ParameterSetError, QuantityError, RegistryError, OSError):
+            continue  # a parameter set, or not whole
+        yield name
+
+
+def _options(kind: str) -> str:
+    """What a back end is made with, as it is typed: what it must be told, with its defaults."""
+    given = inspect.signature(registry.rigs.find(kind)).parameters.values()
+    return ", ".join(f"{one.name}: {'' if one.default is one.empty else one.default}" for one in given)
+
+
+def asked_rig(kind: str, bench: str, options: str, before: Content) -> Content:
+    """The rig of an experiment file, as it was chosen; a virtual one keeps what it was set to before."""
+    if kind == "virtual":
+        kept = (
+            before if before.get("kind", "virtual") == "virtual" else {"kind": "virtual", "real_time": True}
+        )
+        return {**kept, "bench": bench}
+    try:
+        made = yaml_mapping("{" + options[:_LONGEST] + "}", "options")
+    except InputFileError:
+        said = f"options = {options[:60]!r} must be like host: 192.168.0.20, interval: 100 us"
+        raise QuantityError(said) from None
+    return {"kind": kind, "options": {k: v for k, v in made.items() if v is not None}}
+
+
+def fitted(
+    content: Content, can: Capabilities, check: Callable[[Content], object]
+) -> tuple[Content, list[str]]:
+    """The experiment with channels of what a rig has, and the runs that it can do; and what was left out.
+
+    Args:
+        content: the experiment, on that rig.
+        can: what that can do.
+        check: raises ValueError or RigError for what cannot be recorded.
+
+    Raises:
+        QuantityError: it can do none of the runs.
+    """
+    content = copy.deepcopy(content)
+    said = [f"channel {name}" for name, one in content["channels"].items() if one["input"] not in can.inputs]
+    kept = {name: one for name, one in content["channels"].items() if one["input"] in can.inputs}
+    for name, unit in can.inputs.items():
+        if name not in {one["input"] for one in kept.values()}:
+            wanted = "drive_voltage" if name == DRIVE else POSITION if unit == "m" else name
+            if wanted not in kept:
+                kept[wanted] = {"input": name}
+    content["channels"] = kept if said else content["channels"]
+    runs = []
+    for run in content["runs"]:
+        try:
+            check({**content, "runs": [run], "panel": []})
+            runs.append(run)
+        except (ValueError, RigError) as error:
+            said.append(f"run {run['name']}: {error}")
+    if not runs:
+        raise QuantityError("; ".join(said))
+    known = {*content["channels"], *content.get("variables", {}), "position"}
+    content["runs"], panel = runs, []
+    for one in content.get("panel", []):
+        left = [name for name in one["variables"] if name in known or one["kind"] == "input"]
+        panel += [{**one, "variables": left}] if left else []
+    return {**content, "panel": panel}, said
+
+
+def facts(can: Capabilities, limits: Limits, about: About | None) -> dict[str, Any]:
+    """The rig on the bench: what it can do, and the experiment's limits, in SI; infinite ones left out."""
+    return {
+        **can._asdict(),
+        "limits": {name: value for name, value in limits._asdict().items() if math.isfinite(value)},
+        "safe_state": "ramp to 0 V" if about is None else about.safe_state,
+        "verified": "" if about is None else about.verified,
+    }
