@@ -14,8 +14,10 @@ import pickle
 import queue
 import threading
 import time
+import uuid
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -29,8 +31,9 @@ from .measures import told
 from .store import Store
 from .task import Done, Load, received, run_task, use_own_cache
 
-# Tasks that each thread of a worker has or waits for, and s that a lost scheduler is waited for.
-AHEAD, PATIENCE = 3, 60.0
+# Tasks that each thread of a worker has or waits for; with fewer than these left new ones are given, many in
+# one message, which is far less than a message for each. s that a lost scheduler is waited for.
+AHEAD, LEFT, PATIENCE = 3, 2, 60.0
 
 _PREPARED: dict[str, tuple[Study, Store]] = {}  # of this worker, by the hash of its load
 _PREPARING = threading.Lock()
@@ -76,7 +79,7 @@ def run_on_cluster(
     digest = hashlib.sha256(data).hexdigest()
     file = store.path.absolute() / f".load-{digest[:16]}"
     file.write_bytes(data)
-    what = one_task, str(file), digest
+    what = partial(one_task, str(file), digest)
     while True:
         try:
             # A scheduler that is gone is noticed within seconds, and not waited for in here.
@@ -108,7 +111,7 @@ class _Running:
 
 def _run(
     client: Client,
-    what: tuple[Any, ...],
+    what: Callable[[int], None],
     store: Store,
     tasks: Tasks,
     count: int,
@@ -117,7 +120,7 @@ def _run(
     """Whether all is done; not, if the scheduler was lost."""
     answers: queue.Queue[_Running] = queue.Queue()
     running: dict[Any, _Running] = {}
-    given, slots, asked = 0, 0, 0.0
+    slots, asked = 0, 0.0
     while len(tasks.done) + len(tasks.failed) < count:
         if store.must_end():
             raise StudyError(STOPPED)
@@ -126,16 +129,18 @@ def _run(
         if time.monotonic() - asked > 1.0:
             asked = time.monotonic()
             slots = sum(_threads(client).values())
-        while len(running) < max(1, AHEAD * slots):
-            number = tasks.take()
-            if number is None:
-                break
-            given += 1
-            _give(client, what, number, given, running, answers)
+        if len(running) < max(1, LEFT * slots + 1):
+            free = max(1, AHEAD * slots) - len(running)
+            _give(
+                client,
+                what,
+                [n for n in (tasks.take() for _ in range(free)) if n is not None],
+                running,
+                answers,
+            )
         if not tasks.waiting and slots:
             for number, elsewhere in _late(client, running, tasks):
-                given += 1
-                _give(client, what, number, given, running, answers, elsewhere)
+                _give(client, what, [number], running, answers, elsewhere)
         with suppress(queue.Empty):
             done = answers.get(timeout=0.5)
             while True:
@@ -153,18 +158,18 @@ def _threads(client: Client) -> dict[str, int]:
 
 def _give(
     client: Client,
-    what: tuple[Any, ...],
-    number: int,
-    given: int,
+    what: Callable[[int], None],
+    numbers: list[int],
     running: dict[Any, _Running],
     answers: queue.Queue[_Running],
     workers: list[str] | None = None,
 ) -> None:
     # The name of each is new: a result of before is none now.
-    key = f"stickslip-{os.getpid()}-{id(answers)}-{given}"
-    future = client.submit(*what, number, key=key, pure=False, workers=workers)
-    running[key] = one = _Running(number, future)
-    future.add_done_callback(lambda _: answers.put(one))
+    keys = [f"{uuid.uuid4().hex[:12]}-{number}" for number in numbers]
+    futures = client.map(what, numbers, key=keys, pure=False, workers=workers) if numbers else []
+    for number, key, future in zip(numbers, keys, futures, strict=True):
+        running[key] = one = _Running(number, future)
+        future.add_done_callback(lambda _, one=one: answers.put(one))
 
 
 def _late(client: Client, running: dict[Any, _Running], tasks: Tasks) -> list[tuple[int, list[str]]]:
