@@ -35,32 +35,34 @@ from .task import Done, Load, received, run_task, use_own_cache
 # one message, which is far less than a message for each. s that a lost scheduler is waited for.
 AHEAD, LEFT, PATIENCE = 3, 2, 60.0
 
-_PREPARED: dict[str, tuple[Study, Store]] = {}  # of this worker, by the hash of its load
+LOAD = ".load-"
+
+_PREPARED: dict[str, tuple[Study, Store]] = {}  # of this worker, by the file of its load
 _PREPARING = threading.Lock()
 
 
-def one_task(path: str, digest: str, number: int) -> None:
+def one_task(path: str, number: int) -> None:
     """A task on a worker. What it made is in the store: nothing is fetched from a worker, which may hang."""
     try:
         with _PREPARING:
-            if digest not in _PREPARED:
+            if path not in _PREPARED:
                 os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
                 use_own_cache()
-                _PREPARED[digest] = received(_read(Path(path), digest))
-        run_task(*_PREPARED[digest], number)
+                _PREPARED[path] = received(_read(Path(path)))
+        run_task(*_PREPARED[path], number)
     except StudyError:
         raise
     except Exception as error:  # of a type that need not be known elsewhere
         raise RuntimeError(told(error)) from None
 
 
-def _read(path: Path, digest: str) -> Load:
-    """What the worker was told to read, and nothing else."""
+def _read(path: Path) -> Load:
+    """What the worker was told to read, and nothing else: the name of the file has its hash."""
     try:
         data = path.read_bytes()
     except OSError as error:
         raise StudyError(f"a worker does not see the folder of the study: {path}: {error.strerror}") from None
-    if hashlib.sha256(data).hexdigest() != digest:
+    if hashlib.sha256(data).hexdigest() != path.name.removeprefix(LOAD):
         raise StudyError(f"{path} is not what was written for the workers")
     return pickle.loads(data)
 
@@ -76,10 +78,9 @@ def run_on_cluster(
     """
     tasks, store, lost = Tasks(waiting=todo[::-1]), Store(load.store), 0.0
     data = pickle.dumps(load)
-    digest = hashlib.sha256(data).hexdigest()
-    file = store.path.absolute() / f".load-{digest[:16]}"
+    file = store.path.absolute() / f"{LOAD}{hashlib.sha256(data).hexdigest()}"
     file.write_bytes(data)
-    what = partial(one_task, str(file), digest)
+    what = partial(one_task, str(file))
     while True:
         try:
             # A scheduler that is gone is noticed within seconds, and not waited for in here.
