@@ -125,7 +125,7 @@ def memory(members: int = 1 << 18, task: int = 1 << 14) -> None:
                     **os.environ,
                     **({"STICKSLIP_CACHE_DIR": f"{folder}/{cache}"} if cache else {}),
                 }
-                environment["PYTHONPATH"] = str(Path(__file__).parents[1])
+                environment |= {"PYTHONPATH": str(Path(__file__).parents[1]), "STUDY_LOG": name}
                 code = _LOCAL.format(members=size, task=task, store=folder / "s.zarr")
                 if cache:  # a store that is there, as another machine finds it: who begins it has compiled
                     begun = Study(Random(RANGES, size), Walk(KANG, SHORT), task=task)
@@ -133,17 +133,18 @@ def memory(members: int = 1 << 18, task: int = 1 << 14) -> None:
                 client = subprocess.Popen([sys.executable, "-c", code], env=environment)
                 most: dict[str, int] = {}
                 while client.poll() is None:
-                    look(most)
+                    look(name, most)
                     time.sleep(0.02)
-                print(f"{words}, {size:,} members: {json.dumps(most)} MB")
+                print(f"{words}, {size:,} members: {json.dumps(most)} MB", flush=True)
 
 
-def look(most: dict[str, int]) -> None:
-    """Keep the most memory of workers of this machine, and of one that compiles [MB]."""
+def look(name: str, most: dict[str, int]) -> None:
+    """Keep the most memory of workers that know the name, and of one that compiles [MB]."""
     for one in Path("/proc").glob("[0-9]*"):
         with suppress(OSError):
             words = (one / "cmdline").read_bytes().split(b"\0")
-            if b"stickslip.study.worker" not in words:
+            known = f"STUDY_LOG={name}".encode() in (one / "environ").read_bytes().split(b"\0")
+            if b"stickslip.study.worker" not in words or not known:
                 continue
             kind = "compiles" if b"compile" in words else "works"
             status = (one / "status").read_text()

@@ -62,7 +62,7 @@ def _read(path: Path) -> Load:
         data = path.read_bytes()
     except OSError as error:
         raise StudyError(f"a worker does not see the folder of the study: {path}: {error.strerror}") from None
-    if hashlib.sha256(data).hexdigest() != path.name.removeprefix(LOAD):
+    if hashlib.sha256(data).hexdigest()[:32] != path.name.removeprefix(LOAD):
         raise StudyError(f"{path} is not what was written for the workers")
     return pickle.loads(data)
 
@@ -78,7 +78,7 @@ def run_on_cluster(
     """
     tasks, store, lost = Tasks(waiting=todo[::-1]), Store(load.store), 0.0
     data = pickle.dumps(load)
-    file = store.path.absolute() / f"{LOAD}{hashlib.sha256(data).hexdigest()}"
+    file = store.path.absolute() / f"{LOAD}{hashlib.sha256(data).hexdigest()[:32]}"
     file.write_bytes(data)
     what = partial(one_task, str(file))
     while True:
