@@ -8,20 +8,22 @@ equations are written here once more, from the papers.
 from __future__ import annotations
 
 import math
-import multiprocessing
-import os
+import tempfile
 import time
 import warnings
+from collections.abc import Mapping
 from importlib.metadata import version
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numba
 import numpy as np
 from scipy.integrate import odeint
 
 import stickslip as ss
+from stickslip.study import Grid, Own, Study
 
-from .session import Row
+if TYPE_CHECKING:  # a study's workers run this file by itself
+    from .session import Row
 
 ACTUATORS = 200
 TOLERANCE = 1e-9  # m
@@ -174,9 +176,14 @@ def error(d: Draw) -> tuple[float, int, float]:
     return float(off / TOLERANCE), found.attrs["steps"] + found.attrs["rejected_steps"], seconds
 
 
-def _row(number: int) -> Row:
+def errors(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """`error` of actuators by their numbers, for a study."""
+    found = np.array([error(draw(int(number))) for number in columns["number"]])
+    return dict(zip(("off", "steps", "seconds"), found.T, strict=True))
+
+
+def _row(number: int, off: float, steps: int, seconds: float) -> Row:
     d = draw(number)
-    off, steps, seconds = error(d)
     setting = ", ".join(f"{name} {value:.6g}" for name, value in d._asdict().items() if name != "law")
     return {
         "part": "accuracy",
@@ -194,8 +201,12 @@ def _row(number: int) -> Row:
 
 def measure_accuracy() -> tuple[list[Row], dict[str, str]]:
     """A row for each actuator."""
-    with multiprocessing.get_context("spawn").Pool(os.cpu_count()) as pool:
-        rows = pool.map(_row, range(ACTUATORS), chunksize=1)
+    study = Study(Grid({"number": np.arange(float(ACTUATORS))}), Own(errors), task=1)
+    with tempfile.TemporaryDirectory() as folder:
+        found = ss.run_study(study, f"{folder}/errors.zarr").load()
+    assert not found.status.any(), found.reason.values
+    columns = (found[name].values for name in ("off", "steps", "seconds"))
+    rows = [_row(i, float(a), int(b), float(c)) for i, (a, b, c) in enumerate(zip(*columns, strict=True))]
     worst = max(rows, key=lambda row: row["error_over_tolerance"])
     print(f"accuracy: worst {worst['error_over_tolerance']:.3g} tolerances, {worst['problem']}")
     return rows, {name: version(name) for name in ("stickslip", "numba", "numpy", "scipy")}

@@ -1,7 +1,8 @@
 """How often 95 % intervals hold the truth: campaigns of the virtual rig, each with noise of its own.
 
 Each campaign has an actuator of its own too (`random_truth`), while every fit begins at the example's values:
-``python -m benchmarks.coverage 300``. With ``fixed`` behind the number, the actuator is that of the example.
+``python -m benchmarks.coverage 300 STORE``. With ``fixed`` behind them, the actuator is that of the example.
+It is a study whose members are campaigns: the same command goes on, ``--scheduler ADDRESS`` is for a cluster.
 
 The signal chain is the bench's: held output, amplifier with its current limit, sensor with curve, bandwidth
 and delay, converters, filter. The motion is computed without noise; each campaign adds the sensor's
@@ -11,12 +12,13 @@ low where the bench works, in every campaign alike, which no statistics of the r
 
 from __future__ import annotations
 
+import argparse
 import dataclasses
 import json
 import sys
-import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,6 +33,7 @@ from stickslip.identify.step.fit import identify_step
 from stickslip.identify.walk.friction import identify_friction
 from stickslip.recording import RecordingWarning
 from stickslip.rig import Capture, Channel, Limits, VirtualRig, load_bench, measure
+from stickslip.study import Grid, Own, Study, run_study
 from stickslip.waveform.periodic import Sawtooth
 from stickslip.waveform.shapes import Step
 
@@ -137,8 +140,27 @@ def noisy(
     return recording.assign({POSITION: recording[POSITION].copy(data=x)})
 
 
-def campaign(chain: Chain, seed: int, hops: int) -> dict[str, tuple[float, float, float]]:
-    """Value and interval of every parameter of one campaign, and its truth."""
+def campaigns(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Campaigns by their seeds, each with an actuator of its own: for a study."""
+    return _columns([campaign(clean_chain(random_truth(int(one))), int(one), 6) for one in columns["seed"]])
+
+
+def fixed_campaigns(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Of the example, whose fits begin at the truth and look nowhere else."""
+    return _columns([campaign(_example_chain(), int(one), 0) for one in columns["seed"]])
+
+
+@cache
+def _example_chain() -> Chain:
+    return clean_chain(example())
+
+
+def _columns(found: list[dict[str, float]]) -> dict[str, np.ndarray]:
+    return {name: np.array([one[name] for one in found]) for name in found[0]}
+
+
+def campaign(chain: Chain, seed: int, hops: int) -> dict[str, float]:
+    """Value and ends of the interval of every parameter of one campaign, and its truth."""
     random = np.random.default_rng(seed)
     slew = chain.bench.amplifier.max_current / chain.bench.piezo_capacitance
     actuator = example()
@@ -150,15 +172,15 @@ def campaign(chain: Chain, seed: int, hops: int) -> dict[str, tuple[float, float
         fit = identify_friction(
             walk, stage.model, FREE, slew_rate=slew, stage=stage, hops=hops, bounds=BOUNDS
         )
-    found = {f"truth {name}": (true, 0.0, 0.0) for name, true in truths(chain).items()}
+    found = {f"truth_{name}": true for name, true in truths(chain).items()}
     for one in (stage, fit):
         for name, (low, high) in one.confidence_intervals(LEVEL).items():
-            key = f"walk {name}" if name == "delay" and one is fit else name
-            found[key] = (one.values[name], low, high)
-    found["converged"] = (float(fit.converged and stage.converged), 0.0, 0.0)
+            key = f"walk_{name}" if name == "delay" and one is fit else name
+            found |= {key: one.values[name], f"{key}_low": low, f"{key}_high": high}
+    found["converged"] = float(fit.converged and stage.converged)
     for name in FREE:
         lost = any(s.startswith((f"{name} is not", f"{name} ended at")) for s in fit.undetermined)
-        found[f"undetermined {name}"] = (float(lost), 0.0, 0.0)
+        found[f"undetermined_{name}"] = float(lost)
     return found
 
 
@@ -175,46 +197,56 @@ def truths(chain: Chain) -> dict[str, float]:
     }
 
 
-def table(found: list[dict[str, tuple[float, float, float]]]) -> dict[str, Any]:
+def table(found: xr.Dataset) -> dict[str, Any]:
     """Share of intervals that hold the truth, and errors relative to it, over all campaigns, by parameter."""
     parameters = {}
-    for name in (key.removeprefix("truth ") for key in found[0] if key.startswith("truth ")):
-        true = np.array([f[f"truth {name}"][0] for f in found])
-        values, low, high = np.array([f[name] for f in found]).T
-        missing = [float(t) for t, v in zip(true, values, strict=True) if not np.isfinite(v)]
+    for name in (str(key).removeprefix("truth_") for key in found if str(key).startswith("truth_")):
+        true, values, low, high = (
+            found[n].values for n in (f"truth_{name}", name, f"{name}_low", f"{name}_high")
+        )
+        lost = f"undetermined_{name}"
         parameters[name] = {
             "coverage": float(np.mean((low <= true) & (true <= high))),
-            "missing": len(missing),
+            "missing": int(np.sum(~np.isfinite(values))),
             "median_error": float(np.median(values / true - 1.0)),
             "spread": float(np.std(values / true)),
             "half_interval": float(np.median((high - low) / true) / 2),
-            "undetermined": float(np.mean([f.get(f"undetermined {name}", (0.0,))[0] for f in found])),
+            "undetermined": float(found[lost].mean()) if lost in found else 0.0,
         }
     return {
-        "campaigns": len(found),
+        "campaigns": found.sizes["seed"],
         "level": LEVEL,
-        "converged": float(np.mean([f["converged"][0] for f in found])),
+        "converged": float(found["converged"].mean()),
         "parameters": parameters,
     }
 
 
-def coverage(campaigns: int = CAMPAIGNS, fixed: bool = False) -> dict[str, Any]:
-    """`table` of so many campaigns, with the time that each took.
+def coverage(count: int, store: str, fixed: bool = False, scheduler: str | None = None) -> dict[str, Any]:
+    """`table` of so many campaigns.
 
     Args:
-        campaigns: how many.
-        fixed: the example is the truth of all, and the fits begin at it and look nowhere else.
+        count: how many.
+        store: of the study.
+        fixed: the example is the truth of all, and the fits begin there.
+        scheduler: address of a dask scheduler.
     """
-    same = clean_chain(example()) if fixed else None
-    begun = time.perf_counter()
-    found = []
-    for seed in range(campaigns):
-        found.append(campaign(same or clean_chain(random_truth(seed)), seed, 0 if fixed else 6))
-        shown = table(found)["parameters"]
-        print(seed + 1, {k: round(v["coverage"] * len(found)) for k, v in shown.items()}, file=sys.stderr)
-    return table(found) | {"seconds_per_campaign": (time.perf_counter() - begun) / campaigns}
+    of = f"{__file__}:{'fixed_campaigns' if fixed else 'campaigns'}"
+    study = Study(Grid({"seed": np.arange(float(count))}), Own(of), task=1, title="coverage of campaigns")
+
+    def told(doing: str, share: float) -> None:
+        print(f"{share:.0%} {doing}", file=sys.stderr)
+
+    found = run_study(study, store, scheduler=scheduler, progress=told).load()
+    failed = found.sel(seed=found["status"] != 0)
+    assert not failed.sizes["seed"], failed["reason"].values
+    return table(found)
 
 
 if __name__ == "__main__":
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else CAMPAIGNS
-    print(json.dumps(coverage(count, fixed="fixed" in sys.argv[2:]), indent=1))
+    asked = argparse.ArgumentParser()
+    asked.add_argument("count", type=int, nargs="?", default=CAMPAIGNS)
+    asked.add_argument("store", nargs="?", default="out/coverage.zarr")
+    asked.add_argument("fixed", nargs="?", choices=["fixed"])
+    asked.add_argument("--scheduler")
+    given = asked.parse_args()
+    print(json.dumps(coverage(given.count, given.store, bool(given.fixed), given.scheduler), indent=1))

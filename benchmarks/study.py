@@ -125,7 +125,7 @@ def memory(members: int = 1 << 18, task: int = 1 << 14) -> None:
                     **os.environ,
                     **({"STICKSLIP_CACHE_DIR": f"{folder}/{cache}"} if cache else {}),
                 }
-                environment["PYTHONPATH"] = str(Path(__file__).parents[1])
+                environment |= {"PYTHONPATH": str(Path(__file__).parents[1]), "STUDY_LOG": name}
                 code = _LOCAL.format(members=size, task=task, store=folder / "s.zarr")
                 if cache:  # a store that is there, as another machine finds it: who begins it has compiled
                     begun = Study(Random(RANGES, size), Walk(KANG, SHORT), task=task)
@@ -133,17 +133,18 @@ def memory(members: int = 1 << 18, task: int = 1 << 14) -> None:
                 client = subprocess.Popen([sys.executable, "-c", code], env=environment)
                 most: dict[str, int] = {}
                 while client.poll() is None:
-                    look(most)
+                    look(name, most)
                     time.sleep(0.02)
-                print(f"{words}, {size:,} members: {json.dumps(most)} MB")
+                print(f"{words}, {size:,} members: {json.dumps(most)} MB", flush=True)
 
 
-def look(most: dict[str, int]) -> None:
-    """Keep the most memory of workers of this machine, and of one that compiles [MB]."""
+def look(name: str, most: dict[str, int]) -> None:
+    """Keep the most memory of workers that know the name, and of one that compiles [MB]."""
     for one in Path("/proc").glob("[0-9]*"):
         with suppress(OSError):
             words = (one / "cmdline").read_bytes().split(b"\0")
-            if b"stickslip.study.worker" not in words:
+            known = f"STUDY_LOG={name}".encode() in (one / "environ").read_bytes().split(b"\0")
+            if b"stickslip.study.worker" not in words or not known:
                 continue
             kind = "compiles" if b"compile" in words else "works"
             status = (one / "status").read_text()
@@ -298,18 +299,35 @@ def scheduler(workers: int = 200, seconds: float = 1.0, tasks: int = 2000) -> No
             idle_bytes, passed = door.bytes - idle[0], time.perf_counter() - idle[1]
             idle_cpu = (seconds_of(cluster.scheduler.pid) - idle[2]) / passed
             study = Study(Grid({"x": np.arange(4.0 * tasks)}), Own(f"{__file__}:asleep"), task=4)
-            before = door.bytes, time.perf_counter(), seconds_of(cluster.scheduler.pid), cpu()
+            seen: list[tuple[float, ...]] = []
+            ended = threading.Event()
+
+            def watch() -> None:
+                while not ended.wait(0.1):
+                    seen.append((time.time(), door.bytes, seconds_of(cluster.scheduler.pid), cpu()))
+
+            threading.Thread(target=watch, daemon=True).start()
             ss.run_study(study, folder / "s.zarr", scheduler=address)
-            took = time.perf_counter() - before[1]
-            written = Store(folder / "s.zarr").written()
-            rate = (tasks - 1) / float(np.ptp(written))
-            busy = seconds_of(cluster.scheduler.pid) - before[2] - idle_cpu * took
-            sent = door.bytes - before[0] - idle_bytes / passed * took
-            print(f"{tasks} tasks of {seconds} s: {took:.1f} s, at best {tasks / workers * seconds:.1f} s")
-            print(f"{rate:.0f} tasks/s; {workers / seconds:.0f} would be all that these workers can do")
-            own = cpu() - before[3]
+            ended.set()
+            written = np.sort(Store(folder / "s.zarr").written())
+            # From the first task to the last: all workers are ready, and have something to do.
+            between, times = written[[0, -1]], [one[0] for one in seen]
+            sent, busy, own = (
+                float(np.ptp(np.interp(between, times, column)))
+                for column in list(zip(*seen, strict=True))[1:]
+            )
+            took = float(np.ptp(between))
+            print(
+                f"{tasks} tasks of {seconds} s: {took:.1f} s, at best {(tasks / workers - 1) * seconds:.1f} s"
+            )
+            print(
+                f"{tasks / took:.0f} tasks/s; {workers / seconds:.0f} would be all that these workers can do"
+            )
+            busy -= idle_cpu * took
             print(f"a task: scheduler {busy / tasks * 1e3:.2f} ms of CPU, client {own / tasks * 1e3:.2f} ms")
-            print(f"a task: {sent / tasks:.0f} bytes to and from the scheduler")
+            beats = idle_bytes / passed * took
+            print(f"a task: {(sent - beats) / tasks:.0f} bytes to and from the scheduler, and")
+            print(f"  {beats / tasks:.0f} bytes of what workers say every second or so, whatever they do")
             print(
                 f"idle: {idle_cpu:.1%} of a processor, {idle_bytes / passed / workers:.0f} bytes/s a worker"
             )

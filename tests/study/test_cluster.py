@@ -7,13 +7,16 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
+from distributed import Client
 
 import stickslip as ss
 import study_functions
@@ -47,9 +50,9 @@ class Cluster:
     def start_scheduler(self) -> subprocess.Popen:
         return self._start("scheduler", "--host", "127.0.0.1", "--port", str(self.port), "--no-dashboard")
 
-    def start_worker(self) -> subprocess.Popen:
+    def start_worker(self, address: str = "") -> subprocess.Popen:
         options = ["--nthreads", "1", "--no-nanny", "--no-dashboard", "--local-directory", str(self._folder)]
-        return self._start("worker", self.address, *options)
+        return self._start("worker", address or self.address, *options)
 
     def _start(self, *words: str) -> subprocess.Popen:
         # The kernels of all tests, not a node's own.
@@ -111,6 +114,68 @@ def test_whatever_is_killed_it_goes_on_and_ends_the_same(tmp_path: Path, cluster
     again = sum(not line.endswith(" 2") for line in lines) - 80
     # One in hand of each worker that was killed or hung, and of two when the client went, three for each.
     assert 0 <= again <= 1 + 2 + 2 * 3 + 3
+
+
+class Cable:
+    """What is between a worker and the scheduler, a port of this machine. Cut, it passes nothing on, and
+    tells neither end. It counts what went through."""
+
+    def __init__(self, port: int) -> None:
+        self._behind, self.bytes, self._whole = port, 0, True
+        self._listening = socket.create_server(("127.0.0.1", 0))
+        self.address = f"tcp://127.0.0.1:{self._listening.getsockname()[1]}"
+        self._ends: list[socket.socket] = []
+        threading.Thread(target=self._open, daemon=True).start()
+
+    def _open(self) -> None:
+        with suppress(OSError):
+            while True:
+                near, _ = self._listening.accept()
+                far = socket.create_connection(("127.0.0.1", self._behind))
+                self._ends += [near, far]
+                for ends in ((near, far), (far, near)):
+                    threading.Thread(target=self._pass, args=ends, daemon=True).start()
+
+    def _pass(self, source: socket.socket, target: socket.socket) -> None:
+        with suppress(OSError):
+            while data := source.recv(65536):
+                self.bytes += len(data)
+                if self._whole:
+                    target.sendall(data)
+        if self._whole:
+            with suppress(OSError):
+                target.shutdown(socket.SHUT_WR)
+
+    def cut(self) -> None:
+        self._whole = False
+
+    def close(self) -> None:
+        for one in (self._listening, *self._ends):
+            one.close()
+
+
+def test_a_worker_that_is_cut_off_does_not_hold_the_end(tmp_path: Path, cluster: Cluster) -> None:
+    cable, store = Cable(cluster.port), tmp_path / "s.zarr"
+    worker = cluster.start_worker(cable.address)
+    with Client(cluster.address, set_as_default=False) as client:
+        client.wait_for_workers(3)
+    run = begin(tmp_path, cluster)
+    wait_for(store, 20, run)
+    cable.cut()
+    assert run.wait() == 0
+    np.testing.assert_array_equal(xr.open_zarr(store, chunks=None)["value"], EXPECTED)
+    worker.kill()
+    worker.wait()
+    cable.close()
+
+
+def test_a_task_is_little_to_say(tmp_path: Path, cluster: Cluster) -> None:
+    """Between the client and the scheduler; what a worker and the scheduler say is about as much."""
+    cable = Cable(cluster.port)
+    study = Study(GRID, Own(f"{FILE}:squares"), task=1)
+    ss.run_study(study, tmp_path / "s.zarr", scheduler=cable.address)
+    assert cable.bytes / 240 < 1000
+    cable.close()
 
 
 def test_results_are_those_of_the_ensemble(tmp_path: Path, cluster: Cluster) -> None:

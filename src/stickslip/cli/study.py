@@ -102,7 +102,7 @@ def _show(store: Path) -> None:
 
 
 def _lines(state: State) -> list[str]:
-    from ..study.running import duration
+    from ..study.running import duration, pace
 
     lines = [f"{state.title}: {state.done:,} of {state.tasks:,} tasks, {state.members:,} members"]
     lines += [f"  {name.replace('_', ' ')}: {n:,}" for name, n in state.statuses.items() if n]
@@ -110,7 +110,7 @@ def _lines(state: State) -> list[str]:
         ago = duration(time.time() - state.last)
         lines.append(f"  last written {ago} ago")
         if state.rate == state.rate:
-            lines.append(f"  {state.rate:,.0f} members/s lately, {duration(state.left)} left")
+            lines.append(f"  {pace(state.rate)} lately, {duration(state.left)} left")
     return lines
 
 

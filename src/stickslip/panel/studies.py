@@ -27,7 +27,7 @@ from ..recording import RecordingError
 from ..study.layout import Variable
 from ..study.local import processors
 from ..study.picture import Picture, Statistic, pictured, study_picture
-from ..study.running import duration
+from ..study.running import duration, pace
 from ..study.state import State, study_state
 from ..study.store import Store
 from .folder import STORE, Folder, FolderError
@@ -197,7 +197,7 @@ def _said(found: State, runs: bool, fault: str) -> dict[str, Any]:
     grows = runs or (lately and not found.finished and not fault)
     rows = [("tasks", f"{found.done:,} of {found.tasks:,}"), ("members", f"{found.members:,}")]
     if grows and math.isfinite(found.rate):
-        rows += [("rate", f"{found.rate:,.0f} members/s"), ("left", duration(found.left))]
+        rows += [("rate", pace(found.rate)), ("left", duration(found.left))]
     rows += [(name.replace("_", " "), f"{many:,}") for name, many in found.statuses.items() if many]
     words = "Complete." if found.finished else "It runs here." if runs else "It grows." if grows else ""
     wrong = f"It ended: {fault}" if fault and not found.finished else ""

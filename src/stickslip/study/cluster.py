@@ -14,8 +14,10 @@ import pickle
 import queue
 import threading
 import time
+import uuid
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -29,35 +31,38 @@ from .measures import told
 from .store import Store
 from .task import Done, Load, received, run_task, use_own_cache
 
-# Tasks that each thread of a worker has or waits for, and s that a lost scheduler is waited for.
-AHEAD, PATIENCE = 3, 60.0
+# Tasks that each thread of a worker has or waits for; with fewer than these left new ones are given, many in
+# one message, which is far less than a message for each. s that a lost scheduler is waited for.
+AHEAD, LEFT, PATIENCE = 3, 2, 60.0
 
-_PREPARED: dict[str, tuple[Study, Store]] = {}  # of this worker, by the hash of its load
+LOAD = ".load-"
+
+_PREPARED: dict[str, tuple[Study, Store]] = {}  # of this worker, by the file of its load
 _PREPARING = threading.Lock()
 
 
-def one_task(path: str, digest: str, number: int) -> None:
+def one_task(path: str, number: int) -> None:
     """A task on a worker. What it made is in the store: nothing is fetched from a worker, which may hang."""
     try:
         with _PREPARING:
-            if digest not in _PREPARED:
+            if path not in _PREPARED:
                 os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
                 use_own_cache()
-                _PREPARED[digest] = received(_read(Path(path), digest))
-        run_task(*_PREPARED[digest], number)
+                _PREPARED[path] = received(_read(Path(path)))
+        run_task(*_PREPARED[path], number)
     except StudyError:
         raise
     except Exception as error:  # of a type that need not be known elsewhere
         raise RuntimeError(told(error)) from None
 
 
-def _read(path: Path, digest: str) -> Load:
-    """What the worker was told to read, and nothing else."""
+def _read(path: Path) -> Load:
+    """What the worker was told to read, and nothing else: the name of the file has its hash."""
     try:
         data = path.read_bytes()
     except OSError as error:
         raise StudyError(f"a worker does not see the folder of the study: {path}: {error.strerror}") from None
-    if hashlib.sha256(data).hexdigest() != digest:
+    if hashlib.sha256(data).hexdigest()[:32] != path.name.removeprefix(LOAD):
         raise StudyError(f"{path} is not what was written for the workers")
     return pickle.loads(data)
 
@@ -73,10 +78,9 @@ def run_on_cluster(
     """
     tasks, store, lost = Tasks(waiting=todo[::-1]), Store(load.store), 0.0
     data = pickle.dumps(load)
-    digest = hashlib.sha256(data).hexdigest()
-    file = store.path.absolute() / f".load-{digest[:16]}"
+    file = store.path.absolute() / f"{LOAD}{hashlib.sha256(data).hexdigest()[:32]}"
     file.write_bytes(data)
-    what = one_task, str(file), digest
+    what = partial(one_task, str(file))
     while True:
         try:
             # A scheduler that is gone is noticed within seconds, and not waited for in here.
@@ -108,7 +112,7 @@ class _Running:
 
 def _run(
     client: Client,
-    what: tuple[Any, ...],
+    what: Callable[[int], None],
     store: Store,
     tasks: Tasks,
     count: int,
@@ -117,7 +121,7 @@ def _run(
     """Whether all is done; not, if the scheduler was lost."""
     answers: queue.Queue[_Running] = queue.Queue()
     running: dict[Any, _Running] = {}
-    given, slots, asked = 0, 0, 0.0
+    slots, asked = 0, 0.0
     while len(tasks.done) + len(tasks.failed) < count:
         if store.must_end():
             raise StudyError(STOPPED)
@@ -126,16 +130,18 @@ def _run(
         if time.monotonic() - asked > 1.0:
             asked = time.monotonic()
             slots = sum(_threads(client).values())
-        while len(running) < max(1, AHEAD * slots):
-            number = tasks.take()
-            if number is None:
-                break
-            given += 1
-            _give(client, what, number, given, running, answers)
+        if len(running) < max(1, LEFT * slots + 1):
+            free = max(1, AHEAD * slots) - len(running)
+            _give(
+                client,
+                what,
+                [n for n in (tasks.take() for _ in range(free)) if n is not None],
+                running,
+                answers,
+            )
         if not tasks.waiting and slots:
             for number, elsewhere in _late(client, running, tasks):
-                given += 1
-                _give(client, what, number, given, running, answers, elsewhere)
+                _give(client, what, [number], running, answers, elsewhere)
         with suppress(queue.Empty):
             done = answers.get(timeout=0.5)
             while True:
@@ -153,18 +159,18 @@ def _threads(client: Client) -> dict[str, int]:
 
 def _give(
     client: Client,
-    what: tuple[Any, ...],
-    number: int,
-    given: int,
+    what: Callable[[int], None],
+    numbers: list[int],
     running: dict[Any, _Running],
     answers: queue.Queue[_Running],
     workers: list[str] | None = None,
 ) -> None:
     # The name of each is new: a result of before is none now.
-    key = f"stickslip-{os.getpid()}-{id(answers)}-{given}"
-    future = client.submit(*what, number, key=key, pure=False, workers=workers)
-    running[key] = one = _Running(number, future)
-    future.add_done_callback(lambda _: answers.put(one))
+    keys = [f"{uuid.uuid4().hex[:12]}-{number}" for number in numbers]
+    futures = client.map(what, numbers, key=keys, pure=False, workers=workers) if numbers else []
+    for number, key, future in zip(numbers, keys, futures, strict=True):
+        running[key] = one = _Running(number, future)
+        future.add_done_callback(lambda _, one=one: answers.put(one))
 
 
 def _late(client: Client, running: dict[Any, _Running], tasks: Tasks) -> list[tuple[int, list[str]]]:

@@ -179,10 +179,15 @@ class _Told:
         self._last = now
         left = passed * (self._tasks / self._done - 1.0)
         rate = self._members / passed
-        text = f"computing: {rate:,.0f} members/s, {duration(left)} left"
+        text = f"computing: {pace(rate)}, {duration(left)} left"
         if self._failed:
             text += f", {self._failed:,} members failed"
         self._progress(text, self._done / self._tasks)
+
+
+def pace(rate: float) -> str:
+    """Members per second, or per minute where they are few, for people."""
+    return f"{rate:,.0f} members/s" if rate >= 10.0 else f"{60.0 * rate:,.2g} members/min"
 
 
 def duration(seconds: float) -> str:
