@@ -237,7 +237,7 @@ def costs(first: int, count: int) -> None:
     model, took = ss.load_actuator("kang2007"), []
     for seed in range(count + 1):
         times = [time.process_time()]
-        goals = "speed", design.Current("1.8 uF")
+        goals = "speed", design.Current(1.8e-6)
         front = design.waveform_front(model, goals=goals, max_voltage=TOP, seed=seed)
         times.append(time.process_time())
         ss.step_map(model, voltage=np.linspace(1.0, TOP, 100), frequency=np.geomspace(5.0, 1000.0, 100))

@@ -1,12 +1,13 @@
 """Planned recordings against the thesis's, in virtual campaigns: ``python -m benchmarks.plan 200 20 30``.
 
-Three parts, each with so many campaigns, all of equal recording time, with the noise, drift and rounding of
+Parts, each with so many campaigns, all of equal recording time, with the noise, drift and rounding of
 the bench's inductive sensor behind its filter:
 
 - `scatter`: the motion is the model's, later by the sensor's delay: the plan's own assumptions. Do fits
   scatter as was expected?
 - `bench`: the motion came through the whole virtual bench (held output, amplifier, sensor curve, filter),
   which the fit does not know: what is left of the plan?
+- `driven`: the same recordings, and the fit is given the drive as converter and amplifier make it.
 - `unknown`: as `scatter`, but every campaign has an actuator of its own, and plan and fits begin at the
   example.
 
@@ -126,6 +127,17 @@ def through_the_bench(chain: Chain, setup: Setup) -> list[xr.Dataset]:
     return found
 
 
+def at_piezo(chain: Chain, setup: Setup) -> Setup:
+    """The same, as the converter holds it and the amplifier follows, computed from their data sheets."""
+    bench, drives = chain.bench, []
+    for drive in setup.drives:
+        times = np.arange(0.0, setup.length + BEFORE, 1.0 / bench.dac.update_rate)
+        step = bench.dac.step * bench.amplifier.gain
+        command = ss.Sampled(times, step * np.rint(drive.value(times) / step), "hold")
+        drives.append(ss.electronics.driven(bench.amplifier, command, bench.piezo_capacitance, times[-1]))
+    return setup._replace(drives=drives)
+
+
 def fitted(
     chain: Chain, clean: Sequence[xr.Dataset], setup: Setup, model: Actuator, seed: int, hops: int
 ) -> dict[str, Any]:
@@ -234,6 +246,10 @@ def run(scatter: int, bench: int, unknown: int) -> dict[str, Any]:
             each = [fitted(chain, clean, setup, scaled, seed, 0) for seed in range(bench)]
             found[f"bench {name}"] = table(each, [values_of(actuator, chain.scale)] * bench)
             told(name, "bench", found)
+            known = at_piezo(chain, setup)
+            each = [fitted(chain, clean, known, scaled, seed, 0) for seed in range(bench)]
+            found[f"driven {name}"] = table(each, [values_of(actuator, chain.scale)] * bench)
+            told(name, "driven", found)
         if unknown:
             each, true, lost = [], [], 0
             for seed in range(unknown):

@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -126,15 +126,17 @@ class GeneratorSpec(Strict):
     update_rate: Quantity | None = None
     points: float | None = None
     step: Quantity | None = None
-    interpolation: str | None = None
+    interpolation: Literal["hold", "linear"] | None = None
 
     def generator(self, folder: Path) -> Generator:
         """Raises QuantityError."""
-        own = self.model_dump(exclude_none=True, exclude={"bench", "points"})
+        own: dict[str, Any] = self.model_dump(exclude_none=True, exclude={"bench", "points"})
         if self.bench is None:
             if self.update_rate is None:
                 raise QuantityError("generator.update_rate [Hz] is missing, or generator.bench")
-            return Generator(**own, **({} if self.points is None else {"points": self.points}))
+            if self.points is not None:
+                own["points"] = self.points
+            return Generator(**own)
         if own or self.points is None:
             raise QuantityError(
                 f"generator.{next(iter(own))} is that of generator.bench: give one of them"

@@ -2,7 +2,7 @@
 
 A drive is a burst of a closed polygon that begins at the lowest voltage, and the same backwards in time,
 which walks back; in turn, for as long as the recording. Values and frequency are searched for by CMA-ES
-[hansen2016], from the best of the usual sawtooths on, at the values of the model.
+[hansen2016], from the best of the usual sawtooths on, at the values of the model and at the first few draws.
 """
 
 from __future__ import annotations

@@ -37,6 +37,8 @@ LEAST_STEP = 1e-9
 LOST = 5.0
 # Candidates that are followed at the draws too, where there are more.
 MOST_FOLLOWED = 24
+# Draws, beside the values of the model, that a free drive is searched for at.
+MOST_SEARCHED = 3
 
 
 def plan_experiment(
@@ -120,7 +122,7 @@ def plan_experiment(
     named = _named(candidates, begin, limits, duration)
     found, left_out = _simulated(named, starts, wanted, limits, progress)
     if found and isinstance(candidates, FreeDrives):
-        _search(candidates, named, found, starts, wanted, limits, seed, progress)
+        _search(candidates, named, found, starts, wanted, limits, over, seed, progress)
     if not found:
         raise QuantityError(
             "no candidate can be taken: "
@@ -261,18 +263,20 @@ def _search(
     starts: Sequence[Start],
     goal: Goal,
     limits: Limits,
+    over: Over,
     seed: int,
     progress: Progress,
 ) -> None:
     """Add a free drive that tells more than the best of `found`, if there is one, to that and to `named`."""
     name = min(found, key=lambda one: float(score(found[one], goal, "mean")))
-    nominal = goal if goal.gradients is None else goal._replace(gradients=goal.gradients[:1])
+    some = starts[: 1 + MOST_SEARCHED]
+    wanted = goal if goal.gradients is None else goal._replace(gradients=goal.gradients[: len(some)])
 
     def told(walk: Walk) -> float:
         of: dict[str, Seen] = {}
         if not refused(walk, limits, "free drive"):
-            _follow("free drive", walk, starts[:1], limits, of, {})
-        return float(score(of["free drive"], nominal, "mean")) if of else np.nan
+            _follow("free drive", walk, some, limits, of, {})
+        return float(score(of["free drive"], wanted, over)) if of else np.nan
 
     slew_rate = starts[0].chain.slew_rate
     walk = searched(asked, named[name], limits, slew_rate, told, seed, progress)

@@ -1,10 +1,10 @@
 """The search itself: candidates of a generation, under all active conditions, in one call.
 
-Three evolutions (CMA-ES [hansen2016]) begin at different shapes and share the calls; the worst is given up
-after a part of the budget, and then the next. Of several conditions the worst one alone comes first, twice,
-which is cheap and finds the right hill; from there on candidates are judged by the worst few conditions, and
-which these are is found again each time that the best so far is driven under all of them. Why there is no
-polish by derivatives: docs/decisions/design.md.
+Three evolutions (CMA-ES [hansen2016]) begin at different shapes, one of them the best of random ones, and
+share the calls; the worst is given up after a part of the budget, and then the next. Of several conditions
+the worst one alone comes first, twice, which is cheap and finds the right hill; from there on candidates are
+judged by the worst few conditions, and which these are is found again each time that the best so far is
+driven under all of them. Why there is no polish by derivatives: docs/decisions/design.md.
 """
 
 from __future__ import annotations
@@ -27,6 +27,8 @@ Merits = Callable[[Array, Index], Array]
 
 # A generation of one evolution; parts of the budget after which the worst of them is given up.
 GENERATION, GIVEN_UP = 16, (0.25, 0.5)
+# Random candidates, the best of which is begun with in place of the last start.
+SCOUTS = 256
 # The first spread, of the range, and that of a search begun at what one before has found.
 WIDE, NEAR = 0.3, 0.08
 # How far inside of the bounds an evolution begins.
@@ -89,6 +91,9 @@ def robust(task: Task, starts: Array) -> Best:
     first = int(np.argmax(scores))
     best, spent = Best(starts[first], float(scores[first]), 0), len(starts) * task.conditions
     active = worst_of(merits[first], task.judge, np.zeros(0, np.int64))
+    if len(starts) > 1:
+        starts = np.array([*starts[:-1], _scouted(task, starts.shape[1], _worst(merits[first]))])
+        spent += SCOUTS
     begin, spread, share = starts, WIDE, task.budget
     if task.conditions > 1:
         found, merits, tried, stopped = _of_the_worst(task, starts, merits[first])
@@ -123,13 +128,25 @@ def robust(task: Task, starts: Array) -> Best:
     return best._replace(evaluations=spent)
 
 
+def _worst(merits: Array) -> Index:
+    """Which condition is the worst of these merits, [1]."""
+    return np.array([int(np.argmin(np.where(np.isnan(merits), -np.inf, merits)))])
+
+
+def _scouted(task: Task, count: int, which: Index) -> Array:
+    """The best of random candidates of so many numbers in a condition."""
+    x = task.random.random((SCOUTS, count))
+    scores = task.judge._replace(baseline=None).score(task.merits(x, which), which)
+    return x[int(np.argmax(scores))]
+
+
 def _of_the_worst(task: Task, starts: Array, merits: Array) -> tuple[Array, Array, int, bool]:
     """The better of two searches in the condition that is the worst of these merits, without a baseline:
     where it is, its merits in all conditions, members that it took, whether it was stopped.
 
     Far from the baseline every drive falls short of it somewhere, which would lead back to it.
     """
-    one = np.array([int(np.argmin(np.where(np.isnan(merits), -np.inf, merits)))])
+    one = _worst(merits)
     free = task._replace(
         judge=Judge(0.0, None, task.judge.scale), progress=lambda doing, done: task.progress(doing, 0.0)
     )

@@ -29,7 +29,7 @@ def draw_conditions(
         sign: +1 where more is better.
     """
     first = next(iter(values.values()))
-    order = np.argsort(-sign * first)
+    order: list[int] = np.argsort(-sign * first).tolist()
     scale = scale_for(unit, np.concatenate(list(values.values())))
     few = len(names) <= MOST_NAMED
     panel = shown(WIDTH, 1.3 + 0.22 * len(names) if few else 3.0).subplots()
