@@ -112,7 +112,7 @@ def test_a_table_of_a_drive_is_within_its_precision(wave: ss.Sine) -> None:
 
 
 def test_a_stage_walks_with_it_and_every_period_closes() -> None:
-    saw = ss.Sawtooth("65 V", "20 Hz")
+    saw = ss.Sawtooth(65.0, 20.0)
     plain = ss.load_actuator("kang2007").replace(stage_reaction=False)
     bent, own = (plain.replace(piezo=Piezo(kind(0.3, 0.05))) for kind in (BoucWen, OwnBoucWen))
     # the tolerance of either is 1 nm

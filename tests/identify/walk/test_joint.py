@@ -13,7 +13,7 @@ from identify.step_system import step_recording
 from stickslip.estimate.coloured import Coloured
 from stickslip.identify.walk.joint import Weight, jointly
 
-WALK = ss.Sawtooth("65 V", "20 Hz", periods=4)
+WALK = ss.Sawtooth(65.0, 20.0, periods=4)
 RATE, NOISE, DRIFT = 4e3, 5e-9, 4e-10  # Hz, m, m from sample to sample
 FREE = ("sigma_0", "sigma_1", "coulomb_force", "offset")
 

@@ -140,7 +140,7 @@ class _Known(NamedTuple):
     def root(self) -> Array:
         """A of the squares |A (q - q_0)|^2 that deviations q - q_0 cost."""
         covariance = self.fit.uncertainty.covariance[np.ix_(self.places, self.places)]
-        return np.linalg.cholesky(np.linalg.inv(covariance)).T
+        return np.asarray(np.linalg.cholesky(np.linalg.inv(covariance)).T, dtype=np.float64)
 
     def parameters(self) -> list[Parameter]:
         """Free, within what is likely."""
