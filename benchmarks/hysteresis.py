@@ -116,7 +116,7 @@ def campaign(known: Example, seed: int) -> dict[str, Any]:
         rows[name] = (found.friction.values[name], *found.budget.intervals[name], getattr(law, name))
     alone = found.friction.confidence_intervals(LEVEL)
     for name in FRICTION:
-        rows[f"{name} by noise alone"] = (found.friction.values[name], *alone[name], getattr(law, name))
+        rows[f"{name} by the fit alone"] = (found.friction.values[name], *alone[name], getattr(law, name))
     stage = found.hysteresis.widened(found.stage)
     for name, ends in stage.confidence_intervals(LEVEL).items():
         if name in MODE:

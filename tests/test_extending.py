@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import json
 import re
 from pathlib import Path
 from types import ModuleType
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
+from stickslip.parameters.writing import parameter_text, write_parameters
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "extending.md"
 
@@ -38,6 +40,19 @@ def test_law(example: Any) -> None:
     np.testing.assert_allclose(found[1:], expected[1:], rtol=1e-5)  # at time 0 it rests
     with pytest.raises(ss.units.QuantityError, match="sigma_0"):
         law._replace(sigma_0=-1.0)
+
+
+def test_piezo_model(example: Any, tmp_path: Path) -> None:
+    """By its name in a parameter set, in what results say, and read back from them."""
+    own = example("my_piezo").ColemanHodgdon(0.3, "0.05 1/V", 0.004)
+    model = ss.load_actuator("kang2007").replace(piezo=ss.piezo.Piezo(own))
+    write_parameters(tmp_path / "bent.toml", parameter_text(model, title="bent", source="the test"))
+    assert ss.load_actuator(tmp_path / "bent.toml").piezo == model.piezo
+    said = json.loads(json.dumps(ss.registry.piezos.written(type(own))))
+    assert said["piezo model_of"].endswith("my_piezo.py")
+    assert ss.registry.piezos.of_results(said) is type(own)
+    loop = ss.piezo.duhem_output(own, [0.0, 100.0, 0.0])
+    assert 0.0 < loop[-1] < 10.0  # V: it has not come back
 
 
 def test_reader(example: Any, tmp_path: Path) -> None:

@@ -97,9 +97,11 @@ TARGETS = (
     Target("simulation/models.py", MOTION, ("mechanism", "system", "resting_state", "_held")),
     Target("plant/[dkw]*.py", ("tests/plant/test_equations.py", "tests/plant/test_ticks.py"), text=True),
     Target("piezo/bouc_wen.py", ("tests/piezo/test_bouc_wen.py",)),
+    Target("piezo/duhem.py", ("tests/piezo/test_duhem.py",)),
     Target("piezo/*.py", ("tests/piezo/test_prandtl_ishlinskii.py", "tests/piezo/test_creep.py")),
     Target("plant/splitting.py", ("tests/plant/test_at_piezo.py",), ("split", "_table", "_repeated")),
-    Target("plant/bouc_wen_drive.py", ("tests/piezo/test_bouc_wen.py",)),
+    Target("plant/duhem_drive.py", ("tests/piezo/test_bouc_wen.py", "tests/piezo/test_duhem.py")),
+    Target("identify/walk/joint.py", ("tests/identify/walk/test_joint.py",)),
     Target(
         "simulation/two_port.py",
         ("tests/simulation/test_two_port_at_rest.py",),

@@ -31,6 +31,9 @@ def test_piezo_mirror_softens_with_the_amplitude() -> None:
     together = document.numbers["all_levels"]
     assert 0.3 < together["exponent"].value < 0.8
     assert all(level["r_squared_held_out"].value > 0.996 for level in together["levels"].values())
+    # um, of a neural model for all three levels
+    for level, aim in zip(together["levels"].values(), (0.0866, 0.1309, 0.1686), strict=True):
+        assert level["rms_error_held_out"].value < 1e-6 * aim
     assert together["levels_not_seen"]["200 mV"]["rms_error_held_out"].value < 0.16e-6
     assert together["parameters"]["natural_frequency_slope_1"].high < 0.0
     assert "One model for all levels" in [s.title for s in document.sections]
@@ -127,6 +130,9 @@ def test_orders_outputs_and_files_to_test(tmp_path: Path) -> None:
     together = document.numbers["all_levels"]
     assert all(level["r_squared_held_out"].value > 0.9999 for level in together["levels"].values())
     assert list(together["levels_not_seen"]) == ["mid"]
+    # um, of a neural model for all three levels
+    for level, aim in zip(together["levels"].values(), (0.0866, 0.1309, 0.1686), strict=True):
+        assert level["rms_error_held_out"].value < 1e-6 * aim
     assert together["levels_not_seen"]["mid"]["r_squared_held_out"].value > 0.999
     write_report(document, tmp_path / "out")
     # One output alone, with its own number, and the realisation held out instead of the files.

@@ -9,7 +9,7 @@ import reference
 import stickslip as ss
 from stickslip.piezo import BoucWen, Piezo
 from stickslip.plant.at_piezo import at_piezo
-from stickslip.plant.bouc_wen_drive import PRECISION, bouc_wen_drive
+from stickslip.plant.duhem_drive import PRECISION, duhem_drive
 from stickslip.units import QuantityError
 from stickslip.waveform.drive import evaluate
 
@@ -76,7 +76,7 @@ def test_a_table_of_a_drive_is_within_its_precision(name: str) -> None:
 
 def test_a_table_begins_at_rest_and_has_nothing_after_its_end() -> None:
     one, drive = BoucWen(0.3, 0.05, -0.01), WAVES["sawtooth"].drive(0.5)._replace(before=30.0)
-    table = bouc_wen_drive(one, drive, 0.21)
+    table = duhem_drive(one, drive, 0.21)
     assert table.before == one.at_rest(30.0) != 30.0
     assert drive.start[-1] > 0.21 > table.start[-1]
 

@@ -58,6 +58,8 @@ def budget(fit: Fit, taken: Inherited | None, scale: Scale | None) -> Budget:
     """The error budget of a friction fit, with what it took as known and the scale of a sensor."""
     names = [p.name for p in fit.shown if p.name not in CHANNEL and not p.fixed]
     by_source = {"noise of the recordings": fit.uncertainty.covariance}
+    if freed(fit):
+        by_source = dict(zip(("noise of the recordings", "stage from the steps"), _shares(fit), strict=True))
     if taken is not None:
         moved = taken.moved
         if taken.stage is not None:
@@ -85,6 +87,22 @@ def budget(fit: Fit, taken: Inherited | None, scale: Scale | None) -> Budget:
     )
 
 
+def freed(fit: Fit) -> list[int]:
+    """Where the values of the stage stand among those that a fit has found itself."""
+    return [i for i, p in enumerate(fit.parameters) if p.name in STAGE_PARAMETERS]
+
+
+def _shares(fit: Fit) -> tuple[Array, Array]:
+    """The covariance of a fit if the stage that it found were exact, and what that is not adds."""
+    whole, at = fit.uncertainty.covariance, freed(fit)
+    deviations = np.sqrt(np.diag(whole)[at])
+    by = whole[:, at] / deviations
+    by_stage = by @ np.linalg.inv(by[at] / deviations[:, None]) @ by.T
+    alone = whole - by_stage
+    alone[at] = alone[:, at] = 0.0
+    return alone, by_stage
+
+
 def inherited(
     fit: Fit,
     fitted: list[Aligned],
@@ -102,10 +120,17 @@ def inherited(
         columns.append({**columns_of(motion, fit, names), "scale": one.recording[POSITION].values})
     stacked = {name: np.concatenate([c[name] for c in columns]) for name in columns[0]}
     jacobian = by_coordinates(stacked, fit)
+    held = np.zeros((0, jacobian.shape[1]))
+    if stage is not None and freed(fit):  # what is known of it holds it, as it did in the fit
+        held = np.zeros((len(freed(fit)), jacobian.shape[1]))
+        own = [[p.name for p in stage.parameters].index(fit.parameters[i].name) for i in freed(fit)]
+        known = stage.uncertainty.covariance[np.ix_(own, own)]
+        held[:, freed(fit)] = fit.rmse * np.linalg.cholesky(np.linalg.inv(known)).T
+    jacobian = np.concatenate([jacobian, held])
     size = np.linalg.norm(jacobian, axis=0)
     taken = np.column_stack([by_values(stacked, fit, STAGE_PARAMETERS), stacked["scale"]])
     moved = {
-        name: -np.linalg.lstsq(jacobian / size, column, rcond=None)[0] / size
+        name: -np.linalg.lstsq(jacobian / size, np.append(column, np.zeros(len(held))), rcond=None)[0] / size
         for name, column in zip((*STAGE_PARAMETERS, "scale"), taken.T, strict=True)
     }
     others = None
@@ -113,8 +138,9 @@ def inherited(
         by = moved_by(
             fit, stages, [one.recording for one in fitted], [one.drive for one in fitted], slew_rate
         )
+        by = np.concatenate([by, np.zeros((len(held), by.shape[1]))])
         others = -np.linalg.lstsq(jacobian / size, by, rcond=None)[0] / size[:, None]
-    if stage is None:
+    if stage is None or freed(fit):
         return Inherited(moved, None, others)
     names = [p.name for p in stage.parameters]
     at = [names.index(name) for name in STAGE_PARAMETERS]

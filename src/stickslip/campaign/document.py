@@ -23,6 +23,7 @@ from ..report.recordings import recorded_assumptions
 from ..units import near_one, with_prefix
 from .additional_sections import additional_numbers, additional_sections
 from .bands import walk_bands
+from .budget import freed
 from .evaluation import Found
 from .features import feature_numbers, features_section
 from .file import CampaignFile
@@ -215,6 +216,7 @@ def _bands(file: CampaignFile, found: Found) -> Bands:
 
 def _friction(found: Found, bands: Bands | None) -> Section:
     fit, parts = found.friction, found.budget
+    taken = "free as far as they leave it open" if freed(fit) else "and its errors are part of the intervals"
     names = list(parts.total)
     rows = [
         (
@@ -250,7 +252,7 @@ def _friction(found: Found, bands: Bands | None) -> Section:
         "Friction, from a walk",
         paragraphs=(
             "Least squares over simulations of the whole walk, all raw samples; the stage is that of the "
-            "steps, and its errors are part of the intervals.",
+            f"steps, {taken}.",
         ),
         tables=(table, parameter_table("The fit itself, with delay and offset of the sensor.", fit)),
         figures=pictures,

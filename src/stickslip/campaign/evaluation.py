@@ -15,8 +15,10 @@ from ..electronics import Filter
 from ..estimate.lack import said
 from ..estimate.result import Fit
 from ..identify.step.fit import identify_step, step_formula_errors
+from ..identify.walk.displacement import has_slopes
 from ..identify.walk.explained import Explained, explained
 from ..identify.walk.friction import identify_friction
+from ..identify.walk.joint import jointly
 from ..identify.walk.prediction import Predictor
 from ..input_file import InputFileError
 from ..progress import Progress
@@ -118,7 +120,14 @@ def evaluate(
     for one in walks:
         check_walk(one, model)
     fitted = [one for one in walks if one.use == "fit"]
-    friction = _friction(file, fitted, model, stage)
+    alone = friction = _friction(file, fitted, model, stage)
+    widened = stage
+    if hysteresis is not None and stage is not None:
+        widened = hysteresis.widened(stage)
+        if has_slopes(friction.model):
+            progress("identifying friction and stage at once", 0.6)
+            data, drives = [one.recording for one in fitted], [one.drive for one in fitted]
+            friction = jointly(alone, data, drives, widened, rate, model, file.hops)
     progress("predicting", 0.7)
     chain = Chain(friction.values["delay"], 0.0, scale.value if scale else 1.0, file.slew_rate, zeroed=True)
     predictor = Predictor(friction.model, chain)
@@ -131,9 +140,9 @@ def evaluate(
     stages = () if hysteresis is None else hysteresis.stages
     everything = Explained(friction, friction, friction.lack)
     if len(walks) > len(fitted):
-        everything = _explained(file, friction, walks, stage, stages)
+        everything = _explained(file, alone, walks, stage, stages)
     lacking = dict.fromkeys(said((*friction.lack, *everything.lacks)))
-    taken = inherited(friction, fitted, stage, rate, stages) if stage or scale or stages else None
+    taken = inherited(friction, fitted, widened, rate, stages) if stage or scale or stages else None
     return Found(
         recordings,
         scale,
@@ -153,7 +162,7 @@ def evaluate(
             *verification.unmet(requirements),
             *dict.fromkeys([*(stage.failures if stage else ()), *friction.failures, *lacking]),
         ],
-        additional(file, friction, walks, stage, bool(lacking), folder, progress),
+        additional(file, alone, walks, stage, bool(lacking), folder, progress),
     )
 
 

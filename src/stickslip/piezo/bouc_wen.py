@@ -20,10 +20,10 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .. import registry
 from .._jit import compiled, kernel
 from ..records import Quantity, record
 from ..units import QuantityError
+from .duhem import output, register, rested
 
 Array = NDArray[np.float64]
 
@@ -31,7 +31,6 @@ Array = NDArray[np.float64]
 HALVINGS = 100
 
 
-@registry.piezos.add
 @record
 class BoucWen(NamedTuple):
     """See the module."""
@@ -57,13 +56,9 @@ class BoucWen(NamedTuple):
         """dH/du just after a reversal from large strokes."""
         return 1.0 - self.alpha * max(1.0, 2.0 * self.beta / (self.beta + self.gamma))
 
-    def rested(self, drive: float) -> float:
-        """h [V] at a drive value [V] that was reached from 0 V, without turning back."""
-        return float(bent(self, 0.0, 0.0, float(drive)))
-
     def at_rest(self, drive: float) -> float:
         """H [V] at a drive value [V] that was reached from 0 V, without turning back."""
-        return float(drive) - self.rested(drive)
+        return float(drive) - rested(self, drive)
 
     def output(self, drive: ArrayLike, rest: float = 0.0) -> Array:
         """H[u] [V], shape (n,), of samples of a drive [V] between which it does not turn back.
@@ -72,16 +67,13 @@ class BoucWen(NamedTuple):
             drive: shape (n,).
             rest: V at which it rested before the first sample, reached from 0 V.
         """
-        u = np.ascontiguousarray(drive, dtype=float)
-        found = np.empty(u.size)
-        bouc_wen_response(self, u, float(rest), self.rested(rest), found)
-        return found
+        return output(self, drive, rest)
 
     def inverse(self, wanted: ArrayLike, rest: float = 0.0) -> Array:
         """The drive [V], shape (n,), for which `output` is as wanted [V]."""
         w = np.ascontiguousarray(wanted, dtype=float)
         found = np.empty(w.size)
-        bouc_wen_inverse(self, w, float(rest), self.rested(rest), found)
+        bouc_wen_inverse(self, w, float(rest), rested(self, rest), found)
         return found
 
 
@@ -100,35 +92,32 @@ def along(alpha, r, h, du):
 
 
 @compiled
-def crossing(of, h, u, goal):
+def crossing(model, h, u, goal):
     """The drive value between u and the goal at which h comes to 0; the goal if it does not."""
     up = 1.0 if goal > u else -1.0
-    if h * up >= 0.0 or of.alpha == 0.0:
+    if h * up >= 0.0 or model.alpha == 0.0:
         return goal
-    r = decay_of(of, h, up)
+    r = decay_of(model, h, up)
     # 0 = α/r + (h - α/r) exp(-r du)
-    du = math.log1p(-r * h / of.alpha) / r
+    du = math.log1p(-r * h / model.alpha) / r
     return u + du if abs(du) < abs(goal - u) else goal
 
 
 @compiled
-def bent(of, h, u, goal):
+def bent(model, h, u, goal):
     """h after a way of the drive from u to the goal."""
     if goal == u:
         return h
     up = 1.0 if goal > u else -1.0
-    at = crossing(of, h, u, goal)
-    h = along(of.alpha, decay_of(of, h, up), h, at - u) if at == goal else 0.0
-    return h if at == goal else along(of.alpha, decay_of(of, 0.0, up), 0.0, goal - at)
+    at = crossing(model, h, u, goal)
+    h = along(model.alpha, decay_of(model, h, up), h, at - u) if at == goal else 0.0
+    return h if at == goal else along(model.alpha, decay_of(model, 0.0, up), 0.0, goal - at)
 
 
-@kernel
-def bouc_wen_response(of, drive, u, h, out):
-    """H at each sample, from the drive u and the state h on."""
-    for k in range(drive.size):
-        h = bent(of, h, u, drive[k])
-        u = drive[k]
-        out[k] = u - h
+@compiled
+def bouc_wen_slope(model, u, h, up):
+    """dh/du."""
+    return model.alpha - decay_of(model, h, up) * h
 
 
 @kernel
@@ -150,3 +139,6 @@ def bouc_wen_inverse(of, wanted, u, h, out):
         h = bent(of, h, u, low)
         u = low
         out[k] = u
+
+
+register(BoucWen, bouc_wen_slope, way=bent, corner=crossing)

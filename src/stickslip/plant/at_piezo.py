@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..piezo.bouc_wen import BoucWen
+from ..piezo.duhem import is_duhem
 from ..piezo.maxwell_capacitor import MaxwellCapacitor
 from ..piezo.model import Piezo
 from ..waveform.drive import Drive
-from .bouc_wen_drive import bouc_wen_drive
 from .creeping import creeping
+from .duhem_drive import duhem_drive
 from .splitting import through
 
 
@@ -32,8 +32,8 @@ def at_piezo(
     made = drive
     if isinstance(piezo.hysteresis, MaxwellCapacitor):
         return made  # its elements feel the stage, and are part of the plant
-    if isinstance(piezo.hysteresis, BoucWen):
-        made = bouc_wen_drive(piezo.hysteresis, drive, end, settled)
+    if is_duhem(piezo.hysteresis):
+        made = duhem_drive(piezo.hysteresis, drive, end, settled)
     elif piezo.hysteresis is not None:
         plays, z = piezo.hysteresis.operators, piezo.hysteresis.rested(drive.before)
         rest = piezo.hysteresis.at_rest(drive.before)

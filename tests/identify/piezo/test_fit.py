@@ -7,11 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from numpy.typing import NDArray
 
+import reference
 import stickslip as ss
 from datasets import DATASETS
 from stickslip.estimate.result import Fit
-from stickslip.piezo import Piezo
+from stickslip.piezo import Piezo, PrandtlIshlinskii
 from stickslip.recording import RecordingError
 from stickslip.units import QuantityError
 
@@ -204,6 +206,27 @@ def test_what_cannot_be_identified_is_refused_by_name() -> None:
     holed["stage_position"][5] = np.nan
     with pytest.raises(RecordingError, match=r"stage_position .m. of recording 1 is not finite"):
         ss.identify_piezo(holed)
+
+
+@pytest.mark.parametrize("held", [False, True], ids=["sine", "held at its ends"])
+def test_coarse_steps_are_not_taken_for_a_clipped_sensor(held: bool) -> None:
+    """0.5 um of 36 um: they hide the turns of the stroke; what a fit finds is finer than they are."""
+    of = Truth(
+        Piezo(PrandtlIshlinskii((0.0, 10.0, 30.0, 60.0), (0.6, 0.15, 0.15, 0.1))), 0.13e-6, 0.0, 0.0, 0.0
+    )
+    t, step = np.arange(4000) / 1000.0, 0.5e-6
+    volts = np.clip((200.0 if held else 150.0) * np.sin(2.0 * np.pi * t), -150.0, 150.0)
+    stroke = of.gain * reference.prandtl_ishlinskii(of.piezo.hysteresis, volts, 0.0)
+
+    def shown(position: NDArray[np.float64]) -> xr.Dataset:
+        read = step * np.round(position / step)
+        return ss.make_recording(t, {"drive_voltage": (volts, "V"), "stage_position": (read, "m")})
+
+    fit = ss.identify_piezo([shown(stroke)])
+    error = fit.predict(shown(stroke)) - stroke  # type: ignore[misc]
+    assert float(np.std(error)) < 0.2 * step  # rounding alone leaves 0.29
+    with pytest.raises(RecordingError, match=r"stage_position .m. of recording 1 is clipped"):
+        ss.identify_piezo([shown(np.minimum(stroke, 15e-6))])
 
 
 def test_inverse_says_where_it_does_not_hold() -> None:

@@ -105,7 +105,7 @@ def identify_piezo(
     unit = unit_of(found, observed) or "m"
     seen = [observe(r, name, observed, rest) for r, name in zip(found, names_of(found), strict=True)]
     for one in seen:
-        refuse_clipped(one.position, observed, one.name)
+        refuse_clipped(one.position, observed, one.name, one.drive, converter_step(one.position))
     refuse_one_way(seen)
     late = _lateness(seen, *given)
     for assumed in (0.0, None) if rest is None else ():

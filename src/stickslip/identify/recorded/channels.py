@@ -15,6 +15,8 @@ from ...waveform.signal import Waveform
 FEWEST_SAMPLES = 10
 # As many samples in a row that are exactly the greatest or the least are no chance.
 FEWEST_CLIPPED = 5
+# Steps of a channel that the drive passes unseen where it turns: two, as a piezo is half as steep after that.
+HIDDEN = 3.0
 
 
 def recordings_of(recordings: xr.Dataset | Sequence[xr.Dataset]) -> list[xr.Dataset]:
@@ -111,10 +113,18 @@ def unit_of(recordings: Sequence[xr.Dataset], name: str) -> str:
     return found[0]
 
 
-def refuse_clipped(values: NDArray[np.float64], name: str, where: str) -> None:
+def refuse_clipped(
+    values: NDArray[np.float64],
+    name: str,
+    where: str,
+    drive: NDArray[np.float64] | None = None,
+    step: float = 0.0,
+) -> None:
     """Raise `RecordingError` if a channel stands at its greatest or least value as a saturated one does.
 
-    That is: it comes to it in full motion and stays there exactly, for `FEWEST_CLIPPED` samples.
+    That is: it comes to it in full motion and stays there exactly, for `FEWEST_CLIPPED` samples; and where it
+    follows a `drive` [n], that moves meanwhile, by more than what the `step` between the channel's levels
+    hides.
     """
     meaning = STANDARD_NAMES.get(name)
     unit = f" [{meaning.unit}]" if meaning else ""
@@ -122,11 +132,14 @@ def refuse_clipped(values: NDArray[np.float64], name: str, where: str) -> None:
     moving = change[change > 0.0]
     if not moving.size:
         return
+    hidden = 0.0 if drive is None else HIDDEN * step * float(np.ptp(drive) / np.ptp(values))
     for end, what in ((values.max(), "greatest"), (values.min(), "least")):
         at = np.flatnonzero(np.diff(np.concatenate([[0], (values == end).astype(int), [0]])))
         for first, last in zip(at[::2], at[1::2], strict=True):
             # The last change is cut off itself.
             before = change[max(first - 2, 0) : first].max(initial=0.0)
+            if drive is not None and np.ptp(drive[first:last]) <= hidden:
+                continue
             if last - first >= FEWEST_CLIPPED and before >= 0.5 * np.median(moving):
                 raise RecordingError(
                     f"{name}{unit} of {where} is clipped: it stays at its {what} value, {end:g}, for "

@@ -1,0 +1,262 @@
+r"""Friction and stage at once: a walk's fit with the stage's values free as far as they are not known from
+before, and drift of the sensor counted as noise.
+
+A fit that takes the stage as known is wrong where that is, and to linearise this is not enough: an error of
+the mode by a few percent can make another minimum the lowest. So can drift, which the least squares of white
+noise follow wherever the values lead. Here the coordinates q of the stage's values have the normal
+distribution of the fit that they are from, and what is minimised is
+
+.. math:: r^T \Sigma^{-1} r + (q - q_0)^T V^{-1} (q - q_0), \qquad \Sigma = \sigma^2 \, (1 + \rho L L^T)
+
+with residuals r, white noise and a random walk (L sums over time), both as the residuals show them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.linalg import cholesky_banded, solve_banded
+
+from ...actuator import Actuator
+from ...chain import Chain
+from ...estimate.coloured import Coloured, coloured
+from ...estimate.fit import fit_least_squares
+from ...estimate.goodness import goodness
+from ...estimate.identifiability import loosest
+from ...estimate.marginal import integrated
+from ...estimate.parameter import Parameter, Values
+from ...estimate.problem import Problem, Residuals
+from ...estimate.result import Fit
+from ...estimate.several import lowest
+from ...estimate.tied import Ties
+from ...simulation.varied import with_values
+from ...waveform.signal import Waveform
+from ..free import value_of
+from ..recorded.channels import names_of
+from .displacement import Displacement
+from .position_channel import CHANNEL, OBSERVED
+from .prediction import Predictor
+from .walks import NEAR, SETTLED, Varied, observed, own_values, slopes_of, stage_beside
+
+Array = NDArray[np.float64]
+
+TOLERANCE = 1e-10  # m
+# Deviations of what is known of a stage's value, within which it is looked for.
+WIDE = 6.0
+MOST_EVALUATIONS = 200
+SAID = "the values of the stage are free too, with what is known of them; drift counts as noise"
+
+
+class Weight(NamedTuple):
+    """Noise of a channel: `level` of its white part, in the unit of the data, and the variance that its
+    random walk gains from sample to sample, over the square of that."""
+
+    level: float
+    walk: float
+
+    @classmethod
+    def of(cls, noise: Coloured) -> Weight:
+        """Noise that is correlated over some samples counts by its sum over all lags."""
+        square = float(noise.autocovariance[0] + 2.0 * noise.autocovariance[1:].sum())
+        return cls(square**0.5, noise.walk / square)
+
+    def whitened(self, rows: Array) -> Array:
+        """Rows [n] or [n, k] of which noise like this is made white, with the deviation `level`."""
+        # Differences, and the first as it is, have a tridiagonal covariance.
+        band = np.full((2, len(rows)), -1.0)
+        band[0] = 2.0 + self.walk
+        band[0, 0] = 1.0
+        root = cholesky_banded(band, lower=True)
+        return solve_banded((1, 0), root, np.concatenate([rows[:1], np.diff(rows, axis=0)]))
+
+
+def jointly(
+    fit: Fit,
+    recordings: Sequence[xr.Dataset],
+    drives: Sequence[Waveform | None],
+    stage: Fit,
+    slew_rate: float | None,
+    start: Actuator,
+    hops: int = 6,
+) -> Fit:
+    """The fit of friction once more, the stage's values free with what is known of them.
+
+    Args:
+        fit: of `identify_friction`, with this stage taken as known; by a law that has derivatives.
+        recordings, drives, slew_rate: of that fit.
+        stage: the fit that the stage is from.
+        start: whose friction another search begins at.
+        hops: as for `identify_friction`.
+
+    Returns:
+        The fit with the stage's values among its own. Its residuals are those of the positions, m; its
+        uncertainty is that of weighted least squares.
+
+    Raises:
+        FitError: see `fit_least_squares`.
+    """
+    names = names_of(recordings)
+    motions = [
+        Displacement(r, w, name, fit.model, TOLERANCE, slew_rate)
+        for r, w, name in zip(recordings, drives, names, strict=True)
+    ]
+    measured = [r[OBSERVED].values for r in recordings]
+    kept = stage_beside(stage, fit)
+    known = _Known([stage.parameters[i] for i in kept], stage, kept)
+    parameters = [*fit.parameters, *known.parameters()]
+    begin, noise = {**fit.values, **known.values}, coloured(fit.residuals, walks=True)
+    weighted = _Weighted(motions, measured, names, fit, parameters, known, Weight.of(noise))
+    near = weighted.search(begin)
+    noise = coloured(weighted.left(near.values), walks=True)
+    weighted = _Weighted(motions, measured, names, fit, parameters, known, Weight.of(noise))
+    own = {p.name: value_of(start, p.name)[0] for p in fit.parameters if p.name not in CHANNEL}
+    found = lowest([weighted.search(at, hops) for at in (near.values, {**near.values, **own})])
+    name = loosest(found, [*CHANNEL, *known.values])
+    if name is not None:
+        settled = integrated(found, name, partial(weighted.hold, name))
+        found = settled if isinstance(settled, Fit) else weighted.search(settled)
+    return weighted.told(found, fit, slew_rate)
+
+
+class _Known(NamedTuple):
+    """What is known of a stage: its parameters, the fit that it is from, and their places there."""
+
+    own: list[Parameter]
+    fit: Fit
+    places: list[int]
+
+    @property
+    def values(self) -> Values:
+        return {p.name: self.fit.values[p.name] for p in self.own}
+
+    @property
+    def root(self) -> Array:
+        """A of the squares |A (q - q_0)|^2 that deviations q - q_0 cost."""
+        covariance = self.fit.uncertainty.covariance[np.ix_(self.places, self.places)]
+        return np.asarray(np.linalg.cholesky(np.linalg.inv(covariance)).T, dtype=np.float64)
+
+    def parameters(self) -> list[Parameter]:
+        """Free, within what is likely."""
+        made = []
+        for p, place in zip(self.own, self.places, strict=True):
+            q = p.coordinate(self.fit.values[p.name])
+            reach = WIDE * float(np.sqrt(self.fit.uncertainty.covariance[place, place]))
+            made.append(
+                p._replace(start=self.fit.values[p.name], lower=p.value(q - reach), upper=p.value(q + reach))
+            )
+        return made
+
+    def deviations(self, values: Values) -> Array:
+        at = [p.coordinate(values[p.name]) - p.coordinate(self.fit.values[p.name]) for p in self.own]
+        return self.root @ np.array(at)
+
+
+class _Weighted:
+    """Walks and what is known of the stage, as one problem."""
+
+    def __init__(
+        self,
+        motions: Sequence[Displacement],
+        measured: Sequence[Array],
+        names: Sequence[str],
+        fit: Fit,
+        parameters: Sequence[Parameter],
+        known: _Known,
+        weight: Weight,
+    ) -> None:
+        self.motions, self.measured, self.names, self.known = motions, measured, names, known
+        self.parameters, self.beside, self.weight = list(parameters), list(fit.beside), weight
+        self.varied = Varied(fit.model, Ties([*parameters, *fit.beside]))
+
+    def left(self, values: Values) -> list[Array]:
+        """Model minus measured, m."""
+        return [
+            observed(m, self.varied, values) - x for m, x in zip(self.motions, self.measured, strict=True)
+        ]
+
+    def problem(self, parameters: Sequence[Parameter]) -> Problem:
+        parameters = [*parameters, *self.beside]
+        free = [p.name for p in parameters if not p.fixed]
+        own = [name for name in free if name not in CHANNEL]
+        by = slopes_of(self.motions, self.varied, free)
+        ends = np.cumsum([x.size for x in self.measured])[:-1]
+        places = {p.name: i for i, p in enumerate(self.known.own)}
+
+        def residuals(motion: Displacement, position: Array) -> Callable[[Values], Array]:
+            def of(values: Values) -> Array:
+                motion.slopes(self.varied(values), values.get("delay", 0.0), own)
+                return self.weight.whitened(observed(motion, self.varied, values) - position)
+
+            return of
+
+        def jacobian(values: Values) -> Array:
+            rows = [self.weight.whitened(part) for part in np.split(by(values), ends)]
+            last = np.zeros((len(self.known.own), len(free)))
+            for k, name in enumerate(free):
+                if name in places:
+                    i = places[name]
+                    last[:, k] = self.known.root[:, i] / self.known.own[i].slope(values[name])
+            return np.concatenate([*rows, last])
+
+        level = self.weight.level
+        of_walks = [
+            Residuals(residuals(m, x), x, level, name)
+            for m, x, name in zip(self.motions, self.measured, self.names, strict=True)
+        ]
+        return Problem(
+            [*of_walks, Residuals(self.known.deviations, None, 1.0, "the stage")],
+            parameters,
+            jacobian=jacobian,
+            noise_known=True,
+        )
+
+    def search(self, begin: Values, hops: int = 0) -> Fit:
+        parameters = [p._replace(start=min(max(begin[p.name], p.lower), p.upper)) for p in self.parameters]
+        problem = self.problem(parameters)
+        return fit_least_squares(problem, hops=hops, settled=SETTLED, max_evaluations=MOST_EVALUATIONS)
+
+    def hold(self, name: str, value: float, begin: Values) -> tuple[Fit, Fit]:
+        """The fit of the others with one value fixed."""
+        held = [
+            p._replace(start=value, fixed=True) if p.name == name else p._replace(start=begin[p.name])
+            for p in self.parameters
+        ]
+        alone = fit_least_squares(self.problem(held), settled=NEAR, max_evaluations=MOST_EVALUATIONS)
+        return alone, alone
+
+    def told(self, found: Fit, before: Fit, slew_rate: float | None) -> Fit:
+        """A fit of this problem, its residuals and goodness those of the positions, as `before`."""
+        left = self.left(found.values)
+        by = slopes_of(self.motions, self.varied, [p.name for p in self.parameters])(found.values)
+        model = with_values(before.model, own_values(found.values))
+        chain = Chain(
+            found.values.get("delay", 0.0), found.values.get("offset", 0.0), slew_rate=slew_rate or math.inf
+        )
+        return replace(
+            before,
+            parameters=found.parameters,
+            values=found.values,
+            uncertainty=found.uncertainty,
+            recordings=tuple(
+                goodness(r, x, name, g.unit)
+                for r, x, name, g in zip(left, self.measured, self.names, before.recordings, strict=True)
+            ),
+            reduced_chi_squared=sum(float(r @ r) for r in left) / before.degrees_of_freedom,
+            correlated=True,
+            n_evaluations=before.n_evaluations + found.n_evaluations,
+            converged=found.converged,
+            message=found.message,
+            minima=found.minima,
+            residuals=tuple(left),
+            jacobian=by * [p.slope(found.values[p.name]) for p in self.parameters],
+            model=model,
+            predict=Predictor(model, chain).predict,
+            remarks=(*before.remarks, SAID),
+        )

@@ -1,0 +1,85 @@
+"""Friction and stage at once: the weights against dense matrices, and a stage that is known wrongly."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import stickslip as ss
+from identify.step_system import step_recording
+from stickslip.estimate.coloured import Coloured
+from stickslip.identify.walk.joint import Weight, jointly
+
+WALK = ss.Sawtooth(65.0, 20.0, periods=4)
+RATE, NOISE, DRIFT = 4e3, 5e-9, 4e-10  # Hz, m, m from sample to sample
+FREE = ("sigma_0", "sigma_1", "coulomb_force", "offset")
+
+
+def dense(n: int, level: float, walk: float) -> NDArray[np.float64]:
+    """White noise and the sum of independent steps, the first sample without one."""
+    sums = np.tril(np.ones((n, n)))
+    sums[:, 0] = 0.0
+    return level**2 * (np.eye(n) + walk * sums @ sums.T)
+
+
+@pytest.mark.parametrize("walk", [0.0, 1e-3, 2.0])
+def test_weighted_rows_have_the_squares_of_the_inverse_covariance(walk: float) -> None:
+    rows = np.random.default_rng(0).standard_normal((60, 3))
+    weight = Weight(0.3, walk)
+    found = weight.whitened(rows)
+    wanted = rows.T @ np.linalg.inv(dense(60, 1.0, walk)) @ rows
+    np.testing.assert_allclose(found.T @ found, wanted, rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(weight.whitened(rows[:, 1]), found[:, 1], rtol=1e-12, atol=1e-14)
+
+
+def test_noise_that_remembers_counts_by_its_sum_over_all_lags() -> None:
+    memory = 0.5 ** np.arange(40.0)  # of an autoregression: the sum over both sides is 3
+    weight = Weight.of(Coloured(4.0 * memory, 0.6))
+    assert weight.level**2 == pytest.approx(12.0, rel=1e-9)
+    assert weight.walk == pytest.approx(0.05, rel=1e-9)
+
+
+def test_a_walk_mends_what_was_known_wrongly_of_the_stage_and_drift_is_no_friction() -> None:
+    """The mode known 3 % too low, within what is said of it; a drift as large as the noise."""
+    truth = ss.load_actuator("kang2007").replace(stage_reaction=False)
+    random = np.random.default_rng(3)
+    walk = ss.simulate(truth, WALK, duration=WALK.duration, sample_rate=RATE, tolerance=1e-10)
+    x = walk["end_effector_position"]
+    walk["end_effector_position"] = x + NOISE * random.standard_normal(x.size)
+    drift = np.cumsum(DRIFT * random.standard_normal(walk.sizes["time"]))
+    walk["end_effector_position"] = walk["end_effector_position"] + drift
+    stage = ss.identify_step([step_recording(60.0, NOISE, delay=0.0, lag=1e-9)], truth, lag=False)
+    place = [p.name for p in stage.parameters].index("natural_frequency")
+    wrong = {**stage.values, "natural_frequency": 0.97 * truth.natural_frequency}
+    doubt = stage.uncertainty.covariance.copy()
+    doubt[place, place] += 0.03**2
+    stage = stage_with(stage, wrong, doubt)
+    model = stage.model
+    alone = ss.identify_friction([walk], model, FREE, drive=WALK, hops=0)
+    found = jointly(alone, [walk], [WALK], stage, None, model, 0)
+    law, ends = truth.friction, found.confidence_intervals(0.99)
+    for name in ("sigma_0", "sigma_1", "coulomb_force"):
+        assert ends[name][0] < getattr(law, name) < ends[name][1], name
+    off = found.values["natural_frequency"] / truth.natural_frequency - 1.0
+    assert abs(off) < 0.01
+    assert found.rmse < alone.rmse
+    assert found.model.natural_frequency == found.values["natural_frequency"]
+    np.testing.assert_allclose(
+        found.predict(walk, WALK) - walk["end_effector_position"].values,  # type: ignore[misc]
+        found.residuals[0],
+        atol=1e-9,
+    )
+
+
+def stage_with(stage: ss.Fit, values: dict[str, float], covariance: NDArray[np.float64]) -> ss.Fit:
+    """The fit of a stage with other values, and less sure of them."""
+    own = {name: values[name] for name in ("gain", "natural_frequency", "damping_ratio")}
+    return replace(
+        stage,
+        values=values,
+        model=stage.model.replace(**own),
+        uncertainty=stage.uncertainty._replace(covariance=covariance),
+    )

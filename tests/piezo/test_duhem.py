@@ -1,0 +1,133 @@
+"""Duhem hysteresis of one's own: against a closed form, SciPy and Bouc-Wen's; on drives, and refused."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+import stickslip as ss
+from stickslip.piezo import BoucWen, Piezo, duhem_output, register_piezo
+from stickslip.piezo.duhem import is_duhem, rested
+from stickslip.plant.at_piezo import at_piezo
+from stickslip.plant.duhem_drive import PRECISION
+from stickslip.records import Quantity, record
+from stickslip.units import QuantityError
+from stickslip.waveform.drive import evaluate
+
+
+@record
+class Wider(NamedTuple):
+    """Wider at high voltages; its ways have a closed form."""
+
+    alpha: Annotated[float, Quantity("", "α", "share", minimum=0)]
+    beta: Annotated[float, Quantity("1/V", "β", "decay", above=0)]
+    delta: Annotated[float, Quantity("1/V", "δ", "growth")] = 0.0
+
+
+@record
+class OwnBoucWen(NamedTuple):
+    """`BoucWen` without its closed form."""
+
+    alpha: Annotated[float, Quantity("", "α", "share", minimum=0)]
+    beta: Annotated[float, Quantity("1/V", "β", "decay", above=0)]
+    gamma: Annotated[float, Quantity("1/V", "γ", "difference")] = 0.0
+
+
+@record
+class Infinite(NamedTuple):
+    """A slope that has a pole within the drive."""
+
+    pole: Annotated[float, Quantity("V", "p", "where")]
+
+
+register_piezo(Wider, lambda model, u, h, up: model.alpha * (1.0 + model.delta * u) - model.beta * up * h)
+register_piezo(
+    OwnBoucWen,
+    lambda model, u, h, up: model.alpha - (model.beta * up + model.gamma * math.copysign(1.0, h)) * h,
+)
+register_piezo(Infinite, lambda model, u, h, up: 1.0 / (u - model.pole) ** 2)
+
+WIDER = Wider(0.3, 0.05, 0.004)
+
+
+def by_hand(model: Wider, volts: NDArray[np.float64]) -> NDArray[np.float64]:
+    """u - h of a linear equation, way by way: h = p + q u + c exp(-b u), b = beta * up."""
+    h, before, found = 0.0, 0.0, []
+    for u in volts:
+        if u != before:
+            b = model.beta * np.sign(u - before)
+            q = model.alpha * model.delta / b
+            p = (model.alpha - q) / b
+            h = p + q * u + (h - p - q * before) * math.exp(-b * (u - before))
+        before = u
+        found.append(u - h)
+    return np.array(found)
+
+
+def test_output_is_the_closed_form_on_every_way() -> None:
+    volts = np.random.default_rng(0).uniform(-60.0, 150.0, 60)
+    np.testing.assert_allclose(duhem_output(WIDER, volts), by_hand(WIDER, volts), atol=2e-7)
+    assert duhem_output(WIDER, [70.0], 70.0)[0] == pytest.approx(70.0 - rested(WIDER, 70.0), abs=1e-12)
+
+
+def test_output_with_a_kink_is_that_of_scipy() -> None:
+    model, volts = OwnBoucWen(0.2, 0.06, -0.03), np.array([50.0, 20.0, -45.0, 90.0])
+    h, before, expected = 0.0, 0.0, []
+    for u in volts:
+        up = np.sign(u - before)
+        way = solve_ivp(
+            lambda u, h, up=up: model.alpha - (model.beta * up + model.gamma * np.sign(h)) * h,
+            (before, u),
+            [h],
+            rtol=1e-11,
+            atol=1e-12,
+        )
+        h, before = float(way.y[0, -1]), float(u)
+        expected.append(u - h)
+    np.testing.assert_allclose(duhem_output(model, volts), expected, atol=1e-7)
+    np.testing.assert_allclose(duhem_output(model, volts), BoucWen(*model).output(volts), atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    "wave",
+    [
+        ss.Sawtooth(65.0, 5.0, rise_fraction=0.9),
+        ss.Sine(30.0, 5.0, offset=20.0),
+        ss.Sawtooth(65.0, 5.0),
+    ],
+    ids=["ramps", "sine", "jumps"],
+)
+def test_a_table_of_a_drive_is_within_its_precision(wave: ss.Sine) -> None:
+    drive = wave.drive(0.5)
+    table = at_piezo(Piezo(WIDER), drive, 0.5)
+    times = np.unique(np.concatenate([np.linspace(0.0, 0.5, 50_001), drive.start[drive.start < 0.5]]))
+    volts = evaluate(drive, times)[0]
+    exact = by_hand(WIDER, np.append(drive.before, volts))[1:]
+    assert np.abs(evaluate(table, times)[0] - exact).max() < 2.0 * PRECISION * np.abs(volts - exact).max()
+
+
+def test_a_stage_walks_with_it_and_every_period_closes() -> None:
+    saw = ss.Sawtooth(65.0, 20.0)
+    plain = ss.load_actuator("kang2007").replace(stage_reaction=False)
+    bent, own = (plain.replace(piezo=Piezo(kind(0.3, 0.05))) for kind in (BoucWen, OwnBoucWen))
+    # the tolerance of either is 1 nm
+    assert ss.steady_step(own, saw) == pytest.approx(ss.steady_step(bent, saw), abs=1e-9)
+    assert abs(ss.steady_step(own, saw) / ss.steady_step(plain, saw) - 1.0) > 0.02
+
+
+def test_what_is_no_model_is_refused() -> None:
+    with pytest.raises(TypeError, match="dict is no record"):
+        register_piezo(dict, lambda model, u, h, up: 0.0)
+    with pytest.raises(TypeError, match=r"slope must be a function of \(model, u, h, up\)"):
+        register_piezo(Wider, lambda model, u: 0.0)
+    with pytest.raises(TypeError, match=r"way must be a function of \(model, h, u, goal\)"):
+        register_piezo(Wider, lambda model, u, h, up: 0.0, way=lambda h: h)
+    assert is_duhem(WIDER)
+    assert not is_duhem(0.3)
+    with pytest.raises(QuantityError, match="Infinite: h is not finite between 0 V and 65 V"):
+        at_piezo(Piezo(Infinite(65.0)), ss.Sawtooth(65.0, 5.0).drive(0.5), 0.5)
