@@ -137,7 +137,7 @@ def maps(first: int, count: int) -> None:
             print(of.number, of.law, row, file=sys.stderr)
 
 
-def outside(model: ss.Actuator, seed: int) -> tuple[float, int]:
+def outside(model: ss.Actuator, seed: int, generations: int = GENERATIONS) -> tuple[float, int]:
     """m/s, the fastest that SciPy's differential evolution finds, and how many motions it took."""
     within = allowed(model, None, TOP, None, None, None)
     span, count = math.log(within.fastest / within.slowest), 0
@@ -154,7 +154,7 @@ def outside(model: ss.Actuator, seed: int) -> tuple[float, int]:
         return np.where(np.isfinite(steps), -steps / period, 1.0)
 
     found = differential_evolution(
-        slowness, [(0.0, 1.0)] * (KNOTS + 1), maxiter=GENERATIONS, popsize=POPULATION, rng=seed,
+        slowness, [(0.0, 1.0)] * (KNOTS + 1), maxiter=generations, popsize=POPULATION, rng=seed,
         vectorized=True, updating="deferred", polish=False, tol=0.0,
     )  # fmt: skip
     return -float(found.fun), count

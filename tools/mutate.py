@@ -74,6 +74,7 @@ REVERSAL = tuple(
 HALF_SPACE = ("tests/contact/test_half_space.py",)
 CONTACT = "tests/contact/test_asperities.py::test_"
 DESIGN = ("tests/design/test_equations.py",)
+DESIGN_FILE = "tests/analysis/test_design_file.py::test_"
 VIBRATION = tuple(
     f"tests/design/test_vibration.py::{test}"
     for test in (
@@ -156,6 +157,11 @@ TARGETS = (
         ("slopes", "_sides", "within", "knots", "as_knots", "starts", "sawtooths"),
     ),
     Target("design/search.py", DESIGN, ("score",)),
+    Target(
+        "analysis/design_given.py",
+        (f"{DESIGN_FILE}draws_of_a_campaign_have_its_errors_and_correlations",),
+        ("_drawn",),
+    ),
     Target("design/power.py", DESIGN, ("electrical_demand", "_of_one_period")),
     Target("design/tables.py", DESIGN, ("step_at", "voltage_for", "_direction")),
     Target(

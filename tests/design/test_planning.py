@@ -14,7 +14,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 import stickslip as ss
-from stickslip.design import FreeDrives, Plan
+from stickslip.design import FreeDrives, Plan, planning
 from stickslip.design.candidates import there_and_back
 from stickslip.design.information import Space, covariance, seen
 from stickslip.estimate.coloured import Coloured
@@ -294,6 +294,33 @@ def test_a_free_drive_tells_more_and_comes_back(tmp_path: Path) -> None:
         FreeDrives(2)
     with pytest.raises(QuantityError, match="whole number"):
         FreeDrives(4.5)
+
+
+def test_a_free_drive_is_searched_for_at_draws_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    tried: list[tuple[str, float]] = []
+
+    def noted(model: ss.Actuator, walk: Walk, name: str, *more: Any) -> Any:
+        tried.append((name, model.friction.sigma_0))
+        return seen(model, walk, name, *more)
+
+    monkeypatch.setattr(planning, "seen", noted)
+    draws = {"sigma_0": [1.0e6, 1.2e6, 1.6e6, 1.8e6]}
+    planned(FreeDrives(3, trials=16), duration=0.1, recordings=1, goal="sigma_0", draws=draws)
+    assert {x for name, x in tried if name == "free drive"} == {1.399e6, *draws["sigma_0"][:3]}
+
+
+def test_what_no_candidate_tells_is_left_out_of_the_goal() -> None:
+    """With a stiction force of the Coulomb force no motion depends on the Stribeck velocity."""
+    without, plan = planned(), planned(free=[*FREE, "stribeck_velocity"])
+    assert plan.undetermined == ("stribeck_velocity",)
+    assert list(plan.recordings) == list(without.recordings)
+    wider = plan.dataset.half_width.sel(parameter=FREE).values / without.dataset.half_width.values
+    assert np.all((wider >= 1.0) & (wider < 1.5)), "one more is free, which rounding ties to the others"
+    assert plan.dataset.half_width.sel(parameter="stribeck_velocity") > 100.0
+    assert "Not determined by any candidate: stribeck_velocity." in plan.report()
+    assert "not told" in plan.report()
+    with pytest.raises(QuantityError, match="stribeck_velocity cannot be determined"):
+        planned(free=[*FREE, "stribeck_velocity"], goal="stribeck_velocity")
 
 
 def test_drives_begin_at_rest() -> None:

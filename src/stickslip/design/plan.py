@@ -231,8 +231,13 @@ def _report(plan: Plan) -> str:
         "",
         f"{'parameter':20}{'value':>14}{'half-width':>12}{'worst draw':>12}{'default':>12}{'narrower':>10}",
     ]
-    for name in of["parameter"].values:
+    for name in of["parameter"].values.tolist():
         row = of.sel(parameter=name)
+        if name in plan.undetermined:
+            lines.append(
+                f"{name:20}{with_prefix(float(row['value']), str(row['unit'].values)):>14}{'not told':>12}"
+            )
+            continue
         unit = str(row["unit"].values)
         lines.append(
             f"{name:20}{with_prefix(float(row['value']), unit):>14}{_percent(float(row['half_width'])):>12}"
