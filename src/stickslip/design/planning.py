@@ -313,9 +313,9 @@ def _without_unseen(every: Seen, goal: Goal, begin: Start) -> Goal:
     most = [LOST if p.log else np.finfo(float).max for p in begin.space.parameters]
     lost = goal.own & (deviations > most)
     kept = goal._replace(own=goal.own & ~lost)
-    if kept.own.any() and np.all(np.isfinite(criterion(total, kept))):
-        return kept
     names = [name for name, gone in zip(begin.space.names, lost, strict=True) if gone]
+    if goal.name not in names and kept.own.any() and np.all(np.isfinite(criterion(total, kept))):
+        return kept
     what = " and ".join(names) if goal.gradients is None else goal.name
     raise QuantityError(
         f"{what} cannot be determined: no candidate tells it, nor do all of them together; leave that out of "
