@@ -127,7 +127,7 @@ def _run(
             raise StudyError(STOPPED)
         if client.status != "running":
             return False
-        if time.monotonic() - asked > 1.0:
+        if time.monotonic() - asked > 2.0:
             asked = time.monotonic()
             slots = sum(_threads(client).values())
         if len(running) < max(1, LEFT * slots + 1):
@@ -166,7 +166,7 @@ def _give(
     workers: list[str] | None = None,
 ) -> None:
     # The name of each is new: a result of before is none now.
-    keys = [f"{uuid.uuid4().hex[:12]}-{number}" for number in numbers]
+    keys = [f"{uuid.uuid4().hex[:8]}-{number}" for number in numbers]
     futures = client.map(what, numbers, key=keys, pure=False, workers=workers) if numbers else []
     for number, key, future in zip(numbers, keys, futures, strict=True):
         running[key] = one = _Running(number, future)
