@@ -59,7 +59,7 @@ def budget(fit: Fit, taken: Inherited | None, scale: Scale | None) -> Budget:
     names = [p.name for p in fit.shown if p.name not in CHANNEL and not p.fixed]
     by_source = {"noise of the recordings": fit.uncertainty.covariance}
     if freed(fit):
-        by_source = dict(zip(("noise of the recordings", "stage from the steps"), _shares(fit), strict=True))
+        by_source["noise of the recordings"], by_source["stage from the steps"] = _shares(fit)
     if taken is not None:
         moved = taken.moved
         if taken.stage is not None:
