@@ -88,7 +88,7 @@ def test_a_red_pitaya_stops_in_mid_run_and_tells_what_is_wrong(monkeypatch: pyte
             RedPitayaRig("127.0.0.1", port=port, **BOARD)
 
 
-def test_a_controller_of_pi_records_what_the_plant_does() -> None:
+def test_a_controller_of_pi_records_what_the_plant_does(monkeypatch: pytest.MonkeyPatch) -> None:
     controller = PiezoController(wiring(1.0))
     with served(controller) as port:
         rig = PiRig("127.0.0.1", port=port, timeout="30 s")
@@ -117,6 +117,21 @@ def test_a_controller_of_pi_records_what_the_plant_does() -> None:
         controller.commands["DRR?"] = controller._record
         with pytest.raises(RigError, match=r"DRR\? 1 \d+ 1 2 is answered by no table: '1\.0 nonsense'"):
             ss.rig.measure(rig, DRIVE, POSITION, CAPTURE, LIMITS)
+        rig.close()
+        # one that is not understood is brought to 0 V all the same
+        rig = PiRig("127.0.0.1", port=port, interval="1 ms", timeout="30 s")
+        rig.load(np.append(np.linspace(0.0, 80.0, 100), np.full(8000, 80.0)))
+        rig.arm(("position",), 8000)
+        rig.start()
+        while controller.wiring.voltage < 79.0:
+            time.sleep(0.01)
+        monkeypatch.setitem(controller.commands, "VOL?", lambda given: ["nonsense"])
+        with pytest.raises(RigError, match=r"VOL\? 1 is answered by 'nonsense', no number"):
+            rig.stop(400.0)
+        end = time.monotonic() + 6.0  # before the end of the wave
+        while controller.wiring.voltage != 0.0:
+            assert time.monotonic() < end
+            time.sleep(0.01)
         rig.close()
         with pytest.raises(QuantityError, match=r"interval = 0\.00015 s must be a multiple of 0\.0001 s"):
             PiRig("127.0.0.1", port=port, interval="150 us")
