@@ -4,6 +4,8 @@ from .blocks import LowPass as LowPass
 from .blocks import Notch as Notch
 from .blocks import Pid as Pid
 from .blocks import Regulator as Regulator
+from .commanded import Commanded as Commanded
+from .commanded import commanded as commanded
 from .estimator import Estimator as Estimator
 from .estimator import StepModel as StepModel
 from .inverse import PiezoInverse as PiezoInverse
