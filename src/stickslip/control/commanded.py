@@ -1,7 +1,7 @@
 """A mover that is told what to do while its loop goes on: go there, so many steps, scan, let go.
 
-It is made of plain numbers, so that it can run in the process that owns a rig; see `rig.ControllerSpec`. Until
-the first command the output stays at 0 V.
+It is made of plain numbers, so that it can run in the process that owns a rig; see `rig.ControllerSpec`.
+Until the first command the output stays at 0 V.
 """
 
 from __future__ import annotations
@@ -147,7 +147,8 @@ class Commanded:
     def told(self) -> dict[str, Any]:
         """How it goes, as JSON: SI, and the phase in words."""
         mover = self.mover
-        phase = "release" if self._letting >= 0 else "follow" if self._scanned and self._scan is not None else mover.phase
+        follows = self._scanned > 0 and self._scan is not None
+        phase = "release" if self._letting >= 0 else "follow" if follows else mover.phase
         settled = mover.settled_at is not None and phase == "hold"
         return {
             "phase": phase,
@@ -181,9 +182,7 @@ def _number(what: dict[str, Any], name: str, unit: str, most: float) -> float:
     return float(value)
 
 
-def commanded(
-    walk: Walk, table: StepTable, regulator: Regulator, gain: float, step: float
-) -> ControllerSpec:
+def commanded(walk: Walk, table: StepTable, regulator: Regulator, gain: float, step: float) -> ControllerSpec:
     """What a rig's process makes a `Commanded` of.
 
     Args:

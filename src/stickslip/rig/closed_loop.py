@@ -29,7 +29,7 @@ from .home import Home
 from .hosted import HostedRig
 from .limits import LimitError, Limits
 from .measurement import POSITION, _home_of, _keep, _why, channel_units
-from .protocols import Array, Controller, ControllerSpec, Rig, RigError, StreamingRig
+from .protocols import Array, Controller, ControllerSpec, RigError, StreamingRig
 from .recorded import COMPLETE, Channel, Making
 from .samples import Samples
 from .turns import ASKED, AT, STATISTICS, WANTED, LoopRig, looped
@@ -62,8 +62,8 @@ def regulate(
 
     Args:
         rig: one that takes its output update by update, such as `VirtualRig`; or a `HostedRig` of one.
-        controller: what has `step(measured, target, tick)`; of a `HostedRig` a `ControllerSpec`, from which it
-            is made in the rig's process.
+        controller: what has `step(measured, target, tick)`; of a `HostedRig` a `ControllerSpec`, from which
+            it is made in the rig's process.
         target: m from home: a number, or a waveform in m.
         channels: as for `measure`; the position that is controlled is `end_effector_position`.
         limits: what the output may not pass; end stops and frozen readings end the run.
@@ -155,9 +155,8 @@ def _looped(
 ) -> LoopRig | HostedRig:
     """The rig with its loop, here or in the rig's process."""
     if not isinstance(rig, HostedRig):
-        if isinstance(controller, ControllerSpec):
-            controller = controller.made()
-        return LoopRig(rig, controller, position, _home_of(rig) if home is None else home, limits)
+        made: Controller = controller.made() if isinstance(controller, ControllerSpec) else controller
+        return LoopRig(rig, made, position, _home_of(rig) if home is None else home, limits)
     if not isinstance(controller, ControllerSpec):
         raise QuantityError(
             "a loop on a HostedRig runs in the rig's process: give a ControllerSpec, not a controller"

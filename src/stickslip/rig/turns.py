@@ -1,7 +1,7 @@
 """Updates of a closed loop: read, keep within the limits, ask the controller, put out.
 
-The loop around a rig is a rig itself: its samples come in blocks, and whoever records, watches or stops it does
-so as with any other, in this process or in the one that owns the rig.
+The loop around a rig is a rig itself: its samples come in blocks, and whoever records, watches or stops it
+does so as with any other, in this process or in the one that owns the rig.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from .home import Home
 from .limits import LimitError, Limits
 from .protocols import Array, Capabilities, Controller, RigError, StreamingRig
 
-# What the loop adds to the inputs of its rig: where the end-effector is from home, where it should be, and what
-# the controller asked for.
+# What the loop adds to the inputs of its rig: where the end-effector is from home, where it should be, and
+# what the controller asked for.
 AT, WANTED, ASKED = "loop.position", "loop.target", "loop.asked"
 OWN = {AT: "m", WANTED: "m", ASKED: "V"}
 STATISTICS = ("limited_updates", "slowest_step", "mean_step", "late_updates")
@@ -37,8 +37,8 @@ class LoopRig:
 
     Args:
         rig: what puts out and reads.
-        controller: what has `step(measured, target, tick)`; one with an attribute `done` ends the run when that
-            is true, one with an attribute `target` says itself where the end-effector should be.
+        controller: what has `step(measured, target, tick)`; one with an attribute `done` ends the run when
+            that is true, one with an attribute `target` says itself where the end-effector should be.
         position: the input that is controlled.
         home: from where positions count.
         limits: what the output may not pass.
