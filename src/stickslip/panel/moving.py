@@ -48,14 +48,15 @@ COLUMNS = [
 
 
 class Settings(Strict):
-    """How the loop is closed. `input` is the sensor, "" the first that reads in metres; gains and corner are
-    those of the tuning where they are null."""
+    """How the loop is closed. `input` is the sensor, "" the first that reads in metres; `bandwidth` [Hz] and
+    `proportional` are the gains times that of the piezo, K_i gain / (2 pi) and K_p gain; what is null is as
+    tuned."""
 
     input: str = ""
     voltage: float | None = None
     frequency: float = 100.0
     tolerance: float = 10e-9
-    integral: float | None = None
+    bandwidth: float | None = None
     proportional: float = 0.0
     corner: float | None = None
 
@@ -83,11 +84,18 @@ class Prepared(NamedTuple):
     def regulator(self, asked: Settings) -> Regulator:
         """With the gains that were asked for."""
         own = self.tuning
-        pid = Pid(own.pid.integral if asked.integral is None else asked.integral, asked.proportional)
+        gain, integral = self.cell.actuator.gain, own.pid.integral
+        if asked.bandwidth is not None:
+            integral = 2.0 * math.pi * asked.bandwidth / gain
+        pid = Pid(integral, asked.proportional / gain)
         low_pass = own.low_pass if asked.corner is None else LowPass(asked.corner)
         options: dict[str, Any] = {"notches": own.notches, "low_pass": low_pass, "lead": own.lag}
         options |= {"min_voltage": self.low, "max_voltage": self.high}
         return Regulator(pid, self.can.update_rate, feedforward=own.feedforward, **options)
+
+
+def _range(tuned: float, low: float, high: float) -> dict[str, float]:
+    return {"tuned": float(f"{tuned:.4g}"), "low": low, "high": high}
 
 
 class Moves:
@@ -150,8 +158,7 @@ class Moves:
     def choices(self) -> dict[str, Any]:
         """What the page offers: sensors, ranges, what was tuned."""
         made = self.prepared()
-        own, model = made.tuning, made.cell.actuator
-        crossing = 2.0 * math.pi * made.can.update_rate / model.gain
+        own, model, rate = made.tuning, made.cell.actuator, made.can.update_rate
         sensors = [name for name, unit in made.can.inputs.items() if unit == "m"]
         known = made.cell.channels.get(POSITION)
         return {
@@ -159,13 +166,9 @@ class Moves:
             "inputs": [*sensors, *([] if known is None or known.input in sensors else [known.input])],
             "voltage": [0.2 * (made.high - made.low), made.high - made.low],
             "walk": min(65.0, made.high - made.low),
-            "integral": {"tuned": own.pid.integral, "low": 1e-4 * crossing, "high": 0.1 * crossing},
-            "proportional": {"tuned": 0.0, "low": 0.0, "high": 1.0 / model.gain},
-            "corner": {
-                "tuned": 0.0 if own.low_pass is None else own.low_pass.corner,
-                "low": 20.0,
-                "high": 0.45 * made.can.update_rate,
-            },
+            "bandwidth": _range(model.gain * own.pid.integral / (2.0 * math.pi), 1.0, 0.1 * rate),
+            "proportional": _range(0.0, 0.0, 1.0),
+            "corner": _range(0.45 * rate if own.low_pass is None else own.low_pass.corner, 20.0, 0.45 * rate),
             "stroke": model.gain * (made.high - made.low),
             "at_most": AT_MOST,
         }

@@ -83,13 +83,13 @@ export async function mount(element, app) {
     },
     refuse: say,
   });
-  const FIELDS = [["integral", "integral gain", "V/(m*s)", "log"], ["proportional", "proportional gain", "V/m", "linear"], ["corner", "corner of the low-pass", "Hz", "log"]];
+  const FIELDS = [["bandwidth", "bandwidth of the integral", "Hz", "log"], ["proportional", "proportional gain", "", "linear"], ["corner", "corner of the low-pass", "Hz", "log"]];
   let made = new Map();
   function gains() {
     made = new Map(FIELDS.map(([name, meaning, unit, scale]) => {
       const { low, high, tuned: own } = choices[name];
       const change = (value) => { kept.gains[name] = value; made.get(name).set(value); asks.want(1); };
-      return [name, makeSlider({ name, meaning, unit, symbol: "", low, high, scale, zero: false }, kept.gains[name] ?? (own || high), { app, drag: change, settle() {}, type: change })];
+      return [name, makeSlider({ meaning, unit, low, high, scale }, kept.gains[name] ?? own, { app, drag: change, settle() {}, type: change })];
     }));
     sliders.replaceChildren(...[...made.values()].map((one) => one.element));
     asks.want(1);
