@@ -21,7 +21,7 @@ from typing import Annotated, NamedTuple
 from ..records import Quantity, record
 from ..units import QuantityError, to_si, with_prefix
 from .blocks import Regulator
-from .steps import Steps, StepTable
+from .steps import RISING, Steps, StepTable
 
 
 class MoveError(RuntimeError):
@@ -43,8 +43,6 @@ class Walk(NamedTuple):
     dwell: Annotated[float, Quantity("s", "t_d", "how long it must be there", minimum=0)] = 0.01
 
 
-# Share of a step in which the voltage rises; in the rest the slip dies away.
-_RISING = 0.8
 # What of the expected way counts as a step, and after how many that were none the move is given up.
 _LOST, _PATIENCE = 0.2, 20
 # How near the middle of its range the piezo must come to be, as a share of half of that.
@@ -84,7 +82,7 @@ class Mover:
         gain: float | str,
         *,
         hold: float | str = math.inf,
-        learning: float | str = 0.2,
+        learning: float | str = 0.05,
     ) -> None:
         self.walk, self.steps_of, self.regulator = walk, Steps(table, learning), regulator
         self.gain, self._hold = to_si(gain, "m/V", "gain"), to_si(hold, "s", "hold")
@@ -96,7 +94,7 @@ class Mover:
         rate = regulator.rate
         self._period, self._pause = round(rate / walk.frequency), round(walk.pause * rate)
         self._scan, self._dwell = max(round(walk.scan * rate), 1), round(walk.dwell * rate)
-        self._rise = round(_RISING * self._period)
+        self._rise = round(RISING * self._period)
         if self._period < 8:
             raise QuantityError(
                 f"Walk.frequency = {walk.frequency:g} Hz leaves {self._period} ticks a step; 8 are needed"

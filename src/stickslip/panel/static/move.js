@@ -20,7 +20,7 @@ export async function mount(element, app) {
   await Promise.all([styled("./explore.css"), styled("./move.css")]);
   let state = { on: false }, run = { phase: "idle", title: "" }, choices = null;
   const live = makeLiveData(app);
-  const fault = h("p", { class: "fault", role: "alert" });
+  const fault = h("p", { class: "fault", role: "alert", id: "move-fault" });
   const say = (error) => { fault.textContent = error.message; };
   const settings = () => ({ input: kept.input, voltage: kept.voltage, frequency: kept.frequency, tolerance: kept.tolerance, ...kept.gains });
   async function act(what) {
