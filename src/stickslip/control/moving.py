@@ -166,6 +166,9 @@ class Mover:
             self._count += 1
             if self._count >= self._pause:
                 self._choose(measured, tick)
+        inverse = self.regulator.inverse
+        if inverse is not None and phase != "hold" and phase != "scan":
+            inverse.follow(self._voltage)
         return self._voltage
 
     def _jog(self, tick: int) -> None:
