@@ -32,16 +32,18 @@ from stickslip.control import (
     Regulator,
     Requirement,
     StepModel,
+    Steps,
     StepTable,
     Tuning,
     Walk,
     settling,
     tune,
 )
+from stickslip.control.steps import RISING
 from stickslip.electronics import Interferometer
 from stickslip.rig import Bench, Channel, Limits, RigError, VirtualRig, load_bench, regulate
 from stickslip.rig.bench import Mounted
-from stickslip.simulation import steady_steps
+from stickslip.simulation import Motion, steady_steps
 from stickslip.waveform import Sawtooth
 
 OUT = Path(__file__).parents[1] / "docs" / "benchmarks" / "control.md"
@@ -124,6 +126,65 @@ class Only:
         """The voltage [V]."""
         self.done = tick > (0.2 + HOLD) * RATE
         return self._regulator.step(measured, target, tick)
+
+
+class Series:
+    """Steps of one distance, `each` forward and then as many backward, by turns; `went` is which way each
+    went, which of its series it was, and how far [m]."""
+
+    def __init__(self, steps: Steps, distance: float, each: int) -> None:
+        self.steps, self._distance, self._each = steps, distance, each
+        self._period = round(RATE / WALK.frequency)
+        self.went: list[tuple[int, int, float]] = []
+        self._way, self._tick, self._made, self._before = 1, 0, 0, math.nan
+        self._returning = False
+        self._volts = self._from = self._amplitude = 0.0
+
+    def step(self, measured: float, target: float, tick: int) -> float:
+        """The voltage [V]."""
+        del target, tick
+        end = 0.0 if self._way > 0 else 100.0
+        if self._returning:
+            self._tick += 1
+            share = min(self._tick / 400, 1.0)
+            self._volts = self._from + (end - self._from) * share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+            if self._tick == 600:
+                self._returning, self._tick, self._made = False, 0, 0
+            return self._volts
+        if self._tick == 0:
+            if self._made:
+                went = self._way * (measured - self._before)
+                self.went.append((self._way, self._made, went))
+                if self._made > 1:  # the first begins with a contact that was bent the other way
+                    self.steps.learn(self._amplitude, self._way, went)
+            if self._made == self._each:
+                self._returning, self._from, self._way = True, self._volts, -self._way
+                return self._volts
+            self._before, self._made = measured, self._made + 1
+            self._amplitude = self.steps.voltage_for(self._distance, self._way)
+        self._tick += 1
+        rise = RISING * self._period
+        part = self._tick / rise if self._tick <= rise else 0.0
+        self._volts = end + self._way * self._amplitude * part
+        self._tick %= self._period
+        return self._volts
+
+
+def equal_steps(
+    model: Actuator, steps: Steps, distance: float, *, seed: int = 0, turns: int = 3, each: int = 10
+) -> list[tuple[float, float]]:
+    """Mean step forward and backward [m] of each turn, without the first of a series; 1 nm of noise."""
+    motion, made = Motion(model), Series(steps, distance, each)
+    random = np.random.default_rng(seed)
+    for tick in range(2 * turns * (each * round(RATE / WALK.frequency) + 600)):
+        measured = motion.position + 1e-9 * random.standard_normal()
+        motion.hold(made.step(measured, 0.0, tick), 1.0 / RATE)
+    found = []
+    for turn in range(turns):
+        part = made.went[2 * turn * each : 2 * (turn + 1) * each]
+        forward, backward = ([w for way, k, w in part if way == sign and k > 1] for sign in (1, -1))
+        found.append((float(np.mean(forward)), float(np.mean(backward))))
+    return found
 
 
 class Result(NamedTuple):

@@ -12,7 +12,7 @@ from typing import Any
 
 from .. import registry
 from ..rig.protocols import ControllerSpec
-from ..units import QuantityError, with_prefix
+from ..units import QuantityError, to_si, with_prefix
 from .blocks import LowPass, Notch, Pid, Regulator
 from .moving import Mover, Walk
 from .quantised import NoiseShaped
@@ -37,16 +37,17 @@ class Commanded:
 
     def __init__(
         self,
-        rate: float,
-        gain: float,
-        step: float,
+        rate: float | str,
+        gain: float | str,
+        step: float | str,
         walk: dict[str, Any],
         table: dict[str, Any],
         pid: dict[str, Any],
         notches: Sequence[dict[str, Any]] = (),
         low_pass: dict[str, Any] | None = None,
-        **options: float,
+        **options: float | str,
     ) -> None:
+        rate, gain, step = to_si(rate, "Hz", "rate"), to_si(gain, "m/V", "gain"), to_si(step, "V", "step")
         made = Regulator(
             *(Pid(**pid), rate),
             notches=tuple(Notch(**one) for one in notches),
@@ -182,7 +183,9 @@ def _number(what: dict[str, Any], name: str, unit: str, most: float) -> float:
     return float(value)
 
 
-def commanded(walk: Walk, table: StepTable, regulator: Regulator, gain: float, step: float) -> ControllerSpec:
+def commanded(
+    walk: Walk, table: StepTable, regulator: Regulator, gain: float | str, step: float | str
+) -> ControllerSpec:
     """What a rig's process makes a `Commanded` of.
 
     Args:
@@ -192,6 +195,7 @@ def commanded(walk: Walk, table: StepTable, regulator: Regulator, gain: float, s
     Raises:
         QuantityError: the regulator has a `PiezoInverse`.
     """
+    gain, step = to_si(gain, "m/V", "gain"), to_si(step, "V", "step")
     if regulator.inverse is not None:
         raise QuantityError("a Commanded has a feedforward in V/m, not a PiezoInverse")
     low_pass = regulator.low_pass

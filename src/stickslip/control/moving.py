@@ -84,8 +84,8 @@ class Mover:
         hold: float | str = math.inf,
         learning: float | str = 0.05,
     ) -> None:
-        self.walk, self.steps_of, self.regulator = walk, Steps(table, learning), regulator
         self.gain, self._hold = to_si(gain, "m/V", "gain"), to_si(hold, "s", "hold")
+        self.walk, self.steps_of, self.regulator = walk, Steps(table, learning), regulator
         low, high = regulator.low, regulator.high
         if walk.amplitude > high - low:
             raise QuantityError(
@@ -108,7 +108,7 @@ class Mover:
         self._goal = math.nan
         self._voltage = self._from = self._to = min(max(0.0, low), high)
         self._count = self._lost_now = self._there = self._attempts = 0
-        self._direction, self._amplitude, self._before = 1, walk.amplitude, 0.0
+        self._direction, self._amplitude, self._before, self._row = 1, walk.amplitude, 0.0, 0
         self.steps_wanted, self.centre_wanted, self._close = 0, False, _CLOSE
         self._jogs: int | None = None  # steps that are left of those that were wanted
 
@@ -246,6 +246,7 @@ class Mover:
         self._amplitude = amplitude
         if self.phase != "step":
             self._enter("step", tick)
+            self._row = 0
         self._before, self._count = measured, 0
 
     def _stepping(self, measured: float, tick: int) -> None:
@@ -268,7 +269,9 @@ class Mover:
                 )
         else:
             self._lost_now = 0
-            self.steps_of.learn(self._amplitude, self._direction, went)
+            if self._row:  # the first of a walk goes short: its contact was bent the other way
+                self.steps_of.learn(self._amplitude, self._direction, went)
+        self._row += 1
         self._next_step(measured, tick)
 
     def _choose(self, measured: float, tick: int) -> None:

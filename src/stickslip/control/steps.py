@@ -21,6 +21,7 @@ from ..waveform.knots import PeriodicKnots
 RISING = 0.8
 _EDGE = 1e-5  # of a step that the slip edge takes in the model
 _VOLTAGES = 16  # of a table that is made of a model
+_PRIOR = 0.1  # of the greatest step: as which a table counts beside what is measured
 _LEAST = 0.05  # of the greatest voltage
 
 
@@ -73,17 +74,16 @@ class Steps:
     over the steps that were made, each with its own scatter.
 
     Args:
-        table: as made; it counts as one step of half its greatest.
+        table: as made; it counts as one step of a tenth of its greatest.
         learning: share of what was learnt that each step takes the place of; 0 learns nothing.
     """
 
     def __init__(self, table: StepTable, learning: float | str = 0.05) -> None:
-        self.table = table
-        self.learning = to_si(learning, "", "learning")
+        self.learning, self.table = to_si(learning, "", "learning"), table
         if not 0.0 <= self.learning <= 1.0:
             raise QuantityError(f"learning = {self.learning:g} is out of range: it must be >= 0 and <= 1")
         self.forward = self.backward = 1.0
-        weights = {1: (0.5 * table.forward[-1]) ** 2, -1: (0.5 * table.backward[-1]) ** 2}
+        weights = {1: (_PRIOR * table.forward[-1]) ** 2, -1: (_PRIOR * table.backward[-1]) ** 2}
         self._sums = {direction: (one, one) for direction, one in weights.items()}
 
     def size(self, voltage: float, direction: int) -> float:
