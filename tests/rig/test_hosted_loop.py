@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 
 from stickslip.recording import open_recording
-from stickslip.registry import use_file
 from stickslip.rig import (
     ControllerSpec,
     HostedRig,
@@ -36,12 +35,11 @@ from stickslip.units import QuantityError
 from stickslip.waveform import Sine
 
 from rig.laboratory import ACTUATOR, BENCH, CHANNELS, IDEAL  # isort: skip
-
-RAMPING = use_file(Path(__file__).with_name("own_controllers.py")).Ramping
+from rig.own_controllers import Ramping  # isort: skip
 
 
 def ramping(**options: object) -> ControllerSpec:
-    return ControllerSpec(RAMPING, {"slope": 0.05, "top": 40.0, **options})
+    return ControllerSpec(Ramping, {"slope": 0.05, "top": 40.0, **options})
 
 
 def device(real_time: bool = False) -> dict:

@@ -68,13 +68,9 @@ class Commanded:
     def command(self, do: str, **what: Any) -> None:
         """Take a command up at the next tick.
 
-        | do | with |
-        |---|---|
-        | go | to, m from home |
-        | steps | count, backward where it is negative |
-        | scan | range [m], frequency [Hz], cycles: about where it holds; a step
-          or two before, where the piezo has no room |
-        | release | the output goes to 0 V, and the loop ends |
+        "go" has `to` [m from home]; "steps" a `count`, backward where it is negative; "scan" a `range` [m], a
+        `frequency` [Hz] and `cycles`, about where it holds, after a step or two where the piezo has no room;
+        "release" takes the output to 0 V and ends the loop.
 
         Raises:
             QuantityError: it is none of these, or cannot be done from where it is.

@@ -35,6 +35,7 @@ from .samples import Samples
 from .turns import ASKED, AT, STATISTICS, WANTED, LoopRig, looped
 
 _TARGET, _ASKED = "target_position", "asked_voltage"
+_GRACE = 0.2  # s after the ramp in which a controller that answers hands over what there is
 _LOOK = 0.02  # s between two looks at whether the loop goes on
 
 
@@ -213,6 +214,7 @@ class _Loop:
                 failure = error
             else:
                 failure.add_note(f"The stop failed too: {error}")
+        thread.join(_GRACE)
         if isinstance(self._rig, LoopRig):
             self._take(self._rig.rest())
         return failure
@@ -236,9 +238,7 @@ class _Loop:
             self._rig.arm(self._making.inputs, self._most)
             self._rig.start()
             while not self._left:
-                block = self._rig.fetch()
-                if not self._left:
-                    self._take(block)
+                self._take(self._rig.fetch())
                 if self._rig.ended:
                     break
         except BaseException as error:
