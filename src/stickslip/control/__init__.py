@@ -9,12 +9,15 @@ from .commanded import commanded as commanded
 from .estimator import Estimator as Estimator
 from .estimator import StepModel as StepModel
 from .inverse import PiezoInverse as PiezoInverse
+from .learned import Learnt as Learnt
 from .moving import MoveError as MoveError
 from .moving import Mover as Mover
 from .moving import Walk as Walk
 from .portable import export_regulator as export_regulator
 from .portable import regulator_source as regulator_source
 from .quantised import NoiseShaped as NoiseShaped
+from .relay import Oscillation as Oscillation
+from .relay import Relay as Relay
 from .settling import WINDOWS as WINDOWS
 from .settling import Settling as Settling
 from .settling import settling as settling
