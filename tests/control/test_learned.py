@@ -25,7 +25,8 @@ def loop() -> Loop:
 
 @pytest.fixture(scope="module")
 def regulator() -> Regulator:
-    return tune(KANG, RATE).regulator(RATE, min_voltage=-100.0, max_voltage=100.0)
+    tuning = tune(KANG, RATE)
+    return tuning.regulator(RATE, min_voltage=-100.0, max_voltage=100.0, lead=tuning.lag)
 
 
 def errors(made: Learnt, loop: Loop, target: np.ndarray) -> np.ndarray:
@@ -95,6 +96,18 @@ def test_a_scan_with_hysteresis_and_creep_is_learnt_in_ten_periods() -> None:
     worst = np.abs(off).max(axis=1) / 5e-6
     assert worst[0] > 0.02
     assert worst[-1] < 0.0005
+
+
+def test_the_filter_has_no_phase(regulator: Regulator) -> None:
+    """What is learnt of an error at one tick: around the tick that it is due to, even, its sum the gain."""
+    made = Learnt(regulator, 200, 0.5, lead=7, taps=21)
+    regulator.begin(0.0, 0.0)
+    for tick in range(200):
+        made.step(-1e-6 * (tick == 100), 0.0, tick)
+    made.learn()
+    np.testing.assert_allclose(made.correction[93 - 20 : 93], made.correction[94 : 94 + 20][::-1], atol=1e-20)
+    assert made.correction.argmax() == 93
+    assert made.correction.sum() == pytest.approx(0.5e-6)
 
 
 def test_what_cannot_be_learnt(regulator: Regulator) -> None:

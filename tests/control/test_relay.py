@@ -7,7 +7,7 @@ import pytest
 
 from stickslip.actuator import load_actuator
 from stickslip.control import Oscillation, Pid, Regulator, Relay, simulate_control
-from stickslip.control.tuning import margins, sampled_loop
+from stickslip.control.tuning import grid, margins, sampled_loop
 from stickslip.rig import Channel, Limits, VirtualRig, load_bench, regulate
 from stickslip.units import QuantityError
 
@@ -34,6 +34,23 @@ def test_the_describing_function_finds_the_gain_of_the_bode_diagram(delay: int) 
     pid = told.pid(2.5)
     loop = sampled_loop(KANG, RATE, delay=delay)
     assert margins(Regulator(pid, RATE), [loop]).gain_margin == pytest.approx(2.5, rel=0.03)
+
+
+def test_on_a_linear_loop_it_is_where_the_describing_function_says() -> None:
+    """Tick by tick of the sampled stage; the frequency is that of the phase of -90 degrees."""
+    loop = sampled_loop(KANG, RATE, delay=1)
+    relay, x, found = Relay(1e3, RATE, 40.0, periods=10), np.zeros(loop.b.size), []
+    while not relay.done:
+        found.append(float(loop.c @ x))
+        x = loop.a @ x + loop.b * relay.step(found[-1], 0.0, 0)
+    told, swing = relay.found, np.array(found[-600:])
+    assert told.ultimate == pytest.approx(ultimate(1), rel=0.03)
+    assert told.amplitude == pytest.approx(0.5 * np.ptp(swing), rel=1e-3)
+    phase = np.unwrap(np.angle(loop.response)) + np.pi * grid(RATE) / RATE  # a sum is half a tick early
+    at = np.interp(np.pi / 2.0, -phase, grid(RATE))
+    assert told.frequency == pytest.approx(at, rel=0.03)
+    assert swing.mean() == pytest.approx(40.0 * KANG.gain, rel=0.01)
+    assert told.pid(2.0).integral == 0.5 * told.ultimate
 
 
 def test_on_the_rig_it_finds_what_its_chain_adds() -> None:
