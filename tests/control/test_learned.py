@@ -40,17 +40,17 @@ def errors(made: Learnt, loop: Loop, target: np.ndarray) -> np.ndarray:
 
 
 def test_each_run_is_better_by_the_bound_at_least(regulator: Regulator, loop: Loop) -> None:
-    made = Learnt(regulator, N, 0.5, lead=16, taps=101)
+    made = Learnt(regulator, N, 0.5, lead=8, taps=101)
     worst = made.contraction(loop).max()
-    assert worst == pytest.approx(0.5, abs=1e-3)
+    assert 0.5 < worst < 0.7
     for _ in range(6):
         regulator.begin(0.0, 0.0)
         errors(made, loop, TARGET)
         made.learn()
     history = np.array(made.history)
-    assert history[0] > 2e-9
+    assert history[0] > 0.5e-9
     assert np.all(history[1:] <= 1.05 * worst * history[:-1])
-    assert history[-1] < 0.04 * history[0]
+    assert history[-1] < worst**5 * history[0]
 
 
 def test_it_diverges_where_the_bound_is_above_one(regulator: Regulator, loop: Loop) -> None:
@@ -69,7 +69,7 @@ def test_each_frequency_falls_by_its_own_contraction(regulator: Regulator, loop:
     size = 4000
     made = Learnt(regulator, size, 0.5, lead=8, taps=21)
     time = np.arange(size) / RATE
-    at = np.array([50.0, 150.0, 250.0, 400.0])
+    at = np.array([100.0, 200.0, 300.0, 400.0])  # ten periods of the lowest: its line is its own
     target = 1e-7 * np.hanning(size) * sum(np.sin(2.0 * np.pi * f * time) for f in at)
     runs = []
     for _ in range(4):
