@@ -1,6 +1,6 @@
 """Controllers on the virtual rig: how long to come within windows of a target, over many actuators.
 
-python -m benchmarks.control [COUNT] [--seed S] [--long N] [--minute]
+python -m benchmarks.control [COUNT] [--seed S] [--long N] [--minute] [--moves N]
 
 Each actuator is `kang2007-hysteresis` (hysteresis 13 % at 150 V, creep) with its numbers drawn; loops are
 tuned on the set itself and its corners, never on the drawn one. Bench: 12-bit converter, amplifier with
@@ -14,7 +14,6 @@ import argparse
 import math
 import platform
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -23,36 +22,22 @@ import numpy as np
 from stickslip.actuator import Actuator, load_actuator
 from stickslip.control import (
     WINDOWS,
-    Estimator,
     LowPass,
     Mover,
     NoiseShaped,
     Notch,
     Pid,
     Regulator,
-    Requirement,
-    StepModel,
     StepTable,
     Tuning,
-    Walk,
     settling,
-    tune,
 )
-from stickslip.electronics import Interferometer
-from stickslip.rig import Bench, Channel, Limits, RigError, VirtualRig, load_bench, regulate
-from stickslip.rig.bench import Mounted
-from stickslip.simulation import steady_steps
-from stickslip.waveform import Sawtooth
+from stickslip.rig import Channel, RigError, VirtualRig, load_bench, regulate
+
+from .control_bench import HOLD, LIMITS, RATE, SET, TOP, WALK, bench, drawn, loop, ours
+from .control_steps import equalised, open_loop, wander
 
 OUT = Path(__file__).parents[1] / "docs" / "benchmarks" / "control.md"
-SET, RATE, TOP = "kang2007-hysteresis", 20e3, 95.0
-WALK = Walk(amplitude=65.0, frequency=100.0, tolerance=10e-9)
-# Relative standard deviations of what is drawn.
-SPREAD = {"gain": 0.03, "natural_frequency": 0.05, "damping_ratio": 0.1, "end_effector_mass": 0.03}
-OF_FRICTION = {"sigma_0": 0.1, "sigma_1": 0.2, "coulomb_force": 0.1}
-HOLD = 0.2  # s
-# The machine may do other work for long.
-LIMITS = Limits(max_voltage=100.0, watchdog=120.0)
 
 
 class Plain:
@@ -136,37 +121,6 @@ class Result(NamedTuple):
     steps: int
 
 
-def bench() -> Bench:
-    """With an interferometer of 1 nm rms and 50 us."""
-    made = load_bench(f"{SET}-bench")
-    density = 1e-9 / math.sqrt(2.0 * made.sample_rate)
-    laser = Mounted(Interferometer(0.31e-9, 50e-6, density), "end_effector", None)
-    return replace(made, sensors={"laser": laser})
-
-
-def drawn(random: np.random.Generator) -> Actuator:
-    """An actuator."""
-    base = load_actuator(SET)
-    own = {name: getattr(base, name) * math.exp(s * random.standard_normal()) for name, s in SPREAD.items()}
-    law = {
-        name: getattr(base.friction, name) * math.exp(s * random.standard_normal())
-        for name, s in OF_FRICTION.items()
-    }
-    law["stiction_force"] = law["coulomb_force"]
-    return base.replace(friction=base.friction._replace(**law), **own)
-
-
-def corners(base: Actuator) -> list[Actuator]:
-    """Two standard deviations of what matters to the loop, either way."""
-    found = []
-    for sign in (-2.0, 2.0):
-        found.append(base.replace(natural_frequency=base.natural_frequency * (1.0 + sign * 0.05)))
-        law = base.friction
-        found.append(base.replace(friction=law._replace(sigma_0=law.sigma_0 * (1.0 + sign * 0.1))))
-        found.append(base.replace(gain=base.gain * (1.0 + sign * 0.03)))
-    return found
-
-
 def run(model: Actuator, controller: Any, goal: float, seed: int, most: float) -> Result:
     """One run."""
     rig, seen = VirtualRig(model, bench(), seed=seed), {"end_effector_position": Channel("laser")}
@@ -178,11 +132,6 @@ def run(model: Actuator, controller: Any, goal: float, seed: int, most: float) -
     return Result(found.times, found.overshoot, found.rms, current, controller.steps)
 
 
-def ours(tuning: Tuning) -> Regulator:
-    """With feedforward ahead by the actuator's lag."""
-    return tuning.regulator(RATE, max_voltage=TOP, lead=tuning.lag)
-
-
 def controllers(table: StepTable, tuning: Tuning, base: Actuator) -> dict[str, Any]:
     """By what to call them."""
     return {
@@ -191,13 +140,6 @@ def controllers(table: StepTable, tuning: Tuning, base: Actuator) -> dict[str, A
         "PID only": Only(tuning.regulator(RATE, max_voltage=TOP)),
         "ours": Mover(WALK, table, ours(tuning), base.gain, hold=HOLD),
     }
-
-
-def loop() -> tuple[Actuator, Tuning, StepTable]:
-    """The set, the loop that is tuned on it and its corners, and its steps."""
-    base = load_actuator(SET)
-    tuning = tune(base, RATE, Requirement(), posterior=corners(base), delay=2)
-    return base, tuning, StepTable.of_model(base.replace(piezo=None), WALK.frequency, TOP)
 
 
 def compare(count: int, goal: float, seed: int, most: float) -> dict[str, list[Result | None]]:
@@ -243,33 +185,6 @@ def table_of(found: dict[str, list[Result | None]]) -> list[str]:
     return lines
 
 
-def open_loop(count: int, load: float, seed: int) -> tuple[float, float]:
-    """After 10 mm of steps under a load [N] that drifts by 10 %, of drawn motors whose first 100 steps were
-    measured: the share of positions within the 95 % band, and the half-width of the band over the way."""
-    random, base = np.random.default_rng(seed), load_actuator(SET).replace(piezo=None)
-    held, widths, drive = 0, [], Sawtooth(WALK.amplitude, WALK.frequency)
-    scatter, loaded = 20e-9, base.replace(external_force=load)
-    known = StepModel.of_model(loaded, WALK.amplitude, WALK.frequency, scatter=scatter, size_error=0.3e-6)
-    for _ in range(count):
-        model = drawn(random).replace(piezo=None)
-        forces = np.linspace(1.3 * load, 0.7 * load, 5)
-        sizes = steady_steps(model, drive, parameters={"external_force": forces}).net_step.values
-        steps = round(10e-3 / float(np.mean(sizes)))
-        # A random walk whose standard deviation at the end is a tenth of the load.
-        drift = 0.1 * abs(load) / math.sqrt(steps)
-        wander = drift * np.cumsum(random.standard_normal(steps))
-        at = np.cumsum(np.interp(load + wander, forces, sizes) + scatter * random.standard_normal(steps))
-        one = Estimator(known._replace(load_drift=drift))
-        for k in range(0, 100, 10):
-            one.stepped(1, 10)
-            one.measured(float(at[k + 9]), 1e-9)
-        one.stepped(1, steps - 100)
-        low, high = one.band()
-        held += low < at[-1] < high
-        widths.append(0.5 * (high - low) / at[-1])
-    return held / count, float(np.median(widths))
-
-
 def speed() -> dict[str, float]:
     """Microseconds of processor time per update of the whole chain, the least of five times a thousand."""
     found = {}
@@ -308,11 +223,14 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=18)
     parser.add_argument("--long", type=int, default=3, help="actuators that go 1 mm")
     parser.add_argument("--minute", action="store_true", help="hold for a minute too")
+    parser.add_argument("--moves", type=int, default=0, help="random moves, 10000 say")
     given = parser.parse_args()
     near, far = compare(given.count, 40e-6, given.seed, 3.0), compare(given.long, 1e-3, given.seed, 12.0)
-    blind = {load: open_loop(100, load, given.seed) for load in (-10e-3, -30e-3)}
+    asked = [(load, volts) for load in (-10e-3, -30e-3) for volts in (WALK.amplitude, TOP)]
+    blind = {one: open_loop(100, one[0], given.seed, one[1]) for one in asked}
     rates, rms = speed(), minute(given.seed) if given.minute else math.nan
-    content = {"open_loop": blind, "us": rates, "minute": rms}
+    content = {"open_loop": blind, "us": rates, "minute": rms, "equal": equalised(20, given.seed)}
+    content["moves"] = wander(given.moves, given.seed) if given.moves else None
     print(content)
     OUT.write_text(page(given, near, far, content), encoding="utf-8")
 
@@ -350,10 +268,22 @@ def page(given: Any, near: dict[str, Any], far: dict[str, Any], content: dict[st
         "| what | measured |",
         "|---|---|",
     ]
-    for load, (held, width) in content["open_loop"].items():
-        what = f"open loop, 10 mm of steps against {-1e3 * load:.0f} mN that drift by 10 %"
+    first, last = content["equal"]
+    what = "steps forward and backward of 2 um, 20 actuators, loads up to 30 mN: greatest difference"
+    lines.append(
+        f"| {what} in the first series of ten, in the third | {100 * first:.1f} %, {100 * last:.2f} % |"
+    )
+    for (load, volts), (held, width, alone) in content["open_loop"].items():
+        what = f"open loop, 10 mm of steps of {volts:g} V against {-1e3 * load:.0f} mN that drift by 10 %"
         lines.append(f"| {what}: truth within the 95 % band | {100 * held:.0f} % |")
-        lines.append(f"| {what}: half-width of the band over the way, median | {100 * width:.2f} % |")
+        said = f"{100 * width:.2f} %; of the load alone {100 * alone:.2f} %"
+        lines.append(f"| {what}: half-width of the band over the way, median | {said} |")
+    if content["moves"] is not None:
+        one = content["moves"]
+        what = f"{one.moves} random moves within 60 um to each side, {one.seconds:.0f} s"
+        lines.append(f"| {what}: greatest overshoot, while the piezo lands | {1e9 * one.beyond:.0f} nm |")
+        at = f"{one.low:.2f} to {one.high:.2f} V, {one.current:.2f} A"
+        lines.append(f"| {what}: voltage and current at the piezo, at any sample | {at} |")
     if content["minute"] == content["minute"]:
         lines.append(f"| hold at 15 um over a minute, rms | {1e9 * content['minute']:.2f} nm |")
     for name, us in content["us"].items():
@@ -363,7 +293,8 @@ def page(given: Any, near: dict[str, Any], far: dict[str, Any], content: dict[st
         "",
         f"Processor: {platform.machine()}, other work beside it. The open-loop motors (100 drawn, the first",
         "100 steps measured) step by the model's periodic walk at the load of the moment, with 20 nm of",
-        "scatter; they are not simulated step by step.",
+        "scatter; they are not simulated step by step. What is left of the band without a sensor is what the",
+        "load does, for which no filter can know: steps of more volts feel it less.",
         "",
     ]
     return "\n".join(lines)

@@ -47,6 +47,32 @@ def test_a_move_is_made_recorded_and_reported(tmp_path: Path) -> None:
         assert words in report
 
 
+def test_a_fit_and_a_posterior_say_what_the_loop_must_stand(tmp_path: Path) -> None:
+    """A results.json with an interval, and a table of draws: the loop keeps its margins on all of them."""
+    alone = run("move", written(tmp_path, target="20 um"), "--out", str(tmp_path / "first"))
+    assert alone.exit_code == 0, alone.stderr
+    results = json.loads((tmp_path / "first" / "results.json").read_text())
+    own = results["numbers"]["model"]["actuator"]["natural_frequency"]["value"]
+    interval = {"value": own, "unit": "rad/s", "interval": [0.7 * own, 1.2 * own]}
+    results["numbers"]["parameters"] = {"natural_frequency": interval, "delay": {**interval, "unit": "s"}}
+    (tmp_path / "results.json").write_text(json.dumps(results))
+    rows = "\n".join(str(share * own) for share in (0.9, 1.0, 1.1))
+    (tmp_path / "draws.csv").write_text(f"natural_frequency\n{rows}\n")
+    changes = {"fit": "results.json", "draws": {"file": "draws.csv"}, "target": "20 um"}
+    done = run("move", written(tmp_path, **changes), "--out", str(tmp_path / "out"))
+    assert done.exit_code == 0, done.stderr
+    tuned = json.loads((tmp_path / "out" / "results.json").read_text())["numbers"]["tuning"]
+    assert tuned["models"]["value"] == 1 + 2 + 3
+    first = results["numbers"]["tuning"]
+    assert first["models"]["value"] == 1
+    assert tuned["integral"]["value"] < 0.95 * first["integral"]["value"]
+    assert tuned["sensitivity"]["value"] <= 1.7 + 1e-6
+    both = written(tmp_path, fit="results.json", model={"set": "kang2007"})
+    refused = run("move", both, "--out", str(tmp_path / "other"))
+    assert refused.exit_code == 2
+    assert "not both" in refused.stderr
+
+
 def test_a_move_is_a_step_of_a_job(tmp_path: Path) -> None:
     move = yaml.safe_load(Path(written(tmp_path, target="10 um")).read_text("utf-8"))
     (tmp_path / "job.yaml").write_text(yaml.safe_dump({"title": "x", "steps": [{"move": move}]}), "utf-8")

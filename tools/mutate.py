@@ -83,6 +83,7 @@ VIBRATION = tuple(
         "test_what_is_heard_is_weighted_as_the_standard_says",
     )
 )
+LEARNT = "tests/control/test_learned.py::test_"
 # The first row that fits a file counts.
 TARGETS = (
     Target(
@@ -166,6 +167,20 @@ TARGETS = (
     Target("design/tables.py", DESIGN, ("step_at", "voltage_for", "_direction")),
     Target(
         "design/front.py", ("tests/design/test_conditions.py::test_what_stays_of_a_front",), ("unbeaten",)
+    ),
+    Target(
+        "control/learned.py",
+        (
+            f"{LEARNT}each_frequency_falls_by_its_own_contraction",
+            f"{LEARNT}the_filter_has_no_phase",
+            f"{LEARNT}it_diverges_where_the_bound_is_above_one",
+        ),
+        ("contraction", "_binomial"),
+    ),
+    Target(
+        "control/relay.py",
+        ("tests/control/test_relay.py::test_on_a_linear_loop_it_is_where_the_describing_function_says",),
+        ("found", "pid"),
     ),
     Target("design/choice.py", ("tests/design/test_choice.py",), ("criterion", "score", "together")),
     Target("rig/table.py", ("tests/rig/test_table.py",)),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stickslip.actuator import load_actuator
-from stickslip.control import PiezoInverse, simulate_control, tune
+from stickslip.control import Mover, PiezoInverse, StepTable, Walk, settling, simulate_control, tune
 from stickslip.simulation import Motion
 from stickslip.units import QuantityError
 from stickslip.waveform import Sampled
@@ -49,6 +49,33 @@ def test_a_scan_is_within_three_thousandths_of_its_range() -> None:
         off[name] = np.abs(error).max() / 5e-6
     assert off["all"] < 0.001
     assert 0.01 < off["gain"] < off["loop"]
+
+
+def test_it_goes_along_with_other_voltages() -> None:
+    """Steps that it did not ask for, ramps and edges: where the simulated piezo is, hysteresis and creep."""
+    static = BENT.replace(natural_frequency=np.inf, clamped=True)
+    motion, along = Motion(static), PiezoInverse(BENT, RATE)
+    for tick in range(3000):
+        volts = 65.0 * (tick % 700) / 700 + 5.0 * (tick % 3)
+        motion.hold(volts, 1.0 / RATE)
+        along.follow(volts)
+        assert along.position == pytest.approx(motion.position, abs=2e-10)
+        assert along.volts == volts
+    assert along.position > 2e-6
+    before = along.position
+    assert along.step(before) == pytest.approx(volts, abs=1e-2), "what it asks for next goes on from there"
+
+
+def test_a_hold_after_steps_with_it_does_not_creep() -> None:
+    """The same move with a feedforward by the gain: there the loop is always behind the creep."""
+    tuning, table = tune(BENT, RATE), StepTable.of_model(BENT.replace(piezo=None), "100 Hz", "100 V")
+    left = {}
+    for name, own in (("inverse", {"feedforward": PiezoInverse(BENT, RATE)}), ("gain", {})):
+        regulator = tuning.regulator(RATE, max_voltage=100.0, lead=tuning.lag, **own)
+        made = Mover(Walk(), table, regulator, BENT.gain, hold=0.1)
+        left[name] = settling(simulate_control(BENT, made, 40e-6, 1.0, rate=RATE), 40e-6, hold=0.09).rms
+        assert made.done
+    assert left["inverse"] < 0.3 * left["gain"] < 0.3e-9
 
 
 def test_what_cannot_be_inverted_is_refused() -> None:

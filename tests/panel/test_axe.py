@@ -168,6 +168,25 @@ def design(page: Page) -> Iterator[str]:
     yield "a value that is refused"
 
 
+def move(page: Page) -> Iterator[str]:
+    page.locator(".move-gains[data-answers]").wait_for(timeout=SLOW)
+    yield "as it opens"
+    page.get_by_role("button", name="Go", exact=True).click()
+    expect(page.locator("#move-phase")).to_have_attribute("data-settled", "true", timeout=SLOW)
+    page.get_by_label("Scan range").fill("1 m")
+    page.get_by_label("Scan range").press("Enter")
+    page.get_by_role("button", name="Scan", exact=True).click()
+    expect(page.locator("#move-fault")).not_to_be_empty()
+    yield "holding, a scan refused"
+    page.get_by_role("button", name="Let go").click()
+    expect(page.locator("#move-phase")).to_have_text("At rest: the output is at 0 V", timeout=SLOW)
+    field = page.get_by_label("Bandwidth of the integral").first
+    field.fill("900 Hz")
+    field.press("Enter")
+    expect(page.locator("#margins")).to_contain_text("Refused")
+    yield "gains that are refused"
+
+
 def history(page: Page) -> Iterator[str]:
     page.locator("[data-run]").first.wait_for(timeout=SLOW)
     yield "as it opens"
@@ -209,7 +228,7 @@ def studies(page: Page) -> Iterator[str]:
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize(
-    "states", [bench, identify, explore, design, history, studies], ids=lambda one: one.__name__
+    "states", [bench, identify, explore, design, move, history, studies], ids=lambda one: one.__name__
 )
 def test_no_findings(
     lab: Panel, browser: Browser, states: Callable[[Page], Iterator[str]], scheme: str

@@ -112,7 +112,7 @@ def test_the_page_is_small(panel: Panel, page: Page) -> None:
     sizes: dict[str, int] = {}
     page.on("response", lambda answer: sizes.__setitem__(answer.url, len(answer.body())))
     page.goto(panel.url, wait_until="networkidle")
-    for name in ("Identify", "Explore", "Design", "History", "Studies"):
+    for name in ("Identify", "Explore", "Design", "Move", "History", "Studies"):
         page.get_by_role("link", name=name, exact=True).click()
         page.locator(f".{name.lower()}").wait_for()
 

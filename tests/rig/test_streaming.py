@@ -100,3 +100,28 @@ def test_what_a_rig_in_a_loop_refuses() -> None:
     slow = VirtualRig(ACTUATOR, BENCH.replace(sample_rate="10 kHz"))
     with pytest.raises(RigError, match="as many samples as updates"):
         slow.begin(("ideal",))
+
+
+def test_in_real_time_it_reads_the_same_and_waits_for_the_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With a clock of the test's own: each update comes when it is due, and not one is left out; where the
+    computer is late, it catches up without a wait."""
+    clock = [100.0]
+    slept: list[float] = []
+
+    def sleep(seconds: float) -> None:
+        slept.append(seconds)
+        clock[0] += seconds
+
+    monkeypatch.setattr("stickslip.rig.virtual.time.monotonic", lambda: clock[0])
+    monkeypatch.setattr("stickslip.rig.virtual.time.sleep", sleep)
+    rig = VirtualRig(ACTUATOR, BENCH, seed=3, real_time=True)
+    found = [rig.begin(("ideal", "interferometer"))]
+    for tick, volts in enumerate(DRIVE.tolist()):
+        if tick == 600:
+            clock[0] += 10.0 / RATE  # the computer was busy
+        found.append(rig.exchange(volts))
+        assert clock[0] == pytest.approx(100.0 + max(tick + 1, 610 if tick >= 600 else 0) / RATE, abs=1e-9)
+    assert len(slept) == COUNT
+    assert slept[600:610] == [0.0] * 10
+    fast = streamed(VirtualRig(ACTUATOR, BENCH, seed=3), ("ideal", "interferometer"))
+    np.testing.assert_array_equal(np.array(found[:-1]).T, fast)

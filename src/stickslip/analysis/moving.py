@@ -47,8 +47,11 @@ from ..progress import Progress
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import model_numbers
 from ..rig import Channel, Repeats, Variation, VirtualRig, load_bench, regulate
-from ..units import QuantityError, with_prefix
+from ..units import with_prefix
 from .file import Analysis, AnalysisError
+from .move_model import at_draws, at_ends, at_intervals, feedforward_of
+from .study import DrawsSpec
+from .verification import results_model
 from .walk import changed
 
 Quantity = float | str
@@ -86,16 +89,20 @@ class RequirementSpec(Strict):
 class MoveFile(Analysis):
     """See the module.
 
-    `change` and `friction` of the actuator are those of the plant on the rig; `model` is what the loop is
-    tuned on, the same if it is left out. `spread` are relative uncertainties of fields of it,
-    ``natural_frequency: 5 %``: the loop must keep its margins at both ends of each. `within` is what counts
-    as there, `hold` how long it stays, `at_most` when a move is given up; `hold_within` is required of the
-    rms over the hold.
+    `change` and `friction` of the actuator are those of the plant on the rig. `model` is what the loop is
+    tuned on, the same if it is left out; or that is of `fit`, a results.json of an identification or a
+    campaign: then the loop must keep its margins at both ends of the interval of each parameter. It must on
+    `draws` too, those of a saved fit or the samples of a posterior, and at both ends of each `spread`,
+    relative uncertainties of fields of it, ``natural_frequency: 5 %``. `within` is what counts as there,
+    `hold` how long it stays, `at_most` when a move is given up; `hold_within` is required of the rms over the
+    hold.
     """
 
     rig: VirtualRigSpec = Field(default_factory=VirtualRigSpec)
     actuator: ActuatorSpec = Field(default_factory=ActuatorSpec)
     model: ActuatorSpec | None = None
+    fit: str | None = None
+    draws: DrawsSpec | None = None
     spread: dict[str, Annotated[float, quantity("")]] = Field(default_factory=dict)
     position: PositionSpec = Field(default_factory=PositionSpec)
     limits: LimitsSpec = Field(default_factory=LimitsSpec)
@@ -144,7 +151,7 @@ def run_move(
         RigError: a limit was passed, or the move got nowhere. The output has gone to 0 V.
     """
     plant = _model(file.actuator, folder)
-    model = plant if file.model is None else _model(file.model, folder)
+    model, others = _tuned_on(file, plant, folder)
     limits, bench = limits_of(file.limits, plant), load_bench(own_file(file.rig.bench, folder, ".toml"))
     rig = VirtualRig(
         plant,
@@ -156,14 +163,16 @@ def run_move(
     can, rate = rig.capabilities, rig.capabilities.update_rate
     progress("tuning the loop", 0.0)
     wanted = Requirement(**_given(file.requirement))
-    tuning = tune(model, rate, wanted, posterior=_ends(model, file.spread))
+    tuning = tune(model, rate, wanted, posterior=others)
     walk = Walk(tolerance=file.within, **_given(file.walk))
     low, high = max(limits.min_voltage, can.min_voltage), min(limits.max_voltage, can.max_voltage)
     if math.isfinite(limits.max_slew):
         raise AnalysisError(
             "limits: max_slew: steps need a slip edge; leave it to the amplifier of the bench"
         )
-    regulator = tuning.regulator(rate, min_voltage=low, max_voltage=high, lead=tuning.lag)
+    ends: dict[str, Any] = {"min_voltage": low, "max_voltage": high, "lead": tuning.lag}
+    inverse = feedforward_of(model, rate)
+    regulator = tuning.regulator(rate, **ends, **({} if inverse is None else {"feedforward": inverse}))
     table = StepTable.of_model(model.replace(piezo=None), walk.frequency, high - low)
     mover = Mover(walk, table, regulator, model.gain, hold=file.hold)
     if only_hold and not mover.reaches(file.target):
@@ -173,7 +182,7 @@ def run_move(
         )
     name = "hold" if only_hold else "move"
     out.mkdir(parents=True, exist_ok=True)
-    export_regulator(regulator, out / "regulator.h")
+    export_regulator(tuning.regulator(rate, **ends), out / "regulator.h")
     recording = regulate(
         rig,
         NoiseShaped(mover, can.step),
@@ -192,29 +201,26 @@ def run_move(
     return _document(file, plant, tuning, mover, recording, found)
 
 
+def _tuned_on(file: MoveFile, plant: Actuator, folder: Path) -> tuple[Actuator, list[Actuator]]:
+    """The model, and what else it may be."""
+    if file.model is not None and file.fit is not None:
+        raise AnalysisError("a move has 'model', a parameter set, or 'fit', a results.json, not both")
+    if file.fit is not None:
+        model = results_model(folder / file.fit)
+        others = at_intervals(model, folder / file.fit)
+    else:
+        model, others = (plant if file.model is None else _model(file.model, folder)), []
+    if file.draws is not None:
+        others += at_draws(model, file.draws.part(folder, model).values)
+    return model, others + at_ends(model, file.spread)
+
+
 def _model(spec: ActuatorSpec, folder: Path) -> Actuator:
     return changed(folder, spec.set, spec.change, spec.friction)
 
 
 def _given(spec: Strict) -> dict[str, Any]:
     return {key: value for key, value in spec.model_dump().items() if value is not None}
-
-
-def _ends(model: Actuator, spread: dict[str, float]) -> list[Actuator]:
-    """The model with each field at both ends of its spread."""
-    found = []
-    for name, share in spread.items():
-        if not 0.0 < share < 1.0:
-            raise QuantityError(f"spread: {name} = {share:g} must be a share between 0 and 1, such as 5 %")
-        for factor in (1.0 - share, 1.0 + share):
-            if name in model.friction._fields:
-                value = factor * getattr(model.friction, name)
-                found.append(model.replace(friction=model.friction._replace(**{name: value})))
-            elif isinstance(getattr(model, name, None), float):
-                found.append(model.replace(**{name: factor * getattr(model, name)}))
-            else:
-                raise QuantityError(f"spread: {name} is no number of the model or its friction law")
-    return found
 
 
 def _channels(file: MoveFile, folder: Path) -> dict[str, Channel]:

@@ -11,8 +11,8 @@ import numpy as np
 
 from ..actuator import Actuator
 from ..piezo import Creep, PrandtlIshlinskii
-from ..piezo.creep import Lags, before_creep
-from ..piezo.operators import inverse
+from ..piezo.creep import Lags, before_creep, relaxed
+from ..piezo.operators import inverse, response
 from ..units import QuantityError, to_si
 
 
@@ -46,6 +46,8 @@ class PiezoInverse:
         self._volts, self._times = rest, np.array([0.0, 1.0 / hertz])
         self._wanted = np.full(2, level * (1.0 + float(self._shares.sum())))
         self._before, self._out = np.empty(2), np.empty(1)
+        self._given, self._levels = np.empty(2), np.empty(2)
+        self._crept = np.empty((2, self._shares.size))
 
     @property
     def position(self) -> float:
@@ -56,6 +58,16 @@ class PiezoInverse:
     def volts(self) -> float:
         """The last voltage."""
         return self._volts
+
+    def follow(self, volts: float) -> None:
+        """A tick in which another voltage was put out than `step` gave: the state goes along."""
+        self._given[0], self._given[1] = self._volts, volts
+        response(self._operators, self._given, self._plays, self._levels)
+        self._volts, moved = volts, float(self._levels[1])
+        if self._shares.size:
+            relaxed(self._lags, self._times, self._levels, self._terms, self._crept)
+            moved += float(self._crept[1] @ self._shares)
+        self._wanted[0], self._wanted[1] = self._wanted[1], moved
 
     def step(self, position: float) -> float:
         """The voltage [V] at which the free piezo is at a position [m from rest at 0 V], a tick later; raises

@@ -21,7 +21,7 @@ from typing import Annotated, NamedTuple
 from ..records import Quantity, record
 from ..units import QuantityError, to_si, with_prefix
 from .blocks import Regulator
-from .steps import Steps, StepTable
+from .steps import RISING, Steps, StepTable
 
 
 class MoveError(RuntimeError):
@@ -43,10 +43,10 @@ class Walk(NamedTuple):
     dwell: Annotated[float, Quantity("s", "t_d", "how long it must be there", minimum=0)] = 0.01
 
 
-# Share of a step in which the voltage rises; in the rest the slip dies away.
-_RISING = 0.8
 # What of the expected way counts as a step, and after how many that were none the move is given up.
 _LOST, _PATIENCE = 0.2, 20
+# How near the middle of its range the piezo must come to be, as a share of half of that.
+_CLOSE, _CENTRED = 0.5, 0.15
 # V in one tick, up to which a target that moves is followed without a scan.
 _ALONG = 0.5
 # Of the piezo's stroke: nearer targets are tried from the middle of its range before steps are.
@@ -69,6 +69,9 @@ class Mover:
     Attributes:
         phase: see the module; `history` is when each began, s.
         settled_at: s, when it was first at the target, or None; `steps` is how many were made.
+        steps_wanted: set to make so many full steps at once, backward where it is negative, and then hold
+            where they lead, whatever the target is until then.
+        centre_wanted: set to have the piezo in the middle of its range, when it holds, for the same target.
     """
 
     def __init__(
@@ -79,10 +82,10 @@ class Mover:
         gain: float | str,
         *,
         hold: float | str = math.inf,
-        learning: float | str = 0.2,
+        learning: float | str = 0.05,
     ) -> None:
-        self.walk, self.steps_of, self.regulator = walk, Steps(table, learning), regulator
         self.gain, self._hold = to_si(gain, "m/V", "gain"), to_si(hold, "s", "hold")
+        self.walk, self.steps_of, self.regulator = walk, Steps(table, learning), regulator
         low, high = regulator.low, regulator.high
         if walk.amplitude > high - low:
             raise QuantityError(
@@ -91,7 +94,7 @@ class Mover:
         rate = regulator.rate
         self._period, self._pause = round(rate / walk.frequency), round(walk.pause * rate)
         self._scan, self._dwell = max(round(walk.scan * rate), 1), round(walk.dwell * rate)
-        self._rise = round(_RISING * self._period)
+        self._rise = round(RISING * self._period)
         if self._period < 8:
             raise QuantityError(
                 f"Walk.frequency = {walk.frequency:g} Hz leaves {self._period} ticks a step; 8 are needed"
@@ -105,7 +108,29 @@ class Mover:
         self._goal = math.nan
         self._voltage = self._from = self._to = min(max(0.0, low), high)
         self._count = self._lost_now = self._there = self._attempts = 0
-        self._direction, self._amplitude, self._before = 1, walk.amplitude, 0.0
+        self._direction, self._amplitude, self._before, self._row = 1, walk.amplitude, 0.0, 0
+        self.steps_wanted, self.centre_wanted, self._close = 0, False, _CLOSE
+        self._jogs: int | None = None  # steps that are left of those that were wanted
+
+    @property
+    def goal(self) -> float:
+        """Where it goes, m; NaN before it was told."""
+        return self._goal
+
+    @property
+    def room(self) -> tuple[float, float]:
+        """How far the piezo goes from here, down and up, within the share that is for holding, m."""
+        return (self._voltage - self._least) * self.gain, (self._most - self._voltage) * self.gain
+
+    @property
+    def reach(self) -> float:
+        """How far it goes each way from the middle of its range, m."""
+        return (self._most - self._middle) * self.gain
+
+    @property
+    def fastest(self) -> float:
+        """The speed, m/s, up to which the piezo follows a target that moves."""
+        return _ALONG * self.gain * self.regulator.rate
 
     def reaches(self, target: float) -> bool:
         """Whether the piezo reaches a position [m] from rest at the start, with one slip edge at most."""
@@ -114,7 +139,14 @@ class Mover:
 
     def step(self, measured: float, target: float, tick: int) -> float:
         """The voltage [V] for a position and a target, m; raises MoveError where it gets nowhere."""
-        if target != self._goal and self.phase == "hold" and self._follows(target):
+        if self.steps_wanted:
+            self._jog(tick)
+        elif self._jogs is not None:
+            pass  # the steps first
+        elif self.centre_wanted and self.phase == "hold":
+            self.centre_wanted, self.settled_at, self._there = False, None, 0
+            self._centre(tick)
+        elif target != self._goal and self.phase == "hold" and self._follows(target):
             self._goal = target
         elif target != self._goal:
             self._goal, self._attempts, self.settled_at, self._there = target, 0, None, 0
@@ -134,7 +166,16 @@ class Mover:
             self._count += 1
             if self._count >= self._pause:
                 self._choose(measured, tick)
+        inverse = self.regulator.inverse
+        if inverse is not None and phase != "hold" and phase != "scan":
+            inverse.follow(self._voltage)
         return self._voltage
+
+    def _jog(self, tick: int) -> None:
+        """Begin with so many full steps."""
+        self._jogs, self._direction = abs(self.steps_wanted), 1 if self.steps_wanted > 0 else -1
+        self.steps_wanted, self.settled_at, self._there = 0, None, 0
+        self._return(tick)
 
     def _follows(self, target: float) -> bool:
         """Whether a target moves so little that the piezo just goes along."""
@@ -163,6 +204,15 @@ class Mover:
             return
         # The way that is left when the piezo is in the middle, from there on.
         self._direction = 1 if needed > self._middle else -1
+        self._return(tick)
+
+    def _centre(self, tick: int) -> None:
+        """A step or two, after which the piezo is at the goal in the middle of its range."""
+        self._close, self._direction = _CENTRED, 1 if self._voltage > self._middle else -1
+        self._return(tick)
+
+    def _return(self, tick: int) -> None:
+        """The piezo goes to where steps begin."""
         low, high = self.regulator.low, self.regulator.high
         self._from, self._to = self._voltage, low if self._direction > 0 else high
         self._enter("return", tick)
@@ -175,17 +225,28 @@ class Mover:
 
     def _next_step(self, measured: float, tick: int) -> None:
         """One more step, as far as is missing, or none."""
+        if self._jogs is not None:
+            self._jogs -= 1
+            if self._jogs < 0:
+                self._enter("wait", tick)
+                return
+            self._take_step(self.walk.amplitude, measured, tick)
+            return
         missing = self._missing(measured)
         full = self.steps_of.size(self.walk.amplitude, self._direction)
-        near = 0.5 * (self._most - self._middle) * self.gain
+        near = self._close * (self._most - self._middle) * self.gain
         if missing < min(near, 0.5 * full):
+            self._close = _CLOSE
             self._enter("wait", tick)
             return
-        self._amplitude = (
-            self.walk.amplitude if missing >= full else self.steps_of.voltage_for(missing, self._direction)
-        )
+        part = self.walk.amplitude if missing >= full else self.steps_of.voltage_for(missing, self._direction)
+        self._take_step(part, measured, tick)
+
+    def _take_step(self, amplitude: float, measured: float, tick: int) -> None:
+        self._amplitude = amplitude
         if self.phase != "step":
             self._enter("step", tick)
+            self._row = 0
         self._before, self._count = measured, 0
 
     def _stepping(self, measured: float, tick: int) -> None:
@@ -208,11 +269,17 @@ class Mover:
                 )
         else:
             self._lost_now = 0
-            self.steps_of.learn(self._amplitude, self._direction, went)
+            if self._row:  # the first of a walk goes short: its contact was bent the other way
+                self.steps_of.learn(self._amplitude, self._direction, went)
+        self._row += 1
         self._next_step(measured, tick)
 
     def _choose(self, measured: float, tick: int) -> None:
         """After the pause: scan if the piezo reaches, else more steps."""
+        if self._jogs is not None:
+            self._jogs, self._goal = None, measured
+            self._centre(tick)  # steps end where the piezo has no room to hold
+            return
         needed = self._voltage + (self._goal - measured) / self.gain
         if self._least <= needed <= self._most:
             self._start_scan(measured, tick)

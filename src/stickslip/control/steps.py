@@ -15,15 +15,20 @@ from ..actuator import Actuator
 from ..records import Quantity, record
 from ..simulation.steady_members import steady_steps
 from ..units import QuantityError, to_si
-from ..waveform import ReverseSawtooth, Sawtooth
+from ..waveform.knots import PeriodicKnots
 
+# Share of a step in which the voltage rises; in the rest, after the slip edge, the slip dies away.
+RISING = 0.8
+_EDGE = 1e-5  # of a step that the slip edge takes in the model
 _VOLTAGES = 16  # of a table that is made of a model
+_PRIOR = 0.1  # of the greatest step: as which a table counts beside what is measured
 _LEAST = 0.05  # of the greatest voltage
 
 
 @record
 class StepTable(NamedTuple):
-    """Net steps forward (towards +x) and backward, as distances, of sawteeth of these voltages."""
+    """Net steps forward (towards +x) and backward, as distances, of these voltages: a rise over `RISING` of
+    the step, back at once, and rest."""
 
     voltages: Annotated[tuple[float, ...], Quantity("V", "A", "amplitudes, ascending", above=0)]
     forward: Annotated[tuple[float, ...], Quantity("m", "s₊", "step forward")]
@@ -49,8 +54,10 @@ class StepTable(NamedTuple):
         volts = np.linspace(_LEAST * most, most, _VOLTAGES)
         free = model.replace(min_voltage=-np.inf, max_voltage=np.inf)
         steps = []
-        for shape, sign in ((Sawtooth, 1.0), (ReverseSawtooth, -1.0)):
-            found = steady_steps(free, shape(most, hertz), parameters={"amplitude": volts})
+        times = (0.0, RISING / hertz, (RISING + _EDGE) / hertz)
+        for sign in (1.0, -1.0):
+            drive = PeriodicKnots(times, (0.0, sign * most, 0.0), 1.0 / hertz)
+            found = steady_steps(free, drive, parameters={"value_2": sign * volts})
             one = sign * found["net_step"].values
             if not one[-1] > 0.0:
                 way, why = "forward" if sign > 0 else "backward", found["reason"].values[-1]
@@ -63,19 +70,21 @@ class StepTable(NamedTuple):
 
 
 class Steps:
-    """A table and what was learnt since: `forward` and `backward` are factors on its steps.
+    """A table and what was learnt since: `forward` and `backward` are factors on its steps, by least squares
+    over the steps that were made, each with its own scatter.
 
     Args:
-        table: as made.
-        learning: share of the last step in the factors; 0 learns nothing.
+        table: as made; it counts as one step of a tenth of its greatest.
+        learning: share of what was learnt that each step takes the place of; 0 learns nothing.
     """
 
-    def __init__(self, table: StepTable, learning: float | str = 0.2) -> None:
-        self.table = table
-        self.learning = to_si(learning, "", "learning")
+    def __init__(self, table: StepTable, learning: float | str = 0.05) -> None:
+        self.learning, self.table = to_si(learning, "", "learning"), table
         if not 0.0 <= self.learning <= 1.0:
             raise QuantityError(f"learning = {self.learning:g} is out of range: it must be >= 0 and <= 1")
         self.forward = self.backward = 1.0
+        weights = {1: (_PRIOR * table.forward[-1]) ** 2, -1: (_PRIOR * table.backward[-1]) ** 2}
+        self._sums = {direction: (one, one) for direction, one in weights.items()}
 
     def size(self, voltage: float, direction: int) -> float:
         """The distance [m] of a step of that amplitude [V], direction 1 (towards +x) or -1."""
@@ -99,11 +108,16 @@ class Steps:
 
     def learn(self, voltage: float, direction: int, distance: float) -> None:
         """A step of that amplitude [V] went so far [m] in its direction."""
-        expected = self.size(voltage, direction)
-        if not expected > 0.0:
+        factor = self.forward if direction > 0 else self.backward
+        told = self.size(voltage, direction) / factor
+        if not told > 0.0 or not self.learning:
             return
-        factor = 1.0 + self.learning * (distance / expected - 1.0)
+        kept = 1.0 - self.learning
+        squares, products = self._sums[direction]
+        squares, products = kept * squares + told**2, kept * products + told * distance
+        self._sums[direction] = squares, products
+        factor = min(max(products / squares, 0.1), 10.0)
         if direction > 0:
-            self.forward = min(max(self.forward * factor, 0.1), 10.0)
+            self.forward = factor
         else:
-            self.backward = min(max(self.backward * factor, 0.1), 10.0)
+            self.backward = factor

@@ -185,8 +185,24 @@ def _crossings(values: Array, others: Array) -> list[tuple[int, float]]:
     return list(zip(at.tolist(), (others[at] + share * (others[at + 1] - others[at])).tolist(), strict=True))
 
 
+def step_response(regulator: Regulator, loop: Loop, ticks: int) -> Array:
+    """Where the actuator is, as a share of a target that jumps at tick 0, at so many ticks; by the feedback
+    alone."""
+    closed, into = closed_loop(regulator, loop)
+    x, found, n = np.zeros(into.size), np.empty(ticks), loop.b.size
+    for k in range(ticks):
+        found[k] = loop.c @ x[:n]
+        x = closed @ x + into
+    return found
+
+
 def _stable(regulator: Regulator, loop: Loop) -> bool:
     """Whether all poles of the closed loop are within the unit circle."""
+    return bool(np.abs(np.linalg.eigvals(closed_loop(regulator, loop)[0])).max() < 1.0 - 1e-12)
+
+
+def closed_loop(regulator: Regulator, loop: Loop) -> tuple[Array, Array]:
+    """State transition and input, the target, of a loop that is closed; the states of the loop come first."""
     a, b, c, d = regulator.state_space()
     n, m = loop.b.size, b.size
     closed = np.zeros((n + m, n + m))
@@ -194,7 +210,7 @@ def _stable(regulator: Regulator, loop: Loop) -> bool:
     closed[:n, n:] = np.outer(loop.b, c)
     closed[n:, :n] = -np.outer(b, loop.c)
     closed[n:, n:] = a
-    return bool(np.abs(np.linalg.eigvals(closed)).max() < 1.0 - 1e-12)
+    return closed, np.append(d * loop.b, b)
 
 
 def check_margins(

@@ -26,6 +26,7 @@ class Control:
 
     def __init__(self, hub: Hub, clock: Callable[[], float] = time.monotonic) -> None:
         self.holder = self.asking = ""
+        self.gone: list[Callable[[], None]] = []  # called when the page that held it does not come back
         self._hub, self._clock = hub, clock
         self._seen = 0.0
         self._lock = threading.Lock()
@@ -77,6 +78,8 @@ class Control:
                 return
             self._give(self.asking)
         self._hub.send(self._message())
+        for act in self.gone:
+            act()
 
     def _message(self) -> Message:
         return json.dumps({"kind": "control", "holder": shown(self.holder), "asking": shown(self.asking)})

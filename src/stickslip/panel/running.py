@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from ..experiment.cells import Cell
 from ..experiment.file import ExperimentFile
-from ..experiment.laboratory import open_laboratory, rigs_of
+from ..experiment.laboratory import Laboratory, open_laboratory, rigs_of
 from ..experiment.running import record_experiment
+from ..progress import Progress
 from ..readers.process import Reader
 from ..rig import HostedRig, Link, Rig, RigError, WatchedRig
 from ..rig.capture import Capture, find_trigger
@@ -40,7 +41,7 @@ class Job(NamedTuple):
     """What to run: an experiment, the folder that its paths begin in, where recordings go, its channels.
 
     `goal` sees the position since home and the blocks, and raises `Arrived` when the run has done what it was
-    for.
+    for. A `loop` is run instead of the experiment.
     """
 
     title: str
@@ -49,6 +50,7 @@ class Job(NamedTuple):
     out: Path
     columns: list[dict[str, str]]
     goal: Callable[[float, dict[str, NDArray[np.float64]]], None] | None = None
+    loop: Callable[[Progress], None] | None = None
     finished: Callable[[], None] | None = None
 
 
@@ -183,18 +185,8 @@ class Runner:
         try:
             with self._using:
                 self.reach(rigs_of(job.file, self._rigs, job.folder))
-                recorded = record_experiment(
-                    job.file,
-                    job.folder,
-                    job.out,
-                    partial(self._progress, time.monotonic()),
-                    label=job.title,
-                    watch=partial(self._watched, job),
-                    rigs=self._rigs,
-                    who="the panel",
-                    read=self._read,
-                )
-            self._journal(f"{job.title}: finished, {_counted(len(recorded))} in {job.out.name}")
+                recorded = self._recorded(job, partial(self._progress, time.monotonic()))
+            self._journal(f"{job.title}: finished, {_counted(recorded)} in {job.out.name}")
             phase = "done"
         except Arrived as arrived:
             self._journal(f"{job.title}: {arrived}")
@@ -215,6 +207,33 @@ class Runner:
             self._busy = False  # before it is told: who hears of the end may start again
             self._state(phase=phase, doing="", done=float(phase == "done"), remaining=None)
 
+    def _recorded(self, job: Job, progress: Progress) -> int:
+        """How many recordings it has made."""
+        if job.loop is not None:
+            job.loop(progress)
+            return 1
+        watch = partial(self._watched, job)
+        own: dict[str, Any] = {"label": job.title, "watch": watch, "read": self._read}
+        made = record_experiment(
+            job.file, job.folder, job.out, progress, rigs=self._rigs, who="the panel", **own
+        )
+        return len(made)
+
+    def laboratory(self, job: Job) -> Laboratory:
+        """Where it is recorded."""
+        return open_laboratory(job.file, job.folder, self._rigs, "the panel")
+
+    def need_going(self) -> None:
+        """Raises StopRequested where somebody asked for a stop."""
+        if self._stop is not None:
+            raise StopRequested(self._stop[0])
+
+    def seen(self, position: float) -> None:
+        """A loop goes on, and the end-effector is there, m from home."""
+        self.position = position
+        if self.state["phase"] == "preparing":
+            self._state(phase="running")
+
     def _finish(self, finished: Callable[[], None]) -> None:
         try:
             finished()
@@ -233,8 +252,7 @@ class Runner:
             self._state(phase="preparing", doing=cell.name)  # a virtual rig computes before it puts out
 
         def sees(block: dict[str, NDArray[np.float64]]) -> None:
-            if self._stop is not None:
-                raise StopRequested(self._stop[0])
+            self.need_going()
             if not any(one.size for one in block.values()):
                 return
             if self.state["phase"] == "preparing":

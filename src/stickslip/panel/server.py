@@ -35,6 +35,8 @@ from .historical import history_routes
 from .identifying import identify_routes
 from .journal import Journal
 from .live import Live
+from .move import move_routes
+from .moving import Moves
 from .path import path_routes
 from .readiness import Readiness
 from .recordings import recording_routes
@@ -92,6 +94,7 @@ def create_app(
     document = BenchDocument(files, read)
     starter = Starter(files, hub, journal, document, runner, read)
     sequencer = Sequencer(hub, document, runner, starter)
+    moves = Moves(files, hub, control, journal, document, runner, live, starter, read)
     readiness = Readiness(hub)
     fitting, searches = Fitting(files, hub, readiness), Searches(hub)
     studies = Studies(files, journal)
@@ -130,6 +133,7 @@ def create_app(
     app.include_router(bench_routes(files, hub, control, journal, runner, live, document, starter))
     app.include_router(sequence_routes(control, sequencer))
     app.include_router(statistics_routes(control, statistics))
+    app.include_router(move_routes(control, moves))
     app.include_router(path_routes(files, hub, control, journal, document, read))
     app.include_router(recording_routes(files, hub, control, read))
     app.include_router(history_routes(files, hub, control, read))

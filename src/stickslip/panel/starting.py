@@ -69,9 +69,9 @@ class Starter:
         if self._runner.busy:
             raise RigError("a run is going on: stop it first")
         with self._lock:
-            content = _counted_on(content, self._folder.root)
+            content = counted_on(content, self._folder.root)
         file = check_experiment(content)
-        out = _new_folder(self._folder, _slug(slug))
+        out = new_folder(self._folder, _slug(slug))
 
         def finished() -> None:
             self._link(content, out)
@@ -137,7 +137,7 @@ class Starter:
                     note_act(self._folder.root, "recorded", self._folder.name(path), of=prediction)
 
 
-def _counted_on(content: dict[str, Any], root: Path) -> dict[str, Any]:
+def counted_on(content: dict[str, Any], root: Path) -> dict[str, Any]:
     """No run of a virtual rig is an earlier one again, as none of a real one is: its runs are numbered on
     from those of the folder, whatever became of their files, and the number is kept with the recordings."""
     rig = content.get("rig", {})
@@ -160,7 +160,7 @@ def _recordings(content: dict[str, Any]) -> int:
     return sum(run.repeats * run.capture.average * math.prod(map(len, run.matrix.values())) for run in runs)
 
 
-def _new_folder(folder: Folder, slug: str) -> Path:
+def new_folder(folder: Folder, slug: str) -> Path:
     """A folder that was not there before, however many runs begin within the same second."""
     stamp = datetime.now().strftime("%Y-%m-%d_%H%M%S")
     for number in itertools.count(1):

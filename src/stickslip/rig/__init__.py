@@ -19,6 +19,7 @@ from .nv200 import Nv200Rig as Nv200Rig
 from .protocols import About as About
 from .protocols import Capabilities as Capabilities
 from .protocols import Controller as Controller
+from .protocols import ControllerSpec as ControllerSpec
 from .protocols import Rig as Rig
 from .protocols import RigError as RigError
 from .protocols import StreamingRig as StreamingRig

@@ -172,6 +172,9 @@ class Host:
         if do == "run":
             self.supervisor.run(_order(asked, values))
             return self._progress(), None
+        if do == "command":
+            self.supervisor.command(dict(asked["what"]))
+            return self._progress(), None
         if do == "home_here":
             self.supervisor.home_here(_position(asked), Limits(stop_slew=float(asked["slew"])))
             return self._progress(), None
@@ -188,6 +191,7 @@ class Host:
             "position": one.home.position,
             "began": one.began,
             "ramp_after": one.ramp_after,
+            "loop": one.said(),
         }
 
     def _hold(self, link: socket.socket, name: str) -> None:
@@ -230,6 +234,7 @@ def _order(asked: dict[str, Any], volts: Array) -> Order:
         None if position is None else _position(position),
         volts,
         None if asked.get("keep") is None else Path(str(asked["keep"])),
+        asked.get("controller"),
     )
 
 

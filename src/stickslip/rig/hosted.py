@@ -22,7 +22,7 @@ from ..units import QuantityError
 from .devices import told_of
 from .gate import PositionInput
 from .limits import LimitError, Limits
-from .protocols import Array, Capabilities, RigError
+from .protocols import Array, Capabilities, ControllerSpec, RigError
 from .supervisor import ANOTHER, StopRequested
 from .wire import receive, send
 
@@ -132,6 +132,8 @@ class HostedRig:
         self.position: float | None = None
         self.began: float | None = None
         self.ramp_after: float | None = None
+        self._said: dict[str, Any] = {}
+        self.ended = False  # whether the run is over and all of it was fetched
         self.waiting: Callable[[], object] = lambda: None  # called again and again while a start is awaited
 
     def guard(
@@ -151,6 +153,19 @@ class HostedRig:
         device, where it is another."""
         return told_of(self._device, runs, self._runs) or self._said
 
+    def controlled(self, controller: ControllerSpec) -> None:
+        """The next run is a closed loop in the rig's process; what is loaded are targets, m. To be said after
+        `guard`."""
+        self._guard["controller"] = controller.document()
+
+    def command(self, **what: Any) -> None:
+        """Tell the controller of the loop that goes on; raises QuantityError for what it refuses."""
+        self._ask("command", what=what)
+
+    def said(self) -> dict[str, Any]:
+        """How the closed loop goes, as far as was heard: see `turns.LoopRig.said`."""
+        return self._said
+
     def load(self, volts: Array) -> None:
         """Take the drive, V at the piezo, one value per update."""
         self._volts = volts
@@ -164,7 +179,7 @@ class HostedRig:
         if not self._guard:
             raise RigError("a hosted rig is started by `measure`, which says what to watch")
         self._open()
-        self.ramp_after = None
+        self.ramp_after, self.ended, self._said = None, False, {}
         self._ask("run", self._volts, inputs=self._inputs, samples=self._samples, **self._guard)
         self._runs += 1
         self._first = self._fetched()
@@ -179,6 +194,7 @@ class HostedRig:
 
     def _fetched(self) -> Array:
         block = self._ask("fetch", wait=_WAIT)
+        self.ended = self.phase == "idle" and not block.size
         return block if block.size else np.zeros((len(self._inputs), 0))
 
     def stop(self, slew: float) -> None:
@@ -218,6 +234,7 @@ class HostedRig:
         if "position" in answer:
             self.position, self.began = answer["position"], answer["began"]
             self.ramp_after = answer["ramp_after"]
+            self._said = answer.get("loop") or self._said
 
 
 def position_document(name: str, calibration: Sequence[Any]) -> dict[str, Any]:

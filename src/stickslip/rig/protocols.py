@@ -6,10 +6,12 @@ calibrations, filters, triggers or files: `measure` sees to them in the same way
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
+from .. import registry
 
 Array = NDArray[np.float64]
 
@@ -116,3 +118,24 @@ class Controller(Protocol):
             tick: which update of the run this is, from 0 on.
         """
         ...
+
+
+class ControllerSpec(NamedTuple):
+    """A controller by name and what it is made with, as JSON has it: what a rig's process makes it of. Its
+    `kind` is one of `registry.controllers`, "path.py:Name" for one's own."""
+
+    kind: type
+    options: dict[str, Any]
+
+    def document(self) -> dict[str, Any]:
+        """As JSON."""
+        return {**registry.controllers.written(self.kind), "options": self.options}
+
+    def made(self) -> Any:
+        """The controller."""
+        return self.kind(**self.options)
+
+
+def controller_of(document: dict[str, Any]) -> Any:
+    """The controller that a client asks for; raises RegistryError, or what its options are refused with."""
+    return registry.controllers.of_client(document)(**document["options"])

@@ -62,7 +62,7 @@ class Making(NamedTuple):
         Raises:
             CaptureError: the trigger did not come.
         """
-        full = self._processed(raw)
+        full = self.channel_values(raw)
         chosen = picks(self.capture, self.can.sample_rate, self._trigger(full))
         return {name: self._zeroed(name, full[name][chosen], self.capture.before) for name in self.channels}
 
@@ -96,7 +96,7 @@ class Making(NamedTuple):
         raw = raw[:, : broken[0]] if broken.size else raw
         if raw.shape[1] < 2:
             return None
-        full = self._processed(raw)
+        full = self.channel_values(raw)
         step = stride(self.capture, self.can.sample_rate)
         try:
             trigger = self._trigger(full)
@@ -115,7 +115,8 @@ class Making(NamedTuple):
     def _zeroed(self, name: str, kept: Array, before: int) -> Array:
         return kept - kept[: max(before, 1)].mean() if self.channels[name].zero else kept
 
-    def _processed(self, raw: Array) -> dict[str, Array]:
+    def channel_values(self, raw: Array) -> dict[str, Array]:
+        """The channels at each of the raw samples [inputs, n]."""
         found = {}
         for name, channel in self.channels.items():
             values = calibrated(raw[self.inputs.index(channel.input)], channel.calibration)

@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -22,8 +22,9 @@ from .gate import Gate, PositionInput
 from .home import Home
 from .limits import LimitError, Limits
 from .memory import collect
-from .protocols import Array, Rig, RigError
+from .protocols import Array, Rig, RigError, StreamingRig, controller_of
 from .samples import complete
+from .turns import LoopRig
 
 ANOTHER = 3  # exit code of a process that finds the rig owned by another one
 HOMING = 0.02  # s of readings at 0 V that tell where home is
@@ -36,7 +37,8 @@ class StopRequested(RigError):
 
 class Order(NamedTuple):
     """A run: limits, inputs and samples to record, how many of them are before the drive, what shows the
-    position, the drive, V, and the file to which the program stores its samples, if it does."""
+    position, the drive, V, and the file to which the program stores its samples, if it does. With a
+    `controller` (see `protocols.ControllerSpec`) it is a closed loop, and its `volts` are targets, m."""
 
     limits: Limits
     inputs: tuple[str, ...]
@@ -45,6 +47,7 @@ class Order(NamedTuple):
     position: PositionInput | None
     volts: Array
     keep: Path | None = None
+    controller: dict[str, Any] | None = None
 
 
 class Supervisor:
@@ -72,6 +75,7 @@ class Supervisor:
         self._limits = Limits()
         self._wanting = False  # somebody waits for samples
         self._thread: threading.Thread | None = None
+        self._loop: LoopRig | None = None  # of the last run, if that was one
 
     @property
     def busy(self) -> bool:
@@ -85,15 +89,37 @@ class Supervisor:
         with self._news:
             if self.busy:
                 raise RigError("a run is going on: stop it first")
+            rig, self._loop = self.rig, None
+            if order.controller is not None:
+                rig = self._loop = self._looped(order)
             self.phase, self._stop, self._failure = "preparing", None, None
             self.began = self.ramp_after = None
             self._blocks.clear()
             self._sent, self._stored, self._keep = [], 0, order.keep
             self._limits = order.limits
             self._asked = self._alive = time.monotonic()
-        self._thread = threading.Thread(target=self._run, args=(self.rig, order), name="run")
+        self._thread = threading.Thread(target=self._run, args=(rig, order), name="run")
         self._thread.start()
-        threading.Thread(target=self._watch, args=(self.rig, self._thread), daemon=True).start()
+        threading.Thread(target=self._watch, args=(rig, self._thread), daemon=True).start()
+
+    def _looped(self, order: Order) -> LoopRig:
+        if order.position is None or order.controller is None:
+            raise RigError("a closed loop needs the input that shows the position")
+        made = controller_of(order.controller)
+        rig = cast(StreamingRig, self.rig)
+        return LoopRig(rig, made, order.position, self.home, order.limits)
+
+    def command(self, what: dict[str, Any]) -> None:
+        """Tell the controller of the loop that goes on. It looks at the command in this thread, and takes it
+        up at an update; raises what it refuses it with, RigError where there is none that takes commands."""
+        act = getattr(None if self._loop is None else self._loop.controller, "command", None)
+        if act is None or not self.busy:
+            raise RigError("no loop goes on that takes commands")
+        act(**what)
+
+    def said(self) -> dict[str, Any] | None:
+        """How the loop goes, or the last one went."""
+        return None if self._loop is None else self._loop.said()
 
     def stop(self, why: str) -> bool:
         """Ask the run to end with a ramp to 0 V; whether there was one."""
@@ -162,21 +188,28 @@ class Supervisor:
         gate = Gate(rig, order.limits, rig.capabilities, self.home)
         failure: BaseException | None = None
         try:
-            gate.load(order.volts)
-            gate.arm(order.inputs, order.samples, order.position, order.rest)
+            if isinstance(rig, LoopRig):  # it looks at the position and at the voltages, update by update
+                rig.load(order.volts)
+                gate.arm(order.inputs, order.samples)
+            else:
+                gate.load(order.volts)
+                gate.arm(order.inputs, order.samples, order.position, order.rest)
             self._go_on()
             gate.start()  # a virtual rig computes before it puts out
             self._asked = self._alive = time.monotonic()
             self.phase = "running"
             done, pause = 0, 0.0
-            while done < order.samples:
+            while done < order.samples and not getattr(rig, "ended", False):
                 self._keep_pace(pause)
                 self._go_on()
+                begun = time.monotonic()
                 block = rig.fetch()
                 self._alive = time.monotonic()
                 gate.take(block)
                 done += block.shape[1]
                 pause = block.shape[1] / rig.capabilities.sample_rate
+                if isinstance(rig, LoopRig):  # one in real time does not wait for anybody
+                    pause -= self._alive - begun
                 with self._news:
                     self._blocks.append(block)
                     self.began = gate.began

@@ -10,7 +10,9 @@ A message is the length of its head (4 bytes, lowest first), the head, JSON with
 | open | device, see `devices`; again: in the same recording | capabilities; or who holds the rig |
 | close | | the rig is free |
 | run | limits, inputs, samples, rest, position, keep (see `samples`); the drive [V] | begins |
-| fetch | wait [s] | phase, position, began [m], ramp_after [s]; the next samples [inputs, n] |
+| | and controller (see `protocols.ControllerSpec`), for a closed loop; targets [m] | begins |
+| command | what, to the controller of that loop | it has taken it, or refused it |
+| fetch | wait [s] | phase, position, began [m], ramp_after [s], loop; the next samples [inputs, n] |
 | stop | why | whether a run was going on; from any client |
 | home_here | input, calibration, slew | calls the present position home |
 | state | | phase, position, holder |

@@ -2,7 +2,7 @@
 
 import { openStream } from "./stream.js";
 
-const PAGES = { bench: "./bench.js", identify: "./identify.js", explore: "./explore.js", design: "./design.js", history: "./history.js", studies: "./studies.js" };
+const PAGES = { bench: "./bench.js", identify: "./identify.js", explore: "./explore.js", design: "./design.js", move: "./move.js", history: "./history.js", studies: "./studies.js" };
 const byId = (id) => document.getElementById(id);
 
 /** A request to the server: GET without a body, else POST. JSON or, for binary answers, an ArrayBuffer. */

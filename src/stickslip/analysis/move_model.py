@@ -1,0 +1,79 @@
+"""What a move is tuned on: a model, and what else it may be, of a fit, a posterior or a stated spread."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..actuator import Actuator
+from ..control import PiezoInverse
+from ..piezo import Creep, PrandtlIshlinskii
+from ..simulation.varied import free_names
+from ..units import QuantityError
+
+MOST_DRAWS = 40  # on which the loop must keep its margins
+
+
+def feedforward_of(model: Actuator, rate: float) -> PiezoInverse | None:
+    """The inverse of its piezo at a rate [Hz]; None where that follows its voltage, or cannot be inverted."""
+    piezo = model.piezo
+    if piezo is None or not isinstance(piezo.hysteresis, PrandtlIshlinskii):
+        return None
+    return PiezoInverse(model, rate) if isinstance(piezo.creep, Creep | None) else None
+
+
+def at_ends(model: Actuator, spread: Mapping[str, float]) -> list[Actuator]:
+    """The model with each field at both ends of its spread, a share of it."""
+    found = []
+    for name, share in spread.items():
+        if not 0.0 < share < 1.0:
+            raise QuantityError(f"spread: {name} = {share:g} must be a share between 0 and 1, such as 5 %")
+        for factor in (1.0 - share, 1.0 + share):
+            of = model.friction if name in model.friction._fields else model
+            if not isinstance(getattr(of, name, None), float):
+                raise QuantityError(f"spread: {name} is no number of the model or its friction law")
+            found.append(changed_in(model, {name: factor * getattr(of, name)}))
+    return found
+
+
+def at_intervals(model: Actuator, results: Path) -> list[Actuator]:
+    """The model with each parameter at both ends of the interval that a results.json gives for it."""
+    numbers = json.loads(results.read_text(encoding="utf-8"))["numbers"]
+    known = free_names(model)
+    return [
+        changed_in(model, {name: float(end)})
+        for name, interval in _intervals(numbers)
+        if name in known
+        for end in interval
+    ]
+
+
+def at_draws(model: Actuator, draws: Mapping[str, ArrayLike]) -> list[Actuator]:
+    """The model with the parameters of draws [n] by name, `MOST_DRAWS` of them at most, evenly taken."""
+    columns = {name: np.asarray(one, dtype=float) for name, one in draws.items()}
+    size = next(iter(columns.values())).size
+    chosen = np.unique(np.linspace(0, size - 1, MOST_DRAWS).astype(int))
+    return [changed_in(model, {name: float(one[k]) for name, one in columns.items()}) for k in chosen]
+
+
+def changed_in(model: Actuator, values: Mapping[str, float]) -> Actuator:
+    """The model with other values of its fields and of those of its law."""
+    law = {name: value for name, value in values.items() if name in model.friction._fields}
+    own = {name: value for name, value in values.items() if name not in law}
+    return model.replace(friction=model.friction._replace(**law), **own)
+
+
+def _intervals(numbers: Any) -> Iterator[tuple[str, Any]]:
+    """Of the parameters in results.json, wherever they stand."""
+    for key, inner in numbers.items() if isinstance(numbers, dict) else ():
+        if key == "parameters" and isinstance(inner, dict):
+            for name, one in inner.items():
+                if isinstance(one, dict) and isinstance(one.get("interval"), list):
+                    yield name, one["interval"]
+        else:
+            yield from _intervals(inner)

@@ -1,0 +1,212 @@
+"""A mover that is told what to do while its loop goes on: go there, so many steps, scan, let go.
+
+It is made of plain numbers, so that it can run in the process that owns a rig; see `rig.ControllerSpec`.
+Until the first command the output stays at 0 V.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from .. import registry
+from ..rig.protocols import ControllerSpec
+from ..units import QuantityError, to_si, with_prefix
+from .blocks import LowPass, Notch, Pid, Regulator
+from .moving import Mover, Walk
+from .quantised import NoiseShaped
+from .steps import StepTable
+
+_LETTING_GO = 0.05  # s of the way to 0 V
+_MOST_STEPS, _MOST_CYCLES = 100_000, 100_000
+
+
+@registry.controllers.add
+class Commanded:
+    """See the module; `target` is where the end-effector should be, m.
+
+    Args:
+        rate: Hz, of the ticks.
+        gain: m/V, of the piezo.
+        step: V, of the converter.
+        walk, table, pid: fields of `Walk`, `StepTable`, `Pid`.
+        notches, low_pass: fields of `Notch` and `LowPass`.
+        feedforward, lead, min_voltage, max_voltage: of `Regulator`.
+    """
+
+    def __init__(
+        self,
+        rate: float | str,
+        gain: float | str,
+        step: float | str,
+        walk: dict[str, Any],
+        table: dict[str, Any],
+        pid: dict[str, Any],
+        notches: Sequence[dict[str, Any]] = (),
+        low_pass: dict[str, Any] | None = None,
+        **options: float | str,
+    ) -> None:
+        rate, gain, step = to_si(rate, "Hz", "rate"), to_si(gain, "m/V", "gain"), to_si(step, "V", "step")
+        made = Regulator(
+            *(Pid(**pid), rate),
+            notches=tuple(Notch(**one) for one in notches),
+            low_pass=None if low_pass is None else LowPass(**low_pass),
+            **options,
+        )
+        steps = StepTable(**{name: tuple(values) for name, values in table.items()})
+        self.mover = Mover(Walk(**walk), steps, made, gain)
+        self._shaped = NoiseShaped(self.mover, step)
+        self.target, self.done = 0.0, False
+        self._wanted: float | None = None
+        self._scan: tuple[float, float, float, int] | None = None  # middle, half, frequency, ticks
+        self._scanned = 0
+        self._letting = -1  # ticks of the way to 0 V that were made
+        self._ends = round(_LETTING_GO * rate)
+        self._last = 0.0
+
+    def command(self, do: str, **what: Any) -> None:
+        """Take a command up at the next tick.
+
+        "go" has `to` [m from home]; "steps" a `count`, backward where it is negative; "scan" a `range` [m], a
+        `frequency` [Hz] and `cycles`, about where it holds, after a step or two where the piezo has no room;
+        "release" takes the output to 0 V and ends the loop.
+
+        Raises:
+            QuantityError: it is none of these, or cannot be done from where it is.
+        """
+        if do == "go":
+            self._wanted, self._scan = _number(what, "to", "m", 1.0), None
+        elif do == "steps":
+            count = _number(what, "count", "", _MOST_STEPS)
+            if count % 1 or not count:
+                raise QuantityError(f"count = {count:g} must be a whole number of steps, and not 0")
+            self._scan = self._wanted = None
+            self.mover.steps_wanted = int(count)
+        elif do == "scan":
+            self._begin_scan(what)
+        elif do == "release":
+            self._letting = max(self._letting, 0)
+        else:
+            raise QuantityError(f"{do!r:.40} is no command: go, steps, scan or release")
+
+    def _begin_scan(self, what: dict[str, Any]) -> None:
+        span, hertz = _number(what, "range", "m", 1.0), _number(what, "frequency", "Hz", 1e4)
+        cycles = _number(what, "cycles", "", _MOST_CYCLES)
+        if not (span > 0.0 and hertz > 0.0 and cycles >= 1.0):
+            raise QuantityError("a scan has a range [m], a frequency [Hz] and a number of cycles above 0")
+        if self.mover.phase != "hold" or self._scan is not None:
+            raise QuantityError("a scan begins where it holds: go there first")
+        if 0.5 * span > 0.8 * self.mover.reach:
+            most = with_prefix(1.6 * self.mover.reach, "m")
+            raise QuantityError(
+                f"range = {with_prefix(span, 'm')} is more than the piezo has for a scan, {most}"
+            )
+        fastest = self.mover.fastest
+        if math.pi * span * hertz > fastest:
+            raise QuantityError(
+                f"a scan of {with_prefix(span, 'm')} at {with_prefix(hertz, 'Hz')} is faster than "
+                f"{with_prefix(fastest, 'm/s')}, which the piezo follows here"
+            )
+        self._scanned = 0
+        self.mover.centre_wanted = 0.5 * span > min(self.mover.room)
+        self._scan = self.mover.goal, 0.5 * span, hertz, round(cycles * self.mover.regulator.rate / hertz)
+
+    def step(self, measured: float, target: float, tick: int) -> float:
+        """The voltage [V]; the target of the run is not used."""
+        del target
+        if self._letting >= 0:
+            self._letting += 1
+            self.done = self._letting > self._ends
+            return self._last * max(1.0 - self._letting / self._ends, 0.0)
+        mover = self.mover
+        if self._scan is not None and not mover.centre_wanted and mover.phase == "hold":
+            self._wanted = self._scanning(*self._scan)
+        if self._wanted is None and not mover.steps_wanted and mover.phase == "rest":
+            self.target = measured
+            return 0.0
+        wanted = mover.goal if self._wanted is None else self._wanted
+        self._last = self._shaped.step(measured, wanted, tick)
+        self.target = mover.goal if math.isfinite(mover.goal) else measured
+        return self._last
+
+    def _scanning(self, middle: float, half: float, hertz: float, ticks: int) -> float:
+        """A sine that grows over its first period and fades over its last."""
+        self._scanned += 1
+        k, rate = self._scanned, self.mover.regulator.rate
+        period = rate / hertz
+        if k >= ticks:
+            self._scan = None
+            return middle
+        share = min(k / period, (ticks - k) / period, 1.0)
+        return middle + half * share * math.sin(2.0 * math.pi * hertz * k / rate)
+
+    def told(self) -> dict[str, Any]:
+        """How it goes, as JSON: SI, and the phase in words."""
+        mover = self.mover
+        follows = self._scanned > 0 and self._scan is not None
+        phase = "release" if self._letting >= 0 else "follow" if follows else mover.phase
+        settled = mover.settled_at is not None and phase == "hold"
+        return {
+            "phase": phase,
+            "words": WORDS[phase],
+            "settled": settled,
+            "steps": mover.steps,
+            "lost": mover.lost,
+            "forward": mover.steps_of.size(mover.walk.amplitude, 1),
+            "backward": mover.steps_of.size(mover.walk.amplitude, -1),
+            "room": list(mover.room) if phase == "hold" else None,
+        }
+
+
+WORDS = {
+    "rest": "At rest: the output is at 0 V",
+    "return": "The piezo goes back, sticking, to where steps begin",
+    "step": "Walking by steps",
+    "wait": "Waiting until the last step has died away",
+    "recentre": "The piezo slips to the middle of its range",
+    "scan": "The piezo goes to the target",
+    "hold": "Holding by the piezo",
+    "follow": "Scanning by the piezo",
+    "release": "Letting go: the output goes to 0 V",
+}
+
+
+def _number(what: dict[str, Any], name: str, unit: str, most: float) -> float:
+    value = what.get(name)
+    if isinstance(value, bool) or not isinstance(value, float | int) or not abs(value) <= most:
+        raise QuantityError(f"{name} = {value!r:.40} must be a number{f' in {unit}' if unit else ''}")
+    return float(value)
+
+
+def commanded(
+    walk: Walk, table: StepTable, regulator: Regulator, gain: float | str, step: float | str
+) -> ControllerSpec:
+    """What a rig's process makes a `Commanded` of.
+
+    Args:
+        walk, table, regulator, gain: as for `Mover`.
+        step: V, of the converter.
+
+    Raises:
+        QuantityError: the regulator has a `PiezoInverse`.
+    """
+    gain, step = to_si(gain, "m/V", "gain"), to_si(step, "V", "step")
+    if regulator.inverse is not None:
+        raise QuantityError("a Commanded has a feedforward in V/m, not a PiezoInverse")
+    low_pass = regulator.low_pass
+    options: dict[str, Any] = {
+        "rate": regulator.rate,
+        "gain": gain,
+        "step": step,
+        "walk": walk._asdict(),
+        "table": table._asdict(),
+        "pid": regulator.pid._asdict(),
+        "notches": [one._asdict() for one in regulator.notches],
+        "low_pass": None if low_pass is None else low_pass._asdict(),
+        "feedforward": regulator.feedforward,
+        "lead": regulator.lead_ticks / regulator.rate,
+        "min_voltage": regulator.low,
+        "max_voltage": regulator.high,
+    }
+    return ControllerSpec(Commanded, options)

@@ -1,0 +1,115 @@
+r"""Learning from repetition: what a target must be for a loop to go where it should, in a motion that comes
+again and again.
+
+Iterative learning keeps, for each tick of the motion, a correction w that is added to the target of a loop,
+and after each run changes it by the error that was left [bristow2006]; repetitive control does the same after
+each period of a scan that goes on:
+
+.. math:: w_{j+1} = Q\,(w_j + \lambda\,q^{m} e_j), \qquad
+          e_{j+1} = Q\,(1 - \lambda\,q^{m}\,P)\,e_j + (1 - Q)\,e_r, \qquad P = \frac{G\,(C + F)}{1 + G C}
+
+with the plant G, the regulator C, its feedforward F, the error e_r that would be left without learning, a
+look ahead by m ticks, and a filter Q without a phase (binomial, of an odd number of taps). What changes from
+run to run becomes less by
+
+.. math:: \rho(\omega) = \left|Q\,(1 - \lambda\,e^{i\omega m T} P)\right|
+
+at each frequency, and it converges where the greatest of these is below 1. What is left is what Q does not
+let through, and what is not the same in the next run.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.stats import binom
+
+from ..units import QuantityError, to_si
+from .blocks import Regulator
+from .tuning import Loop, grid
+
+Array = NDArray[np.float64]
+
+
+class Learnt:
+    """A regulator and what was learnt for it, over so many ticks of a motion.
+
+    Args:
+        regulator: of the loop.
+        ticks: of the motion, or of a period.
+        gain: λ, up to 1.
+        lead: ticks of look ahead: the delay of the loop in its band.
+        taps: of Q, an odd number; 1 lets all through.
+        periodic: repetitive control: it learns by itself after each period, and its loop must have come to
+            rest within one. Else `learn` is to be called after each run, and the regulator's `begin` before
+            the next.
+    """
+
+    def __init__(
+        self,
+        regulator: Regulator,
+        ticks: int,
+        gain: float | str = 0.8,
+        *,
+        lead: int = 0,
+        taps: int = 21,
+        periodic: bool = False,
+    ) -> None:
+        self._gain = to_si(gain, "", "gain")
+        if taps % 2 != 1 or not taps > 0 or not ticks > taps + lead or lead < 0:
+            raise QuantityError(
+                f"taps = {taps} must be odd, and {ticks} ticks more than those and lead = {lead} >= 0"
+            )
+        self.regulator, self.periodic = regulator, periodic
+        self._lead, self._q = lead, _binomial(taps)
+        self.correction: Array = np.zeros(ticks)  # m
+        self._errors: Array = np.zeros(ticks)
+        self.history: list[float] = []  # rms of the error in each run or period, m
+
+    def step(self, measured: float, target: float, tick: int) -> float:
+        """The voltage [V]."""
+        size = self.correction.size
+        at = tick % size if self.periodic else min(tick, size - 1)
+        if self.periodic and at == 0 and tick:
+            self.learn()
+        self._errors[at] = target - measured
+        return self.regulator.step(measured, target + float(self.correction[at]), tick)
+
+    def learn(self) -> float:
+        """Correct by the error of the last run; its rms [m]."""
+        rms = float(np.sqrt(np.mean(self._errors**2)))
+        self.history.append(rms)
+        wider = self._q.size // 2
+        if self.periodic:
+            ahead = np.roll(self._errors, -self._lead)
+            raw = np.pad(self.correction + self._gain * ahead, wider, mode="wrap")
+        else:
+            ahead = np.append(self._errors[self._lead :], np.full(self._lead, self._errors[-1]))
+            raw = np.pad(self.correction + self._gain * ahead, wider, mode="edge")
+        self.correction = np.convolve(raw, self._q, mode="valid")
+        return rms
+
+    def contraction(self, loop: Loop, frequencies: ArrayLike | None = None) -> Array:
+        """By how much the error becomes less in a run, at frequencies [Hz] (by default all up to half the
+        rate): see the module. It converges where the greatest is below 1.
+
+        Args:
+            loop: of `control.tuning.sampled_loop`.
+            frequencies: Hz.
+        """
+        known = grid(loop.rate)
+        angle, control = 2.0 * math.pi * known / loop.rate, self.regulator.response(known)
+        own = self.regulator
+        ahead = own.feedforward * (1.0 + own.lead_ticks * (1.0 - np.exp(-1j * angle)))
+        inner = loop.response * (control + ahead) / (1.0 + control * loop.response)
+        offsets = np.arange(self._q.size) - self._q.size // 2
+        q = np.cos(np.outer(angle, offsets)) @ self._q
+        found = np.abs(q * (1.0 - self._gain * np.exp(1j * angle * self._lead) * inner))
+        return found if frequencies is None else np.interp(np.asarray(frequencies, float), known, found)
+
+
+def _binomial(taps: int) -> Array:
+    """Row of Pascal's triangle, its sum 1."""
+    return binom.pmf(np.arange(taps), taps - 1, 0.5)

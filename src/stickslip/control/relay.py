@@ -1,0 +1,114 @@
+r"""Autotuning on the rig by a relay before an integrator: the integral gain at which a loop just oscillates.
+
+The voltage goes up by a fixed slope while the position is below the middle, and down while it is above. With
+the plant's response G, it oscillates where the phase of G is -90 degrees; the other 90 are the integrator's.
+Of the square wave :math:`\pm s` [V/s] the describing function keeps the first harmonic [astrom2006]: with the
+amplitude a of the position
+
+.. math:: K_u = \frac{\omega}{|G(i\omega)|} = \frac{4 s}{\pi a}, \qquad \frac{4 s}{\pi\omega}\,|G| = a
+
+and an integral gain of K_u / g_m has the gain margin g_m, whatever the plant. Valid where higher harmonics
+die away in the plant (a stage does so beyond its resonance), and while the contact sticks: the oscillation
+must stay below the presliding displacement.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from ..units import QuantityError, to_si
+from .blocks import Pid
+
+_FORGOTTEN = 4  # periods until the oscillation is steady
+_RAMP, _REST = 0.1, 0.05  # s of the way to the middle, and of rest there
+
+
+class Oscillation(NamedTuple):
+    """What a relay found: the integral gain at which the loop oscillates, V/(m s), at which frequency, Hz,
+    and with what amplitude of the position, m."""
+
+    ultimate: float
+    frequency: float
+    amplitude: float
+
+    def pid(self, gain_margin: float | str = 2.5) -> Pid:
+        """The integral controller with this gain margin."""
+        margin = to_si(gain_margin, "", "gain_margin")
+        if not margin > 1.0:
+            raise QuantityError(f"gain_margin = {margin:g} must be > 1")
+        return Pid(self.ultimate / margin)
+
+
+class Relay:
+    """A controller that goes to the middle of the piezo's range, oscillates about where that leads, whatever
+    the target, is `done` after some periods, and then has `found` it.
+
+    Args:
+        slope: V/s, of the voltage, up and down.
+        rate: Hz, of the ticks.
+        voltage: V, where it oscillates.
+        band: m, by which the position must have passed the middle before the relay turns; several times the
+            noise of the sensor, and small against the amplitude.
+        reach: V, as far as it may go to each side.
+        periods: that are measured.
+    """
+
+    def __init__(
+        self,
+        slope: float | str,
+        rate: float | str,
+        voltage: float | str,
+        *,
+        band: float | str = 0.0,
+        reach: float | str = 10.0,
+        periods: int = 20,
+    ) -> None:
+        self._slope, self._rate = to_si(slope, "V/s", "slope"), to_si(rate, "Hz", "rate")
+        self._middle, self._reach = to_si(voltage, "V", "voltage"), to_si(reach, "V", "reach")
+        self._band = to_si(band, "m", "band")
+        if not (self._slope > 0.0 and self._reach > 0.0 and self._band >= 0.0 and periods >= 1):
+            raise QuantityError("a relay has a slope [V/s], a reach [V] and a number of periods above 0")
+        self._volts, self._periods = 0.0, periods
+        self._ramp, self._rest = round(_RAMP * self._rate), round(_REST * self._rate)
+        self._sums: list[float] = []  # positions while it rests
+        self._at, self._sign, self._count = 0.0, 1.0, 0
+        self._turns: list[int] = []  # ticks at which the voltage began to rise
+        self._ends = [math.inf, -math.inf]  # of the position in the periods that count
+        self.done = False
+
+    def step(self, measured: float, target: float, tick: int) -> float:
+        """The voltage [V]; QuantityError where the oscillation leaves the reach."""
+        del target, tick
+        self._count += 1
+        if self._count <= self._ramp + self._rest:
+            self._volts = self._middle * min(self._count / self._ramp, 1.0)
+            if self._count > self._ramp + self._rest // 2:
+                self._sums.append(measured)
+                self._at = sum(self._sums) / len(self._sums)
+            return self._volts
+        error = self._at - measured
+        if self._sign * error < -self._band:
+            self._sign = -self._sign
+            if self._sign > 0.0:
+                self._turns.append(self._count)
+        if _FORGOTTEN < len(self._turns) <= _FORGOTTEN + self._periods:
+            self._ends = [min(self._ends[0], measured), max(self._ends[1], measured)]
+        self._volts += self._sign * self._slope / self._rate
+        if abs(self._volts - self._middle) > self._reach:
+            raise QuantityError(
+                f"the relay has gone {self._reach:g} V far without an oscillation: a gentler slope, or more "
+                "reach"
+            )
+        self.done = len(self._turns) > _FORGOTTEN + self._periods
+        return self._volts
+
+    @property
+    def found(self) -> Oscillation:
+        """Of the periods that were measured; QuantityError before it is `done`."""
+        if not self.done:
+            raise QuantityError("the relay has not oscillated for long enough yet")
+        counted = self._turns[_FORGOTTEN:]
+        period = (counted[-1] - counted[0]) / (len(counted) - 1) / self._rate
+        amplitude = 0.5 * (self._ends[1] - self._ends[0])
+        return Oscillation(4.0 * self._slope / (math.pi * amplitude), 1.0 / period, amplitude)

@@ -1,0 +1,32 @@
+"""Routes of the Move page."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fastapi import APIRouter, Request, Response
+
+from .control import Control
+from .explore import binary
+from .moving import Act, Moves, Settings
+
+
+def move_routes(control: Control, moves: Moves) -> APIRouter:
+    """The routes, to be included by the application."""
+    routes = APIRouter(prefix="/api/move")
+
+    @routes.get("/choices")
+    def choices() -> dict[str, Any]:
+        return moves.choices()
+
+    @routes.post("/response")
+    def response(asked: Settings) -> Response:
+        return binary(*moves.response(asked))
+
+    @routes.post("/act")
+    def act(asked: Act, request: Request) -> dict[str, bool]:
+        control.need(request.headers.get("x-client", ""))
+        moves.act(asked)
+        return {"done": True}
+
+    return routes

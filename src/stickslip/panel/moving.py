@@ -1,0 +1,320 @@
+"""Moves on the bench's rig: a loop in the rig's process that holds until it is let go, told what to do."""
+
+from __future__ import annotations
+
+import json
+import math
+import threading
+import time
+from collections.abc import Iterable, Sequence
+from datetime import UTC, datetime
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..actuator import Actuator
+from ..control import LowPass, Pid, Regulator, StepTable, Tuning, Walk, check_margins, commanded, tune
+from ..control.tuning import Loop, margins, models_of, sampled_loop, step_response
+from ..experiment.cells import Cell, cells
+from ..experiment.file import ExperimentFile
+from ..experiment.laboratory import PlanningLaboratory
+from ..experiment.running import check_experiment
+from ..input_file import Strict
+from ..progress import Progress
+from ..readers.process import Reader
+from ..rig import Capabilities, Channel, HostedRig, RigError, regulate
+from ..rig.measurement import DRIVE, POSITION
+from ..units import QuantityError
+from .control import Control
+from .document import BenchDocument
+from .folder import Folder
+from .journal import Journal
+from .live import Live
+from .running import Job, Runner
+from .starting import Starter, counted_on, new_folder
+from .stream import Client, Hub, Message
+
+AT_MOST = 120.0  # s of a session: then it lets go
+_INTERVAL = 0.25e-3  # s between samples that are kept
+_TOLD = 0.05  # s between words of how it goes
+_SPREAD = 0.05  # of the natural frequency, at both ends of which the loop must keep its margins
+_SHOWN = 0.03  # s of a predicted response
+COLUMNS = [
+    {"name": "drive_voltage", "unit": "V", "label": "drive"},
+    {"name": POSITION, "unit": "m", "label": "end-effector"},
+    {"name": "target_position", "unit": "m", "label": "target"},
+]
+
+
+class Settings(Strict):
+    """How the loop is closed. `input` is the sensor, "" the first that reads in metres; `bandwidth` [Hz] and
+    `proportional` are the gains times that of the piezo, K_i gain / (2 pi) and K_p gain; what is null is as
+    tuned."""
+
+    input: str = ""
+    voltage: float | None = None
+    frequency: float = 100.0
+    tolerance: float = 10e-9
+    bandwidth: float | None = None
+    proportional: float = 0.0
+    corner: float | None = None
+
+
+class Act(Strict):
+    """A command, see `control.Commanded`, and the settings with which a session begins, if none goes on."""
+
+    what: dict[str, Any]
+    settings: Settings = Settings()
+
+
+class Prepared(NamedTuple):
+    """What is on the bench, and what was tuned for it."""
+
+    content: dict[str, Any]
+    file: ExperimentFile
+    cell: Cell
+    can: Capabilities
+    low: float
+    high: float
+    tuning: Tuning
+    loops: Sequence[Loop]
+    others: Sequence[Actuator]
+
+    def regulator(self, asked: Settings) -> Regulator:
+        """With the gains that were asked for."""
+        own = self.tuning
+        gain, integral = self.cell.actuator.gain, own.pid.integral
+        if asked.bandwidth is not None:
+            integral = 2.0 * math.pi * asked.bandwidth / gain
+        pid = Pid(integral, asked.proportional / gain)
+        low_pass = own.low_pass if asked.corner is None else LowPass(asked.corner)
+        options: dict[str, Any] = {"notches": own.notches, "low_pass": low_pass, "lead": own.lag}
+        options |= {"min_voltage": self.low, "max_voltage": self.high}
+        return Regulator(pid, self.can.update_rate, feedforward=own.feedforward, **options)
+
+
+def _range(tuned: float, low: float, high: float) -> dict[str, float]:
+    return {"tuned": float(f"{tuned:.4g}"), "low": low, "high": high}
+
+
+class Moves:
+    """One session at a time: from the first command until it is let go, stopped, or has lasted `AT_MOST`."""
+
+    def __init__(
+        self,
+        folder: Folder,
+        hub: Hub,
+        control: Control,
+        journal: Journal,
+        document: BenchDocument,
+        runner: Runner,
+        live: Live,
+        starter: Starter,
+        read: Reader,
+    ) -> None:
+        self._folder, self._hub, self._journal, self._document = folder, hub, journal, document
+        self._runner, self._live, self._starter, self._read = runner, live, starter, read
+        self._lock, self._preparing = threading.Lock(), threading.Lock()
+        self._known: tuple[str, Prepared] | None = None
+        self._tables: dict[str, StepTable] = {}
+        self._rig: HostedRig | None = None  # while a session goes on
+        self._first: dict[str, Any] | None = None  # the command that it begins with
+        self.state: dict[str, Any] = {"on": False}
+        self._told = 0.0
+        hub.greetings.append(self._greet)
+        control.gone.append(self._left)
+
+    def prepared(self) -> Prepared:
+        """Of the first run of the experiment that is on the bench.
+
+        Raises:
+            ValueError: it cannot be moved so: no gain keeps the margins, it is clamped.
+            RigError: the rig does not answer.
+        """
+        content = self._document.checked.content
+        content = {**content, "runs": content["runs"][:1]}
+        key = json.dumps(content, sort_keys=True, default=str)
+        with self._preparing:
+            if self._known is None or self._known[0] != key:
+                self._known = key, self._prepare(content)
+            return self._known[1]
+
+    def _prepare(self, content: dict[str, Any]) -> Prepared:
+        file = check_experiment(content)
+        laboratory = PlanningLaboratory(file, self._folder.root)
+        cell = cells(file, self._folder.root, laboratory, self._read)[0]
+        can, limits, model = laboratory.capabilities(cell.actuator), cell.limits, cell.actuator
+        if math.isfinite(limits.max_slew):
+            raise QuantityError("limits.max_slew: steps need a slip edge; leave it to the amplifier")
+        ends = [model.natural_frequency * (1.0 + sign * _SPREAD) for sign in (-1, 1)]
+        others = [model.replace(natural_frequency=one) for one in ends]
+        rate = can.update_rate
+        tuning = tune(model, rate, posterior=others)
+        loops = [sampled_loop(one, rate) for one in models_of(model, others)]
+        low, high = max(limits.min_voltage, can.min_voltage), min(limits.max_voltage, can.max_voltage)
+        return Prepared(content, file, cell, can, low, high, tuning, loops, others)
+
+    def choices(self) -> dict[str, Any]:
+        """What the page offers: sensors, ranges, what was tuned."""
+        made = self.prepared()
+        own, model, rate = made.tuning, made.cell.actuator, made.can.update_rate
+        sensors = [name for name, unit in made.can.inputs.items() if unit == "m"]
+        known = made.cell.channels.get(POSITION)
+        return {
+            "actuator": model.name,
+            "inputs": [*sensors, *([] if known is None or known.input in sensors else [known.input])],
+            "voltage": [0.2 * (made.high - made.low), made.high - made.low],
+            "walk": min(65.0, made.high - made.low),
+            "bandwidth": _range(model.gain * own.pid.integral / (2.0 * math.pi), 1.0, 0.1 * rate),
+            "proportional": _range(0.0, 0.0, 1.0),
+            "corner": _range(0.45 * rate if own.low_pass is None else own.low_pass.corner, 20.0, 0.45 * rate),
+            "stroke": model.gain * (made.high - made.low),
+            "at_most": AT_MOST,
+        }
+
+    def response(self, asked: Settings) -> tuple[dict[str, Any], dict[str, NDArray[np.float64]]]:
+        """The response to a target that jumps, of the model and with its frequency off both ways, and what
+        the margins are."""
+        made = self.prepared()
+        regulator, rate = made.regulator(asked), made.can.update_rate
+        ticks = round(_SHOWN * rate)
+        found = [np.clip(step_response(regulator, one, ticks), -3.0, 5.0) for one in made.loops]
+        refused = ""
+        try:
+            check_margins(regulator, made.cell.actuator, posterior=made.others)
+        except ValueError as error:
+            refused = str(error)
+        said = {"margins": margins(regulator, made.loops).report(), "refused": refused}
+        return said, {
+            "time": np.arange(ticks) / rate,
+            "model": found[0],
+            "low": np.min(found, axis=0),
+            "high": np.max(found, axis=0),
+        }
+
+    def act(self, asked: Act) -> None:
+        """Do it, and begin a session for it if none goes on.
+
+        Raises:
+            ValueError, RigError: it cannot be done; nothing was put out for it.
+        """
+        with self._lock:
+            if self._rig is not None:
+                self._rig.command(**asked.what)
+                return
+            if asked.what.get("do") not in ("go", "steps"):
+                raise QuantityError("nothing holds: go somewhere first")
+            self._starter.need_free()
+            self._begin(asked)
+
+    def _begin(self, asked: Act) -> None:
+        made, settings = self.prepared(), asked.settings
+        regulator, cell = made.regulator(settings), made.cell
+        check_margins(regulator, cell.actuator, posterior=made.others)
+        volts = min(65.0, made.high - made.low) if settings.voltage is None else settings.voltage
+        walk = Walk(amplitude=volts, frequency=settings.frequency, tolerance=settings.tolerance)
+        spec = commanded(
+            *(walk, self._table(made, walk.frequency), regulator),
+            *(cell.actuator.gain, made.can.step),
+        )
+        spec.made().command(**asked.what)  # what is refused is refused before a volt
+        position = self._position(made, settings.input)
+        content = counted_on(made.content, self._folder.root)
+        out = new_folder(self._folder, "move")
+        file = check_experiment(content)
+        job = Job("Move", file, self._folder.root, out, COLUMNS)
+
+        def loop(progress: Progress) -> None:
+            self._run(job, made, spec, position, progress)
+
+        def finished() -> None:
+            self._rig, self.state = None, {**self.state, "on": False}
+            self._hub.tell("move", **self.state)
+            self._hub.tell("recordings")
+
+        self._first = asked.what
+        try:
+            self._runner.start(job._replace(loop=loop, finished=finished))
+        except RigError:
+            out.rmdir()
+            raise
+
+    def _table(self, made: Prepared, frequency: float) -> StepTable:
+        model = made.cell.actuator.replace(piezo=None)
+        key = repr((model, frequency, made.high, made.low))
+        if key not in self._tables:
+            self._tables = {key: StepTable.of_model(model, frequency, made.high - made.low)}
+        return self._tables[key]
+
+    def _position(self, made: Prepared, name: str) -> Channel:
+        """The sensor: one that reads in metres, or the experiment's own with its calibration."""
+        own = made.cell.channels.get(POSITION)
+        sensors = [one for one, unit in made.can.inputs.items() if unit == "m"]
+        name = name or (sensors or [own.input if own else ""])[0]
+        if own is not None and own.input == name:
+            return Channel(name, own.calibration)
+        if name not in sensors:
+            raise QuantityError(f"there is no input {name!r:.40} that shows the position in metres")
+        return Channel(name)
+
+    def _run(self, job: Job, made: Prepared, spec: Any, position: Channel, progress: Progress) -> None:
+        laboratory = self._runner.laboratory(job)
+        rate = made.can.sample_rate
+        try:
+            cell = cells(job.file, job.folder, laboratory, self._read)[0]
+            rig = laboratory.rig(cell.actuator, cell.seed, cell.repeats)
+            if not isinstance(rig, HostedRig):
+                raise RigError("moves need a rig in a process of its own")
+            rig.waiting = self._runner.need_going
+            self._live.begin("Move", COLUMNS, rate, round(AT_MOST * rate), 0)
+            regulate(
+                *(rig, spec, 0.0, {"drive_voltage": Channel(DRIVE), POSITION: position}),
+                *(cell.limits._replace(max_duty=1.0), AT_MOST),
+                interval=round(_INTERVAL * rate) / rate,
+                title="Move",
+                attributes={
+                    "operator": job.file.operator,
+                    "epoch": datetime.now(UTC).isoformat(timespec="seconds"),
+                    "actuator": repr(cell.actuator),
+                    "controller": json.dumps(spec.options),
+                },
+                progress=progress,
+                save=job.out / "move.nc",
+                sees=lambda block: self._sees(rig, block),
+            )
+        finally:
+            laboratory.close()
+
+    def _sees(self, rig: HostedRig, block: dict[str, NDArray[np.float64]]) -> None:
+        self._runner.need_going()
+        first, self._first = self._first, None
+        if first is not None:
+            self._rig = rig
+            rig.command(**first)
+        self._live.add({one["name"]: block[one["name"]] for one in COLUMNS})
+        position = float(block[POSITION][-1])
+        self._runner.seen(position)
+        now = time.monotonic()
+        if now - self._told > _TOLD:
+            self._told = now
+            target = float(block["target_position"][-1])
+            self.state = {"on": True, "position": position, "target": target, **rig.said()}
+            self._hub.tell("move", **self.state)
+
+    def _greet(self, client: Client, said: dict[str, Any]) -> Iterable[Message]:
+        yield json.dumps({"kind": "move", **self.state})
+
+    def _left(self) -> None:
+        """The page that was in control does not come back: let go, in a thread, for the event loop calls."""
+        if self._rig is not None:
+            threading.Thread(target=self._let_go, daemon=True).start()
+
+    def _let_go(self) -> None:
+        self._journal("Move: who was in control has left: the output goes to 0 V", "warning")
+        rig = self._rig
+        try:
+            if rig is not None:
+                rig.command(do="release")
+        except (RigError, ValueError):
+            self._runner.stop("who was in control has left")

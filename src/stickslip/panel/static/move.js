@@ -1,0 +1,176 @@
+// The Move page: go to a position and hold it, jog by steps, scan; where it is and should be, live; gains, and what
+// they will do. The loop runs in the rig's process: this page only says what is wanted.
+
+import { h } from "./dom.js";
+import { styled } from "./elements.js";
+import { latestWins } from "./latest.js";
+import { makeLiveData } from "./livedata.js";
+import { makePlot } from "./plot.js";
+import { formatQuantity, makeQuantity } from "./quantity.js";
+import { makeChoice, makeSlider } from "./sliders.js";
+import { unpack } from "./stream.js";
+
+const SPANS = [["1", "1 s"], ["5", "5 s"], ["30", "30 s"], ["120", "all"]];
+const AGAIN = 150; // ms between pictures
+const NAMES = ["end_effector_position", "target_position", "drive_voltage"];
+// What was typed stays while other pages are looked at.
+const kept = { to: 20e-6, count: 3, range: 2e-6, hertz: 10, cycles: 10, input: "", voltage: null, frequency: 100, tolerance: 10e-9, gains: {}, span: "5" };
+
+export async function mount(element, app) {
+  await Promise.all([styled("./explore.css"), styled("./move.css")]);
+  let state = { on: false }, run = { phase: "idle", title: "" }, choices = null;
+  const live = makeLiveData(app);
+  const fault = h("p", { class: "fault", role: "alert", id: "move-fault" });
+  const say = (error) => { fault.textContent = error.message; };
+  const settings = () => ({ input: kept.input, voltage: kept.voltage, frequency: kept.frequency, tolerance: kept.tolerance, ...kept.gains });
+  async function act(what) {
+    fault.textContent = "";
+    await app.request("/api/move/act", { what, settings: settings() }).catch(say);
+  }
+
+  // --- what to do
+  const field = (name, label, unit) => makeQuantity({ label, unit, value: kept[name], app, change: (value) => { kept[name] = value; } }).element;
+  const button = (text, title, does, kind = "") => h("button", { type: "button", class: kind, title, onclick: does }, text);
+  const count = () => Math.max(1, Math.round(Math.abs(kept.count)));
+  const go = button("Go", "Steps as far as they are needed, then the piezo alone; and hold", () => act({ do: "go", to: kept.to }), "primary");
+  const back = button("◂ Back", "So many full steps backward, then hold there", () => act({ do: "steps", count: -count() }));
+  const forth = button("Forward ▸", "So many full steps forward, then hold there", () => act({ do: "steps", count: count() }));
+  const scan = button("Scan", "About where it holds, by the piezo alone", () => act({ do: "scan", range: kept.range, frequency: kept.hertz, cycles: kept.cycles }));
+  const release = button("Let go", "The output goes to 0 V; the recording is kept", () => act({ do: "release" }));
+  const deeds = h("fieldset", { class: "bare" },
+    h("div", { class: "move-line" }, field("to", "Position from home", "m"), go),
+    h("div", { class: "move-line" }, field("count", "Steps", ""), back, forth),
+    h("div", { class: "move-line" }, field("range", "Scan range", "m"), field("hertz", "Frequency", "Hz"), field("cycles", "Cycles", ""), scan), release);
+  const sensor = makeChoice("Sensor", [], "", (name) => { kept.input = name; });
+  const setup = h("fieldset", { class: "bare inputs" }, sensor.element);
+  const watching = h("p", { class: "watching", hidden: true }, "Another page is in control: ask it at the top. Emergency stop works from here too.");
+  const panel = h("section", { class: "card", "aria-label": "What to do" }, h("div", { class: "bare" }, watching, deeds, fault,
+    h("h2", {}, "How"), setup, h("p", { class: "soft small-text", id: "move-how" })));
+
+  // --- where it is
+  const shown = {};
+  const numbers = h("dl", { class: "explore-numbers" }, ...["Position", "Target", "Missing", "Steps"].map((name) =>
+    h("div", {}, h("dt", {}, name), (shown[name] = h("dd", {}, "–")))));
+  const words = h("strong", { id: "move-phase", role: "status" });
+  const span = makeChoice("Shown", SPANS, kept.span, (value) => { kept.span = value; draw(); });
+  const canvas = h("div", { class: "move-canvas" });
+  const now = h("section", { class: "card move-now", "aria-label": "Where it is" }, h("div", { class: "row" }, words, h("span", { class: "grow" }), span.element), numbers, canvas);
+
+  // --- gains
+  const responses = h("div", { class: "move-response" });
+  const told = h("p", { class: "small-text", id: "margins", role: "status" });
+  const sliders = h("fieldset", { class: "bare" });
+  const tuned = button("As tuned", "The gains that keep their margins", () => { kept.gains = {}; gains(); }, "small");
+  const loop = h("section", { class: "card move-gains", "aria-label": "Gains" }, h("div", { class: "row" }, h("h2", {}, "Gains"), h("span", { class: "grow" }), tuned),
+    h("div", { class: "move-loop" }, h("div", {}, sliders, told), responses));
+  element.append(h("h1", { class: "visually-hidden" }, "Move"), h("div", { class: "move" }, panel, h("div", { class: "move-right" }, now, loop)));
+
+  const plot = makePlot(canvas, { label: "Position and drive", empty: "Go somewhere: where it is is drawn here.", series: [
+    { label: "end-effector", unit: "m", color: "--series-1", strip: "m" }, { label: "target", unit: "m", color: "--series-2", strip: "m" },
+    { label: "band", unit: "m", color: "--series-3", strip: "m", dash: [4, 4] }, { label: "band", unit: "m", color: "--series-3", strip: "m", dash: [4, 4] },
+    { label: "drive", unit: "V", color: "--series-6" }] });
+  const answer = makePlot(responses, { label: "Predicted response", tools: "save", series: [
+    { label: "predicted", unit: "", color: "--series-1" }, { label: "least", unit: "", color: "--series-4", dash: [4, 4] }, { label: "greatest", unit: "", color: "--series-4", dash: [4, 4] }] });
+
+  const asks = latestWins({
+    ask: () => app.request("/api/move/response", settings()),
+    take(found) {
+      const { header, arrays } = unpack(found);
+      answer.setData(arrays);
+      told.textContent = header.refused ? `Refused: ${header.refused}` : `A target that jumps, by the feedback alone; also with the stage's frequency 5 % off. ${header.margins}.`;
+      told.classList.toggle("fault", Boolean(header.refused));
+      loop.dataset.answers = String(Number(loop.dataset.answers ?? 0) + 1);
+    },
+    refuse: say,
+  });
+  const FIELDS = [["bandwidth", "bandwidth of the integral", "Hz", "log"], ["proportional", "proportional gain", "", "linear"], ["corner", "corner of the low-pass", "Hz", "log"]];
+  let made = new Map();
+  function gains() {
+    made = new Map(FIELDS.map(([name, meaning, unit, scale]) => {
+      const { low, high, tuned: own } = choices[name];
+      const change = (value) => { kept.gains[name] = value; made.get(name).set(value); asks.want(1); };
+      return [name, makeSlider({ meaning, unit, low, high, scale }, kept.gains[name] ?? own, { app, drag: change, settle() {}, type: change })];
+    }));
+    sliders.replaceChildren(...[...made.values()].map((one) => one.element));
+    asks.want(1);
+  }
+
+  // --- live
+  let timer = 0, busy = false;
+  async function draw() {
+    const { header, filled, x } = live.data;
+    if (busy || !header || !filled) return;
+    busy = true;
+    try {
+      const last = x[filled - 1], view = plot.view ?? [Math.max(last - Number(kept.span), 0), last];
+      const [time, at, wanted, volts] = await live.window(NAMES, view, 2 * plot.pixels);
+      const band = (sign) => wanted.map((one) => one + sign * kept.tolerance);
+      plot.setData([time, at, wanted, band(-1), band(1), volts]);
+      canvas.dataset.points = String(time.length);
+    } catch {
+      // another run has begun meanwhile: its own picture comes
+    } finally {
+      busy = false;
+    }
+  }
+  const offs = [
+    live.listen(() => { if (live.data.header?.title === "Move") timer ||= setTimeout(() => { timer = 0; draw(); }, AGAIN); }),
+    app.stream.on("move", (message) => { state = message; show(); }),
+    app.stream.on("run", (message) => { run = message; show(); }),
+    app.stream.on("experiment", load),
+  ];
+  function show() {
+    const going = ["preparing", "running", "stopping"].includes(run.phase), other = Boolean(app.control.holder) && !app.control.mine;
+    const { on } = state, begins = going && run.title === "Move" && !on, ends = begins && run.phase !== "preparing";
+    const put = (name, value, unit) => { shown[name].textContent = formatQuantity(value, unit, 6); };
+    put("Position", on ? state.position : run.position, "m");
+    put("Target", on ? state.target : undefined, "m");
+    put("Missing", on ? state.target - state.position : undefined, "m");
+    shown.Steps.textContent = state.steps === undefined ? "–" : `${state.steps}${state.lost ? `, ${state.lost} lost` : ""}`;
+    words.textContent = on ? state.words + (state.settled ? ": there" : "") : ends ? "Keeping the recording" : begins ? "Preparing" : going ? `${run.title} is running` : "At rest: the output is at 0 V";
+    words.dataset.phase = on ? state.phase : "off";
+    words.dataset.settled = String(Boolean(on && state.settled));
+    watching.hidden = !other;
+    deeds.disabled = other || !choices || begins || (going && !on);
+    setup.disabled = sliders.disabled = tuned.disabled = other || going;
+    scan.disabled = release.disabled = !on;
+  }
+  let loaded = "";
+  async function load(message) {
+    const { content } = message, key = JSON.stringify([content?.rig, content?.actuator, content?.limits, content?.channels]);
+    if (key === loaded) return;
+    loaded = key;
+    const how = panel.querySelector("#move-how");
+    how.textContent = "Tuning on the model …";
+    try {
+      choices = await app.request("/api/move/choices");
+    } catch (error) {
+      choices = null;
+      how.textContent = "";
+      say(error);
+      show();
+      return;
+    }
+    fault.textContent = "";
+    if (!choices.inputs.includes(kept.input)) kept.input = choices.inputs[0];
+    kept.voltage ??= choices.walk;
+    sensor.select.replaceChildren(...choices.inputs.map((one) => new Option(one, one)));
+    sensor.set(kept.input);
+    setup.replaceChildren(sensor.element, field("voltage", "Steps of", "V"), field("frequency", "a second", "Hz"), field("tolerance", "There within ±", "m"));
+    how.textContent = `${choices.actuator}, whose piezo reaches ${formatQuantity(choices.stroke, "m", 3)}. It holds until you let go, ${choices.at_most} s at most; sensor and gains are those with which it began.`;
+    gains();
+    show();
+  }
+  window.addEventListener("controlchange", show);
+  show();
+  app.stream.send({ kind: "greet" });
+  return () => {
+    offs.forEach((off) => off());
+    window.removeEventListener("controlchange", show);
+    clearTimeout(timer);
+    asks.end();
+    live.destroy();
+    plot.destroy();
+    answer.destroy();
+  };
+}

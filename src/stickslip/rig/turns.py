@@ -1,0 +1,223 @@
+"""Updates of a closed loop: read, keep within the limits, ask the controller, put out.
+
+The loop around a rig is a rig itself: its samples come in blocks, and whoever records, watches or stops it
+does so as with any other, in this process or in the one that owns the rig.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ..units import with_prefix
+from .gate import FROZEN_DRIVE, PositionInput
+from .home import Home
+from .limits import LimitError, Limits
+from .protocols import Array, Capabilities, Controller, RigError, StreamingRig
+
+# What the loop adds to the inputs of its rig: where the end-effector is from home, where it should be, and
+# what the controller asked for.
+AT, WANTED, ASKED = "loop.position", "loop.target", "loop.asked"
+OWN = {AT: "m", WANTED: "m", ASKED: "V"}
+STATISTICS = ("limited_updates", "slowest_step", "mean_step", "late_updates")
+_BLOCK = 0.005  # s of updates per `fetch`: a stop waits for no more
+
+
+def looped(can: Capabilities) -> Capabilities:
+    """What a loop around such a rig can record."""
+    return can._replace(inputs={**can.inputs, **OWN})
+
+
+class LoopRig:
+    """A rig in a closed loop; see `protocols.Rig`. What is loaded are targets, m from home.
+
+    Args:
+        rig: what puts out and reads.
+        controller: what has `step(measured, target, tick)`; one with an attribute `done` ends the run when
+            that is true, one with an attribute `target` says itself where the end-effector should be.
+        position: the input that is controlled.
+        home: from where positions count.
+        limits: what the output may not pass.
+
+    Attributes:
+        count: updates so far; `heard`: when something was last heard, `time.monotonic`; `answering`: whether
+            the controller is being asked; `begun`: whether the rig has, which may compile before; `ended`:
+            whether the run is over.
+    """
+
+    def __init__(
+        self, rig: StreamingRig, controller: Controller, position: PositionInput, home: Home, limits: Limits
+    ) -> None:
+        if not hasattr(rig, "begin") or not hasattr(rig, "exchange"):
+            raise RigError(f"{rig.capabilities.name} takes whole drives only: no loop can be closed on it")
+        self.rig, self.controller = rig, controller
+        self.capabilities = looped(rig.capabilities)
+        self._position, self._home, self._limits = position, home, limits
+        self._guard = _Guard(limits, rig.capabilities)
+        self._targets: list[float] = [0.0]
+        self._inputs: tuple[str, ...] = ()
+        self._samples = 0
+        self._rows: list[list[float]] = []  # of the block that is being made
+        self._failure: BaseException | None = None
+        self._left = False  # whether it was stopped
+        self._given = 0.0
+        self.count = 0
+        self.heard = time.monotonic()
+        self.answering = self.begun = self.ended = False
+        self._slowest = self._total = 0.0
+        self._late = 0
+
+    @property
+    def origin(self) -> float:
+        """That of the rig."""
+        return getattr(self.rig, "origin", 0.0)
+
+    def load(self, volts: Array) -> None:
+        """Take the targets [n], m; the last one is held."""
+        self._targets = volts.tolist()
+
+    def arm(self, inputs: tuple[str, ...], samples: int) -> None:
+        """Record these inputs, so many updates at most."""
+        self._inputs, self._samples = inputs, samples
+
+    def start(self) -> None:
+        """Begin at 0 V."""
+        name = self._position.name
+        own = [one for one in self._inputs if one not in OWN and one != name]
+        read = (name, *own)  # the position is the first reading
+        self._picks = [list(OWN).index(one) - 3 if one in OWN else read.index(one) for one in self._inputs]
+        self._read = read
+        self._readings = self.rig.begin(read)
+        chain, first = self._position.calibration, np.array(self._readings[:1])
+        self._here = partial(self._home.positions, name, chain=chain, origin=self.origin)
+        self._start, self._zero = float(self._here(first)[0]), self._readings[0]
+        self._home.position = self._start
+        self.heard, self.begun = time.monotonic(), True
+
+    def fetch(self) -> Array:
+        """The next updates [inputs, n]. What ends the run before its time is raised when what was before it
+        has been handed out."""
+        if self._failure is not None:
+            raise self._failure
+        count = max(1, round(_BLOCK * self.capabilities.sample_rate))
+        try:
+            self._turns(min(self.count + count, self._samples))
+        except BaseException as error:
+            if not self._rows:
+                raise
+            self._failure = error
+        return self.rest()
+
+    def rest(self) -> Array:
+        """What was recorded and not handed out yet [inputs, n]."""
+        rows, self._rows = self._rows, []
+        return np.array(rows, dtype=float).reshape(-1, len(self._inputs)).T
+
+    def stop(self, slew: float) -> None:
+        """Ramp to 0 V; a controller that answers later finds nothing that runs."""
+        self._left = True
+        self.rig.stop(slew)
+
+    def said(self) -> dict[str, Any]:
+        """How it goes, as JSON: the updates, and what the controller's `told()` gives, if it has that."""
+        told = getattr(self.controller, "told", None)
+        mean = self._total / max(self.count, 1)
+        found = (self._guard.limited, self._slowest, mean, int(self._late))
+        return {**dict(zip(STATISTICS, found, strict=True)), **({} if told is None else told())}
+
+    def _turns(self, end: int) -> None:
+        step, exchange, guard, controller = (
+            self.controller.step,
+            self.rig.exchange,
+            self._guard,
+            self.controller,
+        )
+        plain, period = not self._position.calibration, 1.0 / self.capabilities.update_rate
+        readings, given = self._readings, self._given
+        while self.count < end and not self.ended:
+            tick, reading = self.count, readings[0]
+            if plain:
+                measured = self._start + (reading - self._zero)
+            else:
+                measured = float(self._here(np.array([reading]))[0])
+            self._check(readings, tick)
+            self._home.position = measured
+            guard.sees(reading, measured, given)
+            target = self._targets[min(tick, len(self._targets) - 1)]
+            begun = time.perf_counter()
+            self.answering = True
+            try:
+                wish = step(measured, target, tick)
+            except Exception as error:
+                raise LimitError(
+                    f"the controller failed at update {tick}: {type(error).__name__} {error}"
+                ) from error
+            self.answering = False
+            took = time.perf_counter() - begun
+            self._total += took
+            self._slowest = max(self._slowest, took)
+            self._late += took > period
+            self.heard = time.monotonic()
+            if self._left:
+                return
+            given = guard.allowed(wish, given, tick)
+            row = [*readings, measured, getattr(controller, "target", target), wish]
+            self._rows.append([row[k] for k in self._picks])
+            self.count += 1
+            if getattr(controller, "done", False) or self.count == self._samples:
+                self.ended = True
+                return
+            readings = exchange(given)
+            self.heard = time.monotonic()
+            self._readings, self._given = readings, given
+
+    def _check(self, readings: list[float], tick: int) -> None:
+        for name, value in zip(self._read, readings, strict=True):
+            if not math.isfinite(value):
+                raise LimitError(f"the input {name!r} reads {value} at sample {tick}: stopped")
+
+
+class _Guard:
+    """The limits, update by update."""
+
+    def __init__(self, limits: Limits, can: Capabilities) -> None:
+        self._low = max(limits.min_voltage, can.min_voltage)
+        self._high = min(limits.max_voltage, can.max_voltage)
+        self._most = limits.max_slew / can.update_rate
+        self._limits = limits
+        self._patience = max(limits.frozen * can.sample_rate, 2.0)
+        self._last, self._same = math.nan, 0
+        self._least = self._greatest = 0.0  # of the drive since the reading changed
+        self.limited = 0
+
+    def sees(self, reading: float, measured: float, given: float) -> None:
+        """A reading and the position of it, after a voltage was put out; raises LimitError."""
+        limits = self._limits
+        for limit, sign in ((limits.min_position, -1), (limits.max_position, 1)):
+            if sign * (measured - limit) > 0.0:
+                raise LimitError(
+                    f"the end-effector is at {with_prefix(measured, 'm')} from home, beyond the end stop at "
+                    f"{with_prefix(limit, 'm')}: stopped"
+                )
+        if reading != self._last:
+            self._last, self._same, self._least, self._greatest = reading, 0, given, given
+            return
+        self._same += 1
+        self._least, self._greatest = min(self._least, given), max(self._greatest, given)
+        if self._same >= self._patience and self._greatest - self._least >= FROZEN_DRIVE:
+            raise LimitError(
+                f"the position is frozen: it has read {reading:.6g} for {self._same} updates while the drive "
+                f"moved by {with_prefix(self._greatest - self._least, 'V')}: stopped"
+            )
+
+    def allowed(self, wish: float, given: float, tick: int) -> float:
+        """What of a wish [V] may be put out after `given`; raises LimitError for what is no number."""
+        if not isinstance(wish, float | int) or not math.isfinite(wish):
+            raise LimitError(f"the controller asked for {wish!r} V at update {tick}: stopped")
+        found = min(max(wish, self._low, given - self._most), self._high, given + self._most)
+        self.limited += found != wish
+        return found

@@ -1,0 +1,140 @@
+"""A mover that is told what to do: each command against the model's own step, and against a sine."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from stickslip.actuator import load_actuator
+from stickslip.control import Commanded, Pid, Regulator, StepTable, Walk, commanded, simulate_control, tune
+from stickslip.control.commanded import WORDS
+from stickslip.control.tuning import sampled_loop, step_response
+from stickslip.simulation import steady_step
+from stickslip.units import QuantityError
+from stickslip.waveform import PeriodicKnots
+
+KANG = load_actuator("kang2007")
+RATE = 20e3
+# What it is told, and at which time, s.
+TOLD: tuple[tuple[float, dict[str, Any]], ...] = (
+    (0.01, {"do": "go", "to": 20e-6}),
+    (0.25, {"do": "steps", "count": 3}),
+    (0.5, {"do": "scan", "range": 4e-6, "frequency": 20.0, "cycles": 6}),
+    (1.0, {"do": "release"}),
+)
+
+
+class Told:
+    """The controller, with an operator."""
+
+    def __init__(self, made: Commanded) -> None:
+        self.made, self.left, self.said = made, list(TOLD), list[dict[str, Any]]()
+
+    @property
+    def done(self) -> bool:
+        return self.made.done
+
+    def step(self, measured: float, target: float, tick: int) -> float:
+        if self.left and tick >= self.left[0][0] * RATE:
+            self.said.append({**self.made.told(), "target": self.made.target})
+            self.made.command(**self.left.pop(0)[1])
+        return self.made.step(measured, target, tick)
+
+
+@pytest.fixture(scope="module")
+def regulator() -> Regulator:
+    tuning = tune(KANG, RATE)
+    return tuning.regulator(RATE, max_voltage=100.0, lead=tuning.lag)
+
+
+@pytest.fixture(scope="module")
+def spec(regulator: Regulator):
+    table = StepTable.of_model(KANG, "100 Hz", "100 V")
+    return commanded(Walk(), table, regulator, KANG.gain, 1e-6)
+
+
+@pytest.fixture(scope="module")
+def run(spec) -> tuple[Told, xr.Dataset]:
+    told = Told(spec.made())
+    return told, simulate_control(KANG, told, 0.0, 2.0, rate=RATE)
+
+
+def at(found: xr.Dataset, time: float, name: str = "end_effector_position") -> float:
+    return float(found[name].sel(time=time, method="nearest"))
+
+
+def test_it_goes_there_and_rests_before(run: tuple[Told, xr.Dataset]) -> None:
+    told, found = run
+    assert np.all(found["drive_voltage"].sel(time=slice(0.0, 0.0099)) == 0.0)
+    assert at(found, 0.24) == pytest.approx(20e-6, abs=2e-9)
+    assert told.said[0]["phase"] == "rest"
+    assert told.said[1]["settled"]
+    assert told.said[1]["target"] == 20e-6
+    assert {one["words"] for one in told.said} <= set(WORDS.values())
+
+
+def test_so_many_steps_are_the_models(run: tuple[Told, xr.Dataset]) -> None:
+    """Before the first, the piezo goes back, sticking, to the end of its range."""
+    told, found = run
+    step = steady_step(KANG, PeriodicKnots((0.0, 8e-3, 8.0001e-3), (0.0, 65.0, 0.0), 10e-3))
+    begin = at(found, 0.24) - KANG.gain * at(found, 0.24, "drive_voltage")
+    assert told.said[2]["target"] - begin == pytest.approx(3.0 * step, rel=0.05)
+    assert told.said[2]["steps"] - told.said[1]["steps"] >= 3
+    assert at(found, 0.49) == pytest.approx(told.said[2]["target"], abs=2e-9)
+
+
+def test_a_scan_is_a_sine_about_where_it_held(run: tuple[Told, xr.Dataset]) -> None:
+    told, found = run
+    scanned = found.sel(time=slice(0.62, 0.72 - 1e-9))  # two whole periods
+    x, time = scanned["end_effector_position"].values, scanned["time"].values
+    part = 2.0 * np.mean((x - x.mean()) * np.exp(-2j * np.pi * 20.0 * time))
+    assert abs(part) == pytest.approx(2e-6, rel=0.01)
+    assert x.mean() == pytest.approx(told.said[2]["target"], abs=20e-9)
+    assert told.said[3]["phase"] == "hold"
+    assert at(found, 0.99) == pytest.approx(told.said[2]["target"], abs=2e-9)
+
+
+def test_it_lets_go(run: tuple[Told, xr.Dataset]) -> None:
+    told, found = run
+    volts = found["drive_voltage"].values
+    assert told.done
+    assert volts[-1] == 0.0
+    assert found["time"].values[-1] == pytest.approx(1.05, abs=1e-3)
+    assert np.all(np.diff(volts[found["time"].values > 1.001]) <= 0.0)
+
+
+def test_what_is_no_command(spec) -> None:
+    made = spec.made()
+    for what, words in (
+        ({"do": "dance"}, "no command"),
+        ({"do": "go", "to": "there"}, "to = 'there' must be a number in m"),
+        ({"do": "go", "to": float("nan")}, "must be a number in m"),
+        ({"do": "go", "to": True}, "must be a number"),
+        ({"do": "steps", "count": 1.5}, "whole number"),
+        ({"do": "steps", "count": 0}, "whole number"),
+        ({"do": "scan", "range": 1e-6, "frequency": 10.0, "cycles": 1}, "go there first"),
+        ({"do": "scan", "range": -1e-6, "frequency": 10.0, "cycles": 1}, "above 0"),
+    ):
+        with pytest.raises(QuantityError, match=words):
+            made.command(**what)
+    made.mover.phase = "hold"
+    for span, hertz, words in ((9e-6, 10.0, "more than the piezo has"), (4e-6, 2e3, "faster than")):
+        with pytest.raises(QuantityError, match=words):
+            made.command("scan", range=span, frequency=hertz, cycles=1)
+
+
+def test_the_response_to_a_jump_is_that_of_the_loop() -> None:
+    """The regulator and the held system, tick by tick, beside the closed loop's matrices."""
+    loop = sampled_loop(KANG, RATE)
+    pid = Pid(0.01 * RATE / KANG.gain, 0.1 / KANG.gain)
+    made = Regulator(pid, RATE, min_voltage=-1e9, max_voltage=1e9)
+    found = step_response(made, loop, 600)
+    x, expected = np.zeros(loop.b.size), np.empty(600)
+    for k in range(600):
+        expected[k] = loop.c @ x
+        x = loop.a @ x + loop.b * made.step(float(expected[k]), 1.0, k)
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+    assert expected[-1] == pytest.approx(1.0, abs=0.05)

@@ -1,0 +1,81 @@
+"""Autotuning by a relay against the Bode diagram of the model."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stickslip.actuator import load_actuator
+from stickslip.control import Oscillation, Pid, Regulator, Relay, simulate_control
+from stickslip.control.tuning import grid, margins, sampled_loop
+from stickslip.rig import Channel, Limits, VirtualRig, load_bench, regulate
+from stickslip.units import QuantityError
+
+KANG = load_actuator("kang2007")
+RATE = 20e3
+
+
+def ultimate(delay: int) -> float:
+    """The integral gain whose loop has the gain margin 1, by the loop's response."""
+    return 1e9 * margins(Regulator(Pid(1e9), RATE), [sampled_loop(KANG, RATE, delay=delay)]).gain_margin
+
+
+@pytest.mark.parametrize("delay", [0, 2])
+def test_the_describing_function_finds_the_gain_of_the_bode_diagram(delay: int) -> None:
+    """Third harmonics are 3 % of the first behind a stage and an integrator."""
+    relay = Relay("1 kV/s", RATE, "40 V")
+    found = simulate_control(KANG, relay, 0.0, 1.0, rate=RATE, delay=delay)
+    told = relay.found
+    assert told.ultimate == pytest.approx(ultimate(delay), rel=0.03)
+    x = found["end_effector_position"].values[-2000:]
+    assert told.amplitude == pytest.approx(0.5 * np.ptp(x), rel=0.05)
+    spectrum = np.abs(np.fft.rfft((x - x.mean()) * np.hanning(x.size)))
+    assert told.frequency == pytest.approx(np.argmax(spectrum) * RATE / x.size, abs=RATE / x.size)
+    pid = told.pid(2.5)
+    loop = sampled_loop(KANG, RATE, delay=delay)
+    assert margins(Regulator(pid, RATE), [loop]).gain_margin == pytest.approx(2.5, rel=0.03)
+
+
+def test_on_a_linear_loop_it_is_where_the_describing_function_says() -> None:
+    """Tick by tick of the sampled stage; the frequency is that of the phase of -90 degrees."""
+    loop = sampled_loop(KANG, RATE, delay=1)
+    relay, x, found = Relay(1e3, RATE, 40.0, periods=10), np.zeros(loop.b.size), []
+    while not relay.done:
+        found.append(float(loop.c @ x))
+        x = loop.a @ x + loop.b * relay.step(found[-1], 0.0, 0)
+    told, swing = relay.found, np.array(found[-600:])
+    assert told.ultimate == pytest.approx(ultimate(1), rel=0.03)
+    assert told.amplitude == pytest.approx(0.5 * np.ptp(swing), rel=1e-3)
+    phase = np.unwrap(np.angle(loop.response)) + np.pi * grid(RATE) / RATE  # a sum is half a tick early
+    at = np.interp(np.pi / 2.0, -phase, grid(RATE))
+    assert told.frequency == pytest.approx(at, rel=0.03)
+    assert swing.mean() == pytest.approx(40.0 * KANG.gain, rel=0.01)
+    assert told.pid(2.0).integral == 0.5 * told.ultimate
+
+
+def test_on_the_rig_it_finds_what_its_chain_adds() -> None:
+    """Amplifier, converter, anti-alias filter and the sensor's delay: less gain than the model alone stands,
+    by as much as some ticks of delay take."""
+    rig = VirtualRig(KANG, load_bench("kang2007-bench"), seed=1)
+    relay = Relay("1 kV/s", RATE, "40 V", band="5 nm")
+    laser = {"end_effector_position": Channel("interferometer")}
+    regulate(rig, relay, 0.0, laser, Limits(max_voltage=100.0), 2.0)
+    assert ultimate(10) < relay.found.ultimate < ultimate(0)
+
+
+def test_what_is_no_relay() -> None:
+    with pytest.raises(QuantityError, match="above 0"):
+        Relay(0.0, RATE, 40.0)
+    relay = Relay(1e3, RATE, 40.0, reach="1 V")
+    with pytest.raises(QuantityError, match="not oscillated"):
+        _ = relay.found
+
+    def run() -> None:
+        for tick in range(5000):
+            relay.step(0.0, 0.0, tick)
+
+    with pytest.raises(QuantityError, match="gone 1 V far"):
+        run()
+    found = Oscillation(1e9, 300.0, 1e-7)
+    with pytest.raises(QuantityError, match="gain_margin"):
+        found.pid(1.0)

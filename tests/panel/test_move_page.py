@@ -1,0 +1,137 @@
+"""The Move page in a browser: the loop is in the rig's process, and ends safe whoever leaves."""
+
+from __future__ import annotations
+
+import re
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from playwright.sync_api import Browser, Page, expect
+
+from stickslip import open_recording
+
+from .conftest import PATIENCE, Panel
+
+pytestmark = pytest.mark.browser
+SLOW = PATIENCE * 1e3  # ms
+
+
+@pytest.fixture
+def opened(panel: Panel, page: Page) -> Page:
+    page.set_default_timeout(SLOW)
+    page.goto(f"{panel.url}#move")
+    page.locator(".move-gains[data-answers]").wait_for(timeout=SLOW)
+    return page
+
+
+def put(page: Page, label: str, text: str) -> None:
+    field = page.get_by_role("textbox", name=label, exact=True)
+    field.fill(text)
+    field.press("Enter")
+
+
+def press(page: Page, name: str) -> None:
+    page.get_by_role("button", name=name, exact=True).click()
+
+
+def settled(page: Page, words: str = "Holding by the piezo: there") -> None:
+    expect(page.locator("#move-phase")).to_have_text(words, timeout=SLOW)
+
+
+def at_rest(page: Page) -> None:
+    settled(page, "At rest: the output is at 0 V")
+
+
+def kept(folder: Path, before: set[Path]) -> xr.Dataset:
+    end = time.monotonic() + 30.0
+    while not (new := set(folder.rglob("move*.nc")) - before):
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    (path,) = new
+    return open_recording(path)
+
+
+def number(page: Page, name: str) -> float:
+    """A number under where it is, um."""
+    text = (
+        page.locator(".move-now dl > div", has=page.get_by_text(name, exact=True)).locator("dd").inner_text()
+    )
+    value, unit = text.split()
+    return float(value) * {"p": 1e-6, "n": 1e-3, "µ": 1.0, "m": 0.0}[unit[0]]
+
+
+def test_from_gains_to_a_place_a_step_a_scan_and_back(panel: Panel, opened: Page) -> None:
+    """Gains without a margin are refused with it, and nothing is put out; then all that the page does."""
+    put(opened, "Bandwidth of the integral", "900 Hz")
+    expect(opened.locator("#margins")).to_contain_text(
+        "Refused: gains refused, over 3 models: the closed loop is unstable"
+    )
+    press(opened, "Go")
+    expect(opened.locator("#move-fault")).to_contain_text("the closed loop is unstable")
+    assert not list(panel.folder.rglob("move*.nc"))
+    press(opened, "As tuned")
+    expect(opened.locator("#margins")).to_contain_text("gain margin")
+    assert opened.locator(".move-response canvas").count() > 0
+    press(opened, "Go")
+    settled(opened)
+    assert number(opened, "Position") == pytest.approx(20.0, abs=0.02)
+    expect(opened.locator(".move-canvas")).to_have_attribute("data-points", re.compile(r"^\d{3,}$"))
+    put(opened, "Scan range", "90 um")
+    press(opened, "Scan")
+    expect(opened.locator("#move-fault")).to_contain_text("more than the piezo has")
+    put(opened, "Scan range", "2 um")
+    put(opened, "Cycles", "5")
+    press(opened, "Scan")
+    settled(opened, "Scanning by the piezo")
+    settled(opened)
+    press(opened, "Forward ▸")
+    expect(opened.locator("#move-phase")).not_to_have_text("Holding by the piezo: there")
+    settled(opened)
+    assert 22.0 < number(opened, "Target") < 35.0
+    before = set(panel.folder.rglob("move*.nc"))
+    press(opened, "Let go")
+    at_rest(opened)
+    made = kept(panel.folder, before)
+    assert made.attrs["outcome"] == "complete"
+    assert abs(made["drive_voltage"].values[-1]) < 0.7, "one kept sample before the end of 100 V in 50 ms"
+    x, target = made["end_effector_position"].values, made["target_position"].values
+    assert np.ptp(x[(target > 18.9e-6) & (target < 21.1e-6)]) > 1.9e-6
+
+
+def test_a_stop_and_an_operator_who_leaves(panel: Panel, opened: Page, browser: Browser) -> None:
+    press(opened, "Go")
+    settled(opened)
+    before = set(panel.folder.rglob("move*.nc"))
+    opened.keyboard.press("Escape")
+    at_rest(opened)
+    made = kept(panel.folder, before)
+    assert made.attrs["outcome"] == "stopped: emergency stop"
+    put(opened, "Position from home", "30 um")
+    press(opened, "Go")
+    settled(opened)
+    before = set(panel.folder.rglob("move*.nc"))
+    opened.close()
+    made = kept(panel.folder, before)
+    assert made.attrs["outcome"] == "complete", "let go"
+    assert abs(made["drive_voltage"].values[-1]) < 0.7, "one kept sample before the end of 100 V in 50 ms"
+    assert made["end_effector_position"].values.max() > 29.9e-6
+
+
+def test_kill_9_in_mid_move(panel: Panel, opened: Page) -> None:
+    put(opened, "Position from home", "900 um")
+    press(opened, "Go")
+    settled(opened, "Walking by steps")
+    opened.wait_for_timeout(300)
+    before = set(panel.folder.rglob("move*.nc"))
+    panel.kill()
+    panel.start()
+    opened.goto(f"{panel.url}#move")
+    made = kept(panel.folder, before)
+    assert "killed" in made.attrs["outcome"]
+    assert np.all(np.isfinite(made["end_effector_position"].values))
+    assert made["target_position"].values.max() == pytest.approx(900e-6)
+    opened.locator(".move-gains[data-answers]").wait_for(timeout=SLOW)
+    expect(opened.get_by_role("button", name="Go", exact=True)).to_be_enabled(timeout=SLOW)
