@@ -228,6 +228,10 @@ def _kept(layout: Layout) -> list[str]:
 
 
 def factor(layout: Layout) -> Text:
+    for e, shape in enumerate(layout.elements):
+        others = [one.push[place_of(shape)] for i, one in enumerate(layout.elements) if i != e and shape.along]
+        if any(others):
+            raise ValueError(f"mode {place_of(shape)}, along which the load of a contact changes, is pushed twice")
     lines = ["g = 1.0 / per_g"]
     for m in range(layout.modes):
         mode = f"plant.modes[{m}]"
@@ -308,8 +312,10 @@ def solved(layout: Layout) -> Text:
     entries = [entry for m in range(layout.modes) for entry in (f"(r[{2 * m}] + x{m}) * per_g", f"x{m}")]
     for e, shape in enumerate(layout.elements):
         for i in range(shape.states):
-            more = f" + zw{e}_{i} * x{place_of(shape)} + zx{e}_{i} * r[{2 * place_of(shape)}]"
-            made = f"r[{first[e] + i}] + zv{e}_{i} * b{e}{more if shape.along else ''}"
+            made = f"r[{first[e] + i}] + zv{e}_{i} * b{e}"
+            if shape.along:
+                m = place_of(shape)
+                made += f" + zw{e}_{i} * x{m} + zx{e}_{i} * r[{2 * m}]"
             entries.append(f"({made}) * pz{e}_{i}")
     return Text(lines, tuple_of(entries))
 
