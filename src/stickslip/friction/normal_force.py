@@ -1,10 +1,10 @@
 r"""The normal force along the stroke, and how a contact's stiffness follows it.
 
-.. math:: p(x) = \frac{P(x)}{P_0} = (1 + s x)^k + A \sin\!\left( \frac{2\pi x}{\lambda} + \varphi \right),
-          \qquad n = \ell(t)\, p(x)
+.. math:: p(x) = \frac{P}{P_0} = (1 + s X)^k + A \sin\!\left( \frac{2\pi X}{\lambda} + \varphi \right),
+          \qquad X = x_0 + x, \qquad n = \ell(t)\, p(x)
 
-with the position x of what slides (the end-effector), the normal force P_0 at which the law's parameters
-hold, and the load ℓ(t) of a run, which multiplies it. k = 1 is a preload spring over a wedge, k = -2 a magnet
+with the position x of what slides (the end-effector), the place x_0 on the stroke from where it is counted,
+the normal force P_0 at which the law's parameters hold, and the load ℓ(t) of a run, which multiplies it. k = 1 is a preload spring over a wedge, k = -2 a magnet
 over a gap that opens (`contact.PreloadSpring`, `contact.PreloadMagnet`); the sine is the ripple of a guide or
 of a worn track. Valid where p > 0: where it is not, the contact has lifted off and the motion is not followed.
 
@@ -40,11 +40,12 @@ class NormalForce(NamedTuple):
     """The normal force over its reference along the stroke, and the power with which bristle stiffness
     follows the normal force."""
 
-    slope: Annotated[float, Quantity("1/m", "s", "relative change of the normal force at x = 0")] = 0.0
+    slope: Annotated[float, Quantity("1/m", "s", "relative change of the normal force at X = 0")] = 0.0
     power: Annotated[float, Quantity("", "k", "1 of a spring, -2 of a magnet", minimum=-4, maximum=4)] = 1.0
     ripple: Annotated[float, Quantity("", "A", "of the normal force, relative", minimum=0, below=1)] = 0.0
     wavelength: Annotated[float, Quantity("m", "λ", "of the ripple", above=0)] = 1e-3
-    phase: Annotated[float, Quantity("rad", "φ", "of the ripple at x = 0")] = 0.0
+    phase: Annotated[float, Quantity("rad", "φ", "of the ripple at X = 0")] = 0.0
+    origin: Annotated[float, Quantity("m", "x_0", "place on the stroke of x = 0")] = 0.0
     stiffness_exponent: Annotated[
         float, Quantity("", "q", "power of the normal force in bristle stiffness", minimum=0, maximum=1)
     ] = 1.0
@@ -58,6 +59,10 @@ class NormalForce(NamedTuple):
     def varies(self) -> bool:
         """Whether it changes along the stroke."""
         return self.slope * self.power != 0.0 or self.ripple != 0.0
+
+    def presses(self, position: float) -> bool:
+        """Whether more than a millionth of the reference presses the contact at a position [m]."""
+        return _along(self, position)[0] > 1e-6
 
     def factor(self, position: ArrayLike) -> NDArray[np.float64]:
         """p(x), at positions [m] of what slides.
@@ -74,12 +79,13 @@ class NormalForce(NamedTuple):
 
 
 def _along(force: Any, x: float) -> tuple[float, float, float]:
-    base = 1.0 + force.slope * x
+    at = force.origin + x
+    base = 1.0 + force.slope * at
     if not base > 0.0:
         return math.nan, math.nan, math.nan
     share, k = base**force.power, force.power * force.slope / base
     wave = 2.0 * math.pi / force.wavelength
-    angle = wave * x + force.phase
+    angle = wave * at + force.phase
     ripple = force.ripple * math.sin(angle)
     whole = share + ripple
     if not whole > 0.0:

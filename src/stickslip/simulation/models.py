@@ -219,6 +219,12 @@ def resting_state(of: System, before: float, load: float = 1.0) -> NDArray[np.fl
     return q
 
 
+def lifted_off(of: System, place: float) -> bool:
+    """Whether hardly anything presses the contact at a place [m]."""
+    along = of.contact.along if of.contact is not None else None
+    return along is not None and not along.presses(place)
+
+
 def _resting(of: System, before: float, load: float, place: float) -> NDArray[np.float64]:
     """As `resting_state`, with the normal force at a place [m]."""
     q = np.zeros(of.states)
