@@ -247,7 +247,11 @@ CASES["slides along the stroke"] = Case(
         (STAGE, FREE, SLIDER),
         (
             Element(
-                COULOMB, (1.0, -1.0, None), (-10.0, 7.7, None), 0.9, along=ALONG._replace(stiffness_exponent=1.0)
+                COULOMB,
+                (1.0, -1.0, None),
+                (-10.0, 7.7, None),
+                0.9,
+                along=ALONG._replace(stiffness_exponent=1.0),
             ),
             Element(LUGRE, (1.0, None, -1.0), (-10.0, None, 12.0), 0.8),
         ),

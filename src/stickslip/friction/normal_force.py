@@ -4,14 +4,15 @@ r"""The normal force along the stroke, and how a contact's stiffness follows it.
           \qquad X = x_0 + x, \qquad n = \ell(t)\, p(x)
 
 with the position x of what slides (the end-effector), the place x_0 on the stroke from where it is counted,
-the normal force P_0 at which the law's parameters hold, and the load ℓ(t) of a run, which multiplies it. k = 1 is a preload spring over a wedge, k = -2 a magnet
-over a gap that opens (`contact.PreloadSpring`, `contact.PreloadMagnet`); the sine is the ripple of a guide or
-of a worn track. Valid where p > 0: where it is not, the contact has lifted off and the motion is not followed.
+the normal force P_0 at which the law's parameters hold, and the load ℓ(t) of a run, which multiplies it. k =
+1 is a preload spring over a wedge, k = -2 a magnet over a gap that opens (`contact.PreloadSpring`,
+`contact.PreloadMagnet`); the sine is the ripple of a guide or of a worn track. Valid where p > 0: where it is
+not, the contact has lifted off and the motion is not followed.
 
-A contact of stiffness :math:`\sigma_0 n^q` and friction F_C n: q = 1 of many asperities [persson2007], q = 1/3
-of smooth balls [mindlin1949]. What is newly loaded carries no tangential force; what is unloaded loses its
-share of the stiffness, at the same deflection [mindlin1953; jager1998]. In the deflection ζ that carries the
-same force over the load at the reference load, F = n F(v, ζ), that is
+A contact of stiffness :math:`\sigma_0 n^q` and friction F_C n: q = 1 of many asperities [persson2007], q =
+1/3 of smooth balls [mindlin1949]. What is newly loaded carries no tangential force; what is unloaded loses
+its share of the stiffness, at the same deflection [mindlin1953; jager1998]. In the deflection ζ that carries
+the same force over the load at the reference load, F = n F(v, ζ), that is
 
 .. math:: \dot\zeta = n^{q-1} \dot Z(v, \zeta) - \left( \max(r, 0) + (1 - q) \min(r, 0) \right) \zeta, \qquad
           r = \dot n / n

@@ -134,8 +134,7 @@ def _softened(e: int, i: int, shape: Shape, law: str, z: str) -> list[str]:
         f"zv{e}_{i} *= soft{e}",
         f"zz *= soft{e}",
         f"zw{e}_{i} = -part{e} * steep{e} * {z}",
-        f"zx{e}_{i} = stiffens{e}_{i} * steep{e}"
-        f" - part{e} * curved{e} * q[{2 * place_of(shape) + 1}] * {z}",
+        f"zx{e}_{i} = stiffens{e}_{i} * steep{e} - part{e} * curved{e} * q[{2 * place_of(shape) + 1}] * {z}",
         f"zx{e}_{i} *= per_g",
         f"zw{e}_{i} += zx{e}_{i}",
     ]
@@ -228,10 +227,11 @@ def _kept(layout: Layout) -> list[str]:
 
 
 def factor(layout: Layout) -> Text:
-    for e, shape in enumerate(layout.elements):
-        others = [one.push[place_of(shape)] for i, one in enumerate(layout.elements) if i != e and shape.along]
-        if any(others):
-            raise ValueError(f"mode {place_of(shape)}, along which the load of a contact changes, is pushed twice")
+    for shape in layout.elements:
+        if shape.along and sum(one.push[place_of(shape)] for one in layout.elements) > 1:
+            raise ValueError(
+                f"mode {place_of(shape)}, along which a load changes, is pushed by another element"
+            )
     lines = ["g = 1.0 / per_g"]
     for m in range(layout.modes):
         mode = f"plant.modes[{m}]"

@@ -390,8 +390,8 @@ def refuse_places(model: Actuator | PulledSlider) -> None:
     """Raise QuantityError where no motion can be periodic, for each place has a step of its own."""
     if model.normal_force is not None and np.any(model.normal_force.varies):
         raise QuantityError(
-            "the normal force changes along the stroke, and so does the step: there is none that is steady. At "
-            "a place x [m] ask with model.replace(normal_force=model.normal_force.uniform) and "
+            "the normal force changes along the stroke, and so does the step: there is none that is steady. "
+            "At a place x [m] ask with model.replace(normal_force=model.normal_force.uniform) and "
             "load=model.normal_force.factor(x)"
         )
 
