@@ -92,6 +92,7 @@ TARGETS = (
     Target("friction/exponential.py", ("tests/friction/test_exponential.py",), ("decay", "_series")),
     Target("friction/maxwell_slip.py", BRANCHES),
     Target("friction/reset_integrator.py", BRANCHES),
+    Target("friction/normal_force.py", ("tests/friction/test_normal_force.py",)),
     Target("friction/*.py", LAWS),
     Target("mechanism.py", MOTION),
     Target("simulation/models.py", MOTION, ("mechanism", "system", "resting_state", "_held")),
@@ -131,6 +132,9 @@ TARGETS = (
         (f"{CONTACT}two_bodies",),
         ("shear_modulus", "contact_modulus", "tangential_modulus", "dundurs"),
     ),
+    Target(
+        "estimate/influence.py", ("tests/estimate/test_influence.py",), ("prior_influence", "_deviation")
+    ),
     Target("contact/persson.py", ("tests/contact/test_roughness.py",), ("real_area", "holds")),
     Target("contact/roughness.py", ("tests/contact/test_roughness.py",), ("self_affine", "with_other")),
     Target(
@@ -144,7 +148,7 @@ TARGETS = (
     Target("contact/iwan.py", (f"{CONTACT}iwan", f"{CONTACT}a_backbone"), ("maxwell_slip", "of_backbone")),
     Target("contact/ageing.py", (f"{CONTACT}time_and_wear",), ("stiction_ratio",)),
     Target("contact/wear.py", (f"{CONTACT}time_and_wear",), ("force", "worn_depth")),
-    Target("contact/preload.py", (f"{CONTACT}preload",), ("normal_force",)),
+    Target("contact/preload.py", (f"{CONTACT}preload",), ("normal_force", "along")),
     Target("contact/comparing.py", ("tests/contact/test_comparing.py",), ("_fitted", "_holm")),
     Target("actuator.py", ("tests/test_actuator.py",), ("axial_force", "from_parts")),
     Target("design/information.py", ("tests/design/test_choice.py",), ("covariance", "plus", "times")),
