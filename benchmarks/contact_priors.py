@@ -62,7 +62,10 @@ def truths_of(prior: ss.contact.ContactPrior, count: int, far: bool) -> list[dic
     if far:
         off *= (random.uniform(2.0, 4.0, count) / np.hypot(*off.T))[:, None]
     return [
-        {name: prior.known[name].value * prior.known[name].factor ** float(d) for name, d in zip(FREE, row, strict=True)}
+        {
+            name: prior.known[name].value * prior.known[name].factor ** float(d)
+            for name, d in zip(FREE, row, strict=True)
+        }
         for row in off
     ]
 
@@ -92,11 +95,15 @@ def main(count: int) -> None:
                 for how, fit in (("without", alone), ("with", helped))
             }
             worse += error["with"] > error["without"]
-            shown = {n: [f"{truth[n]:.3g}", f"{alone.values[n]:.3g}", f"{helped.values[n]:.3g}"] for n in FREE}
+            shown = {
+                n: [f"{truth[n]:.3g}", f"{alone.values[n]:.3g}", f"{helped.values[n]:.3g}"] for n in FREE
+            }
             print(kind, seed, shown, flush=True)
         print(f"{kind}: of {count}, intervals of 95 % that hold the truth: {held}")
         print({name: f"width with over without, median {np.median(w):.2f}" for name, w in widths.items()})
-        print(f"recordings and prior disagree: {noticed}; prior.held beyond 1.96: {by_held}; worse with it: {worse}")
+        print(
+            f"recordings and prior disagree: {noticed}; prior.held beyond 1.96: {by_held}; worse with it: {worse}"
+        )
 
 
 if __name__ == "__main__":

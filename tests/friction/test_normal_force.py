@@ -29,7 +29,9 @@ def powers(force, n):
 
 def by_hand(p: NormalForce, x: float) -> float:
     place = x + p.origin
-    return (1 + p.slope * place) ** p.power + p.ripple * math.sin(2 * math.pi * place / p.wavelength + p.phase)
+    return (1 + p.slope * place) ** p.power + p.ripple * math.sin(
+        2 * math.pi * place / p.wavelength + p.phase
+    )
 
 
 @pytest.mark.parametrize("force", [SPRING, MAGNET, TRACK])

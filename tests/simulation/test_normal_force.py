@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 
 import plants
 import stickslip as ss
-from stickslip.contact import Mindlin, PreloadMagnet, PreloadSpring
+from stickslip.contact import Mindlin
 from stickslip.friction import NormalForce
 from stickslip.parameters.writing import parameter_text
 from stickslip.report.fits import model_numbers, model_of
@@ -181,15 +181,3 @@ def test_a_rig_feels_the_place_that_it_has_come_to() -> None:
         walked.append(float(np.ptp(recording["end_effector_position"].values)))
     assert walked[0] == pytest.approx(walked[1], rel=2e-3)
     assert abs(walked[2] - walked[1]) > 0.02 * walked[1]
-
-
-@pytest.mark.parametrize("x", [0.0, 2e-3, -1e-3])
-def test_springs_and_magnets_along_a_stroke(x: float) -> None:
-    spring = PreloadSpring("1.4 N", "200 N/m")
-    rising = spring.along(0.1)
-    assert rising.factor(x) == pytest.approx(spring.normal_force(0.1 * x) / spring.force, rel=1e-12)
-    magnet = PreloadMagnet("1.2 T", "10 mm^2", "3 mm")
-    opening = magnet.along("0.5 mm", 0.05, stiffness_exponent=1 / 3)
-    expected = magnet.normal_force(0.5e-3 + 0.05 * x) / magnet.normal_force(0.5e-3)
-    assert opening.factor(x) == pytest.approx(expected, rel=1e-12)
-    assert opening.stiffness_exponent == 1 / 3
