@@ -1,4 +1,4 @@
-"""Do intervals hold that were made with a prior from a contact? Random truths, near the prior and far from it.
+"""Do intervals hold that were made with a prior from a contact? Random truths, near it and far off.
 
 The rig, prior and walk of the page docs/gallery/contact-prior.md. Truths of two kinds: drawn from the prior,
 of which 95 % intervals must hold 95 %; and on a ring two to four of its standard deviations off, as of films,
@@ -101,9 +101,8 @@ def main(count: int) -> None:
             print(kind, seed, shown, flush=True)
         print(f"{kind}: of {count}, intervals of 95 % that hold the truth: {held}")
         print({name: f"width with over without, median {np.median(w):.2f}" for name, w in widths.items()})
-        print(
-            f"recordings and prior disagree: {noticed}; prior.held beyond 1.96: {by_held}; worse with it: {worse}"
-        )
+        print(f"recordings and prior disagree: {noticed}; prior.held beyond 1.96: {by_held}")
+        print(f"further off with the prior: {worse}")
 
 
 if __name__ == "__main__":

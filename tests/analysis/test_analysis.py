@@ -203,7 +203,7 @@ def test_a_walk_in_short(tmp_path: Path) -> None:
         ({"priors": {"sigma0": [1, 1]}}, "a prior for 'sigma0', which is not free"),
         ({"priors": {"coulomb_force": 0.4}}, "priors.coulomb_force"),
         ({"priors": {"coulomb_force": ["0.4 m", "1 mN"]}}, "prior of coulomb_force.*0.4 m"),
-        ({"priors": {}, "prior": {}}, r"prior is unknown .did you mean 'priors'"),
+        ({"priors": {}, "prior": {}}, "there is no field 'prior' .did you mean 'priors'"),
     ):
         (tmp_path / "walk.yaml").write_text(yaml.safe_dump({**file, "noise": "10 nm", **wrong}), "utf-8")
         with pytest.raises(ValueError, match=words):

@@ -1,4 +1,4 @@
-"""The share of the normal force along the stroke, its slope and curvature, and what follows from its power."""
+"""The share of the normal force along the stroke, its slope and curvature, and powers of the load."""
 
 from __future__ import annotations
 
@@ -29,9 +29,8 @@ def powers(force, n):
 
 def by_hand(p: NormalForce, x: float) -> float:
     place = x + p.origin
-    return (1 + p.slope * place) ** p.power + p.ripple * math.sin(
-        2 * math.pi * place / p.wavelength + p.phase
-    )
+    sine = math.sin(2 * math.pi * place / p.wavelength + p.phase)
+    return (1 + p.slope * place) ** p.power + p.ripple * sine
 
 
 @pytest.mark.parametrize("force", [SPRING, MAGNET, TRACK])

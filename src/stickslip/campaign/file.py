@@ -64,8 +64,8 @@ class CampaignFile(Strict):
     recordings for them (use: piezo). `filter` and `slew_rate` are those of the position channel and of the
     amplifier, where they are known. `published` are r² that others found, by recording (and of all steps,
     "step"). What takes longer is done on request: `posterior` (at most `posterior_simulations`), `profiles`
-    of the likelihood, `model_choice` among all models of a walk, or those that it names, laws of one's own among
-    them.
+    of the likelihood, `model_choice` among all models of a walk, or those that it names, laws of one's own
+    among them.
     """
 
     title: str
