@@ -20,36 +20,31 @@ from stickslip.estimate import prior_influence
 from stickslip.rig.bench import Mounted
 
 FREE = ("sigma_0", "coulomb_force")
-WALK = ss.Sawtooth("65 V", "50 Hz", periods=2)
-DRIVE = ss.waveform.Sequence(ss.waveform.Rest("10 ms"), WALK)
+WALK = ss.Sawtooth(65.0, 50.0, periods=2)
+NOISE = 6e-9  # m/√Hz, of the sensor
 
 
 def rig_of(prior: ss.contact.ContactPrior):
-    """What records two periods with a poor sensor, of a contact; and what the fits take of it."""
+    """What records two periods with a poor sensor, of a contact; and what is fitted to them."""
     bench = ss.rig.load_bench("kang2007-bench")
-    sensor = Mounted(ss.electronics.Interferometer("1 nm", noise_density="2 nm/√Hz"), "end_effector", None)
+    sensor = Mounted(ss.electronics.Interferometer(1e-9, noise_density=NOISE), "end_effector", None)
     bench = bench.replace(sensors={**bench.sensors, "poor": sensor})
-    start = ss.load_actuator("kang2007").replace(friction=prior.law(sigma_1="30 N s/m"))
+    start = ss.load_actuator("kang2007").replace(friction=prior.law(sigma_1=30.0))
     channels = {"drive_voltage": ss.rig.Channel("drive"), "end_effector_position": ss.rig.Channel("poor")}
-    capture = ss.rig.Capture(length="60 ms", interval="0.5 ms", pre_trigger="10 ms")
-    slew_rate = bench.amplifier.max_current / bench.piezo_capacitance
+    capture = ss.rig.Capture(length=0.06, interval=50e-6, pre_trigger=0.01)
 
     def recorded(truth: dict[str, float], seed: int):
         law = start.friction._replace(**truth, stiction_force=truth["coulomb_force"])
         rig = ss.rig.VirtualRig(start.replace(friction=law), bench, seed=seed)
-        return ss.rig.measure(rig, WALK, channels, capture, ss.rig.Limits(max_voltage="100 V"))
+        return ss.rig.measure(rig, WALK, channels, capture, ss.rig.Limits(max_voltage=100.0))
 
     def fitted(recording, priors):
+        asked = recording["drive_voltage"].values
+        volts = ss.identify.applied_voltage(asked, 20e3, bench.amplifier, bench.piezo_capacitance)
+        drive = ss.Sampled(recording["time"].values, np.maximum(volts, 0.0))
+        noise = float(recording["end_effector_position"].values[:200].std())  # before the trigger
         return ss.identify_friction(
-            recording,
-            start,
-            list(FREE),
-            priors=priors,
-            noise="0.38 um",
-            channel=("delay",),
-            hops=1,
-            drive=DRIVE,
-            slew_rate=slew_rate,
+            recording, start, list(FREE), priors=priors, noise=noise, channel=("delay",), hops=1, drive=drive
         )
 
     return recorded, fitted
@@ -61,18 +56,14 @@ def truths_of(prior: ss.contact.ContactPrior, count: int, far: bool) -> list[dic
     off = random.standard_normal((count, 2))
     if far:
         off *= (random.uniform(2.0, 4.0, count) / np.hypot(*off.T))[:, None]
-    return [
-        {
-            name: prior.known[name].value * prior.known[name].factor ** float(d)
-            for name, d in zip(FREE, row, strict=True)
-        }
-        for row in off
-    ]
+    known = [prior.known[name] for name in FREE]
+    truths = np.array([of.value * of.factor**column for of, column in zip(known, off.T, strict=True)]).T
+    return [dict(zip(FREE, row, strict=True)) for row in truths.tolist()]
 
 
 def main(count: int) -> None:
-    surface = self_affine("0.6 um", 0.8, longest="128 um", shortest="2 um", roll_off="20 um")
-    prior = rough_prior(load_pair("brass-aluminium"), "1.39 N", surface, "4 mm^2")
+    surface = self_affine(0.6e-6, 0.8, longest=128e-6, shortest=2e-6, roll_off=20e-6)
+    prior = rough_prior(load_pair("brass-aluminium"), 1.39, surface, 4e-6)
     print(prior.report())
     recorded, fitted = rig_of(prior)
     for kind in ("of the prior", "far off"):

@@ -120,7 +120,8 @@ class WalkAnalysis(WalkFile):
             fit = under.together
         if self.priors:
             progress("fitting without the priors", 0.0)
-            alone = identify_friction([d for d, _ in fitted], model, self.free, **options | {"priors": None})
+            options["priors"] = None
+            alone = identify_friction([d for d, _ in fitted], model, self.free, **options)
             influence = prior_influence(alone, fit)
         walks = {label: UsedWalk(source.use, d, w) for label, (source, d, w) in data.items()}
         document = walk_document(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,6 +19,7 @@ from ..units import QuantityError
 from ..waveform.drive import Drive, constant, evaluate, segment_at, value_slope_curvature
 from ..waveform.signal import Waveform
 from . import two_port
+from .strain import strained
 
 # A stage without dynamics has no frequency of its own to compare velocities with positions by.
 _STATIC_STAGE_RATE = 1e4  # rad/s
@@ -203,6 +203,10 @@ class Contact(NamedTuple):
         return self.table or constant(1.0)
 
 
+# How often the place of rest is looked for: each time it is a hundred times nearer or more.
+_PLACES = 8
+
+
 def resting_state(of: System, before: float, load: float = 1.0) -> NDArray[np.float64]:
     """The state at rest under the drive value `before` and the constant forces, with the normal force `load`
     times the plant's; where no deflection of the contact holds them, it begins at its bound.
@@ -210,19 +214,10 @@ def resting_state(of: System, before: float, load: float = 1.0) -> NDArray[np.fl
     Where the normal force changes along the stroke, it is that of the place, which follows from what the
     contact holds.
     """
-    contact = of.contact
-    q = _resting(of, before, load, 0.0)
-    for _ in range(_PLACES if contact is not None and contact.along is not None else 0):
-        q, last = _resting(of, before, load, float(q[of.slider])), q
-        if np.array_equal(q, last):
-            break
+    q, along = _resting(of, before, load, 0.0), of.contact is not None and of.contact.along is not None
+    for _ in range(_PLACES if along else 0):
+        q = _resting(of, before, load, float(q[of.slider]))
     return q
-
-
-def lifted_off(of: System, place: float) -> bool:
-    """Whether hardly anything presses the contact at a place [m]."""
-    along = of.contact.along if of.contact is not None else None
-    return along is not None and not along.presses(place)
 
 
 def _resting(of: System, before: float, load: float, place: float) -> NDArray[np.float64]:
@@ -261,39 +256,6 @@ def _held(of: System, q: NDArray[np.float64], load: float, place: float) -> floa
     q[of.bodies : of.inner] = z = strained(contact.law, held / normal)
     ones = [element_of(contact.law, e) for e in range(len(z))]
     return normal * sum(rate(one, 0.0, d)[0] for one, d in zip(ones, z, strict=True))
-
-
-# Slow against every Stribeck velocity: what a contact that creeps into sliding does.
-_CREEPING = 1e-9  # m/s
-_FARTHEST = 1.0  # m, for a law whose bristle never ends
-# How often the place of rest is looked for: each time it is thousands of times nearer.
-_PLACES = 20
-
-
-def strained(law: Any, force: float) -> NDArray[np.float64]:
-    """Equal deflection of all elements that carries a force at rest; each at most where sliding ends it."""
-    ones = [element_of(law, e) for e in range(elements(law))]
-    ends = [_largest(lambda d, one=one: rate(one, _CREEPING, d)[1] > 0.0, _FARTHEST) for one in ones]
-
-    def below(d: float) -> bool:
-        return sum(rate(one, 0.0, min(d, end))[0] for one, end in zip(ones, ends, strict=True)) < abs(force)
-
-    d = _largest(below, max(ends))
-    return np.copysign([min(d, end) for end in ends], force)
-
-
-def _largest(holds: Callable[[float], bool], limit: float) -> float:
-    """The largest number up to the limit for which something holds that holds for small ones, bisected."""
-    low, high = 0.0, 1e-12
-    while high < limit and holds(high):
-        low, high = high, 2.0 * high
-    high = min(high, limit)
-    if holds(high):
-        return high
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if holds(middle) else (low, middle)
-    return low
 
 
 def classic(

@@ -31,7 +31,6 @@ from .models import (
     checked_drive,
     classic,
     contact_load,
-    lifted_off,
     refuse_no_waveform,
 )
 from .refinement import refined
@@ -206,7 +205,8 @@ class _Task(NamedTuple):
         times, start, text = self.times, np.zeros(0), COMPLETE
         if run.outcome != DONE:
             reason = _OUTCOMES.get(run.outcome, f"more than {self.max_steps} steps were needed")
-            if run.outcome == STEP_TOO_SMALL and lifted_off(self.of, run.place):
+            along = self.of.contact.along if self.of.contact is not None else None
+            if run.outcome == STEP_TOO_SMALL and along is not None and not along.presses(run.place):
                 reason = f"the contact lifts off at {with_prefix(run.place, 'm')}, where nothing presses it"
             end = with_prefix(times[-1], "s")
             text = f"stopped at t = {with_prefix(run.reached, 's')} of {end}: {reason}"
