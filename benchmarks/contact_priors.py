@@ -20,18 +20,20 @@ from stickslip.estimate import prior_influence
 from stickslip.rig.bench import Mounted
 
 FREE = ("sigma_0", "coulomb_force")
+NOISE = 0.38e-6  # m rms, of the sensor at 2 kHz
 WALK = ss.Sawtooth(65.0, 50.0, periods=2)
-NOISE = 6e-9  # m/√Hz, of the sensor
+DRIVE = ss.waveform.Sequence(ss.waveform.Rest(0.01), WALK)
 
 
 def rig_of(prior: ss.contact.ContactPrior):
     """What records two periods with a poor sensor, of a contact; and what is fitted to them."""
     bench = ss.rig.load_bench("kang2007-bench")
-    sensor = Mounted(ss.electronics.Interferometer(1e-9, noise_density=NOISE), "end_effector", None)
+    sensor = Mounted(ss.electronics.Interferometer(1e-9, noise_density=2e-9), "end_effector", None)
     bench = bench.replace(sensors={**bench.sensors, "poor": sensor})
     start = ss.load_actuator("kang2007").replace(friction=prior.law(sigma_1=30.0))
     channels = {"drive_voltage": ss.rig.Channel("drive"), "end_effector_position": ss.rig.Channel("poor")}
-    capture = ss.rig.Capture(length=0.06, interval=50e-6, pre_trigger=0.01)
+    capture = ss.rig.Capture(length=0.06, interval=0.5e-3, pre_trigger=0.01)
+    drive = ss.electronics.driven(bench.amplifier, DRIVE, bench.piezo_capacitance, 0.06)
 
     def recorded(truth: dict[str, float], seed: int):
         law = start.friction._replace(**truth, stiction_force=truth["coulomb_force"])
@@ -39,12 +41,8 @@ def rig_of(prior: ss.contact.ContactPrior):
         return ss.rig.measure(rig, WALK, channels, capture, ss.rig.Limits(max_voltage=100.0))
 
     def fitted(recording, priors):
-        asked = recording["drive_voltage"].values
-        volts = ss.identify.applied_voltage(asked, 20e3, bench.amplifier, bench.piezo_capacitance)
-        drive = ss.Sampled(recording["time"].values, np.maximum(volts, 0.0))
-        noise = float(recording["end_effector_position"].values[:200].std())  # before the trigger
         return ss.identify_friction(
-            recording, start, list(FREE), priors=priors, noise=noise, channel=("delay",), hops=1, drive=drive
+            recording, start, list(FREE), priors=priors, noise=NOISE, channel=("delay",), hops=1, drive=drive
         )
 
     return recorded, fitted
