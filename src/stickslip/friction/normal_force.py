@@ -79,18 +79,22 @@ class NormalForce(NamedTuple):
         return found
 
 
+# Where the contact has lifted off.
+_NOTHING = (math.nan, math.nan, math.nan)
+
+
 def _along(force: Any, x: float) -> tuple[float, float, float]:
     at = force.origin + x
     base = 1.0 + force.slope * at
     if not base > 0.0:
-        return math.nan, math.nan, math.nan
+        return _NOTHING
     share, k = base**force.power, force.power * force.slope / base
     wave = 2.0 * math.pi / force.wavelength
     angle = wave * at + force.phase
     ripple = force.ripple * math.sin(angle)
     whole = share + ripple
     if not whole > 0.0:
-        return math.nan, math.nan, math.nan
+        return _NOTHING
     steepness = (share * k + force.ripple * wave * math.cos(angle)) / whole
     second = share * k * (force.power - 1.0) * force.slope / base - wave * wave * ripple
     return whole, steepness, second / whole - steepness * steepness
