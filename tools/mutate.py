@@ -132,9 +132,7 @@ TARGETS = (
         (f"{CONTACT}two_bodies",),
         ("shear_modulus", "contact_modulus", "tangential_modulus", "dundurs"),
     ),
-    Target(
-        "estimate/influence.py", ("tests/estimate/test_influence.py",), ("prior_influence", "_deviation")
-    ),
+    Target("estimate/influence.py", ("tests/estimate/test_influence.py",), ("prior_influence", "_deviation")),
     Target("contact/persson.py", ("tests/contact/test_roughness.py",), ("real_area", "holds")),
     Target("contact/roughness.py", ("tests/contact/test_roughness.py",), ("self_affine", "with_other")),
     Target(
