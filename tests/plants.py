@@ -65,6 +65,26 @@ def input_of(element: Element, q: Array, u: tuple[float, ...], outputs: list[flo
     return s + entries(element.feed, len(outputs)) @ outputs
 
 
+def load_of(element: Element, q: Array, normal: tuple[float, ...]) -> tuple[float, float]:
+    """Normal force over its reference, and its rate over itself."""
+    of_time, rate = (normal[0], normal[1] / normal[0]) if element.loaded is not None else (1.0, 0.0)
+    p, steepness, speed = 1.0, 0.0, 0.0
+    if (along := element.along) is not None:
+        place = max(m for m, share in enumerate(element.push) if share is not None)
+        x, speed = q[2 * place], q[2 * place + 1]
+        p, steepness = (shape_along(along, x, order) for order in (0, 1))
+    return element.normal * of_time * p, rate + steepness / p * speed
+
+
+def shape_along(along: Any, x: float, order: int) -> float:
+    """p(x), or its slope by hand."""
+    wave = 2 * np.pi / along.wavelength
+    if order == 0:
+        return (1 + along.slope * x) ** along.power + along.ripple * np.sin(wave * x + along.phase)
+    spring = along.power * along.slope * (1 + along.slope * x) ** (along.power - 1)
+    return spring + wave * along.ripple * np.cos(wave * x + along.phase)
+
+
 def motion(
     plant: Plant, sides: tuple[float, ...], q: Array, u: tuple[float, ...], normal: tuple[float, ...]
 ) -> tuple[Array, Array]:
@@ -75,14 +95,17 @@ def motion(
         z, inside = np.split(inside, [states_of(element.law)])
         s = input_of(element, bodies, u, f)
         side = float(np.sign(side))
-        loaded = element.loaded is not None
+        n, grows = load_of(element, bodies, normal)
         if not z.size:
             force = 0.0 if side == 0.0 else one_sided(element.law, s, np.array([side]), side)[0]
         else:
             force, dz = one_sided(element.law, s, z, side)
-            new = max(normal[1], 0.0) / normal[0] if loaded else 0.0
-            rates += list(dz - new * z)
-        f.append(element.normal * (normal[0] if loaded else 1.0) * force)
+            # The deflection itself, which falls where new contact carries nothing yet.
+            power = 1.0 if element.along is None else element.along.stiffness_exponent
+            d = z * n ** (1.0 - power)
+            change = dz - power * max(grows, 0.0) * d
+            rates += list(n ** (power - 1.0) * change + (power - 1.0) * grows * z)
+        f.append(n * force)
     push = np.array([entries(e.push, len(plant.modes)) for e in plant.elements])
     push = push.reshape(len(plant.elements), len(plant.modes))
     free = np.array(

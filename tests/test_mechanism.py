@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from stickslip.actuator import Actuator, PulledSlider
-from stickslip.friction import Coulomb, LuGre, MaxwellSlip, force
+from stickslip.friction import Coulomb, LuGre, MaxwellSlip, NormalForce, force
 from stickslip.mechanism import (
     FIRST_BRISTLE,
     SLIDER,
@@ -195,6 +195,23 @@ def test_state_at_rest(slope: float, load: float) -> None:
     assert q[0] == pytest.approx((T * U - carried) / K, rel=1e-12)
     assert q[2] == q[0]
     assert q[1] == q[3] == 0.0
+
+
+@pytest.mark.parametrize("slope", [SLOPE, -SLOPE])
+def test_state_at_rest_where_the_normal_force_changes(slope: float) -> None:
+    """It is that of the place, which follows from what the contact carries; of a static law, from what it
+    can carry there."""
+    along = NormalForce(slope=1e5, stiffness_exponent=0.4)
+    tilted = ACTUATOR.replace(incline=slope, normal_force=along)
+    q = resting_state(system(tilted, normal=0.9), U)
+    carried = M_E * 9.80665 * math.sin(slope) - LOAD
+    assert abs(1e5 * q[2]) > 0.05
+    assert 0.9 * (1.0 + 1e5 * q[2]) * force(LAW, 0.0, q[4:]) == pytest.approx(carried, rel=1e-9)
+    assert q[0] == pytest.approx((T * U - carried) / K, rel=1e-12)
+    weak = tilted.replace(friction=Coulomb(0.1), normal_force=along._replace(stiffness_exponent=1.0))
+    x = resting_state(system(weak), U)[2]
+    holds = math.copysign(0.1, carried)  # N at x = 0, less than is to be carried
+    assert x == pytest.approx((T * U - holds) / (K + 1e5 * holds), rel=1e-9)
 
 
 def test_state_at_rest_of_a_stage_that_feels_no_friction() -> None:

@@ -21,7 +21,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from . import registry
-from .friction import is_law
+from .friction import NormalForce, elements, is_law
 from .parameters import (
     ParameterSet,
     ParameterSetError,
@@ -100,6 +100,14 @@ def _check_friction(system: Any) -> None:
         raise QuantityError(f"{owner}.friction = {system.friction!r} must be a law with its values: {known}")
     if not isinstance(system.name, str):
         raise QuantityError(f"{owner}.name = {system.name!r} must be a text")
+    along = system.normal_force
+    if along is not None and not isinstance(along, NormalForce):
+        raise QuantityError(f"{owner}.normal_force = {along!r} must be a NormalForce, or None")
+    if along is not None and elements(system.friction) == 0 and along.stiffness_exponent != 1.0:
+        raise QuantityError(
+            f"{owner}.normal_force.stiffness_exponent = {along.stiffness_exponent:g} is of a bristle's "
+            f"stiffness; {type(system.friction).__name__} has none"
+        )
 
 
 @record
@@ -136,6 +144,7 @@ class Actuator(NamedTuple):
     `stage_mass` is the effective mass m = 4 m_p/π² + m_s (see `from_parts`). `incline` is the slope of +x; it
     changes the weight along x only, not the friction. `piezo`, hysteresis and creep of the stroke under the
     voltage; None: y = C u at rest. `further_modes` of the stage add their strokes to that of the first.
+    `normal_force`, how it changes along the stroke; None: it is the same everywhere.
     `name` is the parameter set that the values come from, as `load_actuator` takes it, or empty. Raises
     QuantityError for a wrong value.
     """
@@ -161,6 +170,7 @@ class Actuator(NamedTuple):
     ] = None
     piezo: Piezo | None = None
     further_modes: StageModes | None = None
+    normal_force: NormalForce | None = None
     name: str = ""
 
     citation, citation_keys, assumptions = _citation, _citation_keys, _assumptions
@@ -324,7 +334,7 @@ class PulledSlider(NamedTuple):
     """A mass on fixed ground, pulled through a spring whose other end moves as the waveform says, in metres.
 
     A tribometer, or a positioning system with a compliant drive. The friction acts between ground and mass,
-    and so does `damping` (guide, air).
+    and so does `damping` (guide, air). `normal_force`: how it changes along the way of the mass.
     """
 
     mass: Mass
@@ -332,6 +342,7 @@ class PulledSlider(NamedTuple):
     damping: Damping
     friction: Any
     external_force: Force = 0.0
+    normal_force: NormalForce | None = None
     name: str = ""
 
     citation, citation_keys, assumptions = _citation, _citation_keys, _assumptions
@@ -371,4 +382,6 @@ def _built(system_type: Any, parameters: ParameterSet) -> Any:
         given["piezo"] = piezo_of(parameters)
         where = f"{parameters.file}, [further_modes]"
         given["further_modes"] = build(StageModes, parameters.modes, where) if parameters.modes else None
+    along, where = parameters.normal_force, f"{parameters.file}, [normal_force]"
+    given["normal_force"] = build(NormalForce, along, where) if along else None
     return build(system_type, parameters.values, str(parameters.file), **given)

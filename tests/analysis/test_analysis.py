@@ -184,12 +184,30 @@ def test_a_walk_in_short(tmp_path: Path) -> None:
     assert not document.numbers["undetermined"]
     file |= {"priors": {"coulomb_force": ["0.5 N", "10 pN"]}, "noise": "1 mm"}
     (tmp_path / "walk.yaml").write_text(yaml.safe_dump(file), "utf-8")
-    told = run_file(tmp_path / "walk.yaml").numbers["parameters"]["coulomb_force"]
+    document = run_file(tmp_path / "walk.yaml")
+    told = document.numbers["parameters"]["coulomb_force"]
     assert told.value == pytest.approx(0.5, rel=1e-4)  # a prior that knows it, of a recording that does not
+    assert document.numbers["priors"]["coulomb_force"]["open"]
+    assert "coulomb_force: the recordings say less than the prior, 0.5 N, which moved it" in document.summary
+    file |= {"priors": {"coulomb_force": ["0.4 N", "10 mN"]}, "noise": "10 nm"}
+    (tmp_path / "walk.yaml").write_text(yaml.safe_dump(file), "utf-8")
+    document = run_file(tmp_path / "walk.yaml")
+    assert "coulomb_force: recordings and prior disagree: 0.54 N without it" in document.summary
+    assert document.sections[-1].title == "Priors"
+    assert document.numbers["priors"]["coulomb_force"]["disagrees"]
     del file["noise"]
     (tmp_path / "walk.yaml").write_text(yaml.safe_dump(file), "utf-8")
     with pytest.raises(ValueError, match=r"priors weigh against the noise: give noise \[m\]"):
         run_file(tmp_path / "walk.yaml")
+    for wrong, words in (
+        ({"priors": {"sigma0": [1, 1]}}, "a prior for 'sigma0', which is not free"),
+        ({"priors": {"coulomb_force": 0.4}}, "priors.coulomb_force"),
+        ({"priors": {"coulomb_force": ["0.4 m", "1 mN"]}}, "prior of coulomb_force.*0.4 m"),
+        ({"priors": {}, "prior": {}}, "there is no field 'prior' .did you mean 'priors'"),
+    ):
+        (tmp_path / "walk.yaml").write_text(yaml.safe_dump({**file, "noise": "10 nm", **wrong}), "utf-8")
+        with pytest.raises(ValueError, match=words):
+            run_file(tmp_path / "walk.yaml")
 
 
 @pytest.mark.parametrize(

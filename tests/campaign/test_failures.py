@@ -58,6 +58,18 @@ def test_a_right_model_lacks_nothing(tmp_path: Path) -> None:
     assert "model_choice" not in results["numbers"]
 
 
+def test_a_prior_that_the_recordings_contradict_is_told(tmp_path: Path) -> None:
+    priors = {"coulomb_force": ["0.3 N", "30 mN"], "sigma_0": ["1.4 N/um", "0.7 N/um"]}
+    done, results = run(tmp_path, KANG, priors=priors, noise="50 nm", hops=0)
+    assert "coulomb_force: recordings and prior disagree" in results["summary"], done.stderr
+    assert "sigma_0: the prior, 1.4e+06 N/m, moved it" in results["summary"]
+    told = results["numbers"]["priors"]
+    assert told["coulomb_force"]["disagrees"]
+    assert not told["sigma_0"]["disagrees"]
+    found = results["numbers"]["friction"]["parameters"]["coulomb_force"]
+    assert found["value"] == told["coulomb_force"]["with"]["value"]
+
+
 def test_a_wrong_law_is_noticed_and_the_right_one_is_named(tmp_path: Path) -> None:
     law = KANG.friction
     f, k = law.coulomb_force, law.sigma_0

@@ -241,6 +241,15 @@ def test_preload() -> None:
         spring.normal_force(-2.1e-3)
     with pytest.raises(QuantityError, match="gap"):
         magnet.normal_force(-1e-3)
+    for x in (0.0, 2e-3, -1e-3):  # along a stroke
+        rising = spring.along(0.1).factor(x)
+        assert rising == pytest.approx(spring.normal_force(0.1 * x) / 2.0, rel=1e-12)
+        opening = magnet.along("0.5 mm", 0.05, stiffness_exponent=1 / 3)
+        expected = magnet.normal_force(0.5e-3 + 0.05 * x) / magnet.normal_force(0.5e-3)
+        assert opening.factor(x) == pytest.approx(expected, rel=1e-12)
+        assert opening.stiffness_exponent == 1 / 3
+    with pytest.raises(QuantityError, match=r"gap = -0\.001 m is out of range"):
+        magnet.along("-1 mm", 0.05)
 
 
 @pytest.mark.parametrize(

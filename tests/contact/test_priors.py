@@ -190,3 +190,9 @@ def test_materials_and_files_of_ones_own(tmp_path: Path) -> None:
             load_pair(own)
     with pytest.raises(ParameterSetError, match="no friction pair 'steel-steal'"):
         load_pair("steel-steal")
+    glass = tmp_path / "glass.toml"
+    glass.write_text(glass.read_text().replace("0.22", "0.6"))
+    own.write_text(text)
+    for load, file in ((load_material, glass), (load_pair, own)):
+        with pytest.raises(ParameterSetError, match=r"glass\.toml.*poissons_ratio = 0\.6 is out of range"):
+            load(file)

@@ -5,7 +5,16 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from plants import Lag
-from stickslip.friction import Coulomb, CoulombViscous, Dahl, Elastoplastic, LuGre, MaxwellSlip, Stribeck
+from stickslip.friction import (
+    Coulomb,
+    CoulombViscous,
+    Dahl,
+    Elastoplastic,
+    LuGre,
+    MaxwellSlip,
+    NormalForce,
+    Stribeck,
+)
 from stickslip.plant.system import Element, Mode, Plant
 
 LUGRE = LuGre(1.4e6, 35.0, 0.7, 0.54, 0.7, 1e-3)
@@ -217,4 +226,39 @@ CASES = {
     ),
     "no element": Case(Plant((STAGE,), (), RATE), (1.0, 3.0), ()),
 }
+ALONG = NormalForce(slope=3e5, power=-2.0, ripple=0.1, wavelength=2e-6, phase=0.4, stiffness_exponent=0.4)
+CASES["a load along the stroke"] = Case(
+    Plant(
+        (STAGE, FREE, SLIDER),
+        (
+            Element(LUGRE, (1.0, -1.0, None), (-10.0, 7.7, None), 1.3, 1.0, along=ALONG),
+            Element(MAXWELL, (1.0, None, -1.0), (-10.0, None, 12.0), 0.8, along=ALONG._replace(power=1.0)),
+        ),
+        RATE,
+    ),
+    (1.0, 3.0, 0.2, 1.0, -0.6, 2.0),
+    (2.0, 1.1, 2.5),
+)
+CASES["back along the stroke"] = CASES["a load along the stroke"]._replace(
+    motion=(1.0, 3.0, 0.2, -2.5, -0.6, -2.0), normal=FALLING
+)
+CASES["slides along the stroke"] = Case(
+    Plant(
+        (STAGE, FREE, SLIDER),
+        (
+            Element(
+                COULOMB,
+                (1.0, -1.0, None),
+                (-10.0, 7.7, None),
+                0.9,
+                along=ALONG._replace(stiffness_exponent=1.0),
+            ),
+            Element(LUGRE, (1.0, None, -1.0), (-10.0, None, 12.0), 0.8),
+        ),
+        RATE,
+    ),
+    (1.0, 3.0, 0.2, 1.0, -0.6, 2.0),
+    (1.1,),
+)
+CASES["held along the stroke"] = CASES["slides along the stroke"]._replace(held=(0,))
 CASES["a falling load"] = CASES["a rising load"]._replace(normal=FALLING)

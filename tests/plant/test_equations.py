@@ -21,6 +21,7 @@ from plants import (
     input_of,
     jacobian,
     law_at,
+    load_of,
     motion,
     scale_of,
     states_of,
@@ -118,8 +119,8 @@ def differences(plant, q, other):
 
 
 @compiled
-def unloaded(plant, q, factors):
-    return generated.unloaded(plant, q, factors)
+def unloaded(plant, q, ratio):
+    return generated.unloaded(plant, q, ratio)
 
 
 @compiled
@@ -138,9 +139,9 @@ def branches(plant, sides, q, v, dv):
 
 
 @compiled
-def described(plant, normal):
+def described(plant, q, normal):
     return (
-        (generated.breakaways(plant, normal), generated.statics(plant), generated.contacts(plant)),
+        (generated.breakaways(plant, q, normal), generated.statics(plant), generated.contacts(plant)),
         (generated.drive_rates(plant), generated.no_sides(plant)),
         (generated.follows_drive(plant), generated.moves_freely(plant)),
     )
@@ -380,11 +381,15 @@ def test_how_far_two_states_are_apart(case: Case) -> None:
 
 
 def test_jump_of_the_load(case: Case) -> None:
-    q = state_of(case)
-    factors = [1.0] * 2 * len(case.plant.modes)
-    for element in case.plant.elements:
-        factors += [0.25 if element.loaded is not None else 1.0] * states_of(element.law)
-    np.testing.assert_allclose(unloaded(case.plant, tuple(q), 0.25), q * factors, rtol=1e-15)
+    """To four times: force stays. To a quarter: deflection stays, and carries by its stiffness."""
+    q, bodies = state_of(case), [1.0] * 2 * len(case.plant.modes)
+    for ratio in (0.25, 4.0):
+        factors = bodies.copy()
+        for element in case.plant.elements:
+            power = 1.0 if element.along is None else element.along.stiffness_exponent
+            kept = 0.25 if ratio < 1.0 else 4.0 / 4.0**power
+            factors += [kept if element.loaded is not None else 1.0] * states_of(element.law)
+        np.testing.assert_allclose(unloaded(case.plant, tuple(q), ratio), q * factors, rtol=1e-15)
 
 
 def test_state_from_an_array(case: Case) -> None:
@@ -394,10 +399,11 @@ def test_state_from_an_array(case: Case) -> None:
 
 
 def test_what_is_said_of_the_elements(case: Case) -> None:
-    forces, drives, flags = described(case.plant, case.normal)
+    q = state_of(case)
+    forces, drives, flags = described(case.plant, tuple(q), case.normal)
     found, none = case.plant.elements, [0.0]
     static = [states_of(e.law) == 0 for e in found]
-    loads = [e.normal * (case.normal[0] if e.loaded is not None else 1.0) for e in found]
+    loads = [load_of(e, q, case.normal)[0] for e in found]
     limits = [
         load * reference.largest_force_at_rest(e.law) if at_rest else math.inf
         for e, load, at_rest in zip(found, loads, static, strict=True)
@@ -410,7 +416,7 @@ def test_what_is_said_of_the_elements(case: Case) -> None:
     np.testing.assert_array_equal(drives[1], [0.0] * len(found) or none)
     follows = any(e.drive_rate is not None and k for e, k in zip(found, kinked, strict=True))
     anywhere = any(mode.stiffness == 0.0 for mode in case.plant.modes)
-    assert flags == (follows, anywhere and all(e.position is None for e in found))
+    assert flags == (follows, anywhere and all(e.position is None and e.along is None for e in found))
 
 
 def test_unrest(case: Case) -> None:

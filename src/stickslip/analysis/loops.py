@@ -9,6 +9,7 @@ import xarray as xr
 from pydantic import Discriminator, Field, Tag
 
 from .. import registry
+from ..estimate.influence import prior_influence
 from ..figures.identification import fit_with_residuals, friction_loop, law_ranking
 from ..figures.style import svg
 from ..identify.candidates import Candidate, Comparison
@@ -20,16 +21,18 @@ from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import fit_numbers, parameter_table
 from ..verification import verify
 from .file import Analysis, AnalysisError, RecordingFile, read_parts
+from .priors import with_priors
 
 
 class LawSpec(Strict):
     """A law to fit: its name (or ``path.py:Name``, beside the file), the values at which the fit starts, what
-    is free, and what is tied to others (see `identify_loops`); `label` for tables."""
+    is free, what is tied to others, and `priors` (see `identify_loops`); `label` for tables."""
 
     law: str
     fields: dict[str, float | str | list[float | str]]
     free: list[str]
     bounds: dict[str, tuple[float, float]] = Field(default_factory=dict)
+    priors: dict[str, tuple[float | str, float | str]] = Field(default_factory=dict)
     tied: dict[str, str] = Field(default_factory=dict)
     label: str = ""
 
@@ -41,7 +44,8 @@ class LawSpec(Strict):
             raise AnalysisError(f"laws.law: {error}") from error
         fields = {k: tuple(v) if isinstance(v, list) else v for k, v in self.fields.items()}
         label, made = self.label or law.__name__, law(**fields)
-        return Candidate(label, made, tuple(self.free), dict(self.bounds), tied=dict(self.tied))
+        own = {"tied": dict(self.tied), "priors": dict(self.priors)}
+        return Candidate(label, made, tuple(self.free), dict(self.bounds), **own)
 
 
 # A law by its name, or with values of one's own; an error is said of that one alone.
@@ -54,11 +58,14 @@ LawChoice = Annotated[
 
 class LoopAnalysis(Analysis):
     """See the module. Recordings have position, friction_force and, with `reference_normal_force`,
-    normal_force; `flip` turns the sign of the force, for channels that show the force on the other body."""
+    normal_force; `flip` turns the sign of the force, for channels that show the force on the other body;
+    `noise` is that of the force, against which priors weigh: what they did to the best law is told beside a
+    fit without them."""
 
     kind: Literal["friction_loops"]
     reference_normal_force: Annotated[float, quantity("N")] | None = None
     flip: bool = False
+    noise: Annotated[float, quantity("N")] | None = None
     marks: dict[str, float] = Field(default_factory=dict)
     laws: list[LawSpec]
     recordings: list[RecordingFile]
@@ -74,15 +81,19 @@ class LoopAnalysis(Analysis):
             raise AnalysisError(
                 "recordings: at least one with 'use: fit' and one with 'use: verify' are needed"
             )
-        results = compare_laws(
-            data["fit"],
-            data["verify"],
-            [spec.candidate(folder) for spec in self.laws],
-            channel_free=(),
-            progress=progress,
-            reference_normal_force=self.reference_normal_force,
-        )
-        return self._document(data, results)
+        laws = [spec.candidate(folder) for spec in self.laws]
+        options: dict[str, Any] = {
+            "channel_free": (),
+            "reference_normal_force": self.reference_normal_force,
+            "noise": self.noise,
+        }
+        results = compare_laws(data["fit"], data["verify"], laws, progress=progress, **options)
+        document = self._document(data, results)
+        best = next(law for law in laws if law.label == results.best)
+        if not best.priors:
+            return document
+        without = compare_laws(data["fit"], data["verify"], [best._replace(priors={})], **options)
+        return with_priors(document, prior_influence(without.fits[best.label], results.fits[best.label]))
 
     def _turned(self, recording: xr.Dataset) -> xr.Dataset:
         if not self.flip or "friction_force" not in recording:

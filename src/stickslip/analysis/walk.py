@@ -13,6 +13,7 @@ from pydantic import Field
 
 from ..actuator import Actuator, load_actuator
 from ..estimate.goodness import goodness
+from ..estimate.influence import prior_influence
 from ..estimate.result import Fit
 from ..experiment.cells import drive_of
 from ..experiment.file import PartSpec
@@ -29,6 +30,7 @@ from ..report.origin import origin_of
 from ..units import near_one
 from ..waveform.signal import Waveform
 from .file import Analysis, AnalysisError, RecordingFile, read_parts
+from .priors import with_priors
 
 _ROLE = {"fit": "fitted", "verify": "predicted"}
 
@@ -73,7 +75,8 @@ class WalkFile(Analysis):
 
 class WalkAnalysis(WalkFile):
     """See the module; `tied`, `starts`, `hops`, `tolerance` (of the simulations), and `priors` (value and
-    standard deviation) that weigh against `noise`, as for `identify_friction`. `by` names an attribute of the
+    standard deviation) that weigh against `noise`, as for `identify_friction`; what they did is told beside
+    a fit without them. `by` names an attribute of the
     recordings (voltage, temperature, ...) for each value of which they are fitted alone too."""
 
     kind: Literal["walk"]
@@ -109,16 +112,22 @@ class WalkAnalysis(WalkFile):
             "tolerance": self.tolerance,
             "progress": partial(within, progress, 0.0, 0.7),
         }
-        under = None
+        under, influence = None, ()
         if self.by is None:
             fit = identify_friction([d for d, _ in fitted], model, self.free, **options)
         else:
             under = identify_conditions([d for d, _ in fitted], model, self.free, self.by, **options)
             fit = under.together
+        if self.priors:
+            progress("fitting without the priors", 0.0)
+            options["priors"] = None
+            alone = identify_friction([d for d, _ in fitted], model, self.free, **options)
+            influence = prior_influence(alone, fit)
         walks = {label: UsedWalk(source.use, d, w) for label, (source, d, w) in data.items()}
         document = walk_document(
             self.title, fit, model, walks, self.notes, partial(within, progress, 0.7, 0.3)
         )
+        document = with_priors(document, influence)
         return document if under is None else _with_conditions(document, under)
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..analysis.alignment import POSITION, Aligned
+from ..analysis.priors import with_priors
 from ..analysis.verification import verification_numbers
 from ..estimate.lack import said
 from ..experiment import Recorded
@@ -90,7 +91,7 @@ def campaign_document(
     lacking = [*dict.fromkeys(said((*friction.lack, *found.everything.lacks)))]
     if lacking and found.additional.choice is not None:
         lacking.append(f"of the models compared, {found.additional.choice.best} predicts unseen walks best")
-    return Document(
+    document = Document(
         title=file.title,
         summary=(
             f"Friction fitted to {len(found.walks) - unseen} of {len(found.walks)} walks, r² "
@@ -109,6 +110,7 @@ def campaign_document(
         citations=origin.citations,
         failures=found.failures,
     )
+    return with_priors(document, found.priors)
 
 
 def _set_up(file: CampaignFile, found: Found, recorded: Sequence[Recorded]) -> Section:

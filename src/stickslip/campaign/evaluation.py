@@ -12,6 +12,7 @@ from ..actuator import Actuator
 from ..analysis.alignment import Aligned
 from ..chain import Chain
 from ..electronics import Filter
+from ..estimate.influence import PriorInfluence, prior_influence
 from ..estimate.lack import said
 from ..estimate.result import Fit
 from ..identify.step.fit import identify_step, step_formula_errors
@@ -46,7 +47,7 @@ class Found(NamedTuple):
     or for a law without derivatives; `walks` are the recordings of `verification`, in its order, and
     `features` what they show without a model; `chain` is what the prediction takes between the model and the
     channel; `everything` are the fits to all walks, which say whether one set of values explains them;
-    `additional` is what was done on request.
+    `additional` is what was done on request; `priors`, what each did to the fit of the friction.
     """
 
     gathered: list[Aligned]
@@ -65,6 +66,7 @@ class Found(NamedTuple):
     everything: Explained
     failures: list[str]
     additional: Additional
+    priors: tuple[PriorInfluence, ...] = ()
 
     @property
     def widened_stage(self) -> Fit | None:
@@ -163,7 +165,18 @@ def evaluate(
             *dict.fromkeys([*(stage.failures if stage else ()), *friction.failures, *lacking]),
         ],
         additional(file, alone, walks, stage, bool(lacking), folder, progress),
+        _influence(file, fitted, model, stage, alone),
     )
+
+
+def _influence(
+    file: CampaignFile, fitted: Sequence[Aligned], model: Actuator, stage: Fit | None, friction: Fit
+) -> tuple[PriorInfluence, ...]:
+    """What the priors did, beside a fit without them."""
+    if not file.priors:
+        return ()
+    alone = _friction(file.model_copy(update={"priors": {}}), fitted, model, stage)
+    return prior_influence(alone, friction)
 
 
 def _friction(file: CampaignFile, fitted: Sequence[Aligned], model: Actuator, stage: Fit | None) -> Fit:
@@ -174,6 +187,8 @@ def _friction(file: CampaignFile, fitted: Sequence[Aligned], model: Actuator, st
         drive=[one.drive for one in fitted],
         begin=None if stage is None else {"delay": stage.values["delay"]},
         tied=file.tied,
+        priors=file.priors,
+        noise=file.noise,
         hops=file.hops,
         slew_rate=file.known_slew_rate,
     )

@@ -57,13 +57,15 @@ class CampaignFile(Strict):
 
     `experiment` is an experiment file that is recorded first. `model` is a parameter set or a file, whose
     fields `change` and `friction` change; the fit of the parameters `free` starts there, with `hops` and
-    `tied` as for `identify_friction`. `reference` is a channel that shows the clamped position too, and
-    better: on the steps the position is scaled to it, the time `settling` after them left out; hysteresis and
-    creep are taken from it, where there are recordings for them (use: piezo). `filter` and
-    `slew_rate` are those of the position channel and of the amplifier, where they are known. `published` are
-    r² that others found, by recording (and of all steps, "step"). What takes longer is done on request:
-    `posterior` (at most `posterior_simulations`), `profiles` of the likelihood, `model_choice` among all
-    models of a walk, or those that it names, laws of one's own among them.
+    `tied` as for `identify_friction`, and `priors` (value and standard deviation, of a contact for example),
+    which weigh against `noise`, that of the position; what they did is told beside a fit without. `reference`
+    is a channel that shows the clamped position too, and better: on the steps the position is scaled to it,
+    the time `settling` after them left out; hysteresis and creep are taken from it, where there are
+    recordings for them (use: piezo). `filter` and `slew_rate` are those of the position channel and of the
+    amplifier, where they are known. `published` are r² that others found, by recording (and of all steps,
+    "step"). What takes longer is done on request: `posterior` (at most `posterior_simulations`), `profiles`
+    of the likelihood, `model_choice` among all models of a walk, or those that it names, laws of one's own
+    among them.
     """
 
     title: str
@@ -75,6 +77,8 @@ class CampaignFile(Strict):
     friction: dict[str, float | str] = Field(default_factory=dict)
     free: list[str] = Field(default_factory=lambda: ["sigma_0", "sigma_1", "coulomb_force"], min_length=1)
     tied: dict[str, str] = Field(default_factory=dict)
+    priors: dict[str, tuple[float | str, float | str]] = Field(default_factory=dict)
+    noise: Annotated[float, quantity("m")] | None = None
     hops: int = 6
     reference: str | None = None
     filter: FilterSpec | None = None

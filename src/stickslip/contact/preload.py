@@ -18,8 +18,9 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..friction import NormalForce
 from ..records import Quantity, record
-from ..units import QuantityError
+from ..units import QuantityError, to_si
 from .hertz import Load
 
 MU_0 = 4e-7 * math.pi  # V s/(A m)
@@ -42,6 +43,16 @@ class PreloadSpring(NamedTuple):
         """
         return _pressing(self.force + self.stiffness * np.asarray(rise, float))
 
+    def along(self, rise: float | str, stiffness_exponent: float = 1.0) -> NormalForce:
+        """What an actuator takes: over a stroke along which the seat rises by so much [m] per metre (a wedge,
+        a guide that is not parallel), where friction holds at the force of the spring.
+
+        Raises:
+            QuantityError: out of range.
+        """
+        slope = to_si(rise, "", "rise") * self.stiffness / self.force
+        return NormalForce(slope, stiffness_exponent=stiffness_exponent)
+
 
 @record
 class PreloadMagnet(NamedTuple):
@@ -57,6 +68,18 @@ class PreloadMagnet(NamedTuple):
         if not np.all(gap >= 0.0):
             raise QuantityError("gap [m] is out of range: it must be >= 0 m")
         return self.flux_density**2 * self.area / (2.0 * MU_0) / (1.0 + gap / self.length) ** 2
+
+    def along(self, gap: float | str, opens: float | str, stiffness_exponent: float = 1.0) -> NormalForce:
+        """What an actuator takes: over a stroke along which the gap, so wide [m] at its begin, opens by so
+        much [m] per metre, where friction holds at the force over that gap.
+
+        Raises:
+            QuantityError: out of range.
+        """
+        gap, opens = to_si(gap, "m", "gap"), to_si(opens, "", "opens")
+        if not gap >= 0.0:
+            raise QuantityError(f"gap = {gap:g} m is out of range: it must be >= 0 m")
+        return NormalForce(opens / (gap + self.length), -2.0, stiffness_exponent=stiffness_exponent)
 
 
 def _pressing(force: Array) -> Array:

@@ -21,7 +21,7 @@ from ..friction import breakaway, elements, rate
 from ..friction import element as element_of
 from ..progress import Progress, unheard
 from ..simulation.errors import SimulationError, SimulationWarning
-from ..simulation.models import strained
+from ..simulation.strain import strained
 from ..units import QuantityError, optional_si, to_si, with_prefix
 from ..waveform.periodic import Sawtooth
 from ..waveform.signal import Waveform

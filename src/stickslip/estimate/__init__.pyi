@@ -1,5 +1,7 @@
 from .fit import fit_least_squares as fit_least_squares
 from .goodness import Goodness as Goodness
+from .influence import PriorInfluence as PriorInfluence
+from .influence import prior_influence as prior_influence
 from .lack import Lack as Lack
 from .parameter import Parameter as Parameter
 from .posterior import Posterior as Posterior

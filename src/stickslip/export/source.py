@@ -13,6 +13,7 @@ from .. import registry
 from ..actuator import Actuator, PulledSlider, load_actuator, load_pulled_slider
 from ..chain import Chain
 from ..estimate.result import Fit
+from ..friction import NormalForce
 from ..parameters import ParameterSetError, load_set
 from ..piezo import Piezo
 from ..records import quantities
@@ -41,11 +42,7 @@ def exported(source: Any) -> Exported:
         ParameterSetError, QuantityError: a file is missing or wrong.
     """
     model = getattr(source, "model", source)
-    said = refused(getattr(model, "piezo", None))
-    if not said and getattr(model, "further_modes", None) is not None:
-        said = "further_modes are not part of exported code: export the actuator with its first mode alone"
-    if said:
-        raise ExportError(said)
+    _refuse(model)
     if isinstance(source, Actuator | PulledSlider):
         return Exported(source, _sources(source, {}))
     if isinstance(source, Fit):
@@ -75,6 +72,17 @@ def exported(source: Any) -> Exported:
     return exported(load_pulled_slider(text) if kind == "pulled_slider" else load_actuator(text))
 
 
+def _refuse(model: Any) -> None:
+    """Raise ExportError for what exported code has not."""
+    said = refused(getattr(model, "piezo", None))
+    if not said and getattr(model, "further_modes", None) is not None:
+        said = "further_modes are not part of exported code: export the actuator with its first mode alone"
+    if not said and getattr(model, "normal_force", None) is not None:
+        said = "a normal force along the stroke is not part of exported code: set normal_force to None"
+    if said:
+        raise ExportError(said)
+
+
 def _of_results(file: Path) -> Exported:
     """The actuator that ``stickslip identify`` wrote into a results.json."""
     try:
@@ -86,9 +94,9 @@ def _of_results(file: Path) -> Exported:
             for part, one in found.get("piezo", {}).items()
         }
         piezo = Piezo(**parts) if parts else None
-        model = Actuator(
-            **_fields(found["actuator"]), friction=law(**_fields(found["friction"])), piezo=piezo
-        )
+        along = NormalForce(**_fields(found["normal_force"])) if "normal_force" in found else None
+        given = {"friction": law(**_fields(found["friction"])), "piezo": piezo, "normal_force": along}
+        model = Actuator(**_fields(found["actuator"]), **given)
     except OSError as error:
         raise ExportError(f"{file} cannot be read: {error.strerror}") from error
     except QuantityError as error:
@@ -97,6 +105,7 @@ def _of_results(file: Path) -> Exported:
         raise ExportError(
             f"{file} holds no actuator: only the fit of a walk (kind: walk) gives one that can be exported"
         ) from None
+    _refuse(model)
     fitted = {
         name: f"fitted, standard error {entry['standard_error']:.3g}"
         for name, entry in numbers.get("parameters", {}).items()

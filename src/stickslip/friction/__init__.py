@@ -11,6 +11,7 @@ from .law import project as project
 from .law import rate as rate
 from .law import register as register
 from .law import register as register_law  # noqa: F401  (its public name)
+from .normal_force import NormalForce as NormalForce
 
 # In the order of the thesis, which lists of laws keep; those of other files come after them.
 # isort: off

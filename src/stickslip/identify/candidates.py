@@ -19,7 +19,7 @@ from .recorded.channels import channel, names_of, recordings_of
 
 class Candidate(NamedTuple):
     """A law with its start values, what is free in it, bounds where the usual ones do not do, how many
-    searches to begin within them, and what is tied to what is free."""
+    searches to begin within them, what is tied to what is free, and priors of it."""
 
     label: str
     model: Any
@@ -27,6 +27,7 @@ class Candidate(NamedTuple):
     bounds: Bounds
     starts: int = 1  # more for a law whose sum of squares has several local minima
     tied: Mapping[str, str] = {}  # never changed
+    priors: Mapping[str, tuple[float | str, float | str]] = {}  # never changed
 
 
 @dataclass(frozen=True, eq=False)

@@ -261,6 +261,7 @@ def python(state: State, sets: Sets = PACKAGE) -> str:
     lines = [
         "import stickslip as ss",
         *(["from stickslip.piezo import *"] if "piezo" in changed else []),
+        *(["from stickslip.friction import NormalForce"] if changed.get("normal_force") else []),
         "",
         *dict.fromkeys(filter(None, (_own(type(actuator.friction)), _own(type(waveform))))),
         f"actuator = {model}",

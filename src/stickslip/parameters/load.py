@@ -74,13 +74,16 @@ class ParameterSet(NamedTuple):
     reported: dict[str, Entry]
     piezo: dict[str, Part]
     modes: dict[str, Entry]
+    normal_force: dict[str, Entry]
 
     def entries(self) -> dict[str, Entry]:
         """All values that go into the record, those of friction as "friction.sigma_0"."""
         found = self.values | {f"friction.{name}": entry for name, entry in self.friction.items()}
         for name, part in self.piezo.items():
             found |= {f"piezo.{name}.{field}": entry for field, entry in part.values.items()}
-        return found | {f"further_modes.{name}": entry for name, entry in self.modes.items()}
+        for prefix, table in (("further_modes", self.modes), ("normal_force", self.normal_force)):
+            found |= {f"{prefix}.{name}": entry for name, entry in table.items()}
+        return found
 
 
 def available_sets() -> tuple[str, ...]:
@@ -171,7 +174,8 @@ def _read(name: str, file: Path) -> ParameterSet:
         registry.laws.find(law, file.parent)
     except registry.RegistryError as error:
         raise ParameterSetError(f"{file}: [friction] law = {law!r}: {error}") from error
-    reported, piezo, modes = (tables.pop(key, {}) for key in ("reported", "piezo", "further_modes"))
+    apart = ("reported", "piezo", "further_modes", "normal_force")
+    reported, piezo, modes, along = (tables.pop(key, {}) for key in apart)
     if content["kind"] == "friction" and tables:
         raise ParameterSetError(f"{file}: [{next(iter(tables))}] is unknown in a set of kind 'friction'")
     return ParameterSet(
@@ -186,6 +190,7 @@ def _read(name: str, file: Path) -> ParameterSet:
         reported=read_entries(file, "reported.", reported),
         piezo=_read_piezo(file, piezo),
         modes=read_entries(file, "further_modes.", modes),
+        normal_force=read_entries(file, "normal_force.", along),
     )
 
 

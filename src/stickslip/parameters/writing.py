@@ -38,8 +38,9 @@ def parameter_text(
         if part is not None:
             lines += [f"[piezo.{name}]", f"model = {_text(registry.piezos.name_of(type(part)))}", ""]
             lines += _tables(part, f"piezo.{name}.", source, {})
-    if getattr(record, "further_modes", None) is not None:
-        lines += _tables(record.further_modes, "further_modes.", source, {})
+    for name in ("further_modes", "normal_force"):
+        if getattr(record, name, None) is not None:
+            lines += _tables(getattr(record, name), f"{name}.", source, {})
     return "\n".join(lines)
 
 

@@ -15,6 +15,7 @@ from .writing import (
     normal_of,
     padded,
     pin,
+    place_of,
     present,
     side_of,
     state_terms,
@@ -33,7 +34,7 @@ def slope(layout: Layout) -> Text:
             *drive_terms(shape, e),
         ]
         lines.append(f"s{e} = {sum_of([*inputs, *fed_terms(shape, e, lambda i: f'f{i}')])}")
-        lines += loaded_share(shape)
+        lines += loaded_share(e, shape)
         if shape.static:
             lines.append(
                 f"f{e} = 0.0 if sides[{e}] == 0.0 else "
@@ -45,10 +46,12 @@ def slope(layout: Layout) -> Text:
             lines.append(f"{'f' + str(e) if i == 0 else 'g'}, d{e}_{i} = {call}")
             if i > 0:
                 lines.append(f"f{e} += g")
-            if shape.loaded:
+            if shape.along:
+                lines.append(f"d{e}_{i} *= soft{e}")
+            if shape.loaded or shape.along:
                 lines.append(f"d{e}_{i} -= fresh * {z}")
             rates.append(f"d{e}_{i}")
-        lines.append(f"f{e} *= {normal_of(e, shape)}")
+        lines.append(f"f{e} *= n{e}" if shape.along else f"f{e} *= {normal_of(e, shape)}")
     for m in range(layout.modes):
         mode = f"plant.modes[{m}]"
         lines.append(
@@ -80,8 +83,11 @@ def _linearised(layout: Layout, e: int, shape: Shape) -> list[str]:
     by_time = [f"{own}.drive * u[1]"] if shape.drive else []
     by_time += [f"{own}.drive_rate * u[2]"] if shape.drive_rate else []
     lines.append(f"st{e} = {sum_of([*by_time, *fed_terms(shape, e, lambda i: f'ft{i}')])}")
-    lines.append(f"n{e} = {normal_of(e, shape)}")
-    lines += loaded_share(shape)
+    lines += [] if shape.along else [f"n{e} = {normal_of(e, shape)}"]
+    lines += loaded_share(e, shape)
+    if shape.along and shape.loaded:
+        change = f"part{e} * (normal[2] / normal[0] - grown{e} * grown{e}) if normal[0] > 0.0 else 0.0"
+        lines += [f"grown{e} = normal[1] / normal[0] if normal[0] > 0.0 else 0.0", f"dfresh = {change}"]
     lines += [f"f{e} = 0.0", f"phi{e} = 0.0", f"fast{e} = 0.0", f"ft{e} = 0.0"]
     if shape.static:
         lines += [
@@ -92,7 +98,9 @@ def _linearised(layout: Layout, e: int, shape: Shape) -> list[str]:
     for i, (law, z) in enumerate(states_of(layout, e)):
         side = "0.0" if shape.smooth else side_of(shape, e, i)
         lines.append(f"f, fv, fz{e}_{i}, zv{e}_{i}, zz = law_slopes({law}, s{e}, {z}, {side})")
-        if shape.loaded:
+        if shape.along:
+            lines += _softened(e, i, shape, law, z)
+        if shape.loaded or shape.along:
             lines.append("zz -= fresh")
         lines += [
             f"f{e} += f",
@@ -104,11 +112,47 @@ def _linearised(layout: Layout, e: int, shape: Shape) -> list[str]:
             f"fz{e}_{i} *= n{e}",
             f"fp{e}_{i} = fz{e}_{i} * pz{e}_{i}",
         ]
+        if shape.along and shape.loaded:
+            lines.append(f"zt{e}_{i} += stiffens{e}_{i} * grown{e}")
     if shape.loaded:
-        lines.append(f"ft{e} = n{e} * ft{e} + {own}.normal * normal[1] * f{e}")
+        share = f" * share{e}" if shape.along else ""
+        lines.append(f"ft{e} = n{e} * ft{e} + {own}.normal * normal[1]{share} * f{e}")
     else:
         lines.append(f"ft{e} *= n{e}")
-    return [*lines, f"phi{e} *= n{e}", f"f{e} *= n{e}"]
+    lines += [f"phi{e} *= n{e}", f"f{e} *= n{e}"]
+    return lines + (_placed(e, shape) if shape.along else [])
+
+
+def _softened(e: int, i: int, shape: Shape, law: str, z: str) -> list[str]:
+    """Of a contact whose normal force depends on the place, the slopes of the rate of a state: by the input
+    and itself with the factor on them, by the speed of the place, by the place."""
+    exponent = f"plant.elements[{e}].along.stiffness_exponent"
+    call = f"rate({law}, s{e}, {z})" if shape.smooth else f"smooth_rate({law}, s{e}, {z}, side)"
+    return [
+        f"side = {'0.0' if shape.smooth else side_of(shape, e, i)}",
+        f"stiffens{e}_{i} = ({exponent} - 1.0) * soft{e} * {call}[1]",
+        f"zv{e}_{i} *= soft{e}",
+        f"zz *= soft{e}",
+        f"zw{e}_{i} = -part{e} * steep{e} * {z}",
+        f"zx{e}_{i} = stiffens{e}_{i} * steep{e} - part{e} * curved{e} * q[{2 * place_of(shape) + 1}] * {z}",
+        f"zx{e}_{i} *= per_g",
+        f"zw{e}_{i} += zx{e}_{i}",
+    ]
+
+
+def _placed(e: int, shape: Shape) -> list[str]:
+    """What the speed V of the place adds to the output within a step, and the residual of its position, for
+    X = (r + V) per_g; the element's own push on V goes into its slope."""
+    m = place_of(shape)
+    by_speed = [f"fp{e}_{i} * zw{e}_{i}" for i in range(shape.states)]
+    by_place = [f"fp{e}_{i} * zx{e}_{i}" for i in range(shape.states)]
+    return [
+        f"chi = f{e} * steep{e} * per_g",
+        f"psi{e} = {sum_of(['chi', *by_speed])}",
+        f"psx{e} = {sum_of(['chi', *by_place])}",
+        f"kappa{e} = 1.0 / (1.0 - psi{e} * plant.elements[{e}].push[{m}] * D{m})",
+        f"phi{e} *= kappa{e}",
+    ]
 
 
 def _crossed(layout: Layout, i: int, j: int) -> str:
@@ -174,12 +218,20 @@ def _kept(layout: Layout) -> list[str]:
         names += [f"H{i}_{j}" for j in range(count)]
         names += [f"A{i}_{j}" for j in range(count) if i != j]
         names += [f"X{i}_{m}" for m in present(layout.elements[i].push)]
+        along = layout.elements[i].along
+        names += [f"psi{i}", f"psx{i}", f"kappa{i}"] if along else []
         for k in range(layout.elements[i].states):
             names += [f"fp{i}_{k}", f"zv{i}_{k}", f"pz{i}_{k}"]
+            names += [f"zw{i}_{k}", f"zx{i}_{k}"] if along else []
     return names
 
 
 def factor(layout: Layout) -> Text:
+    for shape in layout.elements:
+        if shape.along and sum(one.push[place_of(shape)] for one in layout.elements) > 1:
+            raise ValueError(
+                f"mode {place_of(shape)}, along which a load changes, is pushed by another element"
+            )
     lines = ["g = 1.0 / per_g"]
     for m in range(layout.modes):
         mode = f"plant.modes[{m}]"
@@ -229,12 +281,17 @@ def solved(layout: Layout) -> Text:
         ]
         lines.append(f"b{e} = {sum_of([*along_terms(shape, e, lambda m: f'x{m}', None), *position])}")
         rho = [f"fp{e}_{i} * r[{first[e] + i}]" for i in range(shape.states)]
+        if shape.along:
+            m = place_of(shape)
+            rho += [f"psi{e} * x{m}", f"psx{e} * r[{2 * m}]"]
         lines.append(f"rho{e} = {sum_of(rho)}")
+        lines += [f"rho{e} *= kappa{e}"] if shape.along else []
         if shape.static:  # a held contact keeps the rate of its input
             kept = sum_of(along_terms(shape, e, lambda m: f"r[{2 * m + 1}]", None))
             lines.append(f"b{e} -= 0.0 if sides[{e}] != 0.0 else ({kept}) * per_g")
     for i in range(count):
-        fed = [f"H{i}_{j} * rho{j}" for j in range(count) if layout.elements[j].states]
+        driven = [j for j, shape in enumerate(layout.elements) if shape.states or shape.along]
+        fed = [f"H{i}_{j} * rho{j}" for j in driven]
         lines.append(f"b{i} = {sum_of([f'b{i}', *fed])}")
     for i in range(count):
         lines += [f"b{i} -= A{i}_{j} * b{j}" for j in range(i)]
@@ -243,7 +300,7 @@ def solved(layout: Layout) -> Text:
         lines.append(f"b{i} = (b{i}{rest}) * P{i}")
     for e, shape in enumerate(layout.elements):
         lines.append(
-            f"f{e} = (phi{e} * b{e} if sides[{e}] != 0.0 else b{e})"
+            f"f{e} = (phi{e} * b{e} + rho{e} if sides[{e}] != 0.0 else b{e})"
             if shape.static
             else f"f{e} = phi{e} * b{e} + rho{e}"
         )
@@ -254,7 +311,12 @@ def solved(layout: Layout) -> Text:
         lines += pin(layout, e, "x", f"({kept}) * per_g")
     entries = [entry for m in range(layout.modes) for entry in (f"(r[{2 * m}] + x{m}) * per_g", f"x{m}")]
     for e, shape in enumerate(layout.elements):
-        entries += [f"(r[{first[e] + i}] + zv{e}_{i} * b{e}) * pz{e}_{i}" for i in range(shape.states)]
+        for i in range(shape.states):
+            made = f"r[{first[e] + i}] + zv{e}_{i} * b{e}"
+            if shape.along:
+                m = place_of(shape)
+                made += f" + zw{e}_{i} * x{m} + zx{e}_{i} * r[{2 * m}]"
+            entries.append(f"({made}) * pz{e}_{i}")
     return Text(lines, tuple_of(entries))
 
 

@@ -31,6 +31,7 @@ from ..friction.law import (
     ticked_state,
     with_branch,
 )
+from ..friction.normal_force import along, kept, softening, uniform
 from . import dynamics, kinematics, lanes
 from .system import Layout, layout_of
 
@@ -44,6 +45,10 @@ _NAMES = {
     "ticked_state": ticked_state,
     "breakaway": breakaway,
     "rate": rate,
+    "along": along,
+    "softening": softening,
+    "kept": kept,
+    "uniform": uniform,
     "element": element,
     "smooth_rate": smooth_rate,
     "law_slopes": law_slopes,
@@ -157,7 +162,7 @@ def riding(plant: Any, sides: Any, q: Any, u: Any, begun: Any, u_begun: Any) -> 
 
 
 @_generated
-def breakaways(plant: Any, normal: Any) -> Any:
+def breakaways(plant: Any, q: Any, normal: Any) -> Any:
     """Largest force of each static contact at rest [N]; infinite for the others."""
 
 
@@ -182,8 +187,8 @@ def gone(plant: Any, q: Any, begun: Any) -> Any:
 
 
 @_generated
-def unloaded(plant: Any, q: Any, factors: Any) -> Any:
-    """The state after the load of each loaded element jumped, its states multiplied by `factors`."""
+def unloaded(plant: Any, q: Any, ratio: Any) -> Any:
+    """The state after the load of each loaded element jumped; it was `ratio` times the new one."""
 
 
 @_generated

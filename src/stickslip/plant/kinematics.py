@@ -13,6 +13,7 @@ from .writing import (
     padded,
     pin,
     present,
+    share_along,
     side_of,
     state_terms,
     states_of,
@@ -127,10 +128,11 @@ def riding(layout: Layout) -> Text:
 
 
 def breakaways(layout: Layout) -> Text:
-    made = [
-        f"breakaway(plant.elements[{e}].law) * {normal_of(e, shape)}" if shape.static else "inf"
-        for e, shape in enumerate(layout.elements)
-    ]
+    made = []
+    for e, shape in enumerate(layout.elements):
+        along = f" * {share_along(e, shape)}[0]" if shape.along else ""
+        here = f"breakaway(plant.elements[{e}].law) * {normal_of(e, shape)}{along}"
+        made.append(here if shape.static else "inf")
     return Text([], padded(made))
 
 
@@ -165,7 +167,9 @@ def gone(layout: Layout) -> Text:
 def unloaded(layout: Layout) -> Text:
     entries = [f"q[{c}]" for c in range(2 * layout.modes)]
     for e, shape in enumerate(layout.elements):
-        factor = " * factors" if shape.loaded else ""
+        factor = " * min(ratio, 1.0)" if shape.loaded else ""
+        if shape.loaded and shape.along:
+            factor = f" * kept(plant.elements[{e}].along, ratio)"
         entries += [f"q[{layout.first[e] + i}]{factor}" for i in range(shape.states)]
     return Text([], tuple_of(entries))
 
@@ -198,7 +202,9 @@ def unrest(layout: Layout) -> Text:
 def moves_freely(layout: Layout) -> Text:
     free = [f"plant.modes[{m}].stiffness == 0.0" for m in range(layout.modes)]
     placed = any(any(shape.position) or shape.sampled for shape in layout.elements)
-    return Text([], "False" if placed else " or ".join(free) or "False")
+    alike = [f"uniform(plant.elements[{e}].along)" for e, s in enumerate(layout.elements) if s.along]
+    moves = " and ".join([f"({' or '.join(free) or 'False'})", *alike])
+    return Text([], "False" if placed else moves)
 
 
 def sampled(layout: Layout) -> Text:
@@ -244,10 +250,11 @@ def decay(layout: Layout) -> Text:
             continue
         mobility = sum_of(f"{own}.velocity[{m}] * {own}.push[{m}]" for m in shared)
         lines += [f"p = -({mobility}) * {own}.normal", "k = 0.0", "c = 0.0"]
+        soft = f" * softening({own}.along, {own}.normal)" if shape.along else ""
         for law, _ in states_of(layout, e):
             lines += [
                 f"_, fv, fz, zv, _ = law_slopes({law}, 0.0, 0.0, 1.0)",
-                "k += p * fz * zv",
+                f"k += p * fz * zv{soft}",
                 "c += p * fv",
             ]
         lines += ["if k > 0.0:", "    least = min(least, max(0.5 * c, 1.0 / lasts) / sqrt(k))"]

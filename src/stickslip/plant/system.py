@@ -20,7 +20,9 @@ Which shares are there is part of the type: None is a zero that costs nothing, a
 The last term is what a changing normal force does to a contact: what is newly loaded carries no tangential
 force (F stays, z falls in proportion), what is unloaded loses its share in proportion (z stays)
 [mindlin1953]. It takes the
-stiffness as proportional to the normal force: rough surfaces of many asperities, not a ball on a flat.
+stiffness as proportional to the normal force: rough surfaces of many asperities. A contact whose normal force
+changes along the stroke, N_e(t, x), or whose stiffness follows it with another power, has `along` (see
+`friction.normal_force`).
 """
 
 from __future__ import annotations
@@ -32,6 +34,7 @@ from numpy.typing import NDArray
 
 from .._jit import record_class
 from ..friction.law import elements, has_branches, is_sampled, is_smooth, is_static, pays_in_lanes
+from ..friction.normal_force import NormalForce
 
 
 class Mode(NamedTuple):
@@ -48,7 +51,8 @@ class Element(NamedTuple):
     """An element: `law`, its record; `velocity` h and `push` p (per unit of output), one entry per mode,
     None where there is none; `normal`, a factor on the output; `loaded`: 1.0 where the normal force varies
     as the load says, or None; then the rarer inputs, None if absent: `drive_rate` d', `drive` d, `position`
-    g (per mode), `feed` l (per earlier element)."""
+    g (per mode), `feed` l (per earlier element); `along`, a `NormalForce`, over the position of the last mode
+    that the element pushes, which nothing else may push."""
 
     law: Any
     velocity: tuple[float | None, ...]
@@ -59,6 +63,7 @@ class Element(NamedTuple):
     drive: float | None = None
     position: tuple[float | None, ...] | None = None
     feed: tuple[float | None, ...] | None = None
+    along: NormalForce | None = None
 
 
 class Plant(NamedTuple):
@@ -92,6 +97,7 @@ class Shape(NamedTuple):
     drive: bool
     position: tuple[bool, ...]
     feed: tuple[bool, ...]
+    along: bool
 
 
 class Layout(NamedTuple):
@@ -137,6 +143,7 @@ def _shape_of_record(element: Element) -> Shape:
         element.drive is not None,
         there(element.position),
         there(element.feed),
+        element.along is not None,
     )
 
 

@@ -79,8 +79,34 @@ def normal_of(e: int, shape: Shape) -> str:
     return f"{own} * normal[0]" if shape.loaded else own
 
 
-def loaded_share(shape: Shape) -> list[str]:
+def place_of(shape: Shape) -> int:
+    """The mode along whose position the normal force changes."""
+    return present(shape.push)[-1]
+
+
+def share_along(e: int, shape: Shape) -> str:
+    """p(x) with its steepness and curvature, see `friction.normal_force`."""
+    return f"along(plant.elements[{e}].along, q[{2 * place_of(shape)}])"
+
+
+def loaded_along(e: int, shape: Shape) -> list[str]:
+    """Normal factor n, the factor on the rates of the states, and what a change of n does to them."""
+    x, exponent = place_of(shape), f"plant.elements[{e}].along.stiffness_exponent"
+    rate = "(normal[1] / normal[0] if normal[0] > 0.0 else 0.0) + " if shape.loaded else ""
+    return [
+        f"share{e}, steep{e}, curved{e} = {share_along(e, shape)}",
+        f"n{e} = {normal_of(e, shape)} * share{e}",
+        f"grows{e} = {rate}steep{e} * q[{2 * x + 1}]",
+        f"part{e} = 1.0 if grows{e} > 0.0 else 1.0 - {exponent}",
+        f"fresh = part{e} * grows{e}",
+        f"soft{e} = softening(plant.elements[{e}].along, n{e})",
+    ]
+
+
+def loaded_share(e: int, shape: Shape) -> list[str]:
     """max(dN/dt, 0)/N and its derivative, for elements that feel the load."""
+    if shape.along:
+        return loaded_along(e, shape)
     if not shape.loaded or not shape.states:
         return []
     return [

@@ -12,6 +12,7 @@ from ..actuator import Actuator
 from ..chain import Chain
 from ..estimate.lack import Lack
 from ..estimate.result import Fit
+from ..friction import NormalForce
 from ..piezo import Piezo
 from ..records import quantities
 from ..units import QuantityError
@@ -116,6 +117,8 @@ def model_numbers(model: Actuator) -> dict[str, Any]:
         **registry.laws.written(type(model.friction)),
         "friction": _fields(model.friction),
     }
+    if model.normal_force is not None:
+        found["normal_force"] = _fields(model.normal_force)
     return found if model.piezo is None else {**found, "piezo": piezo_numbers(model.piezo)}
 
 
@@ -167,7 +170,9 @@ def model_of(numbers: Mapping[str, Any]) -> Actuator:
     try:
         friction = registry.laws.of_results(numbers)(**_values(numbers["friction"]))
         piezo = piezo_of(numbers["piezo"]) if "piezo" in numbers else None
-        return Actuator(**_values(numbers["actuator"]), friction=friction, piezo=piezo)
+        along = NormalForce(**_values(numbers["normal_force"])) if "normal_force" in numbers else None
+        values = _values(numbers["actuator"])
+        return Actuator(**values, friction=friction, piezo=piezo, normal_force=along)
     except (KeyError, TypeError, AttributeError) as error:
         raise QuantityError(
             f"there is no actuator in the results ({type(error).__name__}: {error})"

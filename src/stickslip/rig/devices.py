@@ -6,6 +6,7 @@ from typing import Any
 
 from .. import registry
 from ..actuator import Actuator
+from ..friction import NormalForce
 from .bench import load_bench
 from .protocols import Rig, RigError
 from .variation import EXACT, Repeats
@@ -65,4 +66,6 @@ def told_of(device: dict[str, Any], runs: int, after: int) -> dict[str, str]:
 
 def _actuator(device: dict[str, Any]) -> Actuator:
     fields = dict(device["actuator"])
+    if fields.get("normal_force"):
+        fields["normal_force"] = NormalForce(*fields["normal_force"])
     return Actuator(friction=registry.laws.of_client(device)(**fields.pop("friction")), **fields)

@@ -152,7 +152,7 @@ class VirtualRig:
         """Begin a run whose output comes update by update, at 0 V; the readings of these inputs."""
         self._forbid_running("begin")
         self.arm(inputs, MAX_POINTS)
-        actuator = self._repeats.actuator(self.actuator, self._runs)
+        actuator = self._here()
         seed = (self._seed, self._runs)
         stream = Stream(
             *(actuator, self.bench, inputs, seed, self._offset, self._per_unit, self._tolerance),
@@ -292,9 +292,16 @@ class VirtualRig:
                 rows.append(self._sensed(name, mounted, moved.samples[:, _COLUMN[mounted.on]], rate))
         return np.array(rows).reshape(len(rows), self._samples)
 
+    def _here(self) -> Actuator:
+        """The actuator of this run, with the normal force of the place that it has come to."""
+        actuator = self._repeats.actuator(self.actuator, self._runs)
+        if (along := actuator.normal_force) is None:
+            return actuator
+        return actuator.replace(normal_force=along._replace(origin=along.origin + self.origin))
+
     def _driven(self, drive: Waveform, end: float) -> tuple[Actuator, Waveform]:
         """The actuator of this run and its drive up to `end` [s]; behind the piezo, where that remembers."""
-        actuator = self._repeats.actuator(self.actuator, self._runs)
+        actuator = self._here()
         piezo = actuator.piezo
         if piezo is None or not remembers(piezo):
             return actuator, drive

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,6 +19,7 @@ from ..units import QuantityError
 from ..waveform.drive import Drive, constant, evaluate, segment_at, value_slope_curvature
 from ..waveform.signal import Waveform
 from . import two_port
+from .strain import strained
 
 # A stage without dynamics has no frequency of its own to compare velocities with positions by.
 _STATIC_STAGE_RATE = 1e4  # rad/s
@@ -141,7 +141,7 @@ def system(model: Actuator | PulledSlider, *, normal: float = 1.0, loaded: bool 
     load = 1.0 if loaded else None
     slider = Mode(mech.slider_stiffness, mech.slider_damping, mech.slider_drive, mech.slider_acceleration)
     if mech.kinematic and not mech.clamped:
-        contact = Element(law, (-1.0,), (mech.mobility,), normal, load, mech.gain)
+        contact = Element(law, (-1.0,), (mech.mobility,), normal, load, mech.gain, along=model.normal_force)
         return System(Plant((slider,), (contact,), mech.rate), (), 0, internal, gain=mech.gain)
     modes, pushes = _stage(model, mech)
     count = len(modes)
@@ -155,7 +155,8 @@ def system(model: Actuator | PulledSlider, *, normal: float = 1.0, loaded: bool 
         held = 1.0 / mech.mobility
         plant = Plant(modes, more, mech.rate)
         return System(plant, stages, 0, internal, hysteresis, gain, True, axial, held)
-    contact = Element(law, (*[1.0] * count, -1.0), (*pushes, mech.mobility), normal, load)
+    velocities = (*[1.0] * count, -1.0)
+    contact = Element(law, velocities, (*pushes, mech.mobility), normal, load, along=model.normal_force)
     plant = Plant((*modes, slider), (contact, *more), mech.rate)
     return System(plant, stages, 2 * count, internal, hysteresis)
 
@@ -202,11 +203,27 @@ class Contact(NamedTuple):
         return self.table or constant(1.0)
 
 
+# How often the place of rest is looked for: each time it is a hundred times nearer or more.
+_PLACES = 8
+
+
 def resting_state(of: System, before: float, load: float = 1.0) -> NDArray[np.float64]:
     """The state at rest under the drive value `before` and the constant forces, with the normal force `load`
-    times the plant's; where no deflection of the contact holds them, it begins at its bound."""
+    times the plant's; where no deflection of the contact holds them, it begins at its bound.
+
+    Where the normal force changes along the stroke, it is that of the place, which follows from what the
+    contact holds.
+    """
+    q, along = _resting(of, before, load, 0.0), of.contact is not None and of.contact.along is not None
+    for _ in range(_PLACES if along else 0):
+        q = _resting(of, before, load, float(q[of.slider]))
+    return q
+
+
+def _resting(of: System, before: float, load: float, place: float) -> NDArray[np.float64]:
+    """As `resting_state`, with the normal force at a place [m]."""
     q = np.zeros(of.states)
-    held = _held(of, q, load)
+    held = _held(of, q, load, place)
     contact = of.contact if of.stages else None
     for m, mode in enumerate(of.plant.modes):
         if mode.stiffness > 0.0:
@@ -221,15 +238,17 @@ def resting_state(of: System, before: float, load: float = 1.0) -> NDArray[np.fl
     return q
 
 
-def _held(of: System, q: NDArray[np.float64], load: float) -> float:
-    """The force with which the contact holds the constant forces on the slider, N; puts its deflection into
-    `q`."""
+def _held(of: System, q: NDArray[np.float64], load: float, place: float) -> float:
+    """The force with which the contact holds the constant forces on the slider at a place, N; puts its
+    deflection into `q`."""
     contact, slider = of.contact, of.slider // 2
     if contact is None:
         return 0.0
     pushed = contact.push[slider]
     held = -of.plant.modes[slider].acceleration / pushed if pushed else 0.0
     normal = contact.normal * load
+    if contact.along is not None:
+        normal *= float(contact.along.factor(place))
     if held == 0.0 or normal <= 0.0:
         return 0.0
     if elements(contact.law) == 0:
@@ -237,37 +256,6 @@ def _held(of: System, q: NDArray[np.float64], load: float) -> float:
     q[of.bodies : of.inner] = z = strained(contact.law, held / normal)
     ones = [element_of(contact.law, e) for e in range(len(z))]
     return normal * sum(rate(one, 0.0, d)[0] for one, d in zip(ones, z, strict=True))
-
-
-# Slow against every Stribeck velocity: what a contact that creeps into sliding does.
-_CREEPING = 1e-9  # m/s
-_FARTHEST = 1.0  # m, for a law whose bristle never ends
-
-
-def strained(law: Any, force: float) -> NDArray[np.float64]:
-    """Equal deflection of all elements that carries a force at rest; each at most where sliding ends it."""
-    ones = [element_of(law, e) for e in range(elements(law))]
-    ends = [_largest(lambda d, one=one: rate(one, _CREEPING, d)[1] > 0.0, _FARTHEST) for one in ones]
-
-    def below(d: float) -> bool:
-        return sum(rate(one, 0.0, min(d, end))[0] for one, end in zip(ones, ends, strict=True)) < abs(force)
-
-    d = _largest(below, max(ends))
-    return np.copysign([min(d, end) for end in ends], force)
-
-
-def _largest(holds: Callable[[float], bool], limit: float) -> float:
-    """The largest number up to the limit for which something holds that holds for small ones, bisected."""
-    low, high = 0.0, 1e-12
-    while high < limit and holds(high):
-        low, high = high, 2.0 * high
-    high = min(high, limit)
-    if holds(high):
-        return high
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if holds(middle) else (low, middle)
-    return low
 
 
 def classic(
@@ -325,6 +313,8 @@ def checked_drive(model: Actuator | PulledSlider, waveform: Waveform, end: float
     refuse_no_waveform(waveform)
     if waveform.unit != unit:
         raise QuantityError(f"the drive of an {type(model).__name__} is in {unit}, not in {waveform.unit}")
+    if periodic:
+        refuse_places(model)
     table = drive_table(model, waveform, end, periodic)
     if isinstance(model, Actuator):
         low, high = waveform.range()
@@ -356,6 +346,16 @@ def out_of_range(model: Actuator, low: float, high: float, minimum: float, maxim
         f"drive voltage from {low:g} V to {high:g} V is out of range: "
         f"{model.name or 'the actuator'} takes {minimum:g} V to {maximum:g} V"
     )
+
+
+def refuse_places(model: Actuator | PulledSlider) -> None:
+    """Raise QuantityError where no motion can be periodic, for each place has a step of its own."""
+    if model.normal_force is not None and np.any(model.normal_force.varies):
+        raise QuantityError(
+            "the normal force changes along the stroke, and so does the step: there is none that is steady. "
+            "At a place x [m] ask with model.replace(normal_force=model.normal_force.uniform) and "
+            "load=model.normal_force.factor(x)"
+        )
 
 
 def refuse_jumps(model: Actuator, table: Drive, period: float | None) -> None:

@@ -13,7 +13,7 @@ from ..recording import make_recording
 from ..solve.prescribed import follow_position
 from ..units import QuantityError, to_si
 from .errors import SimulationError
-from .models import strained
+from .strain import strained
 
 
 def friction_response(

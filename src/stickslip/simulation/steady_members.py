@@ -28,7 +28,7 @@ from .members import (
     prepared,
     waveform_columns,
 )
-from .models import checked_drive, contact_load
+from .models import checked_drive, contact_load, refuse_places
 from .steady import MAX_PERIODS, NOT_FOLLOWED, endless, not_found, period_of, stable, unstable
 
 CONVERGED, STOPPED, MISSED, UNSTABLE, REFUSED = range(5)
@@ -129,6 +129,7 @@ def orbit_blocks(
     if not tolerance > 0.0:
         raise QuantityError(f"tolerance = {tolerance} m must be > 0 m")
     contact_load(load, period)  # what is wrong with it is said at once
+    refuse_places(model)
     varies = bool(waveform_columns(waveform, columns))
     drive = None if varies else checked_drive(model, waveform, period, periodic=True)
     task = _Task(model, waveform, drive, load, tolerance, beside)

@@ -23,7 +23,16 @@ from ..waveform.drive import Drive, evaluate
 from ..waveform.signal import Waveform
 from . import two_port
 from .errors import SimulationError, SimulationWarning
-from .models import SLIDER, STAGE, Contact, System, checked_drive, classic, contact_load, refuse_no_waveform
+from .models import (
+    SLIDER,
+    STAGE,
+    Contact,
+    System,
+    checked_drive,
+    classic,
+    contact_load,
+    refuse_no_waveform,
+)
 from .refinement import refined
 from .state import REST, State, as_text, final_state, maker, placed
 
@@ -150,6 +159,7 @@ class _Run(NamedTuple):
     steps: int
     rejected: int
     resume: NDArray[np.float64]
+    place: float
 
 
 class _Task(NamedTuple):
@@ -179,7 +189,8 @@ class _Task(NamedTuple):
             *(self.of.plant, self.drive, self.contact.drive, q, span, tolerance, careful, self.max_steps),
             *(times, samples, resume, account),
         )
-        return _Run(samples, work, outcome, reached, steps, rejected, resume)
+        place = float(q[self.of.slider])
+        return _Run(samples, work, outcome, reached, steps, rejected, resume, place)
 
     def distance(self, one: _Run, other: _Run) -> float:
         """The largest difference of the end-effector's position, m; NaN where one does not reach the end."""
@@ -194,6 +205,9 @@ class _Task(NamedTuple):
         times, start, text = self.times, np.zeros(0), COMPLETE
         if run.outcome != DONE:
             reason = _OUTCOMES.get(run.outcome, f"more than {self.max_steps} steps were needed")
+            along = self.of.contact.along if self.of.contact is not None else None
+            if run.outcome == STEP_TOO_SMALL and along is not None and not along.presses(run.place):
+                reason = f"the contact lifts off at {with_prefix(run.place, 'm')}, where nothing presses it"
             end = with_prefix(times[-1], "s")
             text = f"stopped at t = {with_prefix(run.reached, 's')} of {end}: {reason}"
             keep = np.isfinite(samples[:, SLIDER])

@@ -32,7 +32,7 @@ from ..plant.lanes import LANES
 from ..waveform.members import member_of
 from .channels import at_nodes, segment_of
 from .log import _sides_of, logged_step
-from .run import END, FRACTION, LENGTH, START, share_kept
+from .run import END, FRACTION, LENGTH, START, load_ratio
 from .step import at, take
 
 
@@ -138,9 +138,9 @@ def _replay(plant, drive, load, log, rows, local, near, drives, first, room):
             put_state(plant, room, p, settled_alike(plant, trajectory, own, end))
         while j + 1 < load.start.size and load.start[j + 1] <= log[row, END]:
             j += 1
-            kept = share_kept(load, j, load.start[j])
+            ratio = load_ratio(load, j, load.start[j])
             for p in range(count):
-                put_state(plant, room, p, unloaded(plant, lane_state(plant, room, p), kept))
+                put_state(plant, room, p, unloaded(plant, lane_state(plant, room, p), ratio))
     for p in range(count):
         end = lane_state(plant, room, p)
         for s in range(len(end)):

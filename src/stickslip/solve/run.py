@@ -65,7 +65,7 @@ def started(plant, q, u, n, share):
     """Sides of the contacts at an instant: each slides as its speed says, or begins to as its acceleration
     says; a set-valued one at rest is held if it can be by this `share` of its breakaway. Returns the sides,
     and a measure of how fast things change [m/s²] with the largest speed [m/s]."""
-    v, set_valued, limit = speeds(plant, q, u), statics(plant), breakaways(plant, n)
+    v, set_valued, limit = speeds(plant, q, u), statics(plant), breakaways(plant, q, n)
     sides, fastest = no_sides(plant), 0.0
     for e in range(len(v)):
         fastest = max(fastest, abs(v[e]) if contacts(plant)[e] != 0.0 else 0.0)
@@ -94,8 +94,9 @@ def started(plant, q, u, n, share):
 def _overloaded(plant, drive, i, load, j, t, theta, h, sides, q, new, rows):
     """Whether a held contact would have to carry more than its breakaway at a fraction of the step."""
     n = channels.at(load, j, t + theta * h)
-    forces = slope(plant, sides, at(theta, q, new, rows), channels.at(drive, i, t + theta * h), n)[1]
-    limit, over = breakaways(plant, n), False
+    there = at(theta, q, new, rows)
+    forces = slope(plant, sides, there, channels.at(drive, i, t + theta * h), n)[1]
+    limit, over = breakaways(plant, there, n), False
     for e in range(len(limit)):
         over = over or (statics(plant)[e] != 0.0 and sides[e] == 0.0 and abs(forces[e]) > limit[e])
     return over
@@ -218,13 +219,12 @@ def _turned(plant, q, u, sides):
 
 
 @fused
-def share_kept(load, j, t):
-    """The factor on the states of loaded elements where the load jumps to segment j: what is new carries
-    nothing."""
+def load_ratio(load, j, t):
+    """The load before over that after it jumps to segment j; 0 where there is none any more."""
     before, after = channels.at(load, j - 1, t)[0], channels.at(load, j, t)[0]
     if after <= 0.0:
         return 0.0
-    return before / after if after > before else 1.0
+    return before / after
 
 
 @fused
@@ -330,7 +330,7 @@ def run(plant, drive, load, state, sides, t, h, fresh, t_end, local, max_steps, 
             while j + 1 < load.start.size and load.start[j + 1] <= t:
                 j += 1
                 fresh = True
-                state = unloaded(plant, state, share_kept(load, j, t))
+                state = unloaded(plant, state, load_ratio(load, j, t))
             if sampled(plant):
                 state, fresh = ticked(plant, state, channels.at(drive, i, t), t), True
         if accepted + rejected >= max_steps:

@@ -126,7 +126,7 @@ def compare_laws(
     """
 
     def fit(law: Candidate) -> Fit:
-        own = {"bounds": law.bounds, "starts": law.starts, "tied": law.tied, **options}
+        own = {"bounds": law.bounds, "starts": law.starts, "tied": law.tied, "priors": law.priors, **options}
         return identify_loops(recordings, law.model, (*law.free, *channel_free), **own)
 
     laws = candidates(recordings) if laws is None else laws

@@ -1,0 +1,42 @@
+"""Deflections of a contact at rest."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..friction import element as element_of
+from ..friction import elements, rate
+
+# Slow against every Stribeck velocity: what a contact that creeps into sliding does.
+_CREEPING = 1e-9  # m/s
+_FARTHEST = 1.0  # m, for a law whose bristle never ends
+
+
+def strained(law: Any, force: float) -> NDArray[np.float64]:
+    """Equal deflection of all elements that carries a force at rest; each at most where sliding ends it."""
+    ones = [element_of(law, e) for e in range(elements(law))]
+    ends = [_largest(lambda d, one=one: rate(one, _CREEPING, d)[1] > 0.0, _FARTHEST) for one in ones]
+
+    def below(d: float) -> bool:
+        return sum(rate(one, 0.0, min(d, end))[0] for one, end in zip(ones, ends, strict=True)) < abs(force)
+
+    d = _largest(below, max(ends))
+    return np.copysign([min(d, end) for end in ends], force)
+
+
+def _largest(holds: Callable[[float], bool], limit: float) -> float:
+    """The largest number up to the limit for which something holds that holds for small ones, bisected."""
+    low, high = 0.0, 1e-12
+    while high < limit and holds(high):
+        low, high = high, 2.0 * high
+    high = min(high, limit)
+    if holds(high):
+        return high
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return low
