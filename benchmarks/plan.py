@@ -35,7 +35,7 @@ from stickslip.recording import RecordingWarning
 from stickslip.rig import Capture, Channel, Limits, VirtualRig, measure
 from stickslip.waveform import Rest
 from stickslip.waveform import Sequence as Parts
-from stickslip.waveform.signal import Waveform
+from stickslip.waveform.signal import Waveform, value_at
 
 from .coverage import LOW_PASS, POSITION, Chain, clean_chain, example, load_calibration, noise
 
@@ -133,7 +133,7 @@ def at_piezo(chain: Chain, setup: Setup) -> Setup:
     for drive in setup.drives:
         times = np.arange(0.0, setup.length + BEFORE, 1.0 / bench.dac.update_rate)
         step = bench.dac.step * bench.amplifier.gain
-        command = ss.Sampled(times, step * np.rint(drive.value(times) / step), "hold")
+        command = ss.Sampled(times, step * np.rint(value_at(drive, times) / step), "hold")
         drives.append(ss.electronics.driven(bench.amplifier, command, bench.piezo_capacitance, times[-1]))
     return setup._replace(drives=drives)
 
