@@ -157,6 +157,24 @@ def test_schema(kind: str, field: str) -> None:
     assert field in json.dumps(printed)
 
 
+def test_a_twin_on_a_pseudo_terminal() -> None:
+    command = [sys.executable, "-m", "stickslip", "twin", "kim101", "--pty"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        where = process.stdout.readline().strip()
+        port = os.open(where, os.O_RDWR | os.O_NOCTTY)
+        os.write(port, bytes([0x05, 0x00, 0, 0, 0x50, 0x01]))  # who is there?
+        assert b"KIM101" in os.read(port, 90)
+        os.close(port)
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=60)
+    assert process.returncode == 130
+    for name in ("nv200", "scpi"):
+        said = CliRunner().invoke(app, ["twin", name, "--pty", "--axes", "1"])
+        assert said.exit_code == 2
+        assert "has no serial port" in said.output
+
+
 def test_a_twin_of_a_pair_of_instruments() -> None:
     command = [sys.executable, "-m", "stickslip", "twin", "scpi"]
     environment = {**os.environ, "PYTHONUNBUFFERED": "1"}

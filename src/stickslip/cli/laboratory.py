@@ -123,6 +123,8 @@ def twin(
 
         signal.signal(signal.SIGTERM, signal.default_int_handler)
         actuator = load_actuator(parameters).replace(external_force=load)
+        if name is TwinName.SCPI and pty:
+            raise ValueError("--pty: the twin of scpi has no serial port")
         if name is TwinName.SCPI:
             return serve_pair(actuator, travel, seed, host, port)
         made = make_twin(name.value, actuator, axes=axes, travel=travel, seed=seed)

@@ -101,7 +101,7 @@ class TwinTerminal:
             raise QuantityError(f"a twin of {type(twin).__name__} has no serial port")
         import tty  # not on Windows
 
-        self._twin, self._session, self._ended = twin, session, threading.Event()
+        self._session, self._ended = session, threading.Event()
         self._ours, self._theirs = os.openpty()
         tty.setraw(self._theirs)
         self.where = os.ttyname(self._theirs)
@@ -120,14 +120,13 @@ class TwinTerminal:
                 answer = answer[os.write(self._ours, answer) :]
 
     def shutdown(self) -> None:
-        """End `serve_forever`, and motions without an end of their own."""
+        """End `serve_forever`."""
         self._ended.set()
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._twin.leave()
         os.close(self._ours)
         os.close(self._theirs)
 
