@@ -52,7 +52,9 @@ def main(most: int) -> None:
         model = changed(path.parent, file.model, file.change, file.friction)
         found = evaluate(file, model, gathered, unheard)
     cpu, wall = time.process_time(), time.perf_counter()
-    samples = additional(file, found.friction, found.walks, found.stage, False, unheard).posterior
+    samples = additional(
+        file, found.friction, found.walks, found.stage, False, path.parent, unheard
+    ).posterior
     cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
     assert samples is not None
     assert found.stage is not None
