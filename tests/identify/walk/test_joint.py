@@ -35,6 +35,12 @@ def test_weighted_rows_have_the_squares_of_the_inverse_covariance(walk: float) -
     np.testing.assert_allclose(weight.whitened(rows[:, 1]), found[:, 1], rtol=1e-12, atol=1e-14)
 
 
+def test_where_there_is_no_model_nothing_is_raised() -> None:
+    rows = np.ones(20)
+    rows[7] = np.nan
+    assert np.isnan(Weight(0.3, 1e-3).whitened(rows)).any()
+
+
 def test_noise_that_remembers_counts_by_its_sum_over_all_lags() -> None:
     memory = 0.5 ** np.arange(40.0)  # of an autoregression: the sum over both sides is 3
     weight = Weight.of(Coloured(4.0 * memory, 0.6))

@@ -74,7 +74,9 @@ class Weight(NamedTuple):
         band[0] = 2.0 + self.walk
         band[0, 0] = 1.0
         root = cholesky_banded(band, lower=True)
-        return solve_banded((1, 0), root, np.concatenate([rows[:1], np.diff(rows, axis=0)]))
+        differences = np.concatenate([rows[:1], np.diff(rows, axis=0)])
+        # NaN stays NaN: it is where there is no model, or no derivative of one.
+        return solve_banded((1, 0), root, differences, check_finite=False)
 
 
 def jointly(
