@@ -50,7 +50,7 @@ register_piezo(
     OwnBoucWen,
     lambda model, u, h, up: model.alpha - (model.beta * up + model.gamma * math.copysign(1.0, h)) * h,
 )
-register_piezo(Infinite, lambda model, u, h, up: 1.0 / (u - model.pole) ** 2)
+register_piezo(Infinite, lambda model, u, h, up: math.inf if u == model.pole else 1.0 / (u - model.pole) ** 2)
 
 WIDER = Wider(0.3, 0.05, 0.004)
 
