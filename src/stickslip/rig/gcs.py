@@ -6,10 +6,9 @@ space.
 
 from __future__ import annotations
 
-import math
 import re
 
-from .line import Line
+from .line import Line, finite
 from .protocols import RigError
 
 PORT = 50000
@@ -94,7 +93,7 @@ class GcsLine:
         said = self.ask(query)[0]
         found = re.fullmatch(r"(?:.*=)?\s*([-+.\deE]+)\s*", said)
         try:
-            return _finite(found[1] if found else "")
+            return finite(found[1] if found else "")
         except ValueError:
             self._lost = True
             raise RigError(f"{self.name}: {query} is answered by {said[:60]!r}, no number") from None
@@ -103,17 +102,10 @@ class GcsLine:
         """The rows of numbers of a GCS array."""
         lines = [line for line in self.ask(query) if not line.startswith("#")]
         try:
-            return [[_finite(one) for one in line.split()] for line in lines if line]
+            return [[finite(one) for one in line.split()] for line in lines if line]
         except ValueError:
             raise RigError(f"{self.name}: {query} is answered by no table: {lines[0][:60]!r}") from None
 
     def close(self) -> None:
         """Let go."""
         self._line.close()
-
-
-def _finite(text: str) -> float:
-    value = float(text)
-    if not math.isfinite(value):
-        raise ValueError(f"{text} is not finite")
-    return value
