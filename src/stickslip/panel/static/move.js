@@ -65,7 +65,7 @@ export async function mount(element, app) {
     h("div", { class: "move-loop" }, h("div", {}, sliders, told), responses));
   element.append(h("h1", { class: "visually-hidden" }, "Move"), h("div", { class: "move" }, panel, h("div", { class: "move-right" }, now, loop)));
 
-  const plot = makePlot(canvas, { label: "Position and drive", empty: "Go somewhere: where it is is drawn here.", series: [
+  const plot = makePlot(canvas, { label: "Position and drive", empty: "Go somewhere: the position is drawn here.", series: [
     { label: "end-effector", unit: "m", color: "--series-1", strip: "m" }, { label: "target", unit: "m", color: "--series-2", strip: "m" },
     { label: "band", unit: "m", color: "--series-3", strip: "m", dash: [4, 4] }, { label: "band", unit: "m", color: "--series-3", strip: "m", dash: [4, 4] },
     { label: "drive", unit: "V", color: "--series-6" }] });
