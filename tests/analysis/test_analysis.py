@@ -16,9 +16,10 @@ from stickslip.actuator import load_actuator
 from stickslip.analysis import run_file
 from stickslip.analysis.file import AnalysisError, RecordingFile, read_parts
 from stickslip.analysis.running import json_schema
+from stickslip.friction import Dahl
 from stickslip.recording import RecordingWarning, make_recording, save_recording
 from stickslip.report import write_report
-from stickslip.simulation import simulate
+from stickslip.simulation import friction_response, simulate
 from stickslip.waveform.periodic import Sawtooth
 
 EXAMPLES = Path(str(importlib.resources.files("stickslip") / "examples"))
@@ -151,6 +152,36 @@ def test_laws_are_ranked_on_loops_of_a_file(tmp_path: Path) -> None:
     file["laws"][1]["tied"] = {"strength_2": "0.75 * strength_l"}
     (tmp_path / "loops.yaml").write_text(yaml.safe_dump(file), "utf-8")
     with pytest.raises(ValueError, match=r"there is no 'strength_l' \(did you mean 'strength_1'\?\)"):
+        run_file(tmp_path / "loops.yaml")
+
+
+def test_loops_with_a_prior_say_what_it_did(tmp_path: Path) -> None:
+    time = np.arange(0.0, 2.0, 1e-3)
+    position = 1e-4 * np.sin(2.0 * np.pi * time)
+    noise = np.random.default_rng(8).normal(0.0, 5e-3, (2, time.size))
+    force = friction_response(Dahl(5e4, 2.0), time, position)["friction_force"].values
+    for name, added in zip(("fit", "check"), noise, strict=True):
+        channels = {"position": (position, "m"), "friction_force": (force + added, "N")}
+        save_recording(make_recording(time, channels), tmp_path / f"{name}.nc")
+    law = {
+        "law": "Dahl",
+        "fields": {"sigma_0": "30 N/mm", "coulomb_force": "1.5 N"},
+        "free": ["sigma_0", "coulomb_force"],
+        "priors": {"coulomb_force": ["1.5 N", "50 mN"], "sigma_0": ["60 N/mm", "30 N/mm"]},
+    }
+    file = {"kind": "friction_loops", "title": "Loops", "noise": "5 mN", "laws": [law]}
+    file["recordings"] = [{"file": "fit.nc"}, {"file": "check.nc", "use": "verify"}]
+    (tmp_path / "loops.yaml").write_text(yaml.safe_dump(file), "utf-8")
+    document = run_file(tmp_path / "loops.yaml")
+    told = document.numbers["priors"]
+    assert told["coulomb_force"]["disagrees"]
+    assert "coulomb_force: recordings and prior disagree: 2 N without it" in document.summary
+    assert told["coulomb_force"]["without"].value == pytest.approx(2.0, rel=1e-3)
+    assert told["coulomb_force"]["with"].value < told["coulomb_force"]["without"].value
+    assert not told["sigma_0"]["disagrees"]
+    del file["noise"]
+    (tmp_path / "loops.yaml").write_text(yaml.safe_dump(file), "utf-8")
+    with pytest.raises(ValueError, match="noise"):
         run_file(tmp_path / "loops.yaml")
 
 
