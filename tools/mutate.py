@@ -98,7 +98,7 @@ TARGETS = (
     Target("friction/*.py", LAWS),
     Target("mechanism.py", MOTION),
     Target("simulation/models.py", MOTION, ("mechanism", "system", "resting_state", "_resting", "_held")),
-    Target("plant/[dkw]*.py", ("tests/plant/test_equations.py", "tests/plant/test_ticks.py"), text=True),
+    Target("plant/[dkw][yir]*.py", ("tests/plant/test_equations.py", "tests/plant/test_ticks.py"), text=True),
     Target("piezo/bouc_wen.py", ("tests/piezo/test_bouc_wen.py",)),
     Target("piezo/duhem.py", ("tests/piezo/test_duhem.py",)),
     Target("piezo/*.py", ("tests/piezo/test_prandtl_ishlinskii.py", "tests/piezo/test_creep.py")),
