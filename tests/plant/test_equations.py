@@ -30,6 +30,7 @@ from plants import (
 from stickslip._jit import compiled
 from stickslip.friction import Elastoplastic, LuGre, MaxwellSlip
 from stickslip.plant import generated
+from stickslip.plant.dynamics import factor
 from stickslip.plant.system import Element, Mode, Plant, layout_of, state_size, values_of
 
 from .layouts import CASES, COULOMB, ELASTOPLASTIC, LUGRE, MAXWELL, PER_G, RATE, RISING, STAGE, Case, U
@@ -528,3 +529,13 @@ def test_vibrations_of_contacts_that_stick(lasts: float) -> None:
     assert decay(maxwell, lasts) == pytest.approx(least_decay([(3.0, 1.7e6, 4.0)], lasts), rel=1e-4)
     elastoplastic = Plant((STAGE,), (Element(ELASTOPLASTIC, (1.0,), (-3.0,)),), RATE)
     assert decay(elastoplastic, lasts) == pytest.approx(least_decay([(3.0, 1.4e6, 35.3)], lasts), rel=1e-4)
+
+
+def test_a_place_that_another_element_pushes_is_refused() -> None:
+    """A load that changes along a mode is one more unknown of its element; another one's push is not in it."""
+    plant = CASES["a load along the stroke"].plant
+    first, second = plant.elements
+    factor(layout_of(plant))
+    both = second._replace(push=(1.0, -1.0, None), velocity=(-10.0, 7.7, None))
+    with pytest.raises(ValueError, match="mode 1, along which a load changes, is pushed by another element"):
+        factor(layout_of(plant._replace(elements=(first, both))))
