@@ -532,7 +532,7 @@ def test_vibrations_of_contacts_that_stick(lasts: float) -> None:
 
 
 def test_a_place_that_another_element_pushes_is_refused() -> None:
-    """A load that changes along a mode is one more unknown of its element; another one's push is not in it."""
+    """A load along a mode is one more unknown of its element, in which the push of another is not."""
     plant = CASES["a load along the stroke"].plant
     first, second = plant.elements
     factor(layout_of(plant))
