@@ -80,8 +80,8 @@ def normal_of(e: int, shape: Shape) -> str:
 
 
 def place_of(shape: Shape) -> int:
-    """The mode along whose position the normal force changes."""
-    return present(shape.push)[-1]
+    """The mode along whose position the normal force changes: the last that it pushes."""
+    return max(present(shape.push))
 
 
 def share_along(e: int, shape: Shape) -> str:
