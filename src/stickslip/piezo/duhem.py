@@ -145,23 +145,23 @@ def _integrated(model, h, u, goal):
     """h after a way, its slope integrated in steps that are halved where it bends."""
     whole, share = goal - u, 1.0
     done = 0.0  # of the way
-    steps = 0
-    while done < 1.0:
-        steps += 1
+    for _ in range(MOST_STEPS):
+        if not done < 1.0:
+            break
         share = min(share, 1.0 - done)
         at, du = u + done * whole, share * whole
         coarse = _stepped(model, h, at, du)
         half = _stepped(model, h, at, 0.5 * du)
         fine = _stepped(model, half, at + 0.5 * du, 0.5 * du)
-        if not math.isfinite(fine) or steps > MOST_STEPS:
-            return math.nan
+        if not math.isfinite(fine):
+            break
         if abs(fine - coarse) <= EXACT or share <= 2.0**-HALVINGS:
             h = fine + (fine - coarse) / 15.0
             done += share
             share *= 2.0
         else:
             share *= 0.5
-    return h
+    return h if done >= 1.0 else math.nan
 
 
 @kernel
