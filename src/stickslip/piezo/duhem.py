@@ -156,7 +156,7 @@ def _integrated(model, h, u, goal):
         if not math.isfinite(fine):
             break
         if abs(fine - coarse) <= EXACT or share <= 2.0**-HALVINGS:
-            h = fine + (fine - coarse) / 15.0
+            h = fine
             done += share
             share *= 2.0
         else:
