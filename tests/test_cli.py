@@ -57,7 +57,7 @@ def test_version_and_help() -> None:
         ("simulate kang", ["kang2007", "kang2007-hysteresis"]),
         ("simulate --law Lu", ["LuGre"]),
         ("simulate --waveform reverse", ["reverse-sawtooth"]),
-        ("instrument --bench k", ["kang2007-bench", "kang2007-hysteresis-bench"]),
+        ("export c --bench k", ["kang2007-bench", "kang2007-hysteresis-bench"]),
         ("export c col", ["colas2019"]),
         ("calibrate --after kang2007-s", ["kang2007-strain-gauge"]),
         ("cite Dah", ["Dahl"]),

@@ -72,11 +72,9 @@ def test_what_is_heard_is_weighted_as_the_standard_says() -> None:
 def test_a_search_walks_as_fast_with_less_of_it(kind: type[TipLoad | Noise]) -> None:
     model = ss.load_actuator("kang2007")
     goal = kind.of_stage(model)
-    found = ss.optimise_waveform(
-        model, goal=goal, knots=6, max_voltage=100.0, minimum_speed="1 mm/s", budget=400
-    )
+    found = ss.optimise_waveform(model, goal=goal, knots=6, max_voltage=100.0, minimum_speed="1 mm/s")
     assert found.speeds[0] >= 1e-3 * (1 - 1e-6)
-    assert found.value < 0.8 * found.sawtooth_value
+    assert found.value < 0.7 * found.sawtooth_value
     with pytest.raises(ss.units.QuantityError, match="minimum_speed"):
         ss.optimise_waveform(model, goal=goal, max_voltage=100.0)
     static = model.replace(natural_frequency=float("inf"))

@@ -24,7 +24,7 @@ from stickslip.recording import open_recording
 from stickslip.rig import Capture, HostedRig, LimitError, Limits, Link, RigError, VirtualRig, measure
 from stickslip.rig.devices import virtual_device
 from stickslip.rig.host import Host
-from stickslip.rig.samples import recover
+from stickslip.rig.samples import complete, recover
 from stickslip.rig.supervisor import Order
 from stickslip.waveform.periodic import Sawtooth
 
@@ -133,6 +133,16 @@ def test_a_program_that_is_killed_has_its_run_stopped_and_its_samples_kept(
     assert not target.exists()
     assert recover(tmp_path) == []
     link.ask("open", device=device(), again=False)  # and others may have the rig
+
+
+@pytest.mark.parametrize("size", [0, 7])
+def test_a_program_that_is_killed_before_its_file_of_samples_says_anything(tmp_path: Path, size: int) -> None:
+    begun = tmp_path / f".walk.{2**22 + 1}.samples"  # no process has such a number
+    begun.write_bytes(b"\0" * size)
+    with pytest.raises(OSError, match="was begun, and no more"):
+        complete(begun, 0, np.zeros((1, 3)))
+    assert recover(tmp_path) == []
+    assert not begun.exists()
 
 
 def test_a_program_that_is_killed_while_samples_are_under_way_loses_none(link: Link, tmp_path: Path) -> None:

@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import registry
 from .._jit import compiled, kernel, overload, record_class
+from ..units import to_si
 
 Array = NDArray[np.float64]
 
@@ -180,15 +181,18 @@ def rested(model: Any, drive: float) -> float:
     return float(drive) - float(found[0])
 
 
-def output(model: Any, drive: ArrayLike, rest: float = 0.0) -> Array:
+def output(model: Any, drive: ArrayLike, rest: float | str = 0.0) -> Array:
     """H[u] [V], shape (n,), of samples of a drive [V] between which it does not turn back.
 
     Args:
         model: a registered record.
         drive: shape (n,).
         rest: V at which it rested before the first sample, reached from 0 V.
+
+    Raises:
+        QuantityError: rest is no voltage.
     """
-    u = np.ascontiguousarray(drive, dtype=float)
+    u, at = np.ascontiguousarray(drive, dtype=float), to_si(rest, "V", "rest")
     found = np.empty(u.size)
-    duhem_response(model, u, float(rest), rested(model, rest), found)
+    duhem_response(model, u, at, rested(model, at), found)
     return found

@@ -122,7 +122,7 @@ class HostedRig:
         said: dict[str, str] | None = None,
     ) -> None:
         self._link, self._device, self._opened, self.phase = link, device, False, ""
-        self._said = said or {}
+        self._told = said or {}
         self.capabilities = capabilities or self._open()
         self._volts = np.zeros(0)
         self._guard: dict[str, Any] = {}
@@ -151,7 +151,7 @@ class HostedRig:
     def told(self, runs: int) -> dict[str, str]:
         """What a recording made of the next runs says: of their truth, where the rig is a virtual one; of the
         device, where it is another."""
-        return told_of(self._device, runs, self._runs) or self._said
+        return told_of(self._device, runs, self._runs) or self._told
 
     def controlled(self, controller: ControllerSpec) -> None:
         """The next run is a closed loop in the rig's process; what is loaded are targets, m. To be said after
@@ -217,7 +217,7 @@ class HostedRig:
 
     def _open(self) -> Capabilities:
         answer, _ = self._link.ask("open", device=self._device, again=self._opened)
-        self._opened, self._said = True, answer.get("told", {})
+        self._opened, self._told = True, answer.get("told", {})
         return Capabilities(**answer["capabilities"])
 
     def _ask(self, do: str, values: Array | None = None, **what: Any) -> Array:

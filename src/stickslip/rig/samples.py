@@ -17,6 +17,7 @@ import struct
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
+from typing import BinaryIO
 
 import numpy as np
 import xarray as xr
@@ -113,10 +114,12 @@ def complete(path: Path, before: int, values: Array) -> None:
     """Add what a program that is gone had not stored: values [inputs, n] that begin at the sample `before`.
 
     Raises:
-        OSError: the file is gone, and so nothing was missing.
+        OSError: the file is gone, and so nothing was missing; or it does not say what the values are.
     """
     with path.open("r+b") as file:
-        count, length = _HEAD.unpack(file.read(_HEAD.size))
+        count, length = _head(file)
+        if length == 0:
+            raise OSError(f"{path} was begun, and no more")
         new = values[:, max(count - before, 0) :]
         file.seek(_HEAD.size + length + 8 * count * values.shape[0])
         file.write(np.ascontiguousarray(new.T, dtype="<f8").tobytes())
@@ -159,9 +162,17 @@ def unfinished_path(target: Path) -> Path:
     return path
 
 
+def _head(file: BinaryIO) -> tuple[int, int]:
+    """How many samples there are, and the length of the text before them: 0 where that was never written."""
+    head = file.read(_HEAD.size)
+    return _HEAD.unpack(head) if len(head) == _HEAD.size else (0, 0)
+
+
 def _read(path: Path) -> xr.Dataset | None:
     with path.open("rb") as file:
-        count, length = _HEAD.unpack(file.read(_HEAD.size))
+        count, length = _head(file)
+        if length == 0:
+            return None
         if length > path.stat().st_size:
             raise ValueError("damaged")
         making = Making.from_text(file.read(length).decode())
