@@ -192,7 +192,7 @@ def output(model: Any, drive: ArrayLike, rest: float | str = 0.0) -> Array:
     Raises:
         QuantityError: rest is no voltage.
     """
-    u, at = np.ascontiguousarray(drive, dtype=float), to_si(rest, "V", "rest")
+    at, u = to_si(rest, "V", "rest"), np.ascontiguousarray(drive, dtype=float)
     found = np.empty(u.size)
     duhem_response(model, u, at, rested(model, at), found)
     return found
