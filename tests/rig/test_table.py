@@ -9,7 +9,16 @@ import pytest
 
 from stickslip.rig import Capabilities, RigError
 from stickslip.rig.oscilloscopes import INFINIIVISION, RIGOL, TEKTRONIX, Preamble
-from stickslip.rig.table import check_inputs, fade_out, with_ramp, within
+from stickslip.rig.table import (
+    check_inputs,
+    check_positive,
+    check_ready,
+    fade_out,
+    held,
+    with_ramp,
+    within,
+)
+from stickslip.units import QuantityError
 
 CAN = Capabilities("it", 1e3, 1e3, -10.0, 10.0, 0.1, 100, {"drive": "V"})
 
@@ -115,3 +124,22 @@ def test_numbers_become_volts_as_the_guides_say(
     assert found.zero + found.unit * number == pytest.approx(volts)
     assert found.begin == pytest.approx(begin)
     assert found.tick == 1e-3
+
+
+def test_a_drive_is_held_at_its_last_value() -> None:
+    assert held(np.array([1.0, 2.0, 3.0]), 5).tolist() == [1.0, 2.0, 3.0, 3.0, 3.0]
+    assert held(np.array([1.0, 2.0, 3.0]), 2).tolist() == [1.0, 2.0]
+
+
+def test_a_run_needs_a_drive_and_inputs() -> None:
+    check_ready(CAN, np.ones(2), 1)
+    for volts, samples in ((np.zeros(0), 1), (np.ones(2), 0)):
+        with pytest.raises(RigError, match="it: start needs a drive"):
+            check_ready(CAN, volts, samples)
+
+
+@pytest.mark.parametrize("wrong", [0.0, -1.0, float("nan"), float("inf")])
+def test_options_are_above_zero(wrong: float) -> None:
+    check_positive(gain=1e-9)
+    with pytest.raises(QuantityError, match=f"rate = {wrong} must be > 0"):
+        check_positive(gain=1.0, rate=wrong)

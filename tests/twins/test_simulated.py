@@ -60,20 +60,27 @@ def test_a_red_pitaya_records_what_the_plant_does() -> None:
         RedPitayaRig("127.0.0.1", **{**BOARD, "rate": "1 kHz"})
 
 
+def stopped_in_mid_run(rig: Any, device: Any, name: str, samples: int) -> float:
+    """Stop at 80 V, at 400 V/s: the output goes to 0 V no sooner. Seconds that it took."""
+    rig.load(np.append(np.linspace(0.0, 80.0, 100), np.full(samples - 100, 80.0)))
+    rig.arm((name,), samples)
+    rig.start()
+    while device.wiring.voltage < 79.0:
+        time.sleep(0.01)
+    began = time.monotonic()
+    rig.stop(400.0)
+    took = time.monotonic() - began
+    assert took >= 80.0 / 400.0
+    time.sleep(0.05)
+    assert device.wiring.voltage == 0.0
+    return took
+
+
 def test_a_red_pitaya_stops_in_mid_run_and_tells_what_is_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
     board = Board(wiring(100.0))
     with served(board) as port:
         rig = RedPitayaRig("127.0.0.1", port=port, timeout="30 s", **BOARD)
-        rig.load(np.append(np.linspace(0.0, 80.0, 100), np.full(9000, 80.0)))
-        rig.arm(("gauge",), 9100)
-        rig.start()
-        while board.wiring.voltage < 79.0:
-            time.sleep(0.01)
-        began = time.monotonic()
-        rig.stop(400.0)
-        assert 80.0 / 400.0 <= time.monotonic() - began < 10.0
-        time.sleep(0.05)
-        assert board.wiring.voltage == 0.0
+        assert stopped_in_mid_run(rig, board, "gauge", 9100) < 10.0
         rig.close()
         board.wiring.per_volt = 2e-6  # a sensor that leaves the range of the input
         rig = RedPitayaRig("127.0.0.1", port=port, timeout="30 s", **BOARD)
@@ -103,16 +110,7 @@ def test_a_controller_of_pi_records_what_the_plant_does(monkeypatch: pytest.Monk
             rig._line.do("SVA 1 500")
         with pytest.raises(RigError, match="MVR 1 5: error 2, unknown command"):
             rig._line.do("MVR 1 5")
-        rig.load(np.append(np.linspace(0.0, 80.0, 100), np.full(7000, 80.0)))
-        rig.arm(("position",), 7000)
-        rig.start()
-        while controller.wiring.voltage < 79.0:
-            time.sleep(0.01)
-        began = time.monotonic()
-        rig.stop(400.0)
-        assert time.monotonic() - began >= 80.0 / 400.0
-        time.sleep(0.05)
-        assert controller.wiring.voltage == 0.0
+        stopped_in_mid_run(rig, controller, "position", 7000)
         controller._record = lambda given: ["# END_HEADER", "1.0 nonsense"]  # type: ignore[method-assign]
         controller.commands["DRR?"] = controller._record
         with pytest.raises(RigError, match=r"DRR\? 1 \d+ 1 2 is answered by no table: '1\.0 nonsense'"):

@@ -8,7 +8,6 @@ triggers the oscilloscope, to whose channels the sensors go. Which commands each
 from __future__ import annotations
 
 import json
-import math
 import time
 from collections.abc import Mapping
 
@@ -19,7 +18,7 @@ from ..units import QuantityError, to_si
 from .generators import Generator
 from .oscilloscopes import Oscilloscope
 from .protocols import About, Array, Capabilities, RigError
-from .table import check_inputs, fade_out, with_ramp, within
+from .table import check_inputs, check_positive, check_ready, fade_out, held, with_ramp, within
 
 _SAMPLES = 50_000  # of a recording; oscilloscopes give some 60,000 points of a screen
 _SPAN = 8.0  # V
@@ -75,10 +74,7 @@ class PairRig:
         rate, ramp = to_si(rate, "Hz", "rate"), to_si(ramp, "V/s", "ramp")
         level, timeout = to_si(level, "V", "level"), to_si(timeout, "s", "timeout")
         self._spans = {name: to_si(span, "V", f"spans.{name}") for name, span in (spans or {}).items()}
-        numbers = {"gain": gain, "rate": rate, "ramp": ramp, "timeout": timeout, **self._spans}
-        for name, value in numbers.items():
-            if not (math.isfinite(value) and value > 0.0):
-                raise QuantityError(f"{name} = {value} must be > 0")
+        check_positive(gain=gain, rate=rate, ramp=ramp, timeout=timeout, **self._spans)
         if not inputs or set(self._spans) - set(inputs):
             raise QuantityError(f"inputs = {dict(inputs)} must name a channel for each of spans")
         self._channels, self._rate, self._ramp, self._gain = dict(inputs), rate, ramp, gain
@@ -143,8 +139,7 @@ class PairRig:
 
     def start(self) -> None:
         """Trigger the generator, and so the oscilloscope."""
-        if not self._volts.size or not self._samples:
-            raise RigError(f"{self.capabilities.name}: start needs a drive (load) and inputs (arm)")
+        check_ready(self.capabilities, self._volts, self._samples)
         self._oscilloscope.start()
         self._generator.on()
         self._running, self._ends = True, time.monotonic() + self._lasts + 1.0
@@ -166,7 +161,7 @@ class PairRig:
             return np.zeros((len(self._inputs), 0))
         # The table begins with a value at rest, so the first value of the drive comes one update later.
         times = np.arange(1, self._samples + 1) / self._rate
-        played = self._volts[np.minimum(np.arange(self._samples), self._volts.size - 1)]
+        played = held(self._volts, self._samples)
         read, channels = self._oscilloscope.read, self._channels
         return np.array([read(channels[n], times) if n in channels else played for n in self._inputs])
 

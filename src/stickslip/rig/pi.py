@@ -7,7 +7,6 @@ voltage are recorded in steps of the servo's cycle.
 from __future__ import annotations
 
 import json
-import math
 import time
 
 import numpy as np
@@ -15,9 +14,8 @@ import numpy as np
 from .. import registry
 from ..units import QuantityError, to_si
 from .gcs import PORT, GcsLine
-from .limits import LONGEST_STOP
 from .protocols import About, Array, Capabilities, RigError
-from .table import check_inputs, with_ramp, within
+from .table import check_inputs, check_positive, check_ready, lower, with_ramp, within
 
 _CYCLE = "SPA? 1 0x0E000200"  # s, of the servo
 _OPTIONS = {"position": 2, "drive": 16}  # of the recorder: position of the axis, voltage of the channel
@@ -67,9 +65,7 @@ class PiRig:
     ) -> None:
         interval, ramp = to_si(interval, "s", "interval"), to_si(ramp, "V/s", "ramp")
         timeout = to_si(timeout, "s", "timeout")
-        for name, value in {"interval": interval, "points": points, "ramp": ramp, "timeout": timeout}.items():
-            if not (math.isfinite(value) and value > 0.0):
-                raise QuantityError(f"{name} = {value} must be > 0")
+        check_positive(interval=interval, points=points, ramp=ramp, timeout=timeout)
         self._line = GcsLine(host, port, timeout)
         self._axis, self._ramp = axis, ramp
         self._inputs: tuple[str, ...] = ()
@@ -138,8 +134,7 @@ class PiRig:
 
     def start(self) -> None:
         """Start the wave generator, and with it the recorder."""
-        if not self._volts.size or not self._samples:
-            raise RigError(f"{self.capabilities.name}: start needs a drive (load) and inputs (arm)")
+        check_ready(self.capabilities, self._volts, self._samples)
         self._running, self._ends = True, time.monotonic() + self._lasts + 1.0
         self._line.do("WGO 1 1")
         self._ends = time.monotonic() + self._lasts
@@ -176,11 +171,7 @@ class PiRig:
             time.sleep(max(self._ends - time.monotonic(), 0.0))  # the table's own ramp
         self._line.do("WGO 1 0")
         volts = self._line.number("VOL? 1")
-        takes = abs(volts) / max(slew, abs(volts) / LONGEST_STOP) if volts else 0.0
-        steps = min(max(math.ceil(takes / _POLL), 1), _STEPS)
-        for step in range(1, steps + 1):
-            self._line.do(f"SVA {self._axis} {volts * (1.0 - step / steps):.5f}")
-            time.sleep(takes / steps)
+        lower(lambda share: self._line.do(f"SVA {self._axis} {share * volts:.5f}"), abs(volts), slew, _STEPS)
 
     def close(self) -> None:
         """Let go; a wave that is put out goes on to its end, 0 V."""

@@ -6,7 +6,6 @@ Both have 16,384 values. The acquisition is triggered by the generator inside of
 from __future__ import annotations
 
 import json
-import math
 import time
 from collections.abc import Mapping
 
@@ -16,7 +15,7 @@ from .. import registry
 from ..units import QuantityError, to_si
 from .protocols import About, Array, Capabilities, RigError
 from .scpi import ScpiInstrument
-from .table import check_inputs, fade_out, with_ramp, within
+from .table import check_inputs, check_positive, check_ready, fade_out, held, with_ramp, within
 
 PORT = 5000
 CLOCK = 125e6  # Hz
@@ -70,9 +69,7 @@ class RedPitayaRig:
     ) -> None:
         rate, ramp = to_si(rate, "Hz", "rate"), to_si(ramp, "V/s", "ramp")
         timeout = to_si(timeout, "s", "timeout")
-        for name, value in {"gain": gain, "rate": rate, "ramp": ramp, "timeout": timeout}.items():
-            if not (math.isfinite(value) and value > 0.0):
-                raise QuantityError(f"{name} = {value} must be > 0")
+        check_positive(gain=gain, rate=rate, ramp=ramp, timeout=timeout)
         self._decimation = round(CLOCK / rate)
         if self._decimation not in (1, 2, 4, 8) and not 16 <= self._decimation <= 65536:
             raise QuantityError(f"rate = {rate:g} Hz must be 125 MHz by 1, 2, 4, 8 or 16 to 65536")
@@ -148,8 +145,7 @@ class RedPitayaRig:
 
     def start(self) -> None:
         """Start the generator, and so the acquisition."""
-        if not self._volts.size or not self._samples:
-            raise RigError(f"{self.capabilities.name}: start needs a drive (load) and inputs (arm)")
+        check_ready(self.capabilities, self._volts, self._samples)
         self._do("ACQ:START", "ACQ:TRIG AWG_PE", "OUTPUT1:STATE ON")
         self._running, self._ends = True, time.monotonic() + self._lasts + 1.0
         self._do("SOUR1:TRIG:INT")
@@ -164,7 +160,7 @@ class RedPitayaRig:
                 raise RigError(f"{self._link.name}: ACQ:TRIG:FILL?: its buffer does not fill")
             time.sleep(_POLL)
             return np.zeros((len(self._inputs), 0))
-        played = self._volts[np.minimum(np.arange(self._samples), self._volts.size - 1)]
+        played = held(self._volts, self._samples)
         channels = self._channels
         return np.array([self._read(channels[n]) if n in channels else played for n in self._inputs])
 

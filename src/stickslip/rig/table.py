@@ -12,6 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ..units import QuantityError
 from .limits import LONGEST_STOP
 from .protocols import Array, Capabilities, RigError
 
@@ -48,21 +49,49 @@ def check_inputs(can: Capabilities, inputs: tuple[str, ...], samples: int) -> No
         raise RigError(f"{can.name}: {samples} samples are not 1 to {can.max_points}")
 
 
-def fade_out(fade: Callable[[float], None], greatest: float, slew: float, ends: float) -> None:
-    """Bring an output to 0 V by its amplitude, at `slew` on average, or wait for the end of its table.
+def check_positive(**values: float) -> None:
+    """Raises QuantityError, by its name, for an option that is not finite and above 0."""
+    for name, value in values.items():
+        if not (math.isfinite(value) and value > 0.0):
+            raise QuantityError(f"{name} = {value} must be > 0")
+
+
+def check_ready(can: Capabilities, volts: Array, samples: int) -> None:
+    """Raises RigError unless a drive [n] was loaded and inputs were armed."""
+    if not volts.size or not samples:
+        raise RigError(f"{can.name}: start needs a drive (load) and inputs (arm)")
+
+
+def held(volts: Array, samples: int) -> Array:
+    """What is put out in so many updates, V: the drive [n], and its last value from then on."""
+    return volts[np.minimum(np.arange(samples), volts.size - 1)]
+
+
+def lower(to: Callable[[float], None], greatest: float, slew: float, most: int = _MOST_STEPS) -> None:
+    """Bring an output to 0 V in steps, at `slew` on average.
 
     Args:
-        fade: makes the amplitude that share of what it was.
+        to: makes the output that share of what it was.
         greatest: V that there can be at present.
         slew: V/s; a ramp takes 10 s at most.
-        ends: when the table is over, s of the monotonic clock.
+        most: steps, which are 20 ms long at least.
     """
-    takes = greatest / max(slew, greatest / LONGEST_STOP) if greatest else 0.0
+    takes = _takes(greatest, slew)
+    steps = min(max(math.ceil(takes / _STEP), 1), most)
+    for step in range(1, steps + 1):
+        to(1.0 - step / steps)
+        time.sleep(takes / steps)
+
+
+def _takes(greatest: float, slew: float) -> float:
+    return greatest / max(slew, greatest / LONGEST_STOP) if greatest else 0.0
+
+
+def fade_out(fade: Callable[[float], None], greatest: float, slew: float, ends: float) -> None:
+    """Bring an output to 0 V by its amplitude (see `lower`), or wait for the end of its table where that
+    comes first: `ends`, s of the monotonic clock."""
     left = ends - time.monotonic()
-    if left <= takes:
+    if left <= _takes(greatest, slew):
         time.sleep(max(left, 0.0))
         return
-    steps = min(max(math.ceil(takes / _STEP), 1), _MOST_STEPS)
-    for step in range(1, steps + 1):
-        fade(1.0 - step / steps)
-        time.sleep(takes / steps)
+    lower(fade, greatest, slew)
