@@ -15,35 +15,27 @@ from ..figures.design import MOST_PANELS, draw_map
 from ..figures.style import svg
 from ..input_file import Strict, quantity
 from ..report import Column, Number, Picture, Section, Table
-from ..units import QuantityError, to_si
+from ..units import to_si
+from .axis import AxisSpec
 from .design_given import Given, Made
 
 AXES = {"voltage": "V", "frequency": "Hz", "load": "N"}
 
 
-class AxisSpec(Strict):
-    """Values from `start` to `stop`, evenly spaced, or by their ratios (`spacing: log`)."""
+class MapAxisSpec(AxisSpec):
+    """Of a map, which is computed at once."""
 
-    start: float | str
-    stop: float | str
     points: Annotated[int, Field(ge=2, le=100_000)]
-    spacing: Literal["linear", "log"] = "linear"
 
     def values(self, unit: str, name: str) -> list[float]:
         """In SI; raises QuantityError."""
         first, last = (
             to_si(v, unit, f"{name}.{end}") for end, v in (("start", self.start), ("stop", self.stop))
         )
-        if self.spacing == "linear":
-            return np.linspace(first, last, self.points).tolist()
-        if not (first > 0.0 and last > 0.0):
-            raise QuantityError(
-                f"{name}: spacing: log needs values above 0 {unit}, not {first:g} to {last:g}"
-            )
-        return np.geomspace(first, last, self.points).tolist()
+        return self.between(first, last, name, unit)
 
 
-Values = AxisSpec | float | str | list[float | str]
+Values = MapAxisSpec | float | str | list[float | str]
 
 
 class MapSpec(Strict):
@@ -90,7 +82,7 @@ class MapSpec(Strict):
         axes: dict[str, Any] = {}
         for name, unit in AXES.items():
             asked = getattr(self, name)
-            axes[name] = asked.values(unit, f"map.{name}") if isinstance(asked, AxisSpec) else asked
+            axes[name] = asked.values(unit, f"map.{name}") if isinstance(asked, MapAxisSpec) else asked
         waveform = None if self.drive is None else drive_of([self.drive], {}, given.folder)
         return step_map(
             given.model,

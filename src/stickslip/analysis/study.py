@@ -34,28 +34,20 @@ from ..study.own import own_function
 from ..study.points import Part
 from ..units import QuantityError
 from ..waveform.signal import Waveform
+from .axis import AxisSpec
 from .verification import results_model
 from .walk import changed
 
 Count = Annotated[int, Field(ge=1)]
 
 
-class AxisSpec(Strict):
-    """Values from `start` to `stop`, evenly spaced, or by their ratios (`spacing: log`)."""
-
-    start: float | str
-    stop: float | str
-    points: Annotated[int, Field(ge=2, le=1_000_000)]
-    spacing: Literal["linear", "log"] = "linear"
+class GridAxisSpec(AxisSpec):
+    """Of a grid."""
 
     def values(self, name: str, study: Any) -> list[float]:
         """In SI, as the measure reads the name; raises QuantityError."""
         (first, last), _ = study.read(name, [self.start, self.stop])
-        if self.spacing == "linear":
-            return np.linspace(first, last, self.points).tolist()
-        if not (first > 0.0 and last > 0.0):
-            raise QuantityError(f"grid.{name}: spacing: log needs values above 0, not {first:g} to {last:g}")
-        return np.geomspace(first, last, self.points).tolist()
+        return self.between(first, last, f"grid.{name}")
 
 
 class RangeSpec(Strict):
@@ -133,7 +125,7 @@ class StudyFile(Strict):
     friction: dict[str, float | str] = Field(default_factory=dict)
     drive: PartSpec | None = None
     measure: Annotated[SteadySpec | WalkSpec | OwnSpec, Field(discriminator="kind")]
-    grid: dict[str, AxisSpec | list[float | str]] = Field(default_factory=dict)
+    grid: dict[str, GridAxisSpec | list[float | str]] = Field(default_factory=dict)
     random: RandomSpec | None = None
     draws: DrawsSpec | None = None
     summary: str | None = None
@@ -147,7 +139,7 @@ class StudyFile(Strict):
         points: list[Part] = []
         if self.grid:
             axes = {
-                name: one.values(name, measure) if isinstance(one, AxisSpec) else one
+                name: one.values(name, measure) if isinstance(one, GridAxisSpec) else one
                 for name, one in self.grid.items()
             }
             points.append(Grid(axes))
