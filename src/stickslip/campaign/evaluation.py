@@ -98,25 +98,7 @@ def evaluate(
         steps = [one for one in recordings if one.use == "step"]
         scale = scale_of(steps, file.reference, file.settling)
         recordings = [scaled(one, scale.value) for one in recordings]
-    stage = formulas = None
-    if any(one.use == "piezo" for one in recordings):
-        progress("identifying hysteresis and creep", 0.0)
-    hysteresis = hysteresis_of(file, recordings, model)
-    if hysteresis is not None:
-        model = hysteresis.fit.model
-    steps = [one for one in recordings if one.use == "step"]
-    if steps:
-        progress("identifying the stage", 0.1)
-        low_pass = None if file.filter is None else Filter(**file.filter.model_dump())
-
-        def of_steps(of: Actuator) -> Fit:
-            return identify_step([one.recording for one in steps], of, filter=low_pass, slew_rate=rate)
-
-        stage = of_steps(model)
-        if hysteresis is not None:
-            hysteresis = hysteresis.refitted(of_steps)
-        formulas = step_formula_errors(stage, [one.recording for one in steps], n=_REPETITIONS)
-        model = stage.model
+    hysteresis, stage, formulas, model = _stage(file, recordings, model, progress)
     progress("identifying the friction", 0.2)
     walks = [one for one in recordings if one.use in ("fit", "verify")]
     for one in walks:
@@ -167,6 +149,37 @@ def evaluate(
         additional(file, alone, walks, stage, bool(lacking), folder, progress),
         _influence(file, fitted, model, stage, alone),
     )
+
+
+class _Stage(NamedTuple):
+    """See `Found`; `model` is the actuator with what was identified."""
+
+    hysteresis: Hysteresis | None
+    fit: Fit | None
+    formulas: xr.Dataset | None
+    model: Actuator
+
+
+def _stage(file: CampaignFile, recordings: Sequence[Aligned], model: Actuator, progress: Progress) -> _Stage:
+    """Hysteresis and creep, then the mode, as far as there are recordings for them."""
+    if any(one.use == "piezo" for one in recordings):
+        progress("identifying hysteresis and creep", 0.0)
+    hysteresis = hysteresis_of(file, recordings, model)
+    if hysteresis is not None:
+        model = hysteresis.fit.model
+    steps = [one.recording for one in recordings if one.use == "step"]
+    if not steps:
+        return _Stage(hysteresis, None, None, model)
+    progress("identifying the stage", 0.1)
+    low_pass = None if file.filter is None else Filter(**file.filter.model_dump())
+
+    def of_steps(of: Actuator) -> Fit:
+        return identify_step(steps, of, filter=low_pass, slew_rate=file.known_slew_rate)
+
+    fit = of_steps(model)
+    if hysteresis is not None:
+        hysteresis = hysteresis.refitted(of_steps)
+    return _Stage(hysteresis, fit, step_formula_errors(fit, steps, n=_REPETITIONS), fit.model)
 
 
 def _influence(

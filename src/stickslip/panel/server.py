@@ -77,11 +77,7 @@ def create_app(
         largest_body: bytes of a request.
     """
     files = Folder(folder)
-    hub = Hub()
-    boot = secrets.token_hex(8)
-    hub.greetings.append(
-        lambda client, said: [json.dumps({"kind": "hello", "boot": boot, "you": shown(client.identity)})]
-    )
+    hub = _greeting()
     control = Control(hub)
     journal = Journal(hub, files)
     live = Live(hub)
@@ -148,6 +144,15 @@ def create_app(
     _explain_errors(app, files)
     app.add_middleware(Guard, hosts=hosts, any_address=any_address, token=token, largest_body=largest_body)
     return app
+
+
+def _greeting() -> Hub:
+    """A stream that tells each page who it is, and which start of the panel it is connected to."""
+    hub, boot = Hub(), secrets.token_hex(8)
+    hub.greetings.append(
+        lambda client, said: [json.dumps({"kind": "hello", "boot": boot, "you": shown(client.identity)})]
+    )
+    return hub
 
 
 def _page_routes(app: FastAPI, hub: Hub) -> None:

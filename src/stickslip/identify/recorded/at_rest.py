@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -48,7 +49,7 @@ def noise_at_rest(recording: xr.Dataset, channel: str) -> AtRest:
     return AtRest(level, coloured([values], walks=True), (time.size - 1) / float(time[-1] - time[0]))
 
 
-def drift_at_rest(recording: xr.Dataset, channel: str, others: list[xr.Dataset]) -> float:
+def drift_at_rest(recording: xr.Dataset, channel: str, others: Sequence[xr.Dataset]) -> float:
     """Variance that a drift gains from sample to sample, of recordings sampled at the same rate.
 
     Raises:

@@ -3,7 +3,6 @@ drive [kang2007, 5.3]."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -13,7 +12,6 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ...actuator import Actuator
-from ...chain import Chain
 from ...estimate.identifiability import loosest
 from ...estimate.marginal import integrated
 from ...estimate.parameter import Parameter, Values
@@ -147,10 +145,7 @@ def identify_friction(
     slew_rate = optional_si(slew_rate, "V/s", "slew_rate")
     tolerance = optional_si(tolerance, "m", "tolerance")
     found = recordings_of(recordings)
-    at_rest = [noise] if isinstance(noise, xr.Dataset) else []
-    unit = unit_of([*found, *at_rest], OBSERVED)
-    drift = drift_at_rest(at_rest[0], OBSERVED, found) if at_rest else 0.0
-    level = None if isinstance(noise, xr.Dataset) else optional_si(noise, unit or "m", "noise")
+    unit, level, drift = _noise(noise, found)
     names, drives = names_of(found), drives_of(drive, found)
     bounds, priors = bounds or {}, priors or {}
     _check(model, free, bounds, priors, level)
@@ -161,16 +156,7 @@ def identify_friction(
     tolerance = tolerance or (1e-10 if has_slopes(model) else 1e-12)
 
     turns = unit == "rad"
-
-    def parameters(free: Sequence[str]) -> list[Parameter]:
-        own = [
-            of_channel(name, found, bounds, first)
-            if name in CHANNEL
-            else parameter(model, name, bounds, turns)
-            for name in free
-        ]
-        return [with_prior(p, priors) for p in own]
-
+    parameters = partial(_parameters, model, found, bounds, priors, first, turns)
     of_chain = {"delay": (first.get("delay", 0.0), "s"), "offset": (first.get("offset", 0.0), unit)}
     others = beside(free, tied or {}, known_of(model, of_chain, turns))
     walks = Walks(
@@ -203,6 +189,33 @@ def identify_friction(
     if hops:
         fit = with_reaction_asked(fit, walks, max_evaluations)
     return _completed(fit, walks, slew_rate, tolerance)
+
+
+def _noise(
+    noise: float | str | xr.Dataset | None, found: Sequence[xr.Dataset]
+) -> tuple[str, float | None, float]:
+    """Unit of the positions, deviation of their noise in it where that is given, and their drift at rest."""
+    if isinstance(noise, xr.Dataset):
+        return unit_of([*found, noise], OBSERVED), None, drift_at_rest(noise, OBSERVED, found)
+    unit = unit_of(found, OBSERVED)
+    return unit, optional_si(noise, unit or "m", "noise"), 0.0
+
+
+def _parameters(
+    model: Actuator,
+    found: Sequence[xr.Dataset],
+    bounds: Bounds,
+    priors: Bounds,
+    first: Values,
+    turns: bool,
+    free: Sequence[str],
+) -> list[Parameter]:
+    """Of the actuator and of the channel, with what is known of them."""
+    own = [
+        of_channel(name, found, bounds, first) if name in CHANNEL else parameter(model, name, bounds, turns)
+        for name in free
+    ]
+    return [with_prior(p, priors) for p in own]
 
 
 def _check(model: Actuator, free: Sequence[str], bounds: Bounds, priors: Bounds, noise: float | None) -> None:
@@ -247,11 +260,8 @@ def _completed(fit: Fit, walks: Walks, slew_rate: float | None, tolerance: float
         walks.unit,
     )
     model = with_values(walks.model, own_values(fit.values))
-    chain = Chain(
-        fit.values.get("delay", 0.0), fit.values.get("offset", 0.0), slew_rate=slew_rate or math.inf
-    )
     remarks = (*fit.remarks, *said_kept(fit, walks.model))
-    predict = Predictor(model, chain, tolerance).predict
+    predict = Predictor.of(model, fit.values, slew_rate, tolerance).predict
     return replace(fit, model=model, observed=OBSERVED, predict=predict, remarks=remarks)
 
 

@@ -13,7 +13,6 @@ with residuals r, white noise and a random walk (L sums over time), both as the 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -25,7 +24,6 @@ from numpy.typing import NDArray
 from scipy.linalg import cholesky_banded, solve_banded
 
 from ...actuator import Actuator
-from ...chain import Chain
 from ...estimate.coloured import Coloured, coloured
 from ...estimate.fit import fit_least_squares
 from ...estimate.goodness import goodness
@@ -238,9 +236,6 @@ class _Weighted:
         left = self.left(found.values)
         by = slopes_of(self.motions, self.varied, [p.name for p in self.parameters])(found.values)
         model = with_values(before.model, own_values(found.values))
-        chain = Chain(
-            found.values.get("delay", 0.0), found.values.get("offset", 0.0), slew_rate=slew_rate or math.inf
-        )
         return replace(
             before,
             parameters=found.parameters,
@@ -259,6 +254,6 @@ class _Weighted:
             residuals=tuple(left),
             jacobian=by * [p.slope(found.values[p.name]) for p in self.parameters],
             model=model,
-            predict=Predictor(model, chain).predict,
+            predict=Predictor.of(model, found.values, slew_rate).predict,
             remarks=(*before.remarks, SAID),
         )

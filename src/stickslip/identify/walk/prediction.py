@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, NamedTuple
 
 import xarray as xr
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...actuator import Actuator
 from ...chain import Chain
+from ...estimate.parameter import Values
 from ...recording import RecordingError
 from ...records import Quantity, record
 from ..recorded.channels import names_of
@@ -28,6 +30,14 @@ class Predictor(NamedTuple):
     tolerance: Annotated[float, Quantity("m", "", "tolerance of the simulations", above=0.0)] = TOLERANCE
 
     observed = OBSERVED
+
+    @classmethod
+    def of(
+        cls, model: Actuator, values: Values, slew_rate: float | None, tolerance: float = TOLERANCE
+    ) -> Predictor:
+        """By the values of a fit, delay and offset of the channel among them."""
+        delay, offset = values.get("delay", 0.0), values.get("offset", 0.0)
+        return cls(model, Chain(delay, offset, slew_rate=slew_rate or math.inf), tolerance)
 
     def predict(self, recording: xr.Dataset, drive: Any = None) -> NDArray:
         """The channel at the recording's samples, m; from the channel drive_voltage without a drive.
