@@ -1,4 +1,4 @@
-"""What a prior did to a fit, against the closed form of a Gaussian mean."""
+"""Effect of a prior on a fit, against the closed form of a Gaussian mean."""
 
 from __future__ import annotations
 

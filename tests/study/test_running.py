@@ -39,6 +39,13 @@ from stickslip.study.store import Store
 KANG = ss.load_actuator("kang2007")
 SAW = ss.Sawtooth(65.0, 50.0, periods=2)
 FILE = study_functions.__file__
+# A study file of as many members, each of which takes its time.
+SLOW = f"""\
+kind: study
+measure: {{kind: own, function: {FILE}:slow_squares}}
+task: 3
+grid: {{x: {{start: 0, stop: 19, points: 20}}, y: {{start: 0, stop: 11, points: 12}}}}
+"""
 GRID = Grid({"x": np.arange(20.0), "y": np.arange(12.0)})
 EXPECTED = np.arange(20.0)[:, None] ** 2 + 10.0 * np.arange(12.0)
 
@@ -184,10 +191,7 @@ def workers_of(process: subprocess.Popen) -> list[int]:
 def test_killed_runs_go_on_and_end_the_same(tmp_path: Path, log: Path) -> None:
     """A worker is killed, then the run itself; the workers that are left end by themselves."""
     file, store = tmp_path / "study.yaml", tmp_path / "killed.zarr"
-    file.write_text(
-        f"kind: study\nmeasure: {{kind: own, function: {FILE}:slow_squares}}\ntask: 3\n"
-        "grid: {x: {start: 0, stop: 19, points: 20}, y: {start: 0, stop: 11, points: 12}}\n"
-    )
+    file.write_text(SLOW)
     run = begin(file, store, "--workers", "2")
     wait_for(store, 10, run)
     os.kill(workers_of(run)[0], signal.SIGKILL)
@@ -246,10 +250,7 @@ def test_a_worker_that_hangs_before_it_begins_is_replaced(
 
 def test_a_stop_ends_it_and_what_is_finished_is_kept(tmp_path: Path) -> None:
     file, store = tmp_path / "study.yaml", tmp_path / "s.zarr"
-    file.write_text(
-        f"kind: study\nmeasure: {{kind: own, function: {FILE}:slow_squares}}\ntask: 3\n"
-        "grid: {x: {start: 0, stop: 19, points: 20}, y: {start: 0, stop: 11, points: 12}}\n"
-    )
+    file.write_text(SLOW)
     run = begin(file, store, "--workers", "1")
     wait_for(store, 4, run)
     stop_study(store)

@@ -1,4 +1,4 @@
-"""What the parts of a design file have in common: the model with what is uncertain of it, goals, limits, the
+"""Common fields of the parts of a design file: the model with what is uncertain of it, goals, limits, the
 generator, conditions; and what each part comes to."""
 
 from __future__ import annotations

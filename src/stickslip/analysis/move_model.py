@@ -1,4 +1,4 @@
-"""What a move is tuned on: a model, and what else it may be, of a fit, a posterior or a stated spread."""
+"""Model of a move, and what else it may be: of a fit, a posterior or a stated spread."""
 
 from __future__ import annotations
 

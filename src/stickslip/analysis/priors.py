@@ -1,4 +1,4 @@
-"""What priors did to a fit, told in a report."""
+"""Effect of priors on a fit, in a report."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-r"""What a prior did to a fit: two fits of the same recordings, without and with it.
+r"""Effect of a prior on a fit: two fits of the same recordings, without and with it.
 
 In the coordinate q of a parameter (its logarithm, where it is searched for on that scale), with the estimate
 and deviation without the prior q_a, σ_a, with it q, and those of the prior q_0, s:

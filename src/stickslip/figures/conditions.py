@@ -1,4 +1,4 @@
-"""What a search has found: goals in every condition, and fronts of two goals."""
+"""Figures of a search: goals in every condition, and fronts of two goals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What stands between a generator and an oscilloscope: amplifier, actuator, sensor, cables."""
+"""Wiring between a generator and an oscilloscope: amplifier, actuator, sensor, cables."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether a fit without the stage's reaction says what the recordings say to that."""
+"""Reaction on the stage: what fits without it say of recordings with it and without."""
 
 from typing import Any
 
