@@ -27,8 +27,8 @@ GRID = {"x": np.arange(20.0), "y": np.arange(12.0)}
 SLOW = PATIENCE * 1e3  # ms
 STUDY = f"""
 kind: study
-title: slow squares
-measure: {{kind: own, function: {FILE}:slow_squares}}
+title: held squares
+measure: {{kind: own, function: {FILE}:gated_squares}}
 task: 3
 grid: {{x: {{start: 0, stop: 19, points: 20}}, y: {{start: 0, stop: 11, points: 12}}}}
 """
@@ -51,7 +51,7 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
     chunk = folder / "pipe.zarr" / "status" / "c" / "0" / "0"
     chunk.unlink()
     os.mkfifo(chunk)
-    (folder / "slow.yaml").write_text(STUDY)
+    (folder / "held.yaml").write_text(STUDY)
     (folder / "other.yaml").write_text("kind: experiment\n")
     return folder
 
@@ -60,7 +60,7 @@ def test_a_damaged_store_holds_nobody(lab: Path, monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(process, "PATIENCE", 1.0)
     with client_of(create_app(lab)) as client:
         found = client.get("/studies").json()
-        assert found["files"] == ["slow.yaml"]
+        assert found["files"] == ["held.yaml"]
         assert {one["name"] for one in found["stores"]} == {"done.zarr", "endless.zarr", "pipe.zarr"}
         state = client.post("/studies/state", json={"name": "endless.zarr"}).json()
         assert state["wrong"]
@@ -84,7 +84,7 @@ def test_a_damaged_store_holds_nobody(lab: Path, monkeypatch: pytest.MonkeyPatch
         ("state", {"name": "none.zarr"}, "is no study"),
         ("stop", {"name": "none.zarr"}, "is no study"),
         ("begin", {"file": "other.yaml"}, "is no study file"),
-        ("begin", {"file": "slow.yaml", "name": "../s.zarr"}, "no name of a file"),
+        ("begin", {"file": "held.yaml", "name": "../s.zarr"}, "no name of a file"),
         ("picture", {"name": "done.zarr", "result": "value", "across": "z"}, "has no 'z'"),
     ],
 )
@@ -96,7 +96,8 @@ def test_what_is_refused(lab: Path, path: str, body: dict[str, str], message: st
 
 
 @pytest.fixture
-def studies(page: Page, lab: Path) -> Iterator[Page]:
+def studies(page: Page, lab: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Page]:
+    monkeypatch.setenv("STUDY_GATE", str(lab / "gate"))
     served = Panel(lab)
     page.goto(f"{served.url}#studies")
     page.locator("[data-study]").first.wait_for(timeout=SLOW)
@@ -107,7 +108,7 @@ def studies(page: Page, lab: Path) -> Iterator[Page]:
 @pytest.mark.browser
 def test_begun_stopped_gone_on_with_and_looked_at(studies: Page, lab: Path) -> None:
     studies.get_by_role("button", name="Begin").click()
-    name = "[data-study='slow.zarr']"
+    name = "[data-study='held.zarr']"
     studies.locator(f"li.shown {name}").wait_for(timeout=SLOW)
     stop, go_on = (studies.get_by_role("button", name=one, exact=True) for one in ("Stop", "Go on"))
     studies.locator(".history-right[data-pictures]").wait_for(timeout=SLOW)  # while it grows
@@ -115,9 +116,10 @@ def test_begun_stopped_gone_on_with_and_looked_at(studies: Page, lab: Path) -> N
     expect(studies.locator(".history-run [role=status]").first).to_contain_text(
         "stopped, as was asked", timeout=SLOW
     )
-    state = study_state(lab / "slow.zarr")
+    state = study_state(lab / "held.zarr")
     assert 0 < state.done < state.tasks
     expect(stop).to_be_disabled()
+    (lab / "gate").touch()
     go_on.click()
     expect(studies.locator(".history-right")).to_have_attribute("data-share", "1", timeout=SLOW)
     expect(studies.locator(".history-run [role=status]").first).to_have_text("Complete.")

@@ -30,7 +30,7 @@ export async function mount(element, app) {
   const at = h("p", { class: "number studies-at", role: "status" }), of = h("p", { class: "soft small-text" });
   const ends = [h("output"), h("output")], key = h("p", { class: "soft small-text design-key" }, ends[0], h("span", { class: "ramp" }), ends[1]);
   const card = (label, ...content) => h("section", { class: "card history-run", "aria-label": label }, ...content);
-  const look = card("Picture", h("h2", {}, "What is there so far"), choices, canvas, key, at, of);
+  const look = card("Picture", h("h2", {}, "Results so far"), choices, canvas, key, at, of);
   const right = h("div", { class: "history-right", hidden: true }, card("The study", title, said, bar, facts, h("div", { class: "row" }, goOn, stop)), look);
   element.append(h("h1", { class: "visually-hidden" }, "Studies"), h("div", { class: "history studies" },
     h("section", { class: "card history-list", "aria-label": "All studies" }, empty, list, h("label", { class: "field" }, h("span", {}, "Study file"), file), begin, fault), right));
