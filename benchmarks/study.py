@@ -81,14 +81,12 @@ def throughput(members: int = 1 << 18, task: int = 1 << 14) -> None:
             sum(f.stat().st_size for f in Path(folder, "s.zarr").rglob("*") if f.is_file()),
         )
     working = children - start
-    peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
     print(f"members {members:,} in {tasks} tasks; equal: {same}; {size / 1e6:.1f} MB on the disk")
     print(f"bare ensemble: {bare_cpu:.2f} s of CPU, {bare_wall:.2f} s")
     print(f"study: workers {working:.2f} s of CPU and {start:.2f} s to start, client {own:.2f} s")
     share = f"{bare_cpu / working:.1%}, with the client {bare_cpu / (working + own):.1%}"
     print(f"throughput of the bare one, by CPU: {share}")
     print(f"a task: {working / tasks:.3f} s, over the bare one {(working - bare_cpu) / tasks * 1e3:.1f} ms")
-    print(f"most memory of a worker: {peak:.0f} MB")
 
 
 def overhead(tasks: int = 200) -> None:
@@ -401,7 +399,7 @@ def picture(store: str, file: str) -> None:
     """What a map over seven parameters says, two at a time: quantiles over all others."""
     from matplotlib.colors import LogNorm
     from matplotlib.figure import Figure
-    from matplotlib.ticker import NullFormatter
+    from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter
     from scipy.stats import binned_statistic_2d
 
     found = ss.study.open_study(store).load()
@@ -420,13 +418,17 @@ def picture(store: str, file: str) -> None:
             binned = binned_statistic_2d(x, y, speed, of, bins=bins)[0]
             axis = axes[row, column]
             drawn = axis.pcolormesh(*bins, binned.T, norm=LogNorm(), cmap="viridis", rasterized=True)
-            figure.colorbar(drawn, ax=axis, label=f"speed, {words}, mm/s")
+            figure.colorbar(drawn, ax=axis, label=f"speed, {words} (mm/s)")
             axis.set_xscale("log" if log[0] else "linear")
             axis.set_yscale("log" if log[1] else "linear")
-            for one in (axis.xaxis, axis.yaxis):
+            for one, spread in zip((axis.xaxis, axis.yaxis), log, strict=True):
                 one.set_minor_formatter(NullFormatter())
+                if spread:
+                    one.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+                    one.set_major_formatter(EngFormatter(sep=""))
             for name, label in ((across, axis.set_xlabel), (up, axis.set_ylabel)):
-                label(f"{name.replace('_', ' ')} {found[name].attrs['units']}".strip())
+                unit = str(found[name].attrs["units"])
+                label(name.replace("_", " ") + (f" ({unit})" if unit else ""))
     figure.suptitle(f"{there.sum():,} of {found.sizes['member']:,} members with a steady step")
     figure.savefig(file, dpi=80)
 

@@ -61,7 +61,7 @@ class OptimiseSpec(SearchSpec):
         value, saw = (Number(one, found.goal.unit) for one in (found.value, found.sawtooth_value))
         section = Section(
             "Optimised drive",
-            paragraphs=found.report().splitlines()[1:3],
+            paragraphs=["; ".join(found.report().splitlines()[1:3])],
             tables=(_conditions_table(found), _knots_table(found.waveform)),
             figures=_pictures(found),
         )
@@ -188,7 +188,7 @@ def _conditions_table(found: OptimisedWaveform) -> Table:
 def _knots_table(waveform: PeriodicKnots) -> Table:
     rows = list(zip(waveform.times, waveform.values, strict=True))
     caption = f"The drive: lines through these values, repeated after {1e3 * waveform.period:.6g} ms."
-    return Table(caption, (Column("time", "s", 6), Column("voltage", "V", 6)), rows)
+    return Table(caption, (Column("time", "s"), Column("voltage", "V")), rows)
 
 
 def _pictures(found: OptimisedWaveform) -> list[Picture]:

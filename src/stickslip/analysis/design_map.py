@@ -20,6 +20,8 @@ from .axis import AxisSpec
 from .design_given import Given, Made
 
 AXES = {"voltage": "V", "frequency": "Hz", "load": "N"}
+# Fields of a drive that each point of the map sets.
+AT_EACH = ("amplitude", "frequency", "offset", "periods")
 
 
 class MapAxisSpec(AxisSpec):
@@ -64,7 +66,7 @@ class MapSpec(Strict):
         left = counts["not_computed"]
         section = Section(
             "Map of the step",
-            points=[f"drive: {found.attrs['waveform']}"],
+            paragraphs=[f"Drive: {self._drive_words()}."],
             tables=(_points_table(found, counts),),
             figures=map_pictures(found),
         )
@@ -77,6 +79,13 @@ class MapSpec(Strict):
         ]
         stopped = f"stopped: {left} of {size} points are not computed" if left else ""
         return Made(section, said, map_numbers(found), highlights, stopped=stopped)
+
+    def _drive_words(self) -> str:
+        if self.drive is None:
+            return "sawtooth with a jump"
+        shape = self.drive.shape or f"{self.drive.variable} of {self.drive.file}"
+        own = {name.replace("_", " "): v for name, v in self.drive.fields.items() if name not in AT_EACH}
+        return ", ".join([shape, *(f"{name} {value}" for name, value in own.items())])
 
     def _computed(self, given: Given) -> xr.Dataset:
         axes: dict[str, Any] = {}

@@ -77,7 +77,7 @@ class PlanSpec(Strict):
         files = self._files(plan, given.folder)
         section = Section(
             "Planned recordings",
-            paragraphs=["experiment.yaml beside this report is the plan as `stickslip record` runs it."],
+            paragraphs=["experiment.yaml beside this report is the plan: stickslip record runs it."],
             tables=(_recordings_table(plan), _parameters_table(plan)),
             figures=(
                 Picture(
