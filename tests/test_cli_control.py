@@ -41,7 +41,7 @@ def test_a_move_is_made_recorded_and_reported(tmp_path: Path) -> None:
     assert numbers["limited_updates"]["value"] == 0
     recording = open_recording(tmp_path / "out" / "move.nc")
     assert recording["end_effector_position"].values[-1] == pytest.approx(20e-6, abs=10e-9)
-    assert "regulator_step" in (tmp_path / "out" / "regulator.h").read_text(encoding="utf-8")
+    assert "mover_step" in (tmp_path / "out" / "mover.h").read_text(encoding="utf-8")
     report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     for words in ("Settling", "integral gain", "scan from"):
         assert words in report

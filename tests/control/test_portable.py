@@ -1,7 +1,9 @@
-"""A regulator in C gives the same voltages as in Python, to the bit."""
+"""A regulator and a mover in C give the same voltages as in Python, to the bit."""
 
 from __future__ import annotations
 
+import copy
+import math
 import struct
 import subprocess
 from pathlib import Path
@@ -10,7 +12,19 @@ import numpy as np
 import pytest
 
 from stickslip.actuator import load_actuator
-from stickslip.control import LowPass, Notch, Pid, PiezoInverse, Regulator, export_regulator
+from stickslip.control import (
+    LowPass,
+    MoveError,
+    Mover,
+    Notch,
+    Pid,
+    PiezoInverse,
+    Regulator,
+    StepTable,
+    Walk,
+    export_mover,
+    export_regulator,
+)
 from stickslip.units import QuantityError
 
 RATE = 20e3
@@ -72,3 +86,135 @@ def test_the_inverse_of_a_piezo_is_not_translated(tmp_path: Path) -> None:
     bent = Regulator(Pid(1e8), RATE, feedforward=PiezoInverse(load_actuator("kang2007-hysteresis"), RATE))
     with pytest.raises(QuantityError, match="not translated to C"):
         export_regulator(bent, tmp_path / "regulator.h")
+
+
+STAGE = """
+#include <stdio.h>
+#include "mover.h"
+
+int main(void)
+{
+    mover m;
+    double in[4], out[4];
+    long tick = 0;
+    mover_begin(&m);
+    while (fread(in, sizeof in, 1, stdin) == 1) { /* measured, target, steps_wanted, centre_wanted */
+        if (in[2] != 0.0)
+            m.steps_wanted = (long)in[2];
+        if (in[3] != 0.0)
+            m.centre_wanted = true;
+        out[0] = mover_step(&m, in[0], in[1], tick++);
+        out[1] = (double)m.steps;
+        out[2] = m.settled ? m.settled_at : -1.0;
+        out[3] = (double)m.error + 10.0 * (double)m.done;
+        fwrite(out, sizeof out, 1, stdout);
+    }
+    return 0;
+}
+"""
+
+
+class Slider:
+    """A piezo and an end-effector that sticks below a voltage edge, and is left behind by some of it above;
+    with creep [m per tick] and an end stop."""
+
+    def __init__(self, random: np.random.Generator, stop: float = 1.0, creep: float = 2e-12) -> None:
+        self.random, self.stop, self.creep = random, stop, creep
+        self.volts = self.slipped = self.crept = 0.0
+        self.share = random.uniform(0.5, 0.9)
+
+    def position(self, volts: float) -> float:
+        change, self.volts = volts - self.volts, volts
+        if abs(change) > 5.0:
+            self.slipped -= self.share * change * GAIN
+        self.crept += self.creep
+        where = self.slipped + self.crept + volts * GAIN
+        return min(where, self.stop) + 2e-9 * self.random.standard_normal()
+
+
+GAIN = 0.1e-6
+TABLE = StepTable((10.0, 30.0, 60.0), (0.3e-6, 1.6e-6, 4.1e-6), (0.4e-6, 1.9e-6, 4.6e-6))
+
+
+def made_mover(hold: float = 0.02) -> Mover:
+    loop = Regulator(Pid("500 V/(um*s)"), RATE, notches=(Notch("1 kHz"),), feedforward="10 V/um")
+    return Mover(Walk("60 V", "400 Hz"), TABLE, loop, GAIN, hold=hold)
+
+
+def driven(
+    mover: Mover, targets: list[float], jogs: dict[int, int], slider: Slider, steps: int, centred: int = 2500
+) -> tuple[list[list[float]], list[list[float]]]:
+    """What a mover was given tick by tick, and what it said: voltage, steps, when it had settled, error."""
+    given, said, measured = [], [], 0.0
+    for tick in range(steps):
+        target, jog = targets[tick * len(targets) // steps], jogs.get(tick, 0)
+        centre = float(tick % centred == 2400)
+        given.append([measured, target, float(jog), centre])
+        mover.steps_wanted = jog or mover.steps_wanted
+        mover.centre_wanted = bool(centre) or mover.centre_wanted
+        try:
+            volts = mover.step(measured, target, tick)
+        except MoveError as error:
+            said.append([math.nan, float(mover.steps), -1.0, 1.0 if "attempts" in str(error) else 2.0])
+            break
+        settled = -1.0 if mover.settled_at is None else mover.settled_at
+        said.append([volts, float(mover.steps), settled, 10.0 * mover.done])
+        measured = slider.position(volts)
+    return given, said
+
+
+def in_c(mover: Mover, folder: Path, given: list[list[float]]) -> list[list[float]]:
+    export_mover(mover, folder / "mover.h")
+    (folder / "main.c").write_text(STAGE)
+    flags = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-pedantic"]
+    subprocess.run(["gcc", *flags, "main.c", "-o", "main"], cwd=folder, check=True)
+    content = np.array(given).tobytes()
+    found = subprocess.run([folder / "main"], input=content, capture_output=True, check=True).stdout
+    return np.frombuffer(found).reshape(-1, 4).tolist()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_move_in_c_is_the_same_to_the_bit(seed: int, tmp_path: Path) -> None:
+    """Targets near and far either way, jogs and centring; the slider's steps are not those of the table."""
+    random = np.random.default_rng(seed)
+    targets = (random.uniform(-60e-6, 60e-6, 6) * random.choice([1.0, 0.02], 6)).tolist()
+    jogs = {
+        int(tick): int(count)
+        for tick, count in zip(random.integers(9000, 29_000, 3), (3, -2, 5), strict=True)
+    }
+    mover = made_mover()
+    given, said = driven(mover, targets, jogs, Slider(random), 30_000)
+    assert {"return", "step", "wait", "scan", "hold"} <= {phase for phase, _ in mover.history}
+    assert mover.steps_of.forward != 1.0
+    assert mover.steps >= 10
+    assert in_c(made_mover(), tmp_path, given) == said
+
+
+def test_an_end_stop_in_c(tmp_path: Path) -> None:
+    given, said = driven(made_mover(), [500e-6], {}, Slider(np.random.default_rng(9), 40e-6), 30_000)
+    assert said[-1][3] == 2.0
+    found = in_c(made_mover(), tmp_path, given)
+    assert found[:-1] == said[:-1]
+    assert found[-1][1:] == said[-1][1:]
+
+
+def test_a_range_that_holding_uses_up_in_c(tmp_path: Path) -> None:
+    """The piezo jumps to the middle of its range when creep has brought it to the end."""
+    mover = made_mover()
+    given, said = driven(mover, [3e-6], {}, Slider(np.random.default_rng(3), creep=-3e-10), 30_000, 10**6)
+    phases = [phase for phase, _ in mover.history]
+    assert phases.index("hold") < phases.index("recentre") < len(phases) - 2
+    jumps = np.diff([volts for volts, *_ in said])
+    assert jumps.min() < -40.0
+    assert in_c(made_mover(), tmp_path, given) == said
+
+
+def test_what_was_learnt_goes_along(tmp_path: Path) -> None:
+    random = np.random.default_rng(5)
+    walked = made_mover()
+    driven(walked, [80e-6, -80e-6], {}, Slider(random), 20_000)
+    again = made_mover()
+    again.steps_of = walked.steps_of
+    exported = copy.deepcopy(again)
+    given, said = driven(again, [60e-6], {}, Slider(random), 8000)
+    assert in_c(exported, tmp_path, given) == said

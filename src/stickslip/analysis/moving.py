@@ -33,7 +33,7 @@ from ..control import (
     StepTable,
     Tuning,
     Walk,
-    export_regulator,
+    export_mover,
     tune,
 )
 from ..control import settling as settled
@@ -136,7 +136,7 @@ def run_move(
     file: MoveFile, folder: Path, out: Path, progress: Progress, *, only_hold: bool = False
 ) -> Document:
     """Move to the target and hold it; the recording goes to move.nc, or hold.nc, in the folder `out`, and the
-    regulator, as C, to regulator.h.
+    state machine with its regulator, as C, to mover.h.
 
     Args:
         file: as read.
@@ -182,7 +182,8 @@ def run_move(
         )
     name = "hold" if only_hold else "move"
     out.mkdir(parents=True, exist_ok=True)
-    export_regulator(tuning.regulator(rate, **ends), out / "regulator.h")
+    linear = Mover(walk, table, tuning.regulator(rate, **ends), model.gain, hold=file.hold)
+    export_mover(linear, out / "mover.h")
     recording = regulate(
         rig,
         NoiseShaped(mover, can.step),

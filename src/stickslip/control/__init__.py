@@ -13,7 +13,9 @@ from .learned import Learnt as Learnt
 from .moving import MoveError as MoveError
 from .moving import Mover as Mover
 from .moving import Walk as Walk
+from .portable import export_mover as export_mover
 from .portable import export_regulator as export_regulator
+from .portable import mover_source as mover_source
 from .portable import regulator_source as regulator_source
 from .quantised import NoiseShaped as NoiseShaped
 from .relay import Oscillation as Oscillation

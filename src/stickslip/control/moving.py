@@ -106,11 +106,42 @@ class Mover:
         self.steps, self.lost, self.done = 0, 0, False
         self.settled_at: float | None = None
         self._goal = math.nan
-        self._voltage = self._from = self._to = min(max(0.0, low), high)
+        self._rest = min(max(0.0, low), high)
+        self._voltage = self._from = self._to = self._rest
         self._count = self._lost_now = self._there = self._attempts = 0
         self._direction, self._amplitude, self._before, self._row = 1, walk.amplitude, 0.0, 0
         self.steps_wanted, self.centre_wanted, self._close = 0, False, _CLOSE
         self._jogs: int | None = None  # steps that are left of those that were wanted
+
+    def constants(self) -> dict[str, float | int]:
+        """What it goes by, by name: floats in SI, and numbers of ticks; for its translation to C."""
+        return {
+            "rate": self.regulator.rate,
+            "gain": self.gain,
+            "low": self.regulator.low,
+            "high": self.regulator.high,
+            "middle": self._middle,
+            "least": self._least,
+            "most": self._most,
+            "near": self._near,
+            "start": self._rest,
+            "amplitude": self.walk.amplitude,
+            "tolerance": self.walk.tolerance,
+            "holding": self._hold,
+            "learning": self.steps_of.learning,
+            "close": _CLOSE,
+            "centred": _CENTRED,
+            "along": _ALONG,
+            "share_lost": _LOST,
+            "period": self._period,
+            "rise": self._rise,
+            "pause": self._pause,
+            "scanning": self._scan,
+            "dwell": self._dwell,
+            "patience": _PATIENCE,
+            "attempts": _ATTEMPTS,
+            "points": len(self.steps_of.table.voltages) + 1,
+        }
 
     @property
     def goal(self) -> float:
@@ -153,7 +184,7 @@ class Mover:
             self._begin(measured, tick)
         phase = self.phase
         if phase == "hold" or phase == "scan":
-            self._voltage = self._regulated(measured, tick)
+            self._regulated(measured, tick)
         elif phase == "step":
             self._stepping(measured, tick)
         elif phase == "return":
@@ -291,15 +322,15 @@ class Mover:
         self.regulator.begin(self._voltage, measured)
         self._enter("scan", tick)
 
-    def _regulated(self, measured: float, tick: int) -> float:
-        """The regulator's voltage; looks whether it is there, and whether the range is used up."""
+    def _regulated(self, measured: float, tick: int) -> None:
+        """By the regulator; looks whether it is there, and whether the range is used up."""
         wanted = self._goal
         if self.phase == "scan":
             self._count += 1
             wanted = self._before + _smooth(self._count / self._scan) * (self._goal - self._before)
             if self._count >= self._scan:
                 self._enter("hold", tick)
-        voltage = self.regulator.step(measured, wanted, tick)
+        self._voltage = self.regulator.step(measured, wanted, tick)
         if self.phase == "hold":
             near = abs(measured - self._goal) <= self.walk.tolerance
             self._there = self._there + 1 if near else 0
@@ -308,13 +339,11 @@ class Mover:
                 self.settled_at, self._attempts = (tick - self._dwell) / rate, 0
             if self.settled_at is not None and tick / rate - self.settled_at >= self._hold:
                 self.done = True
-            if not self.regulator.low < voltage < self.regulator.high:
-                self._voltage = voltage
+            if not self.regulator.low < self._voltage < self.regulator.high:
                 self._begin(measured, tick)
-        return voltage
 
 
 def _smooth(share: float) -> float:
     """From 0 to 1 with the least jerk."""
     s = min(share, 1.0)
-    return s**3 * (10.0 - 15.0 * s + 6.0 * s * s)
+    return s * s * s * (10.0 - 15.0 * s + 6.0 * s * s)

@@ -1,4 +1,5 @@
-"""A regulator as C99, in one header: the same operations in the same order, so the same output to the bit.
+"""A regulator, or a whole `Mover`, as C99 in one header: the same operations in the same order, so the same
+output to the bit.
 
 That holds where doubles are IEEE 754 and products and sums are rounded one by one: ``gcc -std=c99`` does so
 (``-ffp-contract=off`` elsewhere).
@@ -12,6 +13,7 @@ from pathlib import Path
 from .._version import __version__
 from ..units import QuantityError
 from .blocks import Regulator
+from .moving import Mover
 
 _SOURCE = """\
 /* A regulator made by stickslip {version}: {rate:g} updates a second, {low:g} V to {high:g} V.
@@ -112,4 +114,55 @@ def export_regulator(regulator: Regulator, path: str | os.PathLike[str]) -> Path
     """Write the header, regulator.h say; its path. Raises QuantityError as `regulator_source`, OSError."""
     target = Path(path)
     target.write_text(regulator_source(regulator), encoding="utf-8")
+    return target
+
+
+_MOVER = """
+/* A state machine of moves made by stickslip {version}, and its regulator above. */
+#ifndef STICKSLIP_MOVER_H
+#define STICKSLIP_MOVER_H
+
+#include <math.h>
+#include <stdbool.h>
+
+{constants}
+
+static const double mover_voltages[MOVER_POINTS] = {{{volts}}};
+static const double mover_steps[2][MOVER_POINTS] = {{ /* forward, backward, m */
+    {{{forward}}},
+    {{{backward}}},
+}};
+static const double mover_learnt[2][3] = {{{{{learnt_forward}}}, {{{learnt_backward}}}}};
+
+"""
+
+
+def mover_source(mover: Mover) -> str:
+    """The header of a mover that begins at rest, with what it has learnt of its steps; raises QuantityError
+    for one whose regulator has the inverse of a piezo."""
+    table, learnt = mover.steps_of.table, mover.steps_of.learnt
+    constants = "\n".join(
+        f"#define MOVER_{name.upper()} {value.hex() if isinstance(value, float) else f'{value}L'}"
+        for name, value in mover.constants().items()
+    ).replace(" inf", " INFINITY")
+    rows = {
+        "volts": (0.0, *table.voltages),
+        "forward": (0.0, *table.forward),
+        "backward": (0.0, *table.backward),
+        "learnt_forward": learnt[0],
+        "learnt_backward": learnt[1],
+    }
+    head = _MOVER.format(
+        version=__version__,
+        constants=constants,
+        **{name: ", ".join(float(one).hex() for one in row) for name, row in rows.items()},
+    )
+    body = (Path(__file__).parent / "c" / "mover.h").read_text(encoding="ascii")
+    return regulator_source(mover.regulator) + head + body
+
+
+def export_mover(mover: Mover, path: str | os.PathLike[str]) -> Path:
+    """Write the header, mover.h say; its path. Raises QuantityError as `mover_source`, OSError."""
+    target = Path(path)
+    target.write_text(mover_source(mover), encoding="utf-8")
     return target

@@ -7,6 +7,8 @@ far as wanted in either direction.
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
+from collections.abc import Sequence
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -85,26 +87,23 @@ class Steps:
         self.forward = self.backward = 1.0
         weights = {1: (_PRIOR * table.forward[-1]) ** 2, -1: (_PRIOR * table.backward[-1]) ** 2}
         self._sums = {direction: (one, one) for direction, one in weights.items()}
+        self._volts = (0.0, *table.voltages)
+        self._sizes = {1: (0.0, *table.forward), -1: (0.0, *table.backward)}
 
     def size(self, voltage: float, direction: int) -> float:
         """The distance [m] of a step of that amplitude [V], direction 1 (towards +x) or -1."""
-        table = self.table
-        steps = table.forward if direction > 0 else table.backward
         factor = self.forward if direction > 0 else self.backward
-        return factor * float(np.interp(voltage, (0.0, *table.voltages), (0.0, *steps)))
+        return factor * _between(voltage, self._volts, self._sizes[direction])
 
     def voltage_for(self, distance: float, direction: int) -> float:
         """The amplitude [V] of a step of that distance [m]; the greatest where none goes so far."""
-        table = self.table
-        steps = np.array(table.forward if direction > 0 else table.backward)
+        volts, steps = self._volts[1:], self._sizes[direction][1:]
         factor = self.forward if direction > 0 else self.backward
-        k = max(int(np.searchsorted(steps, distance / factor)), 1)
-        if k == steps.size:
-            return table.voltages[-1]
+        k = max(bisect_left(steps, distance / factor), 1)
+        if k == len(steps):
+            return volts[-1]
         share = (distance / factor - steps[k - 1]) / max(steps[k] - steps[k - 1], 1e-300)
-        return float(
-            table.voltages[k - 1] + min(max(share, 0.0), 1.0) * (table.voltages[k] - table.voltages[k - 1])
-        )
+        return volts[k - 1] + min(max(share, 0.0), 1.0) * (volts[k] - volts[k - 1])
 
     def learn(self, voltage: float, direction: int, distance: float) -> None:
         """A step of that amplitude [V] went so far [m] in its direction."""
@@ -114,10 +113,25 @@ class Steps:
             return
         kept = 1.0 - self.learning
         squares, products = self._sums[direction]
-        squares, products = kept * squares + told**2, kept * products + told * distance
+        squares, products = kept * squares + told * told, kept * products + told * distance
         self._sums[direction] = squares, products
         factor = min(max(products / squares, 0.1), 10.0)
         if direction > 0:
             self.forward = factor
         else:
             self.backward = factor
+
+    @property
+    def learnt(self) -> list[tuple[float, float, float]]:
+        """Forward and backward: the factor, and the sums that it is from [m^2]."""
+        return [(self.forward, *self._sums[1]), (self.backward, *self._sums[-1])]
+
+
+def _between(x: float, xs: Sequence[float], ys: Sequence[float]) -> float:
+    """As `numpy.interp` of one value; by these operations, which C repeats."""
+    if x >= xs[-1]:
+        return ys[-1]
+    k = bisect_right(xs, x) - 1
+    if k < 0 or x == xs[k]:
+        return ys[max(k, 0)]
+    return (ys[k + 1] - ys[k]) / (xs[k + 1] - xs[k]) * (x - xs[k]) + ys[k]

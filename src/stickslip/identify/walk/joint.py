@@ -245,7 +245,7 @@ class _Weighted:
                 goodness(r, x, name, g.unit)
                 for r, x, name, g in zip(left, self.measured, self.names, before.recordings, strict=True)
             ),
-            reduced_chi_squared=sum(float(r @ r) for r in left) / before.degrees_of_freedom,
+            reduced_chi_squared=before.reduced_chi_squared * _squares(left) / _squares(before.residuals),
             correlated=True,
             n_evaluations=before.n_evaluations + found.n_evaluations,
             converged=found.converged,
@@ -257,3 +257,7 @@ class _Weighted:
             predict=Predictor.of(model, found.values, slew_rate).predict,
             remarks=(*before.remarks, SAID),
         )
+
+
+def _squares(residuals: Sequence[Array]) -> float:
+    return sum(float(r @ r) for r in residuals)
