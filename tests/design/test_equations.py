@@ -13,8 +13,8 @@ from stickslip.design.goals import Current, Heat, Ripple, Speed, StepSize
 from stickslip.design.limits import Allowed, Limits
 from stickslip.design.moving import Moved
 from stickslip.design.polygons import STEEPEST, Polygons, as_knots, knots, sawtooths, starts
-from stickslip.design.power import electrical_demand
 from stickslip.design.search import SHORTFALL, Judge, worst_of
+from stickslip.simulation.demand import electrical_demand
 
 NONE = np.zeros(0, np.int64)
 TWO = Polygons(

@@ -17,14 +17,13 @@ from ..electronics.stack import Stack
 from ..estimate.posterior import Posterior
 from ..estimate.result import Fit
 from ..progress import Progress, unheard
+from ..simulation.demand import UNITS, electrical_demand
 from ..simulation.errors import SimulationWarning
 from ..simulation.steady_members import CONVERGED
-from ..simulation.varied import waveform_names
 from ..study.drawn import drawn_parameters
 from ..units import QuantityError, to_si
 from ..waveform.signal import Waveform
 from .grid import AXES, Grid, grid_of
-from .power import UNITS, electrical_demand
 from .solving import NOT_COMPUTED, STATUS, Solved, ends, intervals, solved
 from .stored import Stored, solved_in_store
 
@@ -197,9 +196,7 @@ def _drawn(fit: Any, model: Actuator, grid: Grid, draws: int, seed: int) -> dict
 
 
 def _demand(grid: Grid, stack: Stack) -> dict[str, Array]:
-    names = waveform_names(grid.waveform)
-    own = {name: column for name, column in grid.columns.items() if name in names}
-    return electrical_demand(grid.waveform, own, stack, next(iter(grid.columns.values())).size)
+    return electrical_demand(grid.waveform, grid.columns, stack, next(iter(grid.columns.values())).size)
 
 
 def _dataset(grid: Grid, found: Solved, values: Mapping[str, Array], tolerance: float) -> xr.Dataset:

@@ -63,7 +63,7 @@ def electrical(
         source: the voltage at the piezo: a waveform in V, without jumps (`driven` gives one); or a recording
             or trajectory with "time" and "drive_voltage".
         stack: its numbers.
-        duration: s, of a waveform.
+        duration: s, of a waveform; left out, its own.
         ambient: K, of the surroundings; the stack begins at that.
         tolerance: V, greatest error of the lines by which a waveform is drawn.
         dependence: how capacitance and gain go with the temperature; the loss goes with the capacitance, and
@@ -137,7 +137,8 @@ def _points(source: Any, duration: float | None, tolerance: float) -> tuple[Arra
     """Times [s] and voltages of the run, joined by lines."""
     if isinstance(source, Mapping):
         return _samples(source)
-    if duration is None or not 0.0 < duration < math.inf:
+    duration = source.duration if duration is None else duration
+    if not 0.0 < duration < math.inf:
         raise QuantityError(f"duration = {duration} s: of a waveform it must be said, > 0 s and finite")
     name = type(source).__name__
     if source.unit != "V":

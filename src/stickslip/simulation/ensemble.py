@@ -12,12 +12,14 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from ..actuator import Actuator
+from ..electronics.stack import Stack
 from ..progress import Progress, unheard
 from ..solve.outcome import DONE, STEP_TOO_SMALL, TOO_MANY_STEPS
 from ..solve.periods import integrate_members
 from ..units import QuantityError, optional_si, to_si
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
+from .demand import labelled_demand
 from .errors import SimulationWarning
 from .members import (
     BLOCK,
@@ -66,6 +68,7 @@ def simulate_ensemble(
     times: ArrayLike | None = None,
     tolerance: float | str = 1e-9,
     load: Waveform | float = 1.0,
+    stack: Stack | None = None,
     max_steps: int = 2_000_000,
     threads: int | None = None,
     engine: Literal["cpu", "cuda"] = "cpu",
@@ -87,6 +90,8 @@ def simulate_ensemble(
             memory beyond them does not grow with the number of members.
         tolerance: m, as for `simulate`.
         load: normal force over its reference, for all members.
+        stack: that each periodic drive charges; then there are also peak_current and rms_current (A),
+            energy_per_step (J, per period), heat (W) and temperature_rise (K), see `demand`.
         max_steps: of each member.
         threads: how many; all processors if left out.
         engine: "cuda" runs the same steps on a GPU, a thread for each member (extra ``stickslip[cuda]``);
@@ -129,6 +134,7 @@ def simulate_ensemble(
         _gpu(model, wanted) if engine == "cuda" else None,
     )
     contact_load(load, end)  # what is wrong with it is said at once
+    demand = labelled_demand(waveform, varied, stack, count)
     size = block_size(waveform, varied, end, GPU_BLOCK if task.gpu else BLOCK)
     found = Block(
         np.zeros(count, np.int8),
@@ -152,7 +158,7 @@ def simulate_ensemble(
             SimulationWarning,
             stacklevel=2,
         )
-    return _dataset(model, waveform, varied, found, wanted)
+    return _dataset(model, waveform, varied, found, wanted).assign(demand)
 
 
 class _Task(NamedTuple):

@@ -11,12 +11,14 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from ..actuator import Actuator
+from ..electronics.stack import Stack
 from ..progress import Progress, unheard
 from ..solve.outcome import DONE
 from ..solve.periodic import NOT_FOUND, Found, has_neighbours, orbits, room_for
 from ..units import QuantityError, to_si
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
+from .demand import labelled_demand
 from .errors import SimulationWarning
 from .members import (
     Columns,
@@ -67,6 +69,7 @@ def steady_steps(
     parameters: Mapping[str, ArrayLike],
     tolerance: float | str = 1e-10,
     load: Waveform | float = 1.0,
+    stack: Stack | None = None,
     threads: int | None = None,
     progress: Progress = unheard,
 ) -> xr.Dataset:
@@ -78,6 +81,8 @@ def steady_steps(
         parameters: one array per name, all [members], SI, as for `simulate_ensemble`.
         tolerance: m, on the net step.
         load: normal force over its reference, for all members.
+        stack: that each periodic drive charges; then there are also peak_current and rms_current (A),
+            energy_per_step (J, per period), heat (W) and temperature_rise (K), see `demand`.
         threads: how many; all processors if left out.
         progress: called after each block of members with what is being done and the share that is.
 
@@ -92,10 +97,11 @@ def steady_steps(
     tolerance = to_si(tolerance, "m", "tolerance")
     columns = checked_columns(model, waveform, parameters)
     count, blocks = next(iter(columns.values())).size, []
+    demand = labelled_demand(waveform, columns, stack, count)
     for start, block in orbit_blocks(model, waveform, columns, tolerance, load, threads):
         blocks.append(block)
         progress("solving for periodic motion", (start + block.status.size) / count)
-    made = _dataset(model, waveform, columns, blocks)
+    made = _dataset(model, waveform, columns, blocks).assign(demand)
     off = int(np.sum((made["status"] == CONVERGED) & ~(made["error_estimate"] <= tolerance)))
     if off:
         warnings.warn(

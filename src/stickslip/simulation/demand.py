@@ -1,4 +1,4 @@
-r"""Current, energy and heat of a stack under each drive of a map.
+r"""Current, energy and heat of a stack under each of many periodic drives.
 
 A drive is the same curve over its period at every frequency f. So with the lines that draw it, of voltage
 :math:`\Delta u_k` over the share :math:`\Delta\varphi_k` of the period,
@@ -23,9 +23,10 @@ from numpy.typing import NDArray
 from ..electronics.cycles import half_cycles
 from ..electronics.lines import jumps, lines_of
 from ..electronics.stack import Stack
-from ..simulation.members import put_in
 from ..units import QuantityError, with_prefix
 from ..waveform.signal import Waveform
+from .members import put_in
+from .varied import waveform_names
 
 Array = NDArray[np.float64]
 
@@ -46,12 +47,18 @@ def electrical_demand(
     """`UNITS` of each member; NaN where its fields make no waveform.
 
     Args:
-        columns: fields of the waveform, [members], where any vary.
+        columns: what varies, by name, [members]; of it the fields of the waveform count.
         count: of the members.
 
     Raises:
-        QuantityError: a drive jumps, which takes an infinite current.
+        QuantityError: a drive that has no period, or that jumps, which takes an infinite current.
     """
+    if getattr(waveform, "period", None) is None:
+        raise QuantityError(f"stack: {type(waveform).__name__} has no period: its current is not known")
+    if "drive_scale" in columns:
+        raise QuantityError("stack: under a drive_scale the current is not known: vary the amplitude")
+    names = waveform_names(waveform)
+    columns = {name: column for name, column in columns.items() if name in names}
     # Knots are stretched with their period, so their times say no more than that does.
     stretched = "period" in columns
     shapes = [
@@ -106,3 +113,16 @@ def _of_one_period(waveform: Any, stack: Stack) -> tuple[float, float, float, fl
     peak = stack.load * float(np.max(np.abs(change) / np.diff(share)))
     rms = stack.load * math.sqrt(float(np.sum(change**2 / np.diff(share))))
     return peak, rms, stack.load * float(np.sum(np.maximum(stored, 0.0))) + loss, loss
+
+
+def labelled_demand(
+    waveform: Waveform, columns: Mapping[str, Array], stack: Stack | None, count: int
+) -> dict[str, Any]:
+    """`electrical_demand` as variables over "member"; none without a stack."""
+    if stack is None:
+        return {}
+    found = electrical_demand(waveform, columns, stack, count)
+    return {
+        name: ("member", values, dict(zip(("units", "long_name"), UNITS[name], strict=True)))
+        for name, values in found.items()
+    }

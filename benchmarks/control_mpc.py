@@ -1,0 +1,146 @@
+"""The end of a move, beside a controller that knows everything: do-mpc as a referee.
+
+python -m benchmarks.control_mpc
+
+The piezo goes from rest to a target 2 um away, the contact sticking, 20 kHz, two ticks of delay. Ours is the
+regulator that `tune` gives with its scan; do-mpc's MPC has the plant as it is, or with its stage's frequency
+10 % off, and sees the whole state without noise. Writes docs/benchmarks/control-mpc.md; needs `make peers`.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import time
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip.actuator import Actuator
+from stickslip.control.moving import _smooth
+from stickslip.control.tuning import Loop, Tuning, sampled_loop
+
+from .control_bench import RATE, TOP, loop, ours
+from .session import PEERS, ROOT
+
+OUT = ROOT / "docs" / "benchmarks" / "control-mpc.md"
+UNIT, TARGET, FROM, TICKS, DELAY = 1e-6, 2e-6, 0.0, 1200, 2
+HORIZON, WEIGHT = 80, 1e-5  # ticks; (um/V)^2 of the change of the voltage
+WINDOWS = (100e-9, 10e-9, 3e-9)
+SCANS = (20e-3, 10e-3, 5e-3, 2.5e-3)  # s
+OFF = {"as it is": 1.0, "stage 10 % slower": 0.9, "stage 10 % faster": 1.1}
+
+Array = NDArray[np.float64]
+
+
+class Row(NamedTuple):
+    """A controller on a plant: times [s] to the windows, overshoot [m], s of processor time of an update."""
+
+    name: str
+    plant: str
+    times: tuple[float, ...]
+    overshoot: float
+    seconds: float
+
+
+def row(name: str, plant: str, positions: Array, seconds: float) -> Row:
+    off = np.abs(positions - TARGET)
+    last = [int(np.flatnonzero(off > w)[-1]) + 1 if (off > w).any() else 0 for w in WINDOWS]
+    times = tuple(one / RATE if one < off.size else math.nan for one in last)
+    return Row(name, plant, times, max(float(positions.max()) - TARGET, 0.0), seconds)
+
+
+def scanned(tuning: Tuning, plant: Loop, scan: float) -> tuple[Array, float]:
+    """Positions under our regulator, and the time of an update."""
+    regulator, ticks = ours(tuning), round(scan * RATE)
+    regulator.begin(FROM, 0.0)
+    state, found = np.zeros(plant.b.size), []
+    spent = 0.0
+    for k in range(TICKS):
+        found.append(float(plant.c @ state))
+        begun = time.process_time()
+        volts = regulator.step(found[-1], _smooth((k + 1) / ticks) * TARGET, k)
+        spent += time.process_time() - begun
+        state = plant.a @ state + plant.b * volts
+    return np.array(found), spent / TICKS
+
+
+def scaled(plant: Loop) -> dict[str, Any]:
+    """A plant in micrometres and volts, from rest at 0 V."""
+    late = plant.b.size - DELAY
+    unit = np.concatenate([np.full(late, UNIT), np.ones(DELAY)])
+    a, b, c = plant.a * unit / unit[:, None], plant.b / unit, plant.c * unit / UNIT
+    return {"a": a.tolist(), "b": b.tolist(), "c": c.tolist(), "start": [0.0] * plant.b.size}
+
+
+def predicted(plants: list[Loop]) -> tuple[str, list[dict[str, Any]]]:
+    """What do-mpc does, with the first plant as its model."""
+    problem = {
+        "plants": [scaled(one) for one in plants],
+        "target": TARGET,
+        "horizon": HORIZON,
+        "rate": RATE,
+        "weight": WEIGHT,
+        "volts": [0.0, TOP],
+        "from": FROM,
+        "ticks": TICKS,
+    }
+    command = [str(PEERS), "-m", "benchmarks.peers.do_mpc"]
+    ended = subprocess.run(
+        command, cwd=ROOT, input=json.dumps(problem), capture_output=True, text=True, check=True
+    )
+    answer = json.loads(ended.stdout[ended.stdout.index('{"version"') :])
+    return answer["version"], answer["found"]
+
+
+def models(base: Actuator) -> dict[str, Actuator]:
+    return {
+        name: base.replace(natural_frequency=base.natural_frequency * factor) for name, factor in OFF.items()
+    }
+
+
+def main() -> None:
+    """See the module."""
+    base, tuning, _ = loop()
+    plants = {name: sampled_loop(one, RATE, delay=DELAY) for name, one in models(base).items()}
+    rows = [
+        row(f"ours, scan of {1e3 * scan:g} ms", name, *scanned(tuning, plant, scan))
+        for scan in SCANS
+        for name, plant in plants.items()
+    ]
+    version, found = predicted(list(plants.values()))
+    rows += [
+        row("do-mpc", name, np.array(one["positions"]), one["seconds"])
+        for name, one in zip(plants, found, strict=True)
+    ]
+    OUT.write_text(page(version, rows), encoding="utf-8")
+    print(OUT.read_text(encoding="utf-8"))
+
+
+def page(version: str, rows: list[Row]) -> str:
+    """docs/benchmarks/control-mpc.md."""
+    said = " | ".join(f"{1e9 * w:g} nm" for w in WINDOWS)
+    lines = [
+        "# The last 2 um, beside a predictive controller",
+        "",
+        "`python -m benchmarks.control_mpc` (after `make peers`) wrote this page. The piezo goes 2 um from",
+        "rest, the contact sticking (linear), 20 kHz, two ticks of delay, 0 to 95 V. *Ours* is the regulator",
+        "that `tune` gives for the [benchmark of controllers](control.md), behind a scan: it sees positions",
+        f"only. *do-mpc* {version} predicts {HORIZON} ticks with the plant as it is, and sees its state",
+        "without noise: what could be had if all were known. Times are those after which the position",
+        "stays within the window.",
+        "",
+        f"| controller | plant | {said} | overshoot | an update takes |",
+        "|" + "---|" * (len(WINDOWS) + 4),
+    ]
+    for one in rows:
+        times = " | ".join("-" if t != t else f"{1e3 * t:.1f} ms" for t in one.times)
+        over, update = f"{1e9 * one.overshoot:.1f} nm", f"{1e6 * one.seconds:.0f} us"
+        lines.append(f"| {one.name} | {one.plant} | {times} | {over} | {update} |")
+    return "\n".join([*lines, ""])
+
+
+if __name__ == "__main__":
+    main()
