@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from stickslip.actuator import Actuator
@@ -13,6 +14,7 @@ from stickslip.friction import (
     Elastoplastic,
     LuGre,
     MaxwellSlip,
+    NormalForce,
     ResetIntegrator,
     element,
     rate,
@@ -88,6 +90,29 @@ def test_what_is_newly_loaded_carries_nothing_and_what_is_unloaded_loses_its_sha
     if velocity == 0.0:  # at rest: the force stays under more load, and falls with less
         share = np.minimum(1.0, 1.0 + normal[1] * time)
         np.testing.assert_allclose(found["friction_force"][1:], expected[0] * share[1:], rtol=1e-7)
+
+
+def test_a_normal_force_along_the_position() -> None:
+    """Out over a wedge and back, against SciPy's solution over the position: growing renews, falling sheds."""
+    law, along = Dahl(1e6, 0.5), NormalForce(slope=5e4, origin=2e-6)
+    way = np.concatenate([np.linspace(0.0, 8e-6, 2001), np.linspace(8e-6, 1e-6, 2001)[1:]])
+    time = np.linspace(0.0, 1.0, way.size)
+    found = friction_response(law, time, way, normal_force=along, tolerance=1e-13)
+
+    def slope(x: float, zeta: NDArray[np.float64], back: float) -> NDArray[np.float64]:
+        grown = along.slope / (1.0 + along.slope * (along.origin + x))
+        renewed = grown * zeta if back > 0.0 else 0.0  # forward the load grows, backward it falls
+        return 1.0 - back * law.sigma_0 * zeta / law.coulomb_force - renewed
+
+    exact, zeta = [], np.zeros(1)
+    for part, back in ((way[:2001], 1.0), (way[2000:], -1.0)):
+        solved = solve_ivp(slope, part[[0, -1]], zeta, "LSODA", part, args=(back,), rtol=1e-11, atol=1e-18)
+        zeta = solved.y[:, -1]
+        exact.append(law.sigma_0 * solved.y[0] * along.factor(part))
+    np.testing.assert_allclose(found["friction_force"], np.append(exact[0], exact[1][1:]), atol=2e-6)
+    bent = along._replace(stiffness_exponent=1 / 3)
+    with pytest.raises(QuantityError, match="stiffness_exponent = 0.333"):
+        friction_response(law, time, way, normal_force=bent)
 
 
 @pytest.mark.parametrize(

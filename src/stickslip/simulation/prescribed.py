@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from ..friction import elements, is_law
+from ..friction import NormalForce, elements, is_law
 from ..recording import make_recording
 from ..solve.prescribed import follow_position
 from ..units import QuantityError, to_si
@@ -21,7 +21,7 @@ def friction_response(
     time: ArrayLike,
     position: ArrayLike,
     *,
-    normal_force: ArrayLike | None = None,
+    normal_force: ArrayLike | NormalForce | None = None,
     reference_normal_force: float | str = 1.0,
     proportional: bool = False,
     initial_force: float | str = 0.0,
@@ -37,7 +37,7 @@ def friction_response(
         law: friction law record; its forces hold at `reference_normal_force`.
         time: s, [n], ascending.
         position: m, [n], of the driving body relative to the driven one.
-        normal_force: N, [n]; the reference, if left out.
+        normal_force: N, [n], or how it changes over the position; the reference, if left out.
         reference_normal_force: N.
         proportional: the force is simply multiplied by the normal force, for a measured one whose noise
             would renew the contact again and again. Otherwise what is newly loaded carries no tangential
@@ -50,7 +50,8 @@ def friction_response(
         Dataset over "time" with position (m), friction_force (N) and the bristle deflections (m).
 
     Raises:
-        QuantityError: arrays of different length, times not ascending, no law.
+        QuantityError: arrays of different length, times not ascending, no law; a `NormalForce` that the
+            stiffness does not follow in proportion, or under which the contact lifts off.
     """
     reference = to_si(reference_normal_force, "N", "reference_normal_force")
     initial_force = to_si(initial_force, "N", "initial_force")
@@ -61,7 +62,12 @@ def friction_response(
     if t.ndim != 1 or t.shape != x.shape or t.size < 2 or not np.all(np.diff(t) > 0.0):
         raise QuantityError("time [s] and position [m] must be of one length, at least 2, and time ascending")
     ratio = np.ones(t.size)
-    if normal_force is not None:
+    if isinstance(normal_force, NormalForce):
+        if normal_force.stiffness_exponent != 1.0:
+            q = normal_force.stiffness_exponent
+            raise QuantityError(f"NormalForce.stiffness_exponent = {q:g}: a prescribed motion knows 1 only")
+        ratio = normal_force.factor(x)
+    elif normal_force is not None:
         ratio = np.ascontiguousarray(normal_force, dtype=float) / reference
         if ratio.shape != t.shape:
             raise QuantityError("normal_force [N] must have one value per time")
