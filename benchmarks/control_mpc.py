@@ -29,7 +29,7 @@ OUT = ROOT / "docs" / "benchmarks" / "control-mpc.md"
 UNIT, TARGET, FROM, TICKS, DELAY = 1e-6, 2e-6, 0.0, 1200, 2
 HORIZON, WEIGHT = 80, 1e-5  # ticks; (um/V)^2 of the change of the voltage
 WINDOWS = (100e-9, 10e-9, 3e-9)
-SCANS = (20e-3, 10e-3, 5e-3, 2.5e-3)  # s
+SCANS = (20e-3, 10e-3, 5e-3)  # s, of which the first is the default
 OFF = {"as it is": 1.0, "stage 10 % slower": 0.9, "stage 10 % faster": 1.1}
 
 Array = NDArray[np.float64]
@@ -139,6 +139,12 @@ def page(version: str, rows: list[Row]) -> str:
         times = " | ".join("-" if t != t else f"{1e3 * t:.1f} ms" for t in one.times)
         over, update = f"{1e9 * one.overshoot:.1f} nm", f"{1e6 * one.seconds:.0f} us"
         lines.append(f"| {one.name} | {one.plant} | {times} | {over} | {update} |")
+    lines += [
+        "",
+        "The scan of 20 ms is the default of `Walk`; 10 ms lose nothing here. With everything known another",
+        "8 to 10 ms could be had, with overshoots of hundreds of nanometres, for nothing asks for none, and",
+        "with updates that take two hundred times the tick.",
+    ]
     return "\n".join([*lines, ""])
 
 
