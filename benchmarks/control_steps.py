@@ -145,7 +145,7 @@ class Wandered(NamedTuple):
     current: float
 
 
-def wander(count: int, seed: int, each: int = 200) -> Wandered:
+def wander(count: int, seed: int, each: int = 100) -> Wandered:
     """Moves to random places within 60 um to each side of home, `each` of them in a run on one drawn
     actuator."""
     random, (base, tuning, table) = np.random.default_rng(seed), loop()

@@ -16,7 +16,7 @@ from playwright.sync_api import Page, expect, sync_playwright
 from .conftest import PATIENCE, Panel
 
 FIGURES = Path(__file__).parents[2] / "docs" / "figures"
-SLOW = 1e3 * PATIENCE  # ms
+SLOW = 0.3e3 * PATIENCE  # ms
 WIDE, HIGH = 1440, 900
 STUDY = """
 kind: study
@@ -34,7 +34,7 @@ random:
 
 
 def put(page: Page, label: str, text: str) -> None:
-    field = page.get_by_role("textbox", name=label, exact=True).first
+    field = page.get_by_label(label, exact=True).and_(page.locator("input[type=text], input:not([type])")).first
     field.fill(text)
     field.press("Enter")
 
@@ -66,7 +66,7 @@ def identify(page: Page) -> None:
     rows = page.locator(".identify-list tbody tr")
     expect(rows).to_have_count(3)
     for name, column in (("step", 0), ("walk", 1), ("forward", 2)):
-        boxes = page.locator(".identify-list tr", has_text=name).first.get_by_role("checkbox")
+        boxes = page.locator(".identify-list tbody tr", has_text=name).first.get_by_role("checkbox")
         for k in range(3):
             if k != column and boxes.nth(k).is_enabled():
                 boxes.nth(k).uncheck()
@@ -79,7 +79,9 @@ def explore(page: Page) -> None:
     page.click("text=Explore")
     page.locator(".explore[data-curves]").wait_for(timeout=SLOW)
     press(page, "Pin")
-    put(page, "Amplitude", "90 V")
+    amplitude = page.locator(".slider", has=page.get_by_role("slider", name="Amplitude", exact=True))
+    amplitude.locator("input[type=text]").fill("90 V")
+    amplitude.locator("input[type=text]").press("Enter")
     page.wait_for_timeout(3000)
 
 
@@ -118,13 +120,14 @@ def move(page: Page) -> None:
 def history(page: Page) -> None:
     for volts in ("40 V", "60 V"):
         page.click("text=Bench")
-        put(page, "Step voltage", volts)
+        field = page.get_by_label("step voltage", exact=True).first
+        field.fill(volts)
+        field.press("Enter")
         run(page, "step")
     page.click("text=History")
     page.locator("[data-run]").first.wait_for(timeout=SLOW)
-    rows = page.locator("tr", has=page.locator("[data-run*='step']"))
-    for k in range(2):
-        rows.nth(k).get_by_role("checkbox").check()
+    for name in page.eval_on_selector_all("[data-run]", "(all) => all.map((one) => one.dataset.run)")[:2]:
+        page.locator(f"tr:has([data-run='{name}']) input").check()
     press(page, "Compare 2")
     page.locator(".history-right canvas").first.wait_for(timeout=SLOW)
 
