@@ -84,6 +84,14 @@ VIBRATION = tuple(
     )
 )
 LEARNT = "tests/control/test_learned.py::test_"
+# The same equations in C.
+IN_C = "tests/control/test_portable.py::test_"
+MOVER = (
+    "tests/control/test_moving.py::test_a_table_between_its_points_at_them_and_beyond",
+    f"{IN_C}a_move_in_c_is_the_same_to_the_bit",
+    f"{IN_C}a_range_that_holding_uses_up_in_c",
+    f"{IN_C}an_end_stop_in_c",
+)
 # The first row that fits a file counts.
 TARGETS = (
     Target(
@@ -173,7 +181,7 @@ TARGETS = (
         (f"{DESIGN_FILE}draws_of_a_campaign_have_its_errors_and_correlations",),
         ("_drawn",),
     ),
-    Target("design/power.py", DESIGN, ("electrical_demand", "_of_one_period")),
+    Target("simulation/demand.py", DESIGN, ("electrical_demand", "_of_one_period")),
     Target("design/tables.py", DESIGN, ("step_at", "voltage_for", "_direction")),
     Target(
         "design/front.py", ("tests/design/test_conditions.py::test_what_stays_of_a_front",), ("unbeaten",)
@@ -187,6 +195,8 @@ TARGETS = (
         ),
         ("contraction", "_binomial"),
     ),
+    Target("control/steps.py", MOVER, ("size", "voltage_for", "learn", "_between")),
+    Target("control/moving.py", MOVER, ("_smooth", "_missing", "_stepping", "_regulated", "_follows")),
     Target(
         "control/relay.py",
         ("tests/control/test_relay.py::test_on_a_linear_loop_it_is_where_the_describing_function_says",),
@@ -248,7 +258,8 @@ def negated(value: ast.expr) -> Iterator[ast.expr]:
                 yield ast.Tuple(elts=[*value.elts[:i], other, *value.elts[i + 1 :]], ctx=ast.Load())
     elif isinstance(value, ast.Constant) and value.value in (0, None):
         return
-    elif not isinstance(value, ast.UnaryOp | ast.Lambda):  # of -x, the minus is dropped elsewhere
+    # Of -x, the minus is dropped elsewhere; what is true stays true with a minus.
+    elif not isinstance(value, ast.UnaryOp | ast.Lambda | ast.BoolOp | ast.Compare):
         yield ast.UnaryOp(op=ast.USub(), operand=value)
 
 

@@ -166,3 +166,13 @@ def test_settling_is_for_good_and_told_over_a_ladder() -> None:
     assert np.isnan(made.times[4])
     assert made.overshoot == pytest.approx(50e-9)
     assert made.rms == pytest.approx(5e-9)
+
+
+def test_a_table_between_its_points_at_them_and_beyond() -> None:
+    steps = Steps(StepTable((10.0, 30.0, 60.0), (0.3e-6, 1.6e-6, 4.0e-6), (0.4e-6, 1.9e-6, 4.6e-6)))
+    volts = np.array([-5.0, 0.0, 4.0, 10.0, 22.0, 30.0, 51.0, 60.0, 70.0])
+    for direction, sizes in ((1, (0.0, 0.3e-6, 1.6e-6, 4.0e-6)), (-1, (0.0, 0.4e-6, 1.9e-6, 4.6e-6))):
+        found = [steps.size(one, direction) for one in volts.tolist()]
+        np.testing.assert_allclose(found, np.interp(volts, (0.0, 10.0, 30.0, 60.0), sizes), rtol=1e-15)
+        assert steps.voltage_for(9e-6, direction) == 60.0
+        assert steps.voltage_for(sizes[2], direction) == pytest.approx(30.0, rel=1e-12)

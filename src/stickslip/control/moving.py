@@ -109,7 +109,7 @@ class Mover:
         self._rest = min(max(0.0, low), high)
         self._voltage = self._from = self._to = self._rest
         self._count = self._lost_now = self._there = self._attempts = 0
-        self._direction, self._amplitude, self._before, self._row = 1, walk.amplitude, 0.0, 0
+        self._direction, self._amplitude, self._before, self._first = 1, walk.amplitude, 0.0, True
         self.steps_wanted, self.centre_wanted, self._close = 0, False, _CLOSE
         self._jogs: int | None = None  # steps that are left of those that were wanted
 
@@ -277,7 +277,7 @@ class Mover:
         self._amplitude = amplitude
         if self.phase != "step":
             self._enter("step", tick)
-            self._row = 0
+            self._first = True
         self._before, self._count = measured, 0
 
     def _stepping(self, measured: float, tick: int) -> None:
@@ -300,9 +300,9 @@ class Mover:
                 )
         else:
             self._lost_now = 0
-            if self._row:  # the first of a walk goes short: its contact was bent the other way
+            if not self._first:  # that of a walk goes short: its contact was bent the other way
                 self.steps_of.learn(self._amplitude, self._direction, went)
-        self._row += 1
+        self._first = False
         self._next_step(measured, tick)
 
     def _choose(self, measured: float, tick: int) -> None:

@@ -138,7 +138,7 @@ def _points(source: Any, duration: float | None, tolerance: float) -> tuple[Arra
     if isinstance(source, Mapping):
         return _samples(source)
     duration = source.duration if duration is None else duration
-    if not 0.0 < duration < math.inf:
+    if duration is None or not 0.0 < duration < math.inf:
         raise QuantityError(f"duration = {duration} s: of a waveform it must be said, > 0 s and finite")
     name = type(source).__name__
     if source.unit != "V":

@@ -28,8 +28,8 @@ typedef struct {
     bool centre_wanted;            /* set to have the piezo in mid-range when it holds, at the same target */
     double learnt[2][3];           /* forward, backward: factor on the table, and the sums that it is from */
     double from, to, amplitude, before, close;
-    long count, lost_now, there, attempts, row, jogs;
-    bool jogging;
+    long count, lost_now, there, attempts, jogs;
+    bool jogging, first;
     int direction;                 /* 1 or -1 */
 } mover;
 
@@ -46,7 +46,8 @@ static inline void mover_begin(mover *m)
     m->settled_at = m->before = 0.0;
     m->amplitude = MOVER_AMPLITUDE;
     m->close = MOVER_CLOSE;
-    m->count = m->lost_now = m->there = m->attempts = m->row = 0;
+    m->count = m->lost_now = m->there = m->attempts = 0;
+    m->first = true;
     m->direction = 1;
     for (way = 0; way < 2; ++way)
         for (k = 0; k < 3; ++k)
@@ -176,7 +177,7 @@ static inline void mover_take_step(mover *m, double amplitude, double measured)
     m->amplitude = amplitude;
     if (m->phase != MOVER_STEP) {
         mover_enter(m, MOVER_STEP);
-        m->row = 0;
+        m->first = true;
     }
     m->before = measured;
     m->count = 0;
@@ -227,10 +228,10 @@ static inline void mover_stepping(mover *m, double measured)
         }
     } else {
         m->lost_now = 0;
-        if (m->row > 0) /* the first of a walk goes short: its contact was bent the other way */
+        if (!m->first) /* that of a walk goes short: its contact was bent the other way */
             mover_learn(m, m->amplitude, went);
     }
-    m->row += 1;
+    m->first = false;
     mover_next_step(m, measured);
 }
 

@@ -236,6 +236,7 @@ class _Weighted:
         left = self.left(found.values)
         by = slopes_of(self.motions, self.varied, [p.name for p in self.parameters])(found.values)
         model = with_values(before.model, own_values(found.values))
+        grown = float(np.sum(np.concatenate(left) ** 2) / np.sum(np.concatenate(before.residuals) ** 2))
         return replace(
             before,
             parameters=found.parameters,
@@ -245,7 +246,7 @@ class _Weighted:
                 goodness(r, x, name, g.unit)
                 for r, x, name, g in zip(left, self.measured, self.names, before.recordings, strict=True)
             ),
-            reduced_chi_squared=before.reduced_chi_squared * _squares(left) / _squares(before.residuals),
+            reduced_chi_squared=before.reduced_chi_squared * grown,
             correlated=True,
             n_evaluations=before.n_evaluations + found.n_evaluations,
             converged=found.converged,
@@ -257,7 +258,3 @@ class _Weighted:
             predict=Predictor.of(model, found.values, slew_rate).predict,
             remarks=(*before.remarks, SAID),
         )
-
-
-def _squares(residuals: Sequence[Array]) -> float:
-    return sum(float(r @ r) for r in residuals)
