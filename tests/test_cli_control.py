@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 from typer.testing import CliRunner
@@ -71,6 +72,23 @@ def test_a_fit_and_a_posterior_say_what_the_loop_must_stand(tmp_path: Path) -> N
     refused = run("move", both, "--out", str(tmp_path / "other"))
     assert refused.exit_code == 2
     assert "not both" in refused.stderr
+
+
+def test_slip_edges_within_a_current(tmp_path: Path) -> None:
+    """0.3 A into the 1.4 uF of the bench: 65 V take 0.3 ms; the voltage at the piezo shows it."""
+    slip = written(tmp_path, target="40 um", slip={"current": "0.3 A"}, interval="50 us")
+    done = run("move", slip, "--out", str(tmp_path / "out"))
+    assert done.exit_code == 0, done.stderr
+    recording = open_recording(tmp_path / "out" / "move.nc")
+    slope = np.abs(np.diff(recording["drive_voltage"])) / np.diff(recording["time"])
+    assert 0.28 < 1.4e-6 * float(slope.max()) < 0.32
+    twice = written(tmp_path, slip={"current": "0.3 A", "duration": "1 ms"})
+    both = run("move", twice, "--out", str(tmp_path / "no"))
+    assert both.exit_code == 2
+    assert "slip: a duration or a current, not both" in both.stderr
+    long = run("move", written(tmp_path, slip={"duration": "3 ms"}), "--out", str(tmp_path / "no"))
+    assert long.exit_code == 2
+    assert "slip: the edge takes 3 ms; after its rise a step has 2 ms" in long.stderr
 
 
 def test_a_move_is_a_step_of_a_job(tmp_path: Path) -> None:

@@ -6,8 +6,19 @@ import numpy as np
 import pytest
 
 from stickslip.actuator import load_actuator
-from stickslip.control import Shaper, Shaping, simulate_control
+from stickslip.control import (
+    Mover,
+    Pid,
+    Regulator,
+    Shaper,
+    Shaping,
+    Slip,
+    StepTable,
+    Walk,
+    simulate_control,
+)
 from stickslip.rig import Controller
+from stickslip.simulation import simulate
 from stickslip.simulation.sticking import sticking
 from stickslip.units import QuantityError
 from stickslip.waveform import Sampled
@@ -89,3 +100,50 @@ def test_samples_are_shaped_as_the_target_is() -> None:
     assert seen[-1] == pytest.approx(1.0)
     with pytest.raises(QuantityError, match=r"order = 1\.5"):
         Shaper(500.0, 0.1, 1.5)
+
+
+@pytest.mark.parametrize("slip", [Slip("0.3 ms"), Slip(0.0, "525 Hz", 0.1), Slip("0.1 ms", "525 Hz", 0.1)])
+def test_steps_with_such_an_edge_go_as_their_table_says(slip: Slip) -> None:
+    """Twenty steps of a mover in a simulation, the mean of the last ten beside the table of the model."""
+    model = load_actuator("kang2007").replace(damping_ratio=0.1)
+    table = StepTable.of_model(model, "100 Hz", "100 V", slip)
+    regulator = Regulator(Pid(1e8), 20e3)
+    mover = Mover(Walk("65 V", "100 Hz"), table, regulator, model.gain, learning=0.0, slip=slip)
+    mover.steps_wanted = 20
+    found = simulate_control(model, mover, 0.0, "0.22 s")
+    after = found["end_effector_position"].values[[round((0.02 + k / 100) * 20e3) for k in (8, 18)]]
+    step = float(np.interp(65.0, table.voltages, table.forward))
+    assert float(np.diff(after)[0]) / 10.0 == pytest.approx(step, rel=0.02)
+    other = StepTable.of_model(model, "100 Hz", "100 V")
+    assert abs(step / float(np.interp(65.0, other.voltages, other.forward)) - 1.0) > 0.02
+
+
+@pytest.mark.parametrize("off", [0.9, 1.0, 1.1])
+def test_a_shaped_edge_leaves_the_stage_less_ringing(off: float) -> None:
+    """Of a stage with a damping ratio of 0.02, its frequency up to 10 % off, at most a quarter."""
+    base = load_actuator("kang2007").replace(damping_ratio=0.02)
+    model = base.replace(natural_frequency=off * base.natural_frequency)
+    left = []
+    for slip in (Slip(), Slip(frequency=base.natural_frequency / (2.0 * np.pi), damping=0.02)):
+        after, level = slip.corners(1e-5)
+        times = np.concatenate([[0.0], 8e-3 + after, [30e-3]])
+        drive = Sampled(times, np.concatenate([[0.0], 65.0 * level, [0.0]]))
+        found = simulate(model, drive, "30 ms", sample_rate="100 kHz")
+        end = 8e-3 + after[-1]
+        ringing = found["stage_position"].sel(time=slice(end + 0.3e-3, end + 8e-3))
+        left.append(float(np.ptp(ringing.values)))
+    assert left[1] < 0.25 * left[0]
+
+
+def test_an_edge_takes_the_time_that_a_current_takes() -> None:
+    slip = Slip.within("0.3 A", "1.8 uF", "65 V")
+    assert slip.duration == pytest.approx(0.39e-3)
+    left = slip.left(20e3)
+    assert len(left) == 8
+    np.testing.assert_allclose(left[:-1], 1.0 - np.arange(1, 8) * 50e-6 / 0.39e-3, rtol=1e-12)
+    assert left[-1] == 0.0
+    for wrong in ({"current": 0.0}, {"current": -1.0}):
+        with pytest.raises(QuantityError, match="must be > 0 A"):
+            Slip.within(**wrong, capacitance=1e-6, voltage=10.0)
+    with pytest.raises(QuantityError, match="whole number"):
+        Slip(order=1.5)

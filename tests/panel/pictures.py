@@ -33,9 +33,10 @@ random:
 """
 
 
-def put(page: Page, label: str, text: str) -> None:
-    field = page.get_by_label(label, exact=True).and_(page.locator("input[type=text], input:not([type])")).first
-    field.fill(text)
+def put(page: Page, label: str, value: str) -> None:
+    text = page.locator("input[type=text], input:not([type])")
+    field = page.get_by_label(label, exact=True).and_(text).first
+    field.fill(value)
     field.press("Enter")
 
 

@@ -32,7 +32,7 @@ def test_each_member_asks_for_what_its_own_run_accounts(call: Any) -> None:
         run = electrical(ss.Sawtooth(**own, periods=40), STACK)
         assert float(found.peak_current[m]) == pytest.approx(float(run.peak_current), rel=1e-6)
         assert float(found.rms_current[m]) == pytest.approx(float(run.rms_current), rel=1e-6)
-        assert float(found.heat[m]) == pytest.approx(float(run.mean_loss), rel=0.02)  # the ends of a run count
+        assert float(found.heat[m]) == pytest.approx(float(run.mean_loss), rel=0.02)  # a run has ends
         above = STACK.thermal_resistance * float(found.heat[m])
         assert float(found.temperature_rise[m]) == pytest.approx(above)
     assert found.peak_current.attrs["units"] == "A"

@@ -30,6 +30,7 @@ from ..control import (
     NoiseShaped,
     Requirement,
     Settling,
+    Slip,
     StepTable,
     Tuning,
     Walk,
@@ -46,7 +47,7 @@ from ..input_file import Seconds, Strict, explain, load_yaml, quantity
 from ..progress import Progress
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import model_numbers
-from ..rig import Channel, Repeats, Variation, VirtualRig, load_bench, regulate
+from ..rig import Bench, Channel, Repeats, Variation, VirtualRig, load_bench, regulate
 from ..units import with_prefix
 from .file import Analysis, AnalysisError
 from .move_model import at_draws, at_ends, at_intervals, feedforward_of
@@ -78,6 +79,27 @@ class WalkSpec(Strict):
     dwell: Quantity | None = None
 
 
+class SlipSpec(Strict):
+    """The edge with which steps slip; see `stickslip.control.Slip`. A `current` into the piezo of the bench
+    says its duration."""
+
+    duration: Quantity | None = None
+    current: Quantity | None = None
+    frequency: Quantity | None = None
+    damping: Quantity | None = None
+    order: Quantity | None = None
+
+    def slip(self, bench: Bench, walk: Walk) -> Slip:
+        """Raises AnalysisError for a duration and a current, QuantityError for a value."""
+        given = _given(self)
+        current = given.pop("current", None)
+        if current is not None:
+            if self.duration is not None:
+                raise AnalysisError("slip: a duration or a current, not both")
+            given["duration"] = Slip.within(current, bench.piezo_capacitance, walk.amplitude).duration
+        return Slip(**given)
+
+
 class RequirementSpec(Strict):
     """What the loop must keep on every model; see `stickslip.control.Requirement`."""
 
@@ -107,6 +129,7 @@ class MoveFile(Analysis):
     position: PositionSpec = Field(default_factory=PositionSpec)
     limits: LimitsSpec = Field(default_factory=LimitsSpec)
     walk: WalkSpec = Field(default_factory=WalkSpec)
+    slip: SlipSpec = Field(default_factory=SlipSpec)
     requirement: RequirementSpec = Field(default_factory=RequirementSpec)
     target: Metres = 0.0
     within: Metres = 10e-9
@@ -173,8 +196,9 @@ def run_move(
     ends: dict[str, Any] = {"min_voltage": low, "max_voltage": high, "lead": tuning.lag}
     inverse = feedforward_of(model, rate)
     regulator = tuning.regulator(rate, **ends, **({} if inverse is None else {"feedforward": inverse}))
-    table = StepTable.of_model(model.replace(piezo=None), walk.frequency, high - low)
-    mover = Mover(walk, table, regulator, model.gain, hold=file.hold)
+    slip = file.slip.slip(bench, walk)
+    table = StepTable.of_model(model.replace(piezo=None), walk.frequency, high - low, slip)
+    mover = Mover(walk, table, regulator, model.gain, hold=file.hold, slip=slip)
     if only_hold and not mover.reaches(file.target):
         raise AnalysisError(
             f"target: {with_prefix(file.target, 'm')} is not in the piezo's reach of "
@@ -182,7 +206,7 @@ def run_move(
         )
     name = "hold" if only_hold else "move"
     out.mkdir(parents=True, exist_ok=True)
-    linear = Mover(walk, table, tuning.regulator(rate, **ends), model.gain, hold=file.hold)
+    linear = Mover(walk, table, tuning.regulator(rate, **ends), model.gain, hold=file.hold, slip=slip)
     export_mover(linear, out / "mover.h")
     recording = regulate(
         rig,

@@ -25,6 +25,7 @@ from .settling import Settling as Settling
 from .settling import settling as settling
 from .shaping import Shaper as Shaper
 from .shaping import Shaping as Shaping
+from .shaping import Slip as Slip
 from .simulated import simulate_control as simulate_control
 from .steps import Steps as Steps
 from .steps import StepTable as StepTable

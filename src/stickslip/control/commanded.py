@@ -16,6 +16,7 @@ from ..units import QuantityError, to_si, with_prefix
 from .blocks import LowPass, Notch, Pid, Regulator
 from .moving import Mover, Walk
 from .quantised import NoiseShaped
+from .shaping import Slip
 from .steps import StepTable
 
 _LETTING_GO = 0.05  # s of the way to 0 V
@@ -31,7 +32,7 @@ class Commanded:
         gain: m/V, of the piezo.
         step: V, of the converter.
         walk, table, pid: fields of `Walk`, `StepTable`, `Pid`.
-        notches, low_pass: fields of `Notch` and `LowPass`.
+        notches, low_pass, slip: fields of `Notch`, `LowPass` and `Slip`.
         feedforward, lead, min_voltage, max_voltage: of `Regulator`.
     """
 
@@ -45,6 +46,7 @@ class Commanded:
         pid: dict[str, Any],
         notches: Sequence[dict[str, Any]] = (),
         low_pass: dict[str, Any] | None = None,
+        slip: dict[str, Any] | None = None,
         **options: float | str,
     ) -> None:
         rate, gain, step = to_si(rate, "Hz", "rate"), to_si(gain, "m/V", "gain"), to_si(step, "V", "step")
@@ -55,7 +57,7 @@ class Commanded:
             **options,
         )
         steps = StepTable(**{name: tuple(values) for name, values in table.items()})
-        self.mover = Mover(Walk(**walk), steps, made, gain)
+        self.mover = Mover(Walk(**walk), steps, made, gain, slip=Slip(**(slip or {})))
         self._shaped = NoiseShaped(self.mover, step)
         self.target, self.done = 0.0, False
         self._wanted: float | None = None
@@ -180,12 +182,17 @@ def _number(what: dict[str, Any], name: str, unit: str, most: float) -> float:
 
 
 def commanded(
-    walk: Walk, table: StepTable, regulator: Regulator, gain: float | str, step: float | str
+    walk: Walk,
+    table: StepTable,
+    regulator: Regulator,
+    gain: float | str,
+    step: float | str,
+    slip: Slip | None = None,
 ) -> ControllerSpec:
     """What a rig's process makes a `Commanded` of.
 
     Args:
-        walk, table, regulator, gain: as for `Mover`.
+        walk, table, regulator, gain, slip: as for `Mover`.
         step: V, of the converter.
 
     Raises:
@@ -204,6 +211,7 @@ def commanded(
         "pid": regulator.pid._asdict(),
         "notches": [one._asdict() for one in regulator.notches],
         "low_pass": None if low_pass is None else low_pass._asdict(),
+        "slip": (slip or Slip())._asdict(),
         "feedforward": regulator.feedforward,
         "lead": regulator.lead_ticks / regulator.rate,
         "min_voltage": regulator.low,

@@ -21,6 +21,7 @@ from typing import Annotated, NamedTuple
 from ..records import Quantity, record
 from ..units import QuantityError, to_si, with_prefix
 from .blocks import Regulator
+from .shaping import Slip
 from .steps import RISING, Steps, StepTable
 
 
@@ -65,6 +66,8 @@ class Mover:
         gain: m/V, of the piezo.
         hold: s for which it stays at the target, then it is `done`; inf: for ever.
         learning: see `Steps`.
+        slip: the edge with which steps slip, and that to the middle of the range; at once, if left out. Give
+            it to `StepTable.of_model` too.
 
     Attributes:
         phase: see the module; `history` is when each began, s.
@@ -83,6 +86,7 @@ class Mover:
         *,
         hold: float | str = math.inf,
         learning: float | str = 0.05,
+        slip: Slip | None = None,
     ) -> None:
         self.gain, self._hold = to_si(gain, "m/V", "gain"), to_si(hold, "s", "hold")
         self.walk, self.steps_of, self.regulator = walk, Steps(table, learning), regulator
@@ -98,6 +102,13 @@ class Mover:
         if self._period < 8:
             raise QuantityError(
                 f"Walk.frequency = {walk.frequency:g} Hz leaves {self._period} ticks a step; 8 are needed"
+            )
+        # At least one tick, in which nothing is left any more.
+        self.slipping = (slip or Slip()).left(rate) or (0.0,)
+        rest = min(self._period - self._rise, self._pause)
+        if len(self.slipping) > rest:
+            raise QuantityError(
+                f"the slip edge takes {len(self.slipping)} ticks; a step's rest and Walk.pause leave {rest}"
             )
         self._middle = 0.5 * (low + high)
         self._least, self._most = low + walk.margin * (high - low), high - walk.margin * (high - low)
@@ -141,6 +152,7 @@ class Mover:
             "patience": _PATIENCE,
             "attempts": _ATTEMPTS,
             "points": len(self.steps_of.table.voltages) + 1,
+            "slipping": len(self.slipping),
         }
 
     @property
@@ -195,12 +207,18 @@ class Mover:
                 self._next_step(measured, tick)
         else:  # recentre, wait
             self._count += 1
+            if phase == "recentre":
+                self._voltage = self._to + (self._from - self._to) * self._left(self._count)
             if self._count >= self._pause:
                 self._choose(measured, tick)
         inverse = self.regulator.inverse
         if inverse is not None and phase != "hold" and phase != "scan":
             inverse.follow(self._voltage)
         return self._voltage
+
+    def _left(self, count: int) -> float:
+        """Of a voltage that slips, after so many ticks."""
+        return self.slipping[count - 1] if count <= len(self.slipping) else 0.0
 
     def _jog(self, tick: int) -> None:
         """Begin with so many full steps."""
@@ -230,7 +248,7 @@ class Mover:
                 f"{with_prefix(measured, 'm')}"
             )
         if self._attempts == 1 and abs(self._goal - measured) <= self._near:
-            self._voltage = self._middle
+            self._from, self._to = self._voltage, self._middle
             self._enter("recentre", tick)
             return
         # The way that is left when the piezo is in the middle, from there on.
@@ -284,7 +302,7 @@ class Mover:
         """A step goes slowly by its amplitude and back at once; then it rests."""
         self._count += 1
         rising = self._count <= self._rise
-        part = self._count / self._rise if rising else 0.0
+        part = self._count / self._rise if rising else self._left(self._count - self._rise)
         self._voltage = self._to + self._direction * self._amplitude * part
         if self._count < self._period:
             return

@@ -132,6 +132,7 @@ static const double mover_steps[2][MOVER_POINTS] = {{ /* forward, backward, m */
     {{{forward}}},
     {{{backward}}},
 }};
+static const double mover_slip[MOVER_SLIPPING] = {{{slip}}};
 static const double mover_learnt[2][3] = {{{{{learnt_forward}}}, {{{learnt_backward}}}}};
 
 """
@@ -149,6 +150,7 @@ def mover_source(mover: Mover) -> str:
         "volts": (0.0, *table.voltages),
         "forward": (0.0, *table.forward),
         "backward": (0.0, *table.backward),
+        "slip": mover.slipping,
         "learnt_forward": learnt[0],
         "learnt_backward": learnt[1],
     }

@@ -60,6 +60,53 @@ class Shaper(NamedTuple):
         return np.convolve(np.append(np.full(taps.size - 1, given[0]), given), taps, mode="valid")
 
 
+@record
+class Slip(NamedTuple):
+    """The edge with which a step slips: over `duration` the voltage goes at a steady pace, and so with a
+    steady current; with a `frequency`, in parts that do not set that mode of the stage swinging (see the
+    module).
+
+    The contact slides meanwhile, which no linear mode knows: less ringing of the stage is left, not none.
+    """
+
+    duration: Annotated[float, Quantity("s", "t_e", "time of the edge, of each part", minimum=0)] = 0.0
+    frequency: Annotated[float, Quantity("Hz", "ω/2π", "of a mode; 0: not shaped", minimum=0)] = 0.0
+    damping: Annotated[float, Quantity("", "ζ", "damping ratio of the mode", minimum=0, maximum=0.99)] = 0.0
+    order: Annotated[float, Quantity("", "n", "1: ZV, 2: ZVD, ...", minimum=1, maximum=6)] = 1
+
+    @classmethod
+    def within(cls, current: float | str, capacitance: float | str, voltage: float | str) -> Slip:
+        """Of a voltage [V] into a capacitance [F] with a current [A]."""
+        ampere, farad = to_si(current, "A", "current"), to_si(capacitance, "F", "capacitance")
+        if not ampere > 0.0:
+            raise QuantityError(f"current = {ampere:g} A must be > 0 A")
+        return cls(farad * abs(to_si(voltage, "V", "voltage")) / ampere)
+
+    def _check(self) -> None:
+        if self.order % 1:
+            raise QuantityError(f"Slip.order = {self.order:g} must be a whole number")
+
+    def corners(self, shortest: float = 1e-9) -> tuple[Array, Array]:
+        """Times [s] after the rise, from 0, and what is left of the voltage, from 1 to 0, with lines between;
+        a jump takes `shortest` [s]."""
+        if self.frequency:
+            times, shares = Shaper(self.frequency, self.damping, self.order).parts()
+        else:
+            times, shares = np.zeros(1), np.ones(1)
+        long = max(self.duration, shortest)
+        at = np.unique(np.concatenate([times, times + long]))
+        gone = np.clip((at[:, None] - times) / long, 0.0, 1.0) @ shares
+        left = np.clip(1.0 - gone, 0.0, 1.0)
+        left[-1] = 0.0
+        return at, left
+
+    def left(self, rate: float) -> tuple[float, ...]:
+        """What is left of the voltage at the ticks after the rise, until nothing is, at a rate [Hz]."""
+        times, levels = self.corners()
+        ticks = np.arange(1, math.ceil(times[-1] * rate) + 1) / rate
+        return tuple(np.interp(ticks, times, levels).tolist())
+
+
 class Shaping:
     """A controller whose target is shaped.
 

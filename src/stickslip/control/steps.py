@@ -16,8 +16,9 @@ import numpy as np
 from ..actuator import Actuator
 from ..records import Quantity, record
 from ..simulation.steady_members import steady_steps
-from ..units import QuantityError, to_si
+from ..units import QuantityError, to_si, with_prefix
 from ..waveform.knots import PeriodicKnots
+from .shaping import Slip
 
 # Share of a step in which the voltage rises; in the rest, after the slip edge, the slip dies away.
 RISING = 0.8
@@ -46,20 +47,31 @@ class StepTable(NamedTuple):
             raise QuantityError(f"StepTable.voltages [V] must ascend: {list(self.voltages)}")
 
     @classmethod
-    def of_model(cls, model: Actuator, frequency: float | str, max_voltage: float | str) -> StepTable:
+    def of_model(
+        cls, model: Actuator, frequency: float | str, max_voltage: float | str, slip: Slip | None = None
+    ) -> StepTable:
         """Of the periodic walks of a model at a frequency [Hz], up to a voltage [V].
 
+        Args:
+            model, frequency, max_voltage: whose walks, and which.
+            slip: the edge with which each step slips; at once, if left out.
+
         Raises:
-            QuantityError: the model does not walk at the greatest voltage.
+            QuantityError: the model does not walk at the greatest voltage, or the edge takes too long.
         """
         hertz, most = to_si(frequency, "Hz", "frequency"), to_si(max_voltage, "V", "max_voltage")
         volts = np.linspace(_LEAST * most, most, _VOLTAGES)
         free = model.replace(min_voltage=-np.inf, max_voltage=np.inf)
         steps = []
-        times = (0.0, RISING / hertz, (RISING + _EDGE) / hertz)
+        after, left = (slip or Slip()).corners(_EDGE / hertz)
+        if not after[-1] < (1.0 - RISING) / hertz:
+            took, there = (with_prefix(t, "s") for t in (float(after[-1]), (1.0 - RISING) / hertz))
+            raise QuantityError(f"slip: the edge takes {took}; after its rise a step has {there}")
+        times = (0.0, *(RISING / hertz + after).tolist())
         for sign in (1.0, -1.0):
-            drive = PeriodicKnots(times, (0.0, sign * most, 0.0), 1.0 / hertz)
-            found = steady_steps(free, drive, parameters={"value_2": sign * volts})
+            drive = PeriodicKnots(times, (0.0, *(sign * most * left).tolist()), 1.0 / hertz)
+            varied = {f"value_{k + 2}": sign * volts * share for k, share in enumerate(left[:-1].tolist())}
+            found = steady_steps(free, drive, parameters=varied)
             one = sign * found["net_step"].values
             if not one[-1] > 0.0:
                 way, why = "forward" if sign > 0 else "backward", found["reason"].values[-1]

@@ -5,7 +5,7 @@ typedef enum {
     MOVER_RETURN,   /* the piezo goes, sticking, to where steps begin */
     MOVER_STEP,     /* full steps, the last ones as far as is missing */
     MOVER_WAIT,     /* until they have died away */
-    MOVER_RECENTRE, /* the piezo jumps to the middle of its range */
+    MOVER_RECENTRE, /* the piezo slips to the middle of its range */
     MOVER_SCAN,     /* to the target by the piezo */
     MOVER_HOLD
 } mover_phase;
@@ -138,6 +138,12 @@ static inline void mover_centre(mover *m)
     mover_return(m);
 }
 
+/* What is left of a voltage that slips, after so many updates. */
+static inline double mover_left(long count)
+{
+    return count <= MOVER_SLIPPING ? mover_slip[count - 1] : 0.0;
+}
+
 static inline bool mover_within(double volts)
 {
     return MOVER_LEAST <= volts && volts <= MOVER_MOST;
@@ -164,7 +170,8 @@ static inline void mover_go(mover *m, double measured)
         return;
     }
     if (m->attempts == 1 && fabs(m->goal - measured) <= MOVER_NEAR) {
-        m->voltage = MOVER_MIDDLE;
+        m->from = m->voltage;
+        m->to = MOVER_MIDDLE;
         mover_enter(m, MOVER_RECENTRE);
         return;
     }
@@ -213,7 +220,7 @@ static inline void mover_stepping(mover *m, double measured)
     const double d = (double)m->direction;
     double part, went;
     m->count += 1;
-    part = m->count <= MOVER_RISE ? (double)m->count / (double)MOVER_RISE : 0.0;
+    part = m->count <= MOVER_RISE ? (double)m->count / (double)MOVER_RISE : mover_left(m->count - MOVER_RISE);
     m->voltage = m->to + d * m->amplitude * part;
     if (m->count < MOVER_PERIOD)
         return;
@@ -320,6 +327,8 @@ static inline double mover_step(mover *m, double measured, double target, long t
             mover_next_step(m, measured);
     } else {
         m->count += 1;
+        if (phase == MOVER_RECENTRE)
+            m->voltage = m->to + (m->from - m->to) * mover_left(m->count);
         if (m->count >= MOVER_PAUSE)
             mover_choose(m, measured);
     }
