@@ -207,6 +207,6 @@ def test_control(run: Callable, capsys: pytest.CaptureFixture[str]) -> None:
     bands = [(float(a), float(b)) for a, b in re.findall(r"([\d.]+) to ([\d.]+) um", printed)]
     assert bands[0][0] < 151.2 < bands[0][1]
     assert bands[1][1] - bands[1][0] < 0.5 * (bands[0][1] - bands[0][0])
-    assert "made by stickslip" in printed
+    assert "the same to the bit: True" in printed
     (missing,) = re.findall(r"([-\d.]+) nm are missing", printed)
     assert abs(float(missing)) < 1.0
