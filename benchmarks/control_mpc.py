@@ -26,7 +26,7 @@ from .control_bench import RATE, TOP, loop, ours
 from .session import PEERS, ROOT
 
 OUT = ROOT / "docs" / "benchmarks" / "control-mpc.md"
-UNIT, TARGET, FROM, TICKS, DELAY = 1e-6, 2e-6, 0.0, 1200, 2
+UNIT, TARGET, TICKS, DELAY = 1e-6, 2e-6, 1200, 2
 HORIZON, WEIGHT = 80, 1e-5  # ticks; (um/V)^2 of the change of the voltage
 WINDOWS = (100e-9, 10e-9, 3e-9)
 SCANS = (20e-3, 10e-3, 5e-3)  # s, of which the first is the default
@@ -55,7 +55,7 @@ def row(name: str, plant: str, positions: Array, seconds: float) -> Row:
 def scanned(tuning: Tuning, plant: Loop, scan: float) -> tuple[Array, float]:
     """Positions under our regulator, and the time of an update."""
     regulator, ticks = ours(tuning), round(scan * RATE)
-    regulator.begin(FROM, 0.0)
+    regulator.begin(0.0, 0.0)
     state, found = np.zeros(plant.b.size), []
     spent = 0.0
     for k in range(TICKS):
@@ -84,7 +84,6 @@ def predicted(plants: list[Loop]) -> tuple[str, list[dict[str, Any]]]:
         "rate": RATE,
         "weight": WEIGHT,
         "volts": [0.0, TOP],
-        "from": FROM,
         "ticks": TICKS,
     }
     command = [str(PEERS), "-m", "benchmarks.peers.do_mpc"]

@@ -1,7 +1,7 @@
 """do-mpc: a model predictive controller that knows the linear plant and sees its whole state.
 
 Reads a problem as JSON on standard input, see `benchmarks.control_mpc`; writes for each plant the positions
-and voltages [m, V] and the time of an update [s].
+[m] and the time of an update [s].
 """
 
 from __future__ import annotations
@@ -37,23 +37,22 @@ def controller(problem: dict) -> do_mpc.controller.MPC:
 
 
 def run(problem: dict, plant: dict) -> dict:
-    """Tick by tick from rest at a voltage."""
+    """Tick by tick from rest at 0 V."""
     made = controller(problem)
     a, b, c = (np.array(plant[name]) for name in "abc")
     state = np.array(plant["start"])
     # Velocities and positions in the unit of the model; what is on its way is in V.
     made.x0 = state
-    made.u0 = np.array([problem["from"]])
+    made.u0 = np.zeros(1)
     made.set_initial_guess()
-    positions, volts, spent = [], [], []
+    positions, spent = [], []
     for _ in range(problem["ticks"]):
         positions.append(float(c @ state) * UNIT)
         begun = time.process_time()
         put = float(made.make_step(state.reshape(-1, 1))[0, 0])
         spent.append(time.process_time() - begun)
-        volts.append(put)
         state = a @ state + b * put
-    return {"positions": positions, "volts": volts, "seconds": float(np.median(spent))}
+    return {"positions": positions, "seconds": float(np.median(spent))}
 
 
 if __name__ == "__main__":
