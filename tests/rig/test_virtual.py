@@ -11,6 +11,8 @@ from scipy import signal
 from stickslip.calibration.storage import from_text
 from stickslip.recording import open_recording, save_recording
 from stickslip.rig import Capture, Channel, Limits, RigError, Trigger, VirtualRig, measure
+from stickslip.rig.home import Home
+from stickslip.rig.supervisor import Order, StopRequested, Supervisor
 from stickslip.simulation import simulate
 from stickslip.units import QuantityError
 from stickslip.waveform.periodic import ReverseSawtooth, Sawtooth
@@ -128,6 +130,42 @@ def test_real_time_takes_the_time_it_takes() -> None:
     begun = time.monotonic()
     measure(rig, Step(10.0), IDEAL, Capture(0.3, 1e-3, 0.1), Limits())
     assert time.monotonic() - begun >= 0.3
+
+
+def test_a_fetch_that_waits_is_interrupted_and_hands_out_what_was_played(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    import threading
+    import time
+
+    monkeypatch.setattr("stickslip.rig.virtual.BLOCK", 60.0)  # s: nobody waits for so long here
+    rig = VirtualRig(ACTUATOR, BENCH, real_time=True)
+    rig.load(np.full(1000, 5.0))
+    rig.arm(("drive",), 60 * 20_000)
+    begun = time.monotonic()
+    rig.start()
+    threading.Timer(0.2, rig.interrupt).start()
+    block = rig.fetch()
+    assert 0 < block.shape[1] <= (time.monotonic() - begun) * BENCH.sample_rate
+    rig.stop(1e3)
+    rig.arm(("drive",), 100)  # the next run waits again for its samples
+    rig.start()
+    assert rig.fetch().shape[1] == 100
+
+
+def test_a_stop_waits_for_no_block(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("stickslip.rig.virtual.BLOCK", 60.0)  # s
+    one = Supervisor(Home(), lambda: None)
+    one.rig = VirtualRig(ACTUATOR, BENCH, real_time=True)
+    one.run(Order(Limits(watchdog=60.0), ("drive",), 60 * 20_000, 100, None, np.full(1000, 5.0)))
+    while one.phase == "preparing":
+        one.fetch(0.05)
+    assert one.stop("a stop")
+    with pytest.raises(StopRequested, match="a stop"):
+        while one.busy or one.fetch(0.0) is not None:
+            one.fetch(20.0)
+    assert one.ramp_after is not None
+    assert 0.0 <= one.ramp_after < 20.0  # s, where the block is 60 s long
 
 
 def test_a_rig_says_what_it_cannot_do() -> None:

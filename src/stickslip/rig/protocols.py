@@ -78,7 +78,8 @@ class Recorder(Protocol):
         ...
 
     def fetch(self) -> Array:
-        """The samples since the last call [inputs, n], in the units of the inputs; n may be 0."""
+        """The samples since the last call [inputs, n], in the units of the inputs; n may be 0. One that waits
+        for more may have a method `interrupt()`, which another thread calls when a stop was asked for."""
         ...
 
 

@@ -128,7 +128,11 @@ class Supervisor:
                 return False
             if self._stop is None:
                 self._stop = (why, time.perf_counter())
-            return True
+            self._news.notify_all()
+        interrupt = getattr(self.rig, "interrupt", None)
+        if interrupt is not None:
+            interrupt()
+        return True
 
     def join(self, most: float | None = None) -> None:
         """Wait until the run has ended."""

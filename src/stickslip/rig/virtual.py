@@ -25,7 +25,7 @@ from .remanence import Remanence, annealed, from_state, left_by, remembers, simp
 from .streaming import Stream
 from .variation import EXACT, Repeats
 
-BLOCK = 0.02  # s of samples per `fetch`: a stop waits for no more
+BLOCK = 0.02  # s of samples per `fetch`
 OVERSAMPLING = 4  # analogue signals are computed at so many times the sampling rate
 _COLUMN = {"stage": STAGE, "end_effector": SLIDER}  # of a trajectory
 _SETTLE = 1e-3  # s at 0 V after a stop, for the amplifier to get there
@@ -96,6 +96,7 @@ class VirtualRig:
         self._samples = self._fetched = 0
         self._began = 0.0
         self._running = False
+        self._interrupted = threading.Event()  # nobody waits for the rest of a block
         self._data = np.zeros((0, 0))
         self._stream: Stream | None = None  # while a run goes on update by update
         self._turn = threading.Lock()  # of who puts out and who stops
@@ -146,6 +147,7 @@ class VirtualRig:
         self._numbers = (self._volts - self._offset) / self._per_unit
         self._data = self._computed()
         self._runs += 1
+        self._interrupted.clear()
         self._fetched, self._began, self._running = 0, time.monotonic(), True
 
     def begin(self, inputs: tuple[str, ...]) -> list[float]:
@@ -187,10 +189,16 @@ class VirtualRig:
         end = min(self._fetched + max(1, round(BLOCK * self.bench.sample_rate)), self._samples)
         if self._real_time:
             due = self._began + end / self.bench.sample_rate
-            time.sleep(max(0.0, due - time.monotonic()))
+            if self._interrupted.wait(max(0.0, due - time.monotonic())):
+                played = int((time.monotonic() - self._began) * self.bench.sample_rate)
+                end = min(max(played, self._fetched), end)
         block = self._data[:, self._fetched : end]
         self._fetched = end
         return block
+
+    def interrupt(self) -> None:
+        """Have `fetch` hand out what there is and wait for no more, from another thread: a stop comes."""
+        self._interrupted.set()
 
     def stop(self, slew: float) -> None:
         """Ramp to 0 V from what the output is at by now: where the samples end that were handed out.
