@@ -185,6 +185,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--keep", action="store_true", help="write docs/benchmarks/panel.md")
     asked = parser.parse_args()
+    sys.setswitchinterval(1e-3)  # its own threads are not to delay what it times
     chance = random.Random(asked.seed)
     panel = Panel(Path(tempfile.mkdtemp(prefix="stickslip-")))
     ours, theirs = multiprocessing.Pipe()

@@ -34,7 +34,8 @@ from numba.extending import intrinsic
 from numba.extending import overload as _numba_overload
 
 _UNUSED = 30 * 24 * 3600.0  # s, after which kernels of other sources are removed
-_OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+# Nothing is called as a C function from elsewhere; wrappers for that took a tenth of the time to compile.
+_OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 _PACKAGE = Path(__file__).parent
 # The rooms that hold compiled code (tests/test_house.py sees to it): kernels depend on no other file.
 KERNEL_ROOMS = ("_jit.py", "mechanism.py", "friction", "piezo", "electronics", "waveform", "plant", "solve")
@@ -148,8 +149,8 @@ def inlined(function: Callable[..., Any]) -> Any:
 def fused(function: Callable[..., Any]) -> Any:
     """As `inlined`, with a product and the sum after it rounded once, which is an eighth quicker. Not for
     code that asks whether two sums are exactly equal, as the rest of a static law does; and not to be called
-    from Python: the wrappers for it would take a tenth of the time that a kernel needs to compile."""
-    bare: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    from Python: the wrapper for it would take time to compile."""
+    bare: dict[str, Any] = {"no_cpython_wrapper": True}
     return numba.njit(function, forceinline=True, fastmath={"contract"}, **_OPTIONS, **bare)
 
 

@@ -13,7 +13,7 @@ import pytest
 import stickslip as ss
 from export.building import compiled, output, walk
 from stickslip.export import ExportError, export_c, export_fmu
-from stickslip.piezo import BoucWen, Creep, MaxwellCapacitor, Piezo, PrandtlIshlinskii
+from stickslip.piezo import BoucWen, Creep, Piezo, PrandtlIshlinskii
 from stickslip.report.fits import model_numbers
 
 BENT = ss.load_actuator("kang2007-hysteresis")
@@ -93,12 +93,6 @@ def test_it_comes_from_results_and_goes_into_an_fmu(tmp_path: Any) -> None:
 
 
 def test_what_is_not_exported_is_refused_by_name(tmp_path: Any) -> None:
-    port = MaxwellCapacitor((1.8e-6), (1e5,), (5.0,))
-    with pytest.raises(ExportError, match="a MaxwellCapacitor is not part of exported code"):
-        export_c(BENT.replace(piezo=Piezo(port)), tmp_path / "c")
-    modes = ss.actuator.StageModes(gain=(1e-8,), natural_frequency=(9e3,), damping_ratio=(0.1,))
-    with pytest.raises(ExportError, match="further_modes are not part of exported code"):
-        export_c(BENT.replace(piezo=None, further_modes=modes), tmp_path / "c")
     with pytest.raises(ExportError, match="'feedforward' is not for an actuator with a piezo"):
         export_fmu(BENT, tmp_path / "f", mode="feedforward")
     assert not list(tmp_path.iterdir())

@@ -161,9 +161,10 @@ def test_a_stop_waits_for_no_block(monkeypatch: pytest.MonkeyPatch) -> None:
     while one.phase == "preparing":
         one.fetch(0.05)
     assert one.stop("a stop")
+    one.join(20.0)  # s
+    assert not one.busy
     with pytest.raises(StopRequested, match="a stop"):
-        while one.busy or one.fetch(0.0) is not None:
-            one.fetch(20.0)
+        _ = [one.fetch(0.0) for _ in range(3)]  # the samples, then why it ended
     assert one.ramp_after is not None
     assert 0.0 <= one.ramp_after < 20.0  # s, where the block is 60 s long
 

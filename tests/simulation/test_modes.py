@@ -66,6 +66,14 @@ def test_a_clamped_stage_answers_as_its_state_space(seed: int) -> None:
     assert linear.response(0.0)[0, 0, 0].real == pytest.approx(one.gain + sum(further.gain), rel=1e-12)
 
 
+def test_a_clamped_stage_begins_at_rest() -> None:
+    further = StageModes((3e-8, -1e-8), (9e3, 2e4), (0.05, 0.1))
+    one = KANG.replace(clamped=True, further_modes=further)
+    still = ss.simulate(one, ss.Constant(20.0), 0.05)
+    for name in ("stage_position", "end_effector_position"):
+        np.testing.assert_allclose(still[name], 20.0 * (one.gain + sum(further.gain)), rtol=1e-12)
+
+
 def test_a_walk_is_that_of_the_equations_solved_by_another() -> None:
     """By SciPy; the second mode feels the friction as its mass says."""
     law = KANG.friction

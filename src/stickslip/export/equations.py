@@ -8,24 +8,25 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..actuator import Actuator, PulledSlider
+from ..actuator import Actuator, PulledSlider, StageModes
 from ..chain import Chain
 from ..electronics import Amplifier, StrainGauge
 from ..friction import element, elements, rate
 from ..friction.law import _implementation
 from ..mechanism import holding_force, joined, slider_acceleration, stage_acceleration
-from ..piezo import Creep, Piezo, PrandtlIshlinskii
+from ..piezo import Creep, MaxwellCapacitor, Piezo, PrandtlIshlinskii
 from ..records import Quantity, quantities
 from ..simulation.models import mechanism
 from ..units import QuantityError
-from .piezo import piezo_c
+from .modes import modes_c
+from .piezo import piezo_c, two_port_c, two_port_checks
 from .signal_chain import amplifier_after, channel_output, sensor_after, sensor_output
 from .subset import BOOL, INT, REAL, Array, Record, TranslationError, real, record_type
 from .translation import Translation
 
-# Records whose `_check` is not translated: of the models, and of a piezo, whose plays and lags stay bounded
-# whatever their values are.
-UNCHECKED = (Actuator, PulledSlider, Piezo, PrandtlIshlinskii, Creep)
+# Records whose `_check` is not translated: of the models, of lengths, which cannot change, and of a piezo,
+# whose plays and lags stay bounded whatever their values are.
+UNCHECKED = (Actuator, PulledSlider, StageModes, Piezo, PrandtlIshlinskii, MaxwellCapacitor, Creep)
 
 
 class SignalChain(NamedTuple):
@@ -51,8 +52,9 @@ def equations(model: Any, chain: SignalChain, step: float) -> str:
     made.function(holding_force, (mech, REAL, REAL, Array(7)))
     made.function(joined, (mech, REAL))
     piezo = piezo_c(made, getattr(model, "piezo", None))
-    parts = [*_law(made, law), *piezo, *_chain(made, chain, step)]
-    checks = _checks(made, "model", kind)
+    parts = [*_law(made, law), *piezo, *two_port_c(made, model), *modes_c(made, model)]
+    parts += _chain(made, chain, step)
+    checks = [*_checks(made, "model", kind), *two_port_checks(model)]
     for name, inner in record_type(chain).fields:
         if isinstance(inner, Record):
             checks += _checks(made, f"chain->{name}", inner)

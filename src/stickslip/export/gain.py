@@ -17,8 +17,9 @@ _DEFLECTION, _VELOCITY = 1e-9, 1e-6  # m and m/s, small against presliding
 
 
 def observer_gain(model: Any, h: float, noise: float) -> NDArray[np.float64]:
-    """How stage position and velocity, end-effector position and velocity, and bristles follow a measured
-    position of the end-effector, shape (5,).
+    """How stage position and velocity (of its first mode), end-effector position and velocity, bristles, and
+    position and velocity of each further mode follow a measured position of the end-effector, shape (5 + 2
+    further modes,).
 
     What the model does not know is taken as white forces of a tenth of the friction on both bodies. A contact
     without presliding, and a stage that follows the input, are not corrected.
@@ -31,33 +32,50 @@ def observer_gain(model: Any, h: float, noise: float) -> NDArray[np.float64]:
     mech, law = mechanism(model), model.friction
     slopes = _slopes(law)
     friction = breakaway(law) or slopes[2]
-    a, pushes = np.zeros((5, 5)), np.zeros((5, 2))
+    further = getattr(model, "further_modes", None)
+    modes = further.rows if further is not None else []
+    size = 5 + 2 * len(modes)
+    a, pushes = np.zeros((size, size)), np.zeros((size, 2))
     a[0, 1] = a[2, 3] = 1.0
+    sliding = np.zeros(size)  # stage velocity less that of the end-effector
+    sliding[[1, 3]] = 1.0, -1.0
+    sliding[6::2] = 1.0
     zero = np.zeros(3)
     for row, accelerate, first in ((1, stage_acceleration, 0), (3, slider_acceleration, 2)):
         rest = accelerate(mech, *zero, 0.0)
         a[row, first] = accelerate(mech, 0.0, 1.0, 0.0, 0.0) - rest
         a[row, first + 1] = accelerate(mech, 0.0, 0.0, 1.0, 0.0) - rest
         by_force = accelerate(mech, *zero, 1.0) - rest
-        a[row] += by_force * slopes[1] * np.array([0.0, 1.0, 0.0, -1.0, 0.0])
+        a[row] += by_force * slopes[1] * sliding
         a[row, 4] += by_force * slopes[0]
         pushes[row, 0 if row == 1 else 1] = abs(by_force) or mech.mobility
-    a[4, 1], a[4, 3] = 1.0, -1.0
-    keep = [2, 3] if elements(law) == 0 or mech.kinematic else [0, 1] if mech.clamped else [0, 1, 2, 3, 4]
+    port = getattr(model, "two_port", None)
+    if port is not None and port.charge_drive:
+        a[1, 0] *= 1.0 + model.coupling
+    for row, (_, omega, zeta, mass) in zip(range(6, size, 2), modes, strict=True):
+        by_force = -1.0 / mass if mech.reaction else 0.0
+        a[row - 1, row], a[row, row - 1], a[row, row] = 1.0, -(omega**2), -2.0 * zeta * omega
+        a[row] += by_force * slopes[1] * sliding
+        a[row, 4] += by_force * slopes[0]
+        pushes[row, 0] = abs(by_force) or mech.mobility
+    a[4] = sliding
+    stage = [0, 1, *range(5, size)]
+    keep = [2, 3] if elements(law) == 0 or mech.kinematic else stage if mech.clamped else list(range(size))
     if elements(law) == 0 or mech.kinematic:
         a[3] = 0.0  # the friction of a sliding contact is a constant
     # Scaled, for positions and velocities are far apart.
-    scale = (noise * np.array([1.0, 1.0 / h, 1.0, 1.0 / h, 1.0]))[keep]
+    scale = noise * np.array([1.0, 1.0 / h, 1.0, 1.0 / h, 1.0, *[1.0, 1.0 / h] * len(modes)])[keep]
     part = expm(a[np.ix_(keep, keep)] * h) * scale / scale[:, None]
     q = (pushes * 0.1 * friction * h) @ (pushes * 0.1 * friction * h).T
     q = q[np.ix_(keep, keep)] / np.outer(scale, scale) + 1e-8 * np.eye(len(keep))
     c = np.zeros((1, len(keep)))
-    c[0, keep.index(0 if mech.clamped else 2)] = 1.0
+    for shown in stage[::2] if mech.clamped else [2]:
+        c[0, keep.index(shown)] = 1.0
     p = solve_discrete_are(part.T, c.T, q, np.eye(1))
-    gain = np.zeros(5)
+    gain = np.zeros(size)
     gain[keep] = (p @ c.T / (c @ p @ c.T + 1.0))[:, 0] * scale / noise
     if mech.clamped:
-        gain[2:4] = gain[:2]
+        gain[2], gain[3] = gain[stage[::2]].sum(), gain[stage[1::2]].sum()
     return gain
 
 

@@ -1,12 +1,15 @@
 """Hysteresis and creep in C: loops over the functions of `stickslip.piezo`, which are translated.
 
 Within a step the voltage goes along a line, and so does what comes out of the hysteresis, but for corners
-within the step; creep is exact for that.
+within the step; creep is exact for that. The stops of a two-port feel the stage where it would be at the end
+of the step if they and the contact stayed as they are, which is of second order.
 """
 
 from __future__ import annotations
 
-from ..piezo import BoucWen, Creep, Piezo, PrandtlIshlinskii
+from typing import Any
+
+from ..piezo import BoucWen, Creep, MaxwellCapacitor, Piezo, PrandtlIshlinskii
 from ..piezo.bouc_wen import bent
 from ..piezo.creep import lag_change
 from ..piezo.operators import beyond, play
@@ -18,11 +21,12 @@ def refused(piezo: Piezo | None) -> str:
     """Why a piezo cannot be exported; empty if it can."""
     if piezo is None:
         return ""
-    for part, known in ((piezo.hysteresis, PrandtlIshlinskii | BoucWen), (piezo.creep, Creep)):
+    hystereses = PrandtlIshlinskii | BoucWen | MaxwellCapacitor
+    for part, known in ((piezo.hysteresis, hystereses), (piezo.creep, Creep)):
         if part is not None and not isinstance(part, known):
             return (
-                f"a {type(part).__name__} is not part of exported code, which has PrandtlIshlinskii, BoucWen "
-                "and Creep: export the actuator with replace(piezo=None)"
+                f"a {type(part).__name__} is not part of exported code, which has PrandtlIshlinskii, "
+                "BoucWen, MaxwellCapacitor and Creep: export the actuator with replace(piezo=None)"
             )
     return ""
 
@@ -30,16 +34,18 @@ def refused(piezo: Piezo | None) -> str:
 def piezo_c(made: Translation, piezo: Piezo | None) -> list[str]:
     """What a piezo makes of the voltage, as functions that the step method calls."""
     hysteresis, creep = (None, None) if piezo is None else piezo
+    port = isinstance(hysteresis, MaxwellCapacitor)
     counts = {
         "PIEZO": int(hysteresis is not None or creep is not None),
         "HYSTERESIS": _states(hysteresis),
+        "TWO_PORT": len(hysteresis.stiffnesses) if port else 0,
         "CREEP": 0 if creep is None else len(creep.shares),
     }
     defines = [f"#define STICKSLIP_{name} {count}" for name, count in counts.items()]
     if piezo is None or not counts["PIEZO"]:
         return [*defines, ""]
     lines = [*defines, f"typedef {made.record(record_type(piezo))} stickslip_piezo;", ""]
-    if hysteresis is not None:
+    if hysteresis is not None and not port:
         body = _bouc_wen(made, hysteresis) if isinstance(hysteresis, BoucWen) else _plays(made, hysteresis)
         lines += [
             "/* The hysteresis' output [V] at the voltage u, after one of `before`; moves its states z. */",
@@ -65,7 +71,58 @@ def piezo_c(made: Translation, piezo: Piezo | None) -> list[str]:
 def _states(hysteresis: object) -> int:
     if isinstance(hysteresis, PrandtlIshlinskii):
         return len(hysteresis.thresholds)
-    return int(hysteresis is not None)
+    return int(isinstance(hysteresis, BoucWen))
+
+
+def felt(gain, stage_mass, natural_frequency, capacitance):  # type: ignore[no-untyped-def]
+    """T/C_0: by how many volts the stops of a two-port feel a metre of the stage."""
+    return gain * stage_mass * natural_frequency**2 / capacitance
+
+
+def two_port_c(made: Translation, model: Any) -> list[str]:
+    """The stops of a two-port, of a model that has one."""
+    port = getattr(model, "two_port", None)
+    if port is None:
+        return []
+    name, _ = made.function(felt, (REAL,) * 4)
+    return [
+        "/* V/m: by how much the stops feel the stage. */",
+        "static inline real_t stickslip_felt(const stickslip_model *model)",
+        "{",
+        f"    return {name}(model->gain, model->stage_mass, model->natural_frequency,",
+        "        model->piezo.hysteresis.capacitance);",
+        "}\n",
+        "/* Half-widths [V] and shares of the stops: stickslip.piezo.MaxwellCapacitor.stops */",
+        "static inline void stickslip_stops(const ss_MaxwellCapacitor *of,",
+        "    real_t width[STICKSLIP_TWO_PORT], real_t share[STICKSLIP_TWO_PORT])",
+        "{",
+        "    real_t after = R(1.0) / of->capacitance;",
+        "    for (int j = STICKSLIP_TWO_PORT - 1; j >= 0; --j) {",
+        "        const real_t slope = after + of->stiffnesses[j];",
+        "        const real_t before = (j > 0) ? of->breakaways[j - 1] / of->stiffnesses[j - 1] : R(0.0);",
+        "        width[j] = (of->breakaways[j] / of->stiffnesses[j] - before) * slope;",
+        "        share[j] = (R(1.0) / after - R(1.0) / slope) / of->capacitance;",
+        "        after = slope;",
+        "    }",
+        "    for (int j = 1; j < STICKSLIP_TWO_PORT; ++j) {",
+        "        width[j] += width[j - 1];",
+        "    }",
+        "}\n",
+    ]
+
+
+def two_port_checks(model: Any) -> list[str]:
+    """Lines of C that return what is wrong with the order of a two-port's elements."""
+    port = getattr(model, "two_port", None)
+    of, said = (
+        "model->piezo.hysteresis",
+        "MaxwellCapacitor: the charges at which the elements slip must ascend",
+    )
+    return [
+        f"if (!({of}.breakaways[{i}] / {of}.stiffnesses[{i}] "
+        f'< {of}.breakaways[{i + 1}] / {of}.stiffnesses[{i + 1}])) {{ return "{said}"; }}'
+        for i in range(len(port.stiffnesses) - 1 if port is not None else 0)
+    ]
 
 
 def _plays(made: Translation, of: PrandtlIshlinskii) -> list[str]:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from .. import registry
-from ..actuator import Actuator, PulledSlider, load_actuator, load_pulled_slider
+from ..actuator import Actuator, PulledSlider, StageModes, load_actuator, load_pulled_slider
 from ..chain import Chain
 from ..estimate.result import Fit
 from ..friction import NormalForce
@@ -75,8 +75,6 @@ def exported(source: Any) -> Exported:
 def _refuse(model: Any) -> None:
     """Raise ExportError for what exported code has not."""
     said = refused(getattr(model, "piezo", None))
-    if not said and getattr(model, "further_modes", None) is not None:
-        said = "further_modes are not part of exported code: export the actuator with its first mode alone"
     if not said and getattr(model, "normal_force", None) is not None:
         said = "a normal force along the stroke is not part of exported code: set normal_force to None"
     if said:
@@ -95,7 +93,9 @@ def _of_results(file: Path) -> Exported:
         }
         piezo = Piezo(**parts) if parts else None
         along = NormalForce(**_fields(found["normal_force"])) if "normal_force" in found else None
-        given = {"friction": law(**_fields(found["friction"])), "piezo": piezo, "normal_force": along}
+        modes = StageModes(**_fields(found["further_modes"])) if "further_modes" in found else None
+        given = {"piezo": piezo, "normal_force": along, "further_modes": modes}
+        given["friction"] = law(**_fields(found["friction"]))
         model = Actuator(**_fields(found["actuator"]), **given)
     except OSError as error:
         raise ExportError(f"{file} cannot be read: {error.strerror}") from error

@@ -30,6 +30,8 @@ def parameters_c(found: Exported, chain: SignalChain, gain: NDArray[Any]) -> str
         lines += _set("chain.capacitance", chain.capacitance, "F, C_p: capacitance of the piezo")
     units = ("1, for the stage's position", "1/s, for its velocity", "1, for the end-effector's position",
              "1/s, for its velocity", "1, for the bristles")  # fmt: skip
+    for m in range(2, 2 + (len(gain) - len(units)) // 2):
+        units += (f"1, for the position of the stage's mode {m}", "1/s, for its velocity")
     for i, (value, said) in enumerate(zip(gain, units, strict=True)):
         lines += _set(f"observer_gain[{i}]", float(value), f"{said}, per metre that was measured too much")
     body = "\n".join(f"    {line}" for line in lines)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .. import registry
-from ..actuator import Actuator
+from ..actuator import Actuator, StageModes
 from ..chain import Chain
 from ..estimate.lack import Lack
 from ..estimate.result import Fit
@@ -117,8 +117,9 @@ def model_numbers(model: Actuator) -> dict[str, Any]:
         **registry.laws.written(type(model.friction)),
         "friction": _fields(model.friction),
     }
-    if model.normal_force is not None:
-        found["normal_force"] = _fields(model.normal_force)
+    for name in ("normal_force", "further_modes"):
+        if (part := getattr(model, name)) is not None:
+            found[name] = _fields(part)
     return found if model.piezo is None else {**found, "piezo": piezo_numbers(model.piezo)}
 
 
@@ -171,8 +172,9 @@ def model_of(numbers: Mapping[str, Any]) -> Actuator:
         friction = registry.laws.of_results(numbers)(**_values(numbers["friction"]))
         piezo = piezo_of(numbers["piezo"]) if "piezo" in numbers else None
         along = NormalForce(**_values(numbers["normal_force"])) if "normal_force" in numbers else None
-        values = _values(numbers["actuator"])
-        return Actuator(**values, friction=friction, piezo=piezo, normal_force=along)
+        modes = StageModes(**_values(numbers["further_modes"])) if "further_modes" in numbers else None
+        own = {"friction": friction, "piezo": piezo, "normal_force": along, "further_modes": modes}
+        return Actuator(**_values(numbers["actuator"]), **own)
     except (KeyError, TypeError, AttributeError) as error:
         raise QuantityError(
             f"there is no actuator in the results ({type(error).__name__}: {error})"

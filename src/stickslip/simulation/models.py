@@ -231,7 +231,7 @@ def _resting(of: System, before: float, load: float, place: float) -> NDArray[np
             q[2 * m] = (mode.drive * before + (push or 0.0) * held) / mode.stiffness
     if of.hysteresis:
         two_port.settle(of.plant, q, of.inner, before)
-    if of.stages:
+    if of.stages and not of.clamped:
         q[of.slider] = sum(q[c] for c in of.stages)
     elif of.gain:
         q[of.slider] = of.gain * before

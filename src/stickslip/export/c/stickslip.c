@@ -17,10 +17,37 @@
 
 #include "stickslip.h"
 
-enum { Y, W, X, S, INPUT, CHANGE, ONE, FORCE, SIZE };  /* of the vector that the exponential is taken for */
+/* Of the vector that the exponential is taken for; from MORE on, position and velocity of each further mode. */
+enum { Y, W, X, S, MORE, INPUT = STICKSLIP_MOVING, CHANGE, ONE, FORCE, SIZE };
 enum { EVALUATIONS = 6, HALVINGS = 10, SUBSTEPS_AT_REST = 60 };
 
 static const double LIMIT = 1e6; /* of an input without limits of its own */
+
+/* ---- The stage: the sum of its modes ---------------------------------------------------------------------- */
+
+/* What the further modes add to the stage's position (row Y) or velocity (row W). */
+static real_t of_further(const stickslip_state *state, int row)
+{
+    real_t sum = R(0.0);
+    (void)state;
+    (void)row;
+#if STICKSLIP_FURTHER
+    for (int m = 0; m < STICKSLIP_FURTHER; ++m) {
+        sum += state->further[2 * m + row];
+    }
+#endif
+    return sum;
+}
+
+/* The same of the stage, from a change of all that moves. */
+static real_t of_stage(const real_t change[STICKSLIP_MOVING], int row)
+{
+    real_t sum = change[row];
+    for (int i = MORE; i < STICKSLIP_MOVING; i += 2) {
+        sum += change[i + row];
+    }
+    return sum;
+}
 
 /* ---- Preparation ------------------------------------------------------------------------------------------ */
 
@@ -103,23 +130,38 @@ static void linear_step(stickslip_plant *plant, double h)
     m[S][S] = h * ((double)ss_slider_acceleration(mech, zero, zero, one, zero) - slider);
     m[S][FORCE] = h * ((double)ss_slider_acceleration(mech, zero, zero, zero, one) - slider);
     m[S][ONE] = h * slider;
+#if STICKSLIP_FURTHER
+    for (int k = 0; k < STICKSLIP_FURTHER; ++k) {
+        const stickslip_model *of = &plant->model;
+        const int q = MORE + 2 * k, w = q + 1;
+        m[q][w] = h;
+        m[w][INPUT] = h * (double)stickslip_further_acceleration(of, k, one, zero, zero, zero);
+        m[w][q] = h * (double)stickslip_further_acceleration(of, k, zero, one, zero, zero);
+        m[w][w] = h * (double)stickslip_further_acceleration(of, k, zero, zero, one, zero);
+        m[w][FORCE] = h * (double)stickslip_further_acceleration(of, k, zero, zero, zero, one);
+    }
+#endif
     m[INPUT][CHANGE] = 1.0; /* the input rises by its change within the step */
     exponential(m);
     if (mech->kinematic) { /* the stage follows the input: y = C u at the end, at constant speed until then */
         const double gain = (double)mech->gain;
-        const double last[7] = {-1.0, 0.0, 0.0, 0.0, gain, gain, 0.0};
-        for (int j = 0; j < 7; ++j) {
+        double last[SIZE] = {-1.0};
+        last[INPUT] = gain;
+        last[CHANGE] = gain;
+        for (int j = 0; j < SIZE; ++j) {
             m[Y][j] = last[j];
             m[W][j] = last[j] / h - ((j == W) ? 1.0 : 0.0);
         }
-        m[Y][FORCE] = 0.0;
-        m[W][FORCE] = 0.0;
     }
-    for (int i = 0; i < 4; ++i) {
-        for (int j = 0; j < 7; ++j) {
+    for (int i = 0; i < STICKSLIP_MOVING; ++i) {
+        for (int j = 0; j < FORCE; ++j) {
             plant->free[i][j] = (real_t)m[i][j];
         }
         plant->push[i] = (real_t)m[i][FORCE];
+    }
+    for (int i = MORE; i < STICKSLIP_MOVING; i += 2) { /* from here on the stage */
+        m[Y][FORCE] += m[i][FORCE];
+        m[W][FORCE] += m[i + 1][FORCE];
     }
     plant->h = (real_t)h;
     plant->per_h = (real_t)(1.0 / h);
@@ -242,7 +284,7 @@ static real_t solve(
 static real_t static_contact(
     const stickslip_plant *plant, stickslip_state *state, real_t mean_free, real_t end_free, real_t *until_rest)
 {
-    const real_t before = state->stage_velocity - state->end_effector_velocity;
+    const real_t before = state->stage_velocity + of_further(state, W) - state->end_effector_velocity;
     real_t end[STICKSLIP_STATES], part = R(0.0), force = R(0.0), after = end_free;
     *until_rest = R(0.0);
     if (state->internal[0] != R(0.0)) { /* it slides: does it go on? */
@@ -278,6 +320,46 @@ static void add(real_t *position, real_t *lost, real_t change)
 }
 
 #if STICKSLIP_PIEZO
+#if STICKSLIP_TWO_PORT
+/* What the stops take from an input with the stage at a place, V; moves them from where they were. */
+static real_t after_stops(
+    const stickslip_plant *plant, const stickslip_state *state, stickslip_state *moved, real_t input, real_t stage)
+{
+    const real_t strained = input + plant->felt * stage, way = strained - state->strained;
+    real_t sum = R(0.0);
+    if (plant->piezo.hysteresis.charge_drive) {
+        return sum;
+    }
+    for (int i = 0; i < STICKSLIP_TWO_PORT; ++i) {
+        const real_t wide = plant->stop_width[i];
+        moved->stops[i] = r_min(r_max(state->stops[i] + way, -wide), wide);
+        sum += plant->stop_share[i] * moved->stops[i];
+    }
+    moved->strained = strained;
+    return sum;
+}
+
+/* Put them and the stage where they are at rest under an input that came from 0 V, by bisection: each stop follows
+ * until its width. The stage is where it would be without them. */
+static void settle_stops(const stickslip_plant *plant, stickslip_state *state, real_t input)
+{
+    const real_t given = plant->mechanism.stage_drive / plant->mechanism.stage_stiffness;
+    const real_t wanted = input + plant->felt * state->stage_position;
+    const stickslip_state from = *state;
+    real_t low = R(0.0), high = wanted, taken = R(0.0);
+    for (int k = 0; k < SUBSTEPS_AT_REST; ++k) {
+        const real_t middle = R(0.5) * (low + high);
+        taken = after_stops(plant, &from, state, middle, R(0.0));
+        if (r_abs(middle + plant->felt * given * taken) < r_abs(wanted)) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    state->stage_position -= given * taken;
+}
+#endif
+
 /* What the piezo's hysteresis gives at an input, V; moves its states. */
 static real_t after_hysteresis(
     const stickslip_plant *plant, const stickslip_state *state, stickslip_state *moved, real_t before, real_t input)
@@ -291,6 +373,8 @@ static real_t after_hysteresis(
         moved->hysteresis[i] = state->hysteresis[i];
     }
     return stickslip_hysteresis(&plant->piezo, before, input, moved->hysteresis);
+#elif STICKSLIP_TWO_PORT
+    return input - after_stops(plant, state, moved, input, state->stage_position);
 #else
     return input;
 #endif
@@ -310,6 +394,7 @@ static real_t crept(const stickslip_plant *plant, const stickslip_state *state)
     return sum;
 }
 
+#if !STICKSLIP_TWO_PORT /* whose stops move with the stage */
 /* The ends of a step behind hysteresis and creep; moves their states. */
 static void through_piezo(const stickslip_plant *plant, stickslip_state *state, real_t *begin, real_t *end)
 {
@@ -324,6 +409,7 @@ static void through_piezo(const stickslip_plant *plant, stickslip_state *state, 
 #endif
     *end = to + crept(plant, state);
 }
+#endif
 #endif
 
 /* ---- Public ----------------------------------------------------------------------------------------------- */
@@ -349,7 +435,19 @@ const char *stickslip_init(stickslip_plant *plant, const stickslip_parameters *p
 #if STICKSLIP_PIEZO
     made.piezo = parameters->model.piezo;
 #endif
-    for (int i = 0; i < 5; ++i) {
+#if STICKSLIP_TWO_PORT
+    stickslip_stops(&made.piezo.hysteresis, made.stop_width, made.stop_share);
+    made.felt = stickslip_felt(&parameters->model);
+    if (made.piezo.hysteresis.charge_drive) { /* at constant charge the piezo is stiffer */
+        const real_t stiffer = R(1.0) + parameters->model.gain * made.felt;
+        made.mechanism.stage_stiffness *= stiffer;
+        made.mechanism.stage_drive *= stiffer;
+    }
+#endif
+#if STICKSLIP_FURTHER
+    made.model = parameters->model;
+#endif
+    for (int i = 0; i < STICKSLIP_GAINS; ++i) {
         made.observer_gain[i] = parameters->observer_gain[i];
     }
     made.low = r_max(stickslip_input_low(&parameters->model), R(-LIMIT));
@@ -367,7 +465,12 @@ const char *stickslip_init(stickslip_plant *plant, const stickslip_parameters *p
         damping += (stickslip_law_rate(element, R(1e-6), R(0.0)).force - rest) / R(1e-6);
     }
     linear_step(&made, h);
-    const real_t mobility = made.mechanism.reaction + made.mechanism.mobility;
+    real_t mobility = made.mechanism.reaction + made.mechanism.mobility;
+#if STICKSLIP_FURTHER
+    for (int m = 0; m < STICKSLIP_FURTHER; ++m) {
+        mobility -= stickslip_further_acceleration(&made.model, m, R(0.0), R(0.0), R(0.0), R(1.0));
+    }
+#endif
     const real_t ratio = mobility * made.stiffness * made.h * made.h;
     made.implicit = ratio / (R(12.0) + ratio); /* of second order in h, and 1 where the contact is stiff */
     made.newton = R(1.0)
@@ -388,7 +491,8 @@ const char *stickslip_init(stickslip_plant *plant, const stickslip_parameters *p
     }
 #endif
     if (!(r_isfinite(made.newton) && r_isfinite(made.free[0][0]) && r_isfinite(made.free[1][0])
-          && r_isfinite(made.free[1][4]) && r_isfinite(made.push[3]))) {
+          && r_isfinite(made.free[1][INPUT]) && r_isfinite(made.free[STICKSLIP_MOVING - 1][INPUT])
+          && r_isfinite(made.push[3]))) {
         return "the step is too long, or the parameters are too extreme, for the numbers of this machine";
     }
     *plant = made;
@@ -403,7 +507,9 @@ void stickslip_rest(const stickslip_plant *plant, stickslip_state *state, real_t
     *state = empty;
     state->input = input;
 #if STICKSLIP_PIEZO /* reached from 0 V, long ago */
+#if !STICKSLIP_TWO_PORT
     input = after_hysteresis(plant, state, state, R(0.0), input);
+#endif
 #if STICKSLIP_CREEP
     for (int k = 0; k < STICKSLIP_CREEP; ++k) {
         state->creep[k] = input;
@@ -418,9 +524,20 @@ void stickslip_rest(const stickslip_plant *plant, stickslip_state *state, real_t
         state->stage_position =
             (mech->stage_drive * input + mech->stage_acceleration - mech->reaction * held) / mech->stage_stiffness;
     }
+#if STICKSLIP_FURTHER
+    for (int m = 0; m < STICKSLIP_FURTHER; ++m) {
+        const stickslip_model *of = &plant->model;
+        state->further[2 * m] =
+            stickslip_further_acceleration(of, m, input, R(0.0), R(0.0), mech->clamped ? R(0.0) : held)
+            / -stickslip_further_acceleration(of, m, R(0.0), R(1.0), R(0.0), R(0.0));
+    }
+#endif
+#if STICKSLIP_TWO_PORT
+    settle_stops(plant, state, input);
+#endif
     state->end_effector_position = (mech->slider_stiffness > R(0.0))
         ? mech->slider_drive * input / mech->slider_stiffness
-        : state->stage_position;
+        : state->stage_position + of_further(state, Y);
 #if !STICKSLIP_STATIC_LAW
     if ((held != R(0.0)) && !mech->clamped) { /* equal deflections that carry it, by bisection */
         real_t low = R(0.0), high = r_copysign(R(1e-3), held);
@@ -497,26 +614,55 @@ int stickslip_step_ramp(const stickslip_plant *plant, stickslip_state *state, re
     bits |= admitted(plant, begin, plant->low, plant->high, &end);
 
     const real_t last = end;
-#if STICKSLIP_PIEZO
+#if STICKSLIP_PIEZO && !STICKSLIP_TWO_PORT
     through_piezo(plant, state, &begin, &end);
 #endif
-    const real_t now[7] = {
-        state->stage_position, state->stage_velocity, state->end_effector_position, state->end_effector_velocity,
-        begin, end - begin, R(1.0)};
-    real_t change[4];
-    for (int i = 0; i < 4; ++i) { /* without friction */
+    real_t now[FORCE] = {
+        state->stage_position, state->stage_velocity, state->end_effector_position, state->end_effector_velocity};
+    real_t change[STICKSLIP_MOVING];
+#if STICKSLIP_FURTHER
+    for (int i = 0; i < 2 * STICKSLIP_FURTHER; ++i) {
+        now[MORE + i] = state->further[i];
+    }
+#endif
+    now[ONE] = R(1.0);
+#if STICKSLIP_TWO_PORT /* the stops at the end of the step: the stage as it goes if they stay as they are */
+    const real_t taken = after_stops(plant, state, state, begin, now[Y]);
+    real_t place = now[Y];
+    begin -= taken;
+    now[INPUT] = begin;
+    now[CHANGE] = end - taken - begin;
+    for (int j = 0; j < FORCE; ++j) {
+        place += plant->free[Y][j] * now[j];
+    }
+    end -= after_stops(plant, state, state, end, place);
+#endif
+    now[INPUT] = begin;
+    now[CHANGE] = end - begin;
+    for (int i = 0; i < STICKSLIP_MOVING; ++i) { /* without friction */
         change[i] = R(0.0);
-        for (int j = 0; j < 7; ++j) {
+        for (int j = 0; j < FORCE; ++j) {
             change[i] += plant->free[i][j] * now[j];
         }
     }
+    const real_t stage_velocity = now[W] + of_further(state, W);
     if (plant->mechanism.clamped) { /* the end-effector is part of the stage */
-        change[X] = change[Y];
-        change[S] = state->stage_velocity + change[W] - state->end_effector_velocity;
+        change[X] = of_stage(change, Y);
+        change[S] = stage_velocity + of_stage(change, W) - now[S];
+        for (int i = 0; i < STICKSLIP_MOVING; ++i) { /* the force that holds it at the end of the step */
+            now[i] += change[i];
+        }
         state->friction_force = ss_holding_force(&plant->mechanism, end, R(0.0), now);
+#if STICKSLIP_FURTHER
+        for (int m = 0; m < STICKSLIP_FURTHER; ++m) {
+            const real_t *q = &now[MORE + 2 * m];
+            state->friction_force +=
+                stickslip_further_acceleration(&plant->model, m, end, q[0], q[1], R(0.0)) / plant->mechanism.mobility;
+        }
+#endif
     } else {
-        const real_t mean_free = (change[Y] - change[X]) * plant->per_h;
-        const real_t end_free = (now[W] + change[W]) - (now[S] + change[S]);
+        const real_t mean_free = (of_stage(change, Y) - change[X]) * plant->per_h;
+        const real_t end_free = (stage_velocity + of_stage(change, W)) - (now[S] + change[S]);
 #if STICKSLIP_STATIC_LAW
         real_t until_rest;
         const real_t force = static_contact(plant, state, mean_free, end_free, &until_rest);
@@ -530,14 +676,14 @@ int stickslip_step_ramp(const stickslip_plant *plant, stickslip_state *state, re
             state->internal[i] = internal[i];
         }
 #endif
-        for (int i = 0; i < 4; ++i) {
+        for (int i = 0; i < STICKSLIP_MOVING; ++i) {
             change[i] += plant->push[i] * force;
         }
         state->friction_force = force;
 #if STICKSLIP_STATIC_LAW
         if (state->internal[0] == R(0.0)) { /* at rest, exactly */
-            change[X] = change[Y] - plant->h * until_rest;
-            change[S] = (now[W] + change[W]) - now[S];
+            change[X] = of_stage(change, Y) - plant->h * until_rest;
+            change[S] = (stage_velocity + of_stage(change, W)) - now[S];
         }
 #endif
     }
@@ -545,6 +691,12 @@ int stickslip_step_ramp(const stickslip_plant *plant, stickslip_state *state, re
     add(&state->end_effector_position, &state->lost[1], change[X]);
     state->stage_velocity += change[W];
     state->end_effector_velocity += change[S];
+#if STICKSLIP_FURTHER
+    for (int m = 0; m < STICKSLIP_FURTHER; ++m) {
+        add(&state->further[2 * m], &state->further_lost[m], change[MORE + 2 * m]);
+        state->further[2 * m + 1] += change[MORE + 2 * m + 1];
+    }
+#endif
     state->input = last;
 #if STICKSLIP_LATE
     state->sensor = seen_late(plant, state);
@@ -560,11 +712,11 @@ stickslip_outputs stickslip_read(const stickslip_plant *plant, const stickslip_s
 {
     stickslip_outputs out;
     out.end_effector_position = state->end_effector_position;
-    out.stage_position = state->stage_position;
-    out.sliding_displacement = state->stage_position - state->end_effector_position;
+    out.stage_position = state->stage_position + of_further(state, Y);
+    out.sliding_displacement = out.stage_position - state->end_effector_position;
     out.friction_force = state->friction_force;
     out.drive_voltage = state->input;
-    out.stage_velocity = state->stage_velocity;
+    out.stage_velocity = state->stage_velocity + of_further(state, W);
     out.end_effector_velocity = state->end_effector_velocity;
 #if STICKSLIP_HAS_SENSOR
     out.sensor_output = stickslip_sensor_output(&plant->chain, state->sensor);
@@ -585,6 +737,11 @@ void stickslip_correct(const stickslip_plant *plant, stickslip_state *state, rea
     state->stage_velocity += plant->observer_gain[1] * error;
     state->end_effector_position += plant->observer_gain[2] * error;
     state->end_effector_velocity += plant->observer_gain[3] * error;
+#if STICKSLIP_FURTHER
+    for (int i = 0; i < 2 * STICKSLIP_FURTHER; ++i) {
+        state->further[i] += plant->observer_gain[5 + i] * error;
+    }
+#endif
 #if !STICKSLIP_STATIC_LAW
     for (int i = 0; i < STICKSLIP_STATES; ++i) {
         state->internal[i] =
@@ -593,11 +750,34 @@ void stickslip_correct(const stickslip_plant *plant, stickslip_state *state, rea
 #endif
 }
 
+#if STICKSLIP_FURTHER
+/* The input for a motion of a stage of several modes that carries a force, to the second derivative of the motion:
+ * 1/G(s) = c0 + c1 s + c2 s^2 of G(s), the sum of g / (1 + a s + b s^2) over the modes. */
+static real_t through_modes(
+    const stickslip_plant *plant, real_t position, real_t velocity, real_t acceleration, real_t force)
+{
+    const ss_Mechanism *mech = &plant->mechanism;
+    const real_t zero = R(0.0), one = R(1.0);
+    real_t g = mech->stage_drive / mech->stage_stiffness, b = R(1.0) / mech->stage_stiffness;
+    real_t a = mech->stage_damping * b, yields = mech->reaction * b, whole = g, first = g * a, second = g * (a * a - b);
+    for (int m = 0; m < STICKSLIP_FURTHER; ++m) {
+        b = R(-1.0) / stickslip_further_acceleration(&plant->model, m, zero, one, zero, zero);
+        g = b * stickslip_further_acceleration(&plant->model, m, one, zero, zero, zero);
+        a = -b * stickslip_further_acceleration(&plant->model, m, zero, zero, one, zero);
+        yields -= b * stickslip_further_acceleration(&plant->model, m, zero, zero, zero, one);
+        whole += g;
+        first += g * a;
+        second += g * (a * a - b);
+    }
+    return (position + yields * force + first / whole * velocity
+            + (first * first / whole - second) / whole * acceleration) / whole;
+}
+#endif
+
 int stickslip_feedforward(
     const stickslip_plant *plant, real_t position, real_t velocity, real_t acceleration, real_t *input)
 {
     const ss_Mechanism *mech = &plant->mechanism;
-    const ss_Mechanism one = ss_joined(mech, R(0.0)); /* stage and end-effector move as one body */
     /* The contact carries the end-effector and yields by its deflection. */
     const real_t force =
         (acceleration - ss_slider_acceleration(mech, R(0.0), position, velocity, R(0.0))) / mech->mobility;
@@ -605,9 +785,14 @@ int stickslip_feedforward(
     const real_t stage = position + deflection;
     real_t made = stage / mech->gain;
     int bits = (r_abs(force) > plant->holding) ? STICKSLIP_WOULD_SLIDE : STICKSLIP_OK;
-    if (!mech->kinematic) {
+#if STICKSLIP_FURTHER
+    made = through_modes(plant, stage, velocity, acceleration, mech->clamped ? R(0.0) : force);
+#else
+    if (!mech->kinematic) { /* stage and end-effector move as one body */
+        const ss_Mechanism one = ss_joined(mech, R(0.0));
         made = (acceleration - ss_stage_acceleration(&one, R(0.0), stage, velocity, R(0.0))) / one.stage_drive;
     }
+#endif
     bits |= admitted(plant, R(0.0), plant->low, plant->high, &made);
     *input = made;
     return bits;

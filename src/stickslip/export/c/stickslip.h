@@ -23,10 +23,14 @@ enum {
     STICKSLIP_WOULD_SLIDE = 4      /* feedforward: the wanted motion needs more than friction holds */
 };
 
+#define STICKSLIP_MOVING (4 + 2 * STICKSLIP_FURTHER) /* positions and velocities of the modes and the end-effector */
+#define STICKSLIP_GAINS (5 + 2 * STICKSLIP_FURTHER)
+
 typedef struct {
     stickslip_model model;           /* the actuator, with its friction law */
     stickslip_signal_chain chain;    /* amplifier and sensor; see stickslip_parameters.h whether they are used */
-    real_t observer_gain[5];         /* for stage position and velocity, end-effector position and velocity, bristle */
+    real_t observer_gain[STICKSLIP_GAINS]; /* for stage position and velocity, end-effector position and velocity,
+                                      * bristle, and position and velocity of each further mode of the stage */
 } stickslip_parameters;
 
 typedef struct {
@@ -36,13 +40,21 @@ typedef struct {
 #if STICKSLIP_PIEZO
     stickslip_piezo piezo;
 #endif
-    real_t observer_gain[5];
+#if STICKSLIP_TWO_PORT
+    real_t stop_width[STICKSLIP_TWO_PORT], stop_share[STICKSLIP_TWO_PORT]; /* V, and of their sum */
+    real_t felt;           /* V/m, by how much the stops feel the stage */
+#endif
+#if STICKSLIP_FURTHER
+    stickslip_model model; /* with the further modes of the stage */
+#endif
+    real_t observer_gain[STICKSLIP_GAINS];
     real_t breakaway;      /* N, of a static law */
     real_t low, high;      /* limits of the input */
     real_t h;              /* s, the step */
     real_t per_h;          /* 1/s */
-    real_t free[4][7];     /* change over a step of (y, w, x, s) by (y, w, x, s, u, change of u, 1) */
-    real_t push[4];        /* the same by the friction force */
+    /* Change over a step of (y, w, x, s, further modes) by the same, u, the change of u, and 1. */
+    real_t free[STICKSLIP_MOVING][STICKSLIP_MOVING + 3];
+    real_t push[STICKSLIP_MOVING]; /* the same by the friction force */
     real_t implicit;       /* 0: mean over the step, 1: its end; what the friction is evaluated at */
     real_t mean_mobility;  /* m/s per N: how the force slows the mean sliding velocity */
     real_t end_mobility;   /* and that at the end of the step */
@@ -52,10 +64,14 @@ typedef struct {
 } stickslip_plant;
 
 typedef struct {
-    real_t stage_position;         /* m */
+    real_t stage_position;         /* m, of its first mode; see stickslip_read for the stage */
     real_t stage_velocity;         /* m/s */
     real_t end_effector_position;  /* m */
     real_t end_effector_velocity;  /* m/s */
+#if STICKSLIP_FURTHER
+    real_t further[2 * STICKSLIP_FURTHER]; /* m and m/s, position and velocity of each further mode of the stage */
+    real_t further_lost[STICKSLIP_FURTHER];
+#endif
     real_t internal[STICKSLIP_STATES]; /* m, bristle deflections; of a static law the direction of sliding */
     real_t sliding_velocity;       /* m/s, mean of the last step */
     real_t friction_force;         /* N, mean of the last step */
@@ -63,6 +79,10 @@ typedef struct {
     real_t lost[2];                /* m, what rounding took from the two positions */
 #if STICKSLIP_HYSTERESIS
     real_t hysteresis[STICKSLIP_HYSTERESIS]; /* V, of its plays, or h of Bouc-Wen */
+#endif
+#if STICKSLIP_TWO_PORT
+    real_t stops[STICKSLIP_TWO_PORT]; /* V */
+    real_t strained;               /* V, where they were moved to: the input and the stage as they feel it */
 #endif
 #if STICKSLIP_CREEP
     real_t creep[STICKSLIP_CREEP]; /* V, of its terms */
@@ -108,7 +128,8 @@ stickslip_outputs stickslip_read(const stickslip_plant *plant, const stickslip_s
 void stickslip_correct(const stickslip_plant *plant, stickslip_state *state, real_t measured);
 
 /* Feedforward: the input for a wanted position, velocity and acceleration of a sticking end-effector. With
- * hysteresis or creep of the piezo it is what these are to give: see stickslip_piezo_inverse. */
+ * hysteresis or creep of the piezo it is what these are to give: see stickslip_piezo_inverse. For a stage of several
+ * modes it is right to the second derivative: for motions that are slow against its lowest one. */
 int stickslip_feedforward(
     const stickslip_plant *plant, real_t position, real_t velocity, real_t acceleration, real_t *input);
 

@@ -39,8 +39,9 @@ int main(void)
         if (step % 50 == 0) {
             printf("%.9g,%.12g,%.12g,%.12g,%.9g,%.9g\n", (double)(step + 1) * STICKSLIP_WAVEFORM_STEP,
                    (double)truth.end_effector_position, (double)alone.end_effector_position,
-                   (double)observed.end_effector_position, (double)truth.stage_velocity,
-                   (double)observed.stage_velocity);
+                   (double)observed.end_effector_position,
+                   (double)stickslip_read(&plant, &truth).stage_velocity,
+                   (double)stickslip_read(&model, &observed).stage_velocity);
         }
     }
     return 0;
