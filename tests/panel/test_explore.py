@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,11 @@ import stickslip as ss
 from stickslip.panel import exploration
 from stickslip.panel.exploration import State, mean_speed, motion, python, sample_times, step_curves
 from stickslip.panel.explore import field_of
+from stickslip.panel.folder import Folder
+from stickslip.panel.sets import Sets
 from stickslip.panel.sliders import choices, law_types, shapes
+from stickslip.parameters.writing import parameter_text, write_parameters
+from stickslip.piezo import BoucWen, Piezo
 
 CHOICES = choices()
 
@@ -192,6 +197,34 @@ def test_sliders_of_the_piezo_bend_its_loop() -> None:
         state("kang2007-hysteresis", model={"hysteresis": 0.2, "creep": 0.0}).actuator().piezo.creep is None
     )
     assert state(model={"hysteresis": 0.0, "creep": 0.0}).actuator().piezo is None
+
+
+def test_hysteresis_that_is_not_made_of_plays_has_sliders_of_its_own(tmp_path: Path) -> None:
+    bent = ss.load_actuator("kang2007").replace(piezo=Piezo(BoucWen(0.3, 0.01, -0.003)))
+    write_parameters(tmp_path / "parameters" / "bent.toml", parameter_text(bent, "bent", "by hand"))
+    saved, name = Sets(Folder(tmp_path)), "parameters/bent.toml"
+    found = choices(saved)["sets"][name]
+    json.dumps(found, allow_nan=False)
+    sliders = {one["name"]: one for one in found["piezo"]}
+    assert list(sliders) == ["piezo_alpha", "piezo_beta", "piezo_gamma"]
+    for one in sliders.values():
+        assert one["low"] < found["model"][one["name"]] < one["high"]
+        assert one["meaning"]
+    assert not any(one["piezo"] for one in CHOICES["sets"].values())
+
+    here = state().model_copy(update={"set": name, "model": found["model"]})
+    assert here.actuator(saved).piezo == bent.piezo
+    wider = here.model_copy(update={"model": {**found["model"], "piezo_alpha": 0.4, "creep": 0.01}})
+    piezo = wider.actuator(saved).piezo
+    assert piezo.hysteresis == BoucWen(0.4, 0.01, -0.003)
+    assert piezo.creep.per_decade == pytest.approx(0.01)
+    moved = [motion(one, saved).stage_position.max() for one in (here, wider)]
+    assert abs(moved[0] - moved[1]) > 1e-8
+    assert "BoucWen(alpha=0.4" in python(wider, saved)
+    wrong = here.model_copy(update={"model": {**found["model"], "piezo_beta": -1.0}})
+    with pytest.raises(ss.units.QuantityError) as caught:
+        motion(wrong, saved)
+    assert field_of(str(caught.value)) == "model.piezo_beta"
 
 
 def test_a_set_that_is_changed_by_nothing_is_written_in_one_line() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,12 +13,13 @@ from playwright.sync_api import Page, expect
 import stickslip as ss
 from stickslip.panel import create_app
 from stickslip.parameters.writing import parameter_text, write_parameters
+from stickslip.piezo import BoucWen, Piezo
 
 from .conftest import Panel
 from .serving import client_of
 from .test_identify_page import LONG, TRUTH, save_walk
 
-BRASS, STEEL = "parameters/brass.toml", "parameters/steel.toml"
+BRASS, STEEL, BENT = (f"parameters/{name}.toml" for name in ("brass", "steel", "bent"))
 
 
 def save_set(folder: Path, name: str, **friction: float) -> None:
@@ -86,6 +88,23 @@ def test_explore_begins_with_a_saved_set(page: Page, lab: Panel) -> None:
     page.locator(".explore-numbers dd").first.wait_for(timeout=LONG)
     page.reload()  # the link holds it
     expect(page.get_by_label("Parameter set")).to_have_value(BRASS)
+
+
+@pytest.mark.browser
+def test_hysteresis_of_another_kind_has_its_own_sliders(page: Page, lab: Panel) -> None:
+    bent = ss.load_actuator("kang2007").replace(piezo=Piezo(BoucWen(0.3, 0.01, 0.003)))
+    write_parameters(lab.folder / BENT, parameter_text(bent, "bent", "by hand"))
+    page.goto(f"{lab.url}#explore?set={BENT}")
+    page.reload()
+    expect(page.get_by_label("Parameter set")).to_have_value(BENT)
+    model = page.locator("details[data-name=model]")
+    expect(model.get_by_text("share of the stroke that follows with hysteresis", exact=False)).to_have_count(0)
+    alpha = model.get_by_label("share of a change of the drive that h takes up", exact=False).first
+    expect(alpha).to_have_value("0.3")
+    alpha.fill("0.4")
+    alpha.press("Enter")
+    expect(page).to_have_url(re.compile(r"m\.piezo_alpha=0\.4"))
+    (lab.folder / BENT).unlink()
 
 
 def test_only_sets_can_be_named_as_such(tmp_path: Path) -> None:

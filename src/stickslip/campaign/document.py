@@ -74,7 +74,7 @@ def campaign_document(
     sections = [
         _set_up(file, found, recorded),
         _calibration(file, found),
-        *([hysteresis_section(found, figures)] if found.hysteresis is not None else []),
+        *_hysteresis(found, figures),
         *([stage_section(file, found, figures)] if found.stage is not None else []),
         features_section(found.features),
         _friction(found, bands),
@@ -111,6 +111,13 @@ def campaign_document(
         failures=found.failures,
     )
     return with_priors(document, found.priors)
+
+
+def _hysteresis(found: Found, figures: bool) -> list[Section]:
+    if found.hysteresis is None:
+        return []
+    used = [one.recording for one in found.gathered if one.use == "piezo"]
+    return [hysteresis_section(found.hysteresis, used, figures)]
 
 
 def _set_up(file: CampaignFile, found: Found, recorded: Sequence[Recorded]) -> Section:

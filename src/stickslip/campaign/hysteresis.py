@@ -66,11 +66,14 @@ def hysteresis_of(file: CampaignFile, recordings: Sequence[Aligned], model: Actu
     shown = [one for one in recordings if one.use == "piezo"]
     if not shown:
         return None
-    channel = file.reference or POSITION
-    data: list[xr.Dataset] = [one.recording for one in shown]
-    fit = identify_piezo(data, model, observed=channel)
+    return hysteresis_in([one.recording for one in shown], model, file.reference or POSITION)
+
+
+def hysteresis_in(data: Sequence[xr.Dataset], model: Actuator, observed: str) -> Hysteresis:
+    """Of recordings of the clamped end-effector, driven slowly to and fro, in the channel `observed`."""
+    fit = identify_piezo(data, model, observed=observed)
     plain: dict[str, Any] = {"operators": 1, "asymmetric": False, "creep": False}
     plain |= {"delay": fit.values["delay"], "lag": fit.values["lag"]}
-    straight = identify_piezo(data, observed=channel, **plain)
+    straight = identify_piezo(data, observed=observed, **plain)
     stages = [model.replace(gain=gain, piezo=piezo) for gain, piezo in without_parts(fit, data)]
     return Hysteresis(fit, straight, tuple(stages))

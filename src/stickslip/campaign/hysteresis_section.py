@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+import xarray as xr
+
 from ..report import Section
 from ..report.fits import parameter_table
 from ..report.piezo import hysteresis_pictures
-from .evaluation import Found
+from .hysteresis import Hysteresis
 
 
-def hysteresis_section(found: Found, figures: bool) -> Section:
-    """The fit, and what a stage without either leaves."""
-    of = found.hysteresis
-    assert of is not None
-    used = [one.recording for one in found.gathered if one.use == "piezo"]
+def hysteresis_section(of: Hysteresis, used: Sequence[xr.Dataset], figures: bool) -> Section:
+    """The fit to the recordings that it used, and what a stage without either leaves."""
     said = f"{of.sentence[0].upper()}{of.sentence[1:]}."
     return Section(
         "Hysteresis and creep",

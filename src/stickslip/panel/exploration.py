@@ -62,9 +62,9 @@ class Model(Strict):
         changes: dict[str, Any] = dict(self.model)
         if "natural_frequency" in changes and base.blocked_force_per_volt is not None:
             changes["blocked_force_per_volt"] = None  # of a static stage only, and moves nothing
-        shares = piezo_sliders.shares(base.piezo)
-        shares |= {field: changes.pop(field) for field in shares if field in changes}
-        piezo = piezo_sliders.with_shares(base.piezo, **shares)
+        own = piezo_sliders.values(base.piezo)
+        own |= {field: changes.pop(field) for field in own if field in changes}
+        piezo = piezo_sliders.with_values(base.piezo, **own)
         return base.replace(**changes, piezo=piezo, friction=self._friction())
 
     def _friction(self) -> Any:
@@ -258,12 +258,13 @@ def python(state: State, sets: Sets = PACKAGE) -> str:
     model = f'ss.load_actuator("{state.set}")'  # a saved one: seen from the panel's folder
     if arguments:
         model += ".replace(\n    " + ",\n    ".join(arguments) + ",\n)"
+    bent = None if actuator.piezo is None else actuator.piezo.hysteresis
     lines = [
         "import stickslip as ss",
         *(["from stickslip.piezo import *"] if "piezo" in changed else []),
         *(["from stickslip.friction import NormalForce"] if changed.get("normal_force") else []),
         "",
-        *dict.fromkeys(filter(None, (_own(type(actuator.friction)), _own(type(waveform))))),
+        *dict.fromkeys(filter(None, (_own(type(one)) for one in (actuator.friction, waveform, bent)))),
         f"actuator = {model}",
         f"drive = {_record(waveform)}",
         f"trajectory = ss.simulate(actuator, drive, duration={duration!r}, sample_rate=10e3)",

@@ -10,9 +10,11 @@ from fastapi import APIRouter, Response
 from fastapi.responses import JSONResponse
 from numpy.typing import ArrayLike
 
+from .. import registry
 from ..simulation import SimulationError
 from ..units import QuantityError
 from .exploration import State, mean_speed, motion, python, step_curves
+from .piezo_sliders import OWN
 from .sets import Sets
 from .sliders import choices, law_types, shapes
 from .stream import packed
@@ -95,6 +97,8 @@ def field_of(message: str) -> str:
         if owner in shapes()
         else ""
     )
+    if owner in registry.piezos.names():
+        return f"model.{OWN}{field}"
     if section:
         return f"{section}.{field}" + (f"_{int(index) + 1}" if index else "")
     if message.startswith("drive voltage"):

@@ -168,7 +168,7 @@ class Fitting:
             state |= {"phase": "failed", "error": self._folder.told(fields["error"])}
         elif kind == "done":
             state |= {"phase": "done"}
-        else:  # stage, fitted, verified, report
+        else:  # hysteresis, stage, fitted, verified, report
             doing = {"fitted": "verifying", "verified": "writing the report"}.get(kind, state["doing"])
             state |= {**fields, "doing": doing}
         self.state = state

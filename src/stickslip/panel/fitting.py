@@ -1,6 +1,7 @@
 """A fit for the Identify page: read, fit, verify, report; what becomes of it is told as it goes on.
 
-Steps of the clamped end-effector, if there are any, give the stage first, as `stickslip campaign` does it.
+Slow loops and steps of the clamped end-effector, if there are any, give hysteresis, creep and mode of the
+stage first, as `stickslip campaign` does it.
 """
 
 from __future__ import annotations
@@ -18,12 +19,14 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from ..actuator import Actuator
+from ..campaign.hysteresis import Hysteresis, hysteresis_in
 from ..chain import Chain
 from ..estimate.result import Fit
 from ..estimate.search import SearchState
 from ..identify.step.fit import STAGE_PARAMETERS, identify_step
-from ..identify.walk.displacement import Displacement
+from ..identify.walk.displacement import Displacement, has_slopes
 from ..identify.walk.friction import identify_friction
+from ..identify.walk.joint import jointly
 from ..identify.walk.position_channel import CHANNEL, OBSERVED
 from ..identify.walk.walks import Varied, observed
 from ..readers import read_recording
@@ -50,13 +53,15 @@ class FitRequest(Model):
     """What to fit: the recordings (names in the panel's folder), from `begin` to `end` [s] of each, the model
     at which the fit starts, what is free in it, and bounds of that; `others` are only predicted.
 
-    `steps` are step responses of the clamped end-effector, from which the stage is taken; `slew_rate` [V/s]
-    is that of the amplifier, where it is known.
+    Of the clamped end-effector: `loops`, driven slowly to and fro, from which hysteresis and creep are taken,
+    and `steps`, from which the mode of the stage is; `slew_rate` [V/s] is that of the amplifier, where it is
+    known.
     """
 
     recordings: list[str] = Field(min_length=1, max_length=20)
     others: list[str] = Field(default_factory=list, max_length=40)
     steps: list[str] = Field(default_factory=list, max_length=20)
+    loops: list[str] = Field(default_factory=list, max_length=20)
     begin: Value | None = None
     end: Value | None = None
     slew_rate: Value | None = None
@@ -67,8 +72,8 @@ class FitRequest(Model):
 
 
 def fit_recordings(request: FitRequest, folder: Folder, out: str, say: Say) -> None:
-    """Fit as requested, and say what happens: "stage", "recordings", "step" (often), "fitted", "verified",
-    "report".
+    """Fit as requested, and say what happens: "hysteresis", "stage", "recordings", "step" (often), "fitted",
+    "verified", "report".
 
     Args:
         request: what is wanted.
@@ -83,6 +88,7 @@ def fit_recordings(request: FitRequest, folder: Folder, out: str, say: Say) -> N
         UsedWalk,
         walk_document,
     )
+    from ..campaign.hysteresis_section import hysteresis_section
 
     start = request.actuator(Sets(folder))
     rate = None if request.slew_rate is None else to_si(request.slew_rate, "V/s", "slew_rate")
@@ -93,8 +99,11 @@ def fit_recordings(request: FitRequest, folder: Folder, out: str, say: Say) -> N
     unseen = [_read(folder, name, request) for name in request.others if name not in request.recordings]
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        stage = _stage(folder, request, start, rate, say)
-        actuator = start if stage is None else stage.model
+        loops = [read_recording(folder.path(name)).assign_attrs(title=name) for name in request.loops]
+        bent = _bent(loops, start, say)
+        begun = start if bent is None else bent.fit.model
+        stage = _stage(folder, request, begun, rate, say)
+        actuator = begun if stage is None else stage.model
         drafts = _Drafts(seen, request, say, rate)
         drafts.begin(actuator)
         fit = identify_friction(
@@ -102,12 +111,16 @@ def fit_recordings(request: FitRequest, folder: Folder, out: str, say: Say) -> N
             actuator,
             request.free,
             slew_rate=rate,
-            stage=stage,
+            stage=stage if bent is None else None,
+            begin=None if stage is None or bent is None else {"delay": stage.values["delay"]},
             bounds={name: (limits[0], limits[1]) for name, limits in request.bounds.items()},  # type: ignore[arg-type]
             starts=request.starts,
             hops=request.hops,
             each=drafts,
         )
+        if bent is not None and stage is not None and has_slopes(fit.model):
+            known = bent.refitted(lambda one: _of_steps(folder, request, one, rate)).widened(stage)
+            fit = jointly(fit, seen, [None] * len(seen), known, rate, actuator, request.hops)
         drafts.draw(fit.values)
         say(
             "fitted", {"fit": fit.to_dict(), "model": _told(fit, stage), "correlation": _correlation(fit)}, []
@@ -123,18 +136,38 @@ def fit_recordings(request: FitRequest, folder: Folder, out: str, say: Say) -> N
         # What `stickslip verify` needs beside the model: the amplifier's slew rate is no part of a fit.
         known = math.inf if rate is None else rate
         chain = Chain(fit.values.get("delay", 0.0), fit.values.get("offset", 0.0), slew_rate=known)
-        document = replace(document, numbers={**document.numbers, "signal_chain": chain_numbers(chain)})
+        numbers = {**document.numbers, "signal_chain": chain_numbers(chain)}
+        document = replace(document, numbers=numbers)
+        if bent is not None:
+            first = hysteresis_section(bent, loops, figures=True)
+            document = replace(document, sections=[first, *document.sections])
         write_report(document, folder.path(out), command="stickslip panel")
     said = dict.fromkeys(" ".join(str(w.message).split()) for w in caught)
     say("report", {"report": f"{out}/report.html", "notes": list(said)}, [])
+
+
+def _bent(loops: Sequence[xr.Dataset], start: Actuator, say: Say) -> Hysteresis | None:
+    """Hysteresis and creep from the loops, said; None where there are none."""
+    if not loops:
+        return None
+    found = hysteresis_in(loops, start, OBSERVED)
+    say("hysteresis", {"hysteresis": found.fit.to_dict(), "hysteresis_said": found.sentence}, [])
+    return found
+
+
+def _steps(folder: Folder, request: FitRequest) -> list[xr.Dataset]:
+    return [read_recording(folder.path(name)).assign_attrs(title=name) for name in request.steps]
+
+
+def _of_steps(folder: Folder, request: FitRequest, start: Actuator, rate: float | None) -> Fit:
+    return identify_step(_steps(folder, request), start, slew_rate=rate)
 
 
 def _stage(folder: Folder, request: FitRequest, start: Actuator, rate: float | None, say: Say) -> Fit | None:
     """The stage from the clamped steps, said with their curves; None where there are none."""
     if not request.steps:
         return None
-    steps = [read_recording(folder.path(name)).assign_attrs(title=name) for name in request.steps]
-    fit = identify_step(steps, start, slew_rate=rate)
+    steps, fit = _steps(folder, request), _of_steps(folder, request, start, rate)
     curves = [
         _thin(part)
         for i, one in enumerate(steps, start=1)

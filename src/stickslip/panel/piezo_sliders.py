@@ -1,7 +1,8 @@
 """Two sliders for a piezo: how much of the stroke follows with hysteresis, and how much creeps per decade.
 
-A parameter set's own model is stretched to what the sliders say, and kept to the last bit where they say what
-it has. An actuator without one gets plays that make loops as those of PZT stacks.
+A parameter set's own plays are stretched to what the sliders say, and kept to the last bit where they say what
+it has. An actuator without any gets plays that make loops as those of PZT stacks. Hysteresis of another kind
+has sliders of its own instead, one for each of its numbers, "piezo_alpha" and so on.
 """
 
 from __future__ import annotations
@@ -12,12 +13,13 @@ from typing import Any
 import numpy as np
 
 from ..piezo import Creep, Piezo, PrandtlIshlinskii
-from ..records import Quantity
+from ..records import Quantity, quantities, sequences
 
 FIELDS = {
     "hysteresis": Quantity("", "h", "share of the stroke that follows with hysteresis", minimum=0, below=1),
     "creep": Quantity("", "g", "creep per decade of time, over the stroke", minimum=0, maximum=1),
 }
+OWN = "piezo_"  # before the name of a number of another model
 THRESHOLDS = (0.0, 5.0, 10.0, 20.0, 40.0)  # V, of an actuator without hysteresis of its own
 
 
@@ -30,12 +32,30 @@ def shares(piezo: Piezo | None) -> dict[str, float]:
     return {"hysteresis": found, "creep": 0.0 if creep is None else creep.per_decade}
 
 
-def with_shares(piezo: Piezo | None, hysteresis: Any, creep: Any) -> Piezo | None:
-    """The piezo with these shares; None if neither is left.
+def own_fields(piezo: Piezo | None) -> dict[str, Quantity]:
+    """The numbers of hysteresis that is not made of plays, by the name of their slider."""
+    law = None if piezo is None else piezo.hysteresis
+    if law is None or isinstance(law, PrandtlIshlinskii):
+        return {}
+    known = quantities(type(law))
+    return {f"{OWN}{name}": known[name] for name in known if name not in sequences(type(law))}
+
+
+def values(piezo: Piezo | None) -> dict[str, Any]:
+    """Of all sliders, as a model has them."""
+    own = {name: getattr(piezo.hysteresis, name.removeprefix(OWN)) for name in own_fields(piezo)} if piezo else {}
+    return {**shares(piezo), **own}
+
+
+def with_values(piezo: Piezo | None, hysteresis: Any, creep: Any, **own: Any) -> Piezo | None:
+    """The piezo with these shares and numbers of its own; None if nothing is left.
 
     Raises:
         QuantityError: one is out of range, or the voltage would turn back before the stroke does.
     """
+    if own and piezo is not None:
+        fields = {name.removeprefix(OWN): value for name, value in own.items()}
+        piezo = piezo._replace(hysteresis=piezo.hysteresis._replace(**fields))
     h = FIELDS["hysteresis"].check(hysteresis, "Actuator.hysteresis")
     g = FIELDS["creep"].check(creep, "Actuator.creep")
     now = shares(piezo)

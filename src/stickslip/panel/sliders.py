@@ -149,10 +149,19 @@ def _middle(slider: Slider) -> float:
     return 0.5 * (slider.low + slider.high)
 
 
+def _around(quantity: Quantity, value: float) -> Slider:
+    """For a number whose size is known only from a model: a decade either way, or as far as it may go."""
+    if value > 0.0:
+        low = max(0.1 * value, quantity.minimum or quantity.above or 0.0)
+        most = [end for end in (10.0 * value, quantity.maximum, quantity.below) if end is not None]
+        return Slider(low, min(most), zero=quantity.minimum == 0.0)
+    return Slider(min(2.0 * value, -1.0), 1.0, "linear")
+
+
 def choices(offered: Sets = PACKAGE) -> dict[str, Any]:
     """Everything that the page offers, as JSON can hold it (infinity is "inf").
 
-    By "sets" (title, model, law, and values of each law for that contact), "laws" and "shapes" (fields),
+    By "sets" (title, model, sliders of its own "piezo", law, and values of each law for that contact), "laws" and "shapes" (fields),
     "model" (fields), "start" (values of each shape), "tied" (see `TIED`) and "duration" (a field).
     """
     sets, known, drives = {}, law_types(), shapes()
@@ -165,7 +174,11 @@ def choices(offered: Sets = PACKAGE) -> dict[str, Any]:
         sets[name] = {
             "title": title,
             "model": {field: plain(getattr(actuator, field)) for field in _MODEL}
-            | piezo_sliders.shares(actuator.piezo),
+            | piezo_sliders.values(actuator.piezo),
+            "piezo": [
+                _shown(f, q, _around(q, piezo_sliders.values(actuator.piezo)[f]))
+                for f, q in piezo_sliders.own_fields(actuator.piezo).items()
+            ],
             "law": law,
             "friction": {kind: values_of(example) for kind, example in laws.items()},
         }

@@ -1,6 +1,6 @@
 // The Explore page: every slider redraws the motion, the friction loop and the step curves while it moves.
 
-import { begin, changed, fromLink, makeHistory, toLink, wire, withLaw, withShape } from "./explore_state.js";
+import { begin, changed, fromLink, makeHistory, modelFields, toLink, wire, withLaw, withShape } from "./explore_state.js";
 import { latestWins } from "./latest.js";
 import { makePlot } from "./plot.js";
 import { formatQuantity } from "./quantity.js";
@@ -81,7 +81,7 @@ export async function mount(element, app) {
         ...sliders("friction", lawFields)),
       section("model", "Actuator",
         makeChoice("Parameter set", sets, state.set, (set) => choose(begin(choices, set, state))).element,
-        ...sliders("model", choices.model)),
+        ...sliders("model", modelFields(choices, state.set))),
     );
   }
   function elementsOf(field, values) {
@@ -277,7 +277,7 @@ export async function mount(element, app) {
     const [section, name] = key.split(".");
     const value = section === "duration" ? state.duration : state[section]?.[name];
     if (value === undefined || typeof value === "boolean") return state.law;
-    const fields = section === "duration" ? [choices.duration] : section === "model" ? choices.model : section === "friction" ? choices.laws[state.law] : choices.shapes[state.shape];
+    const fields = section === "duration" ? [choices.duration] : section === "model" ? modelFields(choices, state.set) : section === "friction" ? choices.laws[state.law] : choices.shapes[state.shape];
     const field = fields.find((one) => one.name === name);
     return field ? `${field.symbol} = ${formatQuantity(value, field.unit)}` : state.law;
   }

@@ -26,6 +26,12 @@ export function begin(choices, asked = "kang2007", drive = null) {
   };
 }
 
+/** The actuator's fields of a set: hysteresis that is not made of plays has sliders of its own. */
+export function modelFields(choices, set) {
+  const own = choices.sets[set]?.piezo ?? [];
+  return own.length ? [...choices.model.filter((one) => one.name !== "hysteresis"), ...own] : choices.model;
+}
+
 /** The state with one value changed, and those that follow it; see TIED on the server. */
 export function changed(choices, state, section, name, value) {
   if (section === "duration") return { ...state, duration: value };

@@ -12,17 +12,18 @@ const CHANNEL = [
 ];
 // The gain too: a stage that nobody measured is wrong by some percent, and friction would make up for it.
 const USUAL = ["gain", "sigma_0", "sigma_1", "coulomb_force", "stiffness_1", "stiffness_2", "stiffness_3", "strength_1", "strength_2", "strength_3", "delay", "offset"];
+const GIVEN = ["external_force", "incline", "hysteresis", "creep"]; // what no walk is asked for
 const STAGE = ["gain", "natural_frequency", "damping_ratio"]; // what clamped steps give
 const EFFORT = { quick: ["Quick: from the start values", 1, 0], hops: ["Careful: look for lower minima", 1, 2], starts: ["Thorough: four starts", 4, 2] };
-const HEADS = { Step: "The end-effector fixed to the stage: gives the stage's frequency, damping and gain", Fit: "A walk, to which the friction is fitted", Predict: "A walk that the fit has not seen", Recording: "" };
+const HEADS = { Loops: "The end-effector fixed to the stage, driven slowly to and fro: gives hysteresis and creep", Step: "The end-effector fixed to the stage: gives the stage's frequency, damping and gain", Fit: "A walk, to which the friction is fitted", Predict: "A walk that the fit has not seen", Recording: "" };
 const capital = (text) => text[0].toUpperCase() + text.slice(1);
 
 /** `asked`: the recording that a link asks for, instead of those of the last fit. */
 export async function fitForm(app, choices, last, asked, start, cancel) {
   let state = last ? restored(choices, last) : begin(choices);
   let free = new Set(last?.free ?? USUAL);
-  let role = new Map(); // recording -> "step", "fit" or "verify"
-  for (const [use, names] of Object.entries(asked ? {} : { step: last?.steps, fit: last?.recordings, verify: last?.others }))
+  let role = new Map(); // recording -> "loops", "step", "fit" or "verify"
+  for (const [use, names] of Object.entries(asked ? {} : { loops: last?.loops, step: last?.steps, fit: last?.recordings, verify: last?.others }))
     for (const name of names ?? []) role.set(name, use);
   const steps = () => [...role.values()].includes("step");
   let own = Boolean(last) && !asked; // somebody chose the model: a recording no longer does
@@ -69,7 +70,7 @@ export async function fitForm(app, choices, last, asked, start, cancel) {
     asked = null;
     const rows = found.map((one) => {
       const box = (use, text) => {
-        const unfit = Boolean(one.problem) || (one.clamped !== undefined && one.clamped !== (use === "step"));
+        const unfit = Boolean(one.problem) || (one.clamped !== undefined && one.clamped !== (use === "step" || use === "loops"));
         const input = make("input", { type: "checkbox", checked: role.get(one.name) === use, disabled: unfit });
         input.setAttribute("aria-label", `${text} ${one.name}`);
         input.addEventListener("change", () => {
@@ -82,7 +83,7 @@ export async function fitForm(app, choices, last, asked, start, cancel) {
         return make("td", {}, make("label", {}, input));
       };
       const about = one.problem || `${Number(one.seconds.toPrecision(3))} s, ${one.samples} samples`;
-      return make("tr", { className: one.problem ? "unusable" : "" }, box("step", "Step"), box("fit", "Fit"), box("verify", "Predict"),
+      return make("tr", { className: one.problem ? "unusable" : "" }, box("loops", "Loops"), box("step", "Step"), box("fit", "Fit"), box("verify", "Predict"),
         make("td", {}, make("div", { textContent: calledShortly(one.name), title: one.name }), make("div", { className: "soft small-text", textContent: about })));
     });
     list.replaceChildren(rows.length
@@ -90,12 +91,15 @@ export async function fitForm(app, choices, last, asked, start, cancel) {
       : make("p", { className: "soft", textContent: "There are no recordings in the panel's folder yet: record some on the Bench page." }));
   }
 
-  /** As a campaign does it: the newest walk, or what was asked for, with the newest clamped step of that rig. */
+  /** As a campaign does it: the newest walk, or what was asked for, with the newest clamped loops and step of that rig. */
   function usual(found, one = found.find((each) => !each.clamped)) {
     if (!one) return;
-    const step = one.clamped ? one : found.find((each) => each.clamped && each.set === one.set);
+    for (const [use, jumps] of [["loops", false], ["step", true]]) {
+      const fits = (each) => each.clamped && each.jumps === jumps;
+      const newest = fits(one) ? one : found.find((each) => fits(each) && each.set === one.set);
+      if (newest) role.set(newest.name, use);
+    }
     if (!one.clamped) role.set(one.name, "fit");
-    if (step) role.set(step.name, "step");
     follow(one);
     build();
   }
@@ -118,7 +122,7 @@ export async function fitForm(app, choices, last, asked, start, cancel) {
       return { ...described, name, meaning: described.meaning.replace("each element", `element ${name.match(/\d+$/)?.[0]}`) };
     };
     const law = values.map(field);
-    const stage = choices.model.filter((one) => !one.switch && !["external_force", "incline"].includes(one.name));
+    const stage = choices.model.filter((one) => !one.switch && !GIVEN.includes(one.name));
     known = new Map([...law, ...stage, ...CHANNEL].map((one) => [one.name, one]));
     const plain = Object.keys(choices.laws).map((name) => [name, name.replace(/(?<=[a-z])(?=[A-Z][a-z]{3})/g, " ")]);
     const sets = Object.entries(choices.sets).map(([name, set]) => [name, `${name}: ${set.title}`]);
@@ -182,7 +186,7 @@ export async function fitForm(app, choices, last, asked, start, cancel) {
     const [, starts, hops] = EFFORT[effort.select.value];
     return {
       set: state.set, model: inf(state.model), law: state.law, friction: inf(state.friction), free: chosen, bounds, starts, hops,
-      recordings: named("fit"), others: named("verify"), steps: named("step"), slew_rate: slewRate, ...window_,
+      recordings: named("fit"), others: named("verify"), steps: named("step"), loops: named("loops"), slew_rate: slewRate, ...window_,
     };
   }
   // Enter in a field takes its number over; only the button starts the fit.
