@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+import threading
 from collections.abc import Iterable
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 FILE = "acts.jsonl"  # in the folder: one line an act, in plain words
 
@@ -23,25 +24,58 @@ def note_act(folder: Path, act: str, name: str, **more: Any) -> dict[str, Any]:
     return line
 
 
+class _Known(NamedTuple):
+    """What was read of a file: as far as `end`, where `tail` stands before."""
+
+    end: int
+    tail: bytes
+    acts: list[dict[str, Any]]
+
+
+_KNOWN: dict[Path, _Known] = {}
+_READING = threading.Lock()
+_TAIL = 200  # bytes, of different times and names in any two files
+
+
 def read_acts(folder: Path) -> list[dict[str, Any]]:
-    """All acts, the oldest first, with the names that the runs have now; damaged lines are passed over."""
-    try:
-        text = (folder / FILE).read_text(encoding="utf-8", errors="replace")
-    except OSError:
-        return []
-    found: list[dict[str, Any]] = []
-    for line in text.splitlines():
+    """All acts, the oldest first, with the names that the runs have now; damaged lines are passed over.
+
+    The file only grows, and so only what is new is read.
+    """
+    path = folder / FILE
+    with _READING:
+        known = _KNOWN.get(path, _Known(0, b"", []))
         try:
-            one = json.loads(line)
-        except ValueError:
-            continue
-        if not isinstance(one, dict) or not all(isinstance(one.get(key), str) for key in ("act", "name")):
-            continue
-        if one["act"] == "renamed":
-            for earlier in found:
-                earlier["name"] = _after(earlier["name"], one)
-        found.append(one)
-    return found
+            with path.open("rb") as file:
+                file.seek(max(known.end - len(known.tail), 0))
+                if file.read(len(known.tail)) != known.tail:  # another file
+                    known = _Known(0, b"", [])
+                    file.seek(0)
+                new = file.read()
+        except OSError:
+            _KNOWN.pop(path, None)
+            return []
+        whole = new[: new.rfind(b"\n") + 1]
+        acts = [*known.acts]
+        for line in whole.decode("utf-8", "replace").splitlines():
+            _take(acts, line)
+        _KNOWN[path] = _Known(known.end + len(whole), (known.tail + whole)[-_TAIL:], acts)
+        rest = [*acts]
+        _take(rest, new[len(whole) :].decode("utf-8", "replace"))  # a line without its end, for now
+        return rest
+
+
+def _take(acts: list[dict[str, Any]], line: str) -> None:
+    """Add the act that a line tells, if it does."""
+    try:
+        one = json.loads(line)
+    except ValueError:
+        return
+    if not isinstance(one, dict) or not all(isinstance(one.get(key), str) for key in ("act", "name")):
+        return
+    if one["act"] == "renamed":
+        acts[:] = [{**earlier, "name": _after(earlier["name"], one)} for earlier in acts]
+    acts.append(one)
 
 
 def present_names(names: Iterable[str], acts: Iterable[dict[str, Any]]) -> list[str]:

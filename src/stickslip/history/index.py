@@ -7,7 +7,7 @@ import os
 import sqlite3
 import stat
 from collections.abc import Callable, Iterator
-from contextlib import closing
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any
 
@@ -95,6 +95,8 @@ class Index:
         of = {one["name"]: str(one["of"]) for one in acts if "of" in one}
         renamed = [one for one in acts if one["act"] == "renamed"]
         for row in rows:
+            if not row["links"] and row["name"] not in of:
+                continue
             links = json.loads(row["links"] or "{}")
             if row["name"] in of:
                 links["prediction"] = [of[row["name"]]]
@@ -171,7 +173,8 @@ class Index:
     def _update(self, database: sqlite3.Connection) -> None:
         """Read what is new or was changed, forget what is gone."""
         known = {
-            row["name"]: (row["changed"], row["bytes"]) for row in database.execute("SELECT * FROM runs")
+            row["name"]: (row["changed"], row["bytes"])
+            for row in database.execute("SELECT name, changed, bytes FROM runs")
         }
         found = dict(self._files())
         gone = [(name,) for name in known.keys() - found.keys()]
@@ -209,15 +212,17 @@ class Index:
                 if Path(folder) != self.folder:
                     size = max(one.st_mtime for one in parts), sum(one.st_size for one in parts)
                     yield Path(folder).relative_to(self.folder).as_posix(), size
-            for name in names:
-                path = Path(folder, name)
-                own = path.suffix == ".toml" and path.parent == self.folder / SETS
-                if (not own and path.suffix.lower() not in RECORDINGS) or name.startswith("."):
+            for name in names:  # as texts: it is asked again and again, of thousands of them
+                path, suffix = os.path.join(folder, name), os.path.splitext(name)[1]
+                own = suffix == ".toml" and folder == os.path.join(self.folder, SETS)
+                if (not own and suffix.lower() not in RECORDINGS) or name.startswith("."):
                     continue
-                try:
-                    real = path.resolve()
-                    one = real.stat()
-                except OSError:
-                    continue
-                if stat.S_ISREG(one.st_mode) and real.is_relative_to(self.folder):
-                    yield path.relative_to(self.folder).as_posix(), (one.st_mtime, one.st_size)
+                with suppress(OSError):
+                    one = os.lstat(path)
+                    if stat.S_ISLNK(one.st_mode):
+                        if not Path(path).resolve().is_relative_to(self.folder):
+                            continue
+                        one = os.stat(path)
+                    if stat.S_ISREG(one.st_mode):
+                        inside = path[len(os.path.join(self.folder, "")) :].replace(os.sep, "/")
+                        yield inside, (one.st_mtime, one.st_size)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import stat
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import suppress
@@ -36,12 +37,21 @@ class _Content(NamedTuple):
     files: list[tuple[str, bool]]  # names, and whether they are links
 
 
+class _Look(NamedTuple):
+    """Files that were found, and when looking began, s."""
+
+    begun: float
+    found: list[File]
+
+
 class Folder:
     """A folder and the files in it, named by their path inside it with slashes."""
 
     def __init__(self, root: Path) -> None:
         self.root = root.resolve()
         self._known: dict[str, _Content] = {}  # of folders that have not changed lately
+        self._looking = threading.Lock()
+        self._looks: dict[tuple[str, ...], _Look] = {}  # the last one for these endings
 
     def path(self, name: str) -> Path:
         """Where the file of that name is, or would be.
@@ -64,7 +74,19 @@ class Folder:
         return path.resolve().relative_to(self.root).as_posix()
 
     def files(self, *suffixes: str) -> list[File]:
-        """All files with these endings, the newest first; links that lead out are left out."""
+        """All files with these endings, the newest first; links that lead out are left out.
+
+        One looks at a time, and who waited takes what another began to look at since: many pages ask at once,
+        and threads that all look let nobody else come to speak.
+        """
+        asked = time.monotonic()
+        with self._looking:
+            last = self._looks.get(suffixes)
+            if last is None or last.begun < asked:
+                last = self._looks[suffixes] = _Look(time.monotonic(), self._files(suffixes))
+        return [*last.found]
+
+    def _files(self, suffixes: tuple[str, ...]) -> list[File]:
         found = []
         for name, link in self._walk(""):
             path = f"{self.root}/{name}"

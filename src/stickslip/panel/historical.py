@@ -86,25 +86,36 @@ def history_routes(folder: Folder, hub: Hub, control: Control, read: Reader) -> 
     lock = threading.Lock()
     shutil.rmtree(folder.root / UPLOADS, ignore_errors=True)
 
+    last: dict[str, tuple[float, list[dict[str, Any]]]] = {}  # what a question found, and when it began, s
+
     def rows(search: str = "", **equal: str) -> list[dict[str, Any]]:
-        with lock, Index(folder.root, read) as index:
-            found = index.rows(search[:200], **{name: text for name, text in equal.items() if text})
-        for one in found:
-            for name in ("links", "settings"):
-                one[name] = json.loads(one[name] or "{}")
-        return found
+        """One question at a time; who waited takes what was found for the same one since."""
+        asked, key = time.monotonic(), json.dumps([search[:200], equal])
+        with lock:
+            if key not in last or last[key][0] < asked:
+                begun = time.monotonic()
+                with Index(folder.root, read) as index:
+                    where = {name: text for name, text in equal.items() if text}
+                    found = index.rows(search[:200], **where)
+                last.clear()
+                last[key] = begun, found
+            return last[key][1]
+
+    def whole() -> list[dict[str, Any]]:
+        return [_parsed(one) for one in rows()]
 
     @routes.get("")
     def listed(search: str = "", kind: str = "", outcome: str = "") -> dict[str, Any]:
         found = rows(search, kind=kind, outcome="" if outcome == "bad" else outcome)
         if outcome == "bad":
             found = [one for one in found if one["problem"] or one["outcome"] not in ("complete", "")]
-        shown = [{k: v for k, v in one.items() if k not in _LEFT_OUT} for one in found[:MOST_ROWS]]
+        few = [{k: v for k, v in one.items() if k not in _LEFT_OUT} for one in found[:MOST_ROWS]]
+        shown = [_parsed(one) for one in few]
         return {"rows": shown, "count": len(found)}
 
     @routes.post("/detail")
     def detail(asked: Named) -> dict[str, Any]:
-        everything = rows()
+        everything = whole()
         row = next((one for one in everything if one["name"] == asked.name), None)
         if row is None:
             raise FolderError(f"{asked.name[:60]!r} is not in the history")
@@ -125,7 +136,7 @@ def history_routes(folder: Folder, hub: Hub, control: Control, read: Reader) -> 
 
     @routes.post("/differences")
     def differing(asked: Names) -> dict[str, Any]:
-        found = _chosen(rows(), asked.names)
+        found = _chosen(whole(), asked.names)
         common = [set(one["channels"].split(", ")) for one in found if one["channels"]]
         order = found[0]["channels"].split(", ") if common else []
         channels = [one for one in order if len(common) == len(found) and all(one in c for c in common)]
@@ -206,6 +217,11 @@ def _add_uploads(routes: APIRouter, folder: Folder, hub: Hub, read: Reader) -> N
         note_act(folder.root, "taken from a file", folder.name(target), file=source.name)
         hub.tell("recordings")
         return {"name": folder.name(target)}
+
+
+def _parsed(row: dict[str, Any]) -> dict[str, Any]:
+    """With what the index keeps as JSON."""
+    return row | {name: json.loads(row[name] or "{}") for name in ("links", "settings") if name in row}
 
 
 def _chosen(found: list[dict[str, Any]], names: list[str]) -> list[dict[str, Any]]:

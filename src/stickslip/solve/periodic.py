@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .._jit import compiled, inlined, kernel
+from .._jit import compiled, inlined, kernel, merged
 from ..plant.generated import state_of, with_values
 from ..plant.system import Plant, layout_of, values_of
 from ..waveform.drive import Drive
@@ -132,7 +132,7 @@ def _advance(plant, drive, load, r, level, column, work, log, after):
     return outcome, step
 
 
-@compiled
+@merged
 def _slopes(plant, drive, load, r, level, column, smooth, work, after, jacobian):
     """As `_advance`, with the derivatives of the map and of the step."""
     n, near = r.size, work.near
@@ -226,7 +226,7 @@ def spectral_radius(jacobian, scale, squarings):
     return math.exp(logarithm)
 
 
-@compiled
+@merged
 def _orbit(plant, drive, load, q, tolerance, max_periods, column, smooth, work, jacobian):
     """The orbit from the state q on, which becomes that of the orbit; returns outcome, step, error, residual,
     radius and periods of `Found`."""

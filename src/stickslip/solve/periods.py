@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from .._jit import compiled, inlined, kernel
+from .._jit import compiled, inlined, kernel, merged
 from ..plant.generated import (
     decay,
     drift_apart,
@@ -121,7 +121,7 @@ def careful_tolerance(plant, span, tolerance):
     return tolerance * min(1.0, max(CREEPING * decay(plant, span[1] - span[0]), LEAST))
 
 
-@compiled
+@merged
 def follow(
     plant, drive, load, q, span, tolerance, careful, max_steps, times, samples, log, near, account, resume
 ):
