@@ -200,7 +200,7 @@ def test_sliders_of_the_piezo_bend_its_loop() -> None:
 
 
 def test_hysteresis_that_is_not_made_of_plays_has_sliders_of_its_own(tmp_path: Path) -> None:
-    bent = ss.load_actuator("kang2007").replace(piezo=Piezo(BoucWen(0.3, 0.01, -0.003)))
+    bent = ss.load_actuator("kang2007").replace(piezo=Piezo(BoucWen(0.3, 0.01, 0.003)))
     write_parameters(tmp_path / "parameters" / "bent.toml", parameter_text(bent, "bent", "by hand"))
     saved, name = Sets(Folder(tmp_path)), "parameters/bent.toml"
     found = choices(saved)["sets"][name]
@@ -216,7 +216,7 @@ def test_hysteresis_that_is_not_made_of_plays_has_sliders_of_its_own(tmp_path: P
     assert here.actuator(saved).piezo == bent.piezo
     wider = here.model_copy(update={"model": {**found["model"], "piezo_alpha": 0.4, "creep": 0.01}})
     piezo = wider.actuator(saved).piezo
-    assert piezo.hysteresis == BoucWen(0.4, 0.01, -0.003)
+    assert piezo.hysteresis == BoucWen(0.4, 0.01, 0.003)
     assert piezo.creep.per_decade == pytest.approx(0.01)
     moved = [motion(one, saved).stage_position.max() for one in (here, wider)]
     assert abs(moved[0] - moved[1]) > 1e-8

@@ -1,4 +1,4 @@
-"""The Identify page on a stage with hysteresis and creep: loops, steps and a walk, as a campaign takes them."""
+"""The Identify page on a stage with hysteresis and creep: loops, steps and a walk."""
 
 from __future__ import annotations
 
@@ -28,8 +28,10 @@ def save(path: Path, actuator: ss.Actuator, drive: Any, rate: float, seed: int) 
     """A simulated recording with noise on the position."""
     run = ss.simulate(actuator, drive, sample_rate=rate)
     noise = np.random.default_rng(seed).normal(0.0, NOISE, run.sizes["time"])
-    run["end_effector_position"] = run["end_effector_position"].copy(data=run["end_effector_position"] + noise)
-    ss.save_recording(run[CHANNELS], path)
+    run["end_effector_position"] = run["end_effector_position"].copy(
+        data=run["end_effector_position"] + noise
+    )
+    ss.save_recording(run[CHANNELS].assign_attrs(actuator=repr(actuator)), path)
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +74,10 @@ def test_loops_steps_and_walk_give_the_whole_actuator(recorded: Panel, page: Pag
     for name, truth in (("sigma_0", law.sigma_0), ("coulomb_force", law.coulomb_force)):
         low, high = fitted[name]["interval"]
         assert low < truth < high
-        assert high < 1.5 * low
+    # So few periods do not tell the bristle's stiffness once the stage is only known as well as it is.
+    expect(results).to_contain_text("is not determined by these recordings")
+    low, high = fitted["coulomb_force"]["interval"]
+    assert high < 4.0 * low
     folder = recorded.folder / Path(state["report"]).parent
     model = model_of(json.loads((folder / "results.json").read_text("utf-8"))["numbers"]["model"])
     assert model.piezo is not None

@@ -98,7 +98,9 @@ def test_hysteresis_of_another_kind_has_its_own_sliders(page: Page, lab: Panel) 
     page.reload()
     expect(page.get_by_label("Parameter set")).to_have_value(BENT)
     model = page.locator("details[data-name=model]")
-    expect(model.get_by_text("share of the stroke that follows with hysteresis", exact=False)).to_have_count(0)
+    expect(model.get_by_text("share of the stroke that follows with hysteresis", exact=False)).to_have_count(
+        0
+    )
     alpha = model.get_by_label("share of a change of the drive that h takes up", exact=False).first
     expect(alpha).to_have_value("0.3")
     alpha.fill("0.4")

@@ -264,7 +264,7 @@ def python(state: State, sets: Sets = PACKAGE) -> str:
         *(["from stickslip.piezo import *"] if "piezo" in changed else []),
         *(["from stickslip.friction import NormalForce"] if changed.get("normal_force") else []),
         "",
-        *dict.fromkeys(filter(None, (_own(type(one)) for one in (actuator.friction, waveform, bent)))),
+        *dict.fromkeys(filter(None, (_own(type(one)) for one in (actuator.friction, waveform, bent) if one))),
         f"actuator = {model}",
         f"drive = {_record(waveform)}",
         f"trajectory = ss.simulate(actuator, drive, duration={duration!r}, sample_rate=10e3)",

@@ -1,8 +1,8 @@
 """Two sliders for a piezo: how much of the stroke follows with hysteresis, and how much creeps per decade.
 
-A parameter set's own plays are stretched to what the sliders say, and kept to the last bit where they say what
-it has. An actuator without any gets plays that make loops as those of PZT stacks. Hysteresis of another kind
-has sliders of its own instead, one for each of its numbers, "piezo_alpha" and so on.
+A parameter set's own plays are stretched to what the sliders say, and kept to the last bit where they say
+what it has. An actuator without any gets plays that make loops as those of PZT stacks. Hysteresis of another
+kind has sliders of its own instead, one for each of its numbers, "piezo_alpha" and so on.
 """
 
 from __future__ import annotations
@@ -43,7 +43,11 @@ def own_fields(piezo: Piezo | None) -> dict[str, Quantity]:
 
 def values(piezo: Piezo | None) -> dict[str, Any]:
     """Of all sliders, as a model has them."""
-    own = {name: getattr(piezo.hysteresis, name.removeprefix(OWN)) for name in own_fields(piezo)} if piezo else {}
+    own = (
+        {name: getattr(piezo.hysteresis, name.removeprefix(OWN)) for name in own_fields(piezo)}
+        if piezo
+        else {}
+    )
     return {**shares(piezo), **own}
 
 

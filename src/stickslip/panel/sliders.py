@@ -161,8 +161,9 @@ def _around(quantity: Quantity, value: float) -> Slider:
 def choices(offered: Sets = PACKAGE) -> dict[str, Any]:
     """Everything that the page offers, as JSON can hold it (infinity is "inf").
 
-    By "sets" (title, model, sliders of its own "piezo", law, and values of each law for that contact), "laws" and "shapes" (fields),
-    "model" (fields), "start" (values of each shape), "tied" (see `TIED`) and "duration" (a field).
+    By "sets" (title, model, sliders of its own "piezo", law, and values of each law for that contact), "laws"
+    and "shapes" (fields), "model" (fields), "start" (values of each shape), "tied" (see `TIED`) and
+    "duration" (a field).
     """
     sets, known, drives = {}, law_types(), shapes()
     for name, (title, actuator) in offered.offered().items():
