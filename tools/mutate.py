@@ -85,6 +85,7 @@ VIBRATION = tuple(
 )
 LEARNT = "tests/control/test_learned.py::test_"
 # The same equations in C.
+IN_EXPORT = ("tests/export/test_stage.py::test_the_equations_of_a_mode_and_of_what_stops_feel",)
 IN_C = "tests/control/test_portable.py::test_"
 MOVER = (
     "tests/control/test_moving.py::test_a_table_between_its_points_at_them_and_beyond",
@@ -128,6 +129,8 @@ TARGETS = (
     ),
     Target("plant/creeping.py", ("tests/plant/test_at_piezo.py",), ("creep", "creeping", "moved_on")),
     Target("plant/lanes.py", ("tests/plant/test_lanes.py",)),
+    Target("export/modes.py", IN_EXPORT, ("mode_acceleration",)),
+    Target("export/piezo.py", IN_EXPORT, ("felt",)),
     Target("solve/step.py", ("tests/solve/test_step.py",)),
     Target("solve/channels.py", ("tests/solve/test_channels.py",)),
     Target("solve/reversal.py", REVERSAL),

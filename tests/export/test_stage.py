@@ -16,6 +16,8 @@ from export.building import C, compiled, output, walk
 from export.test_fmu import instance
 from stickslip.actuator import StageModes
 from stickslip.export import export_c, export_fmu
+from stickslip.export.modes import mode_acceleration
+from stickslip.export.piezo import felt
 from stickslip.friction import Coulomb, MaxwellSlip
 from stickslip.piezo import MaxwellCapacitor, Piezo
 from stickslip.report.fits import model_numbers, model_of
@@ -142,6 +144,19 @@ def test_elements_out_of_order_end_the_initialisation(tmp_path: Any) -> None:
     with pytest.raises(Exception, match=r"failed|error|status"):
         made.exitInitializationMode()
     assert any("the charges at which the elements slip must ascend" in one for one in said)
+
+
+def test_the_equations_of_a_mode_and_of_what_stops_feel() -> None:
+    """Of an undriven mode, of a driven one at rest, and of a force; T/C_0 as the solver has it."""
+    for gain, omega, zeta, mass in MODES.rows:
+        free = mode_acceleration(gain, omega, zeta, 1 / mass, 0.0, 2e-9, 3e-6, 0.0)
+        assert free == pytest.approx(-(omega**2) * 2e-9 - 2 * zeta * omega * 3e-6, rel=1e-12)
+        assert mode_acceleration(gain, omega, zeta, 1 / mass, 7.0, 7.0 * gain, 0.0, 0.0) == pytest.approx(0.0)
+        assert mode_acceleration(gain, omega, zeta, 1 / mass, 0.0, 0.0, 0.0, 0.3) == pytest.approx(
+            -0.3 / mass
+        )
+    volts = felt(KANG.gain, KANG.stage_mass, OMEGA, PORT.capacitance)
+    assert volts == pytest.approx(KANG.drive_force_per_volt / PORT.capacitance, rel=1e-12)
 
 
 def test_results_keep_the_modes() -> None:

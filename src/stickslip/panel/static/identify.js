@@ -150,8 +150,8 @@ export async function mount(element, app) {
       table("Estimates with 95 % confidence intervals", heads, estimates(fit)),
       make("ul", { className: "identify-said" }, ...said), ...remarks,
       ...(state.stage ? [table("The stage, from the clamped steps", heads, estimates(state.stage))] : []),
-      ...(state.hysteresis ? [table("Hysteresis and creep, from the loops", heads, estimates(state.hysteresis)),
-        make("p", { className: "soft", textContent: `${state.hysteresis_said[0].toUpperCase()}${state.hysteresis_said.slice(1)}.` })] : []));
+      ...(state.hysteresis ? [make("p", { textContent: `${state.hysteresis_said[0].toUpperCase()}${state.hysteresis_said.slice(1)}.` }),
+        make("details", {}, make("summary", { textContent: "Hysteresis and creep, from the loops" }), table("Plays by ascending threshold, creep per decade", heads, estimates(state.hysteresis)))] : []));
     const goodness = (recordings, role) => Object.entries(recordings).map(([name, g]) => [calledShortly(name), role, g.r_squared === null ? "–" : g.r_squared.toFixed(5), formatQuantity(g.rmse, "m"), String(g.n_data)]);
     const seen = [...goodness(state.hysteresis?.recordings ?? {}, "loops"), ...goodness(state.stage?.recordings ?? {}, "step"), ...goodness(fit.recordings, "fitted"), ...goodness(state.verification?.recordings ?? {}, "predicted")];
     const links = make("p", { className: "identify-links" });
