@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+import threading
+import time
 from pathlib import Path
 
 import pytest
 
-from stickslip.panel.folder import Folder
+from stickslip.panel.folder import File, Folder
 
 
 @pytest.fixture
@@ -76,3 +78,34 @@ def test_folders_that_have_not_changed_are_not_read_again(
     (settled.root / "recordings" / "run_03" / "more.nc").touch()
     assert len(settled.files(".nc")) == 21
     assert [Path(one).name for one in read] == ["run_03"]
+
+
+def test_one_looks_at_a_time_and_who_waited_takes_what_it_found(
+    settled: Folder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    look, gate, looks = settled._files, threading.Event(), list[int]()
+
+    def slowly(suffixes: tuple[str, ...]) -> list[File]:
+        looks.append(1)
+        if len(looks) == 1:
+            gate.wait(60.0)
+        return look(suffixes)
+
+    monkeypatch.setattr(settled, "_files", slowly)
+    found: list[set[str]] = []
+    first = threading.Thread(target=lambda: found.append(names(settled)))
+    first.start()
+    while not looks:
+        time.sleep(1e-3)
+    (settled.root / "later.nc").touch()  # while the first one looks
+    others = [threading.Thread(target=lambda: found.append(names(settled))) for _ in range(20)]
+    for one in others:
+        one.start()
+    while not settled._looking.locked() or sum(one.is_alive() for one in others) < 20:
+        time.sleep(1e-3)
+    gate.set()
+    for one in (first, *others):
+        one.join(60.0)
+    assert len(found) == 21
+    assert all("later.nc" in one for one in found[1:]), "who asked later sees what was there then"
+    assert len(looks) <= 3

@@ -38,9 +38,9 @@ class _Content(NamedTuple):
 
 
 class _Look(NamedTuple):
-    """Files that were found, and when looking began, s."""
+    """Files that were found, by the how manieth look."""
 
-    begun: float
+    number: int
     found: list[File]
 
 
@@ -51,6 +51,7 @@ class Folder:
         self.root = root.resolve()
         self._known: dict[str, _Content] = {}  # of folders that have not changed lately
         self._looking = threading.Lock()
+        self._begun = 0  # looks, so far
         self._looks: dict[tuple[str, ...], _Look] = {}  # the last one for these endings
 
     def path(self, name: str) -> Path:
@@ -79,11 +80,12 @@ class Folder:
         One looks at a time, and who waited takes what another began to look at since: many pages ask at once,
         and threads that all look let nobody else come to speak.
         """
-        asked = time.monotonic()
+        begun = self._begun
         with self._looking:
             last = self._looks.get(suffixes)
-            if last is None or last.begun < asked:
-                last = self._looks[suffixes] = _Look(time.monotonic(), self._files(suffixes))
+            if last is None or last.number <= begun:
+                self._begun += 1
+                last = self._looks[suffixes] = _Look(self._begun, self._files(suffixes))
         return [*last.found]
 
     def _files(self, suffixes: tuple[str, ...]) -> list[File]:

@@ -86,19 +86,20 @@ def history_routes(folder: Folder, hub: Hub, control: Control, read: Reader) -> 
     lock = threading.Lock()
     shutil.rmtree(folder.root / UPLOADS, ignore_errors=True)
 
-    last: dict[str, tuple[float, list[dict[str, Any]]]] = {}  # what a question found, and when it began, s
+    last: dict[str, tuple[int, list[dict[str, Any]]]] = {}  # the how manieth look at the index, what it found
+    looks = [0]  # begun so far
 
     def rows(search: str = "", **equal: str) -> list[dict[str, Any]]:
         """One question at a time; who waited takes what was found for the same one since."""
-        asked, key = time.monotonic(), json.dumps([search[:200], equal])
+        before, key = looks[0], json.dumps([search[:200], equal])
         with lock:
-            if key not in last or last[key][0] < asked:
-                begun = time.monotonic()
+            if key not in last or last[key][0] <= before:
+                looks[0] += 1
                 with Index(folder.root, read) as index:
                     where = {name: text for name, text in equal.items() if text}
                     found = index.rows(search[:200], **where)
                 last.clear()
-                last[key] = begun, found
+                last[key] = looks[0], found
             return last[key][1]
 
     def whole() -> list[dict[str, Any]]:
