@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from typing import Any
 
 import httpx
@@ -63,8 +64,9 @@ def test_start_walk_identify_and_it_is_there_after_a_restart(page: Page, panel: 
     walked(page, "step")
     page.click("text=Identify")
     expect(page.locator(".identify-list tbody tr")).to_have_count(2)
-    page.locator(".identify-list tr", has_text="step").get_by_role("checkbox").first.check()
-    expect(page.locator(".identify-list tr", has_text="step").get_by_role("checkbox").nth(1)).to_be_disabled()
+    step = page.locator(".identify-list tr", has_text="step")
+    step.get_by_label(re.compile("^Step ")).check()
+    expect(step.get_by_label(re.compile("^Fit "))).to_be_disabled()
     expect(page.get_by_label("Fit natural frequency of the stage")).to_be_disabled()
     second = fitted(page, panel)
     assert second["fit"]["converged"]
