@@ -197,6 +197,8 @@ def test_sliders_of_the_piezo_bend_its_loop() -> None:
         state("kang2007-hysteresis", model={"hysteresis": 0.2, "creep": 0.0}).actuator().piezo.creep is None
     )
     assert state(model={"hysteresis": 0.0, "creep": 0.0}).actuator().piezo is None
+    shown = motion(state("kang2007-hysteresis", waveform={"amplitude": 55.0})).drive_voltage
+    assert shown.max() == pytest.approx(55.0, rel=1e-3)  # the voltage, not what the piezo makes of it
 
 
 def test_hysteresis_that_is_not_made_of_plays_has_sliders_of_its_own(tmp_path: Path) -> None:

@@ -168,7 +168,7 @@ def motion(state: State, sets: Sets = PACKAGE) -> Motion:
     end = last + (_period(waveform) or duration)
     first, after = np.searchsorted(found.times, [last * (1 - 1e-12), end * (1 + 1e-12)])
     y, _, x, _, force = found.samples[:, :5].T
-    drive = evaluate(found.drive, found.times)[0]
+    drive = evaluate(waveform.drive(duration), found.times)[0]  # before hysteresis and creep of the piezo
     problem = "" if found.outcome == COMPLETE else found.outcome
     return Motion(found.times, drive, y, x, force, (int(first), int(after)), problem)
 
