@@ -101,7 +101,7 @@ def test_one_looks_at_a_time_and_who_waited_takes_what_it_found(
     others = [threading.Thread(target=lambda: found.append(names(settled))) for _ in range(20)]
     for one in others:
         one.start()
-    while not settled._looking.locked() or sum(one.is_alive() for one in others) < 20:
+    while not settled._shared.lock.locked() or sum(one.is_alive() for one in others) < 20:
         time.sleep(1e-3)
     gate.set()
     for one in (first, *others):

@@ -114,10 +114,8 @@ def two_port_c(made: Translation, model: Any) -> list[str]:
 def two_port_checks(model: Any) -> list[str]:
     """Lines of C that return what is wrong with the order of a two-port's elements."""
     port = getattr(model, "two_port", None)
-    of, said = (
-        "model->piezo.hysteresis",
-        "MaxwellCapacitor: the charges at which the elements slip must ascend",
-    )
+    of = "model->piezo.hysteresis"
+    said = "MaxwellCapacitor: the charges at which the elements slip must ascend"
     return [
         f"if (!({of}.breakaways[{i}] / {of}.stiffnesses[{i}] "
         f'< {of}.breakaways[{i + 1}] / {of}.stiffnesses[{i + 1}])) {{ return "{said}"; }}'

@@ -99,10 +99,10 @@ def fit_recordings(request: FitRequest, folder: Folder, out: str, say: Say) -> N
     unseen = [_read(folder, name, request) for name in request.others if name not in request.recordings]
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        loops = [read_recording(folder.path(name)).assign_attrs(title=name) for name in request.loops]
+        loops, steps = (_named(folder, names) for names in (request.loops, request.steps))
         bent = _bent(loops, start, say)
         begun = start if bent is None else bent.fit.model
-        stage = _stage(folder, request, begun, rate, say)
+        stage = _stage(steps, begun, rate, say)
         actuator = begun if stage is None else stage.model
         drafts = _Drafts(seen, request, say, rate)
         drafts.begin(actuator)
@@ -119,7 +119,7 @@ def fit_recordings(request: FitRequest, folder: Folder, out: str, say: Say) -> N
             each=drafts,
         )
         if bent is not None and stage is not None and has_slopes(fit.model):
-            known = bent.refitted(lambda one: _of_steps(folder, request, one, rate)).widened(stage)
+            known = bent.refitted(lambda one: identify_step(steps, one, slew_rate=rate)).widened(stage)
             fit = jointly(fit, seen, [None] * len(seen), known, rate, actuator, request.hops)
         drafts.draw(fit.values)
         say(
@@ -146,6 +146,11 @@ def fit_recordings(request: FitRequest, folder: Folder, out: str, say: Say) -> N
     say("report", {"report": f"{out}/report.html", "notes": list(said)}, [])
 
 
+def _named(folder: Folder, names: Sequence[str]) -> list[xr.Dataset]:
+    """Recordings of the folder, whole, with their names as titles."""
+    return [read_recording(folder.path(name)).assign_attrs(title=name) for name in names]
+
+
 def _bent(loops: Sequence[xr.Dataset], start: Actuator, say: Say) -> Hysteresis | None:
     """Hysteresis and creep from the loops, said; None where there are none."""
     if not loops:
@@ -155,25 +160,17 @@ def _bent(loops: Sequence[xr.Dataset], start: Actuator, say: Say) -> Hysteresis 
     return found
 
 
-def _steps(folder: Folder, request: FitRequest) -> list[xr.Dataset]:
-    return [read_recording(folder.path(name)).assign_attrs(title=name) for name in request.steps]
-
-
-def _of_steps(folder: Folder, request: FitRequest, start: Actuator, rate: float | None) -> Fit:
-    return identify_step(_steps(folder, request), start, slew_rate=rate)
-
-
-def _stage(folder: Folder, request: FitRequest, start: Actuator, rate: float | None, say: Say) -> Fit | None:
+def _stage(steps: Sequence[xr.Dataset], start: Actuator, rate: float | None, say: Say) -> Fit | None:
     """The stage from the clamped steps, said with their curves; None where there are none."""
-    if not request.steps:
+    if not steps:
         return None
-    steps, fit = _steps(folder, request), _of_steps(folder, request, start, rate)
+    fit = identify_step(steps, start, slew_rate=rate)
     curves = [
         _thin(part)
         for i, one in enumerate(steps, start=1)
         for part in _near(one, one[OBSERVED].values - fit.values[f"offset_{i}"], fit.predict(one))  # type: ignore[misc]
     ]
-    say("stage", {"stage": fit.to_dict(), "step_names": request.steps}, curves)
+    say("stage", {"stage": fit.to_dict(), "step_names": [str(one.title) for one in steps]}, curves)
     return fit
 
 

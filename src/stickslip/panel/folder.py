@@ -5,12 +5,13 @@ from __future__ import annotations
 import os
 import re
 import stat
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
+
+from .sharing import Shared
 
 _ABSOLUTE = re.compile(r"(?<![\w.)\]])(?:[A-Za-z]:)?[/\\](?:[^\s'\":;,/\\]+[/\\])+([^\s'\":;,/\\]*)")
 STORE = "zarr.json"  # a folder that has it is a study's store
@@ -37,22 +38,13 @@ class _Content(NamedTuple):
     files: list[tuple[str, bool]]  # names, and whether they are links
 
 
-class _Look(NamedTuple):
-    """Files that were found, by the how manieth look."""
-
-    number: int
-    found: list[File]
-
-
 class Folder:
     """A folder and the files in it, named by their path inside it with slashes."""
 
     def __init__(self, root: Path) -> None:
         self.root = root.resolve()
         self._known: dict[str, _Content] = {}  # of folders that have not changed lately
-        self._looking = threading.Lock()
-        self._begun = 0  # looks, so far
-        self._looks: dict[tuple[str, ...], _Look] = {}  # the last one for these endings
+        self._shared = Shared()
 
     def path(self, name: str) -> Path:
         """Where the file of that name is, or would be.
@@ -75,18 +67,8 @@ class Folder:
         return path.resolve().relative_to(self.root).as_posix()
 
     def files(self, *suffixes: str) -> list[File]:
-        """All files with these endings, the newest first; links that lead out are left out.
-
-        One looks at a time, and who waited takes what another began to look at since: many pages ask at once,
-        and threads that all look let nobody else come to speak.
-        """
-        begun = self._begun
-        with self._looking:
-            last = self._looks.get(suffixes)
-            if last is None or last.number <= begun:
-                self._begun += 1
-                last = self._looks[suffixes] = _Look(self._begun, self._files(suffixes))
-        return [*last.found]
+        """All files with these endings, the newest first; links that lead out are left out."""
+        return [*self._shared(suffixes, lambda: self._files(suffixes))]
 
     def _files(self, suffixes: tuple[str, ...]) -> list[File]:
         found = []

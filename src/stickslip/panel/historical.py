@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import secrets
 import shutil
-import threading
 import time
 from functools import partial
 from pathlib import Path
@@ -28,6 +27,7 @@ from .control import Control
 from .decimation import window
 from .folder import Folder, FolderError
 from .recordings import MOST_POINTS, Shelf
+from .sharing import Shared
 from .stream import Hub, packed
 
 MOST_ROWS = 500  # of an answer; more are counted, and found by a search
@@ -83,24 +83,17 @@ def history_routes(folder: Folder, hub: Hub, control: Control, read: Reader) -> 
     """The routes. The index belongs to no page; a damaged file costs its time once."""
     routes = APIRouter(prefix="/history")
     shelf = Shelf(folder, read)
-    lock = threading.Lock()
+    shared = Shared()
     shutil.rmtree(folder.root / UPLOADS, ignore_errors=True)
 
-    last: dict[str, tuple[int, list[dict[str, Any]]]] = {}  # the how manieth look at the index, what it found
-    looks = [0]  # begun so far
-
     def rows(search: str = "", **equal: str) -> list[dict[str, Any]]:
-        """One question at a time; who waited takes what was found for the same one since."""
-        before, key = looks[0], json.dumps([search[:200], equal])
-        with lock:
-            if key not in last or last[key][0] <= before:
-                looks[0] += 1
-                with Index(folder.root, read) as index:
-                    where = {name: text for name, text in equal.items() if text}
-                    found = index.rows(search[:200], **where)
-                last.clear()
-                last[key] = looks[0], found
-            return last[key][1]
+        words, where = search[:200], {name: text for name, text in equal.items() if text}
+
+        def found() -> list[dict[str, Any]]:
+            with Index(folder.root, read) as index:
+                return index.rows(words, **where)
+
+        return shared((words, *where.items()), found)
 
     def whole() -> list[dict[str, Any]]:
         return [_parsed(one) for one in rows()]

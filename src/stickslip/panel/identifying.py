@@ -8,11 +8,11 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import xarray as xr
 from fastapi import APIRouter, HTTPException, Response
 from fastapi.responses import FileResponse
 
+from ..identify.recorded.channels import edges
 from ..identify.walk.position_channel import OBSERVED
 from ..input_file import Strict
 from ..parameters import ParameterSetError, available_sets
@@ -27,8 +27,6 @@ from .path import PREDICTIONS
 from .sets import Sets
 from .sliders import law_types
 
-# Of the drive's range, a change within one sample that is an edge: of a step or a walk, not of a slow loop.
-EDGE = 0.05
 SUFFIXES = (".nc", ".csv", ".mat", ".npz", ".mf4")
 # A report is a page of its own: it may style itself, and do nothing else.
 _REPORT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox"
@@ -113,9 +111,8 @@ def _described(recording: xr.Dataset) -> dict[str, Any]:
     """What a recording holds, and whether a walk can be fitted to it ("problem" says why not)."""
     time_ = recording["time"].values
     missing = [name for name in (OBSERVED, "drive_voltage") if name not in recording]
-    drive = recording["drive_voltage"].values if "drive_voltage" in recording else np.zeros(1)
     return {
-        "jumps": bool(np.any(np.abs(np.diff(drive)) > EDGE * np.ptp(drive))),
+        "jumps": "drive_voltage" in recording and bool(edges(recording["drive_voltage"].values).any()),
         "seconds": float(time_[-1] - time_[0]),
         "samples": int(time_.size),
         "title": str(recording.attrs.get("title", "")),

@@ -43,12 +43,8 @@ def own_fields(piezo: Piezo | None) -> dict[str, Quantity]:
 
 def values(piezo: Piezo | None) -> dict[str, Any]:
     """Of all sliders, as a model has them."""
-    own = (
-        {name: getattr(piezo.hysteresis, name.removeprefix(OWN)) for name in own_fields(piezo)}
-        if piezo
-        else {}
-    )
-    return {**shares(piezo), **own}
+    law = None if piezo is None else piezo.hysteresis
+    return {**shares(piezo), **{name: getattr(law, name.removeprefix(OWN)) for name in own_fields(piezo)}}
 
 
 def with_values(piezo: Piezo | None, hysteresis: Any, creep: Any, **own: Any) -> Piezo | None:

@@ -172,13 +172,12 @@ def choices(offered: Sets = PACKAGE) -> dict[str, Any]:
             continue
         laws = laws_like(actuator.friction, known)
         laws[law] = actuator.friction
+        bent = piezo_sliders.values(actuator.piezo)
         sets[name] = {
             "title": title,
-            "model": {field: plain(getattr(actuator, field)) for field in _MODEL}
-            | piezo_sliders.values(actuator.piezo),
+            "model": {field: plain(getattr(actuator, field)) for field in _MODEL} | bent,
             "piezo": [
-                _shown(f, q, _around(q, piezo_sliders.values(actuator.piezo)[f]))
-                for f, q in piezo_sliders.own_fields(actuator.piezo).items()
+                _shown(f, q, _around(q, bent[f])) for f, q in piezo_sliders.own_fields(actuator.piezo).items()
             ],
             "law": law,
             "friction": {kind: values_of(example) for kind, example in laws.items()},

@@ -12,12 +12,12 @@ from ..estimate.result import Fit
 from ..figures.identification import fit_with_residuals
 from ..figures.piezo import hysteresis_loops
 from ..figures.style import svg
-from ..identify.recorded.channels import names_of
+from ..identify.recorded.channels import edges, names_of
 from .document import Number, Picture
 from .fits import fit_numbers, piezo_numbers
 
-# Of the drive's range, a change within one sample that is an edge; samples from it on that loops leave out.
-EDGE, AFTER = 0.05, 10
+# Samples from an edge of the drive on that loops leave out.
+AFTER = 10
 
 
 def hysteresis_numbers(fit: Fit, straight: Fit, unit: str = "m") -> dict[str, Any]:
@@ -41,8 +41,7 @@ def hysteresis_pictures(fit: Fit, recordings: Sequence[xr.Dataset], name: str) -
     shown = fit.predict(one)
     measured = one[fit.observed].values
     drive = one["drive_voltage"].values
-    jumps = np.abs(np.diff(drive, prepend=drive[0])) > EDGE * np.ptp(drive)
-    still = np.convolve(jumps, np.ones(AFTER))[: drive.size] == 0  # a late sensor makes no loop
+    still = np.convolve(edges(drive), np.ones(AFTER))[: drive.size] == 0  # a late sensor makes no loop
     still[:AFTER] = False  # it may begin with one
     voltage = drive[still]
     return [

@@ -17,6 +17,8 @@ FEWEST_SAMPLES = 10
 FEWEST_CLIPPED = 5
 # Steps of a channel that the drive passes unseen where it turns: two, as a piezo is half as steep after that.
 HIDDEN = 3.0
+# Of a drive's range, a change within one sample that is an edge.
+EDGE = 0.05
 
 
 def recordings_of(recordings: xr.Dataset | Sequence[xr.Dataset]) -> list[xr.Dataset]:
@@ -146,3 +148,8 @@ def refuse_clipped(
                     f"{last - first} samples from sample {first} on; it must be recorded within the sensor's "
                     "and the converter's range"
                 )
+
+
+def edges(drive: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """At which samples a drive [n] jumps: an edge of a step or a walk, of which a slow loop has none."""
+    return np.abs(np.diff(drive, prepend=drive[0])) > EDGE * np.ptp(drive)
