@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import sys
 import tempfile
@@ -66,12 +67,11 @@ def identify(page: Page) -> None:
     page.click("text=Identify")
     rows = page.locator(".identify-list tbody tr")
     expect(rows).to_have_count(3)
-    for name, column in (("step", 0), ("walk", 1), ("forward", 2)):
-        boxes = page.locator(".identify-list tbody tr", has_text=name).first.get_by_role("checkbox")
-        for k in range(3):
-            if k != column and boxes.nth(k).is_enabled():
-                boxes.nth(k).uncheck()
-        boxes.nth(column).check()
+    for name, use in (("step", "Step"), ("walk", "Fit"), ("forward", "Predict")):
+        row = rows.filter(has_text=name).first
+        while row.locator("input:checked").count():
+            row.locator("input:checked").first.uncheck()
+        row.get_by_label(re.compile(f"^{use} ")).check()
     press(page, "Start fit")
     expect(page.locator(".identify")).to_have_attribute("data-phase", "done", timeout=SLOW)
 
