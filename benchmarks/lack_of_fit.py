@@ -1,7 +1,7 @@
 """How often a model that is wrong is said to be, and how often one that is right.
 
 Campaigns of `benchmarks.coverage`, with a law of the truth's own: ``python -m benchmarks.lack_of_fit 25``;
-names of laws behind the number choose among them.
+names of laws behind the number choose among them, `--first` the first campaign.
 All are fitted with plain LuGre to one walk, and judged on three more too, by what a campaign asks of all
 walks at once. Three things are said of each:
 
@@ -14,6 +14,7 @@ walks at once. Three things are said of each:
 
 from __future__ import annotations
 
+import argparse
 import json
 import sys
 import warnings
@@ -129,11 +130,11 @@ def one(truth: Actuator, seed: int) -> Judged:
     )
 
 
-def lack_of_fit(campaigns: int, among: Collection[str] = ()) -> dict[str, Any]:
+def lack_of_fit(campaigns: int, among: Collection[str] = (), first: int = 0) -> dict[str, Any]:
     """Over so many campaigns of each law (or of those named), how many are said to lack, and where it can be
     seen."""
     found: dict[str, list[Judged]] = {}
-    for seed in range(campaigns):
+    for seed in range(first, first + campaigns):
         for name, truth in laws(random_truth(seed), seed).items():
             if among and name not in among:
                 continue
@@ -157,5 +158,9 @@ def lack_of_fit(campaigns: int, among: Collection[str] = ()) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 100
-    print(json.dumps(lack_of_fit(count, sys.argv[2:]), indent=1))
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("campaigns", type=int, nargs="?", default=100)
+    parser.add_argument("laws", nargs="*")
+    parser.add_argument("--first", type=int, default=0, help="number of the first campaign")
+    asked = parser.parse_args()
+    print(json.dumps(lack_of_fit(asked.campaigns, asked.laws, asked.first), indent=1))

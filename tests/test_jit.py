@@ -1,4 +1,5 @@
-"""The folder of compiled kernels: old ones go, used ones stay, whatever other processes do meanwhile."""
+"""The folder of compiled kernels: old ones go, used ones stay, whatever other processes do meanwhile. One of
+these compiles what several want."""
 
 from __future__ import annotations
 
@@ -9,7 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from shared_kernels import compiled_by, locks_after_a_failure
 from stickslip import _jit
+from stickslip.lock import locked
 
 DAY = 24 * 3600.0
 
@@ -65,6 +68,45 @@ def test_processes_that_prune_at_once_do_not_disturb_each_other(tmp_path: Path) 
     assert [process.exitcode for process in processes] == [0, 0, 0]
     _jit._prune(tmp_path, time.time() - 20 * DAY)
     assert {folder.name for folder in tmp_path.iterdir()} == {f"kernels-{i}" for i in range(7)}
+
+
+@pytest.mark.compiled
+def test_of_processes_that_want_the_same_kernel_one_compiles_it(tmp_path: Path) -> None:
+    assert sum(compiled_by(tmp_path, [[1, 2]] * 3)) == 2
+
+
+@pytest.mark.compiled
+def test_kernels_that_are_saved_at_once_are_all_kept(tmp_path: Path) -> None:
+    sizes = [[10 * p + i for i in range(1, 5)] for p in range(3)]
+    assert compiled_by(tmp_path, sizes, slow=0.2) == [4, 4, 4]
+    assert compiled_by(tmp_path, [[size for own in sizes for size in own]]) == [0]
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("damage", [b"", b"\0" * 4096, b"machine code"])
+@pytest.mark.parametrize("ending", ["nbi", "nbc"])
+def test_a_damaged_file_is_compiled_anew(tmp_path: Path, ending: str, damage: bytes) -> None:
+    """As a computer that lost its power leaves them."""
+    compiled_by(tmp_path, [[1]])
+    (damaged,) = tmp_path.rglob(f"*scaled*.{ending}")
+    damaged.write_bytes(damage)
+    assert compiled_by(tmp_path, [[1, 2]]) == [2]
+    assert compiled_by(tmp_path, [[1, 2]]) == [0]
+
+
+@pytest.mark.compiled
+def test_what_cannot_be_compiled_is_not_waited_for(tmp_path: Path) -> None:
+    assert locks_after_a_failure(tmp_path) == [True]
+
+
+def test_a_lock_is_waited_for_as_long_as_asked(tmp_path: Path) -> None:
+    path = tmp_path / "one.lock"
+    with locked(path) as mine:
+        assert mine
+        with locked(path, 0.1) as other:
+            assert not other
+    with locked(path, 0.1) as mine:
+        assert mine
 
 
 def test_a_folder_that_cannot_be_made_is_an_error_for_the_caller(tmp_path: Path) -> None:

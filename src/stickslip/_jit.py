@@ -17,12 +17,14 @@ import hashlib
 import inspect
 import math
 import os
+import pickle
 import shutil
 import sys
 import tempfile
 import threading
 import time
 from collections.abc import Callable
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
@@ -30,10 +32,15 @@ import numba
 from llvmlite import ir
 from numba import types
 from numba.core import event
+from numba.core.caching import FunctionCache
 from numba.extending import intrinsic
 from numba.extending import overload as _numba_overload
 
+from .lock import locked
+
 _UNUSED = 30 * 24 * 3600.0  # s, after which kernels of other sources are removed
+# s that are waited for another process that compiles the same kernel, or saves one: it may be stopped.
+_COMPILES, _SAVES = 60.0, 10.0
 # Nothing is called as a C function from elsewhere; wrappers for that took a tenth of the time to compile.
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 _PACKAGE = Path(__file__).parent
@@ -127,7 +134,56 @@ class _Announcer(event.Listener):
         )
 
     def on_end(self, event: Any) -> None:
-        """Nothing to say."""
+        """Nobody need wait any longer for what could not be compiled."""
+        cache = getattr(event.data.get("dispatcher"), "_cache", None)
+        if sys.exc_info()[0] is not None and isinstance(cache, _Cache):
+            cache.release()
+
+
+class _Cache(FunctionCache):
+    """Kernels on disk that several processes share: of those that want the same one at once, one compiles it.
+
+    Numba's own loses a kernel, or gives it the code of another, where two are saved at once, for an index and
+    the code are two files (numba issue 10128); and where a file was cut off it raises each time (10434).
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        self._compiling = ExitStack()
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        found = self._read(sig, target_context)
+        if found is None:
+            name = f"{self._impl.filename_base} {sig}"
+            self._lock(self._compiling, hashlib.sha256(name.encode()).hexdigest()[:16], _COMPILES)
+            found = self._read(sig, target_context)
+            if found is not None:
+                self.release()
+        return found
+
+    def _read(self, sig: Any, target_context: Any) -> Any:
+        try:
+            return super().load_overload(sig, target_context)
+        except Exception:  # what a damaged file makes of unpickling can be any: it is compiled anew
+            return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        with self._compiling, ExitStack() as saving, suppress(OSError):  # a full disk: right, but not kept
+            self._lock(saving, "index", _SAVES)
+            try:
+                super().save_overload(sig, data)
+            except (EOFError, pickle.PickleError, ValueError, LookupError, AttributeError):
+                self.flush()  # a damaged index
+                super().save_overload(sig, data)
+
+    def release(self) -> None:
+        """Let others have the kernel that was about to be compiled."""
+        self._compiling.close()
+
+    def _lock(self, held: ExitStack, name: str, most: float) -> None:
+        with suppress(OSError):  # a folder that cannot be written: nothing will be kept
+            Path(self.cache_path).mkdir(parents=True, exist_ok=True)
+            held.enter_context(locked(Path(self.cache_path) / f"{name}.lock", most))
 
 
 _KERNELS: set[Callable[..., Any]] = set()
@@ -258,9 +314,12 @@ class Kernel:
             before = numba.config.CACHE_DIR  # type: ignore[attr-defined]
             numba.config.CACHE_DIR = key  # type: ignore[attr-defined]
             try:  # the setting is read when the cache is attached
-                self._dispatchers[key] = numba.njit(self._function, cache=True, **_OPTIONS)
+                cache = _Cache(self._function)
             finally:
                 numba.config.CACHE_DIR = before  # type: ignore[attr-defined]
+            made: Any = numba.njit(self._function, **_OPTIONS)
+            made._cache = cache  # as its option `cache` does with Numba's own
+            self._dispatchers[key] = made
         return self._dispatchers[key]
 
 

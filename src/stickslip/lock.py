@@ -4,19 +4,29 @@ from __future__ import annotations
 
 import os
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+POLL = 0.02  # s
+
 
 @contextmanager
-def locked(path: Path) -> Iterator[bool]:
-    """Whether this process has the lock of that file, for as long as the context lasts."""
-    file = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
-    try:
-        yield _taken(file)
-    finally:
-        os.close(file)
+def locked(path: Path, most: float = 0.0) -> Iterator[bool]:
+    """Whether this process has the lock of that file, for as long as the context lasts; where another has it,
+    after waiting for so long [s] at most."""
+    end = time.monotonic() + most
+    while True:
+        file = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
+        try:
+            mine = _taken(file)
+            if mine or time.monotonic() >= end:
+                yield mine
+                return
+        finally:
+            os.close(file)
+        time.sleep(POLL)
 
 
 def _taken(file: int) -> bool:
