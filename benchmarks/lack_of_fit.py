@@ -158,7 +158,9 @@ def lack_of_fit(campaigns: int, among: Collection[str] = (), first: int = 0) -> 
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("campaigns", type=int, nargs="?", default=100)
     parser.add_argument("laws", nargs="*")
     parser.add_argument("--first", type=int, default=0, help="number of the first campaign")

@@ -1,10 +1,10 @@
 """The search itself: candidates of a generation, under all active conditions, in one call.
 
-Three evolutions (CMA-ES [hansen2016]) begin at different shapes, one of them the best of random ones, and
-share the calls; the worst is given up after a part of the budget, and then the next. Of several conditions
-the worst one alone comes first, twice, which is cheap and finds the right hill; from there on candidates are
-judged by the worst few conditions, and which these are is found again each time that the best so far is
-driven under all of them. Why there is no polish by derivatives: docs/decisions/design.md.
+A population, of the starts and of the best of random candidates, is brought to a hill by differential
+evolution [storn1997]; CMA-ES [hansen2016] climbs it. Of several conditions the worst one alone comes first,
+which is cheap and finds the right hill; from there on candidates are judged by the worst few conditions, and
+which these are is found again each time that the best so far is driven under all of them. Why both, and why
+there is no polish by derivatives: docs/decisions/design.md.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import differential_evolution
 
 from ..progress import Progress
 from ..units import QuantityError
@@ -25,11 +26,14 @@ Index = NDArray[np.int64]
 # NaN where there is no periodic motion.
 Merits = Callable[[Array, Index], Array]
 
-# A generation of one evolution; parts of the budget after which the worst of them is given up.
-GENERATION, GIVEN_UP = 16, (0.25, 0.5)
-# Random candidates, the best of which is begun with in place of the last start.
-SCOUTS = 256
-# The first spread, of the range, and that of a search begun at what one before has found.
+# Random candidates, and generations of a population, for a hill: their part of the budget. The population, at
+# most and over the budget; a generation of CMA-ES.
+SCOUTS, FOR_HILL = 0.125, 0.5
+POPULATION, OF_BUDGET, GENERATION = 50, 0.025, 16
+# How often random candidates are drawn, where none is better than half of them by this part of the scale of
+# merits: most drives may move nothing.
+LOOKS, LEVEL = 4, 0.02
+# The first spread of CMA-ES, of the range: from a single start, and near what was found before.
 WIDE, NEAR = 0.3, 0.08
 # How far inside of the bounds an evolution begins.
 INSIDE = 0.02
@@ -41,6 +45,7 @@ LATER = 6
 RANKS = 24
 # Of the scale of merits: a gain below it is no reason to go on.
 GAIN = 2e-5
+DOING = "searching for a drive signal"
 # A falling short of the baseline counts so many times.
 SHORTFALL = 10.0
 
@@ -84,29 +89,22 @@ class Best(NamedTuple):
 
 
 def robust(task: Task, starts: Array) -> Best:
-    """The best under all conditions, from the starts [n, parameters] on."""
+    """The best under all conditions, from the starts [n, parameters] on; of a single one, what is near it."""
     everything = np.arange(task.conditions)
     merits = task.merits(starts, everything)
     scores = task.judge.score(merits, everything)
     first = int(np.argmax(scores))
     best, spent = Best(starts[first], float(scores[first]), 0), len(starts) * task.conditions
     active = worst_of(merits[first], task.judge, np.zeros(0, np.int64))
-    if len(starts) > 1:
-        starts = np.array([*starts[:-1], _scouted(task, starts.shape[1], _worst(merits[first]))])
-        spent += SCOUTS
-    begin, spread, share = starts, WIDE, task.budget
-    if task.conditions > 1:
-        found, merits, tried, stopped = _of_the_worst(task, starts, merits[first])
-        spent += tried
-        score = float(task.judge.score(merits[None], everything)[0])
-        if score > best.score or stopped:
-            best = (
-                Best(found, score, spent, stopped) if score > best.score else best._replace(interrupted=True)
-            )
-        if stopped:
-            return best._replace(evaluations=spent)
-        active = worst_of(merits, task.judge, active)
-        begin, spread, share = found[None], NEAR, task.budget // 2
+    begin, spread, share = starts[first], WIDE, task.budget
+    if len(starts) > 1 or task.conditions > 1:
+        begin, tried, stopped = _of_one(task, starts, _worst(merits[first]))
+        found = task.merits(begin[None], everything)
+        score, spent = float(task.judge.score(found, everything)[0]), spent + tried + task.conditions
+        best = Best(begin, score, 0) if score > best.score else best
+        if stopped or task.conditions == 1:
+            return best._replace(evaluations=spent, interrupted=stopped)
+        active, spread, share = worst_of(found[0], task.judge, active), NEAR, task.budget // 2
     for turn in range(ROUNDS):
         part = task._replace(
             progress=lambda doing, done, turn=turn: task.progress(doing, (turn + done) / ROUNDS),
@@ -124,7 +122,7 @@ def robust(task: Task, starts: Array) -> Best:
         wider = worst_of(merits[0], task.judge, active)
         if wider.size == active.size or (turn and gained < GAIN * task.judge.scale):
             break
-        active, begin, spread, share = wider, found[None], NEAR, task.budget // LATER
+        active, begin, spread, share = wider, found, NEAR, task.budget // LATER
     return best._replace(evaluations=spent)
 
 
@@ -133,33 +131,60 @@ def _worst(merits: Array) -> Index:
     return np.array([int(np.argmin(np.where(np.isnan(merits), -np.inf, merits)))])
 
 
-def _scouted(task: Task, count: int, which: Index) -> Array:
-    """The best of random candidates of so many numbers in a condition."""
-    x = task.random.random((SCOUTS, count))
-    scores = task.judge._replace(baseline=None).score(task.merits(x, which), which)
-    return x[int(np.argmax(scores))]
+def _of_one(task: Task, starts: Array, which: Index) -> tuple[Array, int, bool]:
+    """The best in one condition: where it is, how many candidates that took, whether it was stopped.
 
-
-def _of_the_worst(task: Task, starts: Array, merits: Array) -> tuple[Array, Array, int, bool]:
-    """The better of two searches in the condition that is the worst of these merits, without a baseline:
-    where it is, its merits in all conditions, members that it took, whether it was stopped.
-
-    Far from the baseline every drive falls short of it somewhere, which would lead back to it.
+    Of several conditions without a baseline: far from it every drive falls short of it somewhere, which would
+    lead back to it.
     """
-    one = _worst(merits)
-    free = task._replace(
-        judge=Judge(0.0, None, task.judge.scale), progress=lambda doing, done: task.progress(doing, 0.0)
-    )
-    found, spent, stopped = list[Array](), 0, False
-    for begin in (starts, task.random.random(starts.shape)):
-        x, tried, stopped = evolved(free, begin, WIDE, one, task.budget)
-        found.append(x)
-        spent += tried + task.conditions
-        if stopped:
+    if task.conditions > 1:
+        task = task._replace(judge=Judge(0.0, None, task.judge.scale))
+    told = task.progress
+    part = task._replace(progress=lambda doing, done: told(doing, FOR_HILL * done))
+    found, tried, stopped = _hill(part, starts, which)
+    if stopped:
+        return found, tried, True
+    part = task._replace(progress=lambda doing, done: told(doing, FOR_HILL + (1.0 - FOR_HILL) * done))
+    found, more, stopped = evolved(part, found, NEAR, which, max(task.budget - tried, 1))
+    return found, tried + more, stopped
+
+
+def _hill(task: Task, starts: Array, which: Index) -> tuple[Array, int, bool]:
+    """The best of differential evolution, from the starts and the best of random candidates on."""
+    x, scores = starts, task.judge.score(task.merits(starts, which), which)
+    for _ in range(LOOKS):
+        more = task.random.random((round(SCOUTS * task.budget), starts.shape[1]))
+        x = np.concatenate([x, more])
+        scores = np.concatenate([scores, task.judge.score(task.merits(more, which), which)])
+        if scores.max() > np.median(scores) + LEVEL * task.judge.scale:
             break
-    of_all = task.merits(np.array(found), np.arange(task.conditions))
-    k = int(np.argmax(np.where(np.isnan(of_all), -np.inf, of_all).min(axis=1)))
-    return found[k], of_all[k], spent, stopped
+    size = int(np.clip(OF_BUDGET * task.budget, 5, POPULATION))
+    random = np.argsort(-scores[len(starts) :])[: max(size - len(starts), 0)]
+    population = np.concatenate([starts, x[len(starts) + random]])
+    k = int(np.argmax(scores))
+    best, tried = (float(scores[k]), x[k]), len(x)
+    if len(population) < 5:  # what differential evolution asks for
+        return best[1], tried, False
+
+    def cost(columns: Array) -> Array:
+        nonlocal best, tried
+        own = np.clip(columns.T, 0.0, 1.0)
+        scores, tried = task.judge.score(task.merits(own, which), which), tried + len(own)
+        k = int(np.argmax(scores))
+        best = max(best, (float(scores[k]), own[k]), key=lambda one: one[0])
+        task.progress(DOING, min(tried / (FOR_HILL * task.budget), 1.0))
+        return -scores / task.judge.scale
+
+    generations = max(int((FOR_HILL - SCOUTS) * task.budget / len(population)) - 1, 0)
+    try:
+        differential_evolution(
+            cost, [(0.0, 1.0)] * x.shape[1], maxiter=generations, rng=task.random,
+            init=population,  # pyright: ignore[reportArgumentType]
+            vectorized=True, updating="deferred", polish=False, tol=0.0,
+        )  # fmt: skip
+    except KeyboardInterrupt:
+        return best[1], tried, True
+    return best[1], tried, False
 
 
 def worst_of(merits: Array, judge: Judge, before: Index) -> Index:
@@ -177,34 +202,22 @@ def worst_of(merits: Array, judge: Judge, before: Index) -> Index:
 
 
 def evolved(task: Task, begin: Array, spread: float, active: Index, budget: int) -> tuple[Array, int, bool]:
-    """The best of evolutions that begin there [n, parameters], how many candidates they took, and whether
-    they were stopped before their end."""
-    runs = [_evolution(task, one, spread) for one in begin]
-    scores = task.judge.score(task.merits(begin, active), active)
-    bests = [(float(score), one) for score, one in zip(scores, begin, strict=True)]
-    kept, tried = max(bests, key=lambda one: one[0]), len(begin)
-    given_up = list(GIVEN_UP)
+    """The best of an evolution by CMA-ES from there on, how many candidates it took, and whether it was
+    stopped before its end."""
+    run = _evolution(task, begin, spread)
+    best, tried = (float(task.judge.score(task.merits(begin[None], active), active)[0]), begin), 1
     try:
-        while tried < budget and runs:
-            asked = [np.array(run.ask()) for run in runs]
-            scores = task.judge.score(task.merits(np.concatenate(asked), active), active)
+        while tried < budget and not run.stop():
+            x = np.array(run.ask())
+            scores = task.judge.score(task.merits(x, active), active)
             tried += scores.size
-            for i, (run, x) in enumerate(zip(runs, asked, strict=True)):
-                own = scores[i * GENERATION : (i + 1) * GENERATION]
-                run.tell(list(x), list(-own / task.judge.scale))
-                k = int(np.argmax(own))
-                bests[i] = max(bests[i], (float(own[k]), x[k]), key=lambda one: one[0])
-            kept = max(kept, *bests, key=lambda one: one[0])
-            stay = [i for i, run in enumerate(runs) if not run.stop()]
-            if given_up and tried >= given_up[0] * budget:
-                given_up.pop(0)
-                if len(stay) > 1:
-                    stay.remove(min(stay, key=lambda i: bests[i][0]))
-            runs, bests = [runs[i] for i in stay], [bests[i] for i in stay]
-            task.progress("searching for a drive signal", min(tried / budget, 1.0))
+            run.tell(list(x), list(-scores / task.judge.scale))
+            k = int(np.argmax(scores))
+            best = max(best, (float(scores[k]), x[k]), key=lambda one: one[0])
+            task.progress(DOING, min(tried / budget, 1.0))
     except KeyboardInterrupt:
-        return np.clip(max(kept, *bests, key=lambda one: one[0])[1], 0.0, 1.0), tried, True
-    return np.clip(kept[1], 0.0, 1.0), tried, False
+        return np.clip(best[1], 0.0, 1.0), tried, True
+    return np.clip(best[1], 0.0, 1.0), tried, False
 
 
 def _evolution(task: Task, begin: Array, spread: float) -> Any:

@@ -40,7 +40,7 @@ def optimise_waveform(
     draws: int = 64,
     quantile: float | str = 0.0,
     minimum_speed: float | str | None = None,
-    budget: int = 2000,
+    budget: int = 2400,
     seed: int = 0,
     threads: int | None = None,
     progress: Progress = unheard,
@@ -48,8 +48,8 @@ def optimise_waveform(
     """Search for the periodic drive that reaches a goal best, and compare it with the best sawtooth.
 
     A drive is a polygon through values at even times of its period; values and frequency are searched for by
-    CMA-ES, and polished. It is judged by its steady motion, in the worst of all conditions: the model as it
-    is, each scenario, and both again with the values of each draw.
+    differential evolution and CMA-ES. It is judged by its steady motion, in the worst of all conditions: the
+    model as it is, each scenario, and both again with the values of each draw.
 
     Args:
         model: the actuator; or the fit of one, whose covariance then is the `uncertainty`.
@@ -64,7 +64,7 @@ def optimise_waveform(
         uncertainty: `draws` of the posterior, of the fit, or of arrays by name are conditions too.
         quantile: of the conditions, in place of the worst: 0.05, say.
         minimum_speed: m/s, in every condition; needed by goals that would stand still.
-        budget: candidates of the first search; later ones, with more conditions, take a fifth.
+        budget: candidates of the first search; later ones, with more conditions, take a sixth.
         seed: of search and draws: the same seed, the same drive.
         threads: how many; all processors if left out.
         progress: called as the search goes on.
