@@ -96,9 +96,11 @@ def robust(task: Task, starts: Array) -> Best:
     first = int(np.argmax(scores))
     best, spent = Best(starts[first], float(scores[first]), 0), len(starts) * task.conditions
     active = worst_of(merits[first], task.judge, np.zeros(0, np.int64))
-    begin, spread, share = starts[first], WIDE, task.budget
+    begin, spread, share, begun = starts[first], WIDE, task.budget, 0.0
     if len(starts) > 1 or task.conditions > 1:
-        begin, tried, stopped = _of_one(task, starts, _worst(merits[first]))
+        begun = 1.0 if task.conditions == 1 else 0.5  # of what is to be done
+        part = task._replace(progress=lambda doing, done: task.progress(doing, begun * done))
+        begin, tried, stopped = _of_one(part, starts, _worst(merits[first]))
         found = task.merits(begin[None], everything)
         score, spent = float(task.judge.score(found, everything)[0]), spent + tried + task.conditions
         best = Best(begin, score, 0) if score > best.score else best
@@ -107,7 +109,9 @@ def robust(task: Task, starts: Array) -> Best:
         active, spread, share = worst_of(found[0], task.judge, active), NEAR, task.budget // 2
     for turn in range(ROUNDS):
         part = task._replace(
-            progress=lambda doing, done, turn=turn: task.progress(doing, (turn + done) / ROUNDS),
+            progress=lambda doing, done, turn=turn: task.progress(
+                doing, begun + (1.0 - begun) * (turn + done) / ROUNDS
+            ),
         )
         found, tried, stopped = evolved(part, begin, spread, active, share)
         merits = task.merits(found[None], everything)
