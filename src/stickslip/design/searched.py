@@ -21,7 +21,7 @@ from .optimised import OptimisedWaveform
 from .polygons import Array, Polygons, knots, sawtooths, starts
 from .sawtooth import best_sawtooth
 from .scenarios import Conditions
-from .search import SHORTFALL, Best, Index, Judge, Task, robust
+from .search import DOING, SHORTFALL, Best, Index, Judge, Task, robust
 
 # Of the scale of the goal: what the search keeps above the sawtooth, for coarser steps and the generator; and
 # how far below it is called no worse.
@@ -49,7 +49,7 @@ class Searched(NamedTuple):
         everything = len(of.conditions.names)
         x, spent = best_sawtooth(of.merits_of(sawtooths), Judge(of.quantile, None, of.scale), everything)
         sawtooth = sawtooths(x[None], of.allowed)
-        progress("searching for a drive signal", 0.1)
+        progress(DOING, 0.1)
         baseline = of.merits_of(sawtooths)(x[None], np.arange(everything))[0]
         judge = Judge(of.quantile, np.nan_to_num(baseline, nan=-np.inf) + MARGIN * of.scale, of.scale)
         task = Task(
@@ -62,7 +62,7 @@ class Searched(NamedTuple):
         )
         best = robust(task, starts(sawtooth, count, of.allowed))
         made = replace(of.chosen(best, sawtooth, spent), interrupted=best.interrupted)
-        progress("searching for a drive signal", 1.0)
+        progress(DOING, 1.0)
         return made
 
     def scaled(self, random: np.random.Generator) -> Searched:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import os
 import pickle
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -76,7 +76,8 @@ def received(load: Load) -> tuple[Study, Store]:
         raise StudyError(f"the worker sees another study in {store.path}")
     if here != load.identity:
         store.check(described(study))
-    with _alone_on_this_machine():
+    # One process of this user and machine tries, the others wait for it and find the kernels.
+    with locked(_jit._package_cache() / "compiling.lock", math.inf):
         if not tried(load.identity).exists():
             # What compiles takes more memory than what works: a process that ends. If it fails, tasks will.
             command = [sys.executable, "-m", "stickslip.study.worker", "compile"]
@@ -88,18 +89,6 @@ def received(load: Load) -> tuple[Study, Store]:
 def tried(identity: str) -> Path:
     """A file that is there once this machine has computed members of the study, and so has its kernels."""
     return _jit._package_cache() / f"tried-{identity[:16]}"
-
-
-@contextmanager
-def _alone_on_this_machine() -> Iterator[None]:
-    """One process compiles, the others of this user wait for it and find the kernels."""
-    folder = _jit._package_cache()
-    while True:
-        with locked(folder / "compiling.lock") as mine:
-            if mine:
-                yield
-                return
-        time.sleep(0.05)
 
 
 def use_own_cache() -> None:
