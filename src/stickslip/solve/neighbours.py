@@ -69,7 +69,9 @@ def neighbours(
 @compiled
 def mark(near):
     """A period begins."""
-    near.begun[:] = near.states
+    for p in range(near.states.shape[0]):
+        for s in range(near.states.shape[1]):
+            near.begun[p, s] = near.states[p, s]
 
 
 @fused

@@ -27,7 +27,7 @@ from ..waveform.members import common, member_of
 from .log import columns
 from .neighbours import Neighbours, neighbours
 from .outcome import DONE
-from .periods import LOG_ROWS, follow
+from .periods import LOG_ROWS, follow, put
 
 MAX_STEPS = 10_000_000
 # An orbit was not found in as many periods as allowed; not an end of an engine.
@@ -49,6 +49,9 @@ FARTHEST = 4.0
 NUDGE, NUDGE_STATIC = 1e-12, 1e3
 # What a coarser integration may leave of the defect, over its tolerance.
 NOISE = 0.1
+# Squarings of a map for its largest multiplier, good to a hundredth and to the last digits (no literals, see
+# `periods.ZERO`).
+ROUGHLY, CLOSELY = np.int64(12), np.int64(40)
 # Multipliers above which derivatives of the coarsest integration, or of the last one, will not do.
 SHORT, LONG = 0.5, 0.95
 
@@ -125,8 +128,7 @@ def _advance(plant, drive, load, r, level, column, work, log, after):
         None,
         None,
     )
-    for c in range(len(state)):
-        after[c] = state[c]
+    put(after, state)
     step = after[column]
     after[column] = 0.0
     return outcome, step
@@ -138,7 +140,7 @@ def _slopes(plant, drive, load, r, level, column, smooth, work, after, jacobian)
     n, near = r.size, work.near
     for p in range(n - 1):
         c = p if p < column else p + 1
-        near.states[p, :] = r
+        put(near.states[p], r)
         near.states[p, c] += NUDGE / work.scale[c]
     log = work.log if smooth else work.log[:0]
     outcome, step = _advance(plant, drive, load, r, level, column, work, log, after)
@@ -148,7 +150,8 @@ def _slopes(plant, drive, load, r, level, column, smooth, work, after, jacobian)
         moved, moved_step = near.states[p], near.states[p, column]
         if not smooth:
             nudge = NUDGE_STATIC * level / work.scale[c]
-            moved = r.copy()
+            moved = np.empty(n)
+            put(moved, r)
             moved[c] += nudge
             own, moved_step = _advance(plant, drive, load, moved, level, column, work, log, moved)
             outcome = max(outcome, own)
@@ -156,6 +159,12 @@ def _slopes(plant, drive, load, r, level, column, smooth, work, after, jacobian)
             jacobian[i, c] = (moved[i] - after[i]) / nudge if i != column else 0.0
         work.of_step[c] = (moved_step - step) / nudge
     return outcome, step
+
+
+@inlined
+def _move(r, change):
+    for c in range(r.size):
+        r[c] += change[c]
 
 
 @inlined
@@ -202,7 +211,7 @@ def to_orbit(jacobian, defect, a, x):
 def spectral_radius(jacobian, scale, squarings):
     """The largest eigenvalue in size, from the norm of the matrix squared so many times over."""
     n = scale.size
-    a = np.empty((n, n))
+    a, b = np.empty((n, n)), np.empty((n, n))
     for i in range(n):
         for j in range(n):
             a[i, j] = jacobian[i, j] * scale[i] / scale[j]
@@ -216,13 +225,13 @@ def spectral_radius(jacobian, scale, squarings):
             return norm
         logarithm += weight * math.log(norm)
         weight *= 0.5
-        b = a / norm
         for i in range(n):
             for j in range(n):
                 total = 0.0
                 for k in range(n):
-                    total += b[i, k] * b[k, j]
-                a[i, j] = total
+                    total += (a[i, k] / norm) * (a[k, j] / norm)
+                b[i, j] = total
+        a, b = b, a
     return math.exp(logarithm)
 
 
@@ -231,12 +240,14 @@ def _orbit(plant, drive, load, q, tolerance, max_periods, column, smooth, work, 
     """The orbit from the state q on, which becomes that of the orbit; returns outcome, step, error, residual,
     radius and periods of `Found`."""
     scale, of_step, none = work.scale, work.of_step, work.log[:0]
-    r, after, change, waiting = q.copy(), np.empty(q.size), np.empty(q.size), np.empty(q.size)
+    n = q.size
+    r, after, change, waiting, defect = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    put(r, q)
     r[column] = 0.0
     level = tolerance * (COARSEST if smooth else COARSEST_STATIC)
     first, derived, fresh, radius = level, level, True, math.nan
     outcome, step = _advance(plant, drive, load, r, level, column, work, none, after)
-    r[:] = after
+    put(r, after)
     count, wait, largest = 1, 0, _size(r, scale)
     # Of the integration before this one: its tolerance (infinite: there is none to compare with), defect, and
     # the step of the orbit by it.
@@ -246,12 +257,14 @@ def _orbit(plant, drive, load, q, tolerance, max_periods, column, smooth, work, 
         if fresh:
             outcome, step = _slopes(plant, drive, load, r, level, column, smooth, work, after, jacobian)
             count += 2 if smooth else r.size
-            radius, derived = spectral_radius(jacobian, scale, 12), level
+            radius, derived = spectral_radius(jacobian, scale, ROUGHLY), level
         else:
             outcome, step = _advance(plant, drive, load, r, level, column, work, none, after)
             count += 1
-        to_orbit(jacobian, after - r, work.matrix, change)
-        gap, size, further = _size(after - r, scale), _size(change, scale), 0.0
+        for c in range(r.size):
+            defect[c] = after[c] - r[c]
+        to_orbit(jacobian, defect, work.matrix, change)
+        gap, size, further = _size(defect, scale), _size(change, scale), 0.0
         for c in range(r.size):
             further += of_step[c] * change[c] if c != column else 0.0
         # Where the multipliers come near 1, the orbit is much further away than one period shows.
@@ -272,27 +285,27 @@ def _orbit(plant, drive, load, q, tolerance, max_periods, column, smooth, work, 
                 continue
             # Newton's method from derivatives of this integration failed: on from where it began.
             outcome, wait = DONE, PATIENCE
-            after[:] = waiting
+            put(after, waiting)
         largest = max(largest, _size(after, scale))
         if outcome == DONE and wait == 0 and size <= FARTHEST * largest:
-            waiting[:] = after
+            put(waiting, after)
             before, gap_before, step_before = level, gap, step + further
-            r += change
+            _move(r, change)
             if size <= max(level, tolerance):
                 level = min(FINER * level, COARSE * tolerance)
             fresh = radius > LONG or (derived == first and radius > SHORT)
             continue
-        r[:] = after
+        put(r, after)
         while wait > 1 and outcome == DONE:
             outcome, step = _advance(plant, drive, load, r, level, column, work, none, after)
-            r[:] = after
+            put(r, after)
             count, wait = count + 1, wait - 1
         wait, fresh, before = 0, True, math.inf
     if outcome == DONE:
-        r += change
+        _move(r, change)
         step += further
-    q[:] = r
-    return outcome, step, error, residual, spectral_radius(jacobian, scale, 40), count
+    put(q, r)
+    return outcome, step, error, residual, spectral_radius(jacobian, scale, CLOSELY), count
 
 
 @kernel
@@ -320,7 +333,8 @@ def orbits(plant, drives, values, states, periods, tolerance, max_periods, colum
         if found.outcomes[m] == DONE:
             own = with_values(plant, values[m])
             work.span[1] = periods[m]
-            near.values[:] = values[m]
+            for p in range(n - 1):
+                put(near.values[p], values[m])
             for mode in range(len(plant.modes)):
                 scale[2 * mode + 1] = 1.0 / own.rate
             outcome, step, error, residual, radius, count = _orbit(

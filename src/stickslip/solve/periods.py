@@ -43,8 +43,8 @@ SAME = 0.02
 CREEPING, LEAST = 2.0 / LOCAL, 1e-4
 # Segments of a period, at most.
 LONGEST_CYCLE = 64
-# Not the literal 0, for which Numba would compile what is called with it once more.
-ZERO = np.int64(0)
+# Not the literals, for each of which Numba would compile what is called with it once more.
+ZERO, YES, NO = np.int64(0), np.bool_(True), np.bool_(False)
 # More than a period needs at any tolerance in use: a period that does not fit is never copied.
 LOG_ROWS = 1024
 
@@ -136,7 +136,7 @@ def follow(
     if careful:
         tolerance = careful_tolerance(plant, span, tolerance)
     local = LOCAL * tolerance
-    t, h, sides, fresh = span[0], math.inf, no_sides(plant), True
+    t, h, sides, fresh = span[0], math.inf, no_sides(plant), YES
     resumed = False
     if resume is not None and resume.size > 0 and resume[VALID] > 0.0:
         resumed = True
@@ -147,13 +147,13 @@ def follow(
     i = segment_of(drive, t)
     if cycle > 0 and ((i >= first and (i - first) % cycle != 0) or drive.start[i] != t):
         cycle = 0
-    compared, before, still = False, q, scaled(0.0, q)
+    compared, before, still = NO, q, scaled(0.0, q)
     if sampled(plant) and not resumed:
         q = ticked(plant, q, channels.at(drive, i, t), t)
     ends, ending = resume, False
     if resume is not None and resume.size > 0:
         if not resumed:
-            store(resume, t, h, True, False, sides, q, q)
+            store(resume, t, h, YES, NO, sides, q, q)
         else:
             compared, before = resume[COMPARED] > 0.0, stored(plant, resume)[2]
         ends = resume[: 0 if cycle > 0 else resume.size]
@@ -191,7 +191,7 @@ def follow(
             rejected += fewer
             if near is not None:
                 replay(plant, drive, load, log, rows, local, near, near.drives)
-                read_traces(log, rows, i, i, 0.0, 0, times, k, t, near, near.drives)
+                read_traces(log, rows, i, i, 0.0, ZERO, times, k, t, near, near.drives)
             if account is not None:
                 read_account(plant, drive, load, log, rows, 0.0, times, k, t, *account)
             if rows > 0:
@@ -245,7 +245,9 @@ def _log(plant, states, rows):
 
 
 @inlined
-def _put(q, state):
+def put(q, state):
+    """A state, or an array, into an array, number by number: of `q[:] = array` Numba compiles the message of
+    its error as well, which takes an eighth of the time of a periodic motion."""
     for c in range(len(state)):
         q[c] = state[c]
 
@@ -289,7 +291,7 @@ def integrate(plant, drive, load, q, span, tolerance, careful, max_steps, times,
         account,
         resume,
     )
-    _put(q, state)
+    put(q, state)
     return outcome, t, accepted, rejected
 
 
@@ -302,7 +304,7 @@ def integrate_near(plant, drive, load, q, span, tolerance, max_steps, times, sam
     outcome, t, accepted, rejected, state = follow(
         plant, drive, load, state, span, tolerance, False, max_steps, times, samples, log, near, None, None
     )
-    _put(q, state)
+    put(q, state)
     return outcome, t, accepted, rejected
 
 
@@ -346,7 +348,7 @@ def integrate_members(
                 None,
                 None,
             )
-            _put(states[m], state)
+            put(states[m], state)
             steps[m] = accepted + rejected
             for k in range(times.size):
                 positions[m, k] = samples[k, column]
