@@ -13,6 +13,7 @@
 from __future__ import annotations
 
 import functools
+import gc
 import hashlib
 import inspect
 import math
@@ -119,11 +120,19 @@ def _prune(root: Path, oldest: float) -> None:
 
 
 class _Announcer(event.Listener):
-    """Says in one line, once per process, that a kernel is being compiled and why the user waits."""
+    """Says in one line, once per process, that a kernel is being compiled and why the user waits.
+
+    Python's garbage collector waits meanwhile: it would take an eighth of the time, to find next to nothing.
+    """
 
     said = False
+    _depth, _collects = 0, False  # one thread at a time compiles
 
     def on_start(self, event: Any) -> None:
+        self._depth += 1
+        if self._depth == 1:
+            self._collects = gc.isenabled()
+            gc.disable()
         dispatcher = event.data.get("dispatcher")
         if self.said or getattr(dispatcher, "py_func", None) not in _KERNELS:
             return
@@ -135,6 +144,9 @@ class _Announcer(event.Listener):
 
     def on_end(self, event: Any) -> None:
         """Nobody need wait any longer for what could not be compiled."""
+        self._depth -= 1
+        if self._depth == 0 and self._collects:
+            gc.enable()
         cache = getattr(event.data.get("dispatcher"), "_cache", None)
         if sys.exc_info()[0] is not None and isinstance(cache, _Cache):
             cache.release()
