@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 import stickslip as ss
 from stickslip.analysis.running import json_schema
 from stickslip.cli import app
+from stickslip.identify.results import model_numbers, model_of, piezo_of
 from stickslip.recording import save_recording
-from stickslip.report.fits import model_numbers, model_of, piezo_of
 
 STAGE = ss.load_actuator("kang2007-hysteresis").replace(clamped=True)
 

@@ -14,9 +14,9 @@ from typer.testing import CliRunner
 from stickslip.actuator import load_actuator
 from stickslip.cli import app
 from stickslip.friction import MaxwellSlip
+from stickslip.identify.results import model_numbers, model_of
 from stickslip.recording import open_recording, save_recording
 from stickslip.report import Document, Number, write_report
-from stickslip.report.fits import model_numbers, model_of
 from stickslip.simulation import simulate
 from stickslip.units import QuantityError
 from stickslip.waveform.periodic import Sawtooth

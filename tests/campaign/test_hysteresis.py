@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 import stickslip as ss
 from stickslip.cli import app
-from stickslip.report.fits import model_of
+from stickslip.identify.results import model_of
 
 EXAMPLES = Path(str(importlib.resources.files("stickslip") / "examples"))
 CAMPAIGN = yaml.safe_load((EXAMPLES / "kang2007_hysteresis_campaign.yaml").read_text("utf-8"))

@@ -13,8 +13,8 @@ import pytest
 import stickslip as ss
 from export.building import compiled, output, walk
 from stickslip.export import ExportError, export_c, export_fmu
+from stickslip.identify.results import model_numbers
 from stickslip.piezo import BoucWen, Creep, Piezo, PrandtlIshlinskii
-from stickslip.report.fits import model_numbers
 
 BENT = ss.load_actuator("kang2007-hysteresis")
 DRIVE = ss.Sawtooth(65.0, 20.0, periods=4)

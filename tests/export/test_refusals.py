@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from export.building import compiled, output
 from stickslip import load_actuator
 from stickslip.cli import app
 from stickslip.export import ExportError, export_c, export_fmu
-from stickslip.report.fits import model_numbers
+from stickslip.identify.results import model_numbers
 from stickslip.rig import load_bench
 from stickslip.waveform.periodic import Sawtooth
 
@@ -111,6 +112,11 @@ def test_results_of_an_identification(tmp_path) -> None:
     results.write_text(json.dumps({"numbers": numbers}))
     with pytest.raises(ExportError, match=r"LuGre\.sigma_0 = -1 N/m is out of range"):
         export_c(str(results), tmp_path / "d")
+    numbers["model"] = model_numbers(model)
+    for part, wrong in (("parameters", {"coulomb_force": 0.5}), ("signal_chain", [1]), ("model", [])):
+        results.write_text(json.dumps({"numbers": {**numbers, part: wrong}}))
+        with pytest.raises(ExportError, match=re.escape(f"{results}: ")):
+            export_c(str(results), tmp_path / "d")
     assert not (tmp_path / "d").exists()
 
 

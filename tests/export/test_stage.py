@@ -19,8 +19,8 @@ from stickslip.export import export_c, export_fmu
 from stickslip.export.modes import mode_acceleration
 from stickslip.export.piezo import felt
 from stickslip.friction import Coulomb, MaxwellSlip
+from stickslip.identify.results import model_numbers, model_of
 from stickslip.piezo import MaxwellCapacitor, Piezo
-from stickslip.report.fits import model_numbers, model_of
 
 KANG = ss.load_actuator("kang2007")
 OMEGA = KANG.natural_frequency

@@ -13,7 +13,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 import stickslip as ss
-from stickslip.report.fits import model_of
+from stickslip.identify.results import model_of
 
 from .conftest import PATIENCE, Panel
 

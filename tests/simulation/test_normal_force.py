@@ -14,8 +14,8 @@ import plants
 import stickslip as ss
 from stickslip.contact import Mindlin
 from stickslip.friction import NormalForce
+from stickslip.identify.results import model_numbers, model_of
 from stickslip.parameters.writing import parameter_text
-from stickslip.report.fits import model_numbers, model_of
 from stickslip.simulation import SimulationWarning
 from stickslip.units import QuantityError
 

@@ -25,10 +25,10 @@ from typing import Any, Literal
 from pydantic import Field, ValidationError, model_validator
 
 from ..actuator import Actuator
+from ..identify.results import model_numbers
 from ..input_file import explain, load_yaml
 from ..progress import Progress, within
 from ..report import Document, Section
-from ..report.fits import model_numbers
 from ..report.origin import origin_of
 from ..units import QuantityError
 from .design_drives import ActuatorSpec, FrontSpec, OptimiseSpec

@@ -19,10 +19,10 @@ from ..design.built import Built
 from ..figures.conditions import draw_conditions, draw_front
 from ..figures.plotting import plot
 from ..figures.style import svg
+from ..identify.results import model_numbers
 from ..input_file import yaml_text
 from ..records import quantities
 from ..report import Column, Number, Picture, Section, Table
-from ..report.fits import model_numbers
 from ..waveform.knots import PeriodicKnots
 from .design_given import GeneratorSpec, Given, Goal, Made, Quantity, SearchSpec, arrays, goal_of
 from .walk import changed

@@ -43,10 +43,10 @@ from ..experiment.file import ActuatorSpec, LimitsSpec, VirtualRigSpec
 from ..experiment.laboratory import own_file
 from ..figures.control import approach, closed_loop
 from ..figures.style import svg
+from ..identify.results import model_numbers
 from ..input_file import Seconds, Strict, explain, load_yaml, quantity
 from ..progress import Progress
 from ..report import Column, Document, Number, Picture, Section, Table
-from ..report.fits import model_numbers
 from ..rig import Bench, Channel, Repeats, Variation, VirtualRig, load_bench, regulate
 from ..units import with_prefix
 from .file import Analysis, AnalysisError

@@ -11,11 +11,12 @@ from pydantic import Field
 from ..actuator import Actuator
 from ..estimate.result import Fit
 from ..identify.piezo.fit import OBSERVED, identify_piezo
+from ..identify.results import model_numbers
 from ..input_file import Seconds, quantity
 from ..parameters import cite
 from ..progress import Progress
 from ..report import Column, Document, Number, Section, Table
-from ..report.fits import estimates, model_numbers, parameter_table
+from ..report.fits import estimates, parameter_table
 from ..report.piezo import hysteresis_numbers, hysteresis_pictures
 from ..units import near_one
 from ..verification import Requirement, Verification, verify

@@ -16,6 +16,7 @@ from ..actuator import Actuator
 from ..chain import Chain
 from ..figures.identification import fit_with_residuals
 from ..figures.style import svg
+from ..identify.results import chain_of, model_numbers, model_of
 from ..identify.walk.prediction import Predictor
 from ..input_file import Seconds, explain, load_yaml
 from ..progress import Progress
@@ -23,7 +24,6 @@ from ..readers import inspect_file
 from ..recording.drive import named_drive
 from ..records import did_you_mean
 from ..report import Column, Document, Number, Picture, Section, Table
-from ..report.fits import chain_of, model_numbers, model_of
 from ..report.origin import origin_of
 from ..units import near_one
 from ..verification import Requirement, Verification, verify

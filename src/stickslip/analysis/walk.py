@@ -19,13 +19,14 @@ from ..experiment.cells import drive_of
 from ..experiment.file import PartSpec
 from ..figures.identification import Estimates, fit_with_residuals, parameter_intervals
 from ..figures.style import svg
+from ..identify.results import model_numbers
 from ..identify.walk.conditions import Conditions, identify_conditions
 from ..identify.walk.friction import identify_friction
 from ..identify.walk.position_channel import walked
 from ..input_file import quantity
 from ..progress import Progress, unheard, within
 from ..report import Column, Document, Number, Picture, Section, Table
-from ..report.fits import estimates, fit_numbers, model_numbers, parameter_table
+from ..report.fits import estimates, fit_numbers, parameter_table
 from ..report.origin import origin_of
 from ..units import near_one
 from ..waveform.signal import Waveform

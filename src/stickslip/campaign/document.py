@@ -16,8 +16,9 @@ from ..estimate.lack import said
 from ..experiment import Recorded
 from ..figures.campaign import Trace, walks
 from ..figures.style import svg
+from ..identify.results import chain_numbers, model_numbers
 from ..report import Column, Document, Number, Picture, Section, Table
-from ..report.fits import chain_numbers, fit_numbers, lack_numbers, model_numbers, parameter_table
+from ..report.fits import fit_numbers, lack_numbers, parameter_table
 from ..report.origin import origin_of
 from ..report.piezo import hysteresis_numbers
 from ..report.recordings import recorded_assumptions

@@ -9,15 +9,12 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from .. import registry
-from ..actuator import Actuator, PulledSlider, StageModes, load_actuator, load_pulled_slider
+from ..actuator import Actuator, PulledSlider, load_actuator, load_pulled_slider
 from ..chain import Chain
 from ..estimate.result import Fit
-from ..friction import NormalForce
+from ..identify.results import chain_of, model_of
 from ..parameters import ParameterSetError, load_set
-from ..piezo import Piezo
 from ..records import quantities
-from ..units import QuantityError
 from .piezo import refused
 
 
@@ -86,39 +83,24 @@ def _of_results(file: Path) -> Exported:
     try:
         numbers = json.loads(file.read_text(encoding="utf-8"))["numbers"]
         found = numbers["model"]
-        law = registry.laws.of_results(found)
-        parts = {
-            part: registry.piezos.of_results(one)(**_fields(one["values"]))
-            for part, one in found.get("piezo", {}).items()
-        }
-        piezo = Piezo(**parts) if parts else None
-        along = NormalForce(**_fields(found["normal_force"])) if "normal_force" in found else None
-        modes = StageModes(**_fields(found["further_modes"])) if "further_modes" in found else None
-        given = {"piezo": piezo, "normal_force": along, "further_modes": modes}
-        given["friction"] = law(**_fields(found["friction"]))
-        model = Actuator(**_fields(found["actuator"]), **given)
     except OSError as error:
         raise ExportError(f"{file} cannot be read: {error.strerror}") from error
-    except QuantityError as error:
-        raise ExportError(f"{file}: {error}") from error
-    except (ValueError, KeyError, TypeError, AttributeError):
+    except (ValueError, KeyError, TypeError):
         raise ExportError(
             f"{file} holds no actuator: only the fit of a walk (kind: walk) gives one that can be exported"
         ) from None
+    try:
+        model = model_of(found)
+        chain = chain_of(numbers) if "signal_chain" in numbers else None
+        fitted = {
+            name: f"fitted, standard error {entry['standard_error']:.3g}"
+            for name, entry in numbers.get("parameters", {}).items()
+            if entry.get("standard_error") is not None
+        }
+    except (ValueError, TypeError, AttributeError) as error:
+        raise ExportError(f"{file}: {error}") from error
     _refuse(model)
-    fitted = {
-        name: f"fitted, standard error {entry['standard_error']:.3g}"
-        for name, entry in numbers.get("parameters", {}).items()
-        if entry.get("standard_error") is not None
-    }
-    chain = numbers.get("signal_chain")
-    return Exported(model, _sources(model, fitted), None if chain is None else Chain(**_fields(chain)))
-
-
-def _fields(found: dict[str, Any]) -> dict[str, Any]:
-    """Values by field; a quantity stands there as a value with its unit."""
-    values = {name: value["value"] if isinstance(value, dict) else value for name, value in found.items()}
-    return {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
+    return Exported(model, _sources(model, fitted), chain)
 
 
 def _sources(model: Any, fitted: dict[str, str]) -> dict[str, str]:

@@ -23,6 +23,7 @@ from ..campaign.hysteresis import Hysteresis, hysteresis_in
 from ..chain import Chain
 from ..estimate.result import Fit
 from ..estimate.search import SearchState
+from ..identify.results import chain_numbers
 from ..identify.step.fit import STAGE_PARAMETERS, identify_step
 from ..identify.walk.displacement import Displacement, has_slopes
 from ..identify.walk.friction import identify_friction
@@ -32,7 +33,6 @@ from ..identify.walk.walks import Varied, observed
 from ..readers import read_recording
 from ..recording import RecordingError
 from ..report import write_report
-from ..report.fits import chain_numbers
 from ..units import QuantityError, to_si
 from ..verification import verify
 from .exploration import Model, Value

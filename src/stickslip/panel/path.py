@@ -19,12 +19,12 @@ from pydantic import Field
 from ..actuator import Actuator, load_actuator
 from ..history import Index, note_act
 from ..history.index import SETS
+from ..identify.results import model_of
 from ..input_file import Strict
 from ..parameters.writing import parameter_text, write_parameters
 from ..readers.process import Reader
 from ..recording import make_recording, save_recording
 from ..registry import used_files
-from ..report.fits import model_of
 from ..simulation import simulate, steady_step
 from ..units import QuantityError, to_si, with_prefix
 from ..waveform.signal import shape

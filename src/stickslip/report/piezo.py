@@ -13,8 +13,9 @@ from ..figures.identification import fit_with_residuals
 from ..figures.piezo import hysteresis_loops
 from ..figures.style import svg
 from ..identify.recorded.channels import edges, names_of
+from ..identify.results import piezo_numbers
 from .document import Number, Picture
-from .fits import fit_numbers, piezo_numbers
+from .fits import fit_numbers
 
 # Samples from an edge of the drive on that loops leave out.
 AFTER = 10
