@@ -150,6 +150,30 @@ def identify_loops(
         difference_step=DIFFERENCE_STEP,
     )
 
+    fit = _searched(
+        problem, [{p.name: p.start for p in parameters}, *begins], starts, seed, max_evaluations, progress
+    )
+    fit = _with_steps(fit, found, measured, model, settings)
+    noticed = [_noticed(fit, name, responses, model, reach) for name in _unasked({*free, *(tied or {})})]
+    return replace(
+        fit,
+        model=with_values(model, _own(fit.values)),
+        observed=OBSERVED,
+        predict=LoopPrediction(model, fit.values, *settings).predict,
+        remarks=(*fit.remarks, *filter(None, noticed)),
+    )
+
+
+def _searched(
+    problem: Problem,
+    begins: Sequence[Values],
+    starts: int,
+    seed: int,
+    max_evaluations: int,
+    progress: Progress,
+) -> Fit:
+    """The lowest minimum of searches that begin at these values, and at `starts` random ones around it."""
+
     def search(begin: Values, most: int, starts: int = 1) -> Fit:
         return fit_least_squares(
             problem,
@@ -162,21 +186,11 @@ def identify_loops(
         )
 
     fit = from_several(
-        [{p.name: p.start for p in parameters}, *begins],
-        lambda begin: search(begin, ENOUGH * (1 + len(parameters))),
+        begins,
+        lambda begin: search(begin, ENOUGH * (1 + len(begins[0]))),
         lambda kept: [followed(one, lambda one=one: search(one.values, max_evaluations)) for one in kept],
     )
-    if starts > 1:
-        fit = lowest([fit, search(fit.values, max_evaluations, starts)])
-    fit = _with_steps(fit, found, measured, model, settings)
-    noticed = [_noticed(fit, name, responses, model, reach) for name in _unasked({*free, *(tied or {})})]
-    return replace(
-        fit,
-        model=with_values(model, _own(fit.values)),
-        observed=OBSERVED,
-        predict=LoopPrediction(model, fit.values, *settings).predict,
-        remarks=(*fit.remarks, *filter(None, noticed)),
-    )
+    return lowest([fit, search(fit.values, max_evaluations, starts)]) if starts > 1 else fit
 
 
 def _residuals(
