@@ -65,6 +65,13 @@ def record(section: str, rows: list[tuple[str, str]], numbers: dict[str, Any]) -
     kept[section] = {"machine": machine, "rows": rows, **numbers}
     kept = dict(sorted(kept.items(), key=lambda item: list(ABOUT).index(item[0].split(":")[0])))
     JSON.write_text(json.dumps(kept, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    write_page(kept)
+    for what, figure in rows:
+        print(f"{what}: {figure}")
+
+
+def write_page(kept: dict[str, Any]) -> None:
+    """panel.md of what panel.json holds."""
     parts = [HEAD]
     for name, found in kept.items():
         key, _, word = name.partition(":")
@@ -74,5 +81,3 @@ def record(section: str, rows: list[tuple[str, str]], numbers: dict[str, Any]) -
         lines = [f"| {what} | {figure} |" for what, figure in found["rows"]]
         parts.append("\n".join(["| | |", "|---|---|", *lines]) + "\n")
     PAGE.write_text("\n".join(parts), encoding="utf-8")
-    for what, figure in rows:
-        print(f"{what}: {figure}")
