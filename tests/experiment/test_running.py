@@ -18,7 +18,7 @@ from stickslip.experiment import run_experiment
 from stickslip.experiment.running import read_experiment
 from stickslip.input_file import InputFileError
 from stickslip.readers import read_recording
-from stickslip.recording import open_recording
+from stickslip.recording import RecordingWarning, open_recording
 from stickslip.rig import CaptureError, LimitError
 
 from experiment.files import NAMES, SMALL, changed, written  # isort: skip
@@ -117,17 +117,35 @@ def test_recordings_that_are_there_are_kept_and_changed_ones_made_anew(tmp_path:
     before = times_written(tmp_path)
     (tmp_path / "walk_35V_50Hz_1.nc").unlink()
     (tmp_path / "walk_35V_50Hz_2.nc").write_bytes(b"broken")
-    done = run_experiment(path, tmp_path)
+    with pytest.warns(
+        RecordingWarning, match=r"walk_35V_50Hz_2\.nc: what was there .*\.bin/walk_35V_50Hz_2\.nc"
+    ):
+        done = run_experiment(path, tmp_path)
     assert {one.cell.name for one in done if not one.kept} == {"walk_35V_50Hz_1", "walk_35V_50Hz_2"}
     after = times_written(tmp_path)
     assert {name for name in before if before[name] == after[name]} == {
         f"{n}.nc" for n in NAMES if "35V_50Hz" not in n
     }
     written(tmp_path, changed("runs.0.capture.length", "30 ms"))
-    assert not any(one.kept for one in run_experiment(path, tmp_path))
+    with pytest.warns(RecordingWarning):
+        assert not any(one.kept for one in run_experiment(path, tmp_path))
     log = (tmp_path / "experiment.log").read_text()
     assert log.count("recorded in") == 8 + 2 + 8
     assert log.count("kept") == 6
+
+
+def test_what_has_the_name_of_a_recording_is_not_lost(tmp_path: Path) -> None:
+    path = written(tmp_path, {**SMALL, "save_as": ["csv"]})
+    out = tmp_path / "out"
+    out.mkdir()
+    foreign = {"walk_35V_50Hz_1.nc": "mine", "walk_35V_50Hz_1.csv": "mine too"}
+    for name, text in foreign.items():
+        (out / name).write_text(text)
+    with pytest.warns(RecordingWarning, match="not this recording"):
+        run_experiment(path, out)
+    assert {file.name: file.read_text() for file in (out / ".bin").iterdir()} == foreign
+    assert {file.stem for file in out.glob("*.nc")} == NAMES
+    assert "what was there" in (out / "experiment.log").read_text()
 
 
 def test_other_formats(tmp_path: Path) -> None:

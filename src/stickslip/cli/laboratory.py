@@ -37,7 +37,8 @@ def record(
     out: Out = Path("out/record"),
     show_traceback: Traceback = False,
 ) -> None:
-    """Record what an experiment file asks for, NAME.nc for each recording; those that are there are kept."""
+    """Record what an experiment file asks for, NAME.nc for each recording; those that are there already are
+    kept, anything else of such a name goes to .bin in the folder."""
     begun = time.perf_counter()
     with errors_in_one_line(show_traceback):
         check_output(out)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from datetime import UTC, datetime
@@ -17,8 +18,8 @@ from pydantic import ValidationError
 from ..input_file import InputFileError, explain, load_yaml
 from ..progress import Progress, unheard
 from ..readers import read_recording
-from ..recording import RecordingError, open_recording, save_csv, save_matlab
-from ..recording.replacing import remove_leftovers
+from ..recording import RecordingError, RecordingWarning, open_recording, save_csv, save_matlab
+from ..recording.replacing import remove_leftovers, to_bin
 from ..rig import Home, Rig, measure
 from ..rig.samples import recover
 from .cells import Cell, cells, variables_attribute
@@ -46,7 +47,8 @@ def run_experiment(
     """Record what an experiment file asks for into a folder: ``NAME.nc`` for each cell, and experiment.log.
 
     The whole file is checked before the first output. Recordings of the same cells that are there already
-    are kept, so that an interrupted experiment goes on where it stopped.
+    are kept, so that an interrupted experiment goes on where it stopped. Anything else that has the name of a
+    recording goes to `.bin` in the folder, with a RecordingWarning.
 
     Args:
         path: the YAML file.
@@ -165,7 +167,9 @@ def _recorded(
     progress("", 0.0)
     recording = _finished(path, cell.key)
     kept = recording is not None
+    exports = {kind: out / f"{cell.name}{_EXPORTS[kind]}" for kind in file.save_as}
     if recording is None:
+        _make_room(out, [path, *exports.values()], log)
         begun = time.perf_counter()
         rig = laboratory.rig(cell.actuator, cell.seed, cell.repeats)
         rig = rig if watch is None else watch(cell, rig)
@@ -179,8 +183,7 @@ def _recorded(
         log(f"{path.name}: recorded in {time.perf_counter() - begun:.2f} s")
     else:
         log(f"{path.name}: kept")
-    for kind in file.save_as:
-        target = out / f"{cell.name}{_EXPORTS[kind]}"
+    for kind, target in exports.items():
         if kept and target.is_file():
             continue
         if kind == "csv":
@@ -188,6 +191,17 @@ def _recorded(
         else:
             save_matlab(recording, target, "trace" if kind == "mat" else "controldesk")
     return Recorded(cell, path, kept), recording
+
+
+def _make_room(out: Path, files: list[Path], log: _Log) -> None:
+    """What has the name of a recording to be made goes to the bin: it may be somebody else's."""
+    moved = [str(to_bin(out, file.name)) for file in files if os.path.lexists(file)]
+    if moved:
+        said = (
+            f"{files[0]}: what was there is not this recording of the experiment; it is in {', '.join(moved)}"
+        )
+        log(said)
+        warnings.warn(said, RecordingWarning, stacklevel=3)
 
 
 def _measured(

@@ -13,6 +13,7 @@ from typing import Any
 
 from ..readers.process import Reader, ReaderBusy
 from ..recording import RecordingError
+from ..recording.replacing import BIN, to_bin
 from .acts import present_names, read_acts
 from .describing import NOTES, RECORDINGS, described, described_fit, described_set
 
@@ -23,7 +24,6 @@ COLUMNS = (
 )  # fmt: skip
 _NUMBERS = {"changed": "REAL", "bytes": "INTEGER", "seconds": "REAL", "samples": "INTEGER"}
 TEXTS = tuple(column for column in COLUMNS if column not in _NUMBERS)  # what a search looks at
-BIN = ".bin"
 SETS = "parameters"  # the folder of parameter sets that fits were saved as
 _FOLDER = ".stickslip"
 
@@ -141,14 +141,7 @@ class Index:
         source = self.folder / name
         if not source.exists() or not source.resolve().is_relative_to(self.folder) or name.startswith("."):
             raise ValueError(f"{name!r} is no run of {self.folder}")
-        target, number = self.folder / BIN / name, 1
-        while target.exists():
-            number += 1
-            called = Path(name)
-            target = self.folder / BIN / called.with_name(f"{called.stem}_{number}{called.suffix}")
-        target.parent.mkdir(parents=True, exist_ok=True)
-        source.rename(target)
-        return target
+        return to_bin(self.folder, name)
 
     def _opened(self) -> sqlite3.Connection:
         path = self.folder / _FOLDER / "runs.sqlite"

@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all."""
+"""Files that are written whole or not at all, and the bin for those that make room."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+BIN = ".bin"
 
 
 def part_of(target: Path) -> Path:
@@ -37,6 +39,18 @@ def replaced_whole(target: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
     if os.name == "posix":  # elsewhere a folder cannot be opened
         _sync(target.parent)
+
+
+def to_bin(folder: Path, name: str) -> Path:
+    """Move a file or folder in a folder to that folder's bin, under a name that nothing there has; where it
+    is now."""
+    called, number = Path(name), 1
+    target = folder / BIN / name
+    while os.path.lexists(target):
+        number += 1
+        target = folder / BIN / called.with_name(f"{called.stem}_{number}{called.suffix}")
+    target.parent.mkdir(parents=True, exist_ok=True)
+    return (folder / name).rename(target)
 
 
 def remove_leftovers(folder: Path) -> int:
