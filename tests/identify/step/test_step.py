@@ -194,6 +194,23 @@ def test_steps_without_drive_channel_and_downwards() -> None:
         identify_step(down, voltages=[-60.0], start=1.0)
 
 
+def test_an_inverted_sensor_has_a_negative_gain() -> None:
+    """The peak is the lowest sample then."""
+    recordings = [step_recording(v, 0.05e-6, seed, gain=-TRUTH["gain"]) for seed, v in enumerate(VOLTS)]
+    fit = identify_step(recordings)
+    assert fit.values["gain"] == pytest.approx(-TRUTH["gain"], rel=5e-3)
+    assert fit.values["natural_frequency"] == pytest.approx(TRUTH["natural_frequency"], rel=0.02)
+    assert step_features(recordings).attrs["damping_ratio"] == pytest.approx(0.524, rel=0.1)
+
+
+def test_a_delay_beyond_the_steady_value_is_said_and_timed() -> None:
+    late = step_recording(60.0, 1e-9, delay=6e-3)
+    with pytest.raises(RecordingError, match="steady_after of the timing must be longer than delay"):
+        identify_step(late)
+    fit = identify_step(late, timing=Timing(steady_after=12e-3))
+    assert fit.values["delay"] == pytest.approx(6e-3 + TRUTH["lag"], rel=5e-3)
+
+
 def test_overdamped_steps() -> None:
     fit = identify_step([step_recording(v, damping_ratio=1.4, lag=1e-9) for v in VOLTS], lag=False)
     assert fit.values["damping_ratio"] == pytest.approx(1.4, rel=5e-3)

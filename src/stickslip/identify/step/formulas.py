@@ -103,7 +103,7 @@ def _step_of(u: Array, time: Array, where: str) -> tuple[float, float]:
 
 def classical(test: StepTest, timing: Timing, delay: float | None = None) -> dict[str, float]:
     """Delay, bias, steady value, peak time, overshoot and what follows; NaN without overshoot."""
-    t, x, sign = test.time, test.position, math.copysign(1.0, test.voltage)
+    t, x = test.time, test.position
     if t[-1] < timing.steady_after + timing.steady_over:
         raise RecordingError(
             f"end_effector_position [m] of {test.name} is too short: it ends {t[-1]:g} s after "
@@ -125,7 +125,7 @@ def classical(test: StepTest, timing: Timing, delay: float | None = None) -> dic
         raise RecordingError(f"{test.name} has no sample {timing.steady_after:g} s after its rise")
     steady = float(x[level].mean()) - bias
     window = (since >= 0.0) & (since <= timing.peak_within)
-    peak = int(np.flatnonzero(window)[np.argmax(sign * x[window])])
+    peak = int(np.flatnonzero(window)[np.argmax(math.copysign(1.0, steady) * x[window])])
     peak_time = float(since[peak])
     if np.count_nonzero((since > 0.0) & (since <= peak_time)) < FEWEST_TO_PEAK:
         raise RecordingError(
@@ -165,8 +165,14 @@ def _onset(t: Array, x: Array, where: str, timing: Timing) -> float:
     level = x[(t >= timing.steady_after) & (t <= timing.steady_after + timing.steady_over)]
     if not before.size or not level.size:
         raise RecordingError(f"{where} has no samples before its step, or none where it has settled")
-    rest, rise = float(before.mean()), float(level.mean() - before.mean())
-    if abs(rise) < 4.0 * float(before.std()):
+    rest, least = float(before.mean()), 4.0 * float(before.std())
+    rise, at_end = (float(some.mean()) - rest for some in (level, x[-level.size :]))
+    if abs(rise) < least <= abs(at_end):
+        raise RecordingError(
+            f"{where}: {timing.steady_after:g} s after its step it has not moved, at its end by "
+            f"{at_end:.3g} m: steady_after of the timing must be longer than delay and motion together"
+        )
+    if abs(rise) < least:
         raise RecordingError(f"{where}: the rise of {rise:g} m drowns in the noise, {before.std():g} m")
     share = (x - rest) / rise
     half = int(np.flatnonzero((t > 0.0) & (share >= 0.5))[0])
