@@ -206,6 +206,9 @@ def test_what_cannot_be_identified_is_refused_by_name() -> None:
     holed["stage_position"][5] = np.nan
     with pytest.raises(RecordingError, match=r"stage_position .m. of recording 1 is not finite"):
         ss.identify_piezo(holed)
+    mirrored = short.assign(stage_position=-short["stage_position"])
+    with pytest.raises(RecordingError, match=r"stage_position of recording 1 falls where drive_voltage"):
+        ss.identify_piezo(mirrored)
 
 
 @pytest.mark.parametrize("held", [False, True], ids=["sine", "held at its ends"])

@@ -23,7 +23,17 @@ from ..recorded.channels import names_of, recordings_of, refuse_clipped, unit_of
 from ..recorded.known_noise import converter_step, first_change
 from ..recorded.recorded_drive import noise_level
 from .choice import ENOUGH, Choice, Shape, chosen, range_of
-from .columns import Columns, Grid, Observed, Timing, columns, observe, refuse_one_way, repeated
+from .columns import (
+    Columns,
+    Grid,
+    Observed,
+    Timing,
+    columns,
+    observe,
+    refuse_mirrored,
+    refuse_one_way,
+    repeated,
+)
 from .linear import Solution, solved
 from .prediction import PiezoPrediction
 from .shapes import first_model, lagging_shape, skewed_shape
@@ -93,8 +103,8 @@ def identify_piezo(
         has any. `model` is the actuator given, or a `Piezo`.
 
     Raises:
-        RecordingError: a channel is missing, too short, not finite, clipped, constant, or the drive never
-            turns back.
+        RecordingError: a channel is missing, too short, not finite, clipped, constant, or falls where the
+            voltage rises; or the drive never turns back.
         QuantityError: a number out of range.
         FitError: see `fit_least_squares`.
     """
@@ -108,6 +118,7 @@ def identify_piezo(
         refuse_clipped(one.position, observed, one.name, one.drive, converter_step(one.position))
     refuse_one_way(seen)
     late = _lateness(seen, *given)
+    refuse_mirrored(seen, late.timing, observed)
     for assumed in (0.0, None) if rest is None else ():
         begun = _begun(seen, late.timing, assumed)
         if all(one.begins_as(other) for one, other in zip(seen, begun, strict=True)):
