@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -206,6 +207,38 @@ def test_a_damaged_task_is_not_merged(stores: Path, tmp_path: Path) -> None:
     with pytest.raises(StudyError, match=r"task 1: .*no other store has it"):
         merge_studies([tmp_path / "copy.zarr"], into)
     assert merge_studies([tmp_path / "copy.zarr", stores / "whole.zarr"], into) == 0
+
+
+@pytest.mark.filterwarnings("default::stickslip.simulation.SimulationWarning")
+@pytest.mark.parametrize(
+    ("name", "number", "how"), [("value", 1, "gone"), ("reason", 2, "a bit"), ("x", 0, "gone")]
+)
+def test_a_damaged_store_is_not_taken_for_whole(
+    stores: Path, tmp_path: Path, name: str, number: int, how: str
+) -> None:
+    store = shutil.copytree(stores / "whole.zarr", tmp_path / "s.zarr")
+    chunk = store / name / "c" / (str(number) if name == "x" else f"{number}/0")
+    if how == "gone":
+        chunk.unlink()
+        said = f"{name} is missing"
+    else:
+        chunk.write_bytes(bytes([chunk.read_bytes()[0] ^ 1]) + chunk.read_bytes()[1:])
+        said = f"{name} does not match its checksum"
+    task = "what varies is damaged" if name == "x" else f"task {number}"
+    again = "" if name == "x" else ": run the study again, which computes it anew"
+    for words in (["export", store, tmp_path / "s.csv"], ["compare", stores / "whole.zarr", store]):
+        done = stickslip("study", *words)
+        assert done.exit_code == 1
+        assert done.stderr.endswith(f"Error: {store}: {task}: {said}{again}\n")
+    assert not (tmp_path / "s.csv").exists()
+    shown = stickslip("study", "show", store)
+    assert shown.exit_code == int(name == "value")
+    if name == "value":
+        assert "  damaged: 12\n" in shown.stdout
+        assert f"task {number}: {said}{again}" in shown.stderr
+        done = stickslip("study", stores / "study.yaml", "--store", store, "--workers", 1)
+        assert done.exit_code == 0, done.output
+        assert stickslip("study", "compare", stores / "whole.zarr", store).exit_code == 0
 
 
 @pytest.mark.parametrize("ending", ["nc", "parquet", "csv"])

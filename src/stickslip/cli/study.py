@@ -94,11 +94,14 @@ def show(store: StoreFolder, show_traceback: Traceback = False) -> None:
 
 
 def _show(store: Path) -> None:
-    from ..study import study_state
+    from ..study import StudyError, study_state
 
-    for line in _lines(study_state(store)):
+    state = study_state(store)
+    for line in _lines(state):
         typer.echo(line)
     typer.echo(f"Store: {store}")
+    if state.damage:
+        raise StudyError(state.damage)
 
 
 def _lines(state: State) -> list[str]:

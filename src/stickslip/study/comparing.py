@@ -54,13 +54,15 @@ def compare_studies(
         progress: called after each part.
 
     Raises:
-        StudyError: one is no store of a study.
+        StudyError: one is no store of a study, or a damaged one.
         StudyDiffers: their dimensions, or what varies along them, differ.
     """
     a, b = Store(first), Store(second)
     if (a.layout.dims, a.layout.shape) != (b.layout.dims, b.layout.shape):
         shapes = [dict(zip(s.layout.dims, s.layout.shape, strict=True)) for s in (a, b)]
         raise StudyDiffers(f"{a.path} is over {shapes[0]}, {b.path} over {shapes[1]}")
+    for one in (a, b):
+        one.check_results()
     other = open_study(b.path)
     members, greatest, units = {}, {}, {}
     counts = np.zeros(3, dtype=int)

@@ -36,12 +36,13 @@ def export_study(
 
     Raises:
         QuantityError: another ending.
-        StudyError: it is no store of a study.
+        StudyError: it is no store of a study, or a damaged one.
     """
     there, file = Store(store), Path(file)
     writers = {".nc": _netcdf, ".parquet": _parquet, ".csv": _csv}
     if file.suffix not in writers:
         raise QuantityError(f"{file}: studies are exported as {', '.join(writers)}")
+    there.check_results()
     begun = file.with_name(f".{file.name}.{os.getpid()}{PART}")
     file.parent.mkdir(parents=True, exist_ok=True)
     try:

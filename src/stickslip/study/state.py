@@ -21,7 +21,8 @@ DAMAGED = "damaged"
 class State(NamedTuple):
     """`done` of `tasks`; members in all, and those computed by their status; members per second lately, NaN
     where nothing was written lately; `left` [s], of the rest at this rate; `last` [s, Unix time], when
-    something was written, NaN: never."""
+    something was written, NaN: never; `damage`: what is wrong with a task that is done, or "". Of
+    results it is only seen whether they are there: who uses them reads them."""
 
     title: str
     tasks: int
@@ -31,6 +32,7 @@ class State(NamedTuple):
     rate: float
     left: float
     last: float
+    damage: str = ""
 
     @property
     def finished(self) -> bool:
@@ -48,13 +50,17 @@ def study_state(path: str | os.PathLike[str]) -> State:
     done, written = store.done(), store.written()
     names = dict(zip(status.about["flag_values"], str(status.about["flag_meanings"]).split(), strict=True))
     counts: dict[str, int] = dict.fromkeys(names.values(), 0)
+    damage = ""
     for number in np.flatnonzero(done).tolist():
         try:
+            if gone := store.lacks(number):
+                raise ChunkError(gone)
             codes, many = np.unique(store.read(number, status), return_counts=True)
             found = {
                 names.get(code, DAMAGED): n for code, n in zip(codes.tolist(), many.tolist(), strict=True)
             }
-        except ChunkError:
+        except ChunkError as error:
+            damage = damage or store.repair(number, str(error))
             place = layout.place(number).values()
             found = {DAMAGED: math.prod(part.stop - part.start for part in place)}
         for name, n in found.items():
@@ -73,6 +79,7 @@ def study_state(path: str | os.PathLike[str]) -> State:
         rate,
         each * float((~done).sum()) / rate,
         float(written.max(initial=-np.inf)) if written.size else float("nan"),
+        damage,
     )
 
 

@@ -84,6 +84,25 @@ class Store:
                 return f"{variable.name} {error}"
         return ""
 
+    def lacks(self, number: int) -> str:
+        """What of a task that is done is gone; without a look into what is there."""
+        gone = (one.name for one in self.layout.variables if not self._file(one, number).exists())
+        return next((f"{name} is missing" for name in gone), "")
+
+    def check_results(self) -> None:
+        """Raise StudyError where what was written is not as it was: readers take what is gone for empty."""
+        try:
+            self.coordinates()
+        except ChunkError as error:
+            raise StudyError(f"{self.path}: what varies is damaged: {error}") from None
+        for number in np.flatnonzero(self.done()).tolist():
+            if damage := self.damage(number):
+                raise StudyError(self.repair(number, damage))
+
+    def repair(self, number: int, damage: str) -> str:
+        """What is wrong with a task, and the way out."""
+        return f"{self.path}: task {number}: {damage}: run the study again, which computes it anew"
+
     def forget(self, number: int) -> None:
         """A task is not done any more."""
         self._file(self.layout.variables[-1], number).unlink(missing_ok=True)
@@ -122,7 +141,10 @@ class Store:
 
     def read(self, number: int, variable: Variable) -> NDArray[Any]:
         """Numbers of a task, over the variable's dimensions; raises ChunkError."""
-        data = read_chunk(self._file(variable, number), self.layout.size(variable))
+        try:
+            data = read_chunk(self._file(variable, number), self.layout.size(variable))
+        except ChunkError as error:
+            raise ChunkError(f"{variable.name} {error}") from None
         whole = np.frombuffer(data, np.dtype(variable.dtype).newbyteorder("<"))
         place = self.layout.place(number)
         there = tuple(slice(0, place[dim].stop - place[dim].start) for dim in variable.dims)
@@ -136,7 +158,10 @@ class Store:
             (dim, *more), name = about.get("dimension_names") or ["", ""], file.parent.name
             if more or dim not in sizes or any(name == one.name for one in self.layout.variables):
                 continue
-            data = read_chunk(file.parent / "c" / "0", 8 * sizes[dim])
+            try:
+                data = read_chunk(file.parent / "c" / "0", 8 * sizes[dim])
+            except ChunkError as error:
+                raise ChunkError(f"{name} {error}") from None
             variable = Variable(name, (dim,), (), "float64", dict(about["attributes"]))
             found[name] = variable, np.frombuffer(data, "<f8")
         return found
