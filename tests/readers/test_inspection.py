@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -94,6 +95,22 @@ def test_the_command(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["inspect", str(tmp_path / "none.csv")])
     assert result.exit_code == 2
     assert "none.csv" in result.output
+
+
+def test_a_picture_replaces_nothing_but_a_picture(tmp_path: Path) -> None:
+    walk(tmp_path / "walk.csv")
+    shutil.copy(tmp_path / "walk.csv", tmp_path / "input.svg")
+    (tmp_path / "linked.svg").symlink_to(tmp_path / "walk.csv")
+    before = (tmp_path / "walk.csv").read_bytes()
+    for target in ("walk.csv", "a.png", "input.svg", "linked.svg"):
+        words = ["inspect", str(tmp_path / "walk.csv"), "--picture", str(tmp_path / target)]
+        done = CliRunner().invoke(app, words)
+        assert done.exit_code == 2
+        assert f"--picture {tmp_path / target}: " in done.stderr
+    assert (tmp_path / "walk.csv").read_bytes() == (tmp_path / "input.svg").read_bytes() == before
+    for _ in range(2):
+        words = ["inspect", str(tmp_path / "walk.csv"), "--picture", str(tmp_path / "a.svg")]
+        assert CliRunner().invoke(app, words).exit_code == 0
 
 
 def test_the_command_says_what_keeps_a_file_from_being_read(tmp_path: Path) -> None:

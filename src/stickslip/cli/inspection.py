@@ -15,14 +15,20 @@ from .frame import Traceback, app, errors_in_one_line
 def inspect(
     file: Annotated[Path, typer.Argument(help="A measurement: CSV, NPZ, MAT, MDF 4, dSPACE, NetCDF.")],
     picture: Annotated[
-        Path | None, typer.Option(metavar="FILE.svg", help="Where its picture goes: FILE-inspect.svg here.")
+        Path | None,
+        typer.Option(
+            metavar="FILE.svg", help="Where its picture goes: FILE-inspect.svg here; over no other file."
+        ),
     ] = None,
     show_traceback: Traceback = False,
 ) -> None:
     """Say what a file holds: columns, units, sampling, gaps, noise; draw it, and print the YAML to paste."""
     with errors_in_one_line(show_traceback):
         from ..readers.inspection import inspect_file
+        from ..recording.replacing import replaced_whole
 
+        target = picture or Path(f"{file.stem}-inspect.svg")
+        _check_picture(target)
         found = inspect_file(file)
         typer.echo(str(found))
         if found.recording is None:
@@ -30,9 +36,22 @@ def inspect(
         from ..figures.recordings import recordings_together
         from ..figures.style import svg
 
-        target = picture or Path(f"{file.stem}-inspect.svg")
-        target.write_text(svg(recordings_together({file.name: found.recording})), encoding="utf-8")
+        drawn = svg(recordings_together({file.name: found.recording}))
+        with replaced_whole(target) as temporary:
+            temporary.write_text(drawn, encoding="utf-8")
         typer.echo(f"\n{target}")
+
+
+def _check_picture(target: Path) -> None:
+    """That it can be replaced: only a picture as this command writes them is, and never what is looked at."""
+    if target.suffix != ".svg":
+        raise ValueError(f"--picture {target}: the name of a picture ends in .svg")
+    if target.exists():
+        with target.open("rb") as there:
+            if there.read(4) != b"<svg":
+                raise ValueError(
+                    f"--picture {target}: what is there is no picture, and nothing is overwritten"
+                )
 
 
 @app.command()
