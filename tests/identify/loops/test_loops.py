@@ -224,6 +224,24 @@ def test_bad_recordings_are_refused(change, message: str) -> None:
         identify_loops(change(made_loops(STIFFNESS, STRENGTH)), START, ELEMENTS, reference_normal_force=5.0)
 
 
+@pytest.mark.parametrize("noise", [0.0, 0.01])
+@pytest.mark.parametrize("step", [0.0, 0.05])
+def test_a_clipped_force_is_refused_and_a_plateau_is_not(noise: float, step: float) -> None:
+    """At a rail samples are equal though others have noise; on a plateau only where none has, or where the
+    converter's steps hide it."""
+    time = np.linspace(0.0, 3.0, 601)
+    position = 6e-5 * np.sin(2.0 * np.pi * time)
+    force = stops([4e5], [2.0], position, 1.0, 0.0) + noise * np.random.default_rng(0).standard_normal(601)
+    force = np.round(force / step) * step if step else force
+    made = make_recording(time, {"position": position, "friction_force": force})
+    fit = identify_loops(made, MaxwellSlip((3e5,), (1.5,)), ["stiffness_1", "strength_1"])
+    assert fit.values["strength_1"] == pytest.approx(2.0, rel=0.01)
+    if noise > step:
+        railed = made.assign(friction_force=made["friction_force"].clip(-1.8, 1.8))
+        with pytest.raises(RecordingError, match=r"friction_force \[N\] of recording 1 is clipped"):
+            identify_loops(railed, MaxwellSlip((3e5,), (1.5,)), ["stiffness_1", "strength_1"])
+
+
 @pytest.mark.parametrize(
     ("free", "bounds", "message"),
     [

@@ -37,7 +37,7 @@ from ...simulation.varied import free_names, with_values
 from ...units import optional_si, to_si, turned
 from ..free import Bounds, beside, check_names, check_priors, known_of, parameter, with_prior
 from ..quantised import with_steps
-from ..recorded.channels import channel, names_of, recordings_of, unit_of
+from ..recorded.channels import channel, names_of, recordings_of, refuse_clipped, unit_of
 from ..recorded.known_noise import converter_step
 from .starts import loop_starts
 
@@ -108,7 +108,7 @@ def identify_loops(
         that the channel shows, free-running from the first sample.
 
     Raises:
-        RecordingError: a channel is missing, too short or constant.
+        RecordingError: a channel is missing, too short or constant; the force is clipped.
         QuantityError: a name that cannot be free, or bounds that do not fit.
         FitError: see `fit_least_squares`.
     """
@@ -122,6 +122,8 @@ def identify_loops(
     check_names(free, [*free_names(model), *CHANNEL], bounds)
     check_priors(priors, free, noise, "[N], the force's deviation")
     measured = [channel(r, OBSERVED, name, varies=True) for r, name in zip(found, names, strict=True)]
+    for name, force in zip(names, measured, strict=True):
+        refuse_clipped(force, OBSERVED, name, rests=True)
     origin = float(found[0]["time"].values[0])
     settings = (reference, origin, tolerance)
     responses = [_response(r, name, *settings) for r, name in zip(found, names, strict=True)]

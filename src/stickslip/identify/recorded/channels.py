@@ -121,12 +121,14 @@ def refuse_clipped(
     where: str,
     drive: NDArray[np.float64] | None = None,
     step: float = 0.0,
+    rests: bool = False,
 ) -> None:
     """Raise `RecordingError` if a channel stands at its greatest or least value as a saturated one does.
 
     That is: it comes to it in full motion and stays there exactly, for `FEWEST_CLIPPED` samples; and where it
     follows a `drive` [n], that moves meanwhile, by more than what the `step` between the channel's levels
-    hides.
+    hides. What `rests` at its ends, as the force of a contact that slips, is clipped if it has noise
+    elsewhere, however it comes there.
     """
     meaning = STANDARD_NAMES.get(name)
     unit = f" [{meaning.unit}]" if meaning else ""
@@ -142,12 +144,27 @@ def refuse_clipped(
             before = change[max(first - 2, 0) : first].max(initial=0.0)
             if drive is not None and np.ptp(drive[first:last]) <= hidden:
                 continue
-            if last - first >= FEWEST_CLIPPED and before >= 0.5 * np.median(moving):
+            if last - first < FEWEST_CLIPPED:
+                continue
+            if _noisy(values) if rests else before >= 0.5 * np.median(moving):
                 raise RecordingError(
                     f"{name}{unit} of {where} is clipped: it stays at its {what} value, {end:g}, for "
                     f"{last - first} samples from sample {first} on; it must be recorded within the sensor's "
                     "and the converter's range"
                 )
+
+
+def _noisy(values: NDArray[np.float64]) -> bool:
+    """Whether a channel has noise above the steps of its converter, where it is not at its ends: fourth
+    differences of noise turn from one to the next, and those of what is smooth do not."""
+    ends = (values == values.max()) | (values == values.min())
+    runs = np.split(values, np.flatnonzero(np.diff(ends)) + 1)
+    turns = [change[1:] * change[:-1] for change in (np.diff(run, 4) for run in runs if run.size > 5)]
+    turns = np.concatenate([np.zeros(0), *turns])
+    turns = turns[turns != 0.0]
+    apart = np.diff(np.unique(values))
+    least = 2.0 * apart[apart > 1e-9 * np.ptp(values)].min()
+    return bool(turns.size and np.mean(turns < 0.0) > 0.5 and np.median(-turns) > 70.0 * least**2)
 
 
 def edges(drive: NDArray[np.float64]) -> NDArray[np.bool_]:
