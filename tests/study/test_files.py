@@ -179,7 +179,13 @@ def test_other_results_are_told(stores: Path, tmp_path: Path) -> None:
     assert value.members == 22 + 12  # not where y = 0; and 12 that there are in one alone
     assert value.greatest == pytest.approx(0.11)
     assert any("measure.function" in said for said in found.said)
-    assert stickslip("study", "compare", stores / "whole.zarr", tmp_path / "s.zarr").exit_code == 1
+    told = stickslip("study", "compare", stores / "whole.zarr", tmp_path / "s.zarr")
+    assert told.exit_code == 1
+    assert "Error" not in told.stderr
+    assert (
+        "value: 34 members differ, by up to 0.11 m, 12 of them have a number in one store alone"
+        in told.stdout
+    )
     with pytest.raises(StudyDiffers, match="is of another study"):
         merge_studies([stores / "shard1.zarr", tmp_path / "s.zarr"], tmp_path / "m.zarr")
     empty = _empty(tmp_path)

@@ -140,15 +140,16 @@ def compare(first: StoreFolder, second: StoreFolder, show_traceback: Traceback =
         typer.echo(f"{found.both:,} members in both, {found.only_first:,} and {found.only_second:,} in one")
         for one in found.variables:
             typer.echo(f"  {one.name}: {_difference(one)}")
-        if not found.equal:
-            raise typer.Exit(1)
+    if not found.equal:
+        raise typer.Exit(1)
 
 
 def _difference(one: Any) -> str:
     if not one.members:
         return "equal"
     most = f", by up to {one.greatest:.3g} {one.unit}".rstrip() if one.greatest == one.greatest else ""
-    return f"{one.members:,} members differ{most}"
+    alone = f", {one.alone:,} of them have a number in one store alone" if one.alone else ""
+    return f"{one.members:,} members differ{most}{alone}"
 
 
 @study.command()

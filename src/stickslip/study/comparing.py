@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import uuid
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -19,13 +20,14 @@ from .store import Store, blocks, open_study
 
 
 class Comparison(NamedTuple):
-    """How one variable of two stores differs: members for which it does, and by how much at most, in its unit
-    (NaN for texts)."""
+    """How one variable of two stores differs: members for which it does, by how much at most, in its unit
+    (NaN where no two numbers differ), and members that have a number in one store alone."""
 
     name: str
     unit: str
     members: int
     greatest: float
+    alone: int
 
 
 class Compared(NamedTuple):
@@ -64,7 +66,7 @@ def compare_studies(
     for one in (a, b):
         one.check_results()
     other = open_study(b.path)
-    members, greatest, units = {}, {}, {}
+    members, greatest, units, alone = {}, {}, {}, Counter[str]()
     counts = np.zeros(3, dtype=int)
     for i, (place, mine) in enumerate(blocks(a)):
         there = other.isel(place).load()
@@ -82,10 +84,12 @@ def compare_studies(
             units[name] = str(mine[name].attrs.get("units", ""))
             if x.dtype.kind == "f":
                 differing = np.abs(x - y)[off & both.reshape(both.shape + (1,) * len(extra))]
-                most = float(np.nanmax(differing, initial=0.0))
-                greatest[name] = max(greatest.get(name, 0.0), most)
+                numbers = differing[~np.isnan(differing)]
+                if numbers.size:
+                    greatest[name] = max(greatest.get(name, 0.0), float(numbers.max()))
+                alone[name] += int(((np.isnan(x) != np.isnan(y)).any(axis=extra) & both).sum())
         progress("comparing", (i + 1) / a.layout.tasks)
-    found = [Comparison(str(n), units[n], members[n], greatest.get(n, float("nan"))) for n in members]
+    found = [Comparison(n, units[n], members[n], greatest.get(n, float("nan")), alone[n]) for n in members]
     first_only, second_only, both = counts.tolist()
     return Compared(differences(a.description, b.description), first_only, second_only, both, found)
 
