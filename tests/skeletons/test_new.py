@@ -151,6 +151,11 @@ def test_paths_are_relative_to_the_file_that_names_them(recorded: Path, tmp_path
     assert (tmp_path / "deep" / one["file"]).resolve() == (recorded / "walk_65V.nc").resolve()
 
 
+def test_help_names_all_kinds() -> None:
+    told = run("new", "--help").output
+    assert all(kind in told for kind in KINDS)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_nothing_is_overwritten(kind: str, tmp_path: Path) -> None:
     target = tmp_path / KINDS[kind].file

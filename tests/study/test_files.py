@@ -269,6 +269,8 @@ def test_exports_say_the_same(stores: Path, tmp_path: Path, ending: str) -> None
     else:
         table = pd.read_csv(file)[["x [m]", "y", "value [m]"]]
     np.testing.assert_array_equal(table.to_numpy(float), expected)
+    again = stickslip("study", "export", stores / "whole.zarr", file)
+    assert (again.exit_code, f"{file}: it is there already" in again.stderr) == (1, True)
     assert export_study(stores / "whole.zarr", file) == 36
     assert [f.name for f in tmp_path.iterdir()] == [file.name]
 

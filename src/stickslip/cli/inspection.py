@@ -60,7 +60,7 @@ def new(
         str,
         typer.Argument(
             autocompletion=completion.skeletons,
-            help="campaign, identification, experiment, actuator, law or waveform.",
+            help="campaign, identification, experiment, design, actuator, law or waveform.",
         ),
     ],
     recordings: Annotated[

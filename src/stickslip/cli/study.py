@@ -170,13 +170,17 @@ def merge(
 @study.command()
 def export(
     store: StoreFolder,
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="Ends in .nc, .parquet or .csv.")],
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="Ends in .nc, .parquet or .csv; never over another.")
+    ],
     show_traceback: Traceback = False,
 ) -> None:
     """Write the results so far as NetCDF, Parquet or CSV."""
     with errors_in_one_line(show_traceback):
         from ..study import export_study
 
+        if file.exists():
+            raise FileExistsError(17, "it is there already, and nothing is overwritten", str(file))
         with progress_bar() as progress:
             count = export_study(store, file, progress)
         typer.echo(f"{file}: {count:,} members")
