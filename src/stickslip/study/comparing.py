@@ -76,7 +76,7 @@ def compare_studies(
         done = [one["status"].values != -1 for one in (mine, there)]
         both = done[0] & done[1]
         counts += [int((done[0] & ~done[1]).sum()), int((done[1] & ~done[0]).sum()), int(both.sum())]
-        for name in (n for n in mine.data_vars if n in there):
+        for name in (str(n) for n in mine.data_vars if n in there):
             x, y = mine[name].values, there[name].values
             off = _apart(x, y)
             extra = tuple(range(both.ndim, off.ndim))
