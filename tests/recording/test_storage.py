@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import subprocess
 import sys
 from pathlib import Path
@@ -102,6 +103,19 @@ def test_where_a_recording_cannot_go(tmp_path: Path) -> None:
         save_recording(_recording(), tmp_path / "nowhere" / "a.nc")
     with pytest.raises(RecordingError, match="no variables"):
         save_recording(_recording().drop_vars("position"), tmp_path / "a.nc")
+
+
+def test_a_damaged_head_is_one_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    unheard: list[object] = []
+    monkeypatch.setattr(sys, "unraisablehook", unheard.append)
+    path = save_recording(_recording(), tmp_path / "a.nc")
+    content = bytearray(path.read_bytes())
+    content[content.index(b"OHDR") + 6] ^= 255
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match=r"a\.nc: not a readable NetCDF 4 file .*checksum"):
+        open_recording(path)
+    gc.collect()
+    assert not unheard
 
 
 def test_what_cannot_be_opened(tmp_path: Path) -> None:
