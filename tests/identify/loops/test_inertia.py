@@ -56,6 +56,34 @@ def test_values_and_their_intervals(closed: bool) -> None:
     assert np.mean(inside) > 0.8
 
 
+@pytest.mark.parametrize("window", [0.016, 0.03])
+def test_where_the_body_is_makes_no_force_in_windows_of_few_samples(window: float) -> None:
+    """Far from zero, sums of few samples told an offset of many newtons and a negative friction."""
+    time = np.linspace(0.0, 2.0, 2001)
+    phase = 10.0 * np.pi * time
+    position = 1e-2 + 1e-4 * np.sin(phase) + 1e-8 * np.random.default_rng(0).standard_normal(time.size)
+    force = -2.0 * (10.0 * np.pi) ** 2 * 1e-4 * np.sin(phase) + 5.0 * 1e-3 * np.pi * np.cos(phase) + 0.3
+    tied = {"coulomb_force": "'0 N'"}
+    fit = identify_inertia(
+        make_recording(time, {"position": position, "force": force}), window=window, tied=tied
+    )
+    for name in ("mass", "viscous", "offset"):
+        low, high = fit.confidence_intervals(0.99)[name]
+        assert low < TRUTH[name] < high, name
+    assert not fit.failures
+
+
+def test_what_no_body_has_is_said() -> None:
+    run = driven(0)
+    (said,) = identify_inertia(run.assign(force=-run["force"]), window=0.15).failures
+    assert "the mass is negative" in said
+    late = run.isel(time=slice(60, None))
+    late["position"] = ("time", run["position"].values[:-60])
+    (said,) = identify_inertia(late, window=0.15).failures
+    assert "viscous friction is negative: the position is late" in said
+    assert not identify_inertia(run, window=0.15).failures
+
+
 def test_what_turns_has_a_moment_of_inertia() -> None:
     fit = identify_inertia(driven(0, turns=True), window=0.15, position="angle", force="torque")
     units = {p.name: p.unit for p in fit.parameters}

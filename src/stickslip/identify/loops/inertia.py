@@ -25,6 +25,7 @@ from scipy.ndimage import uniform_filter1d
 
 from ...estimate.coloured import with_inherited
 from ...estimate.fit import fit_least_squares
+from ...estimate.lack import FALSE_ALARM
 from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import FitError, Residuals
 from ...estimate.result import Fit
@@ -66,7 +67,8 @@ def identify_inertia(
 
     Returns:
         A fit of mass [kg or kg m^2], viscous [N s/m or N m s/rad], coulomb_force and offset [N or N m]; the
-        residuals are of the averaged force. The noise of the position counts in the uncertainty.
+        residuals are of the averaged force. The noise of the position counts in the uncertainty. Its
+        `failures` name a mass or a viscous friction below zero, which a wrong sign or a late position makes.
 
     Raises:
         RecordingError: a channel is missing, too short or constant.
@@ -100,7 +102,17 @@ def identify_inertia(
         with_ties(free, tied),
         jacobian=lambda values: np.concatenate([d for d, _, _ in parts]),
     )
-    return _with_noise_of_position(fit, moved)
+    fit = _with_noise_of_position(fit, moved)
+    return replace(fit, doubts=_doubts(fit))
+
+
+def _doubts(fit: Fit) -> tuple[str, ...]:
+    """What no body has, said with what makes it appear; the friction's sign as surely as a lack of fit."""
+    if fit.values["mass"] < 0.0:
+        return ("the mass is negative: the force or the position has the wrong sign",)
+    if fit.confidence_intervals(1.0 - 2.0 * FALSE_ALARM)["viscous"][1] < 0.0:
+        return ("viscous friction is negative: the position is late, or another force drives the body",)
+    return ()
 
 
 def _vector(values: Values) -> Array:
@@ -125,6 +137,14 @@ def _noise(position: Array) -> float:
     return float(np.median(np.abs(np.diff(position, 4)))) / (0.6745 * np.sqrt(70.0))
 
 
+def _exact(weights: Array, shape: Array, s: Array, moments: Sequence[float]) -> Array:
+    """The weights, changed in proportion to the window's shape, with these moments of 1, s - 1/2 and its
+    square: those of the integrals. The sums of few samples have others, by which a place is a force."""
+    powers = (s - 0.5) ** np.arange(3)[:, None]
+    missing = np.linalg.solve((powers * shape) @ powers.T, moments - powers @ weights)
+    return weights + shape * (missing @ powers)
+
+
 class _Averages:
     """Integrals over windows of one recording, each over the integral of the window."""
 
@@ -141,6 +161,10 @@ class _Averages:
         slope = 4.0 * s**3 * (1.0 - s) ** 3 * (1.0 - 2.0 * s)
         bend = 12.0 * s**2 * (1 - s) ** 2 * (1 - 2 * s) ** 2 - 8.0 * s**3 * (1 - s) ** 3
         whole = float(shape.sum())
+        slope, bend = (
+            _exact(slope, shape, s, [0.0, -whole, 0.0]),
+            _exact(bend, shape, s, [0.0, 0.0, 2.0 * whole]),
+        )
         length = size * interval
         self.size, self.smooth = size + 1, max(3, size // SMOOTHED) | 1
         self.shape, self.slope, self.bend = shape / whole, slope / whole / length, bend / whole / length**2
