@@ -81,6 +81,18 @@ def test_a_converter_that_stands_still_at_rest_is_no_sign_of_none() -> None:
     assert lack_of_fit(r, KnownNoise(at_rest=REST, step=0.1), "walk").seen
 
 
+@pytest.mark.parametrize("analogue", [0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5])
+def test_a_converter_hides_noise_at_rest_that_motion_shows(analogue: float) -> None:
+    """On the middle of a step, noise of its fifth hardly ever leaves it: what motion adds is no misfit."""
+    random = np.random.default_rng(11)
+    motion = np.concatenate([np.zeros(500), np.linspace(0.0, 1500.0, 4500)])
+    seen = []
+    for _ in range(20):
+        r = motion - np.round(motion + analogue * random.standard_normal(5000))
+        seen.append(lack_of_fit(r, KnownNoise(at_rest=500, step=1.0), "walk").seen)
+    assert np.mean(seen) <= 0.05
+
+
 def test_where_nothing_is_known_nothing_is_said() -> None:
     lack = lack_of_fit(np.sin(np.arange(N)), KnownNoise(), "walk")
     assert not lack.seen

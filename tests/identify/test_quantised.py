@@ -56,3 +56,5 @@ def test_steps_are_seen_where_there_are_some() -> None:
     assert converter_step(np.round(x / 1e-7) * 1e-7) == pytest.approx(1e-7)
     assert converter_step(x) == 0.0
     assert converter_step(x + 1e-8 * np.random.default_rng(0).standard_normal(1000)) == 0.0
+    fast = np.concatenate([np.zeros(100), np.cumsum(np.random.default_rng(1).integers(1, 6, 900))])
+    assert converter_step(1e-7 * fast) == pytest.approx(1e-7), "most samples stand at levels of their own"

@@ -26,6 +26,8 @@ from scipy.ndimage import uniform_filter1d
 FALSE_ALARM = 0.005
 # Less than so much more than the noise is no lack: delays stand in for filters, polynomials for curves.
 LEAST_RATIO = 1.1
+# Noise that leaves a level of the converter more often than this shows its whole variance at rest.
+MOST_HIDDEN = 0.3
 # At least so many samples at rest, an eighth of which is the longest time over which differences are taken.
 FEWEST_AT_REST = 40
 FEWEST_PERIODS = 3
@@ -152,18 +154,28 @@ def _by_rest(r: Array, known: KnownNoise) -> _Compared | None:
     lags = np.unique(np.geomspace(1, n // 8, 3).astype(int))
     for lag in lags:
         quiet, moving = (0.5 * (part[lag:] - part[:-lag]) ** 2 for part in (r[:n], r[n:]))
-        least = known.step**2 / 12.0
-        noise, left = max(float(quiet.mean()), least), float(moving.mean())
+        noise, left = _in_motion(float(quiet.mean()), known.step, n), float(moving.mean())
         if noise <= 0.0:
             continue
         counts = [independent_samples(part[lag:] - part[:-lag], int(lag)) for part in (r[:n], r[n:])]
-        if float(quiet.mean()) < least:
-            counts[0] = 1e6  # of the converter's steps, known exactly
         chance = float(stats.f.sf(left / noise, max(counts[1], 1.0), max(counts[0], 1.0))) * lags.size
         one = _Compared(math.sqrt(left / noise), min(chance, 1.0), "before it moves")
         if worst is None or one.chance < worst.chance:
             worst = one
     return worst
+
+
+def _in_motion(quiet: float, step: float, samples: int) -> float:
+    """The variance in motion of noise whose variance at rest, seen through a converter's steps, is `quiet`.
+
+    At rest the converter may stand on one level and show nothing. In motion its error is that of its step,
+    beside the noise before it: at most what would leave the middle of a step as often as is seen at rest.
+    """
+    if step <= 0.0:
+        return quiet
+    leaves = min(max(quiet / step**2, 1.0 / samples), MOST_HIDDEN)
+    hidden = 0.5 * step / float(stats.norm.isf(0.5 * leaves))
+    return max(quiet, hidden**2 + step**2 / 12.0)
 
 
 def _by_periods(r: Array, known: KnownNoise) -> _Compared | None:
