@@ -57,8 +57,9 @@ def test_from_a_file_of_ones_own(tmp_path: Path) -> None:
     assert fit.values["offset"] == pytest.approx(-2e-5, rel=1e-3)
 
 
-def test_a_delay_is_found_without_being_asked_for() -> None:
-    drive, recording = walk(0.1, late=2)
+@pytest.mark.parametrize("offset", [0.0, 1e-6], ids=["alone", "beside an offset at rest"])
+def test_a_delay_is_found_without_being_asked_for(offset: float) -> None:
+    drive, recording = walk(0.1, offset, late=2)
     fit = ss.identify_friction(recording, KANG, FREE, drive=drive)
     assert fit.values["delay"] == pytest.approx(2e-3, abs=4 * fit.standard_errors["delay"])
     assert fit.r_squared > 0.9998

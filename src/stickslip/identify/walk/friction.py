@@ -236,16 +236,13 @@ def _with_channel(
     had = {*free, *(p.name for p in walks.ties.beside if p.tied)}
     if channel is not None:
         return fitted([*free, *(name for name in channel if name not in had)])
-    fit = None
     asked = [name for name in shown_at_rest(walks.known, walks.measured) if name not in had]
-    if not asked:
-        fit = fitted(free)
-        asked = asked_for(fit, [m.time for m in walks.motions], walks.measured, first, had)
-    if not asked:
-        assert fit is not None
-        return fit
     fit = fitted([*free, *asked])
-    return replace(fit, remarks=(*fit.remarks, said_free(fit, asked)))
+    more = asked_for(fit, [m.time for m in walks.motions], walks.measured, first, had.union(asked))
+    if more:
+        asked = [name for name in CHANNEL if name in (*asked, *more)]
+        fit = fitted([*free, *asked])
+    return replace(fit, remarks=(*fit.remarks, said_free(fit, asked))) if asked else fit
 
 
 def _completed(fit: Fit, walks: Walks, slew_rate: float | None, tolerance: float) -> Fit:
