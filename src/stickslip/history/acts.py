@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import threading
 from collections.abc import Iterable
@@ -19,7 +20,10 @@ def note_act(folder: Path, act: str, name: str, **more: Any) -> dict[str, Any]:
         OSError: the folder cannot be written.
     """
     line = {"time": datetime.now(UTC).isoformat(timespec="seconds"), "act": act, "name": name, **more}
-    with (folder / FILE).open("a", encoding="utf-8") as file:
+    path = folder / FILE
+    if path.exists() and not path.is_file():  # a pipe would keep who writes to it waiting
+        raise FileExistsError(errno.EEXIST, "no plain file", str(path))
+    with path.open("a", encoding="utf-8") as file:
         file.write(json.dumps(line, ensure_ascii=False) + "\n")
     return line
 
@@ -46,6 +50,8 @@ def read_acts(folder: Path) -> list[dict[str, Any]]:
     with _READING:
         known = _KNOWN.get(path, _Known(0, b"", []))
         try:
+            if not path.is_file():
+                raise FileNotFoundError(path)
             with path.open("rb") as file:
                 file.seek(max(known.end - len(known.tail), 0))
                 if file.read(len(known.tail)) != known.tail:  # another file

@@ -201,8 +201,9 @@ class Index:
             store = "zarr.json" in names  # of a study, whose chunks are no recordings
             folders[:] = [] if store else sorted(one for one in folders if not one.startswith("."))
             if "results.json" in names and "report.html" in names and "experiment.log" not in names:
-                parts = [Path(folder, one).stat() for one in ("results.json", *NOTES) if one in names]
-                if Path(folder) != self.folder:
+                files = [path for one in ("results.json", *NOTES) if (path := Path(folder, one)).is_file()]
+                parts = [path.stat() for path in files]
+                if Path(folder) != self.folder and Path(folder, "results.json") in files:
                     size = max(one.st_mtime for one in parts), sum(one.st_size for one in parts)
                     yield Path(folder).relative_to(self.folder).as_posix(), size
             for name in names:  # as texts: it is asked again and again, of thousands of them

@@ -195,9 +195,8 @@ def _last(folder: Folder) -> tuple[dict[str, Any], dict[str, bytes]]:
             inside = folder.path(folder.name(path))
             state = json.loads(inside.read_text(encoding="utf-8"))
             FitRequest.model_validate(state["request"])
-            frames = {
-                one.stem.removeprefix("shown_"): one.read_bytes() for one in path.parent.glob("shown_*.bin")
-            }
+            found = [folder.path(folder.name(one)) for one in path.parent.glob("shown_*.bin")]
+            frames = {one.stem.removeprefix("shown_"): one.read_bytes() for one in found}
             return state, frames
         except (ValueError, KeyError, TypeError, OSError):
             continue  # of another version, or not ours

@@ -50,7 +50,8 @@ class Folder:
         """Where the file of that name is, or would be.
 
         Raises:
-            FolderError: the name leads out of the folder, by dots or by a link, or is no plain name.
+            FolderError: the name leads out of the folder, by dots or by a link, is no plain name, or that of
+                what may never answer who opens it: a pipe, a socket, a device.
         """
         parts = name.split("/")
         if not name or len(name) > 400 or not name.isprintable() or any(bad in name for bad in "\\:"):
@@ -60,6 +61,8 @@ class Folder:
         found = Path(os.path.realpath(self.root.joinpath(*parts)))
         if not found.is_relative_to(self.root):
             raise FolderError(f"{name[:60]!r} leads out of the panel's folder")
+        if not found.is_file() and not found.is_dir() and found.exists():
+            raise FolderError(f"{name[:60]!r} is no plain file")
         return found
 
     def name(self, path: Path) -> str:

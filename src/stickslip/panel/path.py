@@ -16,7 +16,7 @@ from typing import Any
 from fastapi import APIRouter, Request
 from pydantic import Field
 
-from ..actuator import Actuator, load_actuator
+from ..actuator import Actuator
 from ..history import Index, note_act
 from ..history.index import SETS
 from ..identify.results import model_of
@@ -32,6 +32,7 @@ from .control import Control
 from .document import BenchDocument
 from .folder import Folder, FolderError
 from .journal import Journal
+from .sets import Sets
 from .stream import Hub
 
 PREDICTIONS = "predictions"  # the folder
@@ -51,7 +52,7 @@ class Save(Strict):
 
 
 class Prediction(Strict):
-    """A parameter set of the folder and a periodic drive."""
+    """A parameter set, see `Sets`, and a periodic drive."""
 
     parameters: str
     shape: str = Field(pattern="^(Sawtooth|ReverseSawtooth|Triangle|Cycloid|Sine)$")
@@ -74,7 +75,13 @@ class Check(Strict):
 
 
 def path_routes(
-    folder: Folder, hub: Hub, control: Control, journal: Journal, document: BenchDocument, read: Reader
+    folder: Folder,
+    hub: Hub,
+    control: Control,
+    journal: Journal,
+    document: BenchDocument,
+    read: Reader,
+    sets: Sets,
 ) -> APIRouter:
     """The routes, of the Identify page and of the history."""
     routes = APIRouter(prefix="/path")
@@ -101,8 +108,7 @@ def path_routes(
 
     @routes.post("/predict")
     def predict(asked: Prediction) -> dict[str, Any]:
-        actuator = load_actuator(folder.path(asked.parameters))
-        made, numbers = _predicted(actuator, asked)
+        made, numbers = _predicted(sets.actuator(asked.parameters), asked)
         made.attrs["links"] = json.dumps({"parameters": [asked.parameters]})
         name = f"{PREDICTIONS}/{datetime.now():%Y-%m-%d_%H%M%S_%f}.nc"
         folder.path(name).parent.mkdir(exist_ok=True)

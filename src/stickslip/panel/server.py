@@ -93,7 +93,7 @@ def create_app(
     moves = Moves(files, hub, control, journal, document, runner, live, starter, read)
     readiness = Readiness(hub)
     fitting, searches = Fitting(files, hub, readiness), Searches(hub)
-    studies = Studies(files, journal)
+    studies, sets = Studies(files, journal), Sets(files)
 
     async def beat() -> None:
         """Every second a sign of life: silence tells a page that the connection is lost."""
@@ -130,12 +130,11 @@ def create_app(
     app.include_router(sequence_routes(control, sequencer))
     app.include_router(statistics_routes(control, statistics))
     app.include_router(move_routes(control, moves))
-    app.include_router(path_routes(files, hub, control, journal, document, read))
+    app.include_router(path_routes(files, hub, control, journal, document, read, sets))
     app.include_router(recording_routes(files, hub, control, read))
     app.include_router(history_routes(files, hub, control, read))
     app.include_router(study_routes(files, studies, journal, read))
 
-    sets = Sets(files)
     app.include_router(explore_routes(sets))
     app.include_router(design_routes(sets, searches, control, journal, hub, document))
     app.include_router(identify_routes(files, fitting, read, sets))

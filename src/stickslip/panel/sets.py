@@ -70,21 +70,28 @@ class Sets:
         return _of_file(path, (status.st_mtime_ns, status.st_size))
 
 
-def check_own(path: Path) -> None:
+def check_own(path: Path, above: tuple[Path, ...] = ()) -> None:
     """Nothing, unless the file is a parameter set or a bench with a law or sensors of a user's own file that
-    the panel was not started with.
+    the panel was not started with; or names one, as a bench its base.
 
     Raises:
         RegistryError: it is.
+        ParameterSetError: it is no plain file, and may never answer who opens it.
     """
-    named: list[Any] = []
-    if path.suffix == ".toml":
+    named, below = list[Any](), list[Path]()
+    if path.suffix == ".toml" and path not in above:
+        if path.exists() and not path.is_file():
+            raise ParameterSetError(f"{path}: no plain file")
         with suppress(ParameterSetError, AttributeError):  # who loads it says what is wrong
             content = read_toml(path)
             named = [content.get("friction", {}).get("law")]
+            files = [one for one in content.values() if isinstance(one, str) and one.endswith(".toml")]
+            below = [(path.parent / one).resolve() for one in files]
             named += [one.get("type") for one in content.get("sensor", {}).values()]
     for text in named:
         check_used(str(text), path.parent)
+    for one in below:
+        check_own(one, (*above, path))
 
 
 @cache

@@ -1,0 +1,97 @@
+"""The way on from a fit without a browser: what is refused, and files that never answer."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+
+from stickslip.panel import create_app
+
+from .serving import client_of
+from .test_bench_routes import ME, change
+from .test_saved_sets import BRASS, save_set
+
+SHAPE = {"shape": "Sawtooth", "amplitude": "65 V", "frequency": "5 Hz", "periods": 2}
+
+
+@pytest.fixture
+def client(tmp_path: Path) -> Iterator[httpx.Client]:
+    """A panel on a folder with pipes in it, which nobody writes to."""
+    (tmp_path / "fits" / "piped").mkdir(parents=True)
+    (tmp_path / "fits" / "piped" / "report.html").touch()
+    (tmp_path / "parameters").mkdir()
+    for name in ("f.nc", "f.csv", "f.toml", "f.json", "f.yaml", "parameters/f.toml"):
+        os.mkfifo(tmp_path / name)
+    os.mkfifo(tmp_path / "fits" / "piped" / "results.json")
+    (tmp_path / "on_a_pipe.toml").write_text('kind = "bench"\nbase = "f.toml"\n')
+    with client_of(create_app(tmp_path), **ME) as made:
+        made.timeout = 10.0
+        yield made
+
+
+def test_no_route_opens_a_pipe(client: httpx.Client, tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "acts.jsonl")
+    for path, body in (
+        *(("/path/predict", {**SHAPE, "parameters": n}) for n in ("f.nc", "f.toml", "parameters/f.toml")),
+        ("/path/save", {"fit": "fits/piped", "name": "brass"}),
+        ("/path/save", {"fit": "f.nc", "name": "brass"}),
+        ("/path/verify", {"fit": "fits/piped", "recordings": ["f.nc"]}),
+        ("/path/send", {"prediction": "f.nc"}),
+        ("/history/annotate", {"name": "f.nc", "notes": "x"}),
+        ("/history/annotate", {"name": "fits/piped", "notes": "x"}),
+        ("/history/detail", {"name": "fits/piped"}),
+        ("/history/differences", {"names": ["f.nc", "fits/piped"]}),
+        ("/history/overlay", {"names": ["f.nc", "f.csv"], "channel": "drive_voltage"}),
+        ("/recordings/show", {"name": "f.csv"}),
+        ("/recordings/rename", {"name": "f.nc", "to": "g.nc"}),
+        ("/bench/load", {"name": "f.yaml"}),
+        ("/bench/save", {"name": "f.yaml"}),
+        ("/studies/begin", {"file": "f.yaml"}),
+        ("/studies/state", {"name": "f.nc"}),
+        ("/api/identify/start", {"recordings": ["f.nc"], "set": "kang2007", "law": "LuGre", "free": []}),
+    ):
+        answer = client.post(path, json=body)
+        assert 400 <= answer.status_code < 500 or "wrong" in answer.json(), (path, answer.text)
+    for path in ("/history", "/history/bin", "/recordings", "/studies", "/api/identify/recordings"):
+        assert client.get(path).status_code == 200
+    assert client.get("/recordings/export", params={"name": "f.nc"}).status_code == 400
+    assert client.get("/api/identify/report/fits/piped").status_code == 200
+    for place, value in (
+        (["rig", "bench"], "f.toml"),
+        (["rig", "bench"], "on_a_pipe.toml"),
+        (["actuator", "set"], "f.toml"),
+        (["runs", 0, "waveform"], [{"file": "f.csv"}]),
+        (
+            ["channels", "end_effector_position"],
+            {"input": "end_effector_position", "calibration": ["f.json"]},
+        ),
+    ):
+        answer = change(client, place, value)
+        assert answer.status_code == 400, (place, answer.text)
+        assert "plain file" in answer.text, (place, answer.text)
+
+
+def test_a_file_that_was_not_used_is_not_run_for_the_base_of_a_bench(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(f"open({str(tmp_path / 'ran')!r}, 'w')")
+    (tmp_path / "base.toml").write_text('base = "kang2007-bench"\n[sensor.mine]\ntype = "mine.py:Mine"\n')
+    (tmp_path / "bench.toml").write_text('kind = "bench"\nbase = "base.toml"\n')
+    with client_of(create_app(tmp_path), **ME) as client:
+        client.get("/bench/rigs").raise_for_status()
+        assert (
+            "mine.py:Mine is of a file that is not run" in change(client, ["rig", "bench"], "bench.toml").text
+        )
+    assert not (tmp_path / "ran").exists()
+
+
+def test_only_parameter_sets_are_predicted_with(client: httpx.Client, tmp_path: Path) -> None:
+    save_set(tmp_path, BRASS, sigma_0=2e6)
+    save_set(tmp_path, "elsewhere.toml")
+    assert (
+        "none of those" in client.post("/path/predict", json={**SHAPE, "parameters": "elsewhere.toml"}).text
+    )
+    made = client.post("/path/predict", json={**SHAPE, "parameters": BRASS}, timeout=300.0)
+    assert made.status_code == 200, made.text
