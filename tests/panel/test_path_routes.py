@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,7 +10,9 @@ from pathlib import Path
 import httpx
 import pytest
 
+import stickslip as ss
 from stickslip.panel import create_app
+from stickslip.recording import save_recording
 
 from .serving import client_of
 from .test_bench_routes import ME, change
@@ -87,7 +90,9 @@ def test_a_file_that_was_not_used_is_not_run_for_the_base_of_a_bench(tmp_path: P
     assert not (tmp_path / "ran").exists()
 
 
-def test_only_parameter_sets_are_predicted_with(client: httpx.Client, tmp_path: Path) -> None:
+def test_only_parameter_sets_are_predicted_with_and_only_predictions_sent(
+    client: httpx.Client, tmp_path: Path
+) -> None:
     save_set(tmp_path, BRASS, sigma_0=2e6)
     save_set(tmp_path, "elsewhere.toml")
     assert (
@@ -95,3 +100,16 @@ def test_only_parameter_sets_are_predicted_with(client: httpx.Client, tmp_path: 
     )
     made = client.post("/path/predict", json={**SHAPE, "parameters": BRASS}, timeout=300.0)
     assert made.status_code == 200, made.text
+    assert client.post("/path/send", json={"prediction": made.json()["name"]}).status_code == 200
+    walk = ss.open_recording(tmp_path / made.json()["name"])
+    for variables in (
+        {"voltage": 65.0},
+        {"shape": "Sawtooth", "amplitude": 65.0},
+        [1],
+        {**SHAPE, "periods": 0},
+    ):
+        walk.attrs["variables"] = json.dumps(variables)
+        save_recording(walk, tmp_path / "walk.nc")
+        answer = client.post("/path/send", json={"prediction": "walk.nc"})
+        assert answer.status_code == 400
+        assert "walk.nc is no prediction" in answer.text

@@ -26,7 +26,7 @@ from ..readers.process import Reader
 from ..recording import make_recording, save_recording
 from ..registry import used_files
 from ..simulation import simulate, steady_step
-from ..units import QuantityError, to_si, with_prefix
+from ..units import QuantityError, with_prefix
 from ..waveform.signal import shape
 from .control import Control
 from .document import BenchDocument
@@ -51,14 +51,23 @@ class Save(Strict):
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_. -]{0,59}$")
 
 
-class Prediction(Strict):
-    """A parameter set, see `Sets`, and a periodic drive."""
+class Drive(Strict):
+    """A periodic drive, as a prediction keeps it too."""
 
-    parameters: str
     shape: str = Field(pattern="^(Sawtooth|ReverseSawtooth|Triangle|Cycloid|Sine)$")
     amplitude: float | str
     frequency: float | str
     periods: int = Field(ge=1, le=1000)
+
+    def forever(self) -> Any:
+        """The waveform without an end; QuantityError for a wrong value."""
+        return shape(self.shape)(amplitude=self.amplitude, frequency=self.frequency)
+
+
+class Prediction(Drive):
+    """A parameter set, see `Sets`, and its drive."""
+
+    parameters: str
 
 
 class Sent(Strict):
@@ -120,7 +129,7 @@ def path_routes(
         control.need(request.headers.get("x-client", ""))
         recording = read(folder.path(asked.prediction))
         try:
-            drive = json.loads(str(recording.attrs["variables"]))
+            drive = Drive.model_validate_json(str(recording.attrs["variables"]))
         except (KeyError, ValueError):
             raise QuantityError(f"{asked.prediction} is no prediction: it names no drive") from None
         runs = [one for one in document.checked.content["runs"] if one["name"] != PREDICTED]
@@ -194,12 +203,9 @@ def _known(parameter: dict[str, Any]) -> bool:
 
 
 def _predicted(actuator: Actuator, asked: Prediction) -> tuple[Any, dict[str, Any]]:
-    amplitude, frequency = (
-        to_si(asked.amplitude, "V", "amplitude"),
-        to_si(asked.frequency, "Hz", "frequency"),
-    )
-    forever = shape(asked.shape)(amplitude=amplitude, frequency=frequency)
-    duration = asked.periods / forever.frequency
+    forever = asked.forever()
+    amplitude, frequency = forever.amplitude, forever.frequency
+    duration = asked.periods / frequency
     if duration > _LONGEST:
         raise QuantityError(
             f"{asked.periods} periods at {with_prefix(frequency, 'Hz')} take {duration:.3g} s; a prediction "
@@ -228,19 +234,20 @@ def _predicted(actuator: Actuator, asked: Prediction) -> tuple[Any, dict[str, An
     return made, {"net_displacement": float(position[-1] - position[0]), "steady_step": step}
 
 
-def _run(prediction: str, drive: dict[str, Any], runs: list[dict[str, Any]]) -> dict[str, Any]:
+def _run(prediction: str, drive: Drive, runs: list[dict[str, Any]]) -> dict[str, Any]:
     """A run of the experiment with that drive, sampled as the others are."""
-    duration = drive["periods"] / drive["frequency"]
+    forever = drive.forever()
+    amplitude, frequency = forever.amplitude, forever.frequency
     capture = runs[0]["capture"] if runs else {}
     kept = {name: capture[name] for name in ("interval", "down_sampling") if name in capture}
-    level = f"{min(1.0, 0.05 * abs(drive['amplitude']))} V"
-    fields = {"amplitude": f"{drive['amplitude']} V", "frequency": f"{drive['frequency']} Hz"}
+    level = f"{min(1.0, 0.05 * abs(amplitude))} V"
+    fields = {"amplitude": f"{amplitude} V", "frequency": f"{frequency} Hz", "periods": drive.periods}
     return {
         "name": PREDICTED,
         "notes": f"{SAID}{prediction}.",
-        "waveform": [{"shape": drive["shape"], "fields": {**fields, "periods": drive["periods"]}}],
+        "waveform": [{"shape": drive.shape, "fields": fields}],
         "capture": {
-            "length": f"{duration + 2 * _REST:.6g} s",
+            "length": f"{drive.periods / frequency + 2 * _REST:.6g} s",
             **(kept or {"down_sampling": 1}),
             "pre_trigger": "0.1 s",
             "trigger": {"signal": "drive_voltage", "level": level},
