@@ -7,6 +7,7 @@ at once. It is keyed by the package's source, so it cannot hide an edit; tests o
 from __future__ import annotations
 
 import os
+import resource
 import signal
 import sys
 import tempfile
@@ -29,6 +30,15 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 # The same examples on every run of continuous integration, new ones at a desk; the first example compiles.
 settings.register_profile("stickslip", deadline=None, max_examples=40, derandomize="CI" in os.environ)
 settings.load_profile("stickslip")
+
+
+@pytest.fixture
+def full_disk() -> Iterator[None]:
+    """No file can have more than 500 bytes: a limit of the system, which names no file either."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (500, before[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 class _Untraced(event.Listener):

@@ -153,3 +153,11 @@ def test_commands(tmp_path) -> None:
     assert again.stderr == f"Error: {tmp_path / 'c'} exists already; nothing was written\n"
     assert run("fmu", "kang2007", "--fmi", "4", "--out", str(tmp_path / "x")).exit_code == 2
     assert not Path(tmp_path / "x").exists()
+
+
+@pytest.mark.usefixtures("full_disk")
+@pytest.mark.parametrize("kind", ["c", "fmu"])
+def test_a_full_disk_is_named_and_nothing_stays(kind: str, tmp_path: Path) -> None:
+    done = run(kind, "kang2007", "--out", str(tmp_path / "out"))
+    assert (done.exit_code, done.stderr) == (1, f"Error: {tmp_path / 'out'}: File too large\n")
+    assert not list(tmp_path.iterdir())

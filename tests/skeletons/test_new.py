@@ -17,6 +17,7 @@ from stickslip.campaign.file import read_campaign
 from stickslip.cli import app
 from stickslip.skeletons import KINDS, new_file
 from stickslip.skeletons.drives import shown_drive
+from stickslip.skeletons.writing import _FILLED
 
 # What is assumed of a recording is a warning, which the command says in one line.
 pytestmark = pytest.mark.filterwarnings("default")
@@ -165,6 +166,26 @@ def test_nothing_is_overwritten(kind: str, tmp_path: Path) -> None:
     assert f"{target}: it is there already" in done.stderr
     assert target.read_text() == "mine"
     assert list(tmp_path.iterdir()) == [target]
+
+
+@pytest.mark.usefixtures("full_disk")
+def test_a_full_disk_is_named_and_nothing_stays(tmp_path: Path) -> None:
+    target = tmp_path / "l.py"
+    done = run("new", "law", "--out", target)
+    assert (done.exit_code, done.stderr) == (1, f"Error: {target}: File too large\n")
+    assert not list(tmp_path.iterdir())
+
+
+def test_examples_do_not_stay_where_their_file_cannot_be_made(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def failing(*_: object) -> Any:
+        assert list(tmp_path.iterdir())
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setitem(_FILLED, "identification", failing)
+    assert run("new", "identification", "--out", tmp_path / "a.yaml").exit_code == 1
+    assert not list(tmp_path.iterdir())
 
 
 def test_examples_are_not_overwritten_either(tmp_path: Path) -> None:

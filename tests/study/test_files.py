@@ -275,6 +275,14 @@ def test_exports_say_the_same(stores: Path, tmp_path: Path, ending: str) -> None
     assert [f.name for f in tmp_path.iterdir()] == [file.name]
 
 
+@pytest.mark.usefixtures("full_disk")
+@pytest.mark.parametrize("ending", ["nc", "csv"])
+def test_a_full_disk_is_named(stores: Path, tmp_path: Path, ending: str) -> None:
+    done = stickslip("study", "export", stores / "whole.zarr", tmp_path / f"s.{ending}")
+    assert (done.exit_code, f"Error: {tmp_path / f's.{ending}'}: File too large" in done.stderr) == (1, True)
+    assert not list(tmp_path.iterdir())
+
+
 def test_other_endings_are_refused(stores: Path, tmp_path: Path) -> None:
     done = stickslip("study", "export", stores / "whole.zarr", tmp_path / "s.xlsx")
     assert (done.exit_code, "exported as .nc, .parquet, .csv" in done.stderr) == (2, True)

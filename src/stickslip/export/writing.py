@@ -18,6 +18,7 @@ def whole(out: str | os.PathLike[str]) -> Iterator[Path]:
 
     Raises:
         ExportError: `out` exists already, or cannot be made.
+        OSError: something in it cannot be written; names `out`.
     """
     target = Path(out)
     if target.exists() or target.is_symlink():
@@ -31,6 +32,8 @@ def whole(out: str | os.PathLike[str]) -> Iterator[Path]:
         yield made
         made.chmod(0o755)
         made.rename(target)
-    except BaseException:
+    except BaseException as error:
         shutil.rmtree(made, ignore_errors=True)
+        if isinstance(error, OSError) and error.errno is not None:  # a full disk names no file, or ours
+            raise OSError(error.errno, error.strerror, str(target)) from error
         raise

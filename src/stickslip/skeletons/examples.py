@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..actuator import load_actuator
+from ..recording.replacing import replaced_whole
 from ..simulation import simulate
 from ..waveform.periodic import Sawtooth
 from ..waveform.sequence import Sequence
@@ -37,6 +38,6 @@ def write_examples(beside: Path, step: bool) -> list[Path]:
         moved = simulate(model, drive, times=time)["end_effector_position"].values
         moved = moved + NOISE * noise.standard_normal(time.size)
         table = np.column_stack([1e3 * time, 1e6 * moved, drive.value(time)])
-        with file.open("x", encoding="utf-8") as writing:
+        with replaced_whole(file) as temporary, temporary.open("w", encoding="utf-8") as writing:
             np.savetxt(writing, table, "%.5f", ",", header="t [ms],x [um],u [V]", comments="")
     return files

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 from ..readers import inspect_file
 from ..readers.inspection import Inspection
 from ..recording import RecordingError
+from ..recording.replacing import replaced_whole
 from ..records import did_you_mean
 from ..units import QuantityError, with_prefix
 from ..waveform.shapes import Step
@@ -85,6 +86,7 @@ def new_file(
         QuantityError: there is no such kind, or it takes no recordings.
         RecordingError: a recording cannot be read.
         FileExistsError: a file is there already; nothing is written then.
+        OSError: a file cannot be written; none is left.
     """
     if kind not in KINDS:
         raise QuantityError(
@@ -105,12 +107,17 @@ def new_file(
             )
     seen = [_looked_at(Path(file)) for file in recordings]
     target.parent.mkdir(parents=True, exist_ok=True)
-    if made_up:
-        seen = [_looked_at(file) for file in write_examples(target, kind == "campaign")]
-    fields, missing = _FILLED.get(kind, lambda seen, folder: ({}, []))(seen, target.parent)
-    text = Template((_TEMPLATES / known.template).read_text(encoding="utf-8"))
-    with target.open("x", encoding="utf-8") as writing:
-        writing.write(text.substitute(name=target.name, **fields))
+    try:
+        if made_up:
+            seen = [_looked_at(file) for file in write_examples(target, kind == "campaign")]
+        fields, missing = _FILLED.get(kind, lambda seen, folder: ({}, []))(seen, target.parent)
+        text = Template((_TEMPLATES / known.template).read_text(encoding="utf-8"))
+        with replaced_whole(target) as temporary:
+            temporary.write_text(text.substitute(name=target.name, **fields), encoding="utf-8")
+    except BaseException:
+        for file in examples:  # they would keep the next try from being made
+            file.unlink(missing_ok=True)
+        raise
     return New((target, *examples), known.command.format(target), tuple(missing))
 
 

@@ -13,8 +13,8 @@ import pandas as pd
 import xarray as xr
 
 from ..progress import Progress, unheard
+from ..recording.replacing import replaced_whole
 from ..units import QuantityError
-from .chunks import PART
 from .store import Store, blocks, open_study
 
 
@@ -37,27 +37,24 @@ def export_study(
     Raises:
         QuantityError: another ending.
         StudyError: it is no store of a study, or a damaged one.
+        OSError: the file cannot be written; names it.
     """
     there, file = Store(store), Path(file)
     writers = {".nc": _netcdf, ".parquet": _parquet, ".csv": _csv}
     if file.suffix not in writers:
         raise QuantityError(f"{file}: studies are exported as {', '.join(writers)}")
     there.check_results()
-    begun = file.with_name(f".{file.name}.{os.getpid()}{PART}")
     file.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        count = writers[file.suffix](there, begun, progress)
-        os.replace(begun, file)
-    finally:
-        begun.unlink(missing_ok=True)
-    return count
+    with replaced_whole(file) as temporary:
+        return writers[file.suffix](there, temporary, progress)
 
 
 def _netcdf(store: Store, file: Path, progress: Progress) -> int:
     whole = open_study(store.path).load()
     for name in [n for n, one in whole.items() if one.dtype.kind not in "fiu"]:
         whole[name] = whole[name].astype(object)  # texts, variable in length
-    whole.to_netcdf(file, engine="h5netcdf")
+    # Through memory: where a disk is full, HDF5 brings the whole process down when it closes the file.
+    file.write_bytes(whole.to_netcdf(None, engine="h5netcdf"))
     progress("writing", 1.0)
     return int((whole["status"] != -1).sum())
 
