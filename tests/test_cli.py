@@ -193,6 +193,12 @@ def test_a_slider_pulled_by_a_user_s_own_set(tmp_path: Path) -> None:
             [*THESIS, "--set", "end_effector_mass=-1 kg"],
             "Actuator.end_effector_mass = '-1 kg' is out of range",
         ),
+        (
+            [*THESIS, "--duration", "1e9 s"],
+            "--duration of 1e+09 s at --sample-rate of 1000 Hz: 1e+12 samples",
+        ),
+        ([*THESIS, "--sample-rate", "1e15 Hz"], "at --sample-rate of 1e+15 Hz"),
+        ([*THESIS, "--periods", "1e12"], "samples; a trajectory has up to 10,000,000"),
         ([*THESIS, "--set", "end_effector_mass"], "--set end_effector_mass: write FIELD=VALUE"),
         ([*THESIS, "--set", "stage.mass=1"], "--set stage.mass=1: write FIELD=VALUE"),
         (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 import warnings
 from pathlib import Path
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
 # Fields of waveforms that have an option of their own; the others are given with --set.
 OPTIONS = ("amplitude", "frequency", "periods")
+MOST_SAMPLES = 10_000_000
 
 
 @app.command()
@@ -78,6 +80,7 @@ def simulate(
         seconds = to_si(duration, "s", "--duration") if duration else None
         rate = to_si(sample_rate, "Hz", "--sample-rate")
         metres = to_si(tolerance, "m", "--tolerance")
+        _check_samples(drive.duration if seconds is None else seconds, rate)
         with progress_bar() as progress, warnings.catch_warnings():
             warnings.simplefilter("ignore", SimulationWarning)  # said below, in one line
             progress("simulating", 0.0)
@@ -92,6 +95,16 @@ def simulate(
     if trajectory.attrs["outcome"] != "complete":
         typer.echo(f"Error: the simulation {trajectory.attrs['outcome']}", err=True)
         raise typer.Exit(1)
+
+
+def _check_samples(seconds: float, rate: float) -> None:
+    """That the trajectory has room in memory, with its report."""
+    count = seconds * rate
+    if count > MOST_SAMPLES and math.isfinite(seconds):
+        raise ValueError(
+            f"--duration of {seconds:g} s at --sample-rate of {rate:g} Hz: {count:.3g} samples; "
+            f"a trajectory has up to {MOST_SAMPLES:,}"
+        )
 
 
 def _parts(changes: list[str]) -> dict[str, dict[str, str]]:
