@@ -19,7 +19,7 @@ from stickslip.experiment.running import read_experiment
 from stickslip.input_file import InputFileError
 from stickslip.readers import read_recording
 from stickslip.recording import RecordingWarning, open_recording
-from stickslip.rig import CaptureError, LimitError
+from stickslip.rig import LimitError
 
 from experiment.files import NAMES, SMALL, changed, written  # isort: skip
 
@@ -272,7 +272,9 @@ def test_a_full_disk_keeps_what_was_recorded(tmp_path: Path) -> None:
 
 def test_a_trigger_that_cannot_come_is_found_before_the_first_output(tmp_path: Path) -> None:
     path = written(tmp_path, changed("runs.0.capture.trigger.level", "40 V"))
-    with pytest.raises(CaptureError, match=r"run 'walk', voltage = 35 V.*never passes 40 V"):
+    with pytest.raises(
+        InputFileError, match=r"experiment\.yaml: run 'walk', voltage = 35 V.*never passes 40 V"
+    ):
         run_experiment(path, tmp_path / "out")
     assert not (tmp_path / "out").exists()
 

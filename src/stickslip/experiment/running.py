@@ -20,7 +20,7 @@ from ..progress import Progress, unheard
 from ..readers import read_recording
 from ..recording import RecordingError, RecordingWarning, open_recording, save_csv, save_matlab
 from ..recording.replacing import remove_leftovers, to_bin
-from ..rig import Home, Rig, measure
+from ..rig import CaptureError, Home, LimitError, Rig, measure
 from ..rig.samples import recover
 from .cells import Cell, cells, variables_attribute
 from .file import ExperimentFile
@@ -58,7 +58,8 @@ def run_experiment(
             reading the files again.
 
     Raises:
-        InputFileError: the file is not as it must be; names the file and the field.
+        InputFileError: the file is not as it must be, asks for what the limits refuse, or for a trigger that
+            cannot come; names the file and the field, or the run and its values. Nothing was put out.
         RigError: the rig does not answer, an output passed a limit, a trigger did not come. What was recorded
             until then is kept.
         OSError: a file cannot be written.
@@ -150,7 +151,7 @@ def _cells(
 ) -> list[Cell]:
     try:
         return cells(file, folder, laboratory, read)
-    except ValueError as error:
+    except (ValueError, LimitError, CaptureError) as error:
         raise InputFileError(f"{path}: {error}") from error
 
 
