@@ -68,9 +68,9 @@ class Quantity(NamedTuple):
             raise QuantityError(f"{error}: {self.meaning} must be {self.range_text()}") from None
         if not self.allows(number):
             shown = repr(value) if isinstance(value, str) else f"{number:.12g} {self.unit}".strip()
-            raise QuantityError(
-                f"{field} = {shown} is out of range: {self.meaning} must be {self.range_text()}"
-            )
+            endless = math.inf in (self.maximum, -(self.minimum or 0.0))  # then finite is not what it must be
+            wrong = "out of range" if endless or math.isfinite(number) else "not finite"
+            raise QuantityError(f"{field} = {shown} is {wrong}: {self.meaning} must be {self.range_text()}")
         return number
 
 

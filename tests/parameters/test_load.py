@@ -96,8 +96,8 @@ def test_by_name_in_the_working_folder(tmp_path: Path, monkeypatch: pytest.Monke
 MISTAKES = [
     ("value = 0.1\nunit = \"um/V\"", 'value = 0.1\nunit = "A"', ["Actuator.gain = '0.1 A'", "no m/V"]),
     ("value = 98.2", "value = -98.2", ["Actuator.stage_mass = '-98.2 g' is out of range", "must be > 0 kg"]),
-    ("value = 98.2", "value = nan", ["Actuator.stage_mass = 'nan g' is out of range", "must be > 0 kg"]),
-    ("value = 98.2", "value = inf", ["Actuator.stage_mass = 'inf g' is out of range", "must be > 0 kg"]),
+    ("value = 98.2", "value = nan", ["Actuator.stage_mass = 'nan g' is not finite", "must be > 0 kg"]),
+    ("value = 98.2", "value = inf", ["Actuator.stage_mass = 'inf g' is not finite", "must be > 0 kg"]),
     ("value = 98.2", f"value = 1{'0' * 400}", ["Actuator.stage_mass", "must be > 0 kg"]),
     ("value = 98.2", f"value = 1{'0' * 9000}", ["is no valid TOML"]),
     ("value = 98.2", "value = [98.2]", ["Actuator.stage_mass", "is not a number"]),
