@@ -256,7 +256,7 @@ def test_what_is_done_before_an_interruption_stays(monkeypatch: pytest.MonkeyPat
         ({"voltage": ["5 N"], "frequency": [1.0]}, r"voltage = '5 N'"),
         ({"voltage": [5.0, 5.0], "frequency": [1.0]}, "voltage has the same value twice"),
         ({"voltage": [], "frequency": [1.0]}, "voltage must be a number or a list"),
-        ({"voltage": 5.0, "frequency": 1.0, "load": [np.nan]}, "load = nan N is out of range"),
+        ({"voltage": 5.0, "frequency": 1.0, "load": [np.nan]}, "load = nan N is not finite"),
         ({"voltage": 5.0, "frequency": 1.0, "direction": [0.5]}, "it is 1"),
         ({"voltage": 5.0, "frequency": 1.0, "parameters": {"load": [1.0]}}, "normal_load"),
         ({"voltage": 5.0, "frequency": 1.0, "parameters": {"sigma0": [1.0]}}, "did you mean 'sigma_0'"),

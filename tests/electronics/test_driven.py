@@ -273,7 +273,7 @@ def test_refused_records(changes: dict[str, Any], said: str) -> None:
 def test_refused_calls() -> None:
     saw, of = ss.Sawtooth(10.0, 5.0), amplifier(bandwidth=1e4)
     for farad in (0.0, -1e-6, math.nan):
-        with pytest.raises(QuantityError, match=r"capacitance = .* F is out of range"):
+        with pytest.raises(QuantityError, match=r"capacitance = .* F is (out of range|not finite)"):
             driven(of, saw, farad, 1.0)
     with pytest.raises(QuantityError, match="tolerance = 0 V is out of range"):
         driven(of, saw, NEC, 1.0, tolerance=0.0)
