@@ -326,6 +326,20 @@ def test_a_bar_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     assert b" 25 %" in seen
 
 
+def test_ctrl_c_while_it_is_imported_is_quiet() -> None:
+    interrupted = (
+        "import sys, importlib.abc, signal\n"
+        "class Finder(importlib.abc.MetaPathFinder):\n"
+        "    def find_spec(self, name, path, target=None):\n"
+        "        if name == 'typer': signal.raise_signal(signal.SIGINT)\n"
+        "sys.meta_path.insert(0, Finder())\n"
+        "from stickslip.__main__ import main\n"
+        "main()"
+    )
+    done = python(interrupted)
+    assert (done.returncode, done.stderr) == (130, "")
+
+
 def test_runs_as_a_module() -> None:
     done = subprocess.run(
         [sys.executable, "-m", "stickslip", "cite"], capture_output=True, text=True, timeout=60, check=False
