@@ -11,6 +11,7 @@ import httpx
 import pytest
 
 import stickslip as ss
+from stickslip.identify.results import model_numbers
 from stickslip.panel import create_app
 from stickslip.recording import save_recording
 
@@ -113,3 +114,15 @@ def test_only_parameter_sets_are_predicted_with_and_only_predictions_sent(
         answer = client.post("/path/send", json={"prediction": "walk.nc"})
         assert answer.status_code == 400
         assert "walk.nc is no prediction" in answer.text
+
+
+def test_a_fit_with_wrong_units_is_not_saved(client: httpx.Client, tmp_path: Path) -> None:
+    numbers = model_numbers(ss.load_actuator("kang2007"))
+    numbers["actuator"]["end_effector_mass"]["unit"] = "V"
+    (tmp_path / "fits" / "wrong").mkdir()
+    for results, words in (({"numbers": {"model": numbers}}, "end_effector_mass"), ({}, "no 'numbers'")):
+        (tmp_path / "fits" / "wrong" / "results.json").write_text(json.dumps(results))
+        answer = client.post("/path/save", json={"fit": "fits/wrong", "name": "wrong"})
+        assert answer.status_code == 400
+        assert answer.json()["error"].startswith("fits/wrong/results.json: ")
+        assert words in answer.text

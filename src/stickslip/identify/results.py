@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -11,6 +12,7 @@ from .. import registry
 from ..actuator import Actuator, StageModes
 from ..chain import Chain
 from ..friction import NormalForce
+from ..parameters.load import Entry, build
 from ..piezo import Piezo
 from ..records import quantities
 from ..units import QuantityError
@@ -44,7 +46,10 @@ def piezo_numbers(piezo: Piezo) -> dict[str, Any]:
 def piezo_of(numbers: Mapping[str, Any]) -> Piezo:
     """The piezo of `piezo_numbers`, from what was read from results.json."""
     return Piezo(
-        **{part: registry.piezos.of_results(one)(**_values(one["values"])) for part, one in numbers.items()}
+        **{
+            part: _made(registry.piezos.of_results(one), one["values"], f"piezo.{part}")
+            for part, one in numbers.items()
+        }
     )
 
 
@@ -56,14 +61,18 @@ def chain_numbers(chain: Chain) -> dict[str, Any]:
 def chain_of(numbers: Mapping[str, Any]) -> Chain:
     """From what was read from results.json; of a fit of walks, its delay and offset."""
     if "signal_chain" in numbers:
-        return Chain(**_values(numbers["signal_chain"]))
-    known = numbers.get("parameters", {})
-    return Chain(**_values({k: v for k, v in known.items() if k in ("delay", "offset")}))
+        return _made(Chain, numbers["signal_chain"], "signal_chain")
+    known = _entries(numbers.get("parameters", {}), "parameters")
+    return build(Chain, {k: v for k, v in known.items() if k in ("delay", "offset")}, "parameters")
 
 
 def _fields(record: Any) -> dict[str, Any]:
-    known, found = quantities(type(record)), {}
-    for name, value in record._asdict().items():
+    return _written(type(record), record._asdict())
+
+
+def _written(record_type: type, values: Mapping[str, Any]) -> dict[str, Any]:
+    known, found = quantities(record_type), {}
+    for name, value in values.items():
         if isinstance(value, bool | str):
             found[name] = value
         elif name in known and value is not None and np.all(np.isfinite(value)):
@@ -75,21 +84,38 @@ def model_of(numbers: Mapping[str, Any]) -> Actuator:
     """The actuator of `model_numbers`, from what was read from results.json.
 
     Raises:
-        QuantityError: it is none.
+        QuantityError: it is none, or a field is missing, out of range, or in a unit that it cannot have.
     """
     try:
-        friction = registry.laws.of_results(numbers)(**_values(numbers["friction"]))
-        piezo = piezo_of(numbers["piezo"]) if "piezo" in numbers else None
-        along = NormalForce(**_values(numbers["normal_force"])) if "normal_force" in numbers else None
-        modes = StageModes(**_values(numbers["further_modes"])) if "further_modes" in numbers else None
-        own = {"friction": friction, "piezo": piezo, "normal_force": along, "further_modes": modes}
-        return Actuator(**_values(numbers["actuator"]), **own)
+        own: dict[str, Any] = {
+            "friction": _made(registry.laws.of_results(numbers), numbers["friction"], "friction")
+        }
+        own["piezo"] = piezo_of(numbers["piezo"]) if "piezo" in numbers else None
+        for part, of in (("normal_force", NormalForce), ("further_modes", StageModes)):
+            own[part] = _made(of, numbers[part], part) if part in numbers else None
+        return _made(Actuator, numbers["actuator"], "actuator", **own)
     except (KeyError, TypeError, AttributeError) as error:
         raise QuantityError(
             f"there is no actuator in the results ({type(error).__name__}: {error})"
         ) from error
 
 
-def _values(fields: Mapping[str, Any]) -> dict[str, Any]:
-    values = {k: v["value"] if isinstance(v, Mapping) else v for k, v in fields.items()}
-    return {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}
+def _made(record_type: Any, fields: Any, where: str, **given: Any) -> Any:
+    """A record from its fields as `_fields` wrote them: what that always writes has no default here."""
+    entries = _entries(fields, where)
+    for name, default in _written(record_type, record_type._field_defaults).items():
+        if name not in entries:
+            raise QuantityError(f"{where}: [{name}] is missing")
+        if isinstance(default, bool) and not isinstance(entries[name].value, bool):
+            raise QuantityError(f"{where}: [{name}] {entries[name].value!r} must be true or false")
+    return build(record_type, entries, where, **given)
+
+
+def _entries(fields: Any, where: str) -> dict[str, Entry]:
+    """Values and units, as those of a parameter set: `build` converts them."""
+    if not isinstance(fields, Mapping):
+        raise QuantityError(f"{where} = {fields!r:.60} must hold fields with their values and units")
+    return {
+        k: Entry(v.get("value", math.nan), v.get("unit", "")) if isinstance(v, Mapping) else Entry(v)
+        for k, v in fields.items()
+    }

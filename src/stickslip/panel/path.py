@@ -17,9 +17,9 @@ from fastapi import APIRouter, Request
 from pydantic import Field
 
 from ..actuator import Actuator
+from ..analysis.verification import results_model
 from ..history import Index, note_act
 from ..history.index import SETS
-from ..identify.results import model_of
 from ..input_file import Strict
 from ..parameters.writing import parameter_text, write_parameters
 from ..readers.process import Reader
@@ -102,8 +102,9 @@ def path_routes(
 
     @routes.post("/save")
     def save(asked: Save) -> dict[str, str]:
-        numbers = _numbers(folder, asked.fit)
-        model = model_of(numbers.get("model", {}))
+        results = _results(folder, asked.fit)
+        model = results_model(results)
+        numbers = json.loads(results.read_text(encoding="utf-8"))["numbers"]
         errors = {k: float(p["standard_error"]) for k, p in _parameters(numbers).items() if _known(p)}
         text = parameter_text(model, asked.name, f"fit {asked.fit}", errors)
         path = folder.path(f"{SETS}/{asked.name}.toml")
@@ -141,7 +142,7 @@ def path_routes(
 
     @routes.post("/verify")
     def verify(asked: Check) -> dict[str, Any]:
-        _numbers(folder, asked.fit)
+        _results(folder, asked.fit)
         out = f"verifications/{datetime.now():%Y-%m-%d_%H%M%S_%f}"
         _verified(folder, asked, folder.path(out))
         links = {"kind": "verification", "links": {"fit": [asked.fit], "of": asked.recordings}}
@@ -186,11 +187,11 @@ def predicted_of(run: dict[str, Any]) -> str | None:
     return found[1] if found else None
 
 
-def _numbers(folder: Folder, fit: str) -> dict[str, Any]:
+def _results(folder: Folder, fit: str) -> Path:
     path = folder.path(f"{fit}/results.json")
     if not path.is_file():
         raise FolderError(f"{fit[:60]!r} is no fit")
-    return json.loads(path.read_text(encoding="utf-8"))["numbers"]
+    return path
 
 
 def _parameters(numbers: dict[str, Any]) -> dict[str, Any]:
