@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import select
 import shutil
+import socket
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager, suppress
@@ -12,8 +14,12 @@ from http.client import HTTPConnection
 from pathlib import Path
 
 import httpx
+import pytest
+import uvicorn
+from fastapi import FastAPI
 
 from stickslip._jit import _package_cache
+from stickslip.panel.connections import server_config
 
 from .conftest import Panel
 from .serving import heard, streaming
@@ -75,3 +81,27 @@ def test_ctrl_c_ends_it_while_a_request_is_compiling(tmp_path: Path) -> None:
     while any(Path(f"/proc/{number}").exists() for number in fits):
         assert time.monotonic() < end, "the fits' process goes on"
         time.sleep(0.01)
+
+
+def test_a_request_that_is_given_up_at_the_end_shows_no_trace(capsys: pytest.CaptureFixture[str]) -> None:
+    app, begun, done = FastAPI(), threading.Event(), threading.Event()
+
+    @app.get("/")
+    def waits() -> None:
+        begun.set()
+        done.wait(60.0)
+
+    listening = socket.create_server(("127.0.0.1", 0))
+    server = uvicorn.Server(server_config(app))
+    serving = threading.Thread(target=server.run, kwargs={"sockets": [listening]})
+    serving.start()
+    with closing(HTTPConnection(*listening.getsockname())) as asking:
+        asking.request("GET", "/")
+        assert begun.wait(60.0)
+        server.should_exit = True
+        serving.join(60.0)
+    done.set()
+    assert not serving.is_alive()
+    said = capsys.readouterr().err
+    assert "Cancel 1 running task" in said
+    assert "Traceback" not in said

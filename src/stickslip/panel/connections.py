@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from asyncio import TimerHandle
+import logging
+from asyncio import CancelledError, TimerHandle
 from typing import Any
 
 import uvicorn
@@ -55,7 +56,7 @@ class BoundedConnection(H11Protocol):
 
 def server_config(app: Any) -> uvicorn.Config:
     """How the panel is served."""
-    return uvicorn.Config(
+    made = uvicorn.Config(
         app,
         http=BoundedConnection,
         log_level="warning",
@@ -64,3 +65,11 @@ def server_config(app: Any) -> uvicorn.Config:
         timeout_graceful_shutdown=2,
         server_header=False,
     )
+    logging.getLogger("uvicorn.error").addFilter(_no_cancelled)
+    return made
+
+
+def _no_cancelled(record: logging.LogRecord) -> bool:
+    """Whether it is no request that was given up at the end, whose trace of the server's calls tells nobody
+    anything; that some were is a line of its own."""
+    return not (record.exc_info and isinstance(record.exc_info[1], CancelledError))
