@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -157,7 +158,7 @@ def test_a_prediction_that_leaves_more_than_noise_says_so() -> None:
     walk["end_effector_position"] += noise
     right = verify(Predictor(actuator), walk, drive=drive)
     assert right.statements == ()
-    assert 0.9 < right.table["residual_over_noise"].values[0] < 1.2  # that of the worst comparison
+    assert 0.9 < right.table["residual_over_noise"].values[0] < 1.2
     law = actuator.friction
     wrong = verify(
         Predictor(actuator.replace(friction=law._replace(sigma_0=0.8 * law.sigma_0))), walk, drive=drive
@@ -169,3 +170,32 @@ def test_a_prediction_that_leaves_more_than_noise_says_so() -> None:
     assert "intervals" not in said
     assert wrong.unmet([Requirement.parse("residual_over_noise < 1.2")])
     assert not right.unmet([Requirement.parse("residual_over_noise < 1.2")])
+
+
+KANG = load_actuator("kang2007").replace(stage_reaction=False)
+LESS = 0.97 * KANG.friction.coulomb_force
+WALK = Sequence(Rest(0.05), Sawtooth(65.0, 20.0, periods=8))
+
+
+@pytest.mark.parametrize(
+    ("model", "drive"),
+    [
+        (KANG.replace(gain=1.01 * KANG.gain), WALK),
+        (
+            KANG.replace(friction=KANG.friction._replace(coulomb_force=0.97 * KANG.friction.coulomb_force)),
+            WALK,
+        ),
+        (KANG, Sequence(Rest(0.05), Sawtooth(60.0, 20.0, periods=8))),
+        (KANG, Sawtooth(65.0, 20.0, periods=8)),
+    ],
+    ids=["gain 1 % off", "Coulomb friction 3 % off", "60 V for 65 V", "drive one period early"],
+)
+@pytest.mark.parametrize("seed", range(3))
+def test_what_adds_up_from_step_to_step_is_no_drift(model: Any, drive: Any, seed: int) -> None:
+    """Ten times the noise and more, which the sensor at rest shows no drift for."""
+    walk = simulate(KANG, WALK, 0.5, sample_rate=4e3)[["end_effector_position"]]
+    walk["end_effector_position"] += 20e-9 * np.random.default_rng(seed).standard_normal(walk["time"].size)
+    found = verify(Predictor(model), walk, drive=drive)
+    (said,) = found.statements
+    assert "with its drift" in said
+    assert found.table["residual_over_noise"].values[0] == pytest.approx(found.rmse / 20e-9, rel=0.2)

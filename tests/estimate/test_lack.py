@@ -81,6 +81,52 @@ def test_a_converter_that_stands_still_at_rest_is_no_sign_of_none() -> None:
     assert lack_of_fit(r, KnownNoise(at_rest=REST, step=0.1), "walk").seen
 
 
+@pytest.mark.parametrize(("rest", "again"), [(REST, 0), (REST, 150), (50, 150)])
+@pytest.mark.parametrize(("walk", "slope"), [(0.0, 0.0), (0.05, 0.0), (0.3, 0.0), (0.0, 0.005), (0.0, 0.1)])
+def test_drift_that_rest_allows_for_is_no_misfit(rest: int, again: int, walk: float, slope: float) -> None:
+    """Of up to a hundred times the noise over the recording, a random walk or straight on."""
+    random = np.random.default_rng(12)
+    known = KnownNoise(at_rest=rest, rest_again=again)
+    seen, ratios = [], []
+    for _ in range(60):
+        drift = np.cumsum(walk * random.standard_normal(N)) + slope * random.standard_normal() * np.arange(N)
+        lack = lack_of_fit(drift + random.standard_normal(N), known, "walk")
+        seen.append(lack.seen)
+        ratios.append(lack.ratio)
+    assert np.mean(seen) <= 0.05
+    assert 0.4 < np.median(ratios) < 2.0
+
+
+@pytest.mark.parametrize(("rest", "again"), [(REST, 0), (REST, 150), (0, 0)])
+def test_steps_that_add_up_are_seen(rest: int, again: int) -> None:
+    """The same in each period, and no drift at rest or within a period."""
+    random = np.random.default_rng(13)
+    known = KnownNoise(at_rest=rest, period=(rest, PERIOD, N - rest - again), rest_again=again)
+    steps = np.clip((np.arange(N) - rest) // PERIOD, 0, (N - rest - again) // PERIOD)
+    for size in (10.0, 30.0):
+        found = [lack_of_fit(size * steps + random.standard_normal(N), known, "walk") for _ in range(10)]
+        assert all(one.seen for one in found)
+        rms = np.sqrt(1.0 + np.mean((size * steps[rest:]) ** 2))
+        assert np.median([one.ratio for one in found]) == pytest.approx(rms, rel=0.1)
+
+
+def test_a_slope_of_the_sensor_makes_no_right_fit_wrong_where_nothing_rests() -> None:
+    r = np.random.default_rng(14).standard_normal(N) + np.linspace(-10.0, 10.0, N)
+    known = KnownNoise(period=(0.0, PERIOD, N))
+    assert not lack_of_fit(r, known, "walk", n_fitted=3).seen
+    assert lack_of_fit(r, known, "walk").seen, "a prediction is off"
+
+
+def test_rest_after_motion_counts_only_where_nothing_moves() -> None:
+    """A drive that is said to begin too early ends too early."""
+    random = np.random.default_rng(15)
+    r = random.standard_normal(N) + np.where(np.arange(N) < REST, 0.0, 20.0)
+    r[-150:] += 20.0 * np.sin(0.1 * np.arange(150))
+    lack = lack_of_fit(r, KnownNoise(at_rest=REST, rest_again=150), "walk")
+    assert lack.seen
+    assert lack.ratio > 15.0
+
+
 @pytest.mark.parametrize("analogue", [0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5])
 def test_a_converter_hides_noise_at_rest_that_motion_shows(analogue: float) -> None:
     """On the middle of a step, noise of its fifth hardly ever leaves it: what motion adds is no misfit."""

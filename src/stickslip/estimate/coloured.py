@@ -16,18 +16,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import dst
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.optimize import minimize_scalar
 from scipy.signal import fftconvolve, lfilter
 
 from .covariance import decomposed
+from .drift import LEAST_WALK, MOST_WALK, sine_powers, walk_and_white
 from .minima import Minimum
 from .result import Fit
 
 MOST_ORDER = 20
-# The random walk's step, over the deviation of the rest: looked for in this range.
-LEAST_WALK, MOST_WALK = 1e-4, 1.0
 
 Array = NDArray[np.float64]
 
@@ -104,7 +102,7 @@ def _criterion(pieces: Sequence[Array], filter: Array, variance: float, walk: fl
     differences [whittle1953]."""
     size, total = 0, 0.0
     for r in pieces:
-        angles, powers = _powers(r)
+        angles, powers = sine_powers(r)
         passed = np.abs(np.polyval(filter[::-1], np.exp(-1j * angles))) ** 2
         variances = walk + (2.0 - 2.0 * np.cos(angles)) * variance / passed
         total += float(np.sum(powers / variances + np.log(variances)))
@@ -112,31 +110,17 @@ def _criterion(pieces: Sequence[Array], filter: Array, variance: float, walk: fl
     return total + (filter.size - 1 + (walk > 0.0)) * math.log(size)
 
 
-def _powers(r: Array) -> tuple[Array, Array]:
-    """Angular frequencies, rad per sample, and the power of the differences in sines of them."""
-    power = np.asarray(dst(np.diff(r), type=1, norm="ortho")) ** 2
-    return np.pi * np.arange(1, r.size) / r.size, power
-
-
 def _walk(pieces: Sequence[Array]) -> float:
-    """Variance of a random walk's steps over that of white noise, by maximum likelihood; 0 without one.
-
-    The differences of the sum of both are a moving average: their covariance is tridiagonal, its eigenvectors
-    are sines.
-    """
-    angles, powers = map(np.concatenate, zip(*map(_powers, pieces), strict=True))
-    of_white = 2.0 - 2.0 * np.cos(angles)
-
-    def criterion(log_ratio: float) -> float:
-        variances = of_white + math.exp(log_ratio)
-        return powers.size * math.log(np.sum(powers / variances)) + float(np.sum(np.log(variances)))
-
+    """Variance of a random walk's steps over that of white noise, by maximum likelihood; 0 without one."""
     if not all(np.ptp(r) for r in pieces):
         return 0.0
+    found = walk_and_white(pieces)
     range_ = (2.0 * math.log(LEAST_WALK), 2.0 * math.log(MOST_WALK))
-    found: Any = minimize_scalar(criterion, bounds=range_, method="bounded", options={"xatol": 0.05})
+    best: Any = minimize_scalar(
+        lambda x: found(x)[0], bounds=range_, method="bounded", options={"xatol": 0.05}
+    )
     # Half of the chi-squared of a quantity that cannot be negative: 5 % by chance.
-    return math.exp(found.x) if criterion(range_[0]) - found.fun > 2.7 else 0.0
+    return math.exp(best.x) if found(range_[0])[0] - best.fun > 2.7 else 0.0
 
 
 def _without_walk(r: Array, ratio: float) -> Array:

@@ -1,10 +1,12 @@
 r"""Lack of fit: whether a model leaves more than noise, judged by noise that is known otherwise.
 
-Three comparisons, each where a recording allows it:
+Four comparisons, each where a recording allows it:
 
 * the noise that was given: the reduced chi-squared;
-* samples at rest, before anything moves: residuals in motion against these, by their differences over the
-  same times, :math:`D(k) = \frac{1}{2} \langle (r_{i+k} - r_i)^2 \rangle`, so that drift is no misfit;
+* samples at rest, before anything moves and after, or else what differs from period to period: all of the
+  residuals in motion, about the level at rest, against that noise and as much drift as it shows (`drift`);
+* samples at rest before: residuals in motion against these, by their differences over the same times,
+  :math:`D(k) = \frac{1}{2} \langle (r_{i+k} - r_i)^2 \rangle`, so that drift is no misfit;
 * periods of the drive: what repeats from one to the next is the model's, what does not is noise. The power of
   the mean over the periods against that of the scatter about it, line by line of their spectra.
 
@@ -22,6 +24,8 @@ from numpy.typing import NDArray
 from scipy import stats
 from scipy.ndimage import uniform_filter1d
 
+from .drift import drift
+
 # Of a right model, for one fit: the chance that it is said to lack.
 FALSE_ALARM = 0.005
 # Less than so much more than the noise is no lack: delays stand in for filters, polynomials for curves.
@@ -33,6 +37,9 @@ FEWEST_AT_REST = 40
 FEWEST_PERIODS = 3
 # Lines of the spectrum that are averaged over, and bands of them that are looked at.
 SMOOTHED, BANDS = 5, 4
+# What is to show noise counts unless its differences have more than so many times their usual power.
+MOST_POWER = 2.0
+AT_REST, BETWEEN = "before it moves", "by what does not repeat from period to period"
 
 Array = NDArray[np.float64]
 
@@ -47,6 +54,7 @@ class KnownNoise(NamedTuple):
             second 0: nothing repeats.
         step: of the converter, in the unit of the data; 0: none.
         drift: variance that a random walk gains from sample to sample, in the unit of the data squared.
+        rest_again: so many samples up to the last are after any motion.
     """
 
     given: NDArray[np.float64] | float | None = None
@@ -54,6 +62,7 @@ class KnownNoise(NamedTuple):
     period: tuple[float, float, float] = (0.0, 0.0, math.inf)
     step: float = 0.0
     drift: float = 0.0
+    rest_again: int = 0
 
 
 class Lack(NamedTuple):
@@ -61,9 +70,11 @@ class Lack(NamedTuple):
 
     Attributes:
         name: of the recording.
-        ratio: root mean square of what is left over the noise; NaN where the noise is not known.
+        ratio: root mean square of what is left over the noise, the drift that the rest shows included; where
+            a comparison of a part of it (see the module) tells that the model lacks, the greatest of these.
+            NaN where the noise is not known.
         chance: of a right model to leave as much or more, the smallest over the comparisons, times how many.
-        against: what the smallest is by.
+        against: what the ratio is by.
     """
 
     name: str
@@ -107,12 +118,19 @@ def lack_of_fit(residuals: Array, known: KnownNoise, name: str, n_fitted: float 
         n_fitted: how many parameters were fitted to it.
     """
     r = np.asarray(residuals, dtype=float)
-    made = [_by_given(r, known, n_fitted), _by_rest(r, known), _by_periods(r, known)]
+    made = [
+        _by_given(r, known, n_fitted),
+        _by_drift(r, known, n_fitted > 0),
+        _by_rest(r, known),
+        _by_periods(r, known),
+    ]
     found = [one for one in made if one is not None]
     if not found:
         return Lack(name, math.nan, 1.0, "")
-    worst = min(found, key=lambda one: one.chance)
-    return Lack(name, worst.ratio, min(1.0, worst.chance * len(found)), worst.against)
+    found = [one._replace(chance=min(1.0, one.chance * len(found))) for one in found]
+    seen = [one for one in found if one.chance < FALSE_ALARM and one.ratio >= LEAST_RATIO]
+    told = max(seen, key=lambda one: one.ratio) if seen else found[0]
+    return Lack(name, told.ratio, min(one.chance for one in seen or found), told.against)
 
 
 def independent(rows: Array) -> float:
@@ -146,6 +164,49 @@ def _by_given(r: Array, known: KnownNoise, n_fitted: float) -> _Compared | None:
     return _Compared(math.sqrt(square), chance, "as it was given")
 
 
+def _by_drift(r: Array, known: KnownNoise, fitted: bool) -> _Compared | None:
+    # Without rest a slope of the sensor is not to be told from steps that are off. A right fit shall not be
+    # called wrong for it; a prediction is held to what it says.
+    if fitted and known.at_rest < FEWEST_AT_REST:
+        return None
+    n = known.at_rest if known.at_rest >= FEWEST_AT_REST else 0
+    quiet, moved = _quiet(r, known), r[n:] - (r[:n].mean() if n else 0.0)
+    if not quiet or moved.size < 8:
+        return None
+    every = np.concatenate([part - part.mean() for part in quiet])
+    shown = any(np.ptp(part) > 0.0 for part in quiet)
+    noise = _in_motion(float(np.mean(every**2)) if shown else 0.0, known.step, every.size)
+    if noise <= 0.0:
+        return None
+    chances, far, likely = np.ones(1), np.zeros(1), 0.0
+    if shown:
+        chances, far, likely = drift(quiet, 0.5 * n + np.arange(moved.size, dtype=float), known.drift)
+    square, count = float(np.mean(moved**2)), independent_samples(every)
+    # Drift is one sample, however long: so few are independent where it outweighs the noise.
+    freedom = (noise + far) ** 2 / (noise**2 * every.size / (count * moved.size) + far**2)
+    chance = float(chances @ stats.f.sf(square / (noise + far), freedom, count))
+    return _Compared(
+        math.sqrt(square / (noise + likely)), chance, f"{AT_REST if n else BETWEEN}, with its drift"
+    )
+
+
+def _quiet(r: Array, known: KnownNoise) -> list[Array]:
+    """What shows noise and drift alone: rest before, and rest again; without the first, what changes from one
+    period to the next. Not those that are far less quiet than the others, where something moves after all."""
+    n = known.at_rest
+    if n >= FEWEST_AT_REST:
+        found = [part for part in (r[:n], r[r.size - known.rest_again :]) if part.size >= FEWEST_AT_REST]
+    else:
+        folded = _folded(r, known)
+        found = [] if folded is None else list(np.diff(folded, axis=0) / math.sqrt(2.0))
+    if not found:
+        return []
+    lag = min(part.size for part in found) // 8
+    powers = [float(np.mean((part[lag:] - part[:-lag]) ** 2)) for part in found]
+    usual = powers[0] if n >= FEWEST_AT_REST else float(np.median(powers))
+    return [part for part, power in zip(found, powers, strict=True) if power <= MOST_POWER * usual]
+
+
 def _by_rest(r: Array, known: KnownNoise) -> _Compared | None:
     n = known.at_rest
     if n < FEWEST_AT_REST or r.size - n < n // 4 + 8:
@@ -159,7 +220,7 @@ def _by_rest(r: Array, known: KnownNoise) -> _Compared | None:
             continue
         counts = [independent_samples(part[lag:] - part[:-lag], int(lag)) for part in (r[:n], r[n:])]
         chance = float(stats.f.sf(left / noise, max(counts[1], 1.0), max(counts[0], 1.0))) * lags.size
-        one = _Compared(math.sqrt(left / noise), min(chance, 1.0), "before it moves")
+        one = _Compared(math.sqrt(left / noise), min(chance, 1.0), AT_REST)
         if worst is None or one.chance < worst.chance:
             worst = one
     return worst
@@ -179,18 +240,10 @@ def _in_motion(quiet: float, step: float, samples: int) -> float:
 
 
 def _by_periods(r: Array, known: KnownNoise) -> _Compared | None:
-    first, length, lasts = known.period
-    size = math.floor(length)
-    # The first period comes from rest: no other is like it.
-    count = math.floor(min(r.size - first, lasts) / length + 1e-6) - 1 if size >= 8 else 0
-    if count < FEWEST_PERIODS:
+    folded = _folded(r, known)
+    if folded is None:
         return None
-    begins = np.round(first + length * np.arange(1, count + 1)).astype(int)
-    begins = begins[begins + size <= r.size]
-    count = begins.size
-    if count < FEWEST_PERIODS:
-        return None
-    folded = r[begins[:, None] + np.arange(size)]
+    count, size = folded.shape
     about = np.column_stack([np.ones(size), np.linspace(-1.0, 1.0, size)])
     q, _ = np.linalg.qr(about)
     folded = folded - (folded @ q) @ q.T  # drift is no shape
@@ -206,9 +259,20 @@ def _by_periods(r: Array, known: KnownNoise) -> _Compared | None:
     chances = [float(stats.f.sf(np.mean(excess[:k]) / 2.0, 2 * k, freedom)) for k in bands]
     within = float(np.mean((folded - mean) ** 2)) * count / (count - 1)
     ratio = math.sqrt(1.0 + max(float(np.mean(mean**2)) / within - 1.0 / count, 0.0))
-    return _Compared(
-        ratio, min(1.0, min(chances) * len(bands)), "by what does not repeat from period to period"
-    )
+    return _Compared(ratio, min(1.0, min(chances) * len(bands)), BETWEEN)
+
+
+def _folded(r: Array, known: KnownNoise) -> Array | None:
+    """The periods but the first [count, size]; None where there are too few."""
+    first, length, lasts = known.period
+    size = math.floor(length)
+    # The first period comes from rest: no other is like it.
+    count = math.floor(min(r.size - first, lasts) / length + 1e-6) - 1 if size >= 8 else 0
+    if count < FEWEST_PERIODS:
+        return None
+    begins = np.round(first + length * np.arange(1, count + 1)).astype(int)
+    begins = begins[begins + size <= r.size]
+    return r[begins[:, None] + np.arange(size)] if begins.size >= FEWEST_PERIODS else None
 
 
 def _spectrum(rows: Array, freedom: int) -> Array:

@@ -13,6 +13,8 @@ from .drives import periodic_part
 # A converter is seen where the distances of levels are whole steps within a share; where more than so many of
 # the samples differ, only where some move on by several steps: those of an even ramp move by one.
 MOST_LEVELS, WHOLE = 0.25, 0.05
+# Of the samples after the drive's end, those that are not taken as at rest.
+RINGS = 0.25
 # Of its range: a drive_voltage further from its first sample has begun.
 BEGUN = 0.02
 
@@ -24,12 +26,15 @@ def known_noise(recording: xr.Dataset, values: Array, drive: Waveform | None) ->
     time, step = recording["time"].values, converter_step(values)
     interval = float(time[-1] - time[0]) / (time.size - 1)
     if drive is None:
-        moves = "drive_voltage" in recording
-        at_rest = first_change(recording["drive_voltage"].values, BEGUN) if moves else 0
-        return KnownNoise(at_rest=at_rest, step=step)
+        if "drive_voltage" not in recording:
+            return KnownNoise(step=step)
+        shown = recording["drive_voltage"].values
+        again = _settled(first_change(shown[::-1], BEGUN))
+        return KnownNoise(at_rest=first_change(shown, BEGUN), step=step, rest_again=again)
+    again = _settled(int(np.count_nonzero(time >= drive.duration)))
     begin, periodic = periodic_part(drive)
     if periodic is None:
-        return KnownNoise(step=step)
+        return KnownNoise(step=step, rest_again=again)
     first = (begin - float(time[0])) / interval
     lasts = float(periodic.duration) / interval + min(first, 0.0)
     period = float(periodic.period) / interval
@@ -37,7 +42,13 @@ def known_noise(recording: xr.Dataset, values: Array, drive: Waveform | None) ->
         at_rest=int(np.count_nonzero(time < begin)),
         period=(max(first, 0.0), period, lasts) if lasts > 0.0 else (0.0, 0.0, 0.0),
         step=step,
+        rest_again=again,
     )
+
+
+def _settled(samples: int) -> int:
+    """Of the samples after the drive has ended, those by which what it moved rings no longer."""
+    return samples - int(RINGS * samples)
 
 
 def first_change(drive: Array, share: float) -> int:

@@ -1,0 +1,76 @@
+"""Drift of a sensor, a random walk and a slope: how far samples at which nothing moves let it go."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import dst
+
+# The random walk's step, over the deviation of the rest: looked for in this range.
+LEAST_WALK, MOST_WALK = 1e-4, 1.0
+# Walks that are tried; lines of each spectrum, the lowest: a filter does to the others what a walk does.
+TRIED, LINES = 33, 16
+
+Array = NDArray[np.float64]
+
+
+def walk_and_white(
+    pieces: Sequence[Array], lines: int | None = None
+) -> Callable[[float], tuple[float, float]]:
+    """Of the logarithm of a random walk's variance per sample over that of white noise beside it: minus twice
+    that of its likelihood, and the variance of the white noise.
+
+    The differences of the sum of both are a moving average: their covariance is tridiagonal, its eigenvectors
+    are sines.
+
+    Args:
+        pieces: samples [n] that show both.
+        lines: how many of each, from the lowest on, are looked at; None: all.
+    """
+    angles, powers = (
+        np.concatenate([one[:lines] for one in kind]) for kind in zip(*map(sine_powers, pieces), strict=True)
+    )
+    of_white = 2.0 - 2.0 * np.cos(angles)
+
+    def found(log_ratio: float) -> tuple[float, float]:
+        variances = of_white + math.exp(log_ratio)
+        total = float(np.sum(powers / variances))
+        return powers.size * math.log(total) + float(np.sum(np.log(variances))), total / powers.size
+
+    return found
+
+
+def sine_powers(r: Array) -> tuple[Array, Array]:
+    """Angular frequencies, rad per sample, and the power of the differences in sines of them."""
+    power = np.asarray(dst(np.diff(r), type=1, norm="ortho")) ** 2
+    return np.pi * np.arange(1, r.size) / r.size, power
+
+
+def drift(pieces: Sequence[Array], times: Array, walks: float = 0.0) -> tuple[Array, Array, float]:
+    """Mean squares of the drift at later times, as far as samples at rest tell: their chances [k], these mean
+    squares [k], and the likely one.
+
+    Args:
+        pieces: samples [n] at rest, at least one of them not all the same; their levels may differ.
+        times: samples after the level that drift is counted from.
+        walks: variance that a random walk gains from sample to sample at least.
+    """
+    sizes = np.array([float(r.size) for r in pieces])
+    weights = sizes**3 / 12.0
+    centred = [np.arange(r.size) - 0.5 * (r.size - 1) for r in pieces]
+    slope = sum(float(t @ r) for t, r in zip(centred, pieces, strict=True)) / float(weights.sum())
+    logs = np.linspace(2.0 * math.log(LEAST_WALK), 2.0 * math.log(MOST_WALK), TRIED)
+    criterion, white = np.array([*map(walk_and_white(pieces, LINES), logs)]).T
+    chances = np.exp(-0.5 * (criterion - criterion.min()))
+    chances /= chances.sum()
+    walk = np.maximum(white * np.exp(logs), walks)
+    # The slope of white noise, and that of a walk: 6/5 of its variance per sample, over the samples.
+    unsure = white / weights.sum() + walk * 1.2 * float(weights**2 @ (1.0 / sizes)) / weights.sum() ** 2
+    ahead, squares = float(np.mean(np.abs(times))), float(np.mean(times**2))
+    far = walk * ahead + (slope**2 + unsure) * squares
+    likely = math.exp(float(chances @ np.log(walk))) * ahead
+    likely += max(slope**2 - float(chances @ unsure), 0.0) * squares
+    return chances, far, likely
