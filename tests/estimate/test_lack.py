@@ -117,6 +117,16 @@ def test_a_slope_of_the_sensor_makes_no_right_fit_wrong_where_nothing_rests() ->
     assert lack_of_fit(r, known, "walk").seen, "a prediction is off"
 
 
+def test_a_lack_is_that_of_one_comparison() -> None:
+    """What repeats is certain, but less than a tenth of the noise; that the rest is quieter is chance."""
+    random = np.random.default_rng(16)
+    r = random.standard_normal(N) + 0.4 * np.sin(2.0 * np.pi * np.arange(N) / 50.0)
+    r[:50] = 0.88 * stats.zscore(random.standard_normal(50))
+    lack = lack_of_fit(r, KnownNoise(at_rest=50, period=(50.0, 50.0, N)), "walk")
+    assert lack.ratio > 1.1
+    assert not lack.seen
+
+
 def test_rest_after_motion_counts_only_where_nothing_moves() -> None:
     """A drive that is said to begin too early ends too early."""
     random = np.random.default_rng(15)

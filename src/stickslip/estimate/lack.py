@@ -73,7 +73,8 @@ class Lack(NamedTuple):
         ratio: root mean square of what is left over the noise, the drift that the rest shows included; where
             a comparison of a part of it (see the module) tells that the model lacks, the greatest of these.
             NaN where the noise is not known.
-        chance: of a right model to leave as much or more, the smallest over the comparisons, times how many.
+        chance: of a right model to leave as much or more, times how many comparisons there are; the smallest
+            of those that tell that it lacks.
         against: what the ratio is by.
     """
 
@@ -130,7 +131,7 @@ def lack_of_fit(residuals: Array, known: KnownNoise, name: str, n_fitted: float 
     found = [one._replace(chance=min(1.0, one.chance * len(found))) for one in found]
     seen = [one for one in found if one.chance < FALSE_ALARM and one.ratio >= LEAST_RATIO]
     told = max(seen, key=lambda one: one.ratio) if seen else found[0]
-    return Lack(name, told.ratio, min(one.chance for one in seen or found), told.against)
+    return Lack(name, told.ratio, min([one.chance for one in seen] or [told.chance]), told.against)
 
 
 def independent(rows: Array) -> float:
