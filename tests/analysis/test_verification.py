@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,10 +16,13 @@ from stickslip.actuator import load_actuator
 from stickslip.cli import app
 from stickslip.friction import MaxwellSlip
 from stickslip.identify.results import model_numbers, model_of
+from stickslip.identify.saved import save_fit
+from stickslip.identify.walk.friction import identify_friction
 from stickslip.recording import open_recording, save_recording
 from stickslip.report import Document, Number, write_report
 from stickslip.simulation import simulate
 from stickslip.units import QuantityError
+from stickslip.verification import verify
 from stickslip.waveform.periodic import Sawtooth
 
 DRIVE = {"shape": "Sawtooth", "fields": {"amplitude": 65.0, "frequency": 100.0, "periods": 2}}
@@ -176,3 +180,24 @@ def test_wrong_files_are_refused(folder: Path) -> None:
         done = run(str(folder / "bad.yaml"), "--out", str(folder / "bad"))
         assert done.exit_code == 2
         assert words in done.stderr
+
+
+def test_a_saved_fit_predicts_like_the_fit_itself(folder: Path) -> None:
+    drive = Sawtooth(**DRIVE["fields"])
+    walk = open_recording(folder / "walk.nc")
+    fit = identify_friction(
+        walk, MODEL, ["coulomb_force"], drive=drive, channel=["offset"], hops=0, max_evaluations=3
+    )
+    save_fit(fit, folder / "fit.json")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        done = run(str(folder / "fit.json"), str(folder / "walk.nc"), "--out", str(folder / "saved"))
+        expected = verify(fit, walk)
+    assert done.exit_code == 0, done.stderr
+    found = json.loads((folder / "saved" / "results.json").read_bytes())["numbers"]["verification"]["walk"]
+    assert found["rmse"]["value"] == pytest.approx(expected.rmse)
+    loose = replace(fit, predict=None)
+    save_fit(loose, folder / "loose.json")
+    done = run(str(folder / "loose.json"), str(folder / "walk.nc"))
+    assert done.exit_code != 0
+    assert "it is a saved fit, but of no walk" in done.stderr

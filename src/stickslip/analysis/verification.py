@@ -17,6 +17,7 @@ from ..chain import Chain
 from ..figures.identification import fit_with_residuals
 from ..figures.style import svg
 from ..identify.results import chain_of, model_numbers, model_of
+from ..identify.saved import FORMAT, load_fit
 from ..identify.walk.prediction import Predictor
 from ..input_file import Seconds, explain, load_yaml
 from ..progress import Progress
@@ -39,8 +40,8 @@ _EXAMPLES = {"--column": 'end_effector_position="Disp (um)"', "--unit": "drive_v
 
 
 class VerificationAnalysis(Analysis):
-    """See the module. The model is that of `fit`, a results.json of an identification, or of the parameter
-    set `model` with fields changed; `require` are sentences such as "r_squared > 0.99"."""
+    """See the module. The model is that of `fit`, a results.json of an identification or a fit of `save_fit`,
+    or of the parameter set `model` with fields changed; `require`: sentences such as "r_squared > 0.99"."""
 
     kind: Literal["verification"] = "verification"
     fit: str | None = None
@@ -111,7 +112,7 @@ class VerificationAnalysis(Analysis):
     def _predictor(self, folder: Path) -> tuple[Predictor, Chain]:
         if (self.fit is None) == (self.model is None):
             raise AnalysisError(
-                "a verification has either 'fit', a results.json, or 'model', a parameter set"
+                "a verification has either 'fit', a results.json or a saved fit, or 'model', a parameter set"
             )
         chain = Chain()
         if self.fit is not None:
@@ -130,9 +131,15 @@ def results_model(path: Path) -> Actuator:
 
 
 def _results(path: Path) -> tuple[Actuator, Chain]:
-    """The actuator of a results.json, and what a position channel shows of it."""
+    """The actuator of a results.json or of a saved fit, and what a position channel shows of it."""
     try:
-        numbers = json.loads(path.read_text(encoding="utf-8"))["numbers"]
+        content = json.loads(path.read_text(encoding="utf-8"))
+        if content.get("format") == FORMAT:
+            predictor = getattr(load_fit(path).predict, "__self__", None)
+            if not isinstance(predictor, Predictor):
+                raise ValueError("it is a saved fit, but of no walk")
+            return predictor.model, predictor.chain
+        numbers = content["numbers"]
         return model_of(numbers["model"]), chain_of(numbers)
     except KeyError as error:
         raise AnalysisError(
@@ -176,8 +183,8 @@ def verification_analysis(
     """What the command line asks for, and the folder that its files are relative to.
 
     Args:
-        path: a verification file, or a results.json.
-        recordings: with a results.json, the files to predict; their drive is the channel drive_voltage.
+        path: a verification file, a results.json, or a fit of `save_fit`.
+        recordings: with one of the last two, the files to predict; their drive is the channel drive_voltage.
         require: further requirements.
         columns, units: of these files, "NAME=COLUMN" and "NAME=UNIT"; what they leave out is found as
             `inspect_file` finds it, and said in the report.
