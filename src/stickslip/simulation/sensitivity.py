@@ -281,13 +281,14 @@ def _settled(
     derivatives: Callable[[float], tuple[NDArray[np.float64], NDArray[np.float64]]], tolerance: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Samples, derivatives [times, names] and their errors [names] of the tolerance at which they settle."""
-    _, before = derivatives(tolerance)
-    for k in range(1, 1 + REFINED):
-        samples, by = derivatives(tolerance * 0.1**k)
+    samples, by = derivatives(tolerance)
+    errors = np.full(by.shape[1], math.inf)
+    for _ in range(REFINED):
+        before, tolerance = by, 0.1 * tolerance
+        samples, by = derivatives(tolerance)
         errors = np.abs(by - before).max(axis=0, initial=0.0)
         if np.all(errors <= SETTLED * np.abs(by).max(axis=0, initial=0.0)):
             break
-        before = by
     return samples, by, errors
 
 
