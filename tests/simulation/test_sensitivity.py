@@ -49,9 +49,8 @@ def value(model: Actuator, name: str) -> float:
     return law[name] if name in law else getattr(model, name)
 
 
-@pytest.mark.parametrize(
-    "law", ["Dahl", *(pytest.param(law, marks=pytest.mark.compiled) for law in ("LuGre", "Elastoplastic"))]
-)
+@pytest.mark.parametrize("law", CASES)
+@pytest.mark.compiled
 def test_derivatives_are_central_differences_of_simulations(law: str) -> None:
     friction, of_law = CASES[law]
     model = MODEL.replace(friction=friction)
@@ -69,6 +68,7 @@ def test_derivatives_are_central_differences_of_simulations(law: str) -> None:
         np.testing.assert_allclose(derivative, expected, rtol=0, atol=3e-3 * np.abs(expected).max())
 
 
+@pytest.mark.compiled
 def test_where_the_normal_force_jumps_what_is_new_carries_nothing() -> None:
     """Twice while the contact sticks: unloaded, the bristle keeps its deflection; loaded, its force."""
     load = Sampled([0.0, 0.031, 0.0632], [1.0, 0.5, 1.5], "hold")
@@ -174,6 +174,7 @@ def test_the_error_of_a_derivative_is_said() -> None:
         assert np.all(wrong <= 2.0 * found["derivative_error"])
 
 
+@pytest.mark.compiled
 def test_creep_is_cut_into_the_same_segments() -> None:
     """By the length of the run, which was another for the neighbours."""
     model = MODEL.replace(piezo=Piezo(None, Creep((0.02,), (0.03,))))
