@@ -303,6 +303,7 @@ def run(plant, drive, load, state, sides, t, h, fresh, t_end, local, max_steps, 
             rejected += 1
             h = 1.5 * cut * h_now
             continue
+        slows = why == SLOWS
         if forced < 0:
             for e in range(len(sides)):
                 if statics(plant)[e] != 0.0 and sides[e] == 0.0:
@@ -313,7 +314,7 @@ def run(plant, drive, load, state, sides, t, h, fresh, t_end, local, max_steps, 
         if branched(plant):
             theta = _first_end(plant, drive, i, load, j, t, h_now, sides, state, new, rows, False, cut)
             if theta < cut:
-                cut, why = theta, SLOWS
+                cut, why, slows = theta, SLOWS, False
         accepted += 1
         t_new, end, u_end = t_break if last else t + h_now, new, u[5]
         if cut < 1.0:
@@ -337,7 +338,7 @@ def run(plant, drive, load, state, sides, t, h, fresh, t_end, local, max_steps, 
         state, t = end, t_new
         grown = h_now * min(1.0 if refused else 6.0, 0.9 * error**-0.2 if error > 0.0 else 6.0)
         refused = False
-        if why == SLOWS and cut < 1.0:  # the next step slows down as quickly
+        if slows:  # the next step slows down as quickly
             grown = min(grown, 2.0 * cut * h_now)
         h = max(h, grown) if last else grown  # a step cut short by a break says little about the next
         if last:
