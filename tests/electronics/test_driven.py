@@ -103,6 +103,7 @@ def test_against_small_steps(seed: int, folds: bool) -> None:
     assert np.abs(waveform.value(times) - fine).max() > 1.0, "it must be starved, or this shows little"
 
 
+@pytest.mark.compiled
 def test_a_tighter_tolerance_is_kept() -> None:
     of, waveform, farad = random_case(3)
     times = np.linspace(0.0, 6e-3, 20_001)[:-1]

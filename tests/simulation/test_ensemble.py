@@ -32,7 +32,13 @@ LAWS = {
 }
 
 
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(n, marks=pytest.mark.compiled) if n in ("MaxwellSlip", "ResetIntegrator") else n
+        for n in LAWS
+    ],
+)
 def test_a_member_is_what_a_simulation_of_it_gives(name: str) -> None:
     law, field = LAWS[name]
     allowed = TOLERANCE if name in JUMPS else ROUNDING
@@ -50,6 +56,7 @@ def test_a_member_is_what_a_simulation_of_it_gives(name: str) -> None:
         )
 
 
+@pytest.mark.compiled
 def test_the_stage_varies_too_on_however_many_threads() -> None:
     values = {
         "natural_frequency": np.array([3000.0, 3303.1, 3600.0]),
@@ -66,6 +73,7 @@ def test_the_stage_varies_too_on_however_many_threads() -> None:
         assert float(several["net_displacement"][m]) == pytest.approx(float(x[-1]), abs=1e-12)
 
 
+@pytest.mark.compiled
 def test_summaries_alone_are_the_same_numbers() -> None:
     values = {"coulomb_force": np.linspace(0.2, 1.0, 7)}
     summary = simulate_ensemble(MODEL, DRIVE, 0.1, parameters=values)

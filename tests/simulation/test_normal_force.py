@@ -115,6 +115,19 @@ def test_rest_on_an_incline_hangs_on_the_place() -> None:
         assert moved < 1e-12 if stays else moved > 1e-6
 
 
+@pytest.mark.parametrize("wavelength", [20e-6, 5e-6, 2e-6, 1e-6, 0.3e-6])
+def test_rest_is_in_balance_on_ripples_of_any_length(wavelength: float) -> None:
+    """A short one was stepped over in turns, and the run began out of balance without a word."""
+    ripple = NormalForce(ripple=0.3, wavelength=wavelength, phase=0.3)
+    law = ss.LuGre(1.4e6, 35.0, 0.0, 1.5, 1.5)
+    model = KANG.replace(friction=law, external_force=-1.45, normal_force=ripple)
+    begun = ss.simulate(model, ss.Constant("0 V"), "1 ms").isel(time=0)
+    force, place = float(begun["friction_force"]), float(begun["stage_position"])
+    assert model.stage_stiffness * place == pytest.approx(-force, rel=1e-9)
+    most = 1.5 * float(ripple.factor(float(begun["end_effector_position"])))
+    assert force == pytest.approx(min(1.45, most), rel=1e-6)
+
+
 def test_members_and_derivatives() -> None:
     model = KANG.replace(normal_force=ALL)
     stiffness = LAW.sigma_0 * np.array([1.0, 1.0 + 1e-4, 1.0 - 1e-4])
@@ -165,6 +178,7 @@ def test_files_keep_it(tmp_path: Path) -> None:
         ss.load_actuator(file)
 
 
+@pytest.mark.compiled
 def test_a_rig_feels_the_place_that_it_has_come_to() -> None:
     """Two thirds of the friction: it records what a contact records that has as much everywhere."""
     along, bench = NormalForce(slope=-1.0 / 3e-3), ss.rig.load_bench("kang2007-bench")

@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 
 from stickslip.actuator import Actuator
 from stickslip.friction import Coulomb, Dahl, Elastoplastic, LuGre, MaxwellSlip
-from stickslip.simulation import sensitivities, simulate, steady_step, steady_step_derivatives
+from stickslip.piezo import Creep, Piezo
+from stickslip.simulation import (
+    SimulationWarning,
+    sensitivities,
+    simulate,
+    steady_step,
+    steady_step_derivatives,
+)
 from stickslip.simulation.models import SLIDER
 from stickslip.simulation.trajectory import follow_model
 from stickslip.simulation.varied import with_values
 from stickslip.units import QuantityError
+from stickslip.waveform.knots import PeriodicKnots
 from stickslip.waveform.periodic import Sawtooth
 from stickslip.waveform.sampled import Sampled
 
@@ -39,9 +49,8 @@ def value(model: Actuator, name: str) -> float:
     return law[name] if name in law else getattr(model, name)
 
 
-@pytest.mark.parametrize(
-    "law", ["Dahl", *(pytest.param(law, marks=pytest.mark.compiled) for law in ("LuGre", "Elastoplastic"))]
-)
+@pytest.mark.parametrize("law", CASES)
+@pytest.mark.compiled
 def test_derivatives_are_central_differences_of_simulations(law: str) -> None:
     friction, of_law = CASES[law]
     model = MODEL.replace(friction=friction)
@@ -59,6 +68,7 @@ def test_derivatives_are_central_differences_of_simulations(law: str) -> None:
         np.testing.assert_allclose(derivative, expected, rtol=0, atol=3e-3 * np.abs(expected).max())
 
 
+@pytest.mark.compiled
 def test_where_the_normal_force_jumps_what_is_new_carries_nothing() -> None:
     """Twice while the contact sticks: unloaded, the bristle keeps its deflection; loaded, its force."""
     load = Sampled([0.0, 0.031, 0.0632], [1.0, 0.5, 1.5], "hold")
@@ -104,7 +114,7 @@ def test_derivatives_side_by_side_are_those_alone(law: str) -> None:
 
 def test_the_position_is_that_of_the_simulation_and_units_are_told() -> None:
     found = sensitivities(MODEL, DRIVE, times=TIMES, parameters=["sigma_0", "initial_stage_velocity"])
-    alone = follow_model(MODEL, DRIVE, TIMES).samples[:, SLIDER]
+    alone = follow_model(MODEL, DRIVE, TIMES, tolerance=1e-10).samples[:, SLIDER]  # where they settle
     # Two kernels, compiled by themselves: products and sums are not rounded alike in both.
     np.testing.assert_allclose(found["end_effector_position"], alone, rtol=0, atol=1e-13)
     assert found["unit"].values.tolist() == ["N/m", "m/s"]
@@ -117,6 +127,71 @@ def test_copied_periods_have_the_derivatives_of_periods_integrated() -> None:
     fine = sensitivities(MODEL, DRIVE, times=times, parameters=["coulomb_force"], tolerance=1e-13)
     expected = fine["derivative"].values
     np.testing.assert_allclose(coarse["derivative"], expected, rtol=0, atol=2e-4 * np.abs(expected).max())
+
+
+STIFF = Actuator(
+    4.31428928663444e-08,
+    10140.637,
+    0.562284797,
+    0.0894361729,
+    0.16737965,
+    LuGre(3608586.34, 72.3515, 0.0, 0.062553, 0.062553),
+)
+KNOTS = PeriodicKnots(
+    (0.0, 0.00097208, 0.00272691, 0.0069624, 0.01313294, 0.01384241),
+    (63.8026, -9.5737, 9.6077, -28.5044, 59.8368, 28.7671),
+    0.01394211,
+)
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("tolerance", [1e-9, 1e-10])
+def test_rounding_does_not_grow_in_steps_beyond_a_reversal(tolerance: float) -> None:
+    """The neighbours' code is compiled by itself and rounds otherwise: it was wrong by a factor 37."""
+    times = np.linspace(0.0, 3 * KNOTS.period, 41)
+    found = sensitivities(STIFF, KNOTS, times=times, parameters=["sigma_1"], tolerance=tolerance)
+    start = STIFF.friction.sigma_1
+    up, down = (
+        simulate(with_values(STIFF, {"sigma_1": start * (1 + h)}), KNOTS, times=times, tolerance=1e-12)
+        for h in (1e-3, -1e-3)
+    )
+    expected = (up["end_effector_position"] - down["end_effector_position"]).values / (2e-3 * start)
+    derivative = found["derivative"].sel(parameter="sigma_1").values
+    np.testing.assert_allclose(derivative, expected, rtol=0, atol=0.02 * np.abs(expected).max())
+
+
+@pytest.mark.compiled
+def test_the_error_of_a_derivative_is_said() -> None:
+    """A vibration that hardly decays: its phase is in the derivative, and not in the position's tolerance."""
+    model = MODEL.replace(damping_ratio=0.01, natural_frequency=2e4, stage_reaction=True)
+    names = ["sigma_0", "natural_frequency"]
+    right = sensitivities(model, DRIVE, times=TIMES, parameters=names, tolerance=1e-13)["derivative"]
+    for tolerance in (1e-7, 1e-9):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SimulationWarning)
+            found = sensitivities(model, DRIVE, times=TIMES, parameters=names, tolerance=tolerance)
+        wrong = np.abs(found["derivative"] - right).max("time")
+        assert np.all(wrong <= 2.0 * found["derivative_error"])
+
+
+@pytest.mark.compiled
+def test_creep_is_cut_into_the_same_segments() -> None:
+    """By the length of the run, which was another for the neighbours."""
+    model = MODEL.replace(piezo=Piezo(None, Creep((0.02,), (0.03,))))
+    names = ["gain", "amplitude"]
+    found = sensitivities(model, DRIVE, 0.047, parameters=names, tolerance=1e-11)["derivative"].values
+    for name, by in zip(names, found, strict=True):
+        low, high = (
+            simulate(
+                with_values(model, {name: 0.1057e-6 * (1 + h)}) if name == "gain" else model,
+                DRIVE if name == "gain" else Sawtooth(65.0 * (1 + h), 50.0),
+                0.047,
+                tolerance=1e-13,
+            )["end_effector_position"].values
+            for h in (-1e-4, 1e-4)
+        )
+        expected = (high - low) / (2e-4 * (0.1057e-6 if name == "gain" else 65.0))
+        np.testing.assert_allclose(by, expected, rtol=0, atol=3e-3 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize("name", ["initial_stage_position", "initial_end_effector_velocity"])

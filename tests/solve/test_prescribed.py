@@ -107,15 +107,34 @@ def test_one_step_under_a_changing_normal_force(normal: tuple[float, float]) -> 
 
     def renewed(t: float, z: np.ndarray) -> np.ndarray:
         n = before + growth * t
-        return slope(t, z) - (growth / n * z if growth > 0.0 and n > 0.0 else 0.0)
+        if growth > 0.0 and n == 0.0:  # contact begins: z = t dz/dt
+            return 0.5 * slope(t, z)
+        return slope(t, z) - (growth / n * z if growth > 0.0 else 0.0)
 
     solver = RK23(renewed, 0.0, [START], H, first_step=H, rtol=1.0, atol=1.0)
     solver.step()
     assert solver.t == H
     error = float(abs(solver.K.T @ solver.E * H)[0])
+    error = max(error, abs(float(solver.y[0] - START - H * solver.K[1, 0])) / 8.0)
     z, reached = advance(DAHL, V, START, H, 1.001 * error, before, after)
     assert reached
     assert z == pytest.approx(float(solver.y[0]), rel=1e-13)
+
+
+@pytest.mark.parametrize("travel", [0.999, 1.0, 1.001])
+def test_an_interval_of_the_presliding_length_is_not_one_step(travel: float) -> None:
+    """There the pair's own estimate is zero, and 5 % of the deflection were lost."""
+    length = F_C / SIGMA_0
+    z, reached = advance(Dahl(SIGMA_0, F_C), travel * length, 0.0, 1.0, 1e-12, 1.0, 1.0)
+    assert reached
+    assert z == pytest.approx(length * -math.expm1(-travel), abs=5e-12)
+
+
+def test_contact_that_begins_is_loaded_half() -> None:
+    """The force grows with N: dF = k N/N_0 dx."""
+    z, reached = advance(Dahl(SIGMA_0, 1e9), 1e-7, 0.0, 1.0, 1e-13, 0.0, 1.0)
+    assert reached
+    assert z == pytest.approx(0.5e-7, rel=1e-6)
 
 
 def test_many_steps_under_a_growing_normal_force() -> None:

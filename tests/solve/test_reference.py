@@ -66,6 +66,7 @@ def test_the_output_grid_does_not_change_the_solution(problem: str) -> None:
             assert np.max(np.abs(one[name].values - same[name].values)) < 1e-10
 
 
+@pytest.mark.compiled
 def test_samples_between_steps_are_as_good_as_the_steps() -> None:
     reference = simulate(PROBLEMS["P1"], DRIVE, 0.4, sample_rate=50e3, tolerance=1e-12)
     found = simulate(PROBLEMS["P1"], DRIVE, 0.4, sample_rate=50e3, tolerance=1e-9)

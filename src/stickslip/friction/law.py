@@ -335,8 +335,8 @@ def law_slopes(law, v, z, side):
     """F, dF/dv, dF/dz, dż/dv, dż/dz by one-sided differences: outwards in v from the `side` of v = 0 (0: of
     no contact, by v itself), and off a bound on z."""
     at = math.copysign(v, side) if side != 0.0 else v
-    dv = math.copysign(1e-7 * abs(at) + 1e-11, side)
-    dz = math.copysign(1e-7 * abs(z) + 1e-15, z)
+    dv = math.copysign(1e-5 * abs(at) + 1e-11, side)
+    dz = math.copysign(1e-5 * abs(z) + 1e-15, z)
     force, rate_0 = rate_on(law, at, z, side)
     force_v, rate_v = rate_on(law, at + dv, z, side)
     force_z, rate_z = rate_on(law, at, z + dz, side)

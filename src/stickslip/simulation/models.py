@@ -203,8 +203,8 @@ class Contact(NamedTuple):
         return self.table or constant(1.0)
 
 
-# How often the place of rest is looked for: each time it is a hundred times nearer or more.
-_PLACES = 8
+# A normal force over its reference that holds whatever there is; how often the place of rest is halved.
+_HOLDS, _HALVINGS = 1e12, 60
 
 
 def resting_state(of: System, before: float, load: float = 1.0) -> NDArray[np.float64]:
@@ -214,9 +214,15 @@ def resting_state(of: System, before: float, load: float = 1.0) -> NDArray[np.fl
     Where the normal force changes along the stroke, it is that of the place, which follows from what the
     contact holds.
     """
-    q, along = _resting(of, before, load, 0.0), of.contact is not None and of.contact.along is not None
-    for _ in range(_PLACES if along else 0):
-        q = _resting(of, before, load, float(q[of.slider]))
+    if of.contact is None or of.contact.along is None:
+        return _resting(of, before, load, 0.0)
+    # It rests where the contact holds all, if it can; else between there and where it holds nothing.
+    free, held = (float(_resting(of, before, share, 0.0)[of.slider]) for share in (0.0, _HOLDS))
+    q = _resting(of, before, load, held)
+    low, high = sorted((free, held))
+    for _ in range(_HALVINGS if abs(q[of.slider] - held) > 1e-12 * (high - low) else 0):
+        q = _resting(of, before, load, place := 0.5 * (low + high))
+        low, high = (place, high) if q[of.slider] > place else (low, place)
     return q
 
 

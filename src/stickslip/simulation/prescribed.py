@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from ..friction import NormalForce, elements, is_law
 from ..recording import make_recording
 from ..solve.prescribed import follow_position
-from ..units import QuantityError, to_si
+from ..units import QuantityError, to_si, with_prefix
 from .errors import SimulationError
 from .strain import strained
 
@@ -77,7 +77,10 @@ def friction_response(
     samples = np.full((t.size, 1 + z.size), np.nan)
     reached = follow_position(law, t, x, ratio, z, tolerance, proportional, samples)
     if reached < t.size:
-        raise SimulationError(f"the friction law could not be followed from t = {t[reached - 1]:.6g} s on")
+        raise SimulationError(
+            f"the friction law could not be followed from t = {t[reached - 1]:.6g} s on within the tolerance "
+            f"of {with_prefix(tolerance, 'm', 3)}: a greater one may do"
+        )
     variables: dict[str, Any] = {"position": x, "friction_force": samples[:, 0]}
     for e in range(elements(law)):
         variables[f"bristle_deflection_{e + 1}"] = (samples[:, 1 + e], "m")

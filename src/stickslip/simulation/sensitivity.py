@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+import warnings
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,9 +26,9 @@ from ..waveform.drive import Drive, constant, value_slope_curvature
 from ..waveform.members import Drives
 from ..waveform.pieces import with_breaks
 from ..waveform.signal import Waveform
-from .errors import SimulationError
+from .errors import SimulationError, SimulationWarning
 from .models import Contact, System, checked_drive, contact_load, drive_table
-from .neighbour_drives import DIFFERENCE, beside, breaks_apart, neighbour_drives, own_table
+from .neighbour_drives import DIFFERENCE, LONGER, beside, breaks_apart, neighbour_drives, own_table
 from .state import row_of
 from .steady import endless, periodic_drive, steady_orbit
 from .trajectory import sample_times
@@ -51,6 +52,9 @@ INITIAL = {
     "initial_bristle_deflection": "m",
 }
 BY_ROW = "initial row "
+# Derivatives are right if a tenth of the tolerance changes them by less than this share of the largest; how
+# often that is tried.
+SETTLED, REFINED = 0.01, 4
 
 
 class Moved(NamedTuple):
@@ -143,7 +147,7 @@ def moved(
         steps.append(step)
         waveforms.append(drive)
     moving = bool({*names} - {*known})
-    itself = own_table(model, waveform, end) if moving else constant(0.0)
+    itself = own_table(model, waveform, LONGER * end) if moving else constant(0.0)
     breaks = breaks_apart(contact.table, itself, end) if moving else np.zeros(0)
     n = len(names)  # of none, the tables have their columns all the same
     return Moved(
@@ -206,7 +210,9 @@ def sensitivities(
     """The end-effector's position and its derivatives by parameters and initial state.
 
     Each derivative is the difference to a neighbour that takes the steps of the trajectory itself (see
-    `solve.neighbours`): it costs less than a simulation, and has no noise of an error control in it.
+    `solve.neighbours`): it has no noise of an error control in it. But steps that are right for the position
+    need not be for its derivatives: these are computed at a tenth of the tolerance too, and of tenths of that
+    until two agree within a hundredth of the largest value.
 
     Args:
         model: an actuator whose law has internal states.
@@ -218,8 +224,10 @@ def sensitivities(
             is when the drive's breaks move; but what coincides with one of them moves with it.
 
     Returns:
-        Dataset over "time" (s) and "parameter" of end_effector_position (m) and derivative, in m per unit of
-        the parameter, whose unit is the coordinate "unit".
+        Dataset over "parameter" and "time" (s) of derivative, in m per unit of the parameter, whose unit is
+        the coordinate "unit"; end_effector_position (m); and derivative_error [parameter]: by how much the
+        derivative has changed, at most, since ten times the tolerance. Where that is more than a hundredth
+        after four times, a `SimulationWarning` names the parameter.
 
     Raises:
         QuantityError: an unknown name, a static law, a waveform that jumps at another place for the smallest
@@ -234,7 +242,15 @@ def sensitivities(
     contact = contact_load(load, end)
     state = contact.rest(contact.system(model), drive.before)
     of = moved(model, parameters, state, drive.before, contact, waveform, end)
-    samples, by, _ = follow_moved(of, drive, state, wanted, tolerance, load=contact.table)
+    if of.drives is not None:  # in the same segments as theirs: those of creep depend on the end
+        drive = own_table(model, waveform, LONGER * end)
+
+    def derivatives(tolerance: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        samples, by, _ = follow_moved(of, drive, state.copy(), wanted, tolerance, load=contact.table)
+        return samples, by
+
+    samples, by, errors = _settled(derivatives, tolerance)
+    _warn(parameters, by, errors)
     return xr.Dataset(
         {
             "end_effector_position": (
@@ -247,6 +263,11 @@ def sensitivities(
                 by.T,
                 {"units": "m per unit of the parameter", "long_name": "derivative of the position"},
             ),
+            "derivative_error": (
+                "parameter",
+                errors,
+                {"units": "m per unit of the parameter", "long_name": "largest error of the derivative"},
+            ),
         },
         coords={
             "time": ("time", wanted, {"units": "s"}),
@@ -254,6 +275,33 @@ def sensitivities(
             "unit": ("parameter", [_unit(model, waveform, name) for name in parameters]),
         },
     )
+
+
+def _settled(
+    derivatives: Callable[[float], tuple[NDArray[np.float64], NDArray[np.float64]]], tolerance: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Samples, derivatives [times, names] and their errors [names] of the tolerance at which they settle."""
+    samples, by = derivatives(tolerance)
+    errors = np.full(by.shape[1], math.inf)
+    for _ in range(REFINED):
+        before, tolerance = by, 0.1 * tolerance
+        samples, by = derivatives(tolerance)
+        errors = np.abs(by - before).max(axis=0, initial=0.0)
+        if np.all(errors <= SETTLED * np.abs(by).max(axis=0, initial=0.0)):
+            break
+    return samples, by, errors
+
+
+def _warn(names: Sequence[str], by: NDArray[np.float64], errors: NDArray[np.float64]) -> None:
+    """Name what has not settled."""
+    largest = np.abs(by).max(axis=0, initial=0.0)
+    for name, error, most in zip(names, errors, largest, strict=True):
+        if error > SETTLED * most:
+            warnings.warn(
+                f"the derivative by {name} may be off by {100.0 * error / most:.2g} % of its largest value",
+                SimulationWarning,
+                stacklevel=3,
+            )
 
 
 def steady_step_derivatives(

@@ -59,7 +59,8 @@ def simulate(
         model: an `Actuator`, or a `PulledSlider`.
         waveform: the drive: V for an actuator, m (the spring's far end) for a pulled slider.
         duration: s, or with a unit ("200 ms"); left out, that of the waveform, if it ends.
-        sample_rate: samples per second of the output. The solution does not depend on it.
+        sample_rate: samples per second of the output. The solution does not depend on it, but ends with the
+            last sample within the duration.
         times: sample times instead, s, ascending, from 0 or later.
         tolerance: m, on the end-effector's position over the whole trajectory. The error is estimated by a
             second run with smaller steps; where it is larger, the steps are refined.
@@ -72,7 +73,8 @@ def simulate(
         initial_state: where it begins: a `State`, or a trajectory, to be continued: then `duration` counts
             from its end, and samples and drive go on in its time. With the same model, drive, load and
             tolerance it goes on to the last bit as one run over both would (where that needs no smaller
-            steps), and its error is added; the energy account begins anew.
+            steps; with creep, whose table depends on the length of the run, to some picometres), and its
+            error is added; the energy account begins anew.
 
     Returns:
         Dataset over "time" (s) with end_effector_position, stage_position, sliding_displacement (m),

@@ -47,6 +47,10 @@ KINK = 0.005
 # the sliding velocity has fallen to half: the bristle stiffens no more there, and the error estimates would
 # not see what happens when it lets go.
 STIFF, SLOWED = 5.0, 0.5
+# Beyond a reversal the continued law is unstable. A step cut in its first half that goes on for more than
+# this many times in which a bristle relaxes is taken anew, shorter: rounding would grow, and be all that
+# the small differences of neighbours show (see `solve.neighbours`).
+UNSTABLE = 2.0
 # Slower is rounding in the slopes of the drive, and no sliding, m/s.
 STILL = 1e-12
 # What has let go is not held again for rounding.
@@ -147,6 +151,13 @@ def _cut(plant, h, sides, q, new, rows, u, fast, local):
         if theta < cut:
             cut, which, why = theta, e, reason
     return cut, which, why
+
+
+@fused
+def _unstable(plant, e, q, new, u, fast):
+    """How many times that a bristle of contact e relaxes, at the speed with which a step ends, lie in it."""
+    v, v_new = speeds(plant, q, u[0]), speeds(plant, new, u[5])
+    return fast[e] * abs(v_new[e]) / max(abs(v[e]), STILL)
 
 
 @fused
@@ -288,6 +299,11 @@ def run(plant, drive, load, state, sides, t, h, fresh, t_end, local, max_steps, 
             rejected += 1
             continue
         cut = abs(cut)
+        if cut < 0.5 and (1.0 - cut) * _unstable(plant, which, state, new, u, fast) > UNSTABLE:
+            rejected += 1
+            h = 1.5 * cut * h_now
+            continue
+        slows = why == SLOWS
         if forced < 0:
             for e in range(len(sides)):
                 if statics(plant)[e] != 0.0 and sides[e] == 0.0:
@@ -298,7 +314,7 @@ def run(plant, drive, load, state, sides, t, h, fresh, t_end, local, max_steps, 
         if branched(plant):
             theta = _first_end(plant, drive, i, load, j, t, h_now, sides, state, new, rows, False, cut)
             if theta < cut:
-                cut, why = theta, SLOWS
+                cut, why, slows = theta, SLOWS, False
         accepted += 1
         t_new, end, u_end = t_break if last else t + h_now, new, u[5]
         if cut < 1.0:
@@ -322,6 +338,8 @@ def run(plant, drive, load, state, sides, t, h, fresh, t_end, local, max_steps, 
         state, t = end, t_new
         grown = h_now * min(1.0 if refused else 6.0, 0.9 * error**-0.2 if error > 0.0 else 6.0)
         refused = False
+        if slows:  # the next step slows down as quickly
+            grown = min(grown, 2.0 * cut * h_now)
         h = max(h, grown) if last else grown  # a step cut short by a break says little about the next
         if last:
             while i + 1 < drive.start.size and drive.start[i + 1] <= t:
