@@ -98,6 +98,34 @@ def test_one_channel_of_one_real_mode() -> None:
     assert not fit.model.remainder.any()
 
 
+def one_mode(delay: float, seed: int):
+    """A response with a mode at 1250 Hz and 1 % of noise."""
+    one = np.ones((1, 1, 1))
+    model = ModalModel(
+        np.array([2500.0 * np.pi]), np.array([0.0137]), delay, -5e-8 * one, 0 * one, 0 * one[0]
+    )
+    rng, rate = np.random.default_rng(seed), 25e3
+    lines = np.where(np.fft.rfftfreq(1000, 1 / rate) < 6e3, 1.0, 0.0)[:, None]
+    drive = np.fft.irfft(lines * np.exp(2j * np.pi * rng.random((501, 3))), 1000, axis=0)[:, None]
+    shown = steady_response(model, drive, rate)
+    noisy = shown[..., None] + 0.01 * shown.std() * rng.standard_normal((1000, 1, 3, 3))
+    return frequency_response(np.repeat(drive[..., None], 3, axis=3), noisy, rate, band=(0.0, 6e3))
+
+
+@pytest.mark.parametrize("delay", [0.0, 2e-4, 4e-4, 8e-4])
+def test_a_delay_of_any_part_of_the_period_is_found(delay: float) -> None:
+    """Of half a period and more, the fit used to end at none, with another sign and damping, unsaid."""
+    response = one_mode(delay, 0)
+    fit = identify_frequency(response, complex_modes=False, remainder=False)
+    truth = {"natural_frequency_1": 2500.0 * np.pi, "damping_ratio_1": 0.0137, "gain_1": -5e-8}
+    for name, true in truth.items():
+        assert fit.values[name] == pytest.approx(true, rel=2e-3), name
+    assert fit.values["delay"] == pytest.approx(delay, abs=2e-7)
+    assert not fit.failures
+    wrong = identify_frequency(response, [(2500.0, 0.02)], complex_modes=False, remainder=False)
+    assert wrong.reduced_chi_squared < 2.0 or "does not explain the responses" in wrong.failures[0]
+
+
 def test_errors_are_those_of_a_search_over_everything() -> None:
     """The engine's differences on the bare model, against the derivatives and eliminated gains of the fit."""
     strong = TRUE._replace(rate_gain=2 * system.GAIN)
@@ -142,6 +170,8 @@ def test_known_noise_gives_the_chi_squared_its_meaning() -> None:
     assert fit.reduced_chi_squared == pytest.approx(1, abs=0.1)
     poor = identify_frequency(response, 2, noise_known=True)
     assert poor.reduced_chi_squared > 10
+    assert "does not explain response[1,1]" in poor.failures[0]
+    assert "does not explain the responses: residual" in identify_frequency(response, 2).failures[0]
 
 
 def test_needs_deviations() -> None:

@@ -22,6 +22,7 @@ from scipy.linalg import block_diag
 
 from ...estimate.blas import single_threaded
 from ...estimate.fit import fit_least_squares
+from ...estimate.lack import Lack
 from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import FitError
 from ...estimate.result import Fit
@@ -34,6 +35,11 @@ from ..free import with_ties
 # Damping ratios among which a further mode is looked for.
 TRIAL_DAMPING = (0.005, 0.01, 0.02, 0.05, 0.2)
 LINES_IN_SEARCH = 1000
+# Of the phase that modes turn in all, half a turn each: by so much the phase's slope may exceed the delay's.
+TURNED = (0.3, 0.6, 0.9)
+# Over the deviations; what a model may leave for its distortion and the modes it lacks.
+MOST_LEFT = 10.0
+LONGEST = 10.0  # delay, in periods of the highest frequency
 LEAST_DAMPING, MOST_DAMPING = 1e-4, 3.0
 
 
@@ -115,7 +121,7 @@ def identify_frequency(
             most rather than what is best known.
         modes: how many, or the start of each: natural frequency [Hz] and damping ratio; or a model to start
             from, its delay as well. By their number, they are found one after the other, each where it
-            explains most of what is left.
+            explains most of what is left, at the best of several delays.
         complex_modes: fit rate gains (B) as well.
         remainder: fit the remainder (D).
         noise_known: take the deviations in `response` as they are; by default the misfit sets their level.
@@ -128,6 +134,7 @@ def identify_frequency(
     Returns:
         A `Fit` with natural_frequency_1 [rad/s], damping_ratio_1, ..., delay [s], gain_1, rate_gain_1, ...,
         remainder; with several channels gain_1[o,i] for output o and input i. Its `model` is a `ModalModel`.
+        What leaves more than ten times the deviations is a failure: a wrong minimum, or modes that lack.
 
     Raises:
         QuantityError: an expression that ties is wrong.
@@ -147,7 +154,9 @@ def identify_frequency(
     if np.any(np.diff(frequencies) < 0):  # modes have passed each other: number them anew
         starts = sorted(zip(frequencies / (2 * np.pi), dampings, strict=True))
         fit = _fit(response, starts, delay, kind, **options)
-    return fit
+    left = Lack("the responses", math.sqrt(fit.reduced_chi_squared), 0.0, "their deviations")
+    said = left.ratio > MOST_LEFT and not noise_known  # known, each response is compared with its own
+    return replace(fit, doubts=(left.sentence,)) if said else fit
 
 
 def starts_of(
@@ -180,15 +189,26 @@ def _found(response: xr.Dataset, n_modes: int, kind: Kind) -> tuple[list[tuple[f
     shapes, _ = _modes(2j * np.pi * frequency, 2 * np.pi * trial[:, 0], trial[:, 1])
     shapes = (shapes / np.linalg.norm(shapes, axis=0)).conj().T
     starts: list[tuple[float, float]] = []
-    delay, left = 0.0, measured
+    delay, left, delays = 0.0, measured, _delays(frequency, measured, n_modes)
     for _ in range(n_modes):
         undelayed = left.reshape(frequency.size, -1) * np.exp(2j * np.pi * frequency * delay)[:, None]
         explained = np.sum(np.abs(shapes @ undelayed) ** 2, axis=1)
         starts.append(tuple(trial[np.argmax(explained)]))
-        model = _fit(response, starts, delay, kind, tolerance=1e-4).model
+        tried = [_fit(response, starts, one, kind, tolerance=1e-4) for one in (delay, *delays)]
+        model = min(tried, key=lambda fit: fit.cost).model
         starts = list(zip(model.natural_frequency / (2 * np.pi), model.damping_ratio, strict=True))
         delay, left = model.delay, measured - modal_response(model, frequency)
     return starts, delay
+
+
+def _delays(frequency: np.ndarray, measured: np.ndarray, n_modes: int) -> list[float]:
+    """Where the delay may begin, s: from one that is wrong by half a period of a mode, its fit ends with the
+    wrong sign. The mean slope of the phase is that of the delay and of what the modes turn it by."""
+    turned = measured[1:] * measured[:-1].conj()
+    mean = np.sum(turned / (np.abs(turned) + 1e-300))
+    slope = -np.angle(mean) / (2 * np.pi * float(np.median(np.diff(frequency))))
+    by_modes, longest = 0.5 * n_modes / (frequency[-1] - frequency[0]), LONGEST / frequency[-1]
+    return [float(np.clip(slope - share * by_modes, -longest, longest)) for share in TURNED]
 
 
 class Kind(NamedTuple):
@@ -212,7 +232,7 @@ def _fit(
     single = outputs.size * inputs.size == 1
     unit = response["response"].attrs["units"]
     limits = (np.pi * frequency[0], 4 * np.pi * frequency[-1])
-    longest = 10 / frequency[-1]
+    longest = LONGEST / frequency[-1]
     poles = [(2 * np.pi * f, zeta) for f, zeta in starts]
     parameters = pole_parameters(poles, limits)
     parameters.append(Parameter("delay", delay, -longest, longest, "s", log=False))
