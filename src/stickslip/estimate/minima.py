@@ -20,11 +20,14 @@ class Minimum(NamedTuple):
         values: there, in SI.
         uncertainty: of the coordinates there.
         excess: its chi-squared above that of the lowest, in variances of the noise.
+        whole: whether intervals hold all of its own, as if it were the lowest: where one of many minima is
+            that by chance, its excess says little. Otherwise they are the narrower the greater that is.
     """
 
     values: dict[str, float]
     uncertainty: Uncertainty
     excess: float
+    whole: bool = False
 
 
 def bound(n_parameters: int, level: float = LEVEL) -> float:

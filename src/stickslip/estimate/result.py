@@ -151,7 +151,8 @@ class Fit:
         found = [self._near(self.values, self.uncertainty, t)]
         for m in self.minima:
             if m.excess <= most:
-                found.append(self._near(m.values, m.uncertainty, math.sqrt(max(t**2 - m.excess, 0.0))))
+                reach = t if m.whole else math.sqrt(max(t**2 - m.excess, 0.0))
+                found.append(self._near(m.values, m.uncertainty, reach))
         ends = {name: [one[name] for one in found if name in one] for name in found[0]}
         return {
             name: (min(low for low, _ in all_), max(high for _, high in all_)) for name, all_ in ends.items()

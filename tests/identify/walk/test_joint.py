@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +13,9 @@ from numpy.typing import NDArray
 import stickslip as ss
 from identify.step_system import step_recording
 from stickslip.estimate.coloured import Coloured
-from stickslip.identify.walk.joint import Weight, jointly
+from stickslip.estimate.parameter import Parameter
+from stickslip.estimate.problem import Problem, Residuals
+from stickslip.identify.walk.joint import Weight, _spread, _Weighted, jointly
 
 WALK = ss.Sawtooth(65.0, 20.0, periods=4)
 RATE, NOISE, DRIFT = 4e3, 5e-9, 4e-10  # Hz, m, m from sample to sample
@@ -78,6 +82,53 @@ def test_a_walk_mends_what_was_known_wrongly_of_the_stage_and_drift_is_no_fricti
         found.residuals[0],
         atol=1e-9,
     )
+
+
+class TwoValleys(_Weighted):
+    """Minima at a stiffness and at twice that, 2 % wide, the other one by so much of chi-squared above the
+    first; sigma_1 and F_C each known by itself."""
+
+    def __init__(self, above: float) -> None:
+        self.parameters = [
+            Parameter(name, 1.0, 1e-2, 1e2) for name in ("sigma_0", "sigma_1", "coulomb_force")
+        ]
+        self.known, self.above = SimpleNamespace(values={}), above  # type: ignore[assignment]
+
+    def problem(self, parameters: Sequence[Parameter]) -> Problem:
+        half = 0.5 * np.log(2.0)
+
+        def residuals(values: dict[str, float]) -> NDArray[np.float64]:
+            u, b, c = (np.log(values[name]) for name in ("sigma_0", "sigma_1", "coulomb_force"))
+            u -= half
+            over = self.above**0.5 * 0.5 * (1.0 + np.tanh(u / 0.05))
+            return np.array([(u**2 - half**2) / (2.0 * half * 0.02), over, b / 0.1, c / 0.1])
+
+        return Problem([Residuals(residuals, None, 1.0, "valleys")], parameters, noise_known=True)
+
+
+NEAR = {"sigma_0": 1.0, "sigma_1": 1.0, "coulomb_force": 1.0}
+
+
+def test_intervals_hold_those_about_a_minimum_that_the_noise_does_not_reject() -> None:
+    """5 of chi-squared above, no more than its lowest point would else be inside, if it were found at all."""
+    valleys = TwoValleys(5.0)
+    assert valleys.lowest([NEAR], 0).minima == ()
+    found = valleys.lowest([NEAR, *_spread(NEAR)], 0)
+    assert found.values["sigma_0"] == pytest.approx(1.0, rel=1e-3)
+    ends = found.confidence_intervals()["sigma_0"]
+    assert ends == pytest.approx((np.exp(-1.96 * 0.02), 2.0 * np.exp(1.96 * 0.02)), rel=2e-3)
+
+
+def test_intervals_leave_out_a_minimum_that_the_noise_rejects() -> None:
+    """By more than three values of the friction explain."""
+    found = TwoValleys(9.0).lowest([NEAR, *_spread(NEAR)], 0)
+    assert found.minima == ()
+    assert found.confidence_intervals()["sigma_0"][1] < 1.05
+
+
+def test_a_search_from_where_the_other_minimum_is_ends_in_the_lowest() -> None:
+    there = {**NEAR, "sigma_0": 2.0}
+    assert TwoValleys(40.0).lowest([there, *_spread(there)], 0).values["sigma_0"] == pytest.approx(1.0)
 
 
 def stage_with(stage: ss.Fit, values: dict[str, float], covariance: NDArray[np.float64]) -> ss.Fit:

@@ -9,11 +9,17 @@ distribution of the fit that they are from, and what is minimised is
 .. math:: r^T \Sigma^{-1} r + (q - q_0)^T V^{-1} (q - q_0), \qquad \Sigma = \sigma^2 \, (1 + \rho L L^T)
 
 with residuals r, white noise and a random walk (L sums over time), both as the residuals show them.
+
+There are many minima: how the contact rings on between jumps is nearly the same at other stiffnesses too, and
+where it is hardly damped, one of these can explain noise better than the truth does, as the highest of many
+lines of a periodogram. So searches begin at several stiffnesses, and the intervals hold those about every
+minimum that the noise does not reject, whichever is the lowest.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -29,8 +35,9 @@ from ...estimate.fit import fit_least_squares
 from ...estimate.goodness import goodness
 from ...estimate.identifiability import loosest
 from ...estimate.marginal import integrated
+from ...estimate.minima import bound
 from ...estimate.parameter import Parameter, Values
-from ...estimate.problem import Problem, Residuals
+from ...estimate.problem import FitError, Problem, Residuals
 from ...estimate.result import Fit
 from ...estimate.several import lowest
 from ...estimate.tied import Ties
@@ -49,6 +56,9 @@ TOLERANCE = 1e-10  # m
 # Deviations of what is known of a stage's value, within which it is looked for.
 WIDE = 6.0
 MOST_EVALUATIONS = 200
+# The stiffness of the contact: searches begin at it times these too. Nearly all that come to an end do so
+# within the evaluations.
+STIFFNESS, SPREAD, OF_SPREAD = "sigma_0", (0.125, 0.25, 0.5, 0.7, 0.9, 1.1, 1.4, 2.0, 4.0), 80
 SAID = "the values of the stage are free too, with what is known of them; drift counts as noise"
 
 
@@ -117,12 +127,20 @@ def jointly(
     noise = coloured(weighted.left(near.values), walks=True)
     weighted = _Weighted(motions, measured, names, fit, parameters, known, Weight.of(noise))
     own = {p.name: value_of(start, p.name)[0] for p in fit.parameters if p.name not in CHANNEL}
-    found = lowest([weighted.search(at, hops) for at in (near.values, {**near.values, **own})])
+    spread = _spread(near.values) if STIFFNESS in own else []
+    found = weighted.lowest([near.values, {**near.values, **own}, *spread], hops)
     name = loosest(found, [*CHANNEL, *known.values])
     if name is not None:
         settled = integrated(found, name, partial(weighted.hold, name))
-        found = settled if isinstance(settled, Fit) else weighted.search(settled)
+        if not isinstance(settled, Fit):
+            settled = weighted.with_whole(lowest([found, weighted.search(settled)]))
+        found = settled
     return weighted.told(found, fit, slew_rate)
+
+
+def _spread(near: Values) -> list[Values]:
+    """Where the contact is softer than there, and where it is stiffer."""
+    return [{**near, STIFFNESS: near[STIFFNESS] * by} for by in SPREAD]
 
 
 class _Known(NamedTuple):
@@ -217,10 +235,31 @@ class _Weighted:
             noise_known=True,
         )
 
-    def search(self, begin: Values, hops: int = 0) -> Fit:
+    def search(self, begin: Values, hops: int = 0, most: int = MOST_EVALUATIONS) -> Fit:
         parameters = [p._replace(start=min(max(begin[p.name], p.lower), p.upper)) for p in self.parameters]
-        problem = self.problem(parameters)
-        return fit_least_squares(problem, hops=hops, settled=SETTLED, max_evaluations=MOST_EVALUATIONS)
+        return fit_least_squares(self.problem(parameters), hops=hops, settled=SETTLED, max_evaluations=most)
+
+    def lowest(self, begins: Sequence[Values], hops: int) -> Fit:
+        """From all points, the first of which has a model, and with hops from the best of their ends.
+
+        Short searches are cheap beside hops, which are there for what no such point leads to.
+        """
+        ends = [self.search(begins[0])]
+        for begin in begins[1:]:
+            with suppress(FitError):  # no model there
+                ends.append(self.search(begin, most=OF_SPREAD))
+        found = lowest(ends)
+        if hops or not found.converged:
+            found = lowest([found, self.search(found.values, hops)])
+        return self.with_whole(found)
+
+    def with_whole(self, found: Fit) -> Fit:
+        """The fit with those minima whose values of the friction, taken together, the noise does not reject.
+
+        Channel and stage count for nothing there: they have whatever values suit these.
+        """
+        most = bound(sum(p.name not in (*CHANNEL, *self.known.values) for p in self.parameters))
+        return replace(found, minima=tuple(m._replace(whole=True) for m in found.minima if m.excess <= most))
 
     def hold(self, name: str, value: float, begin: Values) -> tuple[Fit, Fit]:
         """The fit of the others with one value fixed."""
