@@ -20,6 +20,7 @@ from ..chain import Chain
 from ..estimate.coloured import Coloured, scores
 from ..estimate.parameter import Parameter
 from ..estimate.tied import Ties
+from ..identify.free import value_of
 from ..identify.walk.experiments import Walk
 from ..identify.walk.position_channel import CHANNEL
 
@@ -84,6 +85,11 @@ def stacked(several: Sequence[Seen], axis: int = 0) -> Seen:
     return Seen(*(np.stack([one[i] for one in several], axis) for i in range(len(Seen._fields))))
 
 
+# What a parameter's own size moves less than this part of the motion, only rounding does: a neighbour
+# differs by a millionth, and rounds otherwise.
+ROUNDING = 1e-6
+
+
 def seen(model: Actuator, walk: Walk, name: str, space: Space, chain: Chain, noise: Coloured | None) -> Seen:
     """What a recording tells, at the values of a model.
 
@@ -102,6 +108,9 @@ def seen(model: Actuator, walk: Walk, name: str, space: Space, chain: Chain, noi
     motion = walk.motion(model, name)
     by = motion.slopes(model, chain.delay, own)
     position = motion.position(model, chain.delay)
+    sizes = [abs(value_of(model, n)[0]) or np.inf for n in own]
+    moves = np.abs(by[:, :-1]).max(axis=0, initial=0.0) * sizes > ROUNDING * np.ptp(position)
+    by = by * np.append(moves, True)  # else rounding would count as told, and tie others to itself
     columns = dict(zip([*own, "delay"], by.T, strict=True)) | {"offset": np.ones(len(by)) / chain.scale}
     values = {p.name: p.start for p in (*space.parameters, *space.ties.beside) if not p.tied}
     j = space.ties.follow(columns, space.ties(values), space.names)

@@ -129,8 +129,9 @@ def of_choice(
     spread = covariance(steps[-1])[0][np.ix_(own, own)]
     deviations = np.sqrt(np.diag(spread))
     listed = [p.name for p in free]
+    told = np.where(np.isfinite(deviations), deviations, np.nan)
     correlation = xr.DataArray(
-        np.where(np.isfinite(deviations), spread / np.outer(deviations, deviations), np.nan),
+        np.where(np.isfinite(spread), spread, np.nan) / np.outer(told, told),
         dims=("parameter", "other"),
         coords={"parameter": listed, "other": listed},
     )
