@@ -57,7 +57,7 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_damaged_store_holds_nobody(lab: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(process, "PATIENCE", 1.0)
+    monkeypatch.setattr(process, "PATIENCE", 2.0)
     with client_of(create_app(lab)) as client:
         found = client.get("/studies").json()
         assert found["files"] == ["held.yaml"]
@@ -67,7 +67,7 @@ def test_a_damaged_store_holds_nobody(lab: Path, monkeypatch: pytest.MonkeyPatch
         assert "rows" not in state
         assert str(lab) not in state["said"]
         state = client.post("/studies/state", json={"name": "pipe.zarr"}).json()
-        assert ["damaged", "12"] in state["rows"]
+        assert ["damaged", "12"] in state.get("rows", []), state
         state = client.post("/studies/state", json={"name": "done.zarr"}).json()
         assert (state["share"], state["said"], state["grows"]) == (1.0, "Complete.", False)
         asked = {"name": "done.zarr", "result": "value", "across": "x", "up": "y"}
