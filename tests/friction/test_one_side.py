@@ -100,8 +100,8 @@ def test_a_bristle_that_moves_at_rest_goes_on_smoothly_too() -> None:
     assert dz == pytest.approx(2 * (-50.0 * z) - (2e-3 - 50.0 * z - 1e6 * 2e-3 * z), rel=1e-12)
 
 
-@pytest.mark.parametrize("z", [3e-7, -3e-7, 1e-8, 0.0])
-@pytest.mark.parametrize("v", [2e-3, -2e-3, 1e-4])
+@pytest.mark.parametrize("z", [3e-7, -3e-7, 1e-10, 0.0])
+@pytest.mark.parametrize("v", [2e-3, -2e-3, 1e-6])
 def test_slopes_are_those_of_the_side(v: float, z: float) -> None:
     """Of F by v and z, and of dz/dt, worked out by hand; beyond v = 0 those of the mirrored speed. The
     differences are of a hundred-thousandth."""

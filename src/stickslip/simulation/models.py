@@ -220,7 +220,7 @@ def resting_state(of: System, before: float, load: float = 1.0) -> NDArray[np.fl
     free, held = (float(_resting(of, before, share, 0.0)[of.slider]) for share in (0.0, _HOLDS))
     q = _resting(of, before, load, held)
     low, high = sorted((free, held))
-    for _ in range(_HALVINGS if abs(q[of.slider] - held) > 1e-12 * (high - low) else 0):
+    for _ in range(0 if math.isclose(q[of.slider], held, rel_tol=1e-12) else _HALVINGS):
         q = _resting(of, before, load, place := 0.5 * (low + high))
         low, high = (place, high) if q[of.slider] > place else (low, place)
     return q
