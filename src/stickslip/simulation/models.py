@@ -209,17 +209,13 @@ _HOLDS, _HALVINGS = 1e12, 60
 
 def resting_state(of: System, before: float, load: float = 1.0) -> NDArray[np.float64]:
     """The state at rest under the drive value `before` and the constant forces, with the normal force `load`
-    times the plant's; where no deflection of the contact holds them, it begins at its bound.
-
-    Where the normal force changes along the stroke, it is that of the place, which follows from what the
-    contact holds.
-    """
+    times the plant's (along the stroke, of the place); where no deflection of the contact holds them, it
+    begins at its bound."""
     if of.contact is None or of.contact.along is None:
         return _resting(of, before, load, 0.0)
-    # It rests where the contact holds all, if it can; else between there and where it holds nothing.
+    # Where the contact holds all, if it can; else between there and where it holds nothing.
     free, held = (float(_resting(of, before, share, 0.0)[of.slider]) for share in (0.0, _HOLDS))
-    q = _resting(of, before, load, held)
-    low, high = sorted((free, held))
+    q, (low, high) = _resting(of, before, load, held), sorted((free, held))
     for _ in range(0 if math.isclose(q[of.slider], held, rel_tol=1e-12) else _HALVINGS):
         q = _resting(of, before, load, place := 0.5 * (low + high))
         low, high = (place, high) if q[of.slider] > place else (low, place)
