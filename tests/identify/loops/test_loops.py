@@ -79,6 +79,23 @@ def swept(law: LuGre, noise: float, seed: int = 0):
     return make_recording(time, {"position": position, "friction_force": force}, title="sweep")
 
 
+@pytest.mark.parametrize("samples", [200, 1000])
+def test_damping_is_found_from_few_samples_of_a_period(samples: int) -> None:
+    """By the velocity half a sample late, sigma_1 was 16 % too great of 200 samples, nine half-widths."""
+    fine, law = 100, LuGre(1.734e4, 36.6, 16.7, 0.28, 0.28)
+    time = np.arange(5 * samples * fine) / (1.35 * samples * fine)
+    position = -4e-4 * np.cos(2.0 * np.pi * 1.35 * time)
+    force = friction_response(law, time, position)["friction_force"].values[::fine]
+    force = force + 3e-4 * np.random.default_rng(0).standard_normal(force.size)
+    made = make_recording(time[::fine], {"position": position[::fine], "friction_force": force})
+    free = ["sigma_0", "coulomb_force", "sigma_1", "sigma_2"]
+    fit = identify_loops(made, LuGre(2e4, 30.0, 13.0, 0.28, 0.28), free)
+    for name in free:
+        low, high = fit.confidence_intervals(0.99)[name]
+        assert low < getattr(law, name) < high, name
+    assert fit.rmse < 1.1 * 3e-4
+
+
 def test_any_start_leads_to_the_same_stiffness() -> None:
     """From 1e5, 1e6 and 1e7 N/m, each fit alone used to end elsewhere, sure of itself."""
     truth = LuGre(1.399e6, 34.9, 0.0, 0.54, 0.54)

@@ -24,12 +24,15 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from ..._jit import kernel
 from ...estimate.fit import fit_least_squares
 from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import Problem, Residuals
 from ...estimate.result import Fit
 from ...estimate.score import ASKED, gain, step
 from ...estimate.several import ENOUGH, followed, from_several, lowest
+from ...friction import elements
+from ...friction import force as force_of
 from ...progress import Progress, unheard
 from ...recording import RecordingError
 from ...simulation import SimulationError, friction_response
@@ -325,6 +328,7 @@ def _response(
     """From a law and values to what the force channel shows."""
     time = recording["time"].values
     position = channel(recording, "position", name, varies=True)
+    velocity = np.gradient(position, time)
     first = float(channel(recording, OBSERVED, name)[0])
     load = np.ones(time.size)
     if reference is not None:  # a measured one, with noise: no contact is pulled
@@ -337,17 +341,26 @@ def _response(
         bias, begin = values.get("bias", 0.0), 0.0
         if load[0] > UNLOADED and strength[0] > 0.0:
             begin = _odd_part((first - bias) / strength[0], values)
+        law = with_values(model, _own(values))
         try:
-            found = friction_response(
-                with_values(model, _own(values)), time, position, initial_force=begin, tolerance=tolerance
-            )
+            found = friction_response(law, time, position, initial_force=begin, tolerance=tolerance)
         except SimulationError as error:  # to a fit, a trial point without a model
             raise ArithmeticError(str(error)) from error
-        force = found[OBSERVED].values
+        force = found[OBSERVED].values.copy()
+        states = [found[f"bristle_deflection_{e}"].values for e in range(1, elements(law) + 1)]
+        forces_at(law, velocity, np.column_stack(states or [np.sign(force)]), force)
         uneven = values.get("asymmetry", 0.0) * np.abs(force) + values.get("curvature", 0.0) * force**2
         return bias + strength * (values.get("contact_offset", 0.0) + force + uneven)
 
     return response
+
+
+@kernel
+def forces_at(law, velocity, states, force):
+    """Out: the `force` [n] of a law at each sample, by its own velocity [n] and states [n, elements]. That of
+    the interval before is by a velocity half an interval late, which a fit takes for other damping."""
+    for k in range(velocity.size):
+        force[k] = force_of(law, velocity[k], states[k])
 
 
 def _odd_part(shown: float, values: Values) -> float:
