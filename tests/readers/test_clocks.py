@@ -29,6 +29,32 @@ def test_dates(tmp_path: Path, stamps: tuple[str, ...]) -> None:
     assert recording.attrs["epoch"] == "2024-03-01T12:00:00+00:00"
 
 
+@pytest.mark.parametrize("digits", [6, 9])
+def test_dates_at_a_megahertz_and_more_keep_their_distances(tmp_path: Path, digits: int) -> None:
+    """Since 1970 a double holds 0.24 us: intervals of 1 us were 0.95 and 1.19, and those of 1 ns none."""
+    stamps = [f"2026-01-01T12:00:59.{10**digits // 2 + i:0{digits}d}" for i in range(100)]
+    rows = "".join(f"{stamp},{i}\n" for i, stamp in enumerate(stamps))
+    (tmp_path / "a.csv").write_text("timestamp,x\n" + rows)
+    recording = read_recording(tmp_path / "a.csv")
+    interval = 10.0**-digits
+    np.testing.assert_allclose(np.diff(recording["time"]), interval, rtol=1e-6)
+    assert recording.attrs["epoch"].startswith("2026-01-01T12:00:59.5")
+    later = read_recording(tmp_path / "a.csv", rows=(10, None))
+    np.testing.assert_allclose(later["time"], interval * np.arange(90), rtol=1e-6)
+
+
+def test_dates_beside_another_clock_are_at_their_times(tmp_path: Path) -> None:
+    """One of dates, one of seconds since 1970, and dates as a channel: all count from the same."""
+    first = 1_709_294_400  # 2024-03-01T12:00:00Z
+    rows = "".join(f"2024-03-01T12:00:{i:02d},{i},{first + i + 0.5:.1f},{2 * i}\n" for i in range(10))
+    (tmp_path / "a.csv").write_text("t,x,time_b,y\n" + rows)
+    columns = {"time": "t", "x": "x", "y": "y"}
+    recording = read_recording(tmp_path / "a.csv", columns, clocks={"y": "time_b"})
+    np.testing.assert_allclose(recording["y"], 2.0 * recording["x"] - 1.0, atol=1e-6)
+    dates = read_recording(tmp_path / "a.csv", {"date": "t"}, {"date": "s"}, sample_rate=1.0)
+    np.testing.assert_array_equal(dates["date"], first + np.arange(10))
+
+
 def test_dates_with_decimal_commas(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("Zeit;x\n2024-03-01 12:00:00,0;1,5\n2024-03-01 12:00:00,5;2,5\n")
     recording = read_recording(tmp_path / "a.csv")

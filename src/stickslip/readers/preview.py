@@ -48,7 +48,8 @@ def look(path: Path) -> dict[str, Any]:
     numeric = [i for i, one in enumerate(source.channels[:MOST_COLUMNS]) if one.numeric]
     if not numeric:
         raise RecordingError(f"{path.name} has no columns of numbers")
-    arrays = dict(zip(numeric, source.read(numeric, Rows(0, LOOKED_AT)), strict=True))
+    read = zip(numeric, source.read(numeric, Rows(0, LOOKED_AT)), strict=True)
+    arrays = {i: values + source.channels[i].epoch for i, values in read}
     columns = [_described(i, one, arrays.get(i)) for i, one in enumerate(source.channels[:MOST_COLUMNS])]
     taken: set[str] = set()
     for one in columns:  # a name is given once

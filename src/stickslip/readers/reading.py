@@ -101,7 +101,7 @@ def read_recording(
         groups = _load(source, chosen, window, rate)
         whole, steps = _on_one_clock(source, chosen, groups, missing, window)
         refuse_unlikely(chosen, groups)
-        time, epoch = _from_start(whole.time, start_time)
+        time, epoch = _from_start(whole.time, start_time, _epoch(chosen))
         return make_recording(
             time,
             {v.name: (whole.values[v.name], v.conversion.unit) for v in chosen.variables},
@@ -169,26 +169,37 @@ def _window(rows: tuple[int, int | None]) -> Rows:
     return window
 
 
+def _epoch(chosen: Selection) -> float:
+    """What the common clock counts from, s since 1970 where it has dates."""
+    clock = next(iter(chosen.clocks.values()))
+    return 0.0 if clock is None else clock.column.epoch
+
+
 def _load(source: FileContent, chosen: Selection, window: Rows, rate: float) -> list[Clocked]:
-    """The variables in SI, by clock, the common clock first."""
+    """The variables in SI, by clock, the common clock first; all times from what that counts from."""
     wanted = [v for v in (*chosen.clocks.values(), *chosen.variables) if v is not None]
     channels = list(dict.fromkeys(v.channel for v in wanted))
     raw = dict(zip(channels, source.read(channels, window), strict=True))
     uses = Counter(v.channel for v in wanted)
 
-    def in_si(variable: Variable) -> np.ndarray:
+    def in_si(variable: Variable, epoch: float = 0.0) -> np.ndarray:
         uses[variable.channel] -= 1
         array = raw[variable.channel].copy() if uses[variable.channel] else raw.pop(variable.channel)
         if variable.conversion.factor != 1.0:
             array *= variable.conversion.factor
-        if variable.conversion.offset != 0.0:
-            array += variable.conversion.offset
+        shift = variable.conversion.offset + variable.column.epoch - epoch
+        if shift != 0.0:
+            array += shift
         return array
 
     groups = []
     for channel, clock in chosen.clocks.items():
         values = {v.name: in_si(v) for v in chosen.variables if v.clock == channel}
-        time = np.arange(float(len(next(iter(values.values()))))) / rate if clock is None else in_si(clock)
+        time = (
+            np.arange(float(len(next(iter(values.values()))))) / rate
+            if clock is None
+            else in_si(clock, _epoch(chosen))
+        )
         for name, array in values.items():
             if array.shape != time.shape:
                 raise RecordingError(f"{name} has {len(array)} samples, but its time has {len(time)}")
@@ -221,9 +232,9 @@ def _on_one_clock(
     return onto_one_clock(common, others), steps
 
 
-def _from_start(time: np.ndarray, start_time: float | None) -> tuple[np.ndarray, str]:
+def _from_start(time: np.ndarray, start_time: float | None, epoch: float) -> tuple[np.ndarray, str]:
     """The time, shifted to its start, and the date of time zero if the clock has one."""
-    first = float(time[0])
+    first = float(time[0]) + epoch
     dated = first >= _SINCE_1970
     if start_time is None and not dated:
         return time, ""
@@ -232,7 +243,7 @@ def _from_start(time: np.ndarray, start_time: float | None) -> tuple[np.ndarray,
         raise RecordingError(
             f"time starts at {first:.4g} s; say units={{'time': ...}} if it is in ms, us or ns"
         )
-    epoch = datetime.fromtimestamp(first - start, UTC).isoformat() if dated else ""
-    time -= first
+    date = datetime.fromtimestamp(first - start, UTC).isoformat() if dated else ""
+    time -= time[0]
     time += start
-    return time, epoch
+    return time, date

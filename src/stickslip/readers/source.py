@@ -36,6 +36,7 @@ class FileChannel(NamedTuple):
     clock: int | None = None  # the channel that holds its time, where the file's layout says so
     numeric: bool = True
     header: str = ""  # name and unit, where the file writes them as one
+    epoch: float = 0.0  # of dates: what their numbers count from, s since 1970
 
     @property
     def shown(self) -> str:
