@@ -20,6 +20,13 @@ def _with_line(number: int, line: str) -> str:
     return "\n".join(lines) + "\n"
 
 
+def test_separators_of_thousands_are_named_not_the_first_number(tmp_path: Path) -> None:
+    rows = [f'"{i:.3f}","{2000.0 * np.sin(i / 9):,.2f}"' for i in range(200)]
+    (tmp_path / "a.csv").write_text("t [s],x [um]\n" + "\n".join(rows) + "\n")
+    with pytest.raises(RecordingError, match=r"line 7, column 'x \[um\]': '1,054\.83' is not a number"):
+        read_recording(tmp_path / "a.csv")
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

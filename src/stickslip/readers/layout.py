@@ -102,7 +102,7 @@ def find_layout(path: Path, delimiter: str | None, decimal: str | None, skip: in
     filled = [_split(lines[i], delimiter) for i in data if i >= first]
     blank = [all(row[k : k + 1] in ([], [""]) for row in filled) for k in range(len(kinds))]
     rows = {i: _header_fields(lines[i], delimiter, len(kinds), blank[-1]) for i in range(skip, first)}
-    channels = _header(lines, rows, kinds, decimal)
+    channels = _header(lines, rows, kinds, decimal, {first: filled[0]})
     kinds = "".join("e" if b and not c.name else k for k, b, c in zip(kinds, blank, channels, strict=True))
     channels = [c._replace(numeric=k in "nd") for k, c in zip(kinds, channels, strict=True)]
     beside = [_split(line, delimiter) for line in lines[: first + BESIDE]]
@@ -224,8 +224,10 @@ def _header_fields(line: str, delimiter: str, count: int, last_is_blank: bool) -
     return fields
 
 
-def _header(lines: Sequence[str], above: dict[int, list[str]], kinds: str, decimal: str) -> list[FileChannel]:
-    """The columns by name and unit, from the fields of the lines above the data."""
+def _header(
+    lines: Sequence[str], above: dict[int, list[str]], kinds: str, decimal: str, data: dict[int, list[str]]
+) -> list[FileChannel]:
+    """The columns by name and unit, from the fields of the lines above the data; of that, the first line."""
     rows = {i: fields for i, fields in above.items() if len(fields) == len(kinds)}
     texts = [i for i, fields in rows.items() if set(_kinds(fields, decimal)) in ({"s"}, {"s", "e"})]
     header = texts[-1] if texts else -1
@@ -234,6 +236,8 @@ def _header(lines: Sequence[str], above: dict[int, list[str]], kinds: str, decim
             k = next(k for k, field in enumerate(fields) if _kind(field, decimal) not in (kinds[k], "e"))
             name = rows[header][k] if texts else str(k)
             hint = "" if texts else f" (if the line is no data: skip={i + 1})"
+            if _kind(fields[k], decimal) == "n":  # most below are words, as with separators of thousands
+                ((i, fields),) = data.items()
             raise RecordingError(f"line {i + 1}, column {name!r}: {fields[k]!r} is not a number{hint}")
     if not texts:
         return [FileChannel(str(k)) for k in range(len(kinds))]
