@@ -10,6 +10,7 @@ from __future__ import annotations
 from .._jit import compiled, kernel
 from ..friction import element as element_of
 from ..friction import elements, project, rate
+from ..friction import force as force_of
 
 # Steps within one interval between samples, after which the law counts as one that cannot be followed.
 _MOST_STEPS = 100_000
@@ -90,3 +91,11 @@ def follow_position(law, time, position, load, z, tolerance, proportional, sampl
             samples[k, 1 + e] = z[e]
         samples[k, 0] = load[k] * force
     return time.size
+
+
+@kernel
+def forces_at(law, velocity, states, force):
+    """Out: the `force` [n] of a law at each sample, by its own velocity [n] and states [n, elements]. That of
+    the interval before is by a velocity half an interval late, which a fit takes for other damping."""
+    for k in range(velocity.size):
+        force[k] = force_of(law, velocity[k], states[k])

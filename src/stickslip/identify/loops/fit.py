@@ -24,7 +24,6 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ..._jit import kernel
 from ...estimate.fit import fit_least_squares
 from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import Problem, Residuals
@@ -32,11 +31,11 @@ from ...estimate.result import Fit
 from ...estimate.score import ASKED, gain, step
 from ...estimate.several import ENOUGH, followed, from_several, lowest
 from ...friction import elements
-from ...friction import force as force_of
 from ...progress import Progress, unheard
 from ...recording import RecordingError
 from ...simulation import SimulationError, friction_response
 from ...simulation.varied import free_names, with_values
+from ...solve.prescribed import forces_at
 from ...units import optional_si, to_si, turned
 from ..free import Bounds, beside, check_names, check_priors, known_of, parameter, with_prior
 from ..quantised import with_steps
@@ -353,14 +352,6 @@ def _response(
         return bias + strength * (values.get("contact_offset", 0.0) + force + uneven)
 
     return response
-
-
-@kernel
-def forces_at(law, velocity, states, force):
-    """Out: the `force` [n] of a law at each sample, by its own velocity [n] and states [n, elements]. That of
-    the interval before is by a velocity half an interval late, which a fit takes for other damping."""
-    for k in range(velocity.size):
-        force[k] = force_of(law, velocity[k], states[k])
 
 
 def _odd_part(shown: float, values: Values) -> float:
