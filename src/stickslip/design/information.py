@@ -28,6 +28,9 @@ from ..identify.walk.position_channel import CHANNEL
 BEFORE = 0.1
 # Of a coordinate that is scaled to 1: information below this share of the greatest is rounding.
 NOTHING = 1e-13
+# What a parameter's own size moves less than this part of the motion, only rounding does: a neighbour
+# differs by a millionth, and rounds otherwise.
+ROUNDING = 1e-6
 
 Array = NDArray[np.float64]
 
@@ -83,11 +86,6 @@ class Seen(NamedTuple):
 def stacked(several: Sequence[Seen], axis: int = 0) -> Seen:
     """Several as one."""
     return Seen(*(np.stack([one[i] for one in several], axis) for i in range(len(Seen._fields))))
-
-
-# What a parameter's own size moves less than this part of the motion, only rounding does: a neighbour
-# differs by a millionth, and rounds otherwise.
-ROUNDING = 1e-6
 
 
 def seen(model: Actuator, walk: Walk, name: str, space: Space, chain: Chain, noise: Coloured | None) -> Seen:

@@ -73,9 +73,8 @@ def _stored(path: Path) -> xr.Dataset:
     import h5py
 
     with h5py.File(path, "r") as opened:
-        opened.attrs.get(
-            "_nc3_strict"
-        )  # h5netcdf asks this too: failing there, it fails once more when freed
+        # h5netcdf asks this too: failing there, it fails once more when freed.
+        opened.attrs.get("_nc3_strict")
         file = h5netcdf.File(opened, "r")
         declared = sum(math.prod(one.shape) * one.dtype.itemsize for one in file.variables.values())
         if declared > max(_ALWAYS, _RATIO * path.stat().st_size):

@@ -60,7 +60,8 @@ SETTLED, REFINED = 0.01, 4
 class Moved(NamedTuple):
     """A model, what it is to the solver, the neighbours of it that differ in one value each (their numbers
     and states), and by how much; `drives`: their drives, where any differs, and their `periods` (0: none),
-    else None. Where the normal force jumps, at `breaks` [s], all of them begin a segment."""
+    else None, as `itself`, that of the waveform in their segments. Where the normal force jumps, at `breaks`
+    [s], all of them begin a segment."""
 
     model: Actuator
     of: System
@@ -70,6 +71,7 @@ class Moved(NamedTuple):
     drives: Drives | None = None
     periods: NDArray[np.float64] | None = None
     breaks: NDArray[np.float64] = np.zeros(0)
+    itself: Drive | None = None
 
 
 def initial_row(of: System, name: str) -> int | None:
@@ -147,8 +149,8 @@ def moved(
         steps.append(step)
         waveforms.append(drive)
     moving = bool({*names} - {*known})
-    itself = own_table(model, waveform, LONGER * end) if moving else constant(0.0)
-    breaks = breaks_apart(contact.table, itself, end) if moving else np.zeros(0)
+    itself = own_table(model, waveform, LONGER * end) if moving else None
+    breaks = np.zeros(0) if itself is None else breaks_apart(contact.table, itself, end)
     n = len(names)  # of none, the tables have their columns all the same
     return Moved(
         model,
@@ -156,9 +158,10 @@ def moved(
         np.array(values).reshape(n, values_of(of.plant).shape[1]),
         np.array(states).reshape(n, state.size),
         np.array(steps),
-        neighbour_drives(model, waveform, itself, waveforms, names, end, breaks) if moving else None,
+        None if itself is None else neighbour_drives(model, waveform, itself, waveforms, names, end, breaks),
         np.array([getattr(w, "period", None) or 0.0 for w in waveforms]) if moving else None,
         breaks,
+        itself,
     )
 
 
@@ -242,8 +245,8 @@ def sensitivities(
     contact = contact_load(load, end)
     state = contact.rest(contact.system(model), drive.before)
     of = moved(model, parameters, state, drive.before, contact, waveform, end)
-    if of.drives is not None:  # in the same segments as theirs: those of creep depend on the end
-        drive = own_table(model, waveform, LONGER * end)
+    if of.itself is not None:  # in the segments of the neighbours: those of creep depend on the end
+        drive = of.itself
 
     def derivatives(tolerance: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         samples, by, _ = follow_moved(of, drive, state.copy(), wanted, tolerance, load=contact.table)

@@ -79,9 +79,9 @@ class Store:
         for variable in self.layout.variables:
             size = None if variable.dtype == TEXT else self.layout.size(variable)
             try:
-                read_chunk(self._file(variable, number), size)
+                _chunk(variable.name, self._file(variable, number), size)
             except ChunkError as error:
-                return f"{variable.name} {error}"
+                return str(error)
         return ""
 
     def lacks(self, number: int) -> str:
@@ -141,10 +141,7 @@ class Store:
 
     def read(self, number: int, variable: Variable) -> NDArray[Any]:
         """Numbers of a task, over the variable's dimensions; raises ChunkError."""
-        try:
-            data = read_chunk(self._file(variable, number), self.layout.size(variable))
-        except ChunkError as error:
-            raise ChunkError(f"{variable.name} {error}") from None
+        data = _chunk(variable.name, self._file(variable, number), self.layout.size(variable))
         whole = np.frombuffer(data, np.dtype(variable.dtype).newbyteorder("<"))
         place = self.layout.place(number)
         there = tuple(slice(0, place[dim].stop - place[dim].start) for dim in variable.dims)
@@ -158,10 +155,7 @@ class Store:
             (dim, *more), name = about.get("dimension_names") or ["", ""], file.parent.name
             if more or dim not in sizes or any(name == one.name for one in self.layout.variables):
                 continue
-            try:
-                data = read_chunk(file.parent / "c" / "0", 8 * sizes[dim])
-            except ChunkError as error:
-                raise ChunkError(f"{name} {error}") from None
+            data = _chunk(name, file.parent / "c" / "0", 8 * sizes[dim])
             variable = Variable(name, (dim,), (), "float64", dict(about["attributes"]))
             found[name] = variable, np.frombuffer(data, "<f8")
         return found
@@ -285,6 +279,14 @@ def _metadata(
         # Not part of the format, says the library; who does not know it reads the arrays' own.
         warnings.simplefilter("ignore")
         zarr.consolidate_metadata(str(path))
+
+
+def _chunk(name: str, file: Path, size: int | None) -> bytes:
+    """`read_chunk` of a variable; its ChunkError names it."""
+    try:
+        return read_chunk(file, size)
+    except ChunkError as error:
+        raise ChunkError(f"{name} {error}") from None
 
 
 def open_study(path: str | os.PathLike[str]) -> xr.Dataset:
