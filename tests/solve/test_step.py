@@ -200,4 +200,5 @@ def test_it_is_the_method_on_arrays(case: Case) -> None:
     assert error == pytest.approx(expected[2], rel=1e-4)
     u, load = drive_at(T), load_at(T)
     rates = weights_and_rates(case.plant, case.sides, np.array(case.q), u, load)[1]
-    np.testing.assert_allclose(stiffness, H * np.array(rates), rtol=1e-5)
+    # The rate is compared with a step's length and no more; its difference is one-sided, of a hundred-thousandth.
+    np.testing.assert_allclose(stiffness, H * np.array(rates), rtol=1e-4)
