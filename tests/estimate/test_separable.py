@@ -10,7 +10,7 @@ import pytest
 from stickslip.estimate.fit import fit_least_squares
 from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.problem import Residuals
-from stickslip.estimate.separable import Design, Linear, separable
+from stickslip.estimate.separable import Design, Linear, _root, separable
 
 T = np.linspace(0, 3, 80)
 RATE = Parameter("rate", 0.5, 1e-2, 1e2, "1/s")
@@ -83,3 +83,19 @@ def test_parameter_at_a_bound_leaves_finite_coefficients() -> None:
     for name in ("frequency", "a", "b"):
         assert fit.values[name] == pytest.approx(held.values[name], rel=1e-5)
         assert fit.standard_errors[name] == pytest.approx(held.standard_errors[name], rel=0.02)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_no_variance_of_a_nearly_singular_covariance_is_negative(seed: int) -> None:
+    """Two rates that the data hardly tell apart: large variances, correlated to the last digit."""
+    rng = np.random.default_rng(seed)
+    together = rng.standard_normal(2) * 10.0 ** rng.uniform(-6, 6, 2)
+    singular = np.outer(together, together)
+    across = np.array([together[1], -together[0]]) * rng.uniform(0.5, 2.0, (200, 1))
+    root = _root(singular)
+    assert root @ root.T == pytest.approx(singular, rel=1e-12)
+    assert np.all(
+        np.square(across @ root).sum(axis=1)
+        <= 1e-14 * np.diag(across @ np.diag(np.diag(singular)) @ across.T)
+    )
+    assert np.min(np.diag(across @ singular @ across.T)) < 0.0

@@ -165,12 +165,21 @@ def _white(
     inverses = [np.linalg.inv(s.r) for s in solutions]
     # How the best coefficients move with the searched coordinates.
     moves = [-inverse @ (s.q.T @ t) for inverse, s, t in zip(inverses, solutions, tangents, strict=True)]
-    shift = np.concatenate([np.eye(k), *moves])
+    moved = np.concatenate([np.eye(k), *moves]) @ _root(searched)
     variance = 1.0 if fit.noise_known else fit.reduced_chi_squared
     own = [np.zeros((k, k)), *[variance * inverse @ inverse.T for inverse in inverses]]
-    joint = shift @ searched @ shift.T + np.asarray(block_diag(*own))
+    joint = moved @ moved.T + np.asarray(block_diag(*own))
     joint[:k, :k] = fit.uncertainty.covariance
     return joint
+
+
+def _root(covariance: np.ndarray) -> np.ndarray:
+    """A of covariance = A A', shape (k, k): no variance that is formed with it can be negative, as one formed
+    with the covariance of two nearly equal modes could, by its rounding."""
+    scale = np.sqrt(np.diag(covariance))
+    safe = np.where(scale > 0.0, scale, 1.0)
+    values, vectors = np.linalg.eigh(covariance / np.outer(safe, safe))
+    return scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
 
 
 def _correlated(
