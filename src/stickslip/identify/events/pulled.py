@@ -42,6 +42,12 @@ INERTIAL = 2.0
 QUICKER, SURE = 0.02, 3.0
 # The stationary part of a simulation: that many events, after as many.
 _EVENTS = 12
+# Fewer events say too little of their spread.
+_LEAST = 10
+# The median of a normal variable's size, over its standard deviation.
+_MEDIAN = 0.6745
+# Noise is added to the simulation until it has so many times the events of the recording.
+_NOISY = 10
 
 
 @record
@@ -71,8 +77,9 @@ class PulledRig(NamedTuple):
 @dataclass(frozen=True)
 class Events:
     """Stick-slip events of one recording: forces over the weight at the top and at the bottom of each, and
-    the periods between the tops [s]. `sticking` is the part of the time in which the force grows as at
-    rest; `free_period` [s] that of the slider on its spring without friction."""
+    the periods [s] between the moments at which the force falls through the middle of them. `sticking` is
+    the part of the time in which the force grows as at rest; `free_period` [s] that of the slider on its
+    spring without friction."""
 
     top: NDArray[np.float64]
     bottom: NDArray[np.float64]
@@ -142,12 +149,20 @@ def slip_events(recording: xr.Dataset, rig: PulledRig, channel: str = "force_rat
         nothing = np.empty(0)
         return Events(nothing, nothing, nothing, 0.0, free)
     bottoms = np.array([a + np.argmin(smooth[a:b]) for a, b in pairwise(tops)])
-    period = np.diff(time[tops])
+    # The flank is steep, where noise moves a top about on a slow climb.
+    fallen = [_fallen(time[a : b + 1], smooth[a : b + 1]) for a, b in zip(tops, bottoms, strict=False)]
     # At rest the force climbs from the bottom to the next top at the loading rate; a slider in motion takes
     # longer.
     climb = (smooth[tops[1:]] - smooth[bottoms]) / rig.loading_rate
-    sticking = float(np.sum(np.minimum(climb, time[tops[1:]] - time[bottoms])) / np.sum(period))
-    return Events(smooth[tops[:-1]], smooth[bottoms], period, sticking, free)
+    sticking = float(np.sum(np.minimum(climb, time[tops[1:]] - time[bottoms])) / np.ptp(time[tops]))
+    return Events(smooth[tops[:-1]], smooth[bottoms], np.diff(fallen), sticking, free)
+
+
+def _fallen(time: NDArray[np.float64], force: NDArray[np.float64]) -> float:
+    """When a force that falls from its first to its last value is last half-way."""
+    above = force - 0.5 * (force[0] + force[-1])
+    i = int(np.flatnonzero(above >= 0.0)[-1])
+    return float(time[i] + (time[i + 1] - time[i]) * above[i] / (above[i] - above[i + 1]))
 
 
 def slider(rig: PulledRig, static: float, dynamic: float, damping: float = 0.0) -> PulledSlider:
@@ -157,15 +172,16 @@ def slider(rig: PulledRig, static: float, dynamic: float, damping: float = 0.0) 
     return PulledSlider(rig.mass, rig.stiffness, 0.0, law)
 
 
-def simulated_force(model: PulledSlider, rig: PulledRig) -> xr.Dataset:
+def simulated_force(model: PulledSlider, rig: PulledRig, interval: float | None = None) -> xr.Dataset:
     """The stationary spring force over the weight (`force_ratio`), some ten events of it, of the model when
-    pulled at the speed of the rig; its attribute `period` [s] is how long an event takes at most."""
+    pulled at the speed of the rig; its attribute `period` [s] is how long an event takes at most. Sampled
+    every `interval` [s]; left out, 200 times an event, and 64 times a slip."""
     law = model.friction
     rise = 2.0 * (law.stiction_force - law.coulomb_force) / (rig.stiffness * rig.speed)
     period = rise + 2.0 * math.pi / rig.natural_frequency
     start = law.stiction_force / (rig.stiffness * rig.speed)
     duration = start + 2 * _EVENTS * period
-    rate = max(200.0 / period, 64.0 * rig.natural_frequency / math.pi)
+    rate = 1.0 / interval if interval else max(200.0 / period, 64.0 * rig.natural_frequency / math.pi)
     found = simulate(model, Ramp(rate=rig.speed, unit="m"), duration, sample_rate=rate)
     late = found.sel(time=slice(start + _EVENTS * period, None))
     return late.assign(force_ratio=late["spring_force"] / rig.weight).assign_attrs(period=period)
@@ -186,36 +202,60 @@ def identify_pulled_slider(
     """Static and dynamic friction coefficients from the events of one recording.
 
     Least squares on the mean top, bottom and period, each weighted by its standard error, against the
-    simulated slider; `slider` makes the model from the values. One of both coefficients may be `tied` to the
-    other, as for `identify_friction`: ``{"stiction_excess": "0.2 * dynamic_coefficient"}``.
+    simulated slider, sampled as the recording; what the recording's noise does to them is taken off, as it
+    does it to the simulated ones. `slider` makes the model from the values. One of both coefficients may be
+    `tied` to the other, as for `identify_friction`: ``{"stiction_excess": "0.2 * dynamic_coefficient"}``.
 
     Raises:
         QuantityError: an expression that ties is wrong.
         FitError: see `slip_events`; or there are fewer than ten events.
     """
     events = slip_events(recording, rig, channel)
-    if events.period.size < 10:
-        raise FitError(f"only {events.period.size} stick-slip events: at least 10 are needed")
+    if events.period.size < _LEAST:
+        raise FitError(f"only {events.period.size} stick-slip events: at least {_LEAST} are needed")
     means, errors = events.summary()
-
-    def residuals(values: dict[str, float]) -> NDArray[np.floating]:
-        static = values["dynamic_coefficient"] + values["stiction_excess"]
-        found = simulate_events(slider(rig, static, values["dynamic_coefficient"]), rig)
-        if found.period.size == 0:
-            raise ValueError("no stick-slip")
-        return np.subtract(found.summary()[0], means)
-
+    interval = float(np.median(np.diff(recording["time"].values)))
+    noise = _noise(recording[channel].values)
     middle, half = 0.5 * (means[0] + means[1]), 0.5 * (means[0] - means[1])
-    return fit_least_squares(
-        [Residuals(residuals, means, errors, "mean top, bottom and period of the events")],
-        with_ties(
-            (
-                Parameter("dynamic_coefficient", middle, 0.2 * middle, 3.0 * middle),
-                Parameter("stiction_excess", half, 0.05 * half, 10.0 * half),
-            ),
-            tied,
+    parameters = with_ties(
+        (
+            Parameter("dynamic_coefficient", middle, 0.2 * middle, 3.0 * middle),
+            Parameter("stiction_excess", half, 0.05 * half, 10.0 * half),
         ),
-        noise_known=True,
-        difference_step=1e-3,
-        tolerance=1e-6,
+        tied,
     )
+
+    def force(values: Mapping[str, float]) -> xr.Dataset:
+        dynamic = values["dynamic_coefficient"]
+        return simulated_force(slider(rig, dynamic + values["stiction_excess"], dynamic), rig, interval)
+
+    def fit(noise_free: NDArray[np.floating]) -> Fit:
+        def residuals(values: dict[str, float]) -> NDArray[np.floating]:
+            found = slip_events(force(values), rig)
+            if found.period.size == 0:
+                raise ValueError("no stick-slip")
+            return np.subtract(found.summary()[0], noise_free)
+
+        data = Residuals(residuals, noise_free, errors, "mean top, bottom and period of the events")
+        return fit_least_squares([data], parameters, noise_known=True, difference_step=1e-3, tolerance=1e-6)
+
+    repeats = math.ceil(_NOISY * events.period.size / _EVENTS)
+    found = fit(means)
+    return fit(means - _shift(force(found.values), rig, noise, repeats))
+
+
+def _noise(force: NDArray[np.floating]) -> float:
+    """Standard deviation of white noise on a signal that hardly bends within three samples."""
+    return float(np.median(np.abs(np.diff(force, 2)))) / (_MEDIAN * math.sqrt(6.0))
+
+
+def _shift(clean: xr.Dataset, rig: PulledRig, noise: float, repeats: int) -> NDArray[np.floating]:
+    """By how much noise shifts the mean top, bottom and period of the events."""
+    rng, true = np.random.default_rng(0), slip_events(clean, rig).summary()[0]
+    shifts = []
+    for _ in range(repeats):
+        noisy = clean["force_ratio"] + noise * rng.standard_normal(clean.sizes["time"])
+        found = slip_events(clean.assign(force_ratio=noisy), rig)
+        if found.period.size:
+            shifts.append(found.summary()[0] - true)
+    return np.mean(shifts, axis=0) if shifts else np.zeros(3)
