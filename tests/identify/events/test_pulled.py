@@ -124,3 +124,26 @@ def test_recordings_without_events_are_refused() -> None:
         slip_events(flat.isel(time=slice(None, None, 50)), rig)
     with pytest.raises(FitError, match="no channel 'force'"):
         slip_events(flat, rig, "force")
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_intervals_hold_and_a_right_model_lacks_nothing(seed: int) -> None:
+    """Noise lifts every top and lowers every bottom; taken for the truth it was 0.8 to 6.6 half widths."""
+    rng = np.random.default_rng(seed)
+    mass, stiffness = float(rng.uniform(0.02, 0.3)), float(rng.uniform(100.0, 2000.0))
+    dynamic = float(rng.uniform(0.1, 0.5))
+    excess, w = dynamic * float(rng.uniform(0.1, 0.6)), math.sqrt(stiffness / mass)
+    deflection = excess * mass * 9.80665 / stiffness
+    rig = PulledRig(mass, stiffness, float(rng.uniform(0.01, 0.2)) * deflection * w)
+    interval = 0.03 / w
+    model, end = slider(rig, dynamic + excess, dynamic), 45.0 * period(rig, dynamic + excess, dynamic)
+    made = simulate(model, Ramp(rate=rig.speed, unit="m"), end, sample_rate=1.0 / interval)
+    late = made.sel(time=slice(end / 8.0 + dynamic / rig.loading_rate, None))
+    noise = excess * float(rng.uniform(0.005, 0.03)) * rng.standard_normal(late.sizes["time"])
+    ratio = late["spring_force"].values / rig.weight + noise
+    fit = identify_pulled_slider(make_recording(late["time"].values, {"force_ratio": (ratio, "")}), rig)
+    assert fit.failures == ()
+    for name, true in (("dynamic_coefficient", dynamic), ("stiction_excess", excess)):
+        low, high = fit.confidence_intervals(0.999)[name]
+        assert low <= true <= high
+        assert high - low < 0.03 * true

@@ -84,3 +84,15 @@ def test_little_is_enough_for_a_fit(seconds: float, every: int) -> None:
     assert left.std() < 0.02 * STROKE
     assert any("creep is left out" in said for said in fit.remarks)
     assert not isinstance(fit.model.creep, Creep)
+
+
+def test_creep_of_a_voltage_that_never_rests_is_not_trusted() -> None:
+    """Loops that shrink, of a piezo that does not creep: what their own shape leaves looks like creep."""
+    shrinking = sine(5.0) * np.linspace(1.0, 0.3, round(5.0 * RATE))
+    fit = ss.identify_piezo(record(shrinking, bouc_wen(shrinking)))
+    assert "creep" in fit.values
+    assert any("never rests" in said for said in fit.remarks)
+    assert any("the piezo has another form" in said for said in fit.remarks)
+    held = np.concatenate([shrinking, np.full(round(5.0 * RATE), shrinking[-1])])
+    with_rest = ss.identify_piezo(record(held, bouc_wen(held)))
+    assert not any("never rests" in said for said in with_rest.remarks)

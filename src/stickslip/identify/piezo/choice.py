@@ -7,6 +7,7 @@ from itertools import groupby, product
 from typing import NamedTuple
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from ...units import QuantityError
 from .columns import CREEP_BEGINS, Columns, Grid, Observed, columns
@@ -21,6 +22,8 @@ ENOUGH = 0.02
 # A recording shows creep if it is so many times longer than where creep begins.
 LONG_ENOUGH = 20.0
 SAMPLES_PER_PLAY = 10
+# Of its range, within which a drive rests.
+STILL = 0.01
 
 
 class Shape(NamedTuple):
@@ -112,4 +115,19 @@ def chosen(
         )
     if creep is None and not long_enough:
         remarks.append(f"creep is left out: it does not show within {lasts:.3g} s")
+    if creep is None and grid.times.size and not any(map(_rests, observed)):
+        remarks.append(
+            f"creep is from a voltage that never rests for {LONG_ENOUGH * CREEP_BEGINS:g} s: there it can "
+            "stand for hysteresis that the plays do not describe, and what it predicts of a voltage held is "
+            "not tested; record one, or leave it out (creep=False)"
+        )
     return Choice(grid, late, score, tuple(remarks))
+
+
+def _rests(one: Observed) -> bool:
+    """Whether its drive is held long enough for creep to show by itself."""
+    size = int(LONG_ENOUGH * CREEP_BEGINS / one.time[1])
+    if size > one.time.size:
+        return False
+    swing = maximum_filter1d(one.drive, size) - minimum_filter1d(one.drive, size)
+    return bool(np.min(swing[size // 2 : one.time.size - size // 2]) < STILL * np.ptp(one.drive))

@@ -18,7 +18,7 @@ from ...estimate.problem import Problem, Residuals
 from ...estimate.result import Fit
 from ...piezo import Creep, Piezo, PrandtlIshlinskii
 from ...piezo.creep import PER_DECADE
-from ...units import QuantityError, optional_si, to_si
+from ...units import QuantityError, optional_si, to_si, with_prefix
 from ..recorded.channels import names_of, recordings_of, refuse_clipped, unit_of
 from ..recorded.known_noise import converter_step, first_change
 from ..recorded.recorded_drive import noise_level
@@ -149,7 +149,7 @@ def identify_piezo(
         model=model.replace(gain=gain, piezo=piezo) if model else piezo,
         observed=observed,
         predict=prediction.predict,
-        remarks=(*choice.remarks, *remarks),
+        remarks=(*choice.remarks, *remarks, *_left(fit, seen)),
     )
 
 
@@ -167,8 +167,19 @@ def _fitted(seen: Sequence[Observed], choice: Choice, unit: str) -> tuple[Fit, t
 
 def _only_noise(fit: Fit, seen: Sequence[Observed]) -> bool:
     """Whether no more is left than white noise of the positions."""
+    return not _left(fit, seen)
+
+
+def _left(fit: Fit, seen: Sequence[Observed]) -> tuple[str, ...]:
+    """A sentence on each recording of which more is left than white noise of its positions."""
     noise = [noise_level(one.position) for one in seen]
-    return all(g.rmse <= NOISY * sigma for g, sigma in zip(fit.recordings, noise, strict=True))
+    return tuple(
+        f"what is left of {g.name} is {with_prefix(g.rmse, g.unit, 3)} rms, and the white noise of its "
+        f"positions {with_prefix(sigma, g.unit, 3)}: the piezo has another form, and the intervals are not "
+        "to be trusted, or the noise is not white"
+        for g, sigma in zip(fit.recordings, noise, strict=True)
+        if g.rmse > NOISY * sigma
+    )
 
 
 def _begun(seen: Sequence[Observed], timing: Timing, assumed: float | None) -> list[Observed]:
