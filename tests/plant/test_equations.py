@@ -154,6 +154,11 @@ def unrest(plant, dq, u):
 
 
 @compiled
+def jolt(plant, u):
+    return generated.jolt(plant, u)
+
+
+@compiled
 def with_values(plant, values):
     return generated.with_values(plant, values)
 
@@ -427,6 +432,16 @@ def test_unrest(case: Case) -> None:
         drives = max((abs(mode.drive) for mode in case.plant.modes), default=0.0)
         expected = max(accelerations, default=0.0) + drives * abs(U[1]) / RATE
         assert unrest(case.plant, tuple(sign * dq), (U[0], sign * U[1])) == pytest.approx(expected, rel=1e-12)
+
+
+def test_jolt(case: Case) -> None:
+    """What a jump, and one of each derivative, would add to an acceleration after 1/rate."""
+    drives = max((abs(mode.drive) for mode in case.plant.modes), default=0.0)
+    if any(e.drive_rate is not None for e in case.plant.elements):
+        drives = math.inf
+    for change in (U, (-U[0], U[1], -U[2], 0.0), (0.0, U[1], 0.0, 0.0)):
+        expected = drives * (abs(change[0]) + abs(change[1]) / RATE + abs(change[2]) / RATE**2)
+        assert jolt(case.plant, change) == pytest.approx(expected, rel=1e-12)
 
 
 def test_numbers_of_a_plant(case: Case) -> None:

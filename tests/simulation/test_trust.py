@@ -23,6 +23,7 @@ from stickslip.friction import (
 from stickslip.simulation import SimulationWarning, simulate, simulate_ensemble, steady_orbit, steady_step
 from stickslip.units import QuantityError
 from stickslip.waveform.periodic import ReverseSawtooth, Sawtooth
+from stickslip.waveform.sampled import Sampled
 from stickslip.waveform.shapes import Constant, Ramp
 
 KANG = load_actuator("kang2007")
@@ -193,3 +194,20 @@ def test_a_stribeck_curve_that_falls_at_rest_is_refused_above_which_it_nears_its
     assert away[2] < 6e-9
     with pytest.raises(QuantityError, match=r"stribeck_velocity = 1e-08 m/s is out of range.*>= 1e-07 m/s"):
         Stribeck(F_C, 0.7, 1e-8)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_sampled_drive_is_followed_without_starting_anew_at_each_sample(seed: int) -> None:
+    """A recorded voltage: where only its slope jumps, by little, the steps need not be short."""
+    random = np.random.default_rng(seed)
+    times = np.arange(0.0, 0.8, 2e-4)
+    volts = np.interp(times % 0.2, [0.0, 0.19, 0.2], [1.0, 65.0, 1.0]) + 1e-4 * random.standard_normal(
+        times.size
+    )
+    actuator = KANG.replace(stage_reaction=bool(seed % 2))
+    drive = Sampled(times, volts)
+    found = simulate(actuator, drive, 0.79, tolerance=1e-9)
+    exact = simulate(actuator, drive, 0.79, tolerance=1e-12)
+    off = np.max(np.abs(found.end_effector_position - exact.end_effector_position))
+    assert off < 1e-9
+    assert found.attrs["steps"] + found.attrs["rejected_steps"] < 1.2 * times.size

@@ -212,6 +212,12 @@ def unrest(plant: Any, dq: Any, u: Any) -> Any:
 
 
 @_generated
+def jolt(plant: Any, u: Any) -> Any:
+    """What a change u of the drive and its derivatives adds to an acceleration within 1/rate, m/s²; infinite
+    where a contact moves with the drive."""
+
+
+@_generated
 def moves_freely(plant: Any) -> Any:
     """Whether a body can be anywhere, so that a period may repeat further on."""
 

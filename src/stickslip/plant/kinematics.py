@@ -199,6 +199,13 @@ def unrest(layout: Layout) -> Text:
     return Text([], f"{accelerations} + {drives} * abs(u[1]) / plant.rate")
 
 
+def jolt(layout: Layout) -> Text:
+    if any(shape.drive_rate for shape in layout.elements):
+        return Text([], "inf")
+    drives = _largest(["0.0", *(f"abs(plant.modes[{m}].drive)" for m in range(layout.modes))])
+    return Text([], f"{drives} * (abs(u[0]) + (abs(u[1]) + abs(u[2]) / plant.rate) / plant.rate)")
+
+
 def moves_freely(layout: Layout) -> Text:
     free = [f"plant.modes[{m}].stiffness == 0.0" for m in range(layout.modes)]
     placed = any(any(shape.position) or shape.sampled for shape in layout.elements)
@@ -304,6 +311,7 @@ SOURCES: dict[str, Callable[[Layout], Text]] = {
         drive_rates,
         follows_drive,
         unrest,
+        jolt,
         moves_freely,
         branched,
         in_lanes,

@@ -16,6 +16,7 @@ from ..plant.generated import (
     branches_hold,
     breakaways,
     contacts,
+    jolt,
     kinks,
     next_tick,
     no_sides,
@@ -239,6 +240,20 @@ def load_ratio(load, j, t):
 
 
 @fused
+def _first_step(plant, drive, i, load, j, t, u, change, speed, local):
+    """How long a step may be that begins anew: by what moves; where only the drive has jumped, or its slope,
+    by what that sets in motion."""
+    reach = change / plant.rate**2 + speed / plant.rate
+    longest = 0.3 / plant.rate * min((local / reach) ** 0.2, 1.0) if reach > 0.0 else math.inf
+    loaded = j > 0 and t == load.start[j]
+    if i > 0 and drive.start[i - 1] < t == drive.start[i] and not loaded and not sampled(plant):
+        before = channels.at(drive, i - 1, t)
+        reach = jolt(plant, (u[0] - before[0], u[1] - before[1], u[2] - before[2])) / plant.rate**2
+        longest = max(longest, (local / reach) ** 0.2 / plant.rate if reach > 0.0 else math.inf)
+    return longest
+
+
+@fused
 def run(plant, drive, load, state, sides, t, h, fresh, t_end, local, max_steps, log, resume):
     """Integrate to t_end, or until the log is full. `fresh`: the sides are still to be found; `resume`: a row
     of `solve.resume`, left as it is where it is of no size, or None.
@@ -257,8 +272,7 @@ def run(plant, drive, load, state, sides, t, h, fresh, t_end, local, max_steps, 
             if forced >= 0:
                 sides = replaced(sides, forced, 0.0)
                 h = min(h, 1e-2 / plant.rate)
-            reach = change / plant.rate**2 + speed / plant.rate
-            h = min(h, 0.3 / plant.rate * min((local / reach) ** 0.2, 1.0)) if reach > 0.0 else h
+            h = min(h, _first_step(plant, drive, i, load, j, t, u0, change, speed, local))
             turned, fresh, share = 0, False, 1.0
         t_break = min(next_break(drive, i, t_end), next_break(load, j, t_end), next_tick(plant, t))
         left = t_break - t
