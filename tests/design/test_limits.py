@@ -52,6 +52,11 @@ def test_a_step_that_becomes_less_again_is_said() -> None:
     assert steady_step(KANG, ss.Sawtooth(least, 700.0)) >= wanted
 
 
+def test_a_voltage_beyond_the_model_s_range_is_refused() -> None:
+    with pytest.raises(QuantityError, match="max_voltage = 500 V is out of range: kang2007 takes 150 V"):
+        ss.minimum_voltage(KANG, frequency=5.0, step=1e-6, max_voltage=500.0)
+
+
 def test_what_no_voltage_reaches() -> None:
     with pytest.raises(
         SimulationError, match=r"no voltage up to 150 V steps by 1 mm: at most by .* at 150 V"

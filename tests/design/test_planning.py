@@ -191,6 +191,14 @@ def test_equal_time_is_compared() -> None:
     assert expected[2] == pytest.approx(expected[0] / np.sqrt(3.0))
 
 
+@pytest.mark.parametrize("duration", [0.2, 0.25])
+def test_one_s_own_default_lasts_as_long_as_the_candidates(duration: float) -> None:
+    """It was lengthened to two periods of 5 Hz, with a rest that counted as information."""
+    drive = ss.Sine(30.0, 50.0, offset=30.0, periods=10)
+    plan = planned({"sine": drive}, default=drive, duration=duration, recordings=1)
+    assert plan.dataset["narrower"].values == pytest.approx(1.0)
+
+
 def test_grid_tells_more_than_the_default_within_its_limits() -> None:
     slew = 2.0e5
     plan = planned(None, chain=ss.chain.Chain(slew_rate=slew), recordings=2)

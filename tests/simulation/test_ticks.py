@@ -66,5 +66,19 @@ def test_what_is_not_followed_is_refused() -> None:
         Motion(KANG.replace(piezo=Piezo(BoucWen(0.3, 0.02, 0.01))))
     with pytest.raises(QuantityError, match="Actuator, not 3"):
         Motion(3)  # type: ignore[arg-type]
+    with pytest.raises(QuantityError, match="tolerance = 0 m"):
+        Motion(KANG, tolerance=0.0)
     with pytest.raises(QuantityError, match=r"voltage.*'3 cd'"):
         Motion(KANG, voltage="3 cd")
+
+
+def test_a_static_stage_that_would_jump_is_refused() -> None:
+    """It would leave the end-effector behind at every tick, and did so without a word."""
+    static = KANG.replace(natural_frequency=np.inf)
+    motion = Motion(static)
+    with pytest.raises(QuantityError, match="a static stage jumps"):
+        motion.hold(1.0, TICK)
+    volts = 40.0 * np.linspace(0.0, 1.0, TIMES.size)
+    whole = simulate(static, Sampled(TIMES, volts), times=TIMES)["end_effector_position"].values
+    assert np.abs(ticked(static, volts) - whole).max() < 1e-9
+    assert whole[-1] > 4e-6

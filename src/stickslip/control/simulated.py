@@ -35,7 +35,9 @@ def simulate_control(
     """The trajectory of an actuator that begins at rest at 0 V under a controller.
 
     At each tick the controller sees the end-effector's position and says the voltage, which is held until the
-    next. There are no converters, amplifier or limits here: those are the rig's (`rig.regulate`).
+    next. Positions are counted from where it rests then, which a slope or a load has moved (`simulate` counts
+    from where it would rest without). There are no converters, amplifier or limits here: those are the rig's
+    (`rig.regulate`). A controller that is made for a rate of its own has to be given that `rate`.
 
     Args:
         model: what is driven.
@@ -53,17 +55,27 @@ def simulate_control(
         Dataset over "time": end_effector_position, measured_position, target_position (m), drive_voltage (V).
 
     Raises:
-        QuantityError: the target or a time is wrong, or the controller asks for what is no finite number or
-            outside the actuator's voltages.
+        QuantityError: a number is out of range, the target is no position, the controller asks for what is
+            no finite number or outside the actuator's voltages, or a static stage would jump with it.
         SimulationError: the motion could not be followed.
     """
     if isinstance(target, str):
         target = to_si(target, "m", "target")
     hertz, seconds = to_si(rate, "Hz", "rate"), to_si(duration, "s", "duration")
-    sigma, count = to_si(noise, "m", "noise"), math.ceil(seconds * hertz)
-    if not count > 1:
-        raise QuantityError(f"duration = {seconds:g} s holds no two ticks at rate = {hertz:g} Hz")
+    sigma, ticks = to_si(noise, "m", "noise"), seconds * hertz
+    if not 1.0 < ticks < math.inf or not hertz > 0.0:
+        raise QuantityError(
+            f"duration = {seconds:g} s and rate = {hertz:g} Hz are out of range: at least two ticks, and finite"
+        )
+    if not 0.0 <= sigma < math.inf:
+        raise QuantityError(f"noise = {sigma:g} m is out of range: it must be >= 0 m and finite")
+    for name, number in (("delay", delay), ("seed", seed)):
+        if not isinstance(number, int | np.integer) or number < 0:
+            raise QuantityError(f"{name} = {number!r:.60}: it must be a whole number >= 0")
+    count = math.ceil(ticks)
     wanted = targets(target, count, hertz)
+    if not np.all(np.isfinite(wanted)):
+        raise QuantityError(f"target = {target!r:.60} is not finite at every tick")
     motion = Motion(model, tolerance=tolerance)
     read = sigma * np.random.default_rng(seed).standard_normal(count)
     found = np.empty((3, count))

@@ -335,5 +335,7 @@ def _usual(
     if isinstance(default, Walk):
         return default
     longest = max(duration, float(np.max(every.duration[0, list(taken)])))
-    drive = default or Sawtooth(min(USUAL[0], limits.max_voltage, begin.model.max_voltage), USUAL[1])
+    if default is not None:
+        return Walk(default, longest, begin.sample_rate, begin.noise)
+    drive = Sawtooth(min(USUAL[0], limits.max_voltage, begin.model.max_voltage), USUAL[1])
     return Walk(drive, max(longest, 2.0 / USUAL[1]), begin.sample_rate, begin.noise)

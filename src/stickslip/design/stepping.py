@@ -76,7 +76,7 @@ def minimum_voltage(
     frequency = optional_si(frequency, "Hz", "frequency")
     step, load = _positive(step, "m", "step"), to_si(load, "N", "load")
     volts, most = _positive(tolerance, "V", "tolerance"), optional_si(max_voltage, "V", "max_voltage")
-    most = _highest_voltage(model, waveform) if most is None else _positive(most, "V", "max_voltage")
+    most = _highest_voltage(model, waveform, None if most is None else _positive(most, "V", "max_voltage"))
     if direction not in (1, -1):
         raise QuantityError(f"direction = {direction!r}: it is 1 (as the drive is) or -1 (mirrored)")
     fine = min(TOLERANCE, 0.01 * step)
@@ -280,9 +280,17 @@ def _positive(value: float | str, unit: str, field: str) -> float:
     return number
 
 
-def _highest_voltage(model: Actuator, waveform: Waveform | None) -> float:
+def _highest_voltage(model: Actuator, waveform: Waveform | None, asked: float | None) -> float:
+    """As `asked`, within what the model's range leaves above the rest of the drive."""
     rest = waveform.range()[0] if waveform is not None else Sawtooth(1.0, 1.0).offset
     most = model.max_voltage - max(rest, model.min_voltage)
+    if asked is not None:
+        if asked > most:
+            raise QuantityError(
+                f"max_voltage = {asked:g} V is out of range: {model.name or 'the actuator'} takes "
+                f"{model.max_voltage:g} V at most, {most:g} V above the rest of the drive"
+            )
+        return asked
     if not 0.0 < most < math.inf:
         raise QuantityError(
             f"max_voltage must be given in V: the model's own, {model.max_voltage:g} V, leaves no range "

@@ -3,7 +3,7 @@
 The target is drawn by lines, with more points where it bends, and what the amplifier makes of lines is known
 in closed form (see `charging`); half of the tolerance is for either. A lag and a limit of the slope pass no
 error on enlarged, so the tolerance is a bound; where the current folds back (see `amplifier`), the moment at
-which it does moves with the target, and the tolerance is an estimate.
+which it does moves with the target: there lines are eight times as fine, and the tolerance is an estimate.
 
 Under a periodic drive the first periods differ, later ones repeat: as soon as a period ends so close to the
 state that it began in that all later ones together move on by no more than a small part of the tolerance, it
@@ -31,6 +31,8 @@ Array = NDArray[np.float64]
 # square of the rms current, what the mean square may.
 _SAME_VOLTS, _SAME_SQUARE = 0.02, 1e-4
 _MOST_PERIODS = 100_000
+# By how many times lines are finer where the current folds back (docs/decisions/electronics.md).
+_FINER = 8.0
 
 
 def driven(
@@ -68,6 +70,7 @@ def driven(
     of = limits(amplifier, farad)
     if _follows(of, amplifier, waveform):
         return waveform
+    tolerance = _for_lines(of, tolerance)
     period = _endless(waveform)
     if period is None or duration < 2.0 * period:
         asked = _asked(of, amplifier, waveform, duration, tolerance)
@@ -103,11 +106,17 @@ def driven_period(
     if period is None:
         raise QuantityError(f"{type(waveform).__name__} does not repeat for ever: it has no steady period")
     of = limits(amplifier, farad)
+    tolerance = _for_lines(of, tolerance)
     asked = _asked(of, amplifier, waveform, period, tolerance)
     times, volts, _, repeats = _until_it_repeats(of, asked, tolerance, _MOST_PERIODS, keep=False)
     if not repeats:
         raise QuantityError(f"the output does not repeat within {_MOST_PERIODS} periods")
     return _period(times[-1], volts[-1], period)
+
+
+def _for_lines(of: Limits, tolerance: float) -> float:
+    """What lines may be off by, for an output within the tolerance, V."""
+    return tolerance / _FINER if math.isfinite(of.memory) else tolerance
 
 
 def _endless(waveform: Waveform) -> float | None:

@@ -6,6 +6,7 @@ next, so a run of ticks is the run of the whole drive within the tolerance.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -57,6 +58,9 @@ class Motion:
         rest, self._tolerance = to_si(voltage, "V", "voltage"), to_si(tolerance, "m", "tolerance")
         if not isinstance(model, Actuator):
             raise QuantityError(f"a motion from tick to tick is that of an Actuator, not {model!r:.60}")
+        if not self._tolerance > 0.0:
+            raise QuantityError(f"tolerance = {self._tolerance:g} m is out of range: it must be > 0 m")
+        self._jumps_along = model.static and not model.clamped
         contact = contact_load(load, 1.0)
         self._of, self._load = contact.system(model), contact.drive
         self._piezo = None if model.piezo is None else _PiezoState(model.piezo, rest, remanence)
@@ -68,7 +72,12 @@ class Motion:
         self.time = 0.0
 
     def hold(self, volts: float, duration: float) -> None:
-        """On by `duration` s under one voltage, to which it jumps."""
+        """On by `duration` s under one voltage, to which it jumps.
+
+        Raises:
+            QuantityError: a static stage would jump with it.
+            SimulationError: the motion could not be followed.
+        """
         if self._piezo is not None:
             self.follow(np.array([0.0, duration]), np.array([volts, volts]))
             return
@@ -79,7 +88,7 @@ class Motion:
         """On along voltages [n], joined by lines, at times [n], s from now, the first of them 0.
 
         Raises:
-            SimulationError: the motion could not be followed.
+            QuantityError, SimulationError: as for `hold`.
         """
         if self._piezo is not None:
             volts = self._piezo.through(times, volts)
@@ -93,6 +102,11 @@ class Motion:
     def _on(self, begin: float, volts: float, segments: int, end: float) -> None:
         """On by the first segments of the table."""
         rows = self._start[:segments], self._polynomial[:segments], self._first[: segments + 1]
+        if self._jumps_along and not math.isclose(begin, self._volts, rel_tol=1e-9, abs_tol=1e-9):
+            raise QuantityError(
+                "a static stage jumps with the voltage, at infinite speed, and would leave the end-effector "
+                "behind at every tick: give it a natural_frequency, or follow lines"
+            )
         self._span[1] = end
         outcome = integrate(
             *(self._of.plant, Drive(begin, *rows, _NO_HARMONICS), self._load, self._q, self._span),
