@@ -65,7 +65,8 @@ def simulate_control(
     sigma, ticks = to_si(noise, "m", "noise"), seconds * hertz
     if not 1.0 < ticks < math.inf or not hertz > 0.0:
         raise QuantityError(
-            f"duration = {seconds:g} s and rate = {hertz:g} Hz are out of range: at least two ticks, and finite"
+            f"duration = {seconds:g} s and rate = {hertz:g} Hz are out of range: both > 0, finite, "
+            "and at least two ticks"
         )
     if not 0.0 <= sigma < math.inf:
         raise QuantityError(f"noise = {sigma:g} m is out of range: it must be >= 0 m and finite")
