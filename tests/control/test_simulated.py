@@ -45,7 +45,7 @@ def test_refusals_name_what_is_wrong(how: dict[str, Any], said: str) -> None:
 def test_positions_count_from_where_it_rests() -> None:
     """On a slope the end-effector has crept down by its bristle before."""
     found = simulate_control(KANG.replace(incline=0.05), Ramp(), 0.0, 0.01)
-    whole = ss.simulate(KANG.replace(incline=0.05), Line("200 V/s"), 0.01, sample_rate=1e4)
+    whole = ss.simulate(KANG.replace(incline=0.05), Line("200 V/s", rise_time="10 ms"), 0.01, sample_rate=1e4)
     moved = whole.end_effector_position.values
     assert found.end_effector_position.values[0] == 0.0
     assert moved[0] < -1e-8

@@ -84,6 +84,18 @@ def test_what_no_body_has_is_said() -> None:
     assert not identify_inertia(run, window=0.15).failures
 
 
+def test_what_the_body_is_not_is_remarked() -> None:
+    """Friction that grows with the square of the speed, in the force: the noise of neither tells it."""
+    for seed in range(4):
+        run = driven(seed)
+        assert not identify_inertia(run, window=0.15).remarks
+        speed = np.gradient(run["position"].values, run["time"].values)
+        other = run.assign(force=run["force"] + 3.0 * speed * np.abs(speed))
+        (said,) = identify_inertia(other, window=0.15).remarks
+        assert f"what is left of run {seed}" in said
+        assert "another force acts" in said
+
+
 def test_what_turns_has_a_moment_of_inertia() -> None:
     fit = identify_inertia(driven(0, turns=True), window=0.15, position="angle", force="torque")
     units = {p.name: p.unit for p in fit.parameters}

@@ -70,6 +70,14 @@ def test_nothing_is_noticed_where_nothing_is() -> None:
         assert not identify_loops(train, START, ELEMENTS, reference_normal_force=5.0).remarks
 
 
+def test_another_law_is_remarked() -> None:
+    """A contact of one element in place of two, which no noise was given to tell from."""
+    train = made_loops(STIFFNESS, STRENGTH, noise=0.01)
+    one = MaxwellSlip((4e4,), (1.5,))
+    fit = identify_loops(train, one, ["stiffness_1", "strength_1"], reference_normal_force=5.0)
+    assert any("the contact follows another law" in said for said in fit.remarks)
+
+
 def swept(law: LuGre, noise: float, seed: int = 0):
     """Strokes of 20 um of a contact that yields within half a micrometre: few samples show its stiffness."""
     time = np.linspace(0.0, 1.0, 2001)

@@ -8,6 +8,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 import stickslip as ss
+from stickslip.identify.piezo.timing import _spread
 from stickslip.piezo import Creep
 
 from . import records
@@ -96,3 +97,12 @@ def test_creep_of_a_voltage_that_never_rests_is_not_trusted() -> None:
     held = np.concatenate([shrinking, np.full(round(5.0 * RATE), shrinking[-1])])
     with_rest = ss.identify_piezo(record(held, bouc_wen(held)))
     assert not any("never rests" in said for said in with_rest.remarks)
+
+
+def test_a_delay_and_a_lag_of_nearly_nothing_have_errors() -> None:
+    """The misfit is that of their sizes: across zero its difference is none, and they were off by seconds."""
+    noise = 1e-9 * np.random.default_rng(0).standard_normal(200)
+    shapes = np.random.default_rng(1).standard_normal((200, 2)) * 1e-3
+    found = _spread(lambda x: noise + shapes @ np.abs(x), np.array([1e-9, 0.0]), 1e-3)
+    assert found.delay == pytest.approx(1e-6 / np.sqrt(200.0), rel=0.2)
+    assert found.lag == pytest.approx(1e-6 / np.sqrt(200.0), rel=0.2)

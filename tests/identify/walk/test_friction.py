@@ -51,6 +51,19 @@ def test_the_channel_alone_can_be_fitted() -> None:
     assert fit.values["delay"] == pytest.approx(0.0, abs=4 * fit.standard_errors["delay"])
 
 
+@pytest.mark.parametrize("tolerance", [1e-9, 1e-10])
+def test_a_simulation_without_noise_is_explained(tolerance: float) -> None:
+    """At rest it shows no noise at all: what solvers leave was 1e10 times that, and no model explained it."""
+    model = actuator(**TRUTH)
+    recording = simulate(model, Sawtooth(65.0, 5.0, periods=4), tolerance=tolerance)
+    fit = identify_friction([recording], model, ["sigma_0", "sigma_1"], drive=DRIVE, hops=0)
+    assert fit.r_squared > 0.999999
+    assert not fit.failures
+    assert not verify(fit, [recording], drive=DRIVE).statements
+    wrong = model.replace(friction=model.friction._replace(coulomb_force=0.53))
+    assert identify_friction([recording], wrong, ["sigma_0"], drive=DRIVE, hops=0).failures
+
+
 def test_a_sampling_that_shows_no_slip_is_warned_of() -> None:
     """The thesis's stage vibrates with a period of 1.9 ms."""
     coarse = reference().isel(time=slice(0, None, 3))

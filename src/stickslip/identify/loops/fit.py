@@ -40,7 +40,7 @@ from ...units import optional_si, to_si, turned
 from ..free import Bounds, beside, check_names, check_priors, known_of, parameter, with_prior
 from ..quantised import with_steps
 from ..recorded.channels import channel, names_of, recordings_of, refuse_clipped, unit_of
-from ..recorded.known_noise import converter_step
+from ..recorded.known_noise import converter_step, more_than_white, white_noise
 from .starts import loop_starts
 
 OBSERVED = "friction_force"
@@ -159,6 +159,16 @@ def identify_loops(
     )
     fit = _with_steps(fit, found, measured, model, settings)
     noticed = [_noticed(fit, name, responses, model, reach) for name in _unasked({*free, *(tied or {})})]
+    if noise is None:
+        noticed += [
+            more_than_white(
+                g.rmse,
+                white_noise(force),
+                force,
+                (g.name, g.unit, "forces", "the contact follows another law"),
+            )
+            for g, force in zip(fit.recordings, measured, strict=True)
+        ]
     return replace(
         fit,
         model=with_values(model, _own(fit.values)),

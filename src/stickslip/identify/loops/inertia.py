@@ -32,6 +32,8 @@ from ...estimate.result import Fit
 from ...units import to_si, turned
 from ..free import with_ties
 from ..recorded.channels import channel, names_of, recordings_of, unit_of
+from ..recorded.known_noise import more_than_white, white_noise
+from ..recorded.recorded_drive import noise_level
 
 # Windows begin twice in the length of one: so they share hardly any noise, and leave hardly any unused.
 OVERLAP = 2
@@ -39,6 +41,7 @@ OVERLAP = 2
 # it must be to have a sign.
 SMOOTHED, AT_REST = 32, 3.0
 FEWEST = 16  # samples of a window
+DRAWS = 16  # of the position's noise
 
 Array = NDArray[np.float64]
 NAMES = ("mass", "viscous", "coulomb_force", "offset")
@@ -77,13 +80,14 @@ def identify_inertia(
     """
     window = to_si(window, "s", "window")
     found = recordings_of(recordings)
-    parts, moved = [], []
+    parts, moved, forces = [], [], []
     for recording, name in zip(found, names_of(found), strict=True):
         x = channel(recording, position, name, varies=True)
         f = channel(recording, force, name)
         averages = _Averages(recording["time"].values, window, name)
         parts.append((averages.design(x), averages.of(f), name))
         moved.append((averages, x))
+        forces.append(f)
     turns = unit_of(found, position) == "rad"
     kilograms, viscous, newtons = map(turned, UNITS) if turns else UNITS
     begin = np.linalg.lstsq(
@@ -102,8 +106,23 @@ def identify_inertia(
         with_ties(free, tied),
         jacobian=lambda values: np.concatenate([d for d, _, _ in parts]),
     )
-    fit = _with_noise_of_position(fit, moved)
-    return replace(fit, doubts=_doubts(fit))
+    shaken = _by_noise_of_position(fit, moved)
+    fit = replace(with_inherited(fit, shaken, np.eye(DRAWS) / DRAWS), observed="force")
+    return replace(fit, doubts=_doubts(fit), remarks=_left(fit, forces, moved, shaken))
+
+
+def _left(
+    fit: Fit, forces: Sequence[Array], moved: Sequence[tuple[_Averages, Array]], shaken: Array
+) -> tuple[str, ...]:
+    """A sentence on each recording of which more is left than its noise leaves of averages of the force."""
+    said, begin = [], 0
+    for g, force, (averages, _) in zip(fit.recordings, forces, moved, strict=True):
+        by_position = shaken[begin : (begin := begin + averages.begins.size)]
+        white = white_noise(force) * float(np.linalg.norm(averages.shape))
+        white = float(np.hypot(white, np.sqrt(np.mean(by_position**2))))
+        words = (g.name, g.unit, "averages", "another force acts, or the friction has another form")
+        said.append(more_than_white(g.rmse, white, averages.of(force), words))
+    return tuple(filter(None, said))
 
 
 def _doubts(fit: Fit) -> tuple[str, ...]:
@@ -119,22 +138,17 @@ def _vector(values: Values) -> Array:
     return np.array([values[name] for name in NAMES])
 
 
-def _with_noise_of_position(fit: Fit, moved: Sequence[tuple[_Averages, Array]]) -> Fit:
-    """The fit with what the noise of the position, seen in its fourth differences, leaves open."""
-    random, vector, draws = np.random.default_rng(0), _vector(fit.values), 16
+def _by_noise_of_position(fit: Fit, moved: Sequence[tuple[_Averages, Array]]) -> Array:
+    """What noise of the position, seen in its fourth differences, makes of the averages [windows, draws]."""
+    random, vector = np.random.default_rng(0), _vector(fit.values)
     columns = []
-    for _ in range(draws):
+    for _ in range(DRAWS):
         changed = []
         for averages, x in moved:
-            noisy = x + _noise(x) * random.standard_normal(x.size)
+            noisy = x + noise_level(x) * random.standard_normal(x.size)
             changed.append((averages.design(noisy) - averages.design(x)) @ vector)
         columns.append(np.concatenate(changed))
-    return replace(with_inherited(fit, np.column_stack(columns), np.eye(draws) / draws), observed="force")
-
-
-def _noise(position: Array) -> float:
-    """Standard deviation of its noise: fourth differences leave nothing of what is smooth."""
-    return float(np.median(np.abs(np.diff(position, 4)))) / (0.6745 * np.sqrt(70.0))
+    return np.column_stack(columns)
 
 
 def _exact(weights: Array, shape: Array, s: Array, moments: Sequence[float]) -> Array:
@@ -181,6 +195,6 @@ class _Averages:
         """Of acceleration, velocity, its sign, and one: [windows, 4]."""
         x = self._windows(position)
         velocity = uniform_filter1d(np.gradient(position), self.smooth, mode="nearest")
-        least = AT_REST * _noise(position) / self.smooth
+        least = AT_REST * noise_level(position) / self.smooth
         sign = np.where(np.abs(velocity) > least, np.sign(velocity), 0.0)
         return np.column_stack([x @ self.bend, -x @ self.slope, self.of(sign), np.ones(self.begins.size)])

@@ -18,10 +18,9 @@ from ...estimate.problem import Problem, Residuals
 from ...estimate.result import Fit
 from ...piezo import Creep, Piezo, PrandtlIshlinskii
 from ...piezo.creep import PER_DECADE
-from ...units import QuantityError, optional_si, to_si, with_prefix
+from ...units import QuantityError, optional_si, to_si
 from ..recorded.channels import names_of, recordings_of, refuse_clipped, unit_of
-from ..recorded.known_noise import converter_step, first_change
-from ..recorded.recorded_drive import noise_level
+from ..recorded.known_noise import converter_step, first_change, more_than_white, resolution, white_noise
 from .choice import ENOUGH, Choice, Shape, chosen, range_of
 from .columns import (
     Columns,
@@ -40,8 +39,6 @@ from .shapes import first_model, lagging_shape, skewed_shape
 from .timing import Edges, Lateness, edges_of, lateness
 
 OBSERVED = "stage_position"
-# What a model leaves, over white noise of the positions, if that is all.
-NOISY = 1.3
 # Relative: what a lag must explain of parts left out, where no edge tells it.
 LATE = 0.1
 # Of its range: a drive further from its first value has moved.
@@ -172,14 +169,14 @@ def _only_noise(fit: Fit, seen: Sequence[Observed]) -> bool:
 
 def _left(fit: Fit, seen: Sequence[Observed]) -> tuple[str, ...]:
     """A sentence on each recording of which more is left than white noise of its positions."""
-    noise = [noise_level(one.position) for one in seen]
-    return tuple(
-        f"what is left of {g.name} is {with_prefix(g.rmse, g.unit, 3)} rms, and the white noise of its "
-        f"positions {with_prefix(sigma, g.unit, 3)}: the piezo has another form, and the intervals are not "
-        "to be trusted, or the noise is not white"
-        for g, sigma in zip(fit.recordings, noise, strict=True)
-        if g.rmse > NOISY * sigma
+    said = (
+        more_than_white(
+            *(g.rmse, white_noise(one.position), one.position),
+            (g.name, g.unit, "positions", "the piezo has another form"),
+        )
+        for g, one in zip(fit.recordings, seen, strict=True)
     )
+    return tuple(filter(None, said))
 
 
 def _begun(seen: Sequence[Observed], timing: Timing, assumed: float | None) -> list[Observed]:
@@ -314,7 +311,7 @@ def _known(observed: Observed) -> KnownNoise:
     """What a recording shows of its noise: before the drive moves, and between periods that it repeats."""
     u = observed.drive
     at_rest = first_change(u, MOVED) if observed.rest == u[0] else 0
-    return KnownNoise(None, at_rest, repeated(u), converter_step(observed.position))
+    return KnownNoise(None, at_rest, repeated(u), resolution(observed.position))
 
 
 def prediction_of(

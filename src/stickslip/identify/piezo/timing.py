@@ -142,9 +142,8 @@ def after(parts: Sequence[Columns], positions: Sequence[Array], found: Solution,
 def _spread(misfit: Callable[[Array], Array], best: Array, step: float) -> Timing:
     """Standard errors of both, linearised; NaN where they cannot be told."""
     h, r = 0.05 * step, misfit(best)
-    slopes = np.column_stack(
-        [(misfit(best + d) - misfit(np.abs(best - d))) / (2.0 * h) for d in h * np.eye(2)]
-    )
+    ends = [(np.maximum(best - d, 0.0), best + d) for d in h * np.eye(2)]  # neither is negative
+    slopes = np.column_stack([(misfit(b) - misfit(a)) / float(np.sum(b - a)) for a, b in ends])
     try:
         covariance = np.linalg.inv(slopes.T @ slopes) * float(r @ r) / max(r.size - 2, 1)
     except np.linalg.LinAlgError:

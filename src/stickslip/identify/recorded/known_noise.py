@@ -1,14 +1,18 @@
-"""Noise of a walk that is known without a model: at rest, between periods, from converter steps."""
+"""Noise of a recording that is known without a model: at rest, between periods, of a converter, white."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
 from ...estimate.lack import KnownNoise
+from ...units import with_prefix
 from ...waveform.signal import Waveform
 from .drives import periodic_part
+from .recorded_drive import noise_level
 
 # A converter is seen where the distances of levels are whole steps within a share; where more than so many of
 # the samples differ, only where some move on by several steps: those of an even ramp move by one.
@@ -17,13 +21,45 @@ MOST_LEVELS, WHOLE = 0.25, 0.05
 RINGS = 0.25
 # Of its range: a drive_voltage further from its first sample has begun.
 BEGUN = 0.02
+# m (rad), to which motions are simulated in fits and verifications: no less is a lack of the model.
+SIMULATED = 1e-10
+# What a model leaves over the white noise of the samples, if that is all; over their range, if it is nothing.
+NOISY, NOTHING = 1.3, 1e-4
 
 Array = NDArray[np.float64]
 
 
+def resolution(positions: Array) -> float:
+    """The step of positions [n], in their unit: a converter's, or what simulations make of them."""
+    return max(converter_step(positions), math.sqrt(12.0) * SIMULATED)
+
+
+def white_noise(values: Array) -> float:
+    """Standard deviation of white noise of values [n], in their unit, a converter's steps included."""
+    return max(noise_level(values), converter_step(values) / math.sqrt(12.0))
+
+
+def more_than_white(left: float, white: float, values: Array, words: tuple[str, str, str, str]) -> str:
+    """A sentence where a model leaves more of values [n] than their white noise; empty where it does not.
+
+    Args:
+        left, white: root mean squares, in the unit of the values.
+        values: measured.
+        words: the recording, the values' unit, what they are, and what the model lacks.
+    """
+    if left <= max(NOISY * white, NOTHING * float(np.ptp(values))):
+        return ""
+    name, unit, what, lacks = words
+    return (
+        f"what is left of {name} is {with_prefix(left, unit, 3)} rms, and the white noise of its {what} "
+        f"{with_prefix(white, unit, 3)}: {lacks}, and the intervals are not to be trusted, or the noise is "
+        "not white"
+    )
+
+
 def known_noise(recording: xr.Dataset, values: Array, drive: Waveform | None) -> KnownNoise:
     """Of a channel's values [n] under a drive in the recording's time; None: its channel drive_voltage."""
-    time, step = recording["time"].values, converter_step(values)
+    time, step = recording["time"].values, resolution(values)
     interval = float(time[-1] - time[0]) / (time.size - 1)
     if drive is None:
         if "drive_voltage" not in recording:

@@ -23,7 +23,7 @@ from ...recording import RecordingError
 from ...units import optional_si, to_si
 from ..free import with_ties
 from ..recorded.channels import recordings_of, unit_of
-from ..recorded.known_noise import converter_step
+from ..recorded.known_noise import resolution
 from .at_piezo import check_known
 from .at_piezo import response as piezo_response
 from .formulas import POSITION, THESIS, StepTest, Timing, classical, second_order, step_tests
@@ -141,7 +141,7 @@ class StepPrediction(NamedTuple):
 
 
 def _known(test: StepTest) -> KnownNoise:
-    return KnownNoise(at_rest=int(np.count_nonzero(test.time < 0.0)), step=converter_step(test.position))
+    return KnownNoise(at_rest=int(np.count_nonzero(test.time < 0.0)), step=resolution(test.position))
 
 
 def _within(test: StepTest, first: float, last: float) -> StepTest:

@@ -14,11 +14,12 @@ from ...estimate.parameter import Values
 from ...recording import RecordingError
 from ...records import Quantity, record
 from ..recorded.channels import names_of
+from ..recorded.known_noise import SIMULATED
 from .displacement import Displacement
 from .position_channel import OBSERVED
 
 # Of a simulation that stands beside a recording: far below any noise.
-TOLERANCE = 1e-10
+TOLERANCE = SIMULATED
 
 
 @record
