@@ -66,15 +66,15 @@ def simulate(
             second run with smaller steps; where it is larger, the steps are refined.
         load: normal force over the reference normal force at which the friction parameters hold: a number,
             or a waveform.
-        energy: add the energy account (actuators only): `drive_work`, `stage_dissipation`, `friction_work`,
-            `external_work`, `kinetic_energy`, `elastic_energy`, and `energy_defect`, which a perfect solution
-            has at 0.
+        energy: add the energy account (actuators of one mode, no two-port): `drive_work`, `friction_work`,
+            `stage_dissipation`, `external_work`, `kinetic_energy`, `elastic_energy`, and `energy_defect`,
+            which a perfect solution has at 0.
         max_steps: give up after so many steps.
         initial_state: where it begins: a `State`, or a trajectory, to be continued: then `duration` counts
             from its end, and samples and drive go on in its time. With the same model, drive, load and
             tolerance it goes on to the last bit as one run over both would (where that needs no smaller
-            steps; with creep, whose table depends on the length of the run, to some picometres), and its
-            error is added; the energy account begins anew.
+            steps; with hysteresis or creep, whose table depends on the length of the run, within the
+            tolerance), and its error is added; the energy account begins anew.
 
     Returns:
         Dataset over "time" (s) with end_effector_position, stage_position, sliding_displacement (m),
