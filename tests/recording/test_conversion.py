@@ -26,6 +26,9 @@ from stickslip.units import QuantityError
         ("mJ", "J", 1e-3),  # of the dimension of a torque
         ("rpm", "rad/s", 2 * math.pi / 60),
         ("deg", "rad", math.pi / 180),
+        ("mdeg", "rad", math.pi / 180e3),
+        ("arcsec", "rad", math.pi / 648e3),
+        ("turn", "rad", 2 * math.pi),
         ("°", "rad", math.pi / 180),
         ("mrad", "rad", 1e-3),
         ("%", "", 1e-2),

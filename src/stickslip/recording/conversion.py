@@ -9,6 +9,7 @@ from typing import NamedTuple
 from ..units import QuantityError, to_si
 
 # What a recording's ``units`` attribute may say; the last one is a plain number.
+_ANGLE = re.compile(r"\w*?(rad(ian)?s?|deg(ree)?s?|arcsec(ond)?s?|arcmin(ute)?s?|turns?|revolutions?)")
 _MECHANICAL = "s,m,kg,N,m/s,m/s^2,rad/s,rad/s^2,N/m,N s/m,N m,J,Pa,W,m^2,m^3,1/m"
 _ELECTRICAL = "V,A,C,F,ohm,H,T,V/s,A/s,m/V,N/V"
 SI_UNITS = (*_MECHANICAL.split(","), *_ELECTRICAL.split(","), "K", "Hz", "rad", "")
@@ -75,7 +76,7 @@ def _targets(unit: str) -> tuple[str, ...]:
         return ("Hz",)
     if unit.endswith("J"):  # of the same dimension as a torque
         return ("J",)
-    if unit.endswith("rad") or (unit.startswith("deg") and "C" not in unit):
+    if _ANGLE.fullmatch(unit):
         return ("rad",)
     return tuple(target for target in SI_UNITS if target not in ("Hz", "rad"))
 
