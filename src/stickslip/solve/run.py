@@ -54,6 +54,8 @@ STIFF, SLOWED = 5.0, 0.5
 UNSTABLE = 2.0
 # Slower is rounding in the slopes of the drive, and no sliding, m/s.
 STILL = 1e-12
+# Over what a jump of the drive's slope adds within 1/rate: less is rounding of its value, and no jump.
+ROUNDED = 1e-3
 # What has let go is not held again for rounding.
 LETS_GO = 1.0 - 1e-9
 # How often within a step the force of a held contact, and the branches, are looked at.
@@ -240,16 +242,18 @@ def load_ratio(load, j, t):
 
 
 @fused
-def _first_step(plant, drive, i, load, j, t, u, change, speed, local):
-    """How long a step may be that begins anew: by what moves; where only the drive has jumped, or its slope,
-    by what that sets in motion."""
-    reach = change / plant.rate**2 + speed / plant.rate
+def _first_step(plant, drive, i, load, j, t, u, acceleration, speed, local):
+    """How long a step may be that begins anew: by what moves; where no more than the drive's slope jumps, by
+    what that sets in motion."""
+    reach = acceleration / plant.rate**2 + speed / plant.rate
     longest = 0.3 / plant.rate * min((local / reach) ** 0.2, 1.0) if reach > 0.0 else math.inf
     loaded = j > 0 and t == load.start[j]
     if i > 0 and drive.start[i - 1] < t == drive.start[i] and not loaded and not sampled(plant):
         before = channels.at(drive, i - 1, t)
-        reach = jolt(plant, (u[0] - before[0], u[1] - before[1], u[2] - before[2])) / plant.rate**2
-        longest = max(longest, (local / reach) ** 0.2 / plant.rate if reach > 0.0 else math.inf)
+        change = u[0] - before[0], u[1] - before[1], u[2] - before[2]
+        reach = jolt(plant, change) / plant.rate**2
+        if abs(change[0]) * plant.rate <= ROUNDED * abs(change[1]):
+            longest = max(longest, (local / reach) ** 0.2 / plant.rate if reach > 0.0 else math.inf)
     return longest
 
 
