@@ -285,3 +285,12 @@ def test_a_second_interruption_ends_at_once_with_the_output_at_zero(tmp_path: Pa
     assert abs(float(log.read_text())) < 0.1
     samples = out / "unfinished"
     assert not samples.exists() or list(samples.iterdir())
+
+
+def test_ctrl_c_in_a_text_that_a_library_executes_is_exit_code_130(tmp_path: Path) -> None:
+    """As dataclasses and Numba do; Python itself would end by the signal then, though it was caught."""
+    (tmp_path / "own.py").write_text('exec("import signal; signal.raise_signal(signal.SIGINT)")\n')
+    command = [sys.executable, "-m", "stickslip", "--use", str(tmp_path / "own.py"), "list"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    assert done.returncode == 130
+    assert done.stderr == "Error: interrupted; what was finished is kept\n"

@@ -9,6 +9,10 @@ def main() -> None:
         app(prog_name="stickslip")
     except KeyboardInterrupt:
         raise SystemExit(130) from None
+    finally:
+        # Python kills itself by SIGINT at its end if a KeyboardInterrupt has ever left an `exec` of text, as
+        # libraries are full of, caught or not; it forgets that with the next.
+        exec("")
 
 
 if __name__ == "__main__":

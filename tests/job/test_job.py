@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import json
 import re
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from typer.testing import CliRunner
 import stickslip as ss
 from experiment.files import SMALL
 from stickslip.cli import app
+from stickslip.experiment import running
 from stickslip.input_file import InputFileError
 from stickslip.job.file import json_schema, read_job
 
@@ -299,3 +301,45 @@ def test_the_schema_knows_all_steps() -> None:
         "design",
         "export",
     }
+
+
+def test_ctrl_c_ends_a_step_without_a_rig_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An identification may send no progress for minutes."""
+    reached = []
+
+    def fitting(*_: Any, **__: Any) -> None:
+        signal.raise_signal(signal.SIGINT)
+        reached.append("the fit went on")
+
+    monkeypatch.setattr("stickslip.job.running.run_analysis", fitting)
+    path = written(
+        tmp_path, {"title": "Both", "steps": [{"record": copy.deepcopy(SMALL)}, steps(tmp_path)[0]]}
+    )
+    done = CliRunner().invoke(app, ["run", str(path), "--out", str(tmp_path / "out")], prog_name="stickslip")
+    assert done.exit_code == 130
+    assert not reached
+    assert done.stderr.splitlines()[-1] == "Error: interrupted; what was finished is kept"
+    assert "ramp" not in done.stderr
+    assert len(list((tmp_path / "out" / "recordings").glob("*.nc"))) == 8
+
+
+def test_ctrl_c_in_a_recording_is_heard_before_the_next_step(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also after the last recording has said how far it is: what is recorded is kept whole."""
+    kept = running.save_csv
+
+    def last(recording: Any, target: Path) -> None:
+        if len(list(target.parent.glob("*.nc"))) == 8:
+            signal.raise_signal(signal.SIGINT)
+        kept(recording, target)
+
+    monkeypatch.setattr(running, "save_csv", last)
+    content = {**copy.deepcopy(SMALL), "save_as": ["csv"]}
+    path = written(tmp_path, {"title": "Both", "steps": [{"record": content}, steps(tmp_path)[0]]})
+    done = CliRunner().invoke(app, ["run", str(path), "--out", str(tmp_path / "out")], prog_name="stickslip")
+    assert done.exit_code == 130
+    assert "ending, with a ramp to 0 V" in done.stderr
+    assert not (tmp_path / "out" / "steps").exists()
+    for kind in ("nc", "csv"):
+        assert len(list((tmp_path / "out" / "recordings").glob(f"*.{kind}"))) == 8

@@ -48,6 +48,7 @@ from ..input_file import Seconds, Strict, explain, load_yaml, quantity
 from ..progress import Progress
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..rig import Bench, Channel, Repeats, Variation, VirtualRig, load_bench, regulate
+from ..rig.driving import driving
 from ..units import with_prefix
 from .file import Analysis, AnalysisError
 from .move_model import at_draws, at_ends, at_intervals, feedforward_of
@@ -208,19 +209,20 @@ def run_move(
     out.mkdir(parents=True, exist_ok=True)
     linear = Mover(walk, table, tuning.regulator(rate, **ends), model.gain, hold=file.hold, slip=slip)
     export_mover(linear, out / "mover.h")
-    recording = regulate(
-        rig,
-        NoiseShaped(mover, can.step),
-        file.target,
-        _channels(file, folder),
-        limits,
-        file.at_most + file.hold,
-        interval=file.interval,
-        title=file.title,
-        attributes={"notes": file.notes, "actuator": repr(plant)},
-        progress=progress,
-        save=out / f"{name}.nc",
-    )
+    with driving():
+        recording = regulate(
+            rig,
+            NoiseShaped(mover, can.step),
+            file.target,
+            _channels(file, folder),
+            limits,
+            file.at_most + file.hold,
+            interval=file.interval,
+            title=file.title,
+            attributes={"notes": file.notes, "actuator": repr(plant)},
+            progress=progress,
+            save=out / f"{name}.nc",
+        )
     hold = min(file.hold, float(recording["time"].values[-1]))
     found = settled(recording, file.target, hold=hold)
     return _document(file, plant, tuning, mover, recording, found)

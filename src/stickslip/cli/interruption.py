@@ -1,7 +1,9 @@
 """Ctrl-C as a wish that is heard at the next safe moment, and cannot get lost on the way.
 
-An exception that a signal raises somewhere in a library may be swallowed there. So the first one sets a flag;
-the second ends the program at once, after the rig's process has been told to stop.
+While a rig is driven that moment is the next progress: what is recorded is kept, and the output ramps to 0 V.
+At all other times it is now. An exception that a signal raises somewhere in a library may be swallowed there,
+so the first one sets a flag too; the second ends the program at once, after the rig's process has been told
+to stop.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ from typing import Any
 import typer
 
 from ..progress import Progress
+from ..rig.driving import is_driving
 
 
 class Interruption:
@@ -63,4 +66,6 @@ class Interruption:
             finally:
                 os._exit(130)
         self.asked = True
+        if not is_driving():
+            raise KeyboardInterrupt
         typer.echo("ending, with a ramp to 0 V (once more: at once) ...", err=True)

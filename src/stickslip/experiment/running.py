@@ -21,6 +21,7 @@ from ..readers import read_recording
 from ..recording import RecordingError, RecordingWarning, open_recording, save_csv, save_matlab
 from ..recording.replacing import remove_leftovers, to_bin
 from ..rig import CaptureError, Home, LimitError, Rig, measure
+from ..rig.driving import driving
 from ..rig.samples import recover
 from .cells import Cell, cells, variables_attribute
 from .file import ExperimentFile
@@ -93,7 +94,25 @@ def record_experiment(
         rigs, who: as `open_laboratory`.
         read: reads the recordings that the file takes drives from.
     """
-    label, out = Path(label), Path(out)
+    with driving():
+        done = _all_recorded(file, folder, Path(out), progress, each, Path(label), watch, rigs, who, read)
+    if done:
+        progress(done[-1].cell.name, 1.0)  # who has asked to end since the last one is heard
+    return done
+
+
+def _all_recorded(
+    file: ExperimentFile,
+    folder: Path,
+    out: Path,
+    progress: Progress,
+    each: Callable[[Cell, xr.Dataset], None] | None,
+    label: Path,
+    watch: Watch | None,
+    rigs: Path | None,
+    who: str,
+    read: Callable[[Path], Any],
+) -> list[Recorded]:
     laboratory = _opened(label, file, folder, rigs, who)
     try:
         wanted = _cells(label, file, folder, laboratory, read)

@@ -17,6 +17,7 @@ from ..export import export_c, export_fmu
 from ..input_file import InputFileError
 from ..parameters import ParameterSetError
 from ..progress import Progress, unheard, within
+from ..recording.replacing import replaced_whole
 from ..report import Document, Section
 from ..report.circumstances import circumstances
 from ..report.recordings import recordings_document
@@ -88,7 +89,8 @@ class _Running:
         if step.kind == "identify":
             self.results = self.out.absolute() / "steps" / f"{number}_identify.json"
             self.results.parent.mkdir(parents=True, exist_ok=True)
-            self.results.write_text(results_json(document, circumstances()), encoding="utf-8")
+            with replaced_whole(self.results) as temporary:
+                temporary.write_text(results_json(document, circumstances()), encoding="utf-8")
         return document
 
     def _exported(self, spec: ExportSpec, folder: Path, progress: Progress) -> Document:
