@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -184,6 +185,27 @@ def test_stopped_parts_are_kept_and_the_others_not_begun(tmp_path: Path) -> None
     document = analysis.run(tmp_path, stop)
     assert set(document.numbers) == {"front", "model"}
     assert [one.partition(":")[0] for one in document.failures] == ["front", "not begun"]
+
+
+def test_what_was_done_before_an_interruption_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where it comes before the search has anything to show: the map is finished."""
+
+    def early(*_: Any, **__: Any) -> None:
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr("stickslip.analysis.design_drives.optimise_waveform", early)
+    asked = {"map": {"voltage": [60.0], "frequency": 20.0}, "optimise": {"goal": "speed"}, "plan": PLAN}
+    done = run(written(tmp_path, {"model": "kang2007", **asked}))
+    assert done.exit_code == 130
+    assert done.stderr.splitlines()[-2:] == [
+        "optimise: stopped before anything was found; not begun: plan",
+        "Error: interrupted; what was finished is kept",
+    ]
+    results = json.loads((tmp_path / "out" / "results.json").read_bytes())
+    assert set(results["numbers"]) == {"map", "model"}
+    assert results["failures"] == ["optimise: stopped before anything was found", "not begun: plan"]
 
 
 def test_draws_of_a_campaign_have_its_errors_and_correlations(tmp_path: Path) -> None:

@@ -72,6 +72,7 @@ class DesignAnalysis(Analysis):
         parts = {name: getattr(self, name) for name in PARTS if getattr(self, name) is not None}
         made: dict[str, Made] = {}
         failures: list[str] = []
+        stopped = ""
         for i, (name, spec) in enumerate(parts.items()):
             told = partial(within, progress, i / len(parts), 1.0 / len(parts))
             try:
@@ -82,9 +83,15 @@ class DesignAnalysis(Analysis):
                     raise QuantityError(said) from error
                 failures.append(said)
                 continue
-            if made[name].stopped:
+            except KeyboardInterrupt:
+                if not made:
+                    raise
+                stopped = f"{name}: stopped before anything was found"
+            else:
+                stopped = made[name].stopped
+            if stopped:
                 left = [f"not begun: {', '.join(list(parts)[i + 1 :])}"] if i + 1 < len(parts) else []
-                failures += [made[name].stopped, *left]
+                failures += [stopped, *left]
                 break
         notes = [Section("Notes", paragraphs=(self.notes,))] if self.notes else []
         return Document(
@@ -96,6 +103,7 @@ class DesignAnalysis(Analysis):
             assumptions=origin.assumptions,
             citations=origin.citations,
             failures=failures,
+            interrupted=bool(stopped),
             files={name: text for one in made.values() for name, text in one.files.items()},
         )
 

@@ -140,7 +140,8 @@ class RequirementError(Exception):
 
 
 def write(document: Document, out: Path, begun: float, browser: str = "") -> None:
-    """Write the report, print what matters most; raises RequirementError if something required is not so.
+    """Write the report, print what matters most; raises RequirementError if something required is not so, and
+    KeyboardInterrupt again where that has ended the work.
 
     With the path of a `browser`, report.pdf too.
     """
@@ -157,6 +158,9 @@ def write(document: Document, out: Path, begun: float, browser: str = "") -> Non
     typer.echo(f"Report: {report}")
     if browser:
         typer.echo(f"PDF: {write_pdf(report, browser)}")
+    if document.interrupted:
+        typer.echo("; ".join(document.failures), err=True)
+        raise KeyboardInterrupt
     if document.failures:
         raise RequirementError(f"not as required: {'; '.join(document.failures)}")
 

@@ -56,6 +56,8 @@ def run_job(
             documents.append(running.do(i + 1, step, part))
         except (QuantityError, ParameterSetError) as error:
             raise InputFileError(f"{step.path}: {error}") from error
+        if documents[-1].interrupted:
+            break
     if len(documents) == 1:
         return documents[0]
     return joined(job.title, job.notes, documents)
@@ -153,6 +155,7 @@ def joined(title: str, notes: str, documents: Sequence[Document], *, told: bool 
         assumptions=list(dict.fromkeys(a for one in documents for a in one.assumptions)),
         citations="\n\n".join(dict.fromkeys(one.citations for one in documents if one.citations)),
         failures=[failure for one in documents for failure in one.failures],
+        interrupted=any(one.interrupted for one in documents),
         files={
             f"step{i}-{name}": text
             for i, one in enumerate(documents, start=1)

@@ -152,6 +152,7 @@ class Document:
         citations: BibTeX.
         failures: what had been required and is not so, a sentence each.
         files: texts to write beside the report, by their names: what a user goes on with.
+        interrupted: somebody has ended the work (Ctrl-C): this is what was done until then.
     """
 
     title: str
@@ -163,6 +164,7 @@ class Document:
     citations: str = ""
     failures: Sequence[str] = ()
     files: Mapping[str, str] = field(default_factory=dict)
+    interrupted: bool = False
 
     def __post_init__(self) -> None:
         _freeze(self, "the document", ["sections", "highlights", "assumptions", "failures"])
