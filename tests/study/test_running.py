@@ -94,6 +94,20 @@ def test_results_are_those_of_the_ensemble(walks: tuple[Study, Path]) -> None:
     assert "from -1 V to 0 V is out of range" in str(refused["reason"].values[0])
 
 
+def test_ctrl_c_does_not_reach_a_worker_that_is_still_importing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """It is for who asked for the study: a worker would print where in its imports it was."""
+    (tmp_path / "sitecustomize.py").write_text(
+        "import os, signal\nos.kill(os.getpid(), signal.SIGINT)\nprint(end='')\n"
+    )
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
+    ss.run_study(own("squares"), tmp_path / "store.zarr", workers=1)
+    assert "KeyboardInterrupt" not in capfd.readouterr().err
+    with xr.open_zarr(tmp_path / "store.zarr", chunks=None) as found:
+        assert np.all(found["status"].values == 0)
+
+
 def test_a_finished_study_is_not_computed_again(walks: tuple[Study, Path]) -> None:
     study, path = walks
     before = {name: (path / name).stat().st_mtime_ns for name in files(path)}

@@ -13,12 +13,13 @@ import math
 import os
 import pickle
 import queue
+import signal
 import statistics
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -46,6 +47,17 @@ def processors() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+@contextlib.contextmanager
+def sigint_blocked() -> Iterator[None]:
+    """A context for starting a process: Ctrl-C in the terminal reaches it too, and it cannot ignore that
+    before it has imported what it is to run. It waits there until `worker.main` throws it away."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 class Worker:
     """A process, and the thread that reads its answers into a queue: (worker, answer), None at its end."""
 
@@ -53,12 +65,13 @@ class Worker:
         self.task: int | None = None
         self.begun = time.monotonic()
         self.ready = False
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "stickslip.study.worker"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            env={**os.environ, **dict.fromkeys(ONE_THREAD, "1")},
-        )
+        with sigint_blocked():
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "stickslip.study.worker"],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                env={**os.environ, **dict.fromkeys(ONE_THREAD, "1")},
+            )
         self._listener = threading.Thread(target=self._listen, args=(load, answers), daemon=True)
         self._listener.start()
 
