@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.resources
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from stickslip.analysis import run_file
 from stickslip.analysis.file import AnalysisError, RecordingFile, read_parts
 from stickslip.analysis.running import json_schema
 from stickslip.friction import Dahl
-from stickslip.recording import RecordingWarning, make_recording, save_recording
+from stickslip.recording import RecordingError, RecordingWarning, make_recording, save_recording
 from stickslip.report import write_report
 from stickslip.simulation import friction_response, simulate
 from stickslip.waveform.periodic import Sawtooth
@@ -277,6 +278,20 @@ def test_a_label_is_used_once_and_a_file_read_once(tmp_path: Path) -> None:
     assert {label: part.attrs["title"] for label, part in parts.items()} == {"r": "r", "early": "early"}
     assert [part.sizes["time"] for part in parts.values()] == [1001, 601]
     assert np.shares_memory(*(part["force_ratio"].values.base for part in parts.values()))
+
+
+def test_what_a_damaged_file_needs_is_said_in_yaml_too(tmp_path: Path) -> None:
+    rows = [f"{0.001 * i:.3f},{i}" for i in range(20)]
+    rows[7] = "0.007,"
+    (tmp_path / "a.csv").write_text("time [s],position [um]\n" + "\n".join(rows) + "\n0.02")
+    given: dict[str, Any] = {"file": "a.csv"}
+    with pytest.raises(RecordingError, match=r"is cut off.* in a YAML file rows: \[0, number of rows\]"):
+        RecordingFile.model_validate(given).read(tmp_path)
+    given["rows"] = [0, 20]
+    with pytest.raises(RecordingError, match="in a YAML file missing: drop, leaves such samples out"):
+        RecordingFile.model_validate(given).read(tmp_path)
+    found = read_parts([RecordingFile.model_validate({**given, "missing": "drop"})], tmp_path)["a"]
+    assert found.sizes["time"] == 19
 
 
 def test_no_yaml_and_no_mapping_are_refused(tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import xarray as xr
 from pydantic import Field
@@ -16,6 +16,21 @@ from ..readers import read_recording
 from ..registry import own_path
 
 AnalysisError = InputFileError
+# Parts of one file that agree in these are of one reading.
+OF_SOURCE = {
+    *(
+        "dataset",
+        "file",
+        "columns",
+        "units",
+        "sample_rate",
+        "calibration",
+        "rename",
+        "reader",
+        "rows",
+        "missing",
+    )
+}
 
 
 class SourceFile(Strict):
@@ -37,7 +52,8 @@ class SourceFile(Strict):
 class RecordingFile(SourceFile):
     """A recording in a file: `columns` and `units` as for `read_recording`; `calibration` names those of a
     variable, in order, and `rename` calls it otherwise then; `start` and `end` cut a part of it out. `reader`
-    is its format, where the content does not tell, or one of one's own, "my_reader.py:scope"."""
+    is its format, where the content does not tell, or one of one's own, "my_reader.py:scope"; `rows` and
+    `missing` are as for `read_recording`: the samples to read, and what is done where a number is missing."""
 
     columns: dict[str, str | int | list[str | int]] = Field(default_factory=dict)
     units: dict[str, str] = Field(default_factory=dict)
@@ -45,6 +61,8 @@ class RecordingFile(SourceFile):
     rename: dict[str, str] = Field(default_factory=dict)
     sample_rate: Hertz | None = None
     reader: str = ""
+    rows: tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=1)] | None] = (0, None)
+    missing: Literal["error", "drop"] = "error"
     start: Seconds | None = None
     end: Seconds | None = None
     use: Literal["fit", "verify"] = "fit"
@@ -65,6 +83,8 @@ class RecordingFile(SourceFile):
             self.units or None,
             sample_rate=self.sample_rate,
             reader=f"{folder / own}:{name}" if own else name,
+            rows=self.rows,
+            missing=self.missing,
         )
         if not self.calibration:
             return recording
@@ -100,9 +120,7 @@ def read_parts(recordings: Sequence[RecordingFile], folder: Path) -> dict[str, x
             raise AnalysisError(
                 f"recordings: two are called {recording.label!r}; give each a 'name', such as its part"
             )
-        source = recording.model_dump_json(
-            include={"dataset", "file", "columns", "units", "sample_rate", "calibration", "rename", "reader"}
-        )
+        source = recording.model_dump_json(include=OF_SOURCE)
         if source not in whole:
             whole[source] = recording.read(folder)
         parts[recording.label] = recording.cut(whole[source])

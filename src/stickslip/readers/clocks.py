@@ -44,7 +44,7 @@ def complete_samples(
             bad += [labels[name] for name, values in group.values.items() if not np.isfinite(values[at])]
             raise RecordingError(
                 f"{place(at)}: {', '.join(bad)} is empty, NaN or infinite "
-                "(missing='drop' leaves such samples out)"
+                "(missing='drop', in a YAML file missing: drop, leaves such samples out)"
             )
         group = Clocked(group.clock, group.time[kept], {name: v[kept] for name, v in group.values.items()})
     if not len(group.time):

@@ -179,5 +179,6 @@ def _check_last_line(path: Path, layout: TextLayout) -> None:
     if layout.is_data(last) and len(fields) < len(layout.kinds):
         raise RecordingError(
             f"the last line {last!r} has {len(fields)} of {len(layout.kinds)} fields: "
-            "the file is cut off. What is complete can be read with rows=(0, number of rows)"
+            "the file is cut off. What is complete can be read with rows=(0, number of rows), in a YAML file "
+            "rows: [0, number of rows]"
         )
