@@ -7,7 +7,7 @@ import pytest
 
 import stickslip as ss
 from stickslip.friction import LuGre
-from stickslip.identify.recorded.known_noise import converter_step
+from stickslip.identify.recorded.levels import converter_step
 
 COUNT = 0.2e-6
 

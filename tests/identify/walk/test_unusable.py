@@ -17,6 +17,7 @@ from identify.step_system import step_recording
 from stickslip.actuator import load_actuator
 from stickslip.cli import app
 from stickslip.identify.events.sawtooth import sawtooth_features
+from stickslip.identify.recorded.channels import refuse_clipped
 from stickslip.identify.step.fit import identify_step
 from stickslip.identify.walk.friction import identify_friction
 from stickslip.recording import RecordingError, make_recording
@@ -95,6 +96,21 @@ def test_steps(spoil) -> None:
 def test_walks(spoil) -> None:
     with pytest.raises(RecordingError, match=said(spoil, "walk")):
         identify_friction(spoil(walk()), MODEL, FREE, drive=DRIVE)
+
+
+@pytest.mark.parametrize("period", [80, 400])
+def test_coarse_levels_are_not_taken_for_a_clipped_sensor(period: int) -> None:
+    """They hide a turn, of a sawtooth or a sine, for some samples; a sensor at its end stays far longer."""
+    t = np.arange(2000) / period
+    for shape in (t % 1.0, np.abs(2.0 * (t % 1.0) - 1.0), np.sin(2.0 * np.pi * t)):
+        for step in np.linspace(0.005, 0.08, 40):
+            read = step * np.round((shape + 0.3 * t / t[-1]) / step)
+            refuse_clipped(read, "end_effector_position", "walk")
+            if step > 0.03:
+                continue
+            cut = np.clip(read, None, step * round(0.5 / step))
+            with pytest.raises(RecordingError, match="walk is clipped"):
+                refuse_clipped(cut, "end_effector_position", "walk")
 
 
 @pytest.mark.parametrize("limits", [(2e-6, 15e-6), (-1.0, 6.25e-6)])

@@ -40,7 +40,8 @@ from ...units import optional_si, to_si, turned
 from ..free import Bounds, beside, check_names, check_priors, known_of, parameter, with_prior
 from ..quantised import with_steps
 from ..recorded.channels import channel, names_of, recordings_of, refuse_clipped, unit_of
-from ..recorded.known_noise import converter_step, more_than_white, white_noise
+from ..recorded.known_noise import more_than_white, white_noise
+from ..recorded.levels import converter_step
 from .starts import loop_starts
 
 OBSERVED = "friction_force"

@@ -20,7 +20,8 @@ from ...piezo import Creep, Piezo, PrandtlIshlinskii
 from ...piezo.creep import PER_DECADE
 from ...units import QuantityError, optional_si, to_si
 from ..recorded.channels import names_of, recordings_of, refuse_clipped, unit_of
-from ..recorded.known_noise import converter_step, first_change, more_than_white, resolution, white_noise
+from ..recorded.known_noise import first_change, more_than_white, resolution, white_noise
+from ..recorded.levels import converter_step
 from .choice import ENOUGH, Choice, Shape, chosen, range_of
 from .columns import (
     Columns,

@@ -11,10 +11,14 @@ from numpy.typing import NDArray
 
 from ...recording import STANDARD_NAMES, RecordingError
 from ...waveform.signal import Waveform
+from .levels import converter_step
 
 FEWEST_SAMPLES = 10
 # As many samples in a row that are exactly the greatest or the least are no chance.
 FEWEST_CLIPPED = 5
+# A channel that stands at its greatest level passed so many levels in as long a time before: a smooth turn
+# comes from nine, a sawtooth's from one or two.
+FEWEST_LEVELS = 9.5
 # Steps of a channel that the drive passes unseen where it turns: two, as a piezo is half as steep after that.
 HIDDEN = 3.0
 # Of a drive's range, a change within one sample that is an edge.
@@ -125,7 +129,8 @@ def refuse_clipped(
 ) -> None:
     """Raise `RecordingError` if a channel stands at its greatest or least value as a saturated one does.
 
-    That is: it comes to it in full motion and stays there exactly, for `FEWEST_CLIPPED` samples; and where it
+    That is: it comes to it in full motion and stays there exactly, for `FEWEST_CLIPPED` samples, and longer
+    than it takes to turn where a converter's levels are coarse; and where it
     follows a `drive` [n], that moves meanwhile, by more than what the `step` between the channel's levels
     hides. What `rests` at its ends, as the force of a contact that slips, is clipped if it has noise
     elsewhere, however it comes there.
@@ -136,6 +141,7 @@ def refuse_clipped(
     moving = change[change > 0.0]
     if not moving.size:
         return
+    level = step or converter_step(values)
     hidden = 0.0 if drive is None else HIDDEN * step * float(np.ptp(drive) / np.ptp(values))
     for end, what in ((values.max(), "greatest"), (values.min(), "least")):
         at = np.flatnonzero(np.diff(np.concatenate([[0], (values == end).astype(int), [0]])))
@@ -145,6 +151,9 @@ def refuse_clipped(
             if drive is not None and np.ptp(drive[first:last]) <= hidden:
                 continue
             if last - first < FEWEST_CLIPPED:
+                continue
+            came_from = values[max(2 * first - last, 0) : first + 1]
+            if not rests and np.ptp(came_from) < FEWEST_LEVELS * level:
                 continue
             if _noisy(values) if rests else before >= 0.5 * np.median(moving):
                 raise RecordingError(

@@ -12,11 +12,9 @@ from ...estimate.lack import KnownNoise
 from ...units import with_prefix
 from ...waveform.signal import Waveform
 from .drives import periodic_part
+from .levels import converter_step
 from .recorded_drive import noise_level
 
-# A converter is seen where the distances of levels are whole steps within a share; where more than so many of
-# the samples differ, only where some move on by several steps: those of an even ramp move by one.
-MOST_LEVELS, WHOLE = 0.25, 0.05
 # Of the samples after the drive's end, those that are not taken as at rest.
 RINGS = 0.25
 # Of its range: a drive_voltage further from its first sample has begun.
@@ -91,16 +89,3 @@ def first_change(drive: Array, share: float) -> int:
     """How many samples come before a drive [n] leaves its first level by this share of its range."""
     moved = np.abs(drive - drive[0]) > share * np.ptp(drive)
     return int(np.argmax(moved)) if np.any(moved) else 0
-
-
-def converter_step(values: Array) -> float:
-    """The step between the levels that the values [n] stand at, in their unit; 0 where they stand at none."""
-    levels = np.unique(values)
-    if levels.size < 2:
-        return 0.0
-    apart = np.diff(levels)
-    step = float(apart[apart > 1e-6 * (levels[-1] - levels[0])].min())
-    steps = apart / step
-    if levels.size > MOST_LEVELS * values.size and float(np.max(np.abs(np.diff(values)))) < 1.5 * step:
-        return 0.0
-    return step if float(np.max(np.abs(steps - np.round(steps)))) < WHOLE else 0.0

@@ -1,0 +1,25 @@
+"""Levels that a converter's readings stand at."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# A converter is seen where the distances of levels are whole steps within a share; where more than so many of
+# the samples differ, only where some move on by several steps: those of an even ramp move by one.
+MOST_LEVELS, WHOLE = 0.25, 0.05
+
+
+def converter_step(values: Array) -> float:
+    """The step between the levels that the values [n] stand at, in their unit; 0 where they stand at none."""
+    levels = np.unique(values)
+    if levels.size < 2:
+        return 0.0
+    apart = np.diff(levels)
+    step = float(apart[apart > 1e-6 * (levels[-1] - levels[0])].min())
+    steps = apart / step
+    if levels.size > MOST_LEVELS * values.size and float(np.max(np.abs(np.diff(values)))) < 1.5 * step:
+        return 0.0
+    return step if float(np.max(np.abs(steps - np.round(steps)))) < WHOLE else 0.0
