@@ -47,6 +47,25 @@ def test_a_walk_that_the_stage_cannot_make(known: bool) -> None:
     check_walk(walk(1e3, known=known), pushed)
 
 
+@pytest.mark.parametrize("interval", [0.1e-3, 1e-3])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_long_steps_go_against_the_drive_within_a_period(interval: float, sign: float) -> None:
+    """It gains 9 um at each edge and shortly after it, while the drive falls back, and sticks for the rest."""
+    drive = Sawtooth(100.0, 25.0, periods=8) if sign > 0.0 else ReverseSawtooth(100.0, 25.0, periods=8)
+    time = np.arange(0.0, 0.32, interval)
+    phase = time * 25.0 % 1.0
+    creep = np.where(time >= 0.04, 1.0 - np.exp(-phase / 0.02), 1.0)
+    x = 0.6e-7 * value_at(drive, time) + sign * 1e-5 * (np.floor(time * 25.0) + 0.9 * creep)
+    x += 50e-9 * np.random.default_rng(0).standard_normal(time.size)
+    one = make_recording(time, {"end_effector_position": x, "drive_voltage": value_at(drive, time)})
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_walk(Aligned("walk", one, 0.0, 1e-9, drive, drive), MODEL)
+    one["end_effector_position"] = -one["end_effector_position"]
+    with pytest.warns(RecordingWarning, match="walk goes down where drive_voltage .* inverted"):
+        check_walk(Aligned("walk", one, 0.0, 1e-9, drive, drive), MODEL)
+
+
 def test_a_walk_against_its_drive() -> None:
     with pytest.warns(RecordingWarning, match="walk goes down where drive_voltage .* inverted"):
         check_walk(walk(-1.0), MODEL)

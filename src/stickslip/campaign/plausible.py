@@ -16,6 +16,8 @@ from ..waveform.signal import value_at
 
 # Of the gain: how the position follows the drive of the other sign, at least, to be against it.
 AGAINST = 0.1
+# Of the median change of the drive between two samples: one above it is of an edge, where the contact slips.
+SLOW = 3.0
 
 
 def check_walk(one: Aligned, model: Actuator) -> None:
@@ -36,7 +38,7 @@ def check_walk(one: Aligned, model: Actuator) -> None:
     if model.external_force == 0.0 and model.incline == 0.0:
         _refuse_beyond_reach(one.name, position, drive, model)
     forward = time <= (math.inf if one.forward is None else one.forward)
-    if _following(time[forward], position[forward], drive[forward]) / model.gain < -AGAINST:
+    if _following(position[forward], drive[forward]) / model.gain < -AGAINST:
         warnings.warn(
             f"{POSITION} [m] of {one.name} goes down where drive_voltage [V] goes up: one of them is "
             f"inverted, or gain = {with_prefix(model.gain, 'm/V', 4)} has the wrong sign",
@@ -61,8 +63,13 @@ def _refuse_beyond_reach(name: str, position: np.ndarray, drive: np.ndarray, mod
         )
 
 
-def _following(time: np.ndarray, position: np.ndarray, drive: np.ndarray) -> float:
-    """How the position follows the drive, m/V, beside a steady walk."""
-    about = np.column_stack([np.ones(time.size), time - time.mean(), drive - drive.mean()])
-    size = np.abs(about).max(axis=0)
-    return float((np.linalg.lstsq(about / size, position)[0] / size)[2]) if np.all(size > 0) else 0.0
+def _following(position: np.ndarray, drive: np.ndarray) -> float:
+    """How the position follows the drive, m/V, where the drive goes slowly: there the contact sticks.
+
+    Over whole periods a walk in long steps may go against it: it gains while the drive falls back.
+    """
+    moves, by = np.diff(position), np.diff(drive)
+    moving = np.abs(by[by != 0.0])
+    slow = np.abs(by) <= SLOW * (np.median(moving) if moving.size else 0.0)
+    weight = float(by[slow] @ by[slow])
+    return float(moves[slow] @ by[slow]) / weight if weight > 0.0 else 0.0
