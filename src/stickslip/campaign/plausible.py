@@ -16,7 +16,7 @@ from ..waveform.signal import value_at
 
 # Of the gain: how the position follows the drive of the other sign, at least, to be against it.
 AGAINST = 0.1
-# Of the median change of the drive between two samples: one above it is of an edge, where the contact slips.
+# Of the median change of the drive between samples: what is above it is of an edge, where the contact slips.
 SLOW = 3.0
 
 
