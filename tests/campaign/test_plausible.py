@@ -50,7 +50,7 @@ def test_a_walk_that_the_stage_cannot_make(known: bool) -> None:
 @pytest.mark.parametrize("interval", [0.1e-3, 1e-3])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_long_steps_go_against_the_drive_within_a_period(interval: float, sign: float) -> None:
-    """It gains 9 um at each edge and shortly after it, while the drive falls back, and sticks for the rest."""
+    """It gains 9 um at each edge and soon after it, while the drive falls back; it sticks for the rest."""
     drive = Sawtooth(100.0, 25.0, periods=8) if sign > 0.0 else ReverseSawtooth(100.0, 25.0, periods=8)
     time = np.arange(0.0, 0.32, interval)
     phase = time * 25.0 % 1.0
