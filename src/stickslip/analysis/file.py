@@ -17,20 +17,8 @@ from ..registry import own_path
 
 AnalysisError = InputFileError
 # Parts of one file that agree in these are of one reading.
-OF_SOURCE = {
-    *(
-        "dataset",
-        "file",
-        "columns",
-        "units",
-        "sample_rate",
-        "calibration",
-        "rename",
-        "reader",
-        "rows",
-        "missing",
-    )
-}
+_FORMAT = ("columns", "units", "sample_rate", "reader", "rows", "missing")
+OF_SOURCE = {"dataset", "file", "calibration", "rename", *_FORMAT}
 
 
 class SourceFile(Strict):

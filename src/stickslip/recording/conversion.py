@@ -8,8 +8,9 @@ from typing import NamedTuple
 
 from ..units import QuantityError, to_si
 
-# What a recording's ``units`` attribute may say; the last one is a plain number.
+# Units that turn, with any prefix.
 _ANGLE = re.compile(r"\w*?(rad(ian)?s?|deg(ree)?s?|arcsec(ond)?s?|arcmin(ute)?s?|turns?|revolutions?)")
+# What a recording's ``units`` attribute may say; the last one is a plain number.
 _MECHANICAL = "s,m,kg,N,m/s,m/s^2,rad/s,rad/s^2,N/m,N s/m,N m,J,Pa,W,m^2,m^3,1/m"
 _ELECTRICAL = "V,A,C,F,ohm,H,T,V/s,A/s,m/V,N/V"
 SI_UNITS = (*_MECHANICAL.split(","), *_ELECTRICAL.split(","), "K", "Hz", "rad", "")
