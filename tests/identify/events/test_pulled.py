@@ -13,7 +13,6 @@ from stickslip.estimate.problem import FitError
 from stickslip.identify.events.pulled import (
     PulledRig,
     identify_pulled_slider,
-    simulate_events,
     simulated_force,
     slider,
     slip_events,
@@ -43,7 +42,7 @@ def period(rig: PulledRig, static: float, dynamic: float) -> float:
 @pytest.mark.parametrize("speed", [4300e-6, 200e-6, 1100e-6])
 def test_simulated_period_and_forces_are_the_closed_form(speed: float) -> None:
     rig, static, dynamic = PulledRig(MASS, 168.0, speed), 0.37, 0.33
-    events = simulate_events(slider(rig, static, dynamic), rig)
+    events = slip_events(simulated_force(slider(rig, static, dynamic), rig), rig)
     top, bottom, found = events.summary()[0]
     assert found == pytest.approx(period(rig, static, dynamic), rel=5e-3)
     # The force swings about dynamic friction like a pendulum that starts with the speed of the pull; the
@@ -80,7 +79,7 @@ def test_one_speed_predicts_regime_and_period_at_others() -> None:
     ):
         other, other_rig = measured(stiffness, speed)
         found = slip_events(other, other_rig)
-        predicted = simulate_events(slider(other_rig, static, dynamic), other_rig)
+        predicted = slip_events(simulated_force(slider(other_rig, static, dynamic), other_rig), other_rig)
         assert found.regime == predicted.regime == regime
         assert np.mean(predicted.period) == pytest.approx(np.mean(found.period), rel=within)
 

@@ -32,6 +32,7 @@ from ...simulation import simulate
 from ...units import with_prefix
 from ...waveform.shapes import Ramp
 from ..free import with_ties
+from ..recorded.recorded_drive import noise_level
 
 # A drop counts as an event if it is larger than this part of the mean force: the noise of the force channels
 # in view is below a third of it after the median filter.
@@ -44,8 +45,6 @@ QUICKER, SURE = 0.02, 3.0
 _EVENTS = 12
 # Fewer events say too little of their spread.
 _LEAST = 10
-# The median of a normal variable's size, over its standard deviation.
-_MEDIAN = 0.6745
 # Noise is added to the simulation until it has so many times the events of the recording.
 _NOISY = 10
 
@@ -187,11 +186,6 @@ def simulated_force(model: PulledSlider, rig: PulledRig, interval: float | None 
     return late.assign(force_ratio=late["spring_force"] / rig.weight).assign_attrs(period=period)
 
 
-def simulate_events(model: PulledSlider, rig: PulledRig) -> Events:
-    """The stationary events of the model, pulled at the speed of the rig."""
-    return slip_events(simulated_force(model, rig), rig)
-
-
 def identify_pulled_slider(
     recording: xr.Dataset,
     rig: PulledRig,
@@ -219,7 +213,7 @@ def identify_pulled_slider(
         raise FitError(f"only {events.period.size} stick-slip events: at least {_LEAST} are needed")
     means, errors = events.summary()
     interval = float(np.median(np.diff(recording["time"].values)))
-    noise = _noise(recording[channel].values)
+    noise = noise_level(recording[channel].values)
     middle, half = 0.5 * (means[0] + means[1]), 0.5 * (means[0] - means[1])
     parameters = with_ties(
         (
@@ -246,11 +240,6 @@ def identify_pulled_slider(
     repeats = math.ceil(_NOISY * events.period.size / _EVENTS)
     found = fit(means)
     return fit(means - _shift(force(found.values), rig, noise, repeats))
-
-
-def _noise(force: NDArray[np.floating]) -> float:
-    """Standard deviation of white noise on a signal that hardly bends within three samples."""
-    return float(np.median(np.abs(np.diff(force, 2)))) / (_MEDIAN * math.sqrt(6.0))
 
 
 def _shift(clean: xr.Dataset, rig: PulledRig, noise: float, repeats: int) -> NDArray[np.floating]:
