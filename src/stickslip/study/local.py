@@ -51,6 +51,9 @@ def processors() -> int:
 def sigint_blocked() -> Iterator[None]:
     """A context for starting a process: Ctrl-C in the terminal reaches it too, and it cannot ignore that
     before it has imported what it is to run. It waits there until `worker.main` throws it away."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

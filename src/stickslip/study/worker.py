@@ -23,7 +23,8 @@ from .task import Load, received, run_task
 def main() -> None:
     """Read a `Load`, say that it is there, then do as told."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for who asked for the study
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # see `sigint_blocked`
+    if hasattr(signal, "pthread_sigmask"):  # not on Windows
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # see `sigint_blocked`
     # What a user's function prints does not go among the answers.
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
