@@ -34,3 +34,10 @@ def test_no_set_is_replaced(tmp_path: Path) -> None:
     write_parameters(tmp_path / "a.toml", text)
     with pytest.raises(FileExistsError):
         write_parameters(tmp_path / "a.toml", text)
+
+
+@pytest.mark.usefixtures("full_disk")
+def test_a_full_disk_is_named_and_leaves_nothing(tmp_path: Path) -> None:
+    with pytest.raises(OSError, match=r"a\.toml"):
+        write_parameters(tmp_path / "a.toml", parameter_text(BASE, "t", "s"))
+    assert not list(tmp_path.iterdir())

@@ -17,6 +17,7 @@ from ..input_file import load_yaml, yaml_text
 from ..parameters import available_sets
 from ..parameters.writing import parameter_text, write_parameters
 from ..recording.drive import drive_text
+from ..recording.replacing import replaced_whole
 from ..rig import Limits
 from ..units import QuantityError, to_si
 from ..waveform import Sequence as Parts
@@ -70,8 +71,8 @@ def save_plan(
     if like is None:
         content |= {"actuator": _actuator(plan.model, path), "variables": {}}
     check_experiment(content, path)
-    with path.open("x", encoding="utf-8") as file:
-        file.write("# stickslip record FILE --out DIR\n" + yaml_text(content))
+    with replaced_whole(path) as whole:
+        whole.write_text("# stickslip record FILE --out DIR\n" + yaml_text(content), encoding="utf-8")
     return path
 
 

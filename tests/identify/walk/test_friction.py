@@ -64,6 +64,17 @@ def test_a_simulation_without_noise_is_explained(tolerance: float) -> None:
     assert identify_friction([recording], wrong, ["sigma_0"], drive=DRIVE, hops=0).failures
 
 
+def test_spikes_of_the_sensor_are_said() -> None:
+    """Three samples of 1 um off; the same sensor without them has nothing to say."""
+    model, clean = actuator(**TRUTH), reference()
+    spiky = clean.copy(deep=True)
+    spiky["end_effector_position"].values[[150, 400, 701]] += [1e-6, -1e-6, 1e-6]
+    asked = {"drive": DRIVE, "hops": 0}
+    said = [" ".join(identify_friction(one, model, FREE, **asked).remarks) for one in (clean, spiky)]
+    assert "stand out" not in said[0]
+    assert "samples of P1 3 stand out of both neighbours by more than 8 x the noise" in said[1]
+
+
 def test_a_sampling_that_shows_no_slip_is_warned_of() -> None:
     """The thesis's stage vibrates with a period of 1.9 ms."""
     coarse = reference().isel(time=slice(0, None, 3))

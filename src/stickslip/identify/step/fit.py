@@ -15,6 +15,7 @@ from ...electronics import Filter
 from ...estimate.coloured import coloured, with_coloured_noise
 from ...estimate.fit import fit_least_squares
 from ...estimate.lack import KnownNoise
+from ...estimate.outliers import said_outliers
 from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import Residuals
 from ...estimate.result import Fit
@@ -117,6 +118,7 @@ def identify_step(
         fit,
         model=model and model.replace(**{name: fit.values[name] for name in STAGE_PARAMETERS}),
         observed=observed,
+        remarks=(*fit.remarks, *said_outliers(fit)),
         predict=StepPrediction(fit.values, filter, slew_rate, voltage, start, observed, piezo).predict,
     )
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ...actuator import Actuator
 from ...estimate.identifiability import loosest
 from ...estimate.marginal import integrated
+from ...estimate.outliers import said_outliers
 from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import Residuals
 from ...estimate.result import Fit
@@ -257,7 +258,7 @@ def _completed(fit: Fit, walks: Walks, slew_rate: float | None, tolerance: float
         walks.unit,
     )
     model = with_values(walks.model, own_values(fit.values))
-    remarks = (*fit.remarks, *said_kept(fit, walks.model))
+    remarks = (*fit.remarks, *said_kept(fit, walks.model), *said_outliers(fit))
     predict = Predictor.of(model, fit.values, slew_rate, tolerance).predict
     return replace(fit, model=model, observed=OBSERVED, predict=predict, remarks=remarks)
 
