@@ -57,9 +57,9 @@ def written(folder: Path, content: dict[str, Any]) -> Path:
     return file
 
 
-def run(file: Path) -> Any:
+def run(file: Path, command: str = "design") -> Any:
     out = file.parent / "out"
-    return CliRunner().invoke(app, ["design", str(file), "--out", str(out)], prog_name="stickslip")
+    return CliRunner().invoke(app, [command, str(file), "--out", str(out)], prog_name="stickslip")
 
 
 @pytest.fixture(scope="module")
@@ -187,8 +187,9 @@ def test_stopped_parts_are_kept_and_the_others_not_begun(tmp_path: Path) -> None
     assert [one.partition(":")[0] for one in document.failures] == ["front", "not begun"]
 
 
+@pytest.mark.parametrize("command", ["design", "run"])
 def test_what_was_done_before_an_interruption_is_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Also where it comes before the search has anything to show: the map is finished."""
 
@@ -197,7 +198,7 @@ def test_what_was_done_before_an_interruption_is_written(
 
     monkeypatch.setattr("stickslip.analysis.design_drives.optimise_waveform", early)
     asked = {"map": {"voltage": [60.0], "frequency": 20.0}, "optimise": {"goal": "speed"}, "plan": PLAN}
-    done = run(written(tmp_path, {"model": "kang2007", **asked}))
+    done = run(written(tmp_path, {"model": "kang2007", **asked}), command)
     assert done.exit_code == 130
     assert done.stderr.splitlines()[-2:] == [
         "optimise: stopped before anything was found; not begun: plan",

@@ -204,9 +204,10 @@ def run(
         from ..rig.hosted import stop_all
         from .interruption import Interruption
 
-        with Interruption(at_once=stop_all) as interruption, progress_bar() as progress:
-            document = run_job(file, out, interruption.ending(progress), figures=figures)
-        write(document, out, begun)
+        with Interruption(at_once=stop_all) as interruption:
+            with progress_bar() as progress:
+                document = run_job(file, out, interruption.ending(progress), figures=figures)
+            write(document, out, begun)  # what a step has kept of it too, where somebody has asked to end
 
 
 @app.command()
