@@ -17,7 +17,7 @@ from urllib.request import urlopen
 import pytest
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
-expect.set_options(timeout=30_000)  # ms, on a busy machine
+expect.set_options(timeout=60_000)  # ms, on a busy machine
 PATIENCE = 300.0  # s for a server on a busy machine, the first one of which may compile
 
 
@@ -116,7 +116,7 @@ def browser() -> Iterator[Browser]:
 def page(browser: Browser) -> Iterator[Page]:
     """An empty page; an error in a script of the panel fails the test."""
     context = browser.new_context(viewport={"width": 1280, "height": 720}, accept_downloads=True)
-    context.set_default_timeout(30_000)
+    context.set_default_timeout(60_000)
     # The same page for the server in every test: control is with it from one test to the next.
     context.add_init_script("sessionStorage.getItem('client') || sessionStorage.setItem('client', 'tester')")
     made = context.new_page()

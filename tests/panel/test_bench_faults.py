@@ -25,7 +25,7 @@ from stickslip.panel import connections, create_app
 from stickslip.panel.connections import server_config
 from stickslip.readers import process
 
-from .conftest import Panel
+from .conftest import PATIENCE, Panel
 from .serving import client_of, heard, serving, streaming
 from .test_bench_routes import FAST, ME, change, ran
 
@@ -65,7 +65,9 @@ def test_a_damaged_file_holds_up_neither_the_page_nor_a_stop(panel: Panel) -> No
         running(client)
         found: list[list[dict]] = []
         watcher = threading.Thread(
-            target=lambda: found.append(httpx.get(f"{panel.url}api/identify/recordings", timeout=90.0).json())
+            target=lambda: found.append(
+                httpx.get(f"{panel.url}api/identify/recordings", timeout=PATIENCE).json()
+            )
         )
         watcher.start()
         time.sleep(1.5)
@@ -73,7 +75,7 @@ def test_a_damaged_file_holds_up_neither_the_page_nor_a_stop(panel: Panel) -> No
         assert client.get("/static/icon.svg").status_code == 200
         stop(client)
         assert watcher.is_alive(), "neither has waited for it"
-        watcher.join(60.0)
+        watcher.join(PATIENCE)
         problems = {one["name"]: one["problem"] for one in found[0]}
         assert "could not be read within" in problems["damaged.nc"]
         assert "note.nc" in problems

@@ -28,7 +28,7 @@ def opened(page: Page, panel: Panel) -> Page:
     expect(page.locator("#phase")).to_have_text(re.compile("Ready|Done|Stopped|Failed"), timeout=SLOW)
     if page.locator("#control").inner_text() == "Take control":
         page.click("#control")
-    expect(page.locator("#control")).to_have_text("In control", timeout=20_000)
+    expect(page.locator("#control")).to_have_text("In control")
     return page
 
 
@@ -500,7 +500,7 @@ def test_the_page_comes_back_after_the_server_was_killed(page: Page, panel: Pane
     """Last: the server that comes back is a new one."""
     opened(page, panel)
     panel.kill()
-    expect(page.locator("#connection")).to_have_text("connection lost", timeout=15_000)
+    expect(page.locator("#connection")).to_have_text("connection lost")
     shot(page, "bench-lost")
     page.click("text=Explore")  # which has never been fetched
     expect(page.locator("#notices")).to_contain_text("does not answer")
