@@ -263,8 +263,11 @@ class Actuator(NamedTuple):
 
     def state_space(self) -> StateSpace:
         """The stage from voltage [V] to position [m], without contact, hysteresis and creep: a pair of states
-        (m, m/s) for each mode; of a static stage the gain alone."""
-        modes = [] if self.static else [(self.gain, self.natural_frequency, self.damping_ratio)]
+        (m, m/s) for each mode; of a static stage the gain alone. A piezo whose charge is commanded makes the
+        stage stiffer by its `coupling`."""
+        stiffer = math.sqrt(1.0 + self.coupling) if self.two_port and self.two_port.charge_drive else 1.0
+        omega_n, zeta_n = stiffer * self.natural_frequency, self.damping_ratio / stiffer
+        modes = [] if self.static else [(self.gain, omega_n, zeta_n)]
         modes += [row[:3] for row in self.further_modes.rows] if self.further_modes else []
         a = np.zeros((2 * len(modes), 2 * len(modes)))
         b, c = np.zeros((2 * len(modes), 1)), np.tile([[1.0, 0.0]], (1, len(modes)))

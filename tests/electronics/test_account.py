@@ -104,9 +104,29 @@ def test_noise_does_not_hide_the_large_cycles() -> None:
     assert losses[0] == pytest.approx(4.0 * loss_of(100.0), rel=1e-6)
     assert losses[1] == pytest.approx(losses[0], rel=0.03)
     assert not half_cycles(np.full(9, 3.0))[0].size
-    swings, begins, ends = half_cycles(np.array([0.0, 5.0, 2.0, 3.0, -1.0, 5.0]))
-    assert sorted(swings.tolist()) == [1.0, 1.0, 5.0, 6.0, 6.0]
-    assert np.all(begins < ends)
+    assert not lost_power(np.arange(9.0), np.full(9, 3.0), STACK.cycle_loss).any()
+
+
+def test_a_small_cycle_interrupts_the_way_of_the_large_one() -> None:
+    swings, which, begins, ends = half_cycles(np.array([0.0, 5.0, 2.0, 3.0, -1.0, 5.0]))
+    assert swings.tolist() == [1.0, 1.0, 5.0, 6.0, 6.0]
+    ways = [[(b, e) for k, b, e in zip(which, begins, ends, strict=True) if k == n] for n in range(5)]
+    assert ways == [[(2, 3)], [(3, 3.25)], [(0, 1)], [(1, 2), (3.25, 4)], [(4, 5)]]
+
+
+def test_warming_under_an_amplitude_that_swells_and_shrinks() -> None:
+    """As a thermal RC integrates the loss of each period of the carrier."""
+    stack = Stack(1.3e-6, 0.02, 8.0, 150.0, 30.0, 0.5)
+    t = np.arange(0.0, 120.0, 1e-3)
+    swing = 100.0 * (1.0 + 0.9 * np.cos(2.0 * math.pi * t / 60.0))
+    volts = 100.0 + 0.5 * swing * np.sin(2.0 * math.pi * 50.0 * t)
+    run = electrical(ss.make_recording(t, {"drive_voltage": volts}), stack)
+    rise, left = np.zeros(t.size), math.exp(-1e-3 / stack.time_constant)
+    power = 50.0 * stack.cycle_loss(swing)
+    for i in range(1, t.size):
+        rise[i] = rise[i - 1] * left + power[i - 1] * 30.0 * (1.0 - left)
+    got = np.interp(t, run["time"], run["temperature"]) - 293.15
+    assert np.abs(got - rise).max() < 0.01 * rise.max()
 
 
 def test_warming_up() -> None:

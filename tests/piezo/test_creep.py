@@ -77,3 +77,10 @@ def test_what_is_no_creep_is_refused() -> None:
         spread(1.0, 0.1)
     with pytest.raises(QuantityError, match="must be a piezo model"):
         Piezo(hysteresis=0.15)
+
+
+def test_a_part_in_the_place_of_the_other_is_refused() -> None:
+    plays, creep = PrandtlIshlinskii((0.0,), (1.0,)), Creep.logarithmic(0.01)
+    for wrong in ((creep, plays), (creep, None), (plays, plays)):
+        with pytest.raises(QuantityError, match="hysteresis comes first and creep is a Creep"):
+            Piezo(*wrong)

@@ -7,9 +7,10 @@ import warnings
 import numpy as np
 import pytest
 
-from stickslip.actuator import Actuator
+from stickslip.actuator import Actuator, load_actuator
 from stickslip.friction import Coulomb, Dahl, Elastoplastic, LuGre, MaxwellSlip, ResetIntegrator
-from stickslip.simulation import simulate, simulate_ensemble
+from stickslip.piezo import BoucWen, Creep, Piezo, PrandtlIshlinskii
+from stickslip.simulation import simulate, simulate_ensemble, steady_step, steady_steps
 from stickslip.simulation.varied import with_values
 from stickslip.units import QuantityError
 from stickslip.waveform.periodic import Sawtooth
@@ -92,6 +93,35 @@ def test_drive_scale_and_load_are_the_drive_and_the_normal_force() -> None:
     half = simulate(MODEL, Sawtooth(32.5, 50.0), 0.1, load=2.0, tolerance=1e-11)["end_effector_position"]
     assert float(found["net_displacement"][1]) == pytest.approx(float(half[-1]), abs=1e-10)
     assert float(found["net_displacement"][0]) != pytest.approx(float(half[-1]), abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    "hysteresis",
+    [PrandtlIshlinskii((0.0, 6.0, 20.0), (0.7, 0.2, 0.1)), BoucWen(0.3, 0.06)],
+    ids=lambda one: type(one).__name__,
+)
+def test_drive_scale_is_the_voltage_before_hysteresis(hysteresis: object) -> None:
+    model = load_actuator("kang2007").replace(piezo=Piezo(hysteresis, Creep.logarithmic(0.01, 0.1, 10.0)))
+    saw = Sawtooth(65.0, 20.0, rise_fraction=0.97)
+    scales = {"drive_scale": [0.6, 1.0, 3.0]}
+    steps, ends = (
+        steady_steps(model, saw, parameters=scales),
+        simulate_ensemble(model, saw, 0.1, parameters=scales),
+    )
+    for m, scale in enumerate((0.6, 1.0)):
+        one = Sawtooth(65.0 * scale, 20.0, rise_fraction=0.97)
+        assert float(steps["net_step"][m]) == pytest.approx(steady_step(model, one), abs=1e-10)
+        walk = float(simulate(model, one, 0.1)["end_effector_position"][-1])
+        assert float(ends["net_displacement"][m]) == pytest.approx(walk, abs=1e-9)
+    for found in (steps, ends):
+        assert "from 0 V to 195 V is out of range" in str(found["reason"].values[2])
+
+
+def test_a_drive_that_is_scaled_beyond_the_range_is_refused() -> None:
+    model = load_actuator("kang2007")
+    found = steady_steps(model, Sawtooth(100.0, 20.0), parameters={"drive_scale": [1.0, 4.0]})
+    assert found["status"].values.tolist() == [0, 4]
+    assert "from 0 V to 400 V is out of range" in str(found["reason"].values[1])
 
 
 def test_a_bad_member_leaves_the_others_and_says_why() -> None:

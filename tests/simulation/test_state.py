@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import warnings
 from typing import Any
 
 import numpy as np
@@ -133,6 +134,20 @@ def test_a_drive_that_was_another_before_goes_on_from_the_state_itself() -> None
     expected = ss.simulate(KANG, drive, 0.05, initial_state=state._replace(resume=()))
     np.testing.assert_array_equal(found.end_effector_position, expected.end_effector_position)
     assert float(found.end_effector_position[0]) == state.end_effector_position
+
+
+@pytest.mark.parametrize("second", [ss.Constant(60.0), ss.Sampled([0.0, 0.05, 0.1], [0.0, 150.0, 60.0])])
+def test_what_the_piezo_remembers_of_another_drive_is_warned_of(second: Any) -> None:
+    """Plays that a peak of 150 V has moved stay there at 60 V: a rest at 60 V since ever is another place."""
+    model = ss.load_actuator("kang2007-hysteresis").replace(clamped=True)
+    first = ss.simulate(model, ss.Sampled([0.0, 0.05, 0.1], [0.0, 150.0, 60.0]), 0.1)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        ss.simulate(model, second, 0.1, initial_state=first)
+    texts = [str(one.message) for one in said]
+    assert [("not the drive of initial_state (by up to 90 V)" in text) for text in texts] == (
+        [True] if isinstance(second, ss.Constant) else []
+    )
 
 
 def test_energy_of_a_state() -> None:

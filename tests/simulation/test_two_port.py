@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import step
 
 import reference
 import stickslip as ss
@@ -132,6 +133,23 @@ def test_it_rests_under_load_and_goes_on_to_the_last_bit(tmp_path) -> None:
     path = tmp_path / "charged.toml"
     path.write_text(parameter_text(charged(5e-7, charge_drive=True), "Charged", "by hand"), encoding="utf-8")
     assert ss.load_actuator(path).piezo == charged(5e-7, charge_drive=True).piezo
+
+
+@pytest.mark.parametrize("capacitance", [3e-8, 1e-7, 1.8e-6])
+def test_the_linear_stage_of_a_commanded_charge_rings_as_the_simulation(capacitance: float) -> None:
+    model = charged(capacitance, charge_drive=True, clamped=True, damping_ratio=0.02)
+    run = ss.simulate(model, ss.Step(10.0), 0.05, sample_rate=1e5)
+    stage = model.state_space()
+    _, linear = step((stage.a, stage.b, stage.c, stage.d), T=run.time.values)
+    np.testing.assert_allclose(run.stage_position.values, 10.0 * linear, atol=2e-3 * 10.0 * model.gain)
+
+
+def test_the_account_of_a_stack_is_not_that_of_its_charge() -> None:
+    run = ss.simulate(charged(1e-6), ss.Sine(30.0, 20.0, offset=40.0), 0.1)
+    stack = ss.electronics.Stack(1.3e-6, 0.02, 8.0, 150.0, 30.0, 0.5)
+    with pytest.raises(QuantityError, match="charge and current of its own piezo"):
+        ss.electronics.electrical(run, stack)
+    assert ss.electronics.electrical(run[["drive_voltage"]], stack).peak_current > 0.0
 
 
 def test_what_cannot_be_is_refused() -> None:

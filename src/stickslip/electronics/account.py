@@ -169,6 +169,11 @@ def _samples(recording: Any) -> tuple[Array, Array]:
     for name in ("time", "drive_voltage"):
         if name not in recording:
             raise QuantityError(f"the recording has no {name!r}; it has {', '.join(map(str, recording))}")
+    if "charge" in recording:
+        raise QuantityError(
+            "the trajectory has the charge and current of its own piezo (a MaxwellCapacitor), which are not "
+            "those of a stack: give its time and drive_voltage alone, trajectory[['drive_voltage']]"
+        )
     unit = getattr(recording["drive_voltage"], "attrs", {}).get("units", "V")
     if unit != "V":
         raise QuantityError(f"drive_voltage is in {unit}: it must be in V")

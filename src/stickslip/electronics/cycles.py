@@ -26,39 +26,69 @@ def turning_points(values: Array) -> Index:
     return np.concatenate([moving[:1], turns, moving[-1:] + 1])
 
 
-def half_cycles(values: Array) -> tuple[Array, Index, Index]:
-    """Swing [V] of each half cycle, and the samples from which and to which it goes; a closed cycle is two
-    of them, what is left open at the end is single ones."""
-    swings, begins, ends = list[float](), list[int](), list[int]()
-    open_points = list[int]()
-    volts = values.tolist()
+def half_cycles(values: Array) -> tuple[Array, Index, Array, Array]:
+    """Swing [V] of each half cycle; and the pieces of its way: of which half cycle each is, and from where
+    to where it goes, in samples and parts of them. A closed cycle is two of them, what is left open at the
+    end is single ones.
 
-    def note(swing: float, begin: int, end: int) -> None:
+    A small cycle within a large one interrupts the large one's way, which goes on where the voltage comes
+    back to where the small one began.
+    """
+    swings, which = list[float](), list[int]()
+    begins, ends = list[float](), list[float]()
+    points = turning_points(values).tolist()
+    # Points that are still open with their voltages, and the way from each of them to the next, in pieces.
+    volts, ways = list[float](), list[list[tuple[float, float]]]()
+
+    def note(swing: float, way: list[tuple[float, float]]) -> None:
+        for begin, end in way:
+            which.append(len(swings))
+            begins.append(begin)
+            ends.append(end)
         swings.append(swing)
-        begins.append(begin)
-        ends.append(end)
 
-    for point in turning_points(values).tolist():
-        open_points.append(point)
-        while len(open_points) > 3:
-            a, b, c, d = open_points[-4:]
-            inner = abs(volts[c] - volts[b])
-            if inner > abs(volts[b] - volts[a]) or inner > abs(volts[d] - volts[c]):
+    for before, point in pairwise([points[0], *points] if points else []):
+        volts.append(float(values[point]))
+        ways.append([(float(before), float(point))])  # the first one's is of no length
+        while len(volts) > 3:
+            a, b, c, d = volts[-4:]
+            inner = abs(c - b)
+            if inner > abs(b - a) or inner > abs(d - c):
                 break
-            note(inner, b, c)
-            note(inner, c, d)
-            del open_points[-3:-1]
-    for begin, end in pairwise(open_points):
-        note(abs(volts[end] - volts[begin]), begin, end)
-    return np.array(swings), np.array(begins, dtype=np.int64), np.array(ends, dtype=np.int64)
+            back = _reached(values, before, point, b)
+            first, last = ways[-1][-1]
+            back = min(max(back, first), last)
+            note(inner, ways[-2])
+            note(inner, [*ways[-1][:-1], (first, back)])
+            ways[-3:] = [[*ways[-3], (back, last)]]
+            del volts[-3:-1]
+    for a, b, way in zip(volts[:-1], volts[1:], ways[1:], strict=True):
+        note(abs(b - a), way)
+    return np.array(swings), np.array(which, dtype=np.int64), np.array(begins), np.array(ends)
+
+
+def _reached(values: Array, first: int, last: int, level: float) -> float:
+    """Where a signal that only rises, or only falls, from one sample to another passes a level."""
+    way = values[first : last + 1]
+    rising = way[-1] >= way[0]
+    k = int(np.searchsorted(way if rising else -way, level if rising else -level))
+    if k == 0 or k == way.size:
+        return float(first + min(k, way.size - 1))
+    return first + k - float((way[k] - level) / (way[k] - way[k - 1]))
 
 
 def lost_power(times: Array, values: Array, cycle_loss: Callable[[ArrayLike], Array]) -> Array:
-    """Power [W] in each interval between samples [n - 1]: half the loss of a cycle [J] over the time of each
-    half, evenly; its integral is what is lost."""
-    swings, begins, ends = half_cycles(values)
-    change = np.zeros(times.size)
-    power = 0.5 * cycle_loss(swings) / (times[ends] - times[begins])
-    np.add.at(change, begins, power)
-    np.add.at(change, ends, -power)
-    return np.maximum(np.cumsum(change)[:-1], 0.0)
+    """Power [W] in each interval between samples [n - 1]: half the loss of a cycle [J] over the time on the
+    way of each half, evenly; its integral is what is lost."""
+    swings, which, begins, ends = half_cycles(values)
+    if not swings.size:
+        return np.zeros(times.size - 1)
+    samples = np.arange(times.size)
+    begins, ends = (np.interp(one, samples, times) for one in (begins, ends))
+    power = (0.5 * cycle_loss(swings) / np.bincount(which, ends - begins))[which]
+    at, order = np.unique(np.concatenate([times, begins, ends]), return_inverse=True)
+    change = np.zeros(at.size)
+    np.add.at(change, order[times.size : times.size + power.size], power)
+    np.add.at(change, order[times.size + power.size :], -power)
+    lost = np.append(0.0, np.cumsum(np.maximum(np.cumsum(change)[:-1], 0.0) * np.diff(at)))
+    return np.diff(lost[order[: times.size]]) / np.diff(times)

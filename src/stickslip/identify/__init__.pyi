@@ -21,6 +21,7 @@ from .loops.fit import identify_loops as identify_loops
 from .loops.inertia import identify_inertia as identify_inertia
 from .piezo.fit import identify_piezo as identify_piezo
 from .piezo.inverse import inverse_drive as inverse_drive
+from .piezo.inverse import inverse_residual as inverse_residual
 from .saved import load_fit as load_fit
 from .saved import save_fit as save_fit
 from .step.fit import identify_step as identify_step

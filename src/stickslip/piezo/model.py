@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 from .. import registry
 from ..records import record
 from ..units import QuantityError
+from .creep import Creep
 from .maxwell_capacitor import MaxwellCapacitor
 
 
@@ -26,6 +27,11 @@ class Piezo(NamedTuple):
                 raise QuantityError(
                     f"Piezo.{field} = {value!r} must be a piezo model with its values: {known}"
                 )
+        if isinstance(self.hysteresis, Creep) or not isinstance(self.creep, Creep | None):
+            raise QuantityError(
+                "Piezo(hysteresis=..., creep=...): hysteresis comes first and creep is a Creep; there are "
+                f"{type(self.hysteresis).__name__} and {type(self.creep).__name__}"
+            )
         if isinstance(self.hysteresis, MaxwellCapacitor) and self.creep is not None:
             raise QuantityError("Piezo.creep is not part of a MaxwellCapacitor: leave it out")
 

@@ -28,8 +28,8 @@ from .members import (
     checked_columns,
     in_blocks,
     labelled,
+    own_tables,
     prepared,
-    waveform_columns,
 )
 from .models import checked_drive, contact_load
 from .refinement import FINER, LOOSE, MOST_STEPS, PER_DIFFERENCE, PER_NUMBER, ROUNDS
@@ -125,7 +125,7 @@ def simulate_ensemble(
     task = _Task(
         model,
         waveform,
-        None if waveform_columns(waveform, varied) else checked_drive(model, waveform, end, periodic=False),
+        None if own_tables(model, waveform, varied) else checked_drive(model, waveform, end, periodic=False),
         load,
         None if duration is None else end,
         tolerance,

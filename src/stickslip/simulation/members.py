@@ -108,6 +108,41 @@ def labelled(model: Actuator, waveform: Waveform, columns: Columns) -> dict[str,
     return made
 
 
+class Scaled(NamedTuple):
+    """A waveform times a factor, which need not be known by name."""
+
+    of: Any
+    factor: float
+
+    @property
+    def period(self) -> float | None:
+        return getattr(self.of, "period", None)
+
+    @property
+    def duration(self) -> float:
+        return float(self.of.duration)
+
+    def drive(self, end: float) -> Drive:
+        table = self.of.drive(end)
+        harmonic = table.harmonic * np.array([self.factor, 1.0, 1.0, 1.0])
+        before, polynomial = self.factor * table.before, self.factor * table.polynomial
+        return table._replace(before=before, polynomial=polynomial, harmonic=harmonic)
+
+    def range(self) -> tuple[float, float]:
+        low, high = sorted(self.factor * value for value in self.of.range())
+        return low, high
+
+
+def bends(model: Actuator) -> bool:
+    """Whether the piezo gives another form of its stroke at another amplitude, before the plant feels it."""
+    return model.piezo is not None and model.piezo.hysteresis is not None and model.two_port is None
+
+
+def own_tables(model: Actuator, waveform: Waveform, columns: Columns) -> bool:
+    """Whether each member needs a table of its own of what drives the stage."""
+    return bool(waveform_columns(waveform, columns)) or ("drive_scale" in columns and bends(model))
+
+
 def waveform_columns(waveform: Waveform, columns: Columns) -> dict[str, NDArray[np.float64]]:
     names = waveform_names(waveform)
     return {name: column for name, column in columns.items() if name in names}
@@ -136,7 +171,7 @@ def in_blocks(
 def block_size(waveform: Waveform, columns: Columns, end: float, most: int = BLOCK) -> int:
     """How many members make a block whose tables are not too large."""
     varied = waveform_columns(waveform, columns)
-    if not varied:
+    if not varied and "drive_scale" not in columns:
         return most
     segments = waveform.drive(end).start.size
     per_period = [c / getattr(waveform, "frequency", 1.0) for n, c in varied.items() if n == "frequency"]
@@ -158,7 +193,7 @@ def prepared(
     """A block of members.
 
     Args:
-        common: the table of the waveform as it is; None where members vary it.
+        common: the table of the waveform as it is; None where members have tables of their own.
         end: s; None: of each member the duration of its waveform, or with `periodic` its period.
     """
     count = next(iter(columns.values())).size
@@ -169,15 +204,20 @@ def prepared(
     law = tuple.__new__(type(model.friction), fields.values())
     members = tuple.__new__(Actuator, (model._asdict() | own | {"friction": law}).values())
     if common is None:
-        varied = waveform_columns(waveform, columns)
-        drives, which, ends = _tables(members, waveform, varied, reasons, end, periodic)
+        rows = _waveforms(waveform, waveform_columns(waveform, columns), reasons)
+        if "drive_scale" in columns:
+            rows = [Scaled(row, factor) for row, factor in zip(rows, columns["drive_scale"], strict=True)]
+        drives, which, ends = _tables(members, waveform, columns, rows, reasons, end, periodic)
     else:
+        if "drive_scale" in columns:
+            _refuse_voltages(members, [Scaled(waveform, c) for c in columns["drive_scale"]], reasons)
         drives, which = common_drive(common), np.zeros(count, np.int64)
         ends = np.full(count, _end(waveform, periodic) if end is None else end)
     contact = contact_load(load, float(np.nanmax(ends, initial=0.0)))
     own_load = contact._replace(normal=contact.normal * columns.get("load", 1.0))
     of = contact.system(model)
-    table = _values(own_load.system(members), columns, count)
+    scale = np.ones(count) if bends(model) else columns.get("drive_scale", np.ones(count))
+    table = _values(own_load.system(members), scale, count)
     states = np.zeros((count, of.states))
     if np.any(drives.before) or np.any(members.axial_force):
         for m in (m for m, reason in enumerate(reasons) if not reason):
@@ -194,13 +234,16 @@ def _tables(
     model: Actuator,
     waveform: Any,
     columns: Columns,
+    rows: list[Any],
     reasons: list[str],
     end: float | None,
     periodic: bool,
 ) -> tuple[Drives, NDArray[np.int64], NDArray[np.float64]]:
-    """The drives of the members, which of them each has, and where each ends; adds what is refused to the
-    reasons. The fields of the model may be arrays."""
-    rows = _waveforms(waveform, columns, reasons)
+    """The drives of the members, whose waveforms are `rows`, which of them each has, and where each ends;
+    adds what is refused to the reasons. The fields of the model may be arrays.
+
+    A scale is in the tables only where the piezo bends them: else the plants have it, see `_values`.
+    """
     _refuse_voltages(model, rows, reasons)
     for m, row in enumerate(rows if periodic else ()):
         if not reasons[m] and row.period is None:
@@ -210,9 +253,12 @@ def _tables(
     which[fine] = np.arange(fine.size)
     if not fine.size:
         return common_drive(waveform.drive(1e-9)), which, ends
+    if not bends(model):
+        rows = [row.of if isinstance(row, Scaled) else row for row in rows]
     ends[fine] = [end or _end(rows[m], periodic) for m in fine.tolist()]
     if hasattr(waveform, "drives") and model.piezo is None:
-        fields = put_in(waveform, {name: c[fine] for name, c in columns.items()})
+        varied = waveform_columns(waveform, columns)
+        fields = put_in(waveform, {name: c[fine] for name, c in varied.items()})
         drives = tuple.__new__(type(waveform), fields.values()).drives(ends[fine])
     else:
         drives = stacked([drive_table(model, rows[m], float(ends[m]), periodic) for m in fine.tolist()])
@@ -268,9 +314,9 @@ def _refuse_voltages(model: Actuator, rows: list[Any], reasons: list[str]) -> No
             reasons[m] = out_of_range(model, low, high, float(lows[m]), float(highs[m]))
 
 
-def _values(of: Any, columns: Columns, count: int) -> NDArray[np.float64]:
-    """The numbers of each member's plant, [members, numbers], the drive scaled."""
-    scale, plant = columns.get("drive_scale", 1.0), of.plant
+def _values(of: Any, scale: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """The numbers of each member's plant, [members, numbers], the drive times `scale` [members]."""
+    plant = of.plant
     modes = tuple(mode._replace(drive=mode.drive * scale) for mode in plant.modes)
     contacts = tuple(
         c if c.drive_rate is None else c._replace(drive_rate=c.drive_rate * scale) for c in plant.elements

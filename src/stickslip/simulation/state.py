@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import json
-from typing import NamedTuple
+import warnings
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
 from ..units import QuantityError
-from ..waveform.drive import Drive
+from ..waveform.drive import Drive, evaluate
+from .errors import SimulationWarning
 from .models import Contact, System
 
 
@@ -54,6 +56,31 @@ def final_state(trajectory: xr.Dataset) -> State:
     for name in ("bristle_deflections", "resume", "further"):
         fields[name] = tuple(fields[name])
     return State(**fields)
+
+
+def taken_up(initial_state: State | xr.Dataset | None, model: Any, waveform: Any) -> State | None:
+    """The state with which a trajectory of the model under the waveform begins; None: at rest.
+
+    Warns where the piezo would remember the past of this waveform, and another one has made the state:
+    plays and creep are not part of it, they come from the whole drive.
+    """
+    if not isinstance(initial_state, xr.Dataset):
+        return initial_state
+    state, piezo = final_state(initial_state), getattr(model, "piezo", None)
+    if piezo is None or getattr(model, "two_port", None) is not None or "drive_voltage" not in initial_state:
+        return state
+    past, times = initial_state["drive_voltage"].values, initial_state["time"].values
+    given = evaluate(waveform.drive(state.time), times)[0]
+    off = float(np.max(np.abs(given - past)))
+    if off > 1e-9 * max(float(np.max(np.abs(past))), 1.0):
+        warnings.warn(
+            f"until {state.time:g} s this {type(waveform).__name__} is not the drive of initial_state (by up "
+            f"to {off:.3g} V): hysteresis and creep go on as it would have left them. Give both drives as "
+            "one Sequence, to be continued in its time",
+            SimulationWarning,
+            stacklevel=3,
+        )
+    return state
 
 
 def as_text(state: State) -> str:

@@ -27,8 +27,8 @@ from .members import (
     checked_columns,
     in_blocks,
     labelled,
+    own_tables,
     prepared,
-    waveform_columns,
 )
 from .models import checked_drive, contact_load, refuse_places
 from .steady import MAX_PERIODS, NOT_FOLLOWED, endless, not_found, period_of, stable, unstable
@@ -136,8 +136,8 @@ def orbit_blocks(
         raise QuantityError(f"tolerance = {tolerance} m must be > 0 m")
     contact_load(load, period)  # what is wrong with it is said at once
     refuse_places(model)
-    varies = bool(waveform_columns(waveform, columns))
-    drive = None if varies else checked_drive(model, waveform, period, periodic=True)
+    own = own_tables(model, waveform, columns)
+    drive = None if own else checked_drive(model, waveform, period, periodic=True)
     task = _Task(model, waveform, drive, load, tolerance, beside)
     size = block_size(waveform, columns, period, BLOCK)
     return in_blocks(lambda part: _block(task, part), columns, size, threads)

@@ -34,7 +34,7 @@ from .models import (
     refuse_no_waveform,
 )
 from .refinement import refined
-from .state import REST, State, as_text, final_state, maker, placed
+from .state import REST, State, as_text, maker, placed, taken_up
 
 COMPLETE = "complete"
 _OUTCOMES = {STEP_TOO_SMALL: "the step size fell below what floating point can resolve"}
@@ -71,10 +71,10 @@ def simulate(
             which a perfect solution has at 0.
         max_steps: give up after so many steps.
         initial_state: where it begins: a `State`, or a trajectory, to be continued: then `duration` counts
-            from its end, and samples and drive go on in its time. With the same model, drive, load and
-            tolerance it goes on to the last bit as one run over both would (where that needs no smaller
-            steps; with hysteresis or creep, whose table depends on the length of the run, within the
-            tolerance), and its error is added; the energy account begins anew.
+            from its end, and samples and drive go on in its time (plays and creep as that left them). With
+            the same model, drive, load and tolerance it goes on to the last bit as one run over both would
+            (where that needs no smaller steps; with hysteresis or creep, whose table depends on the length
+            of the run, within the tolerance), and its error is added; the energy account begins anew.
 
     Returns:
         Dataset over "time" (s) with end_effector_position, stage_position, sliding_displacement (m),
@@ -90,7 +90,7 @@ def simulate(
     """
     tolerance, sample_rate = to_si(tolerance, "m", "tolerance"), to_si(sample_rate, "Hz", "sample_rate")
     duration = optional_si(duration, "s", "duration")
-    begin = final_state(initial_state) if isinstance(initial_state, xr.Dataset) else initial_state
+    begin = taken_up(initial_state, model, waveform)
     found = follow_model(
         model,
         waveform,

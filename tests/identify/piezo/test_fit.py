@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 import reference
 import stickslip as ss
 from datasets import DATASETS
+from stickslip.estimate.problem import FitError
 from stickslip.estimate.result import Fit
 from stickslip.piezo import Piezo, PrandtlIshlinskii
 from stickslip.recording import RecordingError
@@ -103,6 +104,10 @@ def test_inverse_of_one_recording_tracks_by_the_model_of_the_other(
     shown = ss.make_recording(time, {"drive_voltage": (drive.values, "V"), "stage_position": (wanted, "m")})
     assert np.std(other.predict(shown) - wanted) < 0.14e-6  # type: ignore[misc]
     assert np.std(model_fit.predict(shown) - wanted) < 0.008e-6  # type: ignore[misc]
+    expected = ss.identify.inverse_residual(model_fit, drive, wanted)
+    assert 0.5 < np.std(other.predict(shown) - wanted) / expected < 1.5  # type: ignore[misc]
+    with pytest.raises(QuantityError, match="positions"):
+        ss.identify.inverse_residual(model_fit, drive, wanted[1:])
 
 
 @pytest.mark.parametrize("seed", [2, 5])
@@ -238,6 +243,13 @@ def test_inverse_says_where_it_does_not_hold() -> None:
     time = np.linspace(0.0, 1.0, 100)
     with pytest.warns(ss.recording.RecordingWarning, match="the fit is of recordings from"):
         ss.inverse_drive(fit, time, np.linspace(0.0, 200.0 * of.gain, 100))
+    wide = ss.make_recording(time, {"drive_voltage": (np.linspace(0.0, 190.0, 100), "V")})
+    with pytest.warns(
+        ss.recording.RecordingWarning, match="from 0 V to 190 V; the fit is of recordings from"
+    ):
+        fit.predict(wide)  # type: ignore[misc]
+    with pytest.raises(FitError, match="needs a fit of identify_piezo"):
+        ss.inverse_drive(ss.load_actuator("kang2007"), time, np.zeros(100))  # type: ignore[arg-type]
     with pytest.raises(QuantityError, match="must ascend"):
         ss.inverse_drive(fit, time[::-1], np.zeros(100))
     with pytest.raises(QuantityError, match="not finite at sample 3"):

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...estimate.problem import FitError
 from ...estimate.result import Fit
 from ...piezo.creep import Lags, before_creep
-from ...recording import RecordingWarning
 from ...units import QuantityError, optional_si
 from ...waveform import Sampled
 from .columns import Observed, Timing, at_piezo
-from .prediction import PiezoPrediction
+from .prediction import PiezoPrediction, warn_beyond
 
-# Of the range of the drives that were fitted to: so far beyond it the model is not asked without a warning.
+# Of the range of the drives that were fitted to: so far beyond it no drive is given without a warning.
 BEYOND = 0.02
 # The lag's inverse takes slopes from samples beside, and is corrected so often where there are corners.
 CORRECTIONS = 3
@@ -35,8 +32,8 @@ def inverse_drive(
     undone.
 
     Hysteresis and creep are inverted exactly, sample by sample; the lag by the slope of what comes out, so
-    that positions should be smooth within it. What remains in operation is about what the fit leaves of
-    recordings that it has not seen (`verify`), and what its delay and lag are off.
+    that positions should be smooth within it. `inverse_residual` says what remains in operation: about
+    what the fit leaves of recordings that it has not seen (`verify`), and what its delay and lag are off.
 
     Args:
         fit: of `identify_piezo`.
@@ -57,9 +54,7 @@ def inverse_drive(
         RecordingWarning: the drive leaves the voltages that the fit is from.
     """
     rest = optional_si(rest_voltage, "V", "rest_voltage")
-    prediction = getattr(fit.predict, "__self__", None)
-    if not isinstance(prediction, PiezoPrediction):
-        raise FitError("inverse_drive needs a fit of identify_piezo")
+    prediction = _prediction(fit)
     t, y = np.array(times, dtype=float), np.array(positions, dtype=float)
     if t.ndim != 1 or t.shape != y.shape or t.size < 2 or np.any(np.diff(t) <= 0.0) or t[0] < 0.0:
         raise QuantityError(
@@ -84,15 +79,37 @@ def inverse_drive(
     drive = ahead(u)
     for _ in range(CORRECTIONS if any(timing) else 0):
         drive += ahead(u - at_piezo(Observed("", t - t[0], drive, y, rest), timing))
-    margin = BEYOND * (prediction.high - prediction.low)
-    if drive.min() < prediction.low - margin or drive.max() > prediction.high + margin:
-        warnings.warn(
-            f"the drive goes from {drive.min():.4g} V to {drive.max():.4g} V; the fit is of recordings from "
-            f"{prediction.low:.4g} V to {prediction.high:.4g} V",
-            RecordingWarning,
-            stacklevel=2,
-        )
+    warn_beyond(prediction, drive, "the drive goes", BEYOND)
     return Sampled(t, drive)
+
+
+def inverse_residual(fit: Fit, drive: Sampled, positions: ArrayLike) -> float:
+    """What is expected to remain of positions under their `inverse_drive`, rms, m, without the level: what
+    the fit leaves of the recordings it is from, and what the drive leaves by the fit's own model.
+
+    Args:
+        fit: of `identify_piezo`.
+        drive: of `inverse_drive`.
+        positions: m, shape (n,), that it was asked for.
+
+    Raises:
+        FitError: the fit is not one of `identify_piezo`.
+        QuantityError: there are not as many positions as the drive has samples.
+    """
+    prediction, wanted = _prediction(fit), np.asarray(positions, dtype=float)
+    t, u = np.array(drive.times), np.array(drive.values)
+    if wanted.shape != t.shape:
+        raise QuantityError(f"positions [m] have the shape {wanted.shape}, and the drive {t.size} samples")
+    rest = prediction.piezo.resting_at(float(wanted[0] - prediction.offset) / prediction.gain)
+    off = prediction.position(Observed("", t - t[0], u, wanted, rest)) - wanted
+    return float(np.hypot(fit.rmse, np.std(off)))
+
+
+def _prediction(fit: Fit) -> PiezoPrediction:
+    prediction = getattr(getattr(fit, "predict", None), "__self__", None)
+    if not isinstance(prediction, PiezoPrediction):
+        raise FitError("inverse_drive needs a fit of identify_piezo")
+    return prediction
 
 
 def _before_creep(prediction: PiezoPrediction, t: Array, wanted: Array, rest: float) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import NamedTuple
 
 import numpy as np
@@ -9,6 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ...piezo import Piezo
+from ...recording import RecordingWarning
 from ..recorded.channels import channel, names_of
 from .columns import Observed, Timing, at_piezo, lagged, observe
 
@@ -16,6 +18,8 @@ from .columns import Observed, Timing, at_piezo, lagged, observe
 AT_REST = 0.05
 # Relative; what a motion before the recording must explain more of it than a rest.
 CLEARLY = 0.02
+# Of the range of the drives that were fitted to: so far beyond it no recording is predicted without a warning.
+BEYOND = 0.1
 # Of the voltages used: a rest farther outside is none.
 FAR = 0.5
 
@@ -44,6 +48,7 @@ class PiezoPrediction(NamedTuple):
         """
         del drive
         name = names_of([recording])[0]
+        warn_beyond(self, channel(recording, "drive_voltage", name), f"the drive of {name} goes")
         if self.observed not in recording:
             voltage = channel(recording, "drive_voltage", name)
             time = recording["time"].values - float(recording["time"].values[0])
@@ -78,6 +83,19 @@ class PiezoPrediction(NamedTuple):
         low, high = min(0.0, float(observed.drive.min())), max(0.0, float(observed.drive.max()))
         margin = FAR * (high - low)
         return found if low - margin < found < high + margin else observed.rest
+
+
+def warn_beyond(prediction: PiezoPrediction, drive: Array, what: str, beyond: float = BEYOND) -> None:
+    """A RecordingWarning where a drive [V] leaves the voltages that the fit is from, by a share of these."""
+    low, high = prediction.low, prediction.high
+    margin = beyond * (high - low)
+    if drive.min() < low - margin or drive.max() > high + margin:
+        warnings.warn(
+            f"{what} from {drive.min():.4g} V to {drive.max():.4g} V; the fit is of recordings from "
+            f"{low:.4g} V to {high:.4g} V, beyond which it is not known",
+            RecordingWarning,
+            stacklevel=3,
+        )
 
 
 def after_hysteresis(piezo: Piezo, observed: Observed, u: Array) -> Array:
