@@ -18,7 +18,7 @@ from .columns import Observed, Timing, at_piezo, lagged, observe
 AT_REST = 0.05
 # Relative; what a motion before the recording must explain more of it than a rest.
 CLEARLY = 0.02
-# Of the range of the drives that were fitted to: so far beyond it no recording is predicted without a warning.
+# Of the range of the drives that were fitted to: so far beyond it nothing is predicted without a warning.
 BEYOND = 0.1
 # Of the voltages used: a rest farther outside is none.
 FAR = 0.5
