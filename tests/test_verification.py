@@ -97,6 +97,8 @@ def test_net_step_is_that_of_the_periods() -> None:
     recording = walk(0.3)
     time, x = recording["time"].values, recording["position"].values
     assert net_step(time, x, drive) == pytest.approx(0.3, rel=1e-9)
+    from_rest = np.where(time < 2.0, x - 0.2, x)  # the first period is like no other
+    assert net_step(time, from_rest, drive) == pytest.approx(0.3, rel=1e-9)
     assert math.isnan(net_step(time, x, Step(10.0)))
     assert math.isnan(net_step(time, x, None))
     assert math.isnan(net_step(time[:80], x[:80], drive))  # less than two periods

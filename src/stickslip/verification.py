@@ -220,9 +220,9 @@ def _finite(number: float) -> float | None:
 def net_step(time: NDArray[np.float64], position: NDArray[np.float64], drive: Any) -> float:
     """Displacement per period while the drive repeats itself, m; NaN where it does not do so twice.
 
-    The mean position over the last period less that over the first, by the number of periods between: each
-    sample counts, where peaks [kang2007, appendix 9] would take the noise for displacement. Of a sequence, of
-    its first part that has a period.
+    The mean position over the last period less that over the second (of two, the first, which begins at rest
+    and is like no other), by the number of periods between: each sample counts, where peaks [kang2007,
+    appendix 9] would take the noise for displacement. Of a sequence, of its first part that has a period.
     """
     begin, periodic = periodic_part(drive)
     if periodic is None:
@@ -236,7 +236,8 @@ def net_step(time: NDArray[np.float64], position: NDArray[np.float64], drive: An
         inside = (time >= first) & (time < first + period * (1.0 - 1e-9))
         return float(np.mean(position[inside])) if np.any(inside) else math.nan
 
-    return (mean(begin + (count - 1) * period) - mean(begin)) / (count - 1)
+    first = 1 if count > 2 else 0
+    return (mean(begin + (count - 1) * period) - mean(begin + first * period)) / (count - 1 - first)
 
 
 def verify(
