@@ -90,8 +90,8 @@ def list_known(
         list[str] | None,
         typer.Argument(
             autocompletion=completion.kinds,
-            help="laws, actuators, waveforms, sensors, readers, rigs, amplifiers, stacks, benches, "
-            "calibrations, datasets; all, if left out.",
+            help="laws, actuators, 'piezo models', waveforms, sensors, readers, rigs, amplifiers, stacks, "
+            "materials, 'friction pairs', benches, calibrations, datasets; all, if left out.",
         ),
     ] = None,
     show_traceback: Traceback = False,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Discriminator, Field, StringConstraints, Tag, field_validator
+from pydantic import AfterValidator, Discriminator, Field, StringConstraints, Tag, model_validator
 
 from .. import registry
 from ..input_file import Seconds, Strict
@@ -68,12 +68,14 @@ class OwnRigSpec(Strict):
     kind: str
     options: dict[str, Any] = Field(default_factory=dict)
 
-    @field_validator("kind")
+    @model_validator(mode="before")
     @classmethod
-    def _is_there(cls, kind: str) -> str:
-        if not own_path(kind)[0]:
+    def _is_there(cls, said: Any) -> Any:
+        """Before any other field is judged, which another kind may have."""
+        kind = said.get("kind") if isinstance(said, dict) else None
+        if isinstance(kind, str) and not own_path(kind)[0]:
             registry.rigs.find(kind)
-        return kind
+        return said
 
 
 def _rig(said: Any) -> str:

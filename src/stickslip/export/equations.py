@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import math
 from typing import Any, NamedTuple
 
@@ -257,8 +256,3 @@ def _check(lines: list[str]) -> list[str]:
         "{\n    const char *wrong = NULL;\n    (void)chain;\n    (void)wrong;",
         f"{body}\n    return NULL;\n}}\n",
     ]
-
-
-def documented(function: Any) -> str:
-    """The first paragraph of a docstring, in one line."""
-    return " ".join((inspect.getdoc(function) or "").partition("\n\n")[0].split())

@@ -33,7 +33,7 @@ HALVINGS = 100
 
 @record
 class BoucWen(NamedTuple):
-    """See the module."""
+    """Hysteresis of three numbers, the Bouc-Wen equation of order 1: see the module."""
 
     alpha: Annotated[float, Quantity("", "α", "share of a change of the drive that h takes up", minimum=0)]
     beta: Annotated[float, Quantity("1/V", "β", "decay of h on any way of the drive", above=0)]

@@ -31,7 +31,7 @@ PER_DECADE = 2
 @registry.piezos.add
 @record
 class Creep(NamedTuple):
-    """See the module."""
+    """Lags that add to the stroke for seconds to hours, logarithmic or of one's own: see the module."""
 
     time_constants: Annotated[tuple[float, ...], Quantity("s", "τ_k", "time constant of each term", above=0)]
     shares: Annotated[tuple[float, ...], Quantity("", "a_k", "share of each term", minimum=0)]

@@ -37,7 +37,9 @@ Array = NDArray[np.float64]
 @registry.piezos.add
 @record
 class MaxwellCapacitor(NamedTuple):
-    """See the module. `charge_drive`: the drive commands the charge, not the voltage, by the capacitance of
+    """Maxwell slip with charge, a two-port that feels the load: see the module.
+
+    `charge_drive`: the drive commands the charge, not the voltage, by the capacitance of
     the free piezo, so that the stroke at rest is the gain times the command."""
 
     capacitance: Annotated[

@@ -31,7 +31,9 @@ Array = NDArray[np.float64]
 @registry.piezos.add
 @record
 class PrandtlIshlinskii(NamedTuple):
-    """See the module. Weights and slopes are shares of the actuator's gain; that of threshold 0 follows the
+    """Plays and dead zones in parallel, the inverse in closed form: see the module.
+
+    Weights and slopes are shares of the actuator's gain; that of threshold 0 follows the
     drive without hysteresis, so it must be there for the inverse to be smooth."""
 
     thresholds: Annotated[tuple[float, ...], Quantity("V", "r_i", "half-width of each play", minimum=0)]

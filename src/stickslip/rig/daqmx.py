@@ -27,7 +27,7 @@ _MOST = 5_000_000  # samples
 
 
 class DaqmxRig:
-    """A card; see `protocols.Rig`.
+    """A measuring card of National Instruments, by nidaqmx; see `protocols.Rig`.
 
     Args:
         device: its name in NI-DAQmx, "Dev1".

@@ -38,7 +38,7 @@ _POLL = 0.02  # s
 
 
 class Nv200Rig:
-    """The amplifier as a rig; see `protocols.Rig`.
+    """The amplifier NV200/D NET of piezosystem jena; see `protocols.Rig`.
 
     Args:
         host: its address.

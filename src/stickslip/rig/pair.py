@@ -28,7 +28,7 @@ _LATE = 5.0  # s after the end of the screen at which an acquisition should be o
 
 
 class PairRig:
-    """Generator and oscilloscope; see `protocols.Rig`.
+    """A function generator and an oscilloscope that speak SCPI; see `protocols.Rig`.
 
     Args:
         generator, oscilloscope: "HOST", "HOST:PORT" (5025 unless told; Rigol 5555, Tektronix 4000), or a VISA

@@ -26,7 +26,7 @@ _LATE = 5.0  # s
 
 
 class PiRig:
-    """The controller; see `protocols.Rig`.
+    """A piezo controller of Physik Instrumente that speaks GCS; see `protocols.Rig`.
 
     Args:
         host: its address.

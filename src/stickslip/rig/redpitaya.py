@@ -29,7 +29,7 @@ _LATE = 5.0  # s
 
 
 class RedPitayaRig:
-    """The board; see `protocols.Rig`.
+    """The board Red Pitaya, by its SCPI server; see `protocols.Rig`.
 
     Args:
         host: its address.

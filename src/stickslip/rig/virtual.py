@@ -34,7 +34,7 @@ MAX_STEPS = 5_000_000  # of the solver; a recording of 10 s takes some 200 000
 
 
 class VirtualRig:
-    """A rig in software; see `protocols.Rig`.
+    """A bench in software, with its own amplifier, sensor and noise; see `protocols.Rig`.
 
     Args:
         actuator: what is driven.
