@@ -34,7 +34,21 @@ def written(path: Path, head: list[str], rows: list[str]) -> Path:
         ("v_um_per_s", "v", "um/s"),
         ("drive_V", "drive", "V"),
         ("monitor_mv", "monitor", "mV"),
+        ("slip_velocity_m_s", "slip_velocity", "m/s"),
+        ("time_s", "time", "s"),
+        ("Time_s", "Time", "s"),
+        ("t_s", "t", "s"),
+        ("elapsed_s", "elapsed", "s"),
+        ("time s", "time", "s"),
+        ("seconds", "seconds", "s"),
+        ("sec", "sec", "s"),
+        ("disp um", "disp", "um"),
+        ("disp_micron", "disp", "um"),
+        ("disp_m", "disp", "m"),
+        ("disp_A", "disp_A", ""),  # angstrom, ampere, or channel A?
         ("x_m", "x_m", ""),  # measured?
+        ("drive_m", "drive_m", ""),
+        ("drive_s", "drive_s", ""),
         ("drums", "drums", ""),
         ("um", "um", ""),
     ],
@@ -43,6 +57,43 @@ def test_units_at_the_end_of_names(name: str, stem: str, unit: str) -> None:
     found = named_unit(FileChannel(name))
     assert (found.name, found.unit) == (stem, unit)
     assert found.shown == name
+
+
+@pytest.mark.parametrize(
+    ("header", "step"),
+    [
+        ("time_s", 1.0),
+        ("t_s", 1.0),
+        ("elapsed_s", 1.0),
+        ("seconds", 1.0),
+        ("sec", 1.0),
+        ("time/s", 1.0),
+        ("Time, s", 1.0),
+        ("Zeit/ms", 1e-3),
+    ],
+)
+def test_a_time_is_known_by_its_name_with_a_unit(tmp_path: Path, header: str, step: float) -> None:
+    path = written(tmp_path / "a.csv", [f"{header};x/µm"], [f"{4e-6 * i:.7g};{i % 9}" for i in range(N)])
+    found = ss.read_recording(path, {"end_effector_position": "x"})
+    np.testing.assert_allclose(found.time, step * TIME)
+    np.testing.assert_allclose(found.end_effector_position, 1e-6 * (np.arange(N) % 9))
+    assert "time" in ss.inspect_file(path).named
+
+
+def test_a_row_of_units_is_no_row_of_names(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.csv", ["x-axis,1,2", "sec,Volts,m/s"], [f"{t:.6e},1,2" for t in TIME])
+    found = ss.read_recording(path, {"drive_voltage": "1", "end_effector_velocity": "2"})
+    np.testing.assert_allclose(found.time, TIME)
+    path = written(tmp_path / "b.csv", ["time_s,I/O,max/min,m/s"], [f"{t:.6e},1,2,3" for t in TIME])
+    assert set(ss.read_recording(path).data_vars) == {"i_o", "max_min", "m_s"}
+
+
+def test_metres_by_the_end_of_a_name_are_questioned_where_they_are_many(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.csv", ["time_s,disp_m"], [f"{t:.6e},{i}" for i, t in enumerate(TIME)])
+    with pytest.raises(RecordingError, match=r"'disp_m' in m\): only the end of the name.*299 m"):
+        ss.read_recording(path, {"end_effector_position": "disp_m"})
+    found = ss.read_recording(path, {"end_effector_position": "disp_m"}, {"end_effector_position": "m"})
+    assert float(found.end_effector_position[-1]) == N - 1
 
 
 def test_a_unit_in_brackets_is_stronger_than_the_name() -> None:

@@ -48,6 +48,10 @@ _COMMENT = re.compile(r"\s*(#|%|//)+")
 _NAME_AND_UNIT = re.compile(
     r"(?P<name>.+?)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\)|\s/\s(?P<slash>\S+))\s*$"
 )
+# "Zeit/ms" and "Time, s": only of units that look like none but units, for "I/O" and "max/min" are names.
+_TIGHT = re.compile(
+    r"(?P<name>[^/,]*[^/,\s])\s*[/,]\s*(?P<unit>[pnuµμmckMG]?(?:[smVNAWJ]|Hz|Pa|rad)(?:/s)?|sec|deg)\s*"
+)
 _HEADER_WORD = re.compile(r"[^\s\[(]+(?:\s*(?:\[[^\]]*\]|\([^)]*\)))?")  # "Time [s]" is one word
 
 
@@ -256,7 +260,8 @@ def _channel(header: str) -> FileChannel:
     """Name and unit: "Position [mm]" is in mm, but "Force (left)" is in no unit."""
     found = _NAME_AND_UNIT.match(header)
     if not found:
-        return FileChannel(header)
+        tight = None if is_unit(header) else _TIGHT.fullmatch(header)
+        return FileChannel(tight["name"], tight["unit"], header=header) if tight else FileChannel(header)
     unit = (found["square"] or found["round"] or found["slash"] or "").strip()
     certain = found["square"] is not None
     return (

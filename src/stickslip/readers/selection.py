@@ -9,6 +9,7 @@ from typing import NamedTuple
 from ..recording import STANDARD_NAMES, RecordingError
 from ..recording.conversion import Conversion, is_unit, to_si_scale, to_si_unit
 from ..units import QuantityError, turned
+from .headers import ends_in_m
 from .source import Column, FileChannel, find_channel, is_clock, listing
 
 
@@ -21,6 +22,7 @@ class Variable(NamedTuple):
     unit: str  # of the file; "" if nobody says it
     conversion: Conversion
     clock: int | None  # the channel of its time; None: equally spaced
+    sure: bool = True  # of its unit; not where the end of a name says "_m", which may be "measured"
 
     @property
     def label(self) -> str:
@@ -87,7 +89,8 @@ def _variable(
     if not column.numeric:
         raise RecordingError(f"{name}: the column {column.shown!r} holds no numbers")
     said = column.unit if unit is None else unit
-    made = Variable(name, i, column, said, Conversion(standard or "", 1.0, 0.0), clock)
+    sure = unit is not None or column.unit != "m" or not ends_in_m(column.header)
+    made = Variable(name, i, column, said, Conversion(standard or "", 1.0, 0.0), clock, sure)
     if unit is None and not column.unit:
         return made
     try:

@@ -33,7 +33,7 @@ def refuse_unlikely(chosen: Selection, groups: Sequence[Clocked]) -> None:
         for variable in chosen.variables:
             limit, likely = UNLIKELY.get(variable.conversion.unit, (np.inf, ""))
             values = group.values.get(variable.name)
-            if values is None or not values.size or variable.unit:
+            if values is None or not values.size or (variable.unit and variable.sure):
                 continue
             span = float(np.nanmax(values) - np.nanmin(values))
             if span > limit:
@@ -43,7 +43,7 @@ def refuse_unlikely(chosen: Selection, groups: Sequence[Clocked]) -> None:
 
 def _unlikely(variable: Variable, size: str, likely: str, unit: str) -> RecordingError:
     said = f"units={{{variable.name!r}: ...}}"
+    who = "only the end of the name says a unit" if variable.unit else "no unit is said with the numbers"
     return RecordingError(
-        f"{variable.label}: no unit is said with the numbers, and {size}. "
-        f"Say {said}, {likely} perhaps, or {unit!r} if it is so"
+        f"{variable.label}: {who}, and {size}. Say {said}, {likely} perhaps, or {unit!r} if it is so"
     )
