@@ -65,7 +65,7 @@ def test_units_are_guessed_where_none_are_said(tmp_path: Path) -> None:
     rows = [f"{i},{0.02 * i},{i % 60}" for i in range(300)]
     (tmp_path / "a.csv").write_text("time,position,voltage\n" + "\n".join(rows))
     found = ss.inspect_file(tmp_path / "a.csv")
-    assert found.units == {"time": "ms", "end_effector_position": "um"}
+    assert found.units == {"time": "ms", "drive_voltage": "V", "end_effector_position": "um"}
     assert "um (guessed)" in str(found)
     assert found.recording is not None
     assert float(found.recording.end_effector_position[-1]) == pytest.approx(5.98e-6)

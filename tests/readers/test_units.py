@@ -10,7 +10,7 @@ import pytest
 import stickslip as ss
 from stickslip.readers.headers import named_unit
 from stickslip.readers.source import FileChannel
-from stickslip.recording import RecordingError
+from stickslip.recording import RecordingError, RecordingWarning
 from stickslip.recording.conversion import to_si_scale
 from stickslip.units import QuantityError
 
@@ -194,4 +194,31 @@ def test_numbers_that_cannot_be_in_si_ask_for_their_unit(tmp_path: Path) -> None
     found = ss.read_recording(path, columns, {"time": "ms", "end_effector_position": "um"})
     assert float(found.end_effector_position[-1]) == pytest.approx(5.98e-6)
     # Who says so means it.
-    assert float(ss.read_recording(path, columns, {"end_effector_position": "m"}).time[-1]) == N - 1
+    assert (
+        float(ss.read_recording(path, columns, {"time": "s", "end_effector_position": "m"}).time[-1]) == N - 1
+    )
+
+
+def test_a_unit_that_nobody_says_is_told_of(tmp_path: Path) -> None:
+    rows = [f"{0.5 * i},{i % 60},{1e-8 * i}" for i in range(N)]
+    path = written(tmp_path / "a.csv", ["time,voltage,position"], rows)
+    said = (
+        r"a\.csv: no unit is said, and time \(column 'time'\) is taken to be in s, drive_voltage \(column "
+        r"'voltage'\) is taken to be in V; stickslip inspect would guess ms for time\. "
+        r"Say units=\{'time': 's', 'drive_voltage': 'V'\}"
+    )
+    with pytest.warns(RecordingWarning, match=said) as caught:
+        ss.read_recording(path, {"drive_voltage": "voltage"})
+    assert len(caught) == 1
+    # What is said, or has none to say, needs no word.
+    ss.read_recording(path, {"drive_voltage": "voltage", "raw": 2}, {"time": "ms", "drive_voltage": "V"})
+    ss.read_recording(path, {"raw": 2}, {"time": "s"})
+    ss.read_recording(path, {"drive_voltage": 1}, {"drive_voltage": "V"}, sample_rate="2 kHz")
+    found = ss.inspect_file(path)
+    assert found.units == {"time": "ms", "drive_voltage": "V", "end_effector_position": "m"}
+
+
+def test_a_name_that_ends_in_a_is_no_unit_without_a_word(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.csv", ["time_s,disp_A"], [f"{t:.6e},{1e-8 * i}" for i, t in enumerate(TIME)])
+    with pytest.warns(RecordingWarning, match=r"'disp_A'\) is taken to be in m"):
+        ss.read_recording(path, {"end_effector_position": "disp_A"})

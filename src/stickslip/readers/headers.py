@@ -62,6 +62,8 @@ def said_units(rows: Sequence[Sequence[str]]) -> tuple[list[str], list[str]]:
     across: list[str] = []
     upward: list[str] = []
     for fields in rows:
+        if fields and fields[0].strip().lower() == "x_dimension" and "Time" in fields[1:2]:
+            across.append("s")  # of LabVIEW, which counts time in nothing else
         found = _UNIT_LINE.fullmatch(fields[0].strip()) if fields else None
         if found:
             units = [field.strip() for field in fields[1:]]

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from ..recording import STANDARD_NAMES, RecordingError
+from ..recording import RecordingError
 from ..units import with_prefix
 from .formats import find_format
 from .preview import LOOKED_AT, look
@@ -150,8 +150,6 @@ def inspect_file(path: str | Path) -> Inspection:
     taken = [one for one in found["columns"] if one["guess"]]
     named = {one["guess"]: one["name"] for one in taken}
     units = {one["guess"]: one["guessed_unit"] for one in taken if one["guessed_unit"]}
-    # What SI would be taken for anyway needs no word.
-    units = {k: u for k, u in units.items() if u != ("s" if k == "time" else STANDARD_NAMES[k].unit)}
     try:
         recording, problem = read_recording(path, named, units), ""
     except RecordingError as error:
