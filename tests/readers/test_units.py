@@ -172,6 +172,21 @@ def test_a_divider(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.drive_voltage, 20.0 * np.arange(N))
 
 
+@pytest.mark.parametrize("unit", [20, "20", "2e1"])
+def test_a_scale_without_its_unit_says_how(tmp_path: Path, unit: object) -> None:
+    path = written(tmp_path / "a.csv", ["time [s],U"], [f"{t:.6e},{i}" for i, t in enumerate(TIME)])
+    with pytest.raises(RecordingError, match=r'names no unit; a scale is said with one, "(20|2e1) V"'):
+        ss.read_recording(path, {"drive_voltage": "U"}, {"drive_voltage": unit})  # type: ignore[dict-item]
+
+
+def test_a_sensor_in_volts_is_told_of_its_scale(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.csv", ["time [s],x [V]"], [f"{t:.6e},{i}" for i, t in enumerate(TIME)])
+    with pytest.raises(
+        RecordingError, match=r"is a quantity in m\. .*\{'end_effector_position': '0\.5 um/V'\}"
+    ):
+        ss.read_recording(path, {"end_effector_position": "x"})
+
+
 @pytest.mark.parametrize("text", ["0 V", "1e999 V", "2 widgets", "3 degC"])
 def test_a_scale_that_is_none_is_refused(text: str) -> None:
     with pytest.raises(QuantityError):
