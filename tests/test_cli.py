@@ -51,19 +51,6 @@ def test_version_and_help() -> None:
     )
 
 
-@pytest.mark.parametrize("unbuffered", ["", "1"])
-def test_a_reader_that_has_seen_enough_is_no_error(unbuffered: str) -> None:
-    reading, writing = os.pipe()
-    os.close(reading)
-    environment = {**os.environ, "PYTHONUNBUFFERED": unbuffered}
-    command = [sys.executable, "-m", "stickslip", "list", "laws"]
-    try:
-        done = subprocess.run(command, stdout=writing, stderr=subprocess.PIPE, env=environment, timeout=120)
-    finally:
-        os.close(writing)
-    assert done.stderr == b""
-
-
 @pytest.mark.parametrize(
     ("words", "found"),
     [
