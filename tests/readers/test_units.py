@@ -139,6 +139,19 @@ def test_keysight(tmp_path: Path) -> None:
     assert found.monitor.attrs["units"] == "V"
 
 
+@pytest.mark.parametrize("end", ["", ",,"])
+def test_rigol(tmp_path: Path, end: str) -> None:
+    head = ["X,CH1,CH2,Start,Increment", "Sequence,Volt,Unknown,-5.0e-02,5.0e-04"]
+    path = written(tmp_path / "a.csv", head, [f"{i},{i},{2 * i}{end}" for i in range(N)])
+    found = ss.read_recording(path, {"drive_voltage": "CH1", "raw": "CH2"})
+    np.testing.assert_allclose(found.time, -0.05 + 5e-4 * np.arange(N), atol=1e-15)
+    np.testing.assert_array_equal(found.drive_voltage, np.arange(N))
+    np.testing.assert_array_equal(found.raw, 2.0 * np.arange(N))
+    assert set(ss.read_recording(path).data_vars) == {"ch1", "ch2"}
+    later = ss.read_recording(path, {"drive_voltage": "CH1"}, rows=(10, 20))
+    np.testing.assert_allclose(later.time, -0.05 + 5e-4 * np.arange(10, 20), atol=1e-15)
+
+
 def test_labview(tmp_path: Path) -> None:
     head = ["LabVIEW Measurement\t", "Separator\tTab", "X_Columns\tOne", "***End_of_Header***\t", "\t"]
     head += ["Channels\t2\t\t", "Y_Unit_Label\tVolts\tum\t", "X_Dimension\tTime\tTime\t"]
