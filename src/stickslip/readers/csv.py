@@ -50,8 +50,10 @@ def read_csv(path: Path, delimiter: str | None, decimal: str | None, skip: int) 
         if rows.stop is None:
             _check_last_line(path, layout)
         columns = _read_columns(path, layout, list(indices), rows, epoch)
-        for k in [k for k, i in enumerate(indices) if i == 0 and layout.counting]:
-            columns[k] = layout.counting.start + layout.counting.increment * columns[k]
+        counting = layout.counting
+        if counting is not None and 0 in indices:
+            k = list(indices).index(0)
+            columns[k] = counting.start + counting.increment * columns[k]
         return columns
 
     return FileContent("csv", channels, read, lambda row: f"line {_line_of(path, layout, row)}")

@@ -16,9 +16,10 @@ def load_range(load: Waveform | float) -> tuple[float, float]:
     """
     if isinstance(load, Real):
         return float(load), float(load)
-    if not hasattr(load, "range"):
+    found = getattr(load, "range", None)
+    if found is None:
         raise QuantityError(
             f"load = {load!r} is no load: it is the normal force over its reference, a number or a waveform. "
             "An external force is a field of the actuator, external_force"
         )
-    return load.range()
+    return found()

@@ -293,7 +293,8 @@ def sample_times(
         QuantityError: see `simulate`.
     """
     if times is not None:
-        said = [to_si(one, "s", "times") for one in times] if isinstance(times, list | tuple) else times
+        given: Any = times
+        said = [to_si(one, "s", "times") for one in given] if isinstance(given, list | tuple) else given
         made = np.ascontiguousarray(said, dtype=float)
         if made.ndim != 1 or made.size < 2 or made[0] < 0.0 or not np.all(np.diff(made) > 0.0):
             raise QuantityError("times [s] must be at least two numbers, ascending, from 0 s or later")
