@@ -120,7 +120,9 @@ def test_a_table_of_one_s_own_is_verified_in_the_words_of_the_command(folder: Pa
         said = json.loads((folder / "t1" / "results.json").read_bytes())["numbers"]["verification"]
         (found,) = said.values()
         assert found["rmse"]["value"] == pytest.approx(expected["rmse"]["value"], abs=1e-11)  # digits
-        return (folder / "t1" / "report.html").read_text("utf-8")
+        page = (folder / "t1" / "report.html").read_text("utf-8")
+        assert ("without being told" in page) == ("without being told" in done.stderr)
+        return page
 
     strange = table("scope.csv", "a [ms],b,c")
     done = run(results, strange, "--out", str(folder / "t2"))
@@ -132,6 +134,8 @@ def test_a_table_of_one_s_own_is_verified_in_the_words_of_the_command(folder: Pa
     assert "without being told" not in page
     page = verified(table("usual.csv", "time [ms],position [um],drive voltage [V]"))
     assert "end_effector_position from" in page
+    page = verified(table("bare.csv", "time,position,drive voltage"))
+    assert "time in ms, end_effector_position in um, drive_voltage in V" in page
 
     for options, words in (
         (["--column", "position"], "--column position: write NAME=..."),

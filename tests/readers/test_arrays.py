@@ -11,6 +11,7 @@ import pytest
 from stickslip.readers import read_recording
 from stickslip.recording import RecordingError
 
+pytestmark = pytest.mark.filterwarnings("ignore:.*no unit is said:stickslip.recording.RecordingWarning")
 RNG = np.random.default_rng(0)
 
 

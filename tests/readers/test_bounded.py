@@ -22,6 +22,7 @@ import scipy.io
 from stickslip.readers import read_recording
 from stickslip.recording import RecordingError, make_recording, save_recording
 
+pytestmark = pytest.mark.filterwarnings("ignore:.*no unit is said:stickslip.recording.RecordingWarning")
 MEASURE = """
 import resource, sys, time
 from stickslip.readers import read_recording

@@ -10,6 +10,8 @@ import pytest
 from stickslip.readers import read_recording
 from stickslip.recording import RecordingError
 
+pytestmark = pytest.mark.filterwarnings("ignore:.*no unit is said:stickslip.recording.RecordingWarning")
+
 
 @pytest.mark.parametrize(
     "stamps",

@@ -13,6 +13,7 @@ from readers.mat73 import write_mat73
 from stickslip.readers import read_recording
 from stickslip.recording import RecordingError
 
+pytestmark = pytest.mark.filterwarnings("ignore:.*no unit is said:stickslip.recording.RecordingWarning")
 RNG = np.random.default_rng(0)
 TIME = np.arange(80) * 5e-5 - 2e-3
 SIGNALS = RNG.normal(size=(3, 80))

@@ -52,6 +52,15 @@ def test_a_drive_that_moves_from_the_start_has_no_rest(tmp_path: Path) -> None:
     assert np.isnan(found.noise("end_effector_position"))
 
 
+def test_a_drive_that_begins_at_zero_does_so(tmp_path: Path) -> None:
+    time = np.arange(-0.05, 1.0, 0.0005)
+    assert 0.0 < abs(time[100]) < 1e-15
+    drive = np.where(np.arange(time.size) > 100, 65.0 * (time * 5 % 1.0), 0.0)
+    table = np.column_stack([time, drive, 1e-7 * drive])
+    np.savetxt(tmp_path / "a.csv", table, "%.17g", ",", header="t [s],drive [V],x [m]", comments="")
+    assert "the drive begins after 0 s" in str(ss.inspect_file(tmp_path / "a.csv"))
+
+
 def test_gaps_are_said(tmp_path: Path) -> None:
     walk(tmp_path / "walk.csv", pause=True)
     found = ss.inspect_file(tmp_path / "walk.csv")
@@ -59,13 +68,14 @@ def test_gaps_are_said(tmp_path: Path) -> None:
     assert at == pytest.approx(0.1, abs=1e-4)
     assert lasts == pytest.approx(1e-3, abs=1.1e-4)
     assert "1 gap in the samples: the first at 99.95 ms" in str(found)
+    assert "irregular" not in str(found)
 
 
 def test_units_are_guessed_where_none_are_said(tmp_path: Path) -> None:
     rows = [f"{i},{0.02 * i},{i % 60}" for i in range(300)]
     (tmp_path / "a.csv").write_text("time,position,voltage\n" + "\n".join(rows))
     found = ss.inspect_file(tmp_path / "a.csv")
-    assert found.units == {"time": "ms", "end_effector_position": "um"}
+    assert found.units == {"time": "ms", "drive_voltage": "V", "end_effector_position": "um"}
     assert "um (guessed)" in str(found)
     assert found.recording is not None
     assert float(found.recording.end_effector_position[-1]) == pytest.approx(5.98e-6)

@@ -95,7 +95,7 @@ def test_piezo_micromanipulator() -> None:
 )
 def test_spring_pulled_slider(stiffness: int, speed: int, samples: int) -> None:
     path = DATASETS / "lyon-stickslip" / f"k{stiffness}Nm_v{speed}.mat"
-    recording = read_recording(path, {"force_over_weight": "Fnorm"})
+    recording = read_recording(path, {"force_over_weight": "Fnorm"}, {"time": "s"})
     contents = scipy.io.loadmat(path, squeeze_me=True)
     np.testing.assert_array_equal(recording["time"], contents["t"])
     np.testing.assert_array_equal(recording["force_over_weight"], contents["Fnorm"])

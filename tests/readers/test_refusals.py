@@ -11,6 +11,7 @@ import scipy.io
 from stickslip.readers import read_recording
 from stickslip.recording import RecordingError, make_recording, save_recording
 
+pytestmark = pytest.mark.filterwarnings("ignore:.*no unit is said:stickslip.recording.RecordingWarning")
 GOOD = "t [s],x [um]\n" + "".join(f"{i},{i}.5\n" for i in range(30))
 
 

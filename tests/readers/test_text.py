@@ -9,6 +9,7 @@ import pytest
 
 from stickslip.readers import read_recording
 
+pytestmark = pytest.mark.filterwarnings("ignore:.*no unit is said:stickslip.recording.RecordingWarning")
 MICRO = [1e-6, 2e-6, 3.5e-6]
 
 # Three samples of a position in um and a voltage, at 0, 10 and 20 ms, as many programs would write them.

@@ -10,7 +10,7 @@ import pytest
 import stickslip as ss
 from stickslip.readers.headers import named_unit
 from stickslip.readers.source import FileChannel
-from stickslip.recording import RecordingError
+from stickslip.recording import RecordingError, RecordingWarning
 from stickslip.recording.conversion import to_si_scale
 from stickslip.units import QuantityError
 
@@ -34,7 +34,21 @@ def written(path: Path, head: list[str], rows: list[str]) -> Path:
         ("v_um_per_s", "v", "um/s"),
         ("drive_V", "drive", "V"),
         ("monitor_mv", "monitor", "mV"),
+        ("slip_velocity_m_s", "slip_velocity", "m/s"),
+        ("time_s", "time", "s"),
+        ("Time_s", "Time", "s"),
+        ("t_s", "t", "s"),
+        ("elapsed_s", "elapsed", "s"),
+        ("time s", "time", "s"),
+        ("seconds", "seconds", "s"),
+        ("sec", "sec", "s"),
+        ("disp um", "disp", "um"),
+        ("disp_micron", "disp", "um"),
+        ("disp_m", "disp", "m"),
+        ("disp_A", "disp_A", ""),  # angstrom, ampere, or channel A?
         ("x_m", "x_m", ""),  # measured?
+        ("drive_m", "drive_m", ""),
+        ("drive_s", "drive_s", ""),
         ("drums", "drums", ""),
         ("um", "um", ""),
     ],
@@ -43,6 +57,43 @@ def test_units_at_the_end_of_names(name: str, stem: str, unit: str) -> None:
     found = named_unit(FileChannel(name))
     assert (found.name, found.unit) == (stem, unit)
     assert found.shown == name
+
+
+@pytest.mark.parametrize(
+    ("header", "step"),
+    [
+        ("time_s", 1.0),
+        ("t_s", 1.0),
+        ("elapsed_s", 1.0),
+        ("seconds", 1.0),
+        ("sec", 1.0),
+        ("time/s", 1.0),
+        ("Time, s", 1.0),
+        ("Zeit/ms", 1e-3),
+    ],
+)
+def test_a_time_is_known_by_its_name_with_a_unit(tmp_path: Path, header: str, step: float) -> None:
+    path = written(tmp_path / "a.csv", [f"{header};x/µm"], [f"{4e-6 * i:.7g};{i % 9}" for i in range(N)])
+    found = ss.read_recording(path, {"end_effector_position": "x"})
+    np.testing.assert_allclose(found.time, step * TIME)
+    np.testing.assert_allclose(found.end_effector_position, 1e-6 * (np.arange(N) % 9))
+    assert "time" in ss.inspect_file(path).named
+
+
+def test_a_row_of_units_is_no_row_of_names(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.csv", ["x-axis,1,2", "sec,Volts,m/s"], [f"{t:.6e},1,2" for t in TIME])
+    found = ss.read_recording(path, {"drive_voltage": "1", "end_effector_velocity": "2"})
+    np.testing.assert_allclose(found.time, TIME)
+    path = written(tmp_path / "b.csv", ["time_s,I/O,max/min,m/s"], [f"{t:.6e},1,2,3" for t in TIME])
+    assert set(ss.read_recording(path).data_vars) == {"i_o", "max_min", "m_s"}
+
+
+def test_metres_by_the_end_of_a_name_are_questioned_where_they_are_many(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.csv", ["time_s,disp_m"], [f"{t:.6e},{i}" for i, t in enumerate(TIME)])
+    with pytest.raises(RecordingError, match=r"'disp_m' in m\): only the end of the name.*299 m"):
+        ss.read_recording(path, {"end_effector_position": "disp_m"})
+    found = ss.read_recording(path, {"end_effector_position": "disp_m"}, {"end_effector_position": "m"})
+    assert float(found.end_effector_position[-1]) == N - 1
 
 
 def test_a_unit_in_brackets_is_stronger_than_the_name() -> None:
@@ -88,6 +139,19 @@ def test_keysight(tmp_path: Path) -> None:
     assert found.monitor.attrs["units"] == "V"
 
 
+@pytest.mark.parametrize("end", ["", ",,"])
+def test_rigol(tmp_path: Path, end: str) -> None:
+    head = ["X,CH1,CH2,Start,Increment", "Sequence,Volt,Unknown,-5.0e-02,5.0e-04"]
+    path = written(tmp_path / "a.csv", head, [f"{i},{i},{2 * i}{end}" for i in range(N)])
+    found = ss.read_recording(path, {"drive_voltage": "CH1", "raw": "CH2"})
+    np.testing.assert_allclose(found.time, -0.05 + 5e-4 * np.arange(N), atol=1e-15)
+    np.testing.assert_array_equal(found.drive_voltage, np.arange(N))
+    np.testing.assert_array_equal(found.raw, 2.0 * np.arange(N))
+    assert set(ss.read_recording(path).data_vars) == {"ch1", "ch2"}
+    later = ss.read_recording(path, {"drive_voltage": "CH1"}, rows=(10, 20))
+    np.testing.assert_allclose(later.time, -0.05 + 5e-4 * np.arange(10, 20), atol=1e-15)
+
+
 def test_labview(tmp_path: Path) -> None:
     head = ["LabVIEW Measurement\t", "Separator\tTab", "X_Columns\tOne", "***End_of_Header***\t", "\t"]
     head += ["Channels\t2\t\t", "Y_Unit_Label\tVolts\tum\t", "X_Dimension\tTime\tTime\t"]
@@ -121,6 +185,21 @@ def test_a_divider(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.drive_voltage, 20.0 * np.arange(N))
 
 
+@pytest.mark.parametrize("unit", [20, "20", "2e1"])
+def test_a_scale_without_its_unit_says_how(tmp_path: Path, unit: object) -> None:
+    path = written(tmp_path / "a.csv", ["time [s],U"], [f"{t:.6e},{i}" for i, t in enumerate(TIME)])
+    with pytest.raises(RecordingError, match=r'names no unit; a scale is said with one, "(20|2e1) V"'):
+        ss.read_recording(path, {"drive_voltage": "U"}, {"drive_voltage": unit})  # type: ignore[dict-item]
+
+
+def test_a_sensor_in_volts_is_told_of_its_scale(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.csv", ["time [s],x [V]"], [f"{t:.6e},{i}" for i, t in enumerate(TIME)])
+    with pytest.raises(
+        RecordingError, match=r"is a quantity in m\. .*\{'end_effector_position': '0\.5 um/V'\}"
+    ):
+        ss.read_recording(path, {"end_effector_position": "x"})
+
+
 @pytest.mark.parametrize("text", ["0 V", "1e999 V", "2 widgets", "3 degC"])
 def test_a_scale_that_is_none_is_refused(text: str) -> None:
     with pytest.raises(QuantityError):
@@ -143,4 +222,31 @@ def test_numbers_that_cannot_be_in_si_ask_for_their_unit(tmp_path: Path) -> None
     found = ss.read_recording(path, columns, {"time": "ms", "end_effector_position": "um"})
     assert float(found.end_effector_position[-1]) == pytest.approx(5.98e-6)
     # Who says so means it.
-    assert float(ss.read_recording(path, columns, {"end_effector_position": "m"}).time[-1]) == N - 1
+    assert (
+        float(ss.read_recording(path, columns, {"time": "s", "end_effector_position": "m"}).time[-1]) == N - 1
+    )
+
+
+def test_a_unit_that_nobody_says_is_told_of(tmp_path: Path) -> None:
+    rows = [f"{0.5 * i},{i % 60},{1e-8 * i}" for i in range(N)]
+    path = written(tmp_path / "a.csv", ["time,voltage,position"], rows)
+    said = (
+        r"a\.csv: no unit is said, and time \(column 'time'\) is taken to be in s, drive_voltage \(column "
+        r"'voltage'\) is taken to be in V; stickslip inspect would guess ms for time\. "
+        r"Say units=\{'time': 's', 'drive_voltage': 'V'\}"
+    )
+    with pytest.warns(RecordingWarning, match=said) as caught:
+        ss.read_recording(path, {"drive_voltage": "voltage"})
+    assert len(caught) == 1
+    # What is said, or has none to say, needs no word.
+    ss.read_recording(path, {"drive_voltage": "voltage", "raw": 2}, {"time": "ms", "drive_voltage": "V"})
+    ss.read_recording(path, {"raw": 2}, {"time": "s"})
+    ss.read_recording(path, {"drive_voltage": 1}, {"drive_voltage": "V"}, sample_rate="2 kHz")
+    found = ss.inspect_file(path)
+    assert found.units == {"time": "ms", "drive_voltage": "V", "end_effector_position": "m"}
+
+
+def test_a_name_that_ends_in_a_is_no_unit_without_a_word(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.csv", ["time_s,disp_A"], [f"{t:.6e},{1e-8 * i}" for i, t in enumerate(TIME)])
+    with pytest.warns(RecordingWarning, match=r"'disp_A'\) is taken to be in m"):
+        ss.read_recording(path, {"end_effector_position": "disp_A"})

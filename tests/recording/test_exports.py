@@ -39,6 +39,18 @@ def test_trace_layout(tmp_path: Path) -> None:
     np.testing.assert_allclose(stored["trace_y"][1], 1e6 * POSITION, rtol=1e-15)
 
 
+def test_trace_layout_comes_back_by_name(tmp_path: Path) -> None:
+    path = save_matlab(recording(), tmp_path / "step.mat", units={"end_effector_position": "um"})
+    read = read_recording(path)
+    assert {name: read[name].attrs["units"] for name in read} == {
+        name: recording()[name].attrs["units"] for name in recording()
+    }
+    np.testing.assert_array_equal(read["drive_voltage"], DRIVE)
+    np.testing.assert_allclose(read["end_effector_position"], POSITION, rtol=1e-15)
+    by_row = read_recording(path, {"drive_voltage": "trace_y(1,:)"})
+    np.testing.assert_array_equal(by_row["drive_voltage"], DRIVE)
+
+
 def test_controldesk_layout(tmp_path: Path) -> None:
     path = save_matlab(recording(), tmp_path / "60 V, step.mat", "controldesk")
     read = read_recording(path)

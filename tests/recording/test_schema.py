@@ -10,7 +10,14 @@ import pytest
 import xarray as xr
 
 from stickslip import __version__
-from stickslip.recording import RecordingError, make_recording, sampling, validate_recording
+from stickslip.recording import (
+    RecordingError,
+    RecordingWarning,
+    make_recording,
+    sampling,
+    validate_recording,
+)
+from stickslip.recording.schema import meant_name
 
 TIME = np.array([0.0, 0.1, 0.2, 0.35])
 
@@ -191,3 +198,35 @@ def test_labels_and_times_tell_recordings_apart() -> None:
     for one in alike:
         assert np.array_equal(one.indexes["time"], one["time"].values)
         assert one.xindexes["time"].index.name == "time"
+
+
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [
+        ("drive_voltge", "drive_voltage"),
+        ("end_effector_positon", "end_effector_position"),
+        ("end_effectr_position", "end_effector_position"),
+        ("Postion", "position"),
+        ("tme", "time"),
+        ("frictoin_force", "friction_force"),
+        ("end_effector_position", ""),
+        ("end_effector_position_2", ""),
+        ("stage2_position", ""),
+        ("stage_x_position", ""),
+        ("position_raw", ""),
+        ("end_effector_rotation", ""),
+        ("friction_torque", ""),
+        ("ratio", ""),
+        ("time_2", ""),
+        ("Drive_voltage", "drive_voltage"),
+    ],
+)
+def test_names_that_are_nearly_known(name: str, meant: str) -> None:
+    assert meant_name(name) == meant
+
+
+def test_a_misspelt_name_is_told_of() -> None:
+    with pytest.warns(
+        RecordingWarning, match="name 'end_effector_positon' .did you mean 'end_effector_position'"
+    ):
+        make_recording([0.0, 1.0], {"end_effector_positon": [0.0, 1e-6]})

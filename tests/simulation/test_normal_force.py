@@ -195,3 +195,17 @@ def test_a_rig_feels_the_place_that_it_has_come_to() -> None:
         walked.append(float(np.ptp(recording["end_effector_position"].values)))
     assert walked[0] == pytest.approx(walked[1], rel=2e-3)
     assert abs(walked[2] - walked[1]) > 0.02 * walked[1]
+
+
+def test_a_load_that_is_a_force_says_what_a_load_is() -> None:
+    model, drive = ss.load_actuator("kang2007"), ss.Sawtooth(65.0, 20.0)
+    with pytest.raises(QuantityError, match=r"load = '1 N'.*over its reference.*external_force"):
+        ss.simulate(model, drive, 0.01, load="1 N")  # type: ignore[arg-type]
+
+
+def test_times_may_say_their_unit() -> None:
+    model, drive = ss.load_actuator("kang2007"), ss.Sawtooth(65.0, 20.0)
+    found = ss.simulate(model, drive, times=["0 ms", "5 ms"])
+    np.testing.assert_array_equal(found.time, [0.0, 5e-3])
+    with pytest.raises(QuantityError, match="times = '5 mm'"):
+        ss.simulate(model, drive, times=["0 ms", "5 mm"])

@@ -291,6 +291,8 @@ def verify(
         from ..analysis.verification import verification_analysis
 
         analysis, folder = verification_analysis(fit, recordings or [], require, column, unit)
+        if recordings and analysis.notes:  # what had to be guessed
+            typer.echo(analysis.notes, err=True)
         with progress_bar() as progress:
             document = run_analysis(analysis, folder, progress)
         write(document, out, begun)

@@ -63,10 +63,21 @@ def errors_in_one_line(show_traceback: bool) -> Iterator[None]:
         typer.echo("Error: interrupted; what was finished is kept", err=True)
         raise typer.Exit(130) from None
     except Exception as error:
+        if isinstance(error, BrokenPipeError) and _reader_is_gone():
+            raise  # "| head": the command-line library ends quietly
         if show_traceback:
             traceback.print_exc()
         typer.echo(f"Error: {_explained(error)}", err=True)
         raise typer.Exit(2 if isinstance(error, ValueError) else 1) from None
+
+
+def _reader_is_gone() -> bool:
+    """Whether nobody reads what is printed; else the pipe is one of a rig, say."""
+    try:
+        print(flush=True)  # a flush alone writes nothing where Python does not buffer
+    except BrokenPipeError:
+        return True
+    return False
 
 
 def _explained(error: Exception) -> str:

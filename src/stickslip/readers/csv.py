@@ -49,7 +49,12 @@ def read_csv(path: Path, delimiter: str | None, decimal: str | None, skip: int) 
                 raise RecordingError(f"the column {channels[i].shown!r} holds no numbers")
         if rows.stop is None:
             _check_last_line(path, layout)
-        return _read_columns(path, layout, list(indices), rows, epoch)
+        columns = _read_columns(path, layout, list(indices), rows, epoch)
+        counting = layout.counting
+        if counting is not None and 0 in indices:
+            k = list(indices).index(0)
+            columns[k] = counting.start + counting.increment * columns[k]
+        return columns
 
     return FileContent("csv", channels, read, lambda row: f"line {_line_of(path, layout, row)}")
 

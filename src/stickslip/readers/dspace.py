@@ -1,7 +1,7 @@
 """Captures of dSPACE boards in MAT files, in both layouts.
 
 Flat: ``trace_x`` is the time [s] and each row of ``trace_y`` a signal, without names or units [kang2007, app.
-    8].
+    8]; our own files say them in ``trace_names`` and ``trace_units``.
 Structure, as ControlDesk writes it: one variable with ``.X(j).Data``, the clocks, and ``.Y(k).Name``,
 ``.Y(k).Data``, the signals; with several clocks, ``.Raster`` of a signal is that of its clock.
 
@@ -28,26 +28,33 @@ def find_capture(tree: dict[str, Any]) -> Capture | None:
         RecordingError: a capture whose signals and clocks do not fit together.
     """
     if isinstance(tree.get("trace_x"), Leaf) and isinstance(tree.get("trace_y"), Leaf):
-        return _flat(tree["trace_x"], tree["trace_y"])
+        return _flat(tree["trace_x"], tree["trace_y"], tree)
     for variable in tree.values():
         if isinstance(variable, dict) and _has_data(variable.get("X")) and _has_data(variable.get("Y")):
             return _structure(_elements(variable["X"]), _elements(variable["Y"]))
     return None
 
 
-def _flat(trace_x: Leaf, trace_y: Leaf) -> Capture:
+def _flat(trace_x: Leaf, trace_y: Leaf, tree: dict[str, Any]) -> Capture:
     samples = int(np.prod(trace_x.shape))
     if len(trace_y.shape) != 2 or samples not in trace_y.shape:
         raise RecordingError(f"trace_y has the shape {trace_y.shape}, trace_x {samples} samples")
     # A square capture, as many signals as samples, is in rows as all others are.
     axis = 1 if trace_y.shape[1] == samples else 0
     channels = [(array_parts("trace_x", trace_x.shape)[0], FileChannel("trace_x", "s", ("trace_x", 0), 0))]
-    for row in range(trace_y.shape[1 - axis]):
+    count = trace_y.shape[1 - axis]
+    names, units = (_texts(tree.get(key), count) for key in ("trace_names", "trace_units"))
+    for row in range(count):
         name = f"trace_y({row + 1},:)" if axis == 1 else f"trace_y(:,{row + 1})"
-        channels.append(
-            (Part("trace_y", axis, (row,), False), FileChannel(name, key=("trace_y", row), clock=0))
-        )
+        channel = FileChannel(names[row] or name, units[row], ("trace_y", row), 0, header=name)
+        channels.append((Part("trace_y", axis, (row,), False), channel))
     return {"trace_x": trace_x, "trace_y": trace_y}, channels
+
+
+def _texts(node: Any, count: int) -> list[str]:
+    """The texts of a cell array; empty ones where it is none of that length."""
+    known = isinstance(node, list) and len(node) == count
+    return [_text(one) for one in node] if known else [""] * count
 
 
 def _structure(clocks: list[dict[str, Any]], signals: list[dict[str, Any]]) -> Capture:

@@ -10,24 +10,51 @@ import re
 from collections.abc import Sequence
 
 from ..recording.conversion import is_unit
-from .source import FileChannel, is_clock
+from .source import FileChannel, is_clock, is_seconds
 
 _UNIT_LINE = re.compile(r"(?P<axis>vertical|horizontal|x|y)[ _]units?([ _]label)?:?", re.IGNORECASE)
-# Ends of names that are units, spelled as names are. Of one letter only V: "x_m" may be "measured", and SI
-# is what is taken anyway.
+# Ends of names that are units, spelled as names are. Of one letter V anywhere, s after a time and m after
+# a length only: "x_m" may be "measured", and A is as often a channel as ampere or angstrom.
 _ENDS = {"sec": "s", "msec": "ms", "usec": "us", "nsec": "ns", "v": "V", "mv": "mV", "kv": "kV", "uv": "uV"}
-_ENDS |= {"mn": "mN", "un": "uN", "kn": "kN", "hz": "Hz", "khz": "kHz", "ma": "mA", "ua": "uA"}
+_ENDS |= {
+    "mn": "mN",
+    "un": "uN",
+    "kn": "kN",
+    "hz": "Hz",
+    "khz": "kHz",
+    "ma": "mA",
+    "ua": "uA",
+    "micron": "um",
+}
 _ENDS |= {one: one for one in ("ms", "us", "ns", "pm", "nm", "um", "mm", "cm", "rad", "mrad", "urad", "deg")}
 _ENDS |= {f"{one}_{per}": f"{one}/s" for one in ("nm", "um", "mm", "m") for per in ("s", "per_s")}
-_ENDED = re.compile(rf"(?P<name>.*[^\W_])_(?P<unit>{'|'.join(sorted(_ENDS, key=len, reverse=True))})", re.I)
+_ENDS |= {"s": "s", "m": "m"}
+# The shortest name comes first, so that "v_m_s" ends with m_s, not with s.
+_ENDED = re.compile(
+    rf"(?P<name>.*?[^\W_])[_ ](?P<unit>{'|'.join(sorted(_ENDS, key=len, reverse=True))})", re.I
+)
+_LENGTH = re.compile(r"pos|disp|dist|stroke|travel|elongation|weg", re.IGNORECASE)
 
 
 def named_unit(channel: FileChannel) -> FileChannel:
-    """The channel with the unit that ends its name, "disp_um": displacement in um; else as it is."""
-    found = _ENDED.fullmatch(channel.name.replace("µ", "u").replace("μ", "u"))
-    if channel.unit or not channel.numeric or not found:
+    """The channel with the unit that ends its name, "disp_um": displacement in um, or that is its name,
+    "seconds"; else as it is."""
+    if channel.unit or not channel.numeric:
         return channel
-    return channel._replace(name=found["name"], unit=_ENDS[found["unit"].lower()], header=channel.shown)
+    if is_seconds(channel.name):
+        return channel._replace(unit="s")
+    found = _ENDED.fullmatch(channel.name.replace("µ", "u").replace("μ", "u"))
+    if not found:
+        return channel
+    made = channel._replace(name=found["name"], unit=_ENDS[found["unit"].lower()], header=channel.shown)
+    end = found["unit"].lower()
+    fits = is_clock(made) if end == "s" else end != "m" or ends_in_m(channel.shown)
+    return made if fits else channel
+
+
+def ends_in_m(name: str) -> bool:
+    """Whether a name is that of a length and ends with "_m", which says metres, or "measured"."""
+    return name[-2:].lower() in ("_m", " m") and _LENGTH.search(name) is not None
 
 
 def said_units(rows: Sequence[Sequence[str]]) -> tuple[list[str], list[str]]:
@@ -35,6 +62,8 @@ def said_units(rows: Sequence[Sequence[str]]) -> tuple[list[str], list[str]]:
     across: list[str] = []
     upward: list[str] = []
     for fields in rows:
+        if fields and fields[0].strip().lower() == "x_dimension" and "Time" in fields[1:2]:
+            across.append("s")  # of LabVIEW, which counts time in nothing else
         found = _UNIT_LINE.fullmatch(fields[0].strip()) if fields else None
         if found:
             units = [field.strip() for field in fields[1:]]

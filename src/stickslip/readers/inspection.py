@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from ..recording import STANDARD_NAMES, RecordingError
+from ..recording import RecordingError
 from ..units import with_prefix
 from .formats import find_format
 from .preview import LOOKED_AT, look
@@ -21,6 +21,7 @@ PAUSE = 1.5
 # The drive has moved where it has left its first value by this part of its range; it began where it had left
 # it by more than its noise, or this part.
 MOVED, STILL = 0.02, 1e-4
+ROUNDED = 1e-6  # of an interval: what a time may be off by rounding
 
 
 class Inspection(NamedTuple):
@@ -110,7 +111,8 @@ class Inspection(NamedTuple):
     def _said(self) -> list[str]:
         assert self.recording is not None
         time, interval = self.recording["time"].values, self.interval
-        jitter = float(np.max(np.abs(np.diff(time) / interval - 1.0)))
+        steps = np.diff(time) / interval
+        jitter = float(np.max(np.abs(steps[steps <= PAUSE] - 1.0)))  # gaps are said below
         lines = [
             f"{time.size} samples, {with_prefix(interval, 's')} apart ({with_prefix(1.0 / interval, 'Hz')}"
             f"{f', up to {100 * jitter:.2g} % irregular' if jitter > 1e-3 else ''}), from "
@@ -123,6 +125,7 @@ class Inspection(NamedTuple):
             lines.append(f"{len(pauses)} gap{'s' if len(pauses) > 1 else ''} in the samples: {first}")
         begins = self.drive_begins
         if begins is not None:
+            begins = 0.0 if abs(begins) < ROUNDED * interval else begins  # -0.05 + 100 * 0.0005 is not 0
             lines.append(f"the drive begins after {with_prefix(begins, 's')}")
             for name, channel in self.recording.data_vars.items():
                 noise = self.noise(str(name))
@@ -150,8 +153,6 @@ def inspect_file(path: str | Path) -> Inspection:
     taken = [one for one in found["columns"] if one["guess"]]
     named = {one["guess"]: one["name"] for one in taken}
     units = {one["guess"]: one["guessed_unit"] for one in taken if one["guessed_unit"]}
-    # What SI would be taken for anyway needs no word.
-    units = {k: u for k, u in units.items() if u != ("s" if k == "time" else STANDARD_NAMES[k].unit)}
     try:
         recording, problem = read_recording(path, named, units), ""
     except RecordingError as error:

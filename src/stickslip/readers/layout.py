@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 from ..recording import RecordingError
 from ..recording.conversion import is_unit
+from .counted import Counting, counted
 from .headers import said_units, with_said_units
 from .source import FileChannel, is_clock
 
@@ -48,6 +49,10 @@ _COMMENT = re.compile(r"\s*(#|%|//)+")
 _NAME_AND_UNIT = re.compile(
     r"(?P<name>.+?)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\)|\s/\s(?P<slash>\S+))\s*$"
 )
+# "Zeit/ms" and "Time, s": only of units that look like none but units, for "I/O" and "max/min" are names.
+_TIGHT = re.compile(
+    r"(?P<name>[^/,]*[^/,\s])\s*[/,]\s*(?P<unit>[pnuµμmckMG]?(?:[smVNAWJ]|Hz|Pa|rad)(?:/s)?|sec|deg)\s*"
+)
 _HEADER_WORD = re.compile(r"[^\s\[(]+(?:\s*(?:\[[^\]]*\]|\([^)]*\)))?")  # "Time [s]" is one word
 
 
@@ -62,6 +67,7 @@ class TextLayout(NamedTuple):
     line_bytes: float  # mean length of a line
     channels: tuple[FileChannel, ...]
     kinds: str  # "n" numbers, "d" dates, "s" text, "e" always empty
+    counting: Counting | None = None  # of the first column, where it numbers the samples
 
     def split(self, line: str) -> list[str]:
         """The fields of a line, without quotes."""
@@ -102,6 +108,7 @@ def find_layout(path: Path, delimiter: str | None, decimal: str | None, skip: in
     filled = [_split(lines[i], delimiter) for i in data if i >= first]
     blank = [all(row[k : k + 1] in ([], [""]) for row in filled) for k in range(len(kinds))]
     rows = {i: _header_fields(lines[i], delimiter, len(kinds), blank[-1]) for i in range(skip, first)}
+    rows, counting = counted(rows, len(kinds))
     channels = _header(lines, rows, kinds, decimal, {first: filled[0]})
     kinds = "".join("e" if b and not c.name else k for k, b, c in zip(kinds, blank, channels, strict=True))
     channels = [c._replace(numeric=k in "nd") for k, c in zip(kinds, channels, strict=True)]
@@ -117,6 +124,7 @@ def find_layout(path: Path, delimiter: str | None, decimal: str | None, skip: in
         max(len(head) / max(len(lines), 1), 2.0),
         tuple(channels),
         kinds,
+        counting,
     )
 
 
@@ -256,7 +264,8 @@ def _channel(header: str) -> FileChannel:
     """Name and unit: "Position [mm]" is in mm, but "Force (left)" is in no unit."""
     found = _NAME_AND_UNIT.match(header)
     if not found:
-        return FileChannel(header)
+        tight = None if is_unit(header) else _TIGHT.fullmatch(header)
+        return FileChannel(tight["name"], tight["unit"], header=header) if tight else FileChannel(header)
     unit = (found["square"] or found["round"] or found["slash"] or "").strip()
     certain = found["square"] is not None
     return (

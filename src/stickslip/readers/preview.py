@@ -85,7 +85,7 @@ def _described(i: int, channel: FileChannel, values: np.ndarray | None) -> dict[
     name = "time" if clock else _meaning(channel)
     found["guess"] = name
     if not channel.unit:
-        found["guessed_unit"] = _unit(name, real)
+        found["guessed_unit"] = likely_unit(name, real)
     return found
 
 
@@ -110,7 +110,7 @@ def _dimension(unit: str) -> str:
         return ""
 
 
-def _unit(name: str, values: np.ndarray) -> str:
+def likely_unit(name: str, values: np.ndarray) -> str:
     """A unit in which such values are likely: of a time by its step, of a position by its range."""
     if name == "time":
         step = float(np.median(np.abs(np.diff(values)))) if values.size > 1 else 0.0

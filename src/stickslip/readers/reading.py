@@ -25,7 +25,7 @@ from .formats import find_format
 from .opening import source_of
 from .selection import Selection, Variable, select
 from .source import Column, FileContent, Rows
-from .unlikely import refuse_unlikely
+from .unlikely import refuse_unlikely, warn_of_unsaid
 
 # No recording runs for three years: a clock beyond this counts from 1970.
 _SINCE_1970 = 1e8
@@ -60,7 +60,8 @@ def read_recording(
             columns are read.
         units: our name -> unit of the file ("mm", "uN"), stronger than what the file says, also with a
             number: "20 V" (a divider), "0.5 um/V" (a sensor, whose column is in volts). Where neither a name
-            ("disp_um"), a header nor this says a unit, the numbers are taken to be in SI if they may be.
+            ("disp_um"), a header nor this says a unit, the numbers are taken to be in SI if they may be, and
+            a RecordingWarning says so.
         sample_rate: Hz, for a file without time.
         start_time: time of the first sample, s. By default what the file says; 0 for dates and where it says
             none.
@@ -101,6 +102,7 @@ def read_recording(
         groups = _load(source, chosen, window, rate)
         whole, steps = _on_one_clock(source, chosen, groups, missing, window)
         refuse_unlikely(chosen, groups)
+        warn_of_unsaid(path, chosen, groups)
         time, epoch = _from_start(whole.time, start_time, _epoch(chosen))
         return make_recording(
             time,

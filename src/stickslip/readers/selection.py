@@ -7,8 +7,9 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from ..recording import STANDARD_NAMES, RecordingError
-from ..recording.conversion import Conversion, is_unit, to_si_scale, to_si_unit
+from ..recording.conversion import Conversion, is_number, is_unit, to_si_scale, to_si_unit
 from ..units import QuantityError, turned
+from .headers import ends_in_m
 from .source import Column, FileChannel, find_channel, is_clock, listing
 
 
@@ -21,6 +22,7 @@ class Variable(NamedTuple):
     unit: str  # of the file; "" if nobody says it
     conversion: Conversion
     clock: int | None  # the channel of its time; None: equally spaced
+    sure: bool = True  # of its unit; not where the end of a name says "_m", which may be "measured"
 
     @property
     def label(self) -> str:
@@ -87,21 +89,26 @@ def _variable(
     if not column.numeric:
         raise RecordingError(f"{name}: the column {column.shown!r} holds no numbers")
     said = column.unit if unit is None else unit
-    made = Variable(name, i, column, said, Conversion(standard or "", 1.0, 0.0), clock)
+    sure = unit is not None or column.unit != "m" or not ends_in_m(column.header)
+    made = Variable(name, i, column, said, Conversion(standard or "", 1.0, 0.0), clock, sure)
     if unit is None and not column.unit:
         return made
     try:
-        conversion = to_si_unit(said) if unit is None else _scale(unit, column.unit)
+        conversion = to_si_unit(said) if unit is None else _scale(unit, column.unit, standard or "V")
     except QuantityError as error:
         hint = f" (units={{{name!r}: ...}} says it)" if unit is None else ""
         raise RecordingError(f"{made.label}: {error}{hint}") from None
     if standard is not None and conversion.unit not in (standard, turned(standard)):
-        raise RecordingError(f"{made.label}: {name} is a quantity in {standard}")
+        scale = f". A sensor's scale says what a volt is: units={{{name!r}: '0.5 um/V'}}"
+        hint = scale if conversion.unit == "V" and standard == "m" else ""
+        raise RecordingError(f"{made.label}: {name} is a quantity in {standard}{hint}")
     return made._replace(conversion=conversion)
 
 
-def _scale(said: str, own: str) -> Conversion:
+def _scale(said: str, own: str, standard: str) -> Conversion:
     """What a user's unit makes of a column in the unit `own`: "0.5 um/V" turns volts into metres."""
+    if not isinstance(said, str) or (said.strip() != "1" and is_number(said)):
+        raise QuantityError(f'{said!r} names no unit; a scale is said with one, "{said} {standard}"')
     made = to_si_scale(said)
     quantity, _, per = made.unit.partition("/")
     if per != "V":

@@ -89,8 +89,14 @@ _TIME = re.compile(
 
 
 def is_clock(channel: FileChannel) -> bool:
-    """Whether a channel is called like a time."""
-    return _TIME.fullmatch(channel.name.strip().lower()) is not None
+    """Whether a channel is called like a time; "sec" alone is the unit of another name where it is one."""
+    name = channel.name.strip().lower()
+    return _TIME.fullmatch(name) is not None or (is_seconds(name) and channel.unit == "s")
+
+
+def is_seconds(name: str) -> bool:
+    """Whether a column is called by the unit of its time."""
+    return name.strip().lower() in ("sec", "secs", "seconds")
 
 
 def find_channel(channels: Sequence[FileChannel], column: Column) -> int:

@@ -1,13 +1,16 @@
-"""Numbers without a unit that cannot be in SI."""
+"""Numbers without a unit: those that cannot be in SI are refused, and the others are told of."""
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
-from ..recording import RecordingError
+from ..recording import RecordingError, RecordingWarning
 from .clocks import Clocked
+from .preview import LOOKED_AT, likely_unit
 from .selection import Selection, Variable
 
 # What no stick-slip actuator does, nor the instruments around it: largest size in SI, and likely units.
@@ -33,7 +36,7 @@ def refuse_unlikely(chosen: Selection, groups: Sequence[Clocked]) -> None:
         for variable in chosen.variables:
             limit, likely = UNLIKELY.get(variable.conversion.unit, (np.inf, ""))
             values = group.values.get(variable.name)
-            if values is None or not values.size or variable.unit:
+            if values is None or not values.size or (variable.unit and variable.sure):
                 continue
             span = float(np.nanmax(values) - np.nanmin(values))
             if span > limit:
@@ -43,7 +46,32 @@ def refuse_unlikely(chosen: Selection, groups: Sequence[Clocked]) -> None:
 
 def _unlikely(variable: Variable, size: str, likely: str, unit: str) -> RecordingError:
     said = f"units={{{variable.name!r}: ...}}"
+    who = "only the end of the name says a unit" if variable.unit else "no unit is said with the numbers"
     return RecordingError(
-        f"{variable.label}: no unit is said with the numbers, and {size}. "
-        f"Say {said}, {likely} perhaps, or {unit!r} if it is so"
+        f"{variable.label}: {who}, and {size}. Say {said}, {likely} perhaps, or {unit!r} if it is so"
     )
+
+
+def warn_of_unsaid(path: Path, chosen: Selection, groups: Sequence[Clocked]) -> None:
+    """Warn where a unit is taken that neither the file nor the user says, in one line per file."""
+    unsaid: dict[str, tuple[Variable, str]] = {}
+    for group, clock in zip(groups, chosen.clocks.values(), strict=True):
+        named = [] if clock is None else [(clock, group.time)]
+        named += [(one, group.values[one.name]) for one in chosen.variables if one.name in group.values]
+        for one, values in named:
+            known = one.unit or not _si(one) or one.column.epoch  # a plain number has none, nor have dates
+            looked = values[:LOOKED_AT][np.isfinite(values[:LOOKED_AT])]
+            if not known and looked.size:
+                unsaid.setdefault(one.name, (one, likely_unit(one.name, looked)))
+    if not unsaid:
+        return
+    taken = ", ".join(f"{one.label} is taken to be in {_si(one)}" for one, _ in unsaid.values())
+    guesses = [f"{guess} for {name}" for name, (one, guess) in unsaid.items() if guess != _si(one)]
+    hint = f"; stickslip inspect would guess {', '.join(guesses)}" if guesses else ""
+    say = ", ".join(f"{name!r}: {_si(one)!r}" for name, (one, _) in unsaid.items())
+    said = f"{path.name}: no unit is said, and {taken}{hint}. Say units={{{say}}}, or what they are"
+    warnings.warn(said, RecordingWarning, stacklevel=3)
+
+
+def _si(variable: Variable) -> str:
+    return variable.conversion.unit

@@ -71,6 +71,15 @@ def to_si_scale(text: str) -> Conversion:
     return made._replace(factor=number * made.factor)
 
 
+def is_number(text: str) -> bool:
+    """Whether a text is a number and nothing else."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
 def _targets(unit: str) -> tuple[str, ...]:
     """The SI units to try: hertz and radians cannot be told from 1/s and plain numbers by dimension."""
     if "hz" in unit.lower():

@@ -6,8 +6,11 @@ The schema and its reasons: docs/decisions/recording-schema.md.
 from __future__ import annotations
 
 import functools
+import re
+import warnings
 from collections.abc import Mapping
 from datetime import UTC, datetime
+from difflib import get_close_matches
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -61,6 +64,28 @@ def fits_name(name: str, unit: str) -> bool:
     """Whether a channel of that name may be in the unit (SI); any may, of a name that is not standard."""
     standard = STANDARD_NAMES.get(name)
     return standard is None or unit in (standard.unit, turned(standard.unit))
+
+
+@functools.cache
+def meant_name(name: str) -> str:
+    """The known name that a name is a misspelling of; "" where it is one, or a name of its own such as
+    ``end_effector_position_2`` or ``position_raw``, which hold the words of a known one."""
+    known = ["time", *STANDARD_NAMES]
+    cutoff = 0.9 if len(name) > 4 else 0.85  # "tme" is as near to "time" as short names can be
+    close = get_close_matches(name.lower(), known, n=1, cutoff=cutoff)
+    words = set(re.split(r"[\W\d_]+", name))
+    return "" if not close or words.issuperset(close[0].split("_")) else close[0]
+
+
+def _warn_of_misspelling(name: str) -> None:
+    meant = meant_name(name)
+    if meant:
+        warnings.warn(
+            f"nothing knows the name {name!r} (did you mean {meant!r}?): it is kept, and has no unit but one "
+            "that is said",
+            RecordingWarning,
+            stacklevel=3,
+        )
 
 
 class Sampling(NamedTuple):
@@ -123,6 +148,7 @@ def make_recording(
     for name, value in variables.items():
         if name == "time":
             raise RecordingError("'time' is the name of the time axis, not of a variable")
+        _warn_of_misspelling(str(name))
         array, unit = _in_si(str(name), *_with_unit(value))
         standard = STANDARD_NAMES.get(name)
         long_name = long_names.get(name) or (standard.long_name if standard else str(name).replace("_", " "))

@@ -19,6 +19,7 @@ from ..units import QuantityError
 from ..waveform.drive import Drive, constant, evaluate, segment_at, value_slope_curvature
 from ..waveform.signal import Waveform
 from . import two_port
+from .load import load_range
 from .strain import strained
 
 # A stage without dynamics has no frequency of its own to compare velocities with positions by.
@@ -382,12 +383,10 @@ def contact_load(load: Waveform | float, end: float) -> Contact:
     Raises:
         QuantityError: it is not finite, or falls below zero (contact lost).
     """
-    low, high = (load, load) if isinstance(load, int | float) else load.range()
+    low, high = load_range(load)
     if not (0.0 <= low <= high < math.inf):
         raise QuantityError(f"load from {low:g} to {high:g} is out of range: it must be >= 0 and finite")
-    if isinstance(load, int | float):
-        return Contact(float(load))
-    return Contact(low) if low == high else Contact(1.0, load.drive(end))
+    return Contact(low) if isinstance(load, int | float) or low == high else Contact(1.0, load.drive(end))
 
 
 def _jumps(table: Drive, period: float | None) -> bool:

@@ -61,7 +61,7 @@ def simulate(
         duration: s, or with a unit ("200 ms"); left out, that of the waveform, if it ends.
         sample_rate: samples per second of the output. The solution does not depend on it, but ends with the
             last sample within the duration.
-        times: sample times instead, s, ascending, from 0 or later.
+        times: sample times instead, s (or a list such as "5 ms"), ascending, from 0 or later.
         tolerance: m, on the end-effector's position over the whole trajectory. The error is estimated by a
             second run with smaller steps; where it is larger, the steps are refined.
         load: normal force over the reference normal force at which the friction parameters hold: a number,
@@ -293,7 +293,9 @@ def sample_times(
         QuantityError: see `simulate`.
     """
     if times is not None:
-        made = np.ascontiguousarray(times, dtype=float)
+        given: Any = times
+        said = [to_si(one, "s", "times") for one in given] if isinstance(given, list | tuple) else given
+        made = np.ascontiguousarray(said, dtype=float)
         if made.ndim != 1 or made.size < 2 or made[0] < 0.0 or not np.all(np.diff(made) > 0.0):
             raise QuantityError("times [s] must be at least two numbers, ascending, from 0 s or later")
         return made

@@ -28,7 +28,7 @@ FOLDER = DATASETS / "lyon-stickslip"
 
 def measured(stiffness: int, speed: int):
     path = FOLDER / f"k{stiffness}Nm_v{speed}.mat"
-    recording = read_recording(path, columns={"time": "t", "force_ratio": "Fnorm"})
+    recording = read_recording(path, {"time": "t", "force_ratio": "Fnorm"}, {"time": "s"})
     return recording, PulledRig(MASS, float(stiffness), speed * 1e-6)
 
 
