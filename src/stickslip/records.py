@@ -10,9 +10,10 @@ from __future__ import annotations
 import functools
 import html
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import fields, is_dataclass
 from difflib import get_close_matches
-from types import NoneType
+from types import MethodType, NoneType
 from typing import Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -212,3 +213,25 @@ def record(named_tuple: type[T]) -> type[T]:
         "__qualname__": named_tuple.__qualname__,
     }
     return type(named_tuple.__name__, (named_tuple,), namespace)  # type: ignore[return-value]
+
+
+def same(one: Any, other: Any) -> bool:
+    """Whether two results hold the same: records, dictionaries, arrays and datasets by their values (NaN is
+    NaN), and what predicts by what it is made with."""
+    if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
+        return np.array_equal(one, other, equal_nan=np.asarray(one).dtype.kind in "fc")
+    if isinstance(one, float) and isinstance(other, float):  # one of NumPy's, too
+        return one == other or (one != one and other != other)
+    if type(one) is not type(other):
+        return False
+    if identical := getattr(one, "identical", None):
+        return bool(identical(other))
+    if is_dataclass(one):
+        return all(same(getattr(one, f.name), getattr(other, f.name)) for f in fields(one))
+    if isinstance(one, Mapping):
+        return one.keys() == other.keys() and all(same(one[key], other[key]) for key in one)
+    if isinstance(one, tuple | list):
+        return len(one) == len(other) and all(map(same, one, other))
+    if isinstance(one, MethodType):
+        return one.__func__ is other.__func__ and same(one.__self__, other.__self__)
+    return bool(one == other)

@@ -22,7 +22,7 @@ from .identify.recorded.drives import periodic_part
 from .identify.recorded.known_noise import known_noise
 from .identify.walk.prediction import Predictor
 from .recording import RecordingError, make_recording
-from .records import did_you_mean
+from .records import did_you_mean, same
 from .units import QuantityError, to_si, with_prefix
 
 
@@ -104,6 +104,9 @@ class Verification:
     predictions: tuple[xr.Dataset, ...]
     steps: tuple[tuple[float, float], ...]
     lacks: tuple[Lack, ...] = ()
+
+    def __eq__(self, other: object) -> bool:
+        return same(self, other)
 
     @property
     def statements(self) -> tuple[str, ...]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import pickle
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -55,6 +57,7 @@ def test_it_comes_back_as_it_was(made, way: str, tmp_path: Path) -> None:
         ss.save_fit(fit, tmp_path / "fit.json")
         back = ss.load_fit(tmp_path / "fit.json")
     assert isinstance(back, Fit)
+    assert back == fit == copy.deepcopy(fit)
     assert back.values == fit.values
     assert back.model == fit.model
     assert back.confidence_intervals() == fit.confidence_intervals()
@@ -62,6 +65,17 @@ def test_it_comes_back_as_it_was(made, way: str, tmp_path: Path) -> None:
     assert back.failures == fit.failures
     assert back.lack == fit.lack
     np.testing.assert_array_equal(predicted(back), predicted(fit))
+
+
+def test_what_differs_is_not_equal() -> None:
+    fit, _ = walked()
+    assert fit != replace(fit, jacobian=None)
+    assert fit != replace(fit, values={**fit.values, "sigma_0": 1.0})
+    assert fit != replace(fit, residuals=tuple(-r for r in fit.residuals))
+    seen = ss.verify(fit, walk(), drive=SAW)
+    assert seen == pickle.loads(pickle.dumps(seen))
+    assert seen != replace(seen, unit="rad")
+    assert seen != ss.verify(fit, 1.1 * walk(), drive=SAW)
 
 
 def test_what_it_says_in_short() -> None:

@@ -16,6 +16,7 @@ import numpy as np
 import xarray as xr
 from scipy import stats
 
+from ..records import same
 from ..units import QuantityError
 from .covariance import Uncertainty
 from .goodness import Goodness, pooled_r_squared, pooled_rmse
@@ -83,6 +84,9 @@ class Fit:
     doubts: tuple[str, ...] = ()
     predict: Callable[..., np.ndarray] | None = None
     beside: tuple[Parameter, ...] = ()
+
+    def __eq__(self, other: object) -> bool:
+        return same(self, other)
 
     @cached_property
     def ties(self) -> Ties:
