@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 
 from .._jit import compiled, kernel
-from ..friction import element as element_of
 from ..friction import breakaway, elements, project, rate
+from ..friction import element as element_of
 from ..friction import force as force_of
 
 # Steps within one interval between samples, after which the law counts as one that cannot be followed.
