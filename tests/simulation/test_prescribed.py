@@ -40,6 +40,16 @@ def test_dahl_under_constant_velocity_is_its_closed_form() -> None:
     np.testing.assert_allclose(found["friction_force"], exact, atol=1e-6)
 
 
+@pytest.mark.parametrize("exponent", [0.1, 0.5, 0.9])
+@pytest.mark.parametrize("way", [5e-6, -1e-2])
+def test_a_brittle_contact_reaches_its_bound_and_stays_there(exponent: float, way: float) -> None:
+    law, time = Dahl(1e6, 0.5, exponent), np.linspace(0.0, 1.0, 101)
+    found = friction_response(law, time, way * time, tolerance=1e-13)["friction_force"].values
+    path = abs(way) * time * law.sigma_0 / law.coulomb_force
+    left = np.maximum(1.0 - (1.0 - exponent) * path, 0.0) ** (1.0 / (1.0 - exponent))
+    np.testing.assert_allclose(found[1:], np.copysign(0.5 * (1.0 - left), way)[1:], atol=1e-6)
+
+
 def test_force_follows_the_normal_force_sample_by_sample() -> None:
     time = np.linspace(0.0, 2.0, 401)
     position = 1e-6 * np.sin(2 * np.pi * time)
