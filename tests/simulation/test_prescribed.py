@@ -10,12 +10,15 @@ from scipy.integrate import solve_ivp
 from stickslip.actuator import Actuator
 from stickslip.friction import (
     Coulomb,
+    CoulombViscous,
     Dahl,
     Elastoplastic,
     LuGre,
     MaxwellSlip,
     NormalForce,
     ResetIntegrator,
+    StictionCoulombViscous,
+    Stribeck,
     element,
     rate,
 )
@@ -35,6 +38,16 @@ def test_dahl_under_constant_velocity_is_its_closed_form() -> None:
     found = friction_response(law, time, 1e-5 * time, tolerance=1e-13)
     exact = 0.5 * (1.0 - np.exp(-1e6 * 1e-5 * time / 0.5))
     np.testing.assert_allclose(found["friction_force"], exact, atol=1e-6)
+
+
+@pytest.mark.parametrize("exponent", [0.1, 0.5, 0.9])
+@pytest.mark.parametrize("way", [5e-6, -1e-2])
+def test_a_brittle_contact_reaches_its_bound_and_stays_there(exponent: float, way: float) -> None:
+    law, time = Dahl(1e6, 0.5, exponent), np.linspace(0.0, 1.0, 101)
+    found = friction_response(law, time, way * time, tolerance=1e-13)["friction_force"].values
+    path = abs(way) * time * law.sigma_0 / law.coulomb_force
+    left = np.maximum(1.0 - (1.0 - exponent) * path, 0.0) ** (1.0 / (1.0 - exponent))
+    np.testing.assert_allclose(found[1:], np.copysign(0.5 * (1.0 - left), way)[1:], atol=1e-6)
 
 
 def test_force_follows_the_normal_force_sample_by_sample() -> None:
@@ -141,6 +154,48 @@ def test_a_static_law_keeps_its_force_while_the_motion_pauses() -> None:
     time = np.array([0.0, 1.0, 2.0, 3.0])
     found = friction_response(Coulomb(0.3), time, np.array([0.0, 1e-3, 1e-3, 0.0]))
     np.testing.assert_allclose(found["friction_force"][1:], [0.3, 0.3, -0.3])
+
+
+@pytest.mark.parametrize(
+    ("law", "stopped"),
+    [
+        (Coulomb(0.3), 0.3),
+        (CoulombViscous(0.3, 100.0), 0.3),
+        (StictionCoulombViscous(0.3, 0.4, 10.0), 0.31),
+        (StictionCoulombViscous(0.3, 0.4, 1000.0), 0.4),
+        (Stribeck(0.3, 0.4, 1e-5), 0.3),
+        (Coulomb(0.0), 0.0),
+    ],
+    ids=repr,
+)
+@pytest.mark.parametrize("least", [0.0, 1e-9, 0.5, 1.0])
+def test_a_static_law_at_rest_carries_no_more_under_more_load(law, stopped: float, least: float) -> None:
+    """Slide under load 1, stop, double the load; halve it; shed all but the `least`, and load anew."""
+    time = np.arange(9.0)
+    position = 1e-3 * np.array([0.0, -1.0, -1.0, -1.0, -1.0, -1.0, -1.0, -1.0, 0.0])
+    normal = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 1.0, least, 1.0, 1.0])
+    found = friction_response(law, time, position, normal_force=normal)["friction_force"].values
+    sliding = rate(law, 1e-3, 1.0)[0]
+    held = np.array([1.0, 1.0, 1.0, 0.5, 0.5 * least, 0.5 * least])
+    np.testing.assert_allclose(found, [-sliding, -sliding, *(-stopped * held), sliding], rtol=1e-12)
+    scaled = friction_response(law, time, position, normal_force=normal, proportional=True)
+    expected = [-sliding, -sliding, *(-stopped * normal[2:8]), sliding]
+    np.testing.assert_allclose(scaled["friction_force"], expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("excess", [0.0, 0.3])
+def test_a_reset_integrator_at_rest_jumps_once_by_its_excess_under_more_load(excess: float) -> None:
+    """The limit that its docstring says: |z| < z_0 is not broken away."""
+    time = np.arange(5.0)
+    found = friction_response(
+        ResetIntegrator(1e6, 5e-7, excess),
+        time,
+        np.array([0.0, 1e-3, 1e-3, 1e-3, 1e-3]),
+        normal_force=np.array([1.0, 1.0, 1.0, 1.001, 2.0]),
+        tolerance=1e-16,
+    )["friction_force"].values
+    held = 0.5 * (1.0 + excess)
+    np.testing.assert_allclose(found[1:], [0.5, 0.5, held, held], rtol=1e-7)
 
 
 def test_a_light_load_slips_more() -> None:

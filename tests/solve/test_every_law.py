@@ -8,9 +8,10 @@ import pytest
 import event_driven
 from friction import samples
 from stickslip.actuator import Actuator, load_actuator
-from stickslip.friction import LAWS
+from stickslip.friction import LAWS, Dahl
 from stickslip.simulation import simulate
 from stickslip.waveform.periodic import Sawtooth
+from stickslip.waveform.shapes import Constant
 
 pytestmark = pytest.mark.compiled
 
@@ -91,3 +92,27 @@ def test_laws_beyond_scipy_converge_with_the_tolerance(law: object) -> None:
     for tolerance in (1e-8, 1e-9, 1e-10):
         found = simulate(actuator(law), DRIVE, times=TIMES, tolerance=tolerance)
         assert np.max(np.abs(found["end_effector_position"].values - finest)) < 2 * tolerance
+
+
+@pytest.mark.parametrize("exponent", [0.9, 0.5, 0.2, 0.01])
+@pytest.mark.parametrize("force", [0.54, 0.5406, 1.3, 100.0])
+def test_a_brittle_contact_slides_on_its_bound_in_few_steps(exponent: float, force: float) -> None:
+    """Pulled beyond F_C it slides by a half a t^2 from the start, where its force cannot rise any more."""
+    model = actuator(Dahl(1.399e6, 0.5401, exponent), external_force=force)
+    found = simulate(model, Constant(0.0), 0.3, max_steps=2000)
+    expected = 0.5 * max(force - 0.5401, 0.0) / model.end_effector_mass * 0.3**2
+    assert np.ptp(found["end_effector_position"].values) == pytest.approx(expected, abs=2e-9)
+    assert found.attrs["outcome"] == "complete"
+
+
+@pytest.mark.parametrize("exponent", [0.5, 0.2, 0.05])
+def test_a_brittle_contact_walks_in_few_steps_at_any_tolerance(exponent: float) -> None:
+    walks = {
+        tolerance: simulate(
+            actuator(Dahl(1.399e6, 0.54, exponent)), DRIVE, times=TIMES, tolerance=tolerance, max_steps=2000
+        )
+        for tolerance in (1e-8, 1e-9, 1e-10, 1e-11)
+    }
+    finest = walks.pop(1e-11)["end_effector_position"].values
+    for tolerance, found in walks.items():
+        assert np.max(np.abs(found["end_effector_position"].values - finest)) < tolerance

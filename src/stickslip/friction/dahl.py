@@ -5,7 +5,8 @@ r"""Dahl: a bristle that saturates at the Coulomb force [dahl1976; bliman1992].
 
 Rate-independent: the force depends on the path, not on the speed. No stiction, no Stribeck effect, no
 viscous part; and the contact creeps under a small oscillating load on top of a constant one. alpha >= 1
-describes ductile contacts, alpha < 1 brittle ones.
+describes ductile contacts, alpha < 1 brittle ones: there F_C is reached after a finite way,
+F_C/(sigma_0 (1 - alpha)), and kept.
 """
 
 from __future__ import annotations
@@ -35,4 +36,12 @@ def dahl(law, v, z):
     return force, v * left**law.exponent
 
 
-register(Dahl, dahl)
+def dahl_bound(law, z):
+    """An exponent below 1 has a bound that is reached: on it the steps need not shrink."""
+    if law.exponent >= 1.0:
+        return z
+    bound = law.coulomb_force / law.sigma_0
+    return min(max(z, -bound), bound)
+
+
+register(Dahl, dahl, project=dahl_bound)

@@ -8,6 +8,10 @@ r"""Reset integrator: an elastic bristle that stops at the breakaway deflection 
 Cheap, with stiction (1 + a) sigma_0 z_0 above the sliding friction sigma_0 z_0. The force jumps at
 breakaway and again at each reversal; presliding is linear, sliding knows neither Stribeck effect nor
 viscous friction (sigma_2 damps the bristle only, and in sliding the bristle stands still).
+
+Limit: the law does not know whether it has broken away. A contact that slid, stopped and is then loaded
+more has |z| < z_0, and its force jumps by the factor 1 + a, from 0.500 to 0.650 N at a = 0.3; with a = 0 the
+force at rest stays (docs/decisions/normal-force.md).
 """
 
 from __future__ import annotations

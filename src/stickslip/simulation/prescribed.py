@@ -30,8 +30,9 @@ def friction_response(
     """The force of a friction law under a prescribed motion (a tribometer).
 
     Position and normal force are taken linear between the samples; at a sample, the force is that of the
-    interval which ends there. With `reference_normal_force` = 1 N the law's forces are per newton: its
-    Coulomb force is mu.
+    interval which ends there. A static law keeps at rest the force that it had when the motion stopped, as
+    far as rest can hold it. With `reference_normal_force` = 1 N the law's forces are per newton: its Coulomb
+    force is mu.
 
     Args:
         law: friction law record; its forces hold at `reference_normal_force`.

@@ -11,10 +11,15 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from ..friction import element, project
 from ..units import QuantityError
 from ..waveform.drive import Drive, evaluate
 from .errors import SimulationWarning
 from .models import Contact, System
+from .strain import reach
+
+# A sample of a trajectory may lie beyond a law's bound by the errors of the trajectory.
+ROOM = 1.01
 
 
 class State(NamedTuple):
@@ -121,7 +126,8 @@ def placed(state: State, of: System, contact: Contact, before: float) -> NDArray
     """As the solver takes it; `before`, the drive that it rests under where it does not say.
 
     Raises:
-        QuantityError: a number that is not finite, or another number of bristles than the law has.
+        QuantityError: a number that is not finite, another number of bristles than the law has, or one that
+            is deflected further than the law lets it.
     """
     q = contact.rest(of, before)
     if state is REST:
@@ -148,6 +154,29 @@ def placed(state: State, of: System, contact: Contact, before: float) -> NDArray
                 f"{of.internal}"
             )
         q[of.bodies : of.inner] = state.bristle_deflections
+        _check_reach(state, of)
     if not (np.all(np.isfinite(q)) and np.isfinite(state.time) and state.time >= 0.0):
         raise QuantityError(f"initial_state must be of finite numbers, from 0 s or later: {state}")
     return q
+
+
+def _check_reach(state: State, of: System) -> None:
+    """Raise `QuantityError` for a deflection that no sliding leads to."""
+    contact = of.contact
+    if contact is None or state.bristle_deflections is None:
+        return
+    along = contact.along
+    # Without a bound of its own, a law lets go bit by bit what an earlier law, or a greater normal force to
+    # which its stiffness was not in proportion, has left.
+    gradual = state.made_by != "" or (along is not None and along.stiffness_exponent != 1.0)
+    for i, z in enumerate(state.bristle_deflections):
+        one, most = element(contact.law, i), np.inf
+        if np.isfinite(z) and project(one, z) != z:
+            most = abs(project(one, z))
+        elif np.isfinite(z) and not gradual:
+            most = reach(one, z)
+        if abs(z) > ROOM * most:
+            raise QuantityError(
+                f"initial_state.bristle_deflections[{i}] = {z:g} m is beyond what sliding deflects it to in "
+                f"{type(contact.law).__name__}: at most {most:g} m"
+            )

@@ -7,9 +7,11 @@ the cost of the solver for actuators, to compile as well as to run.
 
 from __future__ import annotations
 
+import math
+
 from .._jit import compiled, kernel
+from ..friction import breakaway, elements, project, rate
 from ..friction import element as element_of
-from ..friction import elements, project, rate
 from ..friction import force as force_of
 
 # Steps within one interval between samples, after which the law counts as one that cannot be followed.
@@ -53,6 +55,22 @@ def advance(one, v, z, duration, tolerance, before, after):
     return z, False
 
 
+@compiled
+def static_force(law, v, carried, before, after):
+    """Force of a static law over an interval, and what it carries at its end, over its breakaway; both forces
+    over the normal force, which goes from `before` to `after`. At rest the force stays what it was when the
+    motion stopped, as far as rest can hold it, and follows the normal force as that of a bristle does."""
+    limit = breakaway(law)
+    if v != 0.0:
+        force = rate(law, v, math.copysign(1.0, v))[0]
+        carried = min(max(force / limit, -1.0), 1.0) if limit > 0.0 else 0.0
+    else:
+        if after > before:
+            carried *= before / after
+        force = limit * carried
+    return force, (carried if after > 0.0 else 0.0)  # contact that is lost is made anew with nothing
+
+
 @kernel
 def follow_position(law, time, position, load, z, tolerance, proportional, samples):
     """The force of a law at each sample of a motion.
@@ -61,7 +79,8 @@ def follow_position(law, time, position, load, z, tolerance, proportional, sampl
         law: friction law record.
         time, position: [n], s and m; linear in between.
         load: [n], normal force over the reference, linear in between; 0 or more.
-        z: [elements, at least 1] at the first sample; moved to the last one. Of a static law, the direction.
+        z: [elements, at least 1] at the first sample; moved to the last one. Of a static law, the force that
+            it carries over its breakaway.
         tolerance: m, on each deflection over each step.
         proportional: whether the deflections stay when the normal force changes, instead of being renewed.
         samples: [n, 1 + elements, at least 2], out: force (N) and state; at a sample, the force of the
@@ -75,15 +94,15 @@ def follow_position(law, time, position, load, z, tolerance, proportional, sampl
         ahead = max(k, 1)  # the first sample shows the force with which the first interval begins
         duration = time[ahead] - time[ahead - 1]
         v = (position[ahead] - position[ahead - 1]) / duration
-        if n_elements == 0 and v != 0.0:
-            z[0] = 1.0 if v > 0.0 else -1.0
         before, after = (1.0, 1.0) if proportional else (load[ahead - 1], load[ahead])
-        if after <= 0.0 and n_elements == 0:
-            z[0] = 0.0  # contact is lost, and its direction with it
         force = 0.0
-        for e in range(max(n_elements, 1)):
+        if n_elements == 0:
+            then = after if k > 0 else before  # the first sample is before the interval
+            force, z[0] = static_force(element_of(law, 0), v, z[0], before, then)
+            samples[k, 1] = z[0]
+        for e in range(n_elements):
             one = element_of(law, e)
-            if n_elements > 0 and k > 0:
+            if k > 0:
                 z[e], reached = advance(one, v, z[e], duration, tolerance, before, after)
                 if not reached:
                     return k
