@@ -75,8 +75,11 @@ def neighbour_drives(
             apart = np.abs(table.polynomial[:n] - itself.polynomial).max(axis=0)
             alike = np.all(apart <= MOST_APART * np.abs(itself.polynomial).max(axis=0) + 1e-9)
         if not alike or np.max(np.abs(table.start[:n] - itself.start)) > MOST_APART * end:
+            why = "the drive has a jump or a kink there that appears or vanishes"
+            if model.piezo is not None:
+                why = "after the piezo's hysteresis and creep the drive has other pieces beside it"
             raise QuantityError(
-                f"no derivative by {name!r} at {waveform_value(waveform, name):g}: the drive has a jump or a "
-                "kink there that appears or vanishes"
+                f"no derivative by {name!r} at {waveform_value(waveform, name):g}: {why}; take differences "
+                "of `simulate` instead"
             )
     return stacked([with_breaks(table, breaks) for table in tables])

@@ -173,7 +173,7 @@ def _left(fit: Fit, seen: Sequence[Observed]) -> tuple[str, ...]:
     said = (
         more_than_white(
             *(g.rmse, white_noise(one.position), one.position),
-            (g.name, g.unit, "positions", "the piezo has another form"),
+            (g.name, g.unit, "positions", "the piezo has another form, or crept before it"),
         )
         for g, one in zip(fit.recordings, seen, strict=True)
     )
