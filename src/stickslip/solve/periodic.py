@@ -115,13 +115,16 @@ def _orbit(plant, drive, load, q, tolerance, max_periods, column, smooth, work, 
     error, residual, radius and periods of `Found`."""
     scale, none, n = work.scale, work.log[:0], q.size
     r, aim, after, change, kept = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    rest = np.empty(n)
     derivatives = np.zeros((n, n))  # on the orbit that is kept
     q[column] = 0.0
+    put(rest, q)
     level = tolerance * (COARSEST if smooth else COARSEST_STATIC)
     finer = min(level, COARSE * tolerance)
     outcome, walked = advance(plant, drive, load, q, level, column, work, none, after)
     put(q, after)
     count, patience, found, sure, near = 1, PATIENCE, False, False, 0.0
+    most, hesitation = max_periods, 1
     best = (math.nan, math.nan, math.inf, math.nan)
     while outcome == DONE and not sure:
         put(r, q)
@@ -146,6 +149,8 @@ def _orbit(plant, drive, load, q, tolerance, max_periods, column, smooth, work, 
             radius, near = spectral_radius(jacobian, scale, CLOSELY), NEAR * size_of(q, scale)
             again = found and _apart(r, kept, scale) <= near
             sure = not radius > STABLE and (again or _apart(r, aim, scale) <= max(near, REMAINDER * moved))
+            if not found:
+                most = min(count + SOUGHT, max_periods)
             best, found = (step, error, residual, radius), True
             put(kept, r)
             _copy(jacobian, derivatives)
@@ -154,10 +159,14 @@ def _orbit(plant, drive, load, q, tolerance, max_periods, column, smooth, work, 
         elif not found:
             best = (step, error, residual, spectral_radius(jacobian, scale, CLOSELY))
         # On as the motion itself goes, which never leads where it would not be.
-        wait = 1 if far else patience
-        patience, level = patience if far else 2 * patience, finer
+        wait = hesitation if far else patience
+        hesitation, patience = (2 * hesitation, patience) if far else (hesitation, 2 * patience)
+        if level > finer:  # a coarse first period may lead into another orbit than the motion itself
+            outcome, walked = advance(plant, drive, load, rest, finer, column, work, none, after)
+            put(q, after)
+            count, level = count + 1, finer
         while wait > 0 and outcome == DONE and not sure:
-            if count >= (min(SOUGHT, max_periods) if found else max_periods):
+            if count >= most:
                 outcome = NOT_FOUND
                 break
             outcome, walked = advance(plant, drive, load, q, level, column, work, none, after)
@@ -249,7 +258,10 @@ def find_orbit(
     if found.outcomes[0] not in (DONE, NOT_FOUND):
         raise FloatingPointError("the motion could not be followed over one period")
     moving = np.delete(np.delete(found.jacobian[0], slider, axis=0), slider, axis=1)
-    multipliers = np.linalg.eigvals(moving).astype(np.complex128)
+    finite = bool(np.isfinite(moving).all())  # neighbours may run away from a motion that is none
+    multipliers = (np.linalg.eigvals(moving) if finite else np.full(len(moving), np.nan)).astype(
+        np.complex128
+    )
     step, residual, error = (float(a[0]) for a in (found.steps, found.residuals, found.errors))
     converged = bool(found.outcomes[0] == DONE)
     return Orbit(step, states[0], multipliers, converged, residual, int(found.periods[0]), error)
