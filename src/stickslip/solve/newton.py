@@ -130,9 +130,11 @@ def newton(
 ):
     """Newton's method from the state r on, which becomes that of the orbit; `aim`, where its first step led.
     Returns outcome (NOT_FOUND where it failed), step, error and residual of `Found`, periods, the size of the
-    first step, and whether that was too far to be taken."""
+    first step, whether that was too far to be taken, and the last tolerance. Where it failed, `aim` becomes
+    where the motion leads from the state before the last step."""
     scale, of_step, none = work.scale, work.of_step, work.log[:0]
-    defect = np.empty(r.size)
+    defect, begun = np.empty(r.size), np.empty(r.size)
+    put(begun, r)
     first, derived, fresh, radius = level, level, True, math.nan
     count, moved, largest = 0, math.inf, size_of(r, scale)
     # Of the integration before this one: its tolerance (infinite: there is none to compare with), defect, and
@@ -161,7 +163,7 @@ def newton(
         enough = compared and error <= tolerance and level <= FINER * before
         if outcome == DONE and residual <= tolerance and (enough or level < FINEST * tolerance):
             move(r, change)
-            return outcome, step + further, error, residual, count, moved, False
+            return outcome, step + further, error, residual, count, moved, False, level
         falls = outcome == DONE and (gap < 0.5 * gap_before or gap <= NOISE * before)
         if compared and not falls and derived > level and outcome == DONE:
             before, fresh = math.inf, True
@@ -169,8 +171,11 @@ def newton(
         largest = max(largest, size_of(after, scale))
         far = not size <= FARTHEST * largest
         if outcome != DONE or (compared and not falls) or far or count >= max_periods:
-            return NOT_FOUND, step, error, residual, count, moved, far and moved == math.inf
+            if compared:  # on from where the last step began
+                put(aim, begun)
+            return NOT_FOUND, step, error, residual, count, moved, far and moved == math.inf, level
         slowly = gap > SLOWLY * gap_before and gap > NOISE * before
+        put(begun, after)
         before, gap_before, step_before = level, gap, step + further
         move(r, change)
         if moved == math.inf:

@@ -34,6 +34,8 @@ from .periods import LOG_ROWS, put
 # Periods of waiting between the first two attempts of Newton's method, then twice as many each time; and
 # those after which an orbit is answered that the motion has not been seen to settle into.
 PATIENCE, SOUGHT = 20, 500
+# After waiting this many times as long, attempts go on from where the last one came instead.
+ANCHORED = 16
 # Of the largest multiplier, which is known to rounding only.
 STABLE = 1.0 + 1e-6
 # The motion from rest leads to an orbit that is this near (over the largest state), or where a period moves
@@ -128,7 +130,7 @@ def _orbit(plant, drive, load, q, tolerance, max_periods, column, smooth, work, 
     best = (math.nan, math.nan, math.inf, math.nan)
     while outcome == DONE and not sure:
         put(r, q)
-        result, step, error, residual, periods, moved, far = newton(
+        result, step, error, residual, periods, moved, far, fine = newton(
             plant,
             drive,
             load,
@@ -165,6 +167,9 @@ def _orbit(plant, drive, load, q, tolerance, max_periods, column, smooth, work, 
             outcome, walked = advance(plant, drive, load, rest, finer, column, work, none, after)
             put(q, after)
             count, level = count + 1, finer
+        if not found and not far and patience > ANCHORED * PATIENCE and moved < math.inf:
+            put(q, aim)
+            wait, level = PATIENCE, fine
         while wait > 0 and outcome == DONE and not sure:
             if count >= most:
                 outcome = NOT_FOUND
