@@ -16,7 +16,7 @@ from stickslip.simulation import (
     steady_steps,
 )
 from stickslip.simulation.varied import with_values
-from stickslip.solve.periodic import spectral_radius, to_orbit
+from stickslip.solve.linear import spectral_radius, to_orbit
 from stickslip.units import QuantityError
 from stickslip.waveform.knots import PeriodicKnots
 from stickslip.waveform.multisine import Multisine

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..actuator import Actuator
-from ..solve.periodic import Orbit, find_orbit
+from ..solve.periodic import STABLE, Orbit, find_orbit
 from ..units import QuantityError, to_si, with_prefix
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
@@ -19,8 +19,6 @@ from .trajectory import not_within
 
 MAX_PERIODS = 2000
 NOT_FOLLOWED = "the motion could not be followed over one period"
-# Of the largest multiplier, which is known to rounding only.
-STABLE = 1.0 + 1e-6
 
 
 def steady_orbit(

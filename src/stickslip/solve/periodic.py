@@ -20,40 +20,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._jit import compiled, inlined, kernel, merged
-from ..plant.generated import state_of, with_values
+from ..plant.generated import with_values
 from ..plant.system import Plant, layout_of, values_of
 from ..waveform.drive import Drive
 from ..waveform.members import common, member_of
+from .linear import spectral_radius
 from .log import columns
-from .neighbours import Neighbours, neighbours
+from .neighbours import neighbours
+from .newton import CLOSELY, COARSE, COARSEST, COARSEST_STATIC, NOT_FOUND, Work, advance, newton, size_of
 from .outcome import DONE
-from .periods import LOG_ROWS, follow, put
+from .periods import LOG_ROWS, put
 
-MAX_STEPS = 10_000_000
-# An orbit was not found in as many periods as allowed; not an end of an engine.
-NOT_FOUND = 5
-# Periods of waiting between two attempts of Newton's method.
-PATIENCE = 20
-# Tolerances of the engine over the one asked for: the first, the second, and from one to the next. Where
-# derivatives are plain differences, the first is small against these.
-COARSEST, COARSE, FINER = 1000.0, 8.0, 0.25
-COARSEST_STATIC = 0.4
-FINEST = 1e-5
-# The error over what a finer integration moves: two that err alike by chance are not rare.
-PER_MOVE = 2.0
-# Newton's method may go this many times as far as the motion itself has been: where a period hardly changes
-# the state it would point to where nothing moves like this.
-FARTHEST = 4.0
-# By how much neighbours differ, m, where rounding is all that limits it; and over the engine's tolerance,
-# where they take steps of their own.
-NUDGE, NUDGE_STATIC = 1e-12, 1e3
-# What a coarser integration may leave of the defect, over its tolerance.
-NOISE = 0.1
-# Squarings of a map for its largest multiplier, good to a hundredth and to the last digits (no literals, see
-# `periods.ZERO`).
-ROUGHLY, CLOSELY = np.int64(12), np.int64(40)
-# Multipliers above which derivatives of the coarsest integration, or of the last one, will not do.
-SHORT, LONG = 0.5, 0.95
+# Periods of waiting between the first two attempts of Newton's method, then twice as many each time; and
+# those after which an orbit is answered that the motion has not been seen to settle into.
+PATIENCE, SOUGHT = 20, 500
+# After waiting this many times as long, attempts go on from where the last one came instead.
+ANCHORED = 16
+# Of the largest multiplier, which is known to rounding only.
+STABLE = 1.0 + 1e-6
+# The motion from rest leads to an orbit that is this near (over the largest state), or where a period moves
+# it as the multipliers say, but for this part.
+NEAR, REMAINDER = 1e-3, 0.25
 
 
 class Orbit(NamedTuple):
@@ -92,220 +79,114 @@ def room_for(members: int, states: int) -> Found:
     return Found(np.full(members, DONE), steps, errors, residuals, radius, count, jacobian)
 
 
-class Work(NamedTuple):
-    """Work space of one orbit; `scale` brings velocities to metres."""
-
-    span: Any
-    scale: Any
-    of_step: Any
-    matrix: Any
-    near: Neighbours
-    log: Any
-    times: Any
-    samples: Any
-
-
 _room = compiled(neighbours)
 
 
-@compiled
-def _advance(plant, drive, load, r, level, column, work, log, after):
-    """One period from r to `after`; returns outcome and step."""
-    state = state_of(plant, r)
-    outcome, _, _, _, state = follow(
-        plant,
-        drive,
-        load,
-        state,
-        work.span,
-        level,
-        False,
-        MAX_STEPS,
-        work.times,
-        work.samples,
-        log,
-        work.near,
-        None,
-        None,
-    )
-    put(after, state)
-    step = after[column]
-    after[column] = 0.0
-    return outcome, step
-
-
-@merged
-def _slopes(plant, drive, load, r, level, column, smooth, work, after, jacobian):
-    """As `_advance`, with the derivatives of the map and of the step."""
-    n, near = r.size, work.near
-    for p in range(n - 1):
-        c = p if p < column else p + 1
-        put(near.states[p], r)
-        near.states[p, c] += NUDGE / work.scale[c]
-    log = work.log if smooth else work.log[:0]
-    outcome, step = _advance(plant, drive, load, r, level, column, work, log, after)
-    for p in range(n - 1):
-        c = p if p < column else p + 1
-        nudge = NUDGE / work.scale[c]
-        moved, moved_step = near.states[p], near.states[p, column]
-        if not smooth:
-            nudge = NUDGE_STATIC * level / work.scale[c]
-            moved = np.empty(n)
-            put(moved, r)
-            moved[c] += nudge
-            own, moved_step = _advance(plant, drive, load, moved, level, column, work, log, moved)
-            outcome = max(outcome, own)
-        for i in range(n):
-            jacobian[i, c] = (moved[i] - after[i]) / nudge if i != column else 0.0
-        work.of_step[c] = (moved_step - step) / nudge
-    return outcome, step
-
-
 @inlined
-def _move(r, change):
-    for c in range(r.size):
-        r[c] += change[c]
-
-
-@inlined
-def _size(r, scale):
+def _apart(a, b, scale):
     most = 0.0
-    for c in range(r.size):
-        value = abs(r[c]) * scale[c]
-        most = max(most, value) if value <= math.inf else math.inf  # NaN too
+    for c in range(a.size):
+        value = abs(a[c] - b[c]) * scale[c]
+        most = max(most, value) if value <= math.inf else math.inf
     return most
 
 
 @compiled
-def to_orbit(jacobian, defect, a, x):
-    """From a state whose period ends off by `defect` to the orbit, to first order: x = (I - J)^-1 defect, by
-    Gauss's elimination with pivoting in `a`; infinite where there is none."""
-    n = defect.size
-    for i in range(n):
-        for j in range(n):
-            a[i, j] = (1.0 if i == j else 0.0) - jacobian[i, j]
-        x[i] = defect[i]
-    for k in range(n):
-        pivot = k
-        for i in range(k + 1, n):
-            if abs(a[i, k]) > abs(a[pivot, k]):
-                pivot = i
-        if a[pivot, k] == 0.0:
-            x[:] = math.inf
-            return
-        for j in range(n):
-            a[k, j], a[pivot, j] = a[pivot, j], a[k, j]
-        x[k], x[pivot] = x[pivot], x[k]
-        for i in range(k + 1, n):
-            share = a[i, k] / a[k, k]
-            for j in range(k, n):
-                a[i, j] -= share * a[k, j]
-            x[i] -= share * x[k]
-    for i in range(n - 1, -1, -1):
-        for j in range(i + 1, n):
-            x[i] -= a[i, j] * x[j]
-        x[i] /= a[i, i]
+def _leads(before, after, orbit, jacobian, near, scale):
+    """Whether a period of the motion, from one state to the next, leads to the orbit: it is near, or moves as
+    the derivatives on the orbit say."""
+    largest, off = 0.0, 0.0
+    for i in range(orbit.size):
+        expected = orbit[i] - before[i]
+        for j in range(orbit.size):
+            expected -= jacobian[i, j] * (orbit[j] - before[j])
+        largest = max(largest, abs(expected) * scale[i])
+        off = max(off, abs(after[i] - before[i] - expected) * scale[i])
+    return _apart(after, orbit, scale) <= near or off <= REMAINDER * largest
 
 
-@compiled
-def spectral_radius(jacobian, scale, squarings):
-    """The largest eigenvalue in size, from the norm of the matrix squared so many times over."""
-    n = scale.size
-    a, b = np.empty((n, n)), np.empty((n, n))
-    for i in range(n):
-        for j in range(n):
-            a[i, j] = jacobian[i, j] * scale[i] / scale[j]
-    logarithm, weight = 0.0, 1.0
-    for _ in range(squarings):
-        norm = 0.0
-        for i in range(n):
-            for j in range(n):
-                norm = max(norm, abs(a[i, j]))
-        if not norm > 0.0:
-            return norm
-        logarithm += weight * math.log(norm)
-        weight *= 0.5
-        for i in range(n):
-            for j in range(n):
-                total = 0.0
-                for k in range(n):
-                    total += (a[i, k] / norm) * (a[k, j] / norm)
-                b[i, j] = total
-        a, b = b, a
-    return math.exp(logarithm)
+@inlined
+def _copy(matrix, into):
+    for i in range(matrix.shape[0]):
+        put(into[i], matrix[i])
 
 
 @merged
 def _orbit(plant, drive, load, q, tolerance, max_periods, column, smooth, work, jacobian):
-    """The orbit from the state q on, which becomes that of the orbit; returns outcome, step, error, residual,
-    radius and periods of `Found`."""
-    scale, of_step, none = work.scale, work.of_step, work.log[:0]
-    n = q.size
-    r, after, change, waiting, defect = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
-    put(r, q)
-    r[column] = 0.0
+    """The orbit into which the motion from the state q settles; q becomes its state. Returns outcome, step,
+    error, residual, radius and periods of `Found`."""
+    scale, none, n = work.scale, work.log[:0], q.size
+    r, aim, after, change, kept = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    rest = np.empty(n)
+    derivatives = np.zeros((n, n))  # on the orbit that is kept
+    q[column] = 0.0
+    put(rest, q)
     level = tolerance * (COARSEST if smooth else COARSEST_STATIC)
-    first, derived, fresh, radius = level, level, True, math.nan
-    outcome, step = _advance(plant, drive, load, r, level, column, work, none, after)
-    put(r, after)
-    count, wait, largest = 1, 0, _size(r, scale)
-    # Of the integration before this one: its tolerance (infinite: there is none to compare with), defect, and
-    # the step of the orbit by it.
-    before, gap_before, step_before = math.inf, math.inf, math.inf
-    error, residual, further = math.nan, math.inf, 0.0
-    while outcome == DONE:
-        if fresh:
-            outcome, step = _slopes(plant, drive, load, r, level, column, smooth, work, after, jacobian)
-            count += 2 if smooth else r.size
-            radius, derived = spectral_radius(jacobian, scale, ROUGHLY), level
-        else:
-            outcome, step = _advance(plant, drive, load, r, level, column, work, none, after)
-            count += 1
-        for c in range(r.size):
-            defect[c] = after[c] - r[c]
-        to_orbit(jacobian, defect, work.matrix, change)
-        gap, size, further = _size(defect, scale), _size(change, scale), 0.0
-        for c in range(r.size):
-            further += of_step[c] * change[c] if c != column else 0.0
-        # Where the multipliers come near 1, the orbit is much further away than one period shows.
-        residual = max(gap, size, abs(further))
-        compared = before < math.inf
-        if compared:  # r is the orbit by a coarser integration
-            error = PER_MOVE * max(size, abs(step + further - step_before))
-        enough = compared and error <= tolerance and level <= FINER * before
-        if outcome == DONE and residual <= tolerance and (enough or level < FINEST * tolerance):
-            break
-        if count >= max_periods and outcome == DONE:
-            outcome = NOT_FOUND
-            break
-        falls = outcome == DONE and (gap < 0.5 * gap_before or gap <= NOISE * before)
-        if compared and not falls:
-            before, fresh = math.inf, True
-            if derived > level and outcome == DONE:
-                continue
-            # Newton's method from derivatives of this integration failed: on from where it began.
-            outcome, wait = DONE, PATIENCE
-            put(after, waiting)
-        largest = max(largest, _size(after, scale))
-        if outcome == DONE and wait == 0 and size <= FARTHEST * largest:
-            put(waiting, after)
-            before, gap_before, step_before = level, gap, step + further
-            _move(r, change)
-            if size <= max(level, tolerance):
-                level = min(FINER * level, COARSE * tolerance)
-            fresh = radius > LONG or (derived == first and radius > SHORT)
-            continue
-        put(r, after)
-        while wait > 1 and outcome == DONE:
-            outcome, step = _advance(plant, drive, load, r, level, column, work, none, after)
-            put(r, after)
+    finer = min(level, COARSE * tolerance)
+    outcome, walked = advance(plant, drive, load, q, level, column, work, none, after)
+    put(q, after)
+    count, patience, found, sure, near = 1, PATIENCE, False, False, 0.0
+    most, hesitation = max_periods, 1
+    best = (math.nan, math.nan, math.inf, math.nan)
+    while outcome == DONE and not sure:
+        put(r, q)
+        result, step, error, residual, periods, moved, far, fine = newton(
+            plant,
+            drive,
+            load,
+            r,
+            aim,
+            tolerance,
+            level,
+            max_periods - count,
+            column,
+            smooth,
+            work,
+            jacobian,
+            after,
+            change,
+        )
+        count += periods
+        if result == DONE:
+            radius, near = spectral_radius(jacobian, scale, CLOSELY), NEAR * size_of(q, scale)
+            again = found and _apart(r, kept, scale) <= near
+            sure = not radius > STABLE and (again or _apart(r, aim, scale) <= max(near, REMAINDER * moved))
+            if not found:
+                most = min(count + SOUGHT, max_periods)
+            best, found = (step, error, residual, radius), True
+            put(kept, r)
+            _copy(jacobian, derivatives)
+            if sure:
+                break
+        elif not found:
+            best = (step, error, residual, spectral_radius(jacobian, scale, CLOSELY))
+        # On as the motion itself goes, which never leads where it would not be.
+        wait = hesitation if far else patience
+        hesitation, patience = (2 * hesitation, patience) if far else (hesitation, 2 * patience)
+        if level > finer:  # a coarse first period may lead into another orbit than the motion itself
+            outcome, walked = advance(plant, drive, load, rest, finer, column, work, none, after)
+            put(q, after)
+            count, level = count + 1, finer
+        if not found and not far and patience > ANCHORED * PATIENCE and moved < math.inf:
+            put(q, aim)
+            wait, level = PATIENCE, fine
+        while wait > 0 and outcome == DONE and not sure:
+            if count >= most:
+                outcome = NOT_FOUND
+                break
+            outcome, walked = advance(plant, drive, load, q, level, column, work, none, after)
             count, wait = count + 1, wait - 1
-        wait, fresh, before = 0, True, math.inf
-    if outcome == DONE:
-        _move(r, change)
-        step += further
-    put(q, r)
-    return outcome, step, error, residual, spectral_radius(jacobian, scale, CLOSELY), count
+            if found and not best[3] > STABLE and outcome == DONE:
+                sure = _leads(q, after, kept, derivatives, near, scale)
+            put(q, after)
+    step, error, residual, radius = best
+    if found:
+        if not sure:  # what the motion does instead
+            error = max(error, abs(walked - step))
+        outcome = DONE
+        put(q, kept)
+        _copy(derivatives, jacobian)
+    return outcome, step, error, residual, radius, count
 
 
 @kernel
@@ -382,7 +263,10 @@ def find_orbit(
     if found.outcomes[0] not in (DONE, NOT_FOUND):
         raise FloatingPointError("the motion could not be followed over one period")
     moving = np.delete(np.delete(found.jacobian[0], slider, axis=0), slider, axis=1)
-    multipliers = np.linalg.eigvals(moving).astype(np.complex128)
+    finite = bool(np.isfinite(moving).all())  # neighbours may run away from a motion that is none
+    multipliers = (np.linalg.eigvals(moving) if finite else np.full(len(moving), np.nan)).astype(
+        np.complex128
+    )
     step, residual, error = (float(a[0]) for a in (found.steps, found.residuals, found.errors))
     converged = bool(found.outcomes[0] == DONE)
     return Orbit(step, states[0], multipliers, converged, residual, int(found.periods[0]), error)

@@ -1,0 +1,80 @@
+"""The steady step is that of the motion into which the actuator settles from rest."""
+
+from __future__ import annotations
+
+import pytest
+
+from stickslip.actuator import load_actuator
+from stickslip.friction import Dahl, LuGre, ResetIntegrator, Stribeck
+from stickslip.simulation import steady_orbit, steady_step
+from stickslip.waveform.knots import PeriodicKnots
+from stickslip.waveform.sampled import Sampled
+
+KANG = load_actuator("kang2007").replace(min_voltage=-200.0, max_voltage=300.0)
+TOLERANCE = 1e-10  # m
+
+
+@pytest.mark.compiled
+def test_of_two_orbits_the_one_from_rest() -> None:
+    """Orbits of -162.171 nm and of -169.848 nm, into which `simulate` settles in 100 periods."""
+    model = KANG.replace(
+        natural_frequency=7290.74512360932,
+        damping_ratio=0.04132677118683065,
+        end_effector_mass=0.0832694173689093,
+        friction=ResetIntegrator(4446695.3456539875, 5.912226533084608e-08, 0.2, 96.1495452910923),
+        external_force=-0.24975376696763368,
+    )
+    times = 0.0004274502069423339, 0.002849668046282226, 0.008549004138846678, 0.013250956415212352
+    values = 7.962877553693768, 10.002965398835002, 14.528612432161404, 10.217223882970362
+    drive = PeriodicKnots(times, values, 0.01424834023141113)
+    assert steady_step(model, drive, tolerance=TOLERANCE) == pytest.approx(-169.84854487e-9, abs=TOLERANCE)
+
+
+@pytest.mark.compiled
+def test_a_newton_step_does_not_throw_the_motion_away() -> None:
+    """`simulate` settles at 52913.006 nm in 4000 periods."""
+    model = KANG.replace(
+        natural_frequency=14476.54119090509,
+        damping_ratio=0.02466676919127315,
+        end_effector_mass=0.19141794542353394,
+        friction=LuGre(
+            6859336.554323834, 642.3402682389003, 0.0, 0.209481961485129, 0.2667566753397586, 0.0034303929
+        ),
+        external_force=0.19900786341087254,
+        stage_reaction=False,
+    )
+    times = [1.19546855e-05, 7.96979034e-05, 2.39093710e-04, 3.70595251e-04]
+    drive = Sampled(times, [28.31602854, 45.7220221, 52.04450877, 12.36654781], period=0.00039848951717813894)
+    fine = steady_step(model, drive, tolerance=TOLERANCE / 10)
+    assert steady_step(model, drive, tolerance=TOLERANCE) == pytest.approx(fine, abs=TOLERANCE)
+
+
+@pytest.mark.compiled
+def test_beyond_an_unstable_orbit_the_one_that_is_settled_into() -> None:
+    """One of 591 nm is unstable; `simulate` settles at -3572.8557 nm."""
+    model = KANG.replace(
+        natural_frequency=36227.079717121305,
+        damping_ratio=0.22398105694531273,
+        end_effector_mass=0.11594353602001962,
+        friction=Stribeck(0.0793417857956342, 0.10040500308078305, 0.002),
+    )
+    times = [9.95527422e-05, 6.63684948e-04, 1.99105484e-03, 3.08613501e-03]
+    drive = Sampled(times, [5.32336984, 28.05340862, 7.91285208, 22.29682713], period=0.003318424740583083)
+    step = steady_step(model, drive, tolerance=TOLERANCE / 10)
+    assert step == pytest.approx(-3572.85572263e-9, abs=TOLERANCE)
+
+
+@pytest.mark.compiled
+def test_a_motion_that_rounding_decides_is_given_up_in_bounded_steps() -> None:
+    """A bristle that nothing damps, near breakaway: it creeps by 4 to 14 nm a period, at any tolerance."""
+    model = KANG.replace(
+        natural_frequency=2336.555164511237,
+        damping_ratio=0.09965747456274013,
+        end_effector_mass=0.00417553812207321,
+        friction=Dahl(12244321.65416825, 0.12899633650294118),
+        external_force=0.12254651967779412,
+    )
+    times = 0.0020528101718117085, 0.01368540114541139, 0.041056203436234166, 0.06363711532616297
+    values = 68.33525397160845, 47.146236559511294, 63.128061129209584, 74.55562267007193
+    drive = PeriodicKnots(times, values, 0.06842700572705694, smooth=True)
+    assert steady_orbit(model, drive, tolerance=TOLERANCE).periods <= 2001
