@@ -4,7 +4,15 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Discriminator, Field, StringConstraints, Tag, model_validator
+from pydantic import (
+    AfterValidator,
+    Discriminator,
+    Field,
+    StringConstraints,
+    Tag,
+    field_validator,
+    model_validator,
+)
 
 from .. import registry
 from ..input_file import Seconds, Strict
@@ -70,12 +78,18 @@ class OwnRigSpec(Strict):
 
     @model_validator(mode="before")
     @classmethod
-    def _is_there(cls, said: Any) -> Any:
-        """Before any other field is judged, which another kind may have."""
+    def _kind_first(cls, said: Any) -> Any:
+        """Of a kind that there is not, no other field is judged: it may be one of the kind that is meant."""
         kind = said.get("kind") if isinstance(said, dict) else None
-        if isinstance(kind, str) and not own_path(kind)[0]:
+        known = not isinstance(kind, str) or own_path(kind)[0] or kind in registry.rigs.names()
+        return said if known else {"kind": kind}
+
+    @field_validator("kind")
+    @classmethod
+    def _is_there(cls, kind: str) -> str:
+        if not own_path(kind)[0]:
             registry.rigs.find(kind)
-        return said
+        return kind
 
 
 def _rig(said: Any) -> str:
