@@ -192,40 +192,35 @@ def test_refused(state: ss.simulation.State, said: str) -> None:
 BOUNDED = [
     (ss.ResetIntegrator(1e6, 5e-7, 0.2, 5.0), (5e-7,)),
     (ss.MaxwellSlip((1e6, 4e5), (0.2, 0.15), 0.5, 1.3), (0.26e-6, 0.4875e-6)),
-    (ss.Dahl(1e6, 0.5), (5e-7,)),
     (ss.Dahl(1e6, 0.5, 0.5), (5e-7,)),
-    (ss.Dahl(1e6, 0.5, 2.0), (5e-7,)),
-    (ss.LuGre(1e6, 30.0, 0.4, 0.5, 0.7), (7e-7,)),
-    (ss.Elastoplastic(1e6, 30.0, 0.4, 0.5, 0.7, 2e-7), (7e-7,)),
 ]
 
 
 @pytest.mark.parametrize(("law", "most"), BOUNDED, ids=repr)
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_no_bristle_begins_beyond_its_bound(law: Any, most: tuple[float, ...], sign: float) -> None:
-    model, at_bound = KANG.replace(friction=law), np.array(most)
+def test_no_bristle_begins_far_beyond_its_bound(law: Any, most: tuple[float, ...], sign: float) -> None:
+    model, at_bound = KANG.replace(friction=law), sign * np.array(most)
     for i, bound in enumerate(most):
         z = at_bound.copy()
-        z[i] *= 1.02
+        z[i] *= 2.1
         said = rf"deflections\[{i}\] = \S+ m is beyond .* {type(law).__name__}: at most {bound:g} m"
         with pytest.raises(ss.units.QuantityError, match=said):
-            begin_at(model, sign * z)
-    begin_at(model, sign * at_bound * (1.0 + 1e-4))
+            begun(model, z)
+    # What friction that was greater by a fifth has left is put onto the bound; rounding is left alone.
+    np.testing.assert_array_equal(begun(model, 1.2 * at_bound), at_bound)
+    np.testing.assert_array_equal(begun(model, 1.001 * at_bound), 1.001 * at_bound)
 
 
-def begin_at(model: Any, z: Any, made_by: str = "") -> None:
-    """Place the model in a state, without a trajectory from there."""
-    state = ss.simulation.State(bristle_deflections=tuple(z.tolist()), made_by=made_by)
-    placed(state, Contact().system(model), Contact(), 0.0)
+def test_a_law_without_a_bound_takes_what_another_left() -> None:
+    """The bristle lets go bit by bit: contacts of a rig differ from run to run."""
+    assert begun(KANG.replace(friction=ss.LuGre(1e6, 30.0, 0.4, 0.5, 0.7)), np.array([8e-7]))[0] == 8e-7
 
 
-def test_a_trajectory_goes_on_under_less_friction_where_the_law_lets_go_bit_by_bit() -> None:
-    lugre = KANG.replace(friction=ss.LuGre(1e6, 30.0, 0.4, 0.5, 0.7))
-    begin_at(lugre, np.array([8e-7]), "of another law")
-    with pytest.raises(ss.units.QuantityError, match="ResetIntegrator: at most 5e-07 m"):
-        begin_at(KANG.replace(friction=BOUNDED[0][0]), np.array([8e-7]), "of another law")
-    along = ss.friction.NormalForce(slope=5e4, stiffness_exponent=1 / 3)
-    begin_at(lugre.replace(normal_force=along), np.array([8e-7]))
+def begun(model: Any, z: Any) -> Any:
+    """The deflections with which a trajectory of the model begins in a state."""
+    of = Contact().system(model)
+    state = ss.simulation.State(bristle_deflections=tuple(z.tolist()))
+    return placed(state, of, Contact(), 0.0)[of.bodies : of.inner]
 
 
 def test_times_before_the_state_are_refused() -> None:

@@ -16,10 +16,10 @@ from ..units import QuantityError
 from ..waveform.drive import Drive, evaluate
 from .errors import SimulationWarning
 from .models import Contact, System
-from .strain import reach
 
-# A sample of a trajectory may lie beyond a law's bound by the errors of the trajectory.
-ROOM = 1.01
+# Over a law's bound, a deflection may be beyond it by the errors of a trajectory, and as far as contacts
+# differ from one run to the next.
+ROUNDED, FARTHEST = 1.01, 2.0
 
 
 class State(NamedTuple):
@@ -127,7 +127,7 @@ def placed(state: State, of: System, contact: Contact, before: float) -> NDArray
 
     Raises:
         QuantityError: a number that is not finite, another number of bristles than the law has, or one that
-            is deflected further than the law lets it.
+            is deflected much further than a law with a bound lets it.
     """
     q = contact.rest(of, before)
     if state is REST:
@@ -153,30 +153,26 @@ def placed(state: State, of: System, contact: Contact, before: float) -> NDArray
                 f"initial_state has {len(state.bristle_deflections)} bristle deflections [m]; the law has "
                 f"{of.internal}"
             )
-        q[of.bodies : of.inner] = state.bristle_deflections
-        _check_reach(state, of)
+        q[of.bodies : of.inner] = _within_bounds(state.bristle_deflections, of)
     if not (np.all(np.isfinite(q)) and np.isfinite(state.time) and state.time >= 0.0):
         raise QuantityError(f"initial_state must be of finite numbers, from 0 s or later: {state}")
     return q
 
 
-def _check_reach(state: State, of: System) -> None:
-    """Raise `QuantityError` for a deflection that no sliding leads to."""
-    contact = of.contact
-    if contact is None or state.bristle_deflections is None:
-        return
-    along = contact.along
-    # Without a bound of its own, a law lets go bit by bit what an earlier law, or a greater normal force to
-    # which its stiffness was not in proportion, has left.
-    gradual = state.made_by != "" or (along is not None and along.stiffness_exponent != 1.0)
-    for i, z in enumerate(state.bristle_deflections):
-        one, most = element(contact.law, i), np.inf
-        if np.isfinite(z) and project(one, z) != z:
-            most = abs(project(one, z))
-        elif np.isfinite(z) and not gradual:
-            most = reach(one, z)
-        if abs(z) > ROOM * most:
+def _within_bounds(deflections: tuple[float, ...], of: System) -> list[float]:
+    """Deflections [m], those that a run with other friction has left beyond their bound put onto it.
+
+    Raises:
+        QuantityError: one is so far beyond it that no sliding led there.
+    """
+    placed, law = list(deflections), of.contact.law if of.contact is not None else None
+    for i, z in enumerate(deflections if law is not None else ()):
+        most = abs(project(element(law, i), z)) if np.isfinite(z) else np.inf
+        if abs(z) > FARTHEST * most:
             raise QuantityError(
                 f"initial_state.bristle_deflections[{i}] = {z:g} m is beyond what sliding deflects it to in "
-                f"{type(contact.law).__name__}: at most {most:g} m"
+                f"{type(law).__name__}: at most {most:g} m"
             )
+        if abs(z) > ROUNDED * most:
+            placed[i] = float(np.copysign(most, z))
+    return placed

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import Any
 
@@ -15,8 +14,6 @@ from ..friction import elements, rate
 # Slow against every Stribeck velocity: what a contact that creeps into sliding does.
 _CREEPING = 1e-9  # m/s
 _FARTHEST = 1.0  # m, for a law whose bristle never ends
-# At which of them a bristle is deflected most depends on the law.
-_SPEEDS = tuple(10.0**k for k in range(-9, 3))  # m/s
 
 
 def strained(law: Any, force: float) -> NDArray[np.float64]:
@@ -29,18 +26,6 @@ def strained(law: Any, force: float) -> NDArray[np.float64]:
 
     d = _largest(below, max(ends))
     return np.copysign([min(d, end) for end in ends], force)
-
-
-def reach(one: Any, towards: float) -> float:
-    """The largest deflection [m] that sliding brings one element to, at any speed, in a direction; infinite
-    for an element that sliding does not deflect."""
-    sign = math.copysign(1.0, towards)
-
-    def deflects(speed: float, d: float) -> bool:
-        return bool(sign * rate(one, sign * speed, sign * d)[1] > 0.0)
-
-    reached = [_largest(lambda d, v=v: deflects(v, d), _FARTHEST) for v in _SPEEDS if deflects(v, 0.0)]
-    return max(reached, default=math.inf)
 
 
 def _largest(holds: Callable[[float], bool], limit: float) -> float:
