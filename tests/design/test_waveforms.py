@@ -39,15 +39,17 @@ def test_the_search_finds_the_best_of_a_grid():
     assert found.score < 1.1 * np.nanmax(values)  # between its points there is no other world
 
 
-@pytest.mark.parametrize("seed", [0, 4])
-def test_of_many_hills_it_finds_a_high_one(seed: int):
+def test_of_many_hills_it_finds_a_high_one():
     """A stage with a damping ratio of 0.045 answers to harmonics of its drive. SciPy's differential evolution
     ends at 3.74 mm/s with four seeds, evolutions by CMA-ES from the sawtooth at 2.8; ours, of six seeds, at
-    3.76 four times, at 3.99 and at 3.41 once each."""
-    light = member(6).actuator
-    found = ss.optimise_waveform(light, goal="speed", knots=4, max_voltage=100.0, seed=seed)
-    assert found.value > 3.7e-3
-    assert found.evaluations < 3000
+    3.76 four times, at 3.99 and (seed 1) at 3.41 once each."""
+    light, found = member(6).actuator, []
+    for seed in range(6):
+        one = ss.optimise_waveform(light, goal="speed", knots=4, max_voltage=100.0, seed=seed)
+        assert one.evaluations < 3000
+        found.append(one.value)
+    assert np.count_nonzero(np.array(found) > 3.7e-3) >= 5
+    assert min(found) > 3.3e-3
 
 
 @pytest.mark.parametrize("scenarios", [(), LOADS])

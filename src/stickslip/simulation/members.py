@@ -128,10 +128,6 @@ class Scaled(NamedTuple):
         before, polynomial = self.factor * table.before, self.factor * table.polynomial
         return table._replace(before=before, polynomial=polynomial, harmonic=harmonic)
 
-    def range(self) -> tuple[float, float]:
-        low, high = sorted(self.factor * value for value in self.of.range())
-        return low, high
-
 
 def bends(model: Actuator) -> bool:
     """Whether the piezo gives another form of its stroke at another amplitude, before the plant feels it."""
@@ -198,25 +194,26 @@ def prepared(
     """
     count = next(iter(columns.values())).size
     values = {name: c for name, c in columns.items() if name in free_names(model)}
-    reasons = _refused(model, columns, values, count)
+    reasons, scale = _refused(model, columns, values, count), columns.get("drive_scale", np.ones(count))
     fields, own = changed_fields(model, values)
     # Unchecked: the members that are wrong are known by now, and are left out.
     law = tuple.__new__(type(model.friction), fields.values())
     members = tuple.__new__(Actuator, (model._asdict() | own | {"friction": law}).values())
     if common is None:
         rows = _waveforms(waveform, waveform_columns(waveform, columns), reasons)
-        if "drive_scale" in columns:
-            rows = [Scaled(row, factor) for row, factor in zip(rows, columns["drive_scale"], strict=True)]
+        _refuse_voltages(members, rows, scale, reasons)
+        if "drive_scale" in columns and bends(model):  # before the piezo; else the plants have it
+            rows = [Scaled(row, factor) for row, factor in zip(rows, scale, strict=True)]
+            scale = np.ones(count)
         drives, which, ends = _tables(members, waveform, columns, rows, reasons, end, periodic)
     else:
         if "drive_scale" in columns:
-            _refuse_voltages(members, [Scaled(waveform, c) for c in columns["drive_scale"]], reasons)
+            _refuse_voltages(members, [waveform] * count, scale, reasons)
         drives, which = common_drive(common), np.zeros(count, np.int64)
         ends = np.full(count, _end(waveform, periodic) if end is None else end)
     contact = contact_load(load, float(np.nanmax(ends, initial=0.0)))
     own_load = contact._replace(normal=contact.normal * columns.get("load", 1.0))
     of = contact.system(model)
-    scale = np.ones(count) if bends(model) else columns.get("drive_scale", np.ones(count))
     table = _values(own_load.system(members), scale, count)
     states = np.zeros((count, of.states))
     if np.any(drives.before) or np.any(members.axial_force):
@@ -240,11 +237,7 @@ def _tables(
     periodic: bool,
 ) -> tuple[Drives, NDArray[np.int64], NDArray[np.float64]]:
     """The drives of the members, whose waveforms are `rows`, which of them each has, and where each ends;
-    adds what is refused to the reasons. The fields of the model may be arrays.
-
-    A scale is in the tables only where the piezo bends them: else the plants have it, see `_values`.
-    """
-    _refuse_voltages(model, rows, reasons)
+    adds what is refused to the reasons. The fields of the model may be arrays."""
     for m, row in enumerate(rows if periodic else ()):
         if not reasons[m] and row.period is None:
             reasons[m] = f"this {type(waveform).__name__} has no period"
@@ -253,8 +246,6 @@ def _tables(
     which[fine] = np.arange(fine.size)
     if not fine.size:
         return common_drive(waveform.drive(1e-9)), which, ends
-    if not bends(model):
-        rows = [row.of if isinstance(row, Scaled) else row for row in rows]
     ends[fine] = [end or _end(rows[m], periodic) for m in fine.tolist()]
     if hasattr(waveform, "drives") and model.piezo is None:
         varied = waveform_columns(waveform, columns)
@@ -304,12 +295,14 @@ def _waveforms(waveform: Any, columns: Columns, reasons: list[str]) -> list[Any]
     return made
 
 
-def _refuse_voltages(model: Actuator, rows: list[Any], reasons: list[str]) -> None:
+def _refuse_voltages(
+    model: Actuator, rows: list[Any], scale: NDArray[np.float64], reasons: list[str]
+) -> None:
     lows, highs = (np.broadcast_to(v, len(rows)) for v in (model.min_voltage, model.max_voltage))
     for m, row in enumerate(rows):
         if reasons[m]:
             continue
-        low, high = row.range()
+        low, high = (float(scale[m]) * value for value in row.range())
         if low < lows[m] or high > highs[m]:
             reasons[m] = out_of_range(model, low, high, float(lows[m]), float(highs[m]))
 
