@@ -232,6 +232,11 @@ class Actuator(NamedTuple):
         return self.gain * self.drive_force_per_volt / self.two_port.capacitance
 
     @property
+    def stiffening(self) -> float:
+        """Stiffness of the stage under what is commanded, over that at a held voltage: 1 + κ for a charge."""
+        return 1.0 + self.coupling if self.two_port is not None and self.two_port.charge_drive else 1.0
+
+    @property
     def stage_stiffness(self) -> float:
         """k = m ω_n² [N/m], infinite for a static stage."""
         return self.stage_mass * self.natural_frequency**2
@@ -265,7 +270,7 @@ class Actuator(NamedTuple):
         """The stage from voltage [V] to position [m], without contact, hysteresis and creep: a pair of states
         (m, m/s) for each mode; of a static stage the gain alone. A piezo whose charge is commanded makes the
         stage stiffer by its `coupling`."""
-        stiffer = math.sqrt(1.0 + self.coupling) if self.two_port and self.two_port.charge_drive else 1.0
+        stiffer = math.sqrt(self.stiffening)
         omega_n, zeta_n = stiffer * self.natural_frequency, self.damping_ratio / stiffer
         modes = [] if self.static else [(self.gain, omega_n, zeta_n)]
         modes += [row[:3] for row in self.further_modes.rows] if self.further_modes else []

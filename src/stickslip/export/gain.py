@@ -49,9 +49,7 @@ def observer_gain(model: Any, h: float, noise: float) -> NDArray[np.float64]:
         a[row] += by_force * slopes[1] * sliding
         a[row, 4] += by_force * slopes[0]
         pushes[row, 0 if row == 1 else 1] = abs(by_force) or mech.mobility
-    port = getattr(model, "two_port", None)
-    if port is not None and port.charge_drive:
-        a[1, 0] *= 1.0 + model.coupling
+    a[1, 0] *= getattr(model, "stiffening", 1.0)
     for row, (_, omega, zeta, mass) in zip(range(6, size, 2), modes, strict=True):
         by_force = -1.0 / mass if mech.reaction else 0.0
         a[row - 1, row], a[row, row - 1], a[row, row] = 1.0, -(omega**2), -2.0 * zeta * omega

@@ -164,10 +164,7 @@ def system(model: Actuator | PulledSlider, *, normal: float = 1.0, loaded: bool 
 
 def _stage(model: Any, mech: Mechanism) -> tuple[tuple[Mode, ...], tuple[float, ...]]:
     """The modes of a stage, and what a force of the contact does to each; driven by charge it is stiffer."""
-    stiffer = 1.0
-    port = getattr(model, "two_port", None)
-    if port is not None and port.charge_drive:
-        stiffer += model.coupling
+    stiffer = getattr(model, "stiffening", 1.0)
     modes = [
         Mode(
             mech.stage_stiffness * stiffer,
