@@ -368,6 +368,7 @@ def test_instruments_are_added_bound_arranged_and_kept(page: Page, panel: Panel)
     page.get_by_role("button", name="Add", exact=True).click()
     card = page.get_by_role("article", name="Friction")
     expect(card).to_be_visible()
+    expect(page.locator("dialog")).to_have_count(0)  # in front of the card until the server has answered
     card.locator("input").fill("0.5 N")
     card.locator("input").press("Enter")
     expect(card.locator("input")).to_have_value("500 mN")

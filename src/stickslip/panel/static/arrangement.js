@@ -145,8 +145,7 @@ export function makeArrangement(bench) {
             h("span", {}, one.label), h("span", { class: "soft" }, one.unit ? `${one.name} [${one.unit}]` : one.name))));
       }
       list();
-      const submit = async (event) => {
-        event.preventDefault();
+      const submit = async () => {
         if (!chosen.size) return bench.app.notify("Choose a variable.", "warning");
         const sizes = index < 0 ? (kind.value === "plotter" ? { width: 12, height: 4 } : { width: 3, height: 1 }) : { width: spec.width, height: spec.height };
         const one = { kind: kind.value, variables: [...chosen], title: title.value, ...sizes };

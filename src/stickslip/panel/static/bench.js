@@ -52,8 +52,7 @@ export async function mount(element, app) {
   const values = whole(h("h2", {}, "Inputs"), inputs);
   const controls = h("div", { class: "bare" }, watching, choice, h("div", { class: "row" }, start, halt, home), values);
   const words = h("input", { "aria-label": "A note on this run", placeholder: "Note on this run", maxLength: 2000 });
-  const note = h("form", { class: "note", onsubmit: async (event) => {
-    event.preventDefault();
+  const note = h("form", { class: "note", onsubmit: async () => {
     if (!words.value.trim()) return;
     const kept = await bench.act("/bench/note", { text: words.value });
     if (!kept) return;
@@ -106,8 +105,7 @@ export async function mount(element, app) {
   function saveDialog() {
     return openDialog("Save the experiment", (close) => {
       const field = h("input", { id: "save-name", value: bench.experiment.name || "experiment.yaml", spellcheck: false });
-      const save = async (event) => {
-        event.preventDefault();
+      const save = async () => {
         const wanted = /\.yaml$/.test(field.value) ? field.value : `${field.value}.yaml`;
         if (await bench.act("/bench/save", { name: wanted })) close();
       };

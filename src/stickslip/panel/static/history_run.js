@@ -20,8 +20,7 @@ export async function showRun(element, app, name, acts) {
   const notes = h("textarea", { id: "run-notes", rows: 3, value: run.notes, disabled: !canKeep });
   const tags = h("input", { id: "run-tags", value: run.tags, placeholder: "brass, first batch", disabled: !canKeep, spellcheck: false });
   const save = h("button", { class: "primary small", disabled: !canKeep }, "Save notes and tags");
-  const form = h("form", { class: "history-notes", onsubmit: async (event) => {
-    event.preventDefault();
+  const form = h("form", { class: "history-notes", onsubmit: async () => {
     try {
       await app.request("/history/annotate", { name, notes: notes.value, tags: tags.value.split(",") });
       app.notify("Notes and tags are kept.");

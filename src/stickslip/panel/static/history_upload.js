@@ -45,8 +45,7 @@ function preview(app, look, fault, close, taken) {
     const range = one.low === null ? "" : `${formatQuantity(one.low, "", 4)} to ${formatQuantity(one.high, "", 4)}`;
     return { one, select, unit, row: h("tr", {}, h("th", { scope: "row" }, one.name), h("td", {}, values, h("div", { class: "soft small-text" }, range)), h("td", {}, select), h("td", {}, unit, h("div", { class: "weak small-text" }, said))) };
   });
-  async function take(event) {
-    event.preventDefault();
+  async function take() {
     fault.textContent = "";
     const chosen = rows.filter(({ select }) => select.value);
     const twice = chosen.find(({ select }) => clash(select));

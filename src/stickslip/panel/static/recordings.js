@@ -61,8 +61,7 @@ export function renameDialog(bench, name, renamed) {
   openDialog("Rename the recording", (close) => {
     const parts = name.split("/");
     const field = h("input", { id: "rename", value: parts.at(-1).replace(/\.nc$/, ""), spellcheck: false });
-    const rename = async (event) => {
-      event.preventDefault();
+    const rename = async () => {
       const to = [...parts.slice(0, -1), `${field.value.replace(/\.nc$/, "")}.nc`].join("/");
       if (to === name) return close();
       if (await bench.act("/recordings/rename", { name, to })) {

@@ -35,7 +35,7 @@ export function makeRig(bench) {
 function backEnd(one, choose) {
   const options = h("input", { "aria-label": `Options of ${one.kind}`, value: one.options, spellcheck: false });
   return h("details", {}, h("summary", {}, one.device),
-    h("form", { onsubmit: (event) => { event.preventDefault(); choose({ kind: one.kind, options: options.value }); } },
+    h("form", { onsubmit: () => choose({ kind: one.kind, options: options.value }) },
       h("p", { class: "soft" }, `${one.does}; samples ${one.samples}. Safe state: ${one.safe_state}. Verified against ${one.verified}.`),
       options, h("button", { class: "small" }, `Use ${one.kind}`)));
 }

@@ -47,10 +47,7 @@ export function makeStatistics(bench) {
           fault.textContent = error.message;
         }
       };
-      const submit = (event) => {
-        event.preventDefault();
-        store([{ statistic: name, low: low.value.trim() || null, high: high.value.trim() || null, stop: stop.checked }]);
-      };
+      const submit = () => store([{ statistic: name, low: low.value.trim() || null, high: high.value.trim() || null, stop: stop.checked }]);
       return h("form", { onsubmit: submit }, h("div", { class: "field" }, h("label", { htmlFor: "alarm-low" }, "Not below"), low), h("div", { class: "field" }, h("label", { htmlFor: "alarm-high" }, "Not above"), high),
         h("label", { class: "choice" }, stop, "Stop the run, and a sequence"), fault,
         h("div", { class: "row end" }, alarm ? h("button", { type: "button", onclick: () => store([]) }, "No alarm") : null, h("button", { type: "button", onclick: close }, "Cancel"), h("button", { class: "primary" }, "Set")));
