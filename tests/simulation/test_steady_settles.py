@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
 import pytest
 
-from stickslip.actuator import load_actuator
-from stickslip.friction import Dahl, LuGre, ResetIntegrator, Stribeck
-from stickslip.simulation import steady_orbit, steady_step
+from stickslip.actuator import Actuator, load_actuator
+from stickslip.friction import Dahl, LuGre, MaxwellSlip, ResetIntegrator, Stribeck
+from stickslip.piezo import MaxwellCapacitor, Piezo, PrandtlIshlinskii
+from stickslip.simulation import simulate, steady_orbit, steady_step
+from stickslip.waveform import Sawtooth
 from stickslip.waveform.knots import PeriodicKnots
 from stickslip.waveform.sampled import Sampled
 
@@ -78,3 +83,45 @@ def test_a_motion_that_rounding_decides_is_given_up_in_bounded_steps() -> None:
     values = 68.33525397160845, 47.146236559511294, 63.128061129209584, 74.55562267007193
     drive = PeriodicKnots(times, values, 0.06842700572705694, smooth=True)
     assert steady_orbit(model, drive, tolerance=TOLERANCE).periods <= 2001
+
+
+def by_waiting(model: Actuator, drive: Sawtooth, periods: int) -> float:
+    """The step of the last of so many periods, m."""
+    times = np.array([periods - 1.0, periods]) / drive.frequency
+    ends = simulate(model, drive, times=times, tolerance=1e-11)["end_effector_position"].values
+    return float(ends[1] - ends[0])
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("seed", range(6))
+def test_elements_of_a_piezo_that_do_not_slip_keep_how_they_began(seed: int) -> None:
+    """Of small drives the widest elements never slip back, so that there are orbits beside each other."""
+    random = np.random.default_rng(seed)
+    weights = random.uniform(0.02, 0.1, 4)
+    thresholds = (0.0, *np.cumsum(random.uniform(2.0, 15.0, 4)).tolist())
+    plays = PrandtlIshlinskii(thresholds, (1.0 - weights.sum(), *weights.tolist()))
+    stage = KANG.replace(external_force=random.uniform(-0.2, 0.2))
+    capacitance = random.uniform(1e-7, 1e-6)
+    port = MaxwellCapacitor.of_plays(plays, capacitance, stage.gain, stage.stage_stiffness)
+    model = stage.replace(piezo=Piezo(port))
+    for share in random.uniform(0.3, 2.5, 3):
+        drive = Sawtooth(share * thresholds[-1], random.uniform(20.0, 90.0), rise_fraction=0.95)
+        orbit = steady_orbit(model, drive, tolerance=TOLERANCE)
+        assert orbit.converged
+        assert orbit.periods < 200
+        assert orbit.step == pytest.approx(by_waiting(model, drive, 60), abs=2 * TOLERANCE)
+        assert math.isclose(steady_step(model, drive, tolerance=TOLERANCE), orbit.step)
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("seed", range(4))
+def test_elements_of_a_contact_that_do_not_slip_keep_how_they_began(seed: int) -> None:
+    random = np.random.default_rng(10 + seed)
+    shares, strengths = random.uniform(0.5, 1.5, (2, 3))
+    law = MaxwellSlip((4e5 * shares).tolist(), (0.15 * np.cumsum(strengths)).tolist(), 20.0)
+    model = KANG.replace(friction=law)
+    for amplitude in random.uniform(1.0, 25.0, 3):
+        drive = Sawtooth(amplitude, random.uniform(20.0, 90.0), rise_fraction=0.9)
+        orbit = steady_orbit(model, drive, tolerance=TOLERANCE)
+        assert orbit.converged
+        assert orbit.step == pytest.approx(by_waiting(model, drive, 60), abs=2 * TOLERANCE)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.simulation.varied import waveform_value, with_field
+from stickslip.simulation.varied import put_in, record_value
 
 KANG = ss.load_actuator("kang2007")
 OTHER = ss.Actuator(
@@ -37,9 +37,13 @@ CASES: dict[str, tuple[Any, Any, list[str]]] = {
 LONG = [n if n == "a jump" else pytest.param(n, marks=pytest.mark.compiled) for n in CASES]
 
 
+def with_field(waveform: Any, name: str, value: float) -> Any:
+    return type(waveform)(**put_in(waveform, {name: value}))
+
+
 def differences(model: Any, waveform: Any, name: str, times: np.ndarray, load: Any = 1.0) -> np.ndarray:
     """Of two simulations at a fine tolerance, each with its own steps."""
-    value = waveform_value(waveform, name)
+    value = record_value(waveform, name)
     h = 1e-4 * (abs(value) or 1.0)
     ends = [
         ss.simulate(model, with_field(waveform, name, value + s * h), times=times, tolerance=1e-13, load=load)
@@ -86,7 +90,7 @@ def test_of_the_steady_step(name: str) -> None:
     model, waveform, fields = CASES[name]
     found = ss.simulation.steady_step_derivatives(model, waveform, parameters=fields, tolerance=1e-12)
     for field in fields:
-        value = waveform_value(waveform, field)
+        value = record_value(waveform, field)
         h = 1e-4 * (abs(value) or 1.0)
         steps = [
             ss.steady_step(model, with_field(waveform, field, value + s * h), tolerance=1e-13)
@@ -100,7 +104,7 @@ def test_by_every_knot() -> None:
     names = [f"value_{i}" for i in (2, 3, 4)] + [f"time_{i}" for i in (2, 3, 4)]
     found = ss.simulation.steady_step_derivatives(KANG, KNOTS, parameters=names, tolerance=1e-12)
     for name in names:
-        value = waveform_value(KNOTS, name)
+        value = record_value(KNOTS, name)
         steps = [
             ss.steady_step(KANG, with_field(KNOTS, name, value + h), tolerance=1e-13)
             for h in (1e-4 * value, -1e-4 * value)

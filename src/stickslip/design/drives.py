@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..actuator import Actuator
-from ..simulation.varied import waveform_names
+from ..simulation.varied import record_names
 from ..units import QuantityError
 from ..waveform.knots import PeriodicKnots
 from ..waveform.periodic import Sawtooth, Sine
@@ -57,7 +57,7 @@ def drive_columns(
     """
     if voltage is None and frequency is None and direction is None:
         return dict(own)
-    names, kind = waveform_names(waveform), type(waveform).__name__
+    names, kind = record_names(waveform), type(waveform).__name__
     if isinstance(waveform, PeriodicKnots):
         return _of_knots(waveform, own, voltage, frequency, direction)
     made, of = dict(own), dict.fromkeys(["amplitude"] if voltage is not None or direction is not None else [])

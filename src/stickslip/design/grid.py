@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..actuator import Actuator
 from ..records import Quantity
 from ..simulation.members import SCALES, checked_columns, labelled
-from ..simulation.varied import waveform_names
+from ..simulation.varied import record_names
 from ..units import QuantityError
 from ..waveform.signal import Waveform
 from .drives import default_drive, drive_columns
@@ -103,7 +103,7 @@ def _axis(name: str, values: Any) -> Array:
 
 def _columns(model: Actuator, waveform: Waveform, at: Mapping[str, Array], count: int) -> dict[str, Array]:
     """Those of the ensemble: fields of waveform and model."""
-    names = waveform_names(waveform)
+    names = record_names(waveform)
     own = {name: column for name, column in at.items() if name in names and name not in AXES}
     drive = drive_columns(waveform, own, at.get("voltage"), at.get("frequency"), at.get("direction"))
     made = {name: np.broadcast_to(c, count).astype(float) for name, c in drive.items()}

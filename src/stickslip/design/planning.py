@@ -16,8 +16,8 @@ from ..identify.walk.experiments import Walk
 from ..progress import Progress, unheard
 from ..records import did_you_mean
 from ..rig import Limits
-from ..simulation.sensitivity import steady_step_derivatives
 from ..simulation.steady import steady_step
+from ..simulation.steady_derivatives import steady_step_derivatives
 from ..units import QuantityError, optional_si, to_si, with_prefix
 from ..waveform import Sawtooth
 from ..waveform.signal import Waveform

@@ -67,11 +67,14 @@ class MaxwellCapacitor(NamedTuple):
             )
 
     def stops(self) -> tuple[Array, Array]:
-        """Widths ρ_j [V] and shares a_j of the stop operators on e = u + T y/C_0."""
-        k, v = np.array(self.stiffnesses), np.array(self.breakaways)
-        charge, slope = v / k, 1.0 / self.capacitance + np.append(np.cumsum(k[::-1])[::-1], 0.0)
-        width = np.cumsum(np.diff(charge, prepend=0.0) * slope[:-1])
-        return width, np.diff(1.0 / slope) / self.capacitance
+        """Widths ρ_j [V] and shares a_j of the stop operators on e = u + T y/C_0, [elements]; where fields
+        are arrays of members, [elements, members]."""
+        every = np.array(np.broadcast_arrays(*self.stiffnesses, *self.breakaways, self.capacitance))
+        n = len(self.stiffnesses)
+        k, v, c_0 = every[:n], every[n:-1], every[-1]
+        charge, slope = v / k, 1.0 / c_0 + np.append(np.cumsum(k[::-1], axis=0)[::-1], 0.0 * k[:1], axis=0)
+        width = np.cumsum(np.diff(charge, axis=0, prepend=0.0 * k[:1]) * slope[:-1], axis=0)
+        return width, np.diff(1.0 / slope, axis=0) / c_0
 
     @property
     def operators(self) -> Operators:

@@ -7,11 +7,11 @@ from .errors import SimulationError as SimulationError
 from .errors import SimulationWarning as SimulationWarning
 from .prescribed import friction_response as friction_response
 from .sensitivity import sensitivities as sensitivities
-from .sensitivity import steady_step_derivatives as steady_step_derivatives
 from .state import State as State
 from .state import final_state as final_state
 from .steady import steady_orbit as steady_orbit
 from .steady import steady_step as steady_step
+from .steady_derivatives import steady_step_derivatives as steady_step_derivatives
 from .steady_members import steady_steps as steady_steps
 from .ticks import Motion as Motion
 from .trajectory import simulate as simulate

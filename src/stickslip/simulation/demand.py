@@ -25,8 +25,7 @@ from ..electronics.lines import jumps, lines_of
 from ..electronics.stack import Stack
 from ..units import QuantityError, with_prefix
 from ..waveform.signal import Waveform
-from .members import put_in
-from .varied import waveform_names
+from .varied import put_in, record_names
 
 Array = NDArray[np.float64]
 
@@ -57,7 +56,7 @@ def electrical_demand(
         raise QuantityError(f"stack: {type(waveform).__name__} has no period: its current is not known")
     if "drive_scale" in columns:
         raise QuantityError("stack: under a drive_scale the current is not known: vary the amplitude")
-    names = waveform_names(waveform)
+    names = record_names(waveform)
     columns = {name: column for name, column in columns.items() if name in names}
     # Knots are stretched with their period, so their times say no more than that does.
     stretched = "period" in columns

@@ -82,10 +82,11 @@ def simulate_ensemble(
         duration: s; left out, that of the waveform, if it ends (of each member's own, where no samples are
             asked for).
         parameters: one array per name, all [members], in SI or as strings. Names are the fields of the law,
-            of the actuator and of the waveform ("amplitude", "frequency"; "value_3" and "time_2" of a list),
-            "stiction_ratio", "breakaway_share" (see `identify_friction`), "drive_scale" (a factor on the
-            waveform), and "load" (the normal force over its reference). Stiction and breakaway deflection
-            that are not among them keep their ratio to Coulomb friction.
+            of the actuator, of its piezo ("piezo_weight_2", "piezo_capacitance") and of the waveform
+            ("amplitude", "frequency"; "value_3" and "time_2" of a list), "stiction_ratio",
+            "breakaway_share" (see `identify_friction`), "drive_scale" (a factor on the waveform), and "load"
+            (the normal force over its reference). Stiction and breakaway deflection that are not among them
+            keep their ratio to Coulomb friction.
         sample_rate, times: of the trajectories, as for `simulate`; left out, only summaries are kept, and
             memory beyond them does not grow with the number of members.
         tolerance: m, as for `simulate`.
@@ -135,7 +136,7 @@ def simulate_ensemble(
     )
     contact_load(load, end)  # what is wrong with it is said at once
     demand = labelled_demand(waveform, varied, stack, count)
-    size = block_size(waveform, varied, end, GPU_BLOCK if task.gpu else BLOCK)
+    size = block_size(model, waveform, varied, end, GPU_BLOCK if task.gpu else BLOCK)
     found = Block(
         np.zeros(count, np.int8),
         np.zeros(count),

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..actuator import Actuator
+from ..piezo.model import Piezo
 from ..plant.generated import with_values as plant_with
 from ..plant.system import Plant, values_of
 from ..records import Quantity, did_you_mean, quantities
@@ -22,7 +23,19 @@ from ..waveform.members import common as common_drive
 from ..waveform.signal import Waveform
 from .models import System, contact_load, drive_table, out_of_range, refuse_jumps
 from .two_port import driven_by_voltage
-from .varied import changed_fields, element_of, free_names, waveform_field, waveform_names, with_values
+from .varied import (
+    changed_fields,
+    changed_piezo,
+    checked_piezo,
+    drive_names,
+    model_names,
+    piezo_names,
+    put_in,
+    quantity_of,
+    record_field,
+    record_names,
+    with_values,
+)
 
 T = TypeVar("T")
 Columns = Mapping[str, NDArray[np.float64]]
@@ -60,7 +73,7 @@ def checked_columns(
     Raises:
         QuantityError: an unknown name, one that model and waveform share, or arrays of different length.
     """
-    of_model, of_waveform = [*free_names(model), *SCALES], waveform_names(waveform)
+    of_model, of_waveform = [*model_names(model), *SCALES], record_names(waveform)
     known, columns = [*of_model, *of_waveform], {}
     for name, values in parameters.items():
         if name not in known:
@@ -71,23 +84,13 @@ def checked_columns(
             raise QuantityError(
                 f"{name!r} cannot vary: it may be the field of {type(waveform).__name__} or that of the model"
             )
-        columns[name] = _column(values, _quantity(model, waveform, name), name)
+        columns[name] = _column(values, quantity_of(model, waveform, name), name)
         if columns[name].ndim != 1 or columns[name].size == 0:
             raise QuantityError(f"{name} must be a list of values, one per member")
     sizes = {name: column.size for name, column in columns.items()}
     if len(set(sizes.values())) != 1:
         raise QuantityError(f"parameters must be arrays of one length; there are {sizes or 'none'}")
     return columns
-
-
-def _quantity(model: Actuator, waveform: Waveform, name: str) -> Quantity | None:
-    """What the name of a parameter means; None for a ratio or a factor."""
-    if name in waveform_names(waveform):
-        quantity = quantities(type(waveform))[waveform_field(waveform, name)[0]]
-        return quantity._replace(unit=quantity.unit.replace("V", waveform.unit))
-    element = element_of(model.friction, name)
-    field = element[0] if element else name
-    return (quantities(type(model)) | quantities(type(model.friction))).get(field)
 
 
 def _column(values: ArrayLike, quantity: Quantity | None, name: str) -> NDArray[np.float64]:
@@ -102,7 +105,7 @@ def labelled(model: Actuator, waveform: Waveform, columns: Columns) -> dict[str,
     """The columns as variables over "member"."""
     made = {}
     for name, column in columns.items():
-        quantity = _quantity(model, waveform, name)
+        quantity = quantity_of(model, waveform, name)
         about = {"units": quantity.unit, "long_name": quantity.meaning} if quantity else {}
         made[name] = ("member", column, about)
     return made
@@ -136,11 +139,12 @@ def bends(model: Actuator) -> bool:
 
 def own_tables(model: Actuator, waveform: Waveform, columns: Columns) -> bool:
     """Whether each member needs a table of its own of what drives the stage."""
-    return bool(waveform_columns(waveform, columns)) or ("drive_scale" in columns and bends(model))
+    before = ["drive_scale"] if bends(model) else []
+    return bool(waveform_columns(waveform, columns)) or any(n in columns for n in drive_names(model) + before)
 
 
 def waveform_columns(waveform: Waveform, columns: Columns) -> dict[str, NDArray[np.float64]]:
-    names = waveform_names(waveform)
+    names = record_names(waveform)
     return {name: column for name, column in columns.items() if name in names}
 
 
@@ -164,10 +168,10 @@ def in_blocks(
             yield first, future.result()
 
 
-def block_size(waveform: Waveform, columns: Columns, end: float, most: int = BLOCK) -> int:
+def block_size(model: Actuator, waveform: Waveform, columns: Columns, end: float, most: int = BLOCK) -> int:
     """How many members make a block whose tables are not too large."""
     varied = waveform_columns(waveform, columns)
-    if not varied and "drive_scale" not in columns:
+    if not varied and not {*columns} & {"drive_scale", *drive_names(model)}:
         return most
     segments = waveform.drive(end).start.size
     per_period = [c / getattr(waveform, "frequency", 1.0) for n, c in varied.items() if n == "frequency"]
@@ -193,7 +197,7 @@ def prepared(
         end: s; None: of each member the duration of its waveform, or with `periodic` its period.
     """
     count = next(iter(columns.values())).size
-    values = {name: c for name, c in columns.items() if name in free_names(model)}
+    values = {name: c for name, c in columns.items() if name in model_names(model)}
     reasons, scale = _refused(model, columns, values, count), columns.get("drive_scale", np.ones(count))
     fields, own = changed_fields(model, values)
     # Unchecked: the members that are wrong are known by now, and are left out.
@@ -205,7 +209,8 @@ def prepared(
         if "drive_scale" in columns and bends(model):  # before the piezo; else the plants have it
             rows = [Scaled(row, factor) for row, factor in zip(rows, scale, strict=True)]
             scale = np.ones(count)
-        drives, which, ends = _tables(members, waveform, columns, rows, reasons, end, periodic)
+        piezos = _piezos(model, columns, count)
+        drives, which, ends = _tables(members, piezos, waveform, columns, rows, reasons, end, periodic)
     else:
         if "drive_scale" in columns:
             _refuse_voltages(members, [waveform] * count, scale, reasons)
@@ -227,8 +232,17 @@ def _end(waveform: Any, periodic: bool) -> float:
     return waveform.period if periodic else waveform.duration
 
 
+def _piezos(model: Actuator, columns: Columns, count: int) -> list[Piezo | None]:
+    """The piezo of each member before its stage, unchecked."""
+    names = [name for name in drive_names(model) if name in columns]
+    if not names:
+        return [model.piezo] * count
+    return [changed_piezo(model, {name: float(columns[name][m]) for name in names}) for m in range(count)]
+
+
 def _tables(
     model: Actuator,
+    piezos: list[Piezo | None],
     waveform: Any,
     columns: Columns,
     rows: list[Any],
@@ -236,8 +250,8 @@ def _tables(
     end: float | None,
     periodic: bool,
 ) -> tuple[Drives, NDArray[np.int64], NDArray[np.float64]]:
-    """The drives of the members, whose waveforms are `rows`, which of them each has, and where each ends;
-    adds what is refused to the reasons. The fields of the model may be arrays."""
+    """The drives of the members, whose waveforms are `rows`, after their piezos, which of them each has, and
+    where each ends; adds what is refused to the reasons. The fields of the model may be arrays."""
     for m, row in enumerate(rows if periodic else ()):
         if not reasons[m] and row.period is None:
             reasons[m] = f"this {type(waveform).__name__} has no period"
@@ -252,7 +266,7 @@ def _tables(
         fields = put_in(waveform, {name: c[fine] for name, c in varied.items()})
         drives = tuple.__new__(type(waveform), fields.values()).drives(ends[fine])
     else:
-        drives = stacked([drive_table(model, rows[m], float(ends[m]), periodic) for m in fine.tolist()])
+        drives = stacked([drive_table(piezos[m], rows[m], float(ends[m]), periodic) for m in fine.tolist()])
     if model.static or driven_by_voltage(model):
         for m in fine.tolist():
             try:
@@ -262,25 +276,13 @@ def _tables(
     return drives, which, ends
 
 
-def put_in(waveform: Any, columns: Mapping[str, Any]) -> dict[str, Any]:
-    """The fields of the waveform with these numbers put in, unchecked."""
-    fields = waveform._asdict()
-    for name, column in columns.items():
-        field, index = waveform_field(waveform, name)
-        if index is None:
-            fields[field] = column
-        else:
-            fields[field] = (*fields[field][:index], column, *fields[field][index + 1 :])
-    return fields
-
-
 def _waveforms(waveform: Any, columns: Columns, reasons: list[str]) -> list[Any]:
     """The waveform of each member, unchecked; adds what its record refuses to the reasons."""
     kind, known = type(waveform), quantities(type(waveform))
     made = [tuple.__new__(kind, row) for row in _rows(put_in(waveform, columns), len(reasons))]
     fine = np.ones(len(reasons), dtype=bool)
     for name, column in columns.items():
-        fine &= known[waveform_field(waveform, name)[0]].allows(column)
+        fine &= known[record_field(waveform, name)[0]].allows(column)
     check = getattr(kind, "_check", None)
     for m, one in enumerate(made):
         if reasons[m]:
@@ -332,9 +334,18 @@ def _refused(model: Actuator, columns: Columns, values: Columns, count: int) -> 
     """Why the model's records would refuse a member, empty where not; those in doubt are built to hear it."""
     fine = np.ones(count, dtype=bool)
     known = quantities(type(model)) | quantities(type(model.friction))
-    for name, column in ({**values} | {n: columns[n] for n in SCALES if n in columns}).items():
+    own = {name: values[name] for name in piezo_names(model) if name in values}
+    scales = {name: columns[name] for name in SCALES if name in columns}
+    for name, column in ({**values} | scales).items():
+        if name in own:
+            continue
         fine &= known[name].allows(column) if name in known else np.isfinite(column) & (column >= 0.0)
-    law_type, names = type(model.friction), {*values} - {*quantities(type(model))}
+    for m in range(count if own else 0):
+        try:
+            checked_piezo(changed_piezo(model, {name: float(column[m]) for name, column in own.items()}))
+        except QuantityError:
+            fine[m] = False
+    law_type, names = type(model.friction), {*values} - {*quantities(type(model)), *own}
     if hasattr(law_type, "_check") and names:  # one field of the law against another
         for m, row in enumerate(_rows(changed_fields(model, values)[0], count)):
             try:
@@ -344,9 +355,9 @@ def _refused(model: Actuator, columns: Columns, values: Columns, count: int) -> 
     reasons = [""] * count
     for m in np.flatnonzero(~fine).tolist():
         try:
-            for name in SCALES:
-                if name in columns and not (np.isfinite(columns[name][m]) and columns[name][m] >= 0.0):
-                    raise QuantityError(f"{name} = {columns[name][m]:g} must be finite and >= 0")
+            for name, column in scales.items():
+                if not (np.isfinite(column[m]) and column[m] >= 0.0):
+                    raise QuantityError(f"{name} = {column[m]:g} must be finite and >= 0")
             with_values(model, {name: float(c[m]) for name, c in values.items()})
         except QuantityError as error:
             reasons[m] = str(error)

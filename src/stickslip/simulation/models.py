@@ -12,6 +12,7 @@ from ..actuator import Actuator, PulledSlider
 from ..friction import breakaway, elements, rate
 from ..friction import element as element_of
 from ..mechanism import Mechanism
+from ..piezo.model import Piezo
 from ..plant.at_piezo import at_piezo
 from ..plant.system import Element, Mode, Plant
 from ..solve.periods import LONGEST_CYCLE
@@ -315,7 +316,8 @@ def checked_drive(model: Actuator | PulledSlider, waveform: Waveform, end: float
         raise QuantityError(f"the drive of an {type(model).__name__} is in {unit}, not in {waveform.unit}")
     if periodic:
         refuse_places(model)
-    table = drive_table(model, waveform, end, periodic)
+    piezo = model.piezo if isinstance(model, Actuator) else None
+    table = drive_table(piezo, waveform, end, periodic)
     if isinstance(model, Actuator):
         low, high = waveform.range()
         if low < model.min_voltage or high > model.max_voltage:
@@ -324,17 +326,15 @@ def checked_drive(model: Actuator | PulledSlider, waveform: Waveform, end: float
             refuse_jumps(model, table, end if periodic else None)
     period = getattr(waveform, "period", None) or 0.0
     if not periodic and end < 2.0 * period and table.start.size <= LONGEST_CYCLE:
-        table = drive_table(model, waveform, 2.0 * period)  # two periods, that it can be seen to be periodic
+        table = drive_table(piezo, waveform, 2.0 * period)  # two periods, that it can be seen to be periodic
     # For an array of another layout all kernels would be compiled anew.
     return table._replace(polynomial=np.ascontiguousarray(table.polynomial))
 
 
-def drive_table(
-    model: Actuator | PulledSlider, waveform: Waveform, end: float, settled: bool = False
-) -> Drive:
-    """The table of a waveform up to `end` [s], of an actuator with a piezo model after that; `settled`: of
-    one period, after many."""
-    table, piezo = waveform.drive(end), getattr(model, "piezo", None)
+def drive_table(piezo: Piezo | None, waveform: Waveform, end: float, settled: bool = False) -> Drive:
+    """The table of a waveform up to `end` [s], after a piezo if there is one; `settled`: of one period, after
+    many."""
+    table = waveform.drive(end)
     if piezo is None:
         return table
     return at_piezo(piezo, table, end, getattr(waveform, "period", None), settled)

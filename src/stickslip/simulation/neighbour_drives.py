@@ -3,44 +3,119 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..actuator import Actuator
+from ..piezo.model import Piezo
 from ..units import QuantityError
-from ..waveform.drive import Drive
+from ..waveform.drive import Drive, evaluate
 from ..waveform.members import Drives, stacked
 from ..waveform.pieces import with_breaks
 from .models import drive_table
-from .varied import waveform_value, with_field
+from .varied import changed_piezo, drive_names, put_in, record_value, value_of
 
 # Relative, and absolute where a value is zero. The steps are the same, so only rounding limits it.
 DIFFERENCE = 1e-6
+# After a piezo, whose drive is computed to about 1e-8 of itself, the one with which the drive changes best in
+# proportion: by a share that does, and one that must be.
+AT_PIEZO, ENOUGH, STRAIGHT = (1e-6, 1e-5, 1e-4, 1e-3), 1e-6, 0.01
+# Of the values of a drive.
+ROUNDING = 1e-11
 # How much longer the tables of neighbours are, whose breaks may be later.
 LONGER = 1.01
-# How far their breaks may be from the trajectory's own, over its length; and their formulas, relative.
-MOST_APART = 1e-4
+# How far their breaks may be from the trajectory's own, over its length; and their formulas, relative: over
+# the difference.
+MOST_APART = 100.0
 
 
-def beside(waveform: Any, name: str) -> tuple[Any, float]:
-    """The waveform with a number that differs a little, to the side that its record allows, and by how
-    much."""
-    value = waveform_value(waveform, name)
-    step = DIFFERENCE * (abs(value) or 1.0)
-    try:
-        return with_field(waveform, name, value + step), step
-    except QuantityError:
+class Driven(NamedTuple):
+    """What drives the stage: a waveform, after a piezo if there is one."""
+
+    piezo: Piezo | None
+    waveform: Any
+
+    @property
+    def period(self) -> float:
+        """s; 0 where there is none"""
+        return getattr(self.waveform, "period", None) or 0.0
+
+    def table(self, end: float, settled: bool) -> Drive:
+        """A little longer than `end` [s], over two periods at least; `settled`: of its period, after many."""
+        if settled:
+            return drive_table(self.piezo, self.waveform, self.period, settled)
+        return drive_table(self.piezo, self.waveform, max(LONGER * end, 2.0 * self.period))
+
+
+def beside(model: Actuator, waveform: Any, name: str, end: float, settled: bool) -> tuple[Driven, float]:
+    """The drive with a number of piezo or waveform that differs a little, and by how much; to the side that
+    the waveform's record allows.
+
+    Raises:
+        QuantityError: neither side is allowed; the drive, up to `end` [s], has other segments there, or does
+            not follow the number in proportion: there is no derivative.
+    """
+    of_piezo = name in drive_names(model)
+    value = value_of(model, name) if of_piezo else record_value(waveform, name)
+
+    def at(by: float) -> Driven:
+        if of_piezo:  # unchecked, for it may step over a bound
+            return Driven(changed_piezo(model, {name: value + by}), waveform)
+        return Driven(model.piezo, type(waveform)(**put_in(waveform, {name: value + by})))
+
+    itself, why = at(0.0).table(end, settled), "neither side is a record"
+    best: tuple[float, Driven, float] | None = None
+    sides = [(size, side) for size in (AT_PIEZO if model.piezo else (DIFFERENCE,)) for side in (1.0, -1.0)]
+    for size, side in sides:
+        step = side * size * (abs(value) or 1.0)
         try:
-            return with_field(waveform, name, value - step), -step
+            near, far = at(step), at(2.0 * step)
         except QuantityError as error:
-            raise QuantityError(f"no derivative by {name!r} at {value:g}: {error}") from None
+            why = str(error)
+            continue
+        table = near.table(end, settled)
+        if not _alike(itself, table, size, end):
+            why = "the drive has a jump or a kink there that appears or vanishes"
+            if model.piezo is not None:
+                why = "after the piezo's hysteresis and creep the drive has other pieces beside it"
+            break
+        bent = 0.0 if model.piezo is None else _bent(itself, table, far.table(end, settled))
+        if best is None or bent < best[0]:
+            best = bent, near, step
+        if bent <= ENOUGH:
+            break
+    if best is not None and best[0] <= STRAIGHT:
+        return best[1:]
+    if best is not None:
+        why = "after the piezo the drive changes too little to be told from what it is computed to"
+    raise QuantityError(
+        f"no derivative by {name!r} at {value:g}: {why}; take differences of `simulate` instead"
+    )
 
 
-def own_table(model: Actuator, waveform: Any, end: float) -> Drive:
-    """Over two periods at least."""
-    return drive_table(model, waveform, max(end, 2.0 * (getattr(waveform, "period", None) or 0.0)))
+def _alike(itself: Drive, table: Drive, size: float, end: float) -> bool:
+    """Whether a table that is a difference beside another, of relative `size`, has its segments."""
+    n = itself.start.size
+    if table.start.size < n or not np.array_equal(table.first[: n + 1], itself.first[: n + 1]):
+        return False
+    apart = np.abs(table.polynomial[:n] - itself.polynomial).max(axis=0)
+    late = float(np.max(np.abs(table.start[:n] - itself.start)))
+    most = MOST_APART * size
+    return late <= most * end and bool(np.all(apart <= most * np.abs(itself.polynomial).max(axis=0) + 1e-9))
+
+
+def _bent(*tables: Drive) -> float:
+    """By how much three drives, a difference from one to the next, are not in line, over that: of values and
+    slopes in the middle of each segment."""
+    n = min(table.start.size for table in tables)
+    first, near, far = (
+        np.array(evaluate(t, np.append(0.5 * (t.start[: n - 1] + t.start[1:n]), t.start[n - 1])))
+        for t in tables
+    )
+    bent, moved = (np.abs(one).max(axis=1) for one in (first - 2.0 * near + far, near - first))
+    return float(np.max(bent / (moved + ROUNDING * np.abs(first).max(axis=1) + 1e-300)))
 
 
 def breaks_apart(load: Drive | None, drive: Drive, end: float) -> NDArray[np.float64]:
@@ -49,37 +124,12 @@ def breaks_apart(load: Drive | None, drive: Drive, end: float) -> NDArray[np.flo
     if load is None:
         return np.zeros(0)
     times = load.start[(load.start > 0.0) & (load.start < end)]
-    near = np.searchsorted(drive.start, times + MOST_APART * end * np.array([[-1.0], [1.0]]))
+    near = np.searchsorted(drive.start, times + MOST_APART * DIFFERENCE * end * np.array([[-1.0], [1.0]]))
     return times[near[0] == near[1]]
 
 
 def neighbour_drives(
-    model: Actuator,
-    waveform: Any,
-    itself: Drive,
-    waveforms: list[Any],
-    names: Sequence[str],
-    end: float,
-    breaks: NDArray[np.float64],
+    driven: Sequence[Driven], end: float, settled: bool, breaks: NDArray[np.float64]
 ) -> Drives:
-    """The tables of the neighbours, over a little more than the trajectory.
-
-    Raises:
-        QuantityError: one has other segments than the waveform itself, so that there is no derivative.
-    """
-    tables = [own_table(model, w, LONGER * end) for w in waveforms]
-    for name, table in zip(names, tables, strict=True):
-        n = itself.start.size
-        alike = table.start.size >= n and np.array_equal(table.first[: n + 1], itself.first[: n + 1])
-        if alike:
-            apart = np.abs(table.polynomial[:n] - itself.polynomial).max(axis=0)
-            alike = np.all(apart <= MOST_APART * np.abs(itself.polynomial).max(axis=0) + 1e-9)
-        if not alike or np.max(np.abs(table.start[:n] - itself.start)) > MOST_APART * end:
-            why = "the drive has a jump or a kink there that appears or vanishes"
-            if model.piezo is not None:
-                why = "after the piezo's hysteresis and creep the drive has other pieces beside it"
-            raise QuantityError(
-                f"no derivative by {name!r} at {waveform_value(waveform, name):g}: {why}; take differences "
-                "of `simulate` instead"
-            )
-    return stacked([with_breaks(table, breaks) for table in tables])
+    """The tables of the neighbours, over a little more than the trajectory."""
+    return stacked([with_breaks(one.table(end, settled), breaks) for one in driven])

@@ -15,30 +15,28 @@ from ..actuator import Actuator
 from ..friction import element as part_of
 from ..friction import elements
 from ..friction.law import project
-from ..plant.generated import speeds
 from ..plant.system import values_of
-from ..records import did_you_mean, quantities
+from ..records import did_you_mean
 from ..solve.neighbours import neighbours
 from ..solve.outcome import DONE
 from ..solve.periods import LOG_ROWS, integrate_near
 from ..units import QuantityError, optional_si, to_si
-from ..waveform.drive import Drive, constant, value_slope_curvature
+from ..waveform.drive import Drive, constant
 from ..waveform.members import Drives
 from ..waveform.pieces import with_breaks
 from ..waveform.signal import Waveform
 from .errors import SimulationError, SimulationWarning
 from .models import Contact, System, checked_drive, contact_load, drive_table
-from .neighbour_drives import DIFFERENCE, LONGER, beside, breaks_apart, neighbour_drives, own_table
+from .neighbour_drives import DIFFERENCE, Driven, beside, breaks_apart, neighbour_drives
 from .state import row_of
-from .steady import endless, periodic_drive, steady_orbit
 from .trajectory import sample_times
 from .varied import (
     changed_fields,
-    element_of,
-    free_names,
-    law_of,
-    waveform_field,
-    waveform_names,
+    drive_names,
+    model_names,
+    quantity_of,
+    record_names,
+    value_of,
 )
 
 # At the normal force for which the parameters hold.
@@ -98,10 +96,11 @@ def moved(
     waveform: Waveform | None = None,
     end: float = 0.0,
     slipping: Iterable[int] = (),
+    settled: bool = False,
 ) -> Moved:
     """Neighbours of a model in the state given; with `before`, each rests under that drive by itself. With a
-    `waveform`, followed up to `end` [s], names may be fields of it, and what has it rests under its own. The
-    rows `slipping` of the state are on the bounds of each.
+    `waveform`, followed up to `end` [s], names may be fields of it, and what has it rests under its own; its
+    period, after many, if `settled`. The rows `slipping` of the state are on the bounds of each.
 
     Raises:
         QuantityError: a name that is not known, or a static law.
@@ -112,28 +111,28 @@ def moved(
             f"derivatives are for a law with internal states; {type(model.friction).__name__} has none, "
             "and its motion is no smooth function of its parameters: difference `simulate` instead"
         )
-    known = [*free_names(model), *(name for name in INITIAL if initial_row(of, name) is not None)]
+    known = [*model_names(model), *(name for name in INITIAL if initial_row(of, name) is not None)]
     known += [name for name in names if name.startswith(BY_ROW)]
-    of_waveform = waveform_names(waveform) if waveform is not None else []
-    values, states, steps, waveforms = [], [], [], []
+    of_waveform, of_drive = record_names(waveform) if waveform is not None else [], drive_names(model)
+    values, states, steps, driven = [], [], [], list[Driven]()
     for name in names:
         if name not in known and name not in of_waveform:
             hint = did_you_mean(name, [*known, *of_waveform])
             raise QuantityError(
                 f"no derivative by {name!r}{hint}: there are {', '.join([*known, *of_waveform])}"
             )
-        other, own, drive = of, state.copy(), waveform
-        if name not in known:
-            drive, step = beside(waveform, name)
+        other, own, drive = of, state.copy(), Driven(model.piezo, waveform)
+        if name not in known or name in of_drive:
+            drive, step = beside(model, waveform, name, end, settled)
             if before is not None:
-                own = contact.rest(of, drive_table(model, drive, end).before)
+                own = contact.rest(of, drive_table(*drive, end).before)
         elif (row := initial_row(of, name)) is not None:
             step = _small(of, row)
             if row >= of.bodies:  # inwards, for there may be a bound
                 step = -math.copysign(step, own[row])
             own[row] += step
         else:
-            value = _value(model, name)
+            value = value_of(model, name)
             step = DIFFERENCE * (abs(value) or 1.0)
             # Unchecked, for it may step over a bound of its field by a millionth.
             fields, changed = changed_fields(model, {name: value + step})
@@ -141,15 +140,15 @@ def moved(
             other = contact.system(tuple.__new__(Actuator, (model._asdict() | changed).values()))
             if before is not None:
                 own = contact.rest(other, before)
-            for row, one in _internal(other):
+            for row, one in internal(other):
                 if row in slipping:
                     own[row] = project(one, 1e3 * own[row])
         values.append(values_of(other.plant)[0])
         states.append(own)
         steps.append(step)
-        waveforms.append(drive)
-    moving = bool({*names} - {*known})
-    itself = own_table(model, waveform, LONGER * end) if moving else None
+        driven.append(drive)
+    moving = bool({*names} - {*known} | {*names} & {*of_drive})
+    itself = Driven(model.piezo, waveform).table(end, settled) if moving else None
     breaks = np.zeros(0) if itself is None else breaks_apart(contact.table, itself, end)
     n = len(names)  # of none, the tables have their columns all the same
     return Moved(
@@ -158,8 +157,8 @@ def moved(
         np.array(values).reshape(n, values_of(of.plant).shape[1]),
         np.array(states).reshape(n, state.size),
         np.array(steps),
-        None if itself is None else neighbour_drives(model, waveform, itself, waveforms, names, end, breaks),
-        np.array([getattr(w, "period", None) or 0.0 for w in waveforms]) if moving else None,
+        None if itself is None else neighbour_drives(driven, end, settled, breaks),
+        np.array([one.period for one in driven]) if moving else None,
         breaks,
         itself,
     )
@@ -219,10 +218,11 @@ def sensitivities(
 
     Args:
         model: an actuator whose law has internal states.
-        parameters: names of fields of the law and of the actuator, "stiction_ratio", "breakaway_share", and
-            "initial_stage_position", "initial_stage_velocity", "initial_end_effector_position",
-            "initial_end_effector_velocity", "initial_bristle_deflection"; and fields of the waveform,
-            those of lists by their number ("amplitude", "frequency", "value_3").
+        parameters: names of fields of the law and of the actuator, "stiction_ratio", "breakaway_share";
+            numbers of the piezo ("piezo_weight_2", "piezo_share_1", "piezo_capacitance"; those of lists by
+            their place); "initial_stage_position", "initial_stage_velocity",
+            "initial_end_effector_position", "initial_end_effector_velocity", "initial_bristle_deflection";
+            and fields of the waveform ("amplitude", "frequency", "value_3").
         waveform, duration, sample_rate, times, tolerance, load: as for `simulate`. The load stays where it
             is when the drive's breaks move; but what coincides with one of them moves with it.
 
@@ -252,8 +252,8 @@ def sensitivities(
         samples, by, _ = follow_moved(of, drive, state.copy(), wanted, tolerance, load=contact.table)
         return samples, by
 
-    samples, by, errors = _settled(derivatives, tolerance)
-    _warn(parameters, by, errors)
+    samples, by, errors = settled(derivatives, tolerance)
+    warn_unsettled(parameters, by, errors, 0.0)
     return xr.Dataset(
         {
             "end_effector_position": (
@@ -280,26 +280,34 @@ def sensitivities(
     )
 
 
-def _settled(
-    derivatives: Callable[[float], tuple[NDArray[np.float64], NDArray[np.float64]]], tolerance: float
+def settled(
+    derivatives: Callable[[float], tuple[NDArray[np.float64], NDArray[np.float64]]],
+    tolerance: float,
+    least: NDArray[np.float64] | float = 0.0,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Samples, derivatives [times, names] and their errors [names] of the tolerance at which they settle."""
+    """Samples, derivatives [times, names] and their errors [names] of the tolerance at which they settle; an
+    error of `least` [names] does not matter."""
     samples, by = derivatives(tolerance)
     errors = np.full(by.shape[1], math.inf)
     for _ in range(REFINED):
         before, tolerance = by, 0.1 * tolerance
         samples, by = derivatives(tolerance)
         errors = np.abs(by - before).max(axis=0, initial=0.0)
-        if np.all(errors <= SETTLED * np.abs(by).max(axis=0, initial=0.0)):
+        if np.all(errors <= SETTLED * np.abs(by).max(axis=0, initial=0.0) + least):
             break
     return samples, by, errors
 
 
-def _warn(names: Sequence[str], by: NDArray[np.float64], errors: NDArray[np.float64]) -> None:
+def warn_unsettled(
+    names: Sequence[str],
+    by: NDArray[np.float64],
+    errors: NDArray[np.float64],
+    least: NDArray[np.float64] | float,
+) -> None:
     """Name what has not settled."""
     largest = np.abs(by).max(axis=0, initial=0.0)
-    for name, error, most in zip(names, errors, largest, strict=True):
-        if error > SETTLED * most:
+    for name, error, most, enough in zip(names, errors, largest, least + 0.0 * errors, strict=True):
+        if error > SETTLED * most + enough:
             warnings.warn(
                 f"the derivative by {name} may be off by {100.0 * error / most:.2g} % of its largest value",
                 SimulationWarning,
@@ -307,84 +315,12 @@ def _warn(names: Sequence[str], by: NDArray[np.float64], errors: NDArray[np.floa
             )
 
 
-def steady_step_derivatives(
-    model: Actuator,
-    waveform: Waveform,
-    *,
-    parameters: Sequence[str],
-    tolerance: float | str = 1e-10,
-    load: Waveform | float = 1.0,
-) -> dict[str, float]:
-    """Derivatives of `steady_step` by parameters, m per unit of the parameter.
-
-    With r the periodic state and G the map of one period, the orbit moves by dr = (I - dG/dr)^-1 dG/dp, and
-    the step by its own derivatives along dr and p.
-
-    Raises:
-        QuantityError, NotPeriodicError: see `steady_step` and `sensitivities`.
-    """
-    if set(parameters) & set(INITIAL):
-        raise QuantityError("the steady step does not depend on the initial state")
-    tolerance = to_si(tolerance, "m", "tolerance")
-    orbit = steady_orbit(model, waveform, tolerance=tolerance, load=load)
-    period, drive = periodic_drive(model, waveform)
-    state = orbit.state.copy()
-    contact = contact_load(load, period)
-    whole = contact.system(model)
-    rows = [row for row in range(state.size) if row != whole.slider]
-    slipping = _on_bounds(whole, state, drive)
-    free = [k for k, row in enumerate(rows) if row not in slipping]
-    names = [*parameters, *(f"{BY_ROW}{rows[k]}" for k in free)]
-    of = moved(model, names, state, None, contact, endless(waveform), period, slipping)
-    times = np.array([0.0, period])
-    _, _, last = follow_moved(of, drive, state, times, 0.1 * tolerance, load=contact.table, over_period=True)
-    n = len(parameters)
-    by_state, by_parameter = np.zeros((state.size, len(rows))), last[:, :n]
-    by_state[:, free] = last[:, n:]
-    shift = np.linalg.solve(np.eye(len(rows)) - by_state[rows], by_parameter[rows])
-    total = by_parameter[whole.slider] + by_state[whole.slider] @ shift
-    return dict(zip(parameters, total.tolist(), strict=True))
-
-
-def _on_bounds(of: System, state: NDArray[np.float64], drive: Drive) -> set[int]:
-    """Rows of internal states that slip on a bound where the motion begins: what they are changed by is lost
-    at once, and beside its bound a neighbour would pass it within a step."""
-    u = (*value_slope_curvature(drive, 0, 0.0), 0.0)
-    v, found = speeds(of.plant, tuple(state), u), set()
-    for row, one in _internal(of):
-        beyond = state[row] * (1.0 + 1e-9)
-        e = 0 if row < of.inner else len(of.plant.elements) - 1
-        if project(one, beyond) != beyond and v[e] * state[row] > 0.0:
-            found.add(row)
-    return found
-
-
-def _internal(of: System) -> list[tuple[int, Any]]:
+def internal(of: System) -> list[tuple[int, Any]]:
     """Each row of the state that is of an element, and the record of what it is the state of."""
     parts = [part_of(e.law, i) for e in of.plant.elements for i in range(elements(e.law))]
     return list(enumerate(parts, of.bodies))
 
 
-def _value(model: Actuator, name: str) -> float:
-    from_law = law_of(model)._asdict()
-    if name in from_law:
-        return float(from_law[name])
-    if name == "stiction_ratio":
-        return from_law["stiction_force"] / from_law["coulomb_force"]
-    if name == "breakaway_share":
-        return from_law["breakaway_deflection"] * from_law["sigma_0"] / from_law["coulomb_force"]
-    if element := element_of(model.friction, name):
-        return float(from_law[element[0]][element[1]])
-    return float(getattr(model, name))
-
-
 def _unit(model: Actuator, waveform: Waveform, name: str) -> str:
-    if name in INITIAL:
-        return INITIAL[name]
-    if name in waveform_names(waveform) and name not in free_names(model):
-        quantity = quantities(type(waveform))[waveform_field(waveform, name)[0]]
-        return quantity.unit.replace("V", waveform.unit)
-    known: dict[str, Any] = quantities(type(model)) | quantities(type(model.friction))
-    element = element_of(model.friction, name)
-    field = element[0] if element else name
-    return known[field].unit if field in known else ""
+    quantity = quantity_of(model, waveform, name)
+    return INITIAL.get(name, quantity.unit if quantity else "")

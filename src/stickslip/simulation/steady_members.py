@@ -139,7 +139,7 @@ def orbit_blocks(
     own = own_tables(model, waveform, columns)
     drive = None if own else checked_drive(model, waveform, period, periodic=True)
     task = _Task(model, waveform, drive, load, tolerance, beside)
-    size = block_size(waveform, columns, period, BLOCK)
+    size = block_size(model, waveform, columns, period, BLOCK)
     return in_blocks(lambda part: _block(task, part), columns, size, threads)
 
 

@@ -36,13 +36,19 @@ def element_of(model: Actuator | PulledSlider, modes: int) -> Element | None:
     assert isinstance(model, Actuator)
     assert model.two_port is not None
     width, share = model.two_port.stops()
-    strength = tuple(PER_VOLT * a * w for w, a in zip(width.tolist(), share.tolist(), strict=True))
     # Unchecked: of an ensemble, fields are arrays.
-    law = tuple.__new__(MaxwellSlip, (tuple(share.tolist()), strength, 0.0, 1.0, 1.0, 1.0))
+    law = tuple.__new__(
+        MaxwellSlip, (_elements(share), _elements(PER_VOLT * share * width), 0.0, 1.0, 1.0, 1.0)
+    )
     none = (None,) * (modes - 1)
     push = -model.gain / PER_VOLT * model.natural_frequency**2
     felt = PER_VOLT * model.drive_force_per_volt / model.two_port.capacitance
     return Element(law, (felt, *none), (push, *none), drive_rate=PER_VOLT)
+
+
+def _elements(values: Array) -> tuple[Any, ...]:
+    """[elements], or [elements, members], as a law has them."""
+    return tuple(values.tolist() if values.ndim == 1 else values)
 
 
 def settle(plant: Plant, q: Array, first: int, before: float) -> None:

@@ -8,7 +8,7 @@ from functools import cache
 from typing import Any, NamedTuple
 
 from ..friction import is_law
-from ..records import quantities
+from ..records import Quantity, quantities
 
 
 class Ratio(NamedTuple):
@@ -31,6 +31,10 @@ RATIOS = {
         0.99,
     ),
 }
+
+
+# Before the name of a number of the piezo.
+PIEZO = "piezo_"
 
 
 def law_of(model: Any) -> Any:
@@ -65,6 +69,35 @@ def free_names(model: Any) -> list[str]:
     return names
 
 
+def piezo_names(model: Any) -> list[str]:
+    """The numbers of an actuator's piezo: "piezo_weight_2", "piezo_share_1", "piezo_capacitance"."""
+    return [name for part in _parts(model) for name in _names_of_part(part)]
+
+
+def drive_names(model: Any) -> list[str]:
+    """Those of `piezo_names` that change what drives the stage, before the plant feels it."""
+    return [] if getattr(model, "two_port", None) is not None else piezo_names(model)
+
+
+def model_names(model: Any) -> list[str]:
+    """What may vary in a model: as `free_names`, and the numbers of its piezo."""
+    return [*free_names(model), *piezo_names(model)]
+
+
+def _parts(model: Any) -> list[Any]:
+    """Hysteresis and creep of its piezo, as far as it has them."""
+    return [part for part in getattr(model, "piezo", None) or () if part is not None]
+
+
+def _names_of_part(part: Any) -> list[str]:
+    return [PIEZO + name for name in record_names(part)]
+
+
+def _part_of(model: Any, name: str) -> Any:
+    """Which part of the piezo has the number of that name; None if none has."""
+    return next((part for part in _parts(model) if name in _names_of_part(part)), None)
+
+
 def changed_fields(model: Any, values: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     """Fields of the law, and changed fields of the system, with these values put in, unchecked.
 
@@ -74,7 +107,7 @@ def changed_fields(model: Any, values: Mapping[str, Any]) -> tuple[dict[str, Any
     fields, own = law._asdict(), {}
     ratios = {n: r for n, r in ratios_of(law).items() if n not in law._fields}
     tied = {r.field: getattr(law, r.field) / r.scale(fields) for r in ratios.values()}
-    changed = dict(fields)
+    changed, of_piezo = dict(fields), {*piezo_names(model)} & {*values}
     for name, value in values.items():
         if name in fields:
             changed[name] = value
@@ -85,12 +118,31 @@ def changed_fields(model: Any, values: Mapping[str, Any]) -> tuple[dict[str, Any
             items = list(changed[element[0]])
             items[element[1]] = value
             changed[element[0]] = tuple(items)
-        else:
+        elif name not in of_piezo:
             own[name] = value
     for ratio in ratios.values():
         if ratio.field in tied:
             changed[ratio.field] = tied[ratio.field] * ratio.scale(changed)
+    if of_piezo:
+        own["piezo"] = changed_piezo(model, values)
     return changed, own
+
+
+def changed_piezo(model: Any, values: Mapping[str, Any]) -> Any:
+    """The piezo of the model with those of the values put in that are its own, unchecked."""
+
+    def changed(part: Any) -> Any:
+        names = _names_of_part(part)
+        put = {name.removeprefix(PIEZO): value for name, value in values.items() if name in names}
+        return tuple.__new__(type(part), put_in(part, put).values())
+
+    parts = [None if part is None else changed(part) for part in model.piezo]
+    return tuple.__new__(type(model.piezo), parts)
+
+
+def checked_piezo(piezo: Any) -> Any:
+    """The same, as its records check it; raises QuantityError."""
+    return type(piezo)(*(None if part is None else type(part)(*part) for part in piezo))
 
 
 def with_values(model: Any, values: Mapping[str, float]) -> Any:
@@ -101,15 +153,18 @@ def with_values(model: Any, values: Mapping[str, float]) -> Any:
     """
     law = law_of(model)
     changed, own = changed_fields(model, values)
+    if "piezo" in own:
+        own["piezo"] = checked_piezo(own["piezo"])
     changed_law = type(law)(**changed)
     return changed_law if is_law(model) else model.replace(friction=changed_law, **own)
 
 
-def waveform_names(waveform: Any) -> list[str]:
-    """What may vary in a waveform that is a record: its numbers, and those of its lists ("value_3")."""
+def record_names(record: Any) -> list[str]:
+    """What may vary in a waveform, or part of a piezo, that is a record: its numbers, and those of its lists
+    ("value_3")."""
     names = []
-    for field in quantities(type(waveform)) if hasattr(waveform, "_fields") else ():
-        value = getattr(waveform, field)
+    for field in quantities(type(record)) if hasattr(record, "_fields") else ():
+        value = getattr(record, field)
         if isinstance(value, tuple):
             names += [f"{_singular(field)}_{i + 1}" for i in range(len(value))]
         elif field != "periods" and value is not None:  # a count
@@ -117,37 +172,59 @@ def waveform_names(waveform: Any) -> list[str]:
     return names
 
 
-def waveform_field(waveform: Any, name: str) -> tuple[str, int | None]:
+def record_field(record: Any, name: str) -> tuple[str, int | None]:
     """Field and index of "value_3"; no index for a field that is one number."""
     match = re.fullmatch(r"(\w+)_(\d+)", name)
-    for field in waveform._fields:
+    for field in record._fields:
         if field == name:
             return field, None
-        if match and match[1] == _singular(field) and isinstance(getattr(waveform, field), tuple):
+        if match and match[1] == _singular(field) and isinstance(getattr(record, field), tuple):
             return field, int(match[2]) - 1
     raise KeyError(name)
 
 
-def waveform_value(waveform: Any, name: str) -> float:
+def record_value(record: Any, name: str) -> float:
     """The number of that name."""
-    field, index = waveform_field(waveform, name)
-    value = getattr(waveform, field)
+    field, index = record_field(record, name)
+    value = getattr(record, field)
     return float(value if index is None else value[index])
 
 
-def with_field(waveform: Any, name: str, value: float) -> Any:
-    """The waveform with another number.
+def put_in(record: Any, values: Mapping[str, Any]) -> dict[str, Any]:
+    """The fields of the record with these numbers put in, unchecked."""
+    fields = record._asdict()
+    for name, value in values.items():
+        field, index = record_field(record, name)
+        old = fields[field]
+        fields[field] = value if index is None else (*old[:index], value, *old[index + 1 :])
+    return fields
 
-    Raises:
-        QuantityError: it is out of range.
-    """
-    field, index = waveform_field(waveform, name)
-    fields = waveform._asdict()
-    old = fields[field]
-    fields[field] = value if index is None else (*old[:index], value, *old[index + 1 :])
-    return type(waveform)(**fields)
+
+def value_of(model: Any, name: str) -> float:
+    """The number of a model of that name."""
+    of_law, ratio = law_of(model)._asdict(), ratios_of(law_of(model)).get(name)
+    if name in of_law:
+        return float(of_law[name])
+    if ratio is not None:
+        return float(of_law[ratio.field]) / ratio.scale(of_law)
+    if element := element_of(law_of(model), name):
+        return float(of_law[element[0]][element[1]])
+    if (part := _part_of(model, name)) is not None:
+        return record_value(part, name.removeprefix(PIEZO))
+    return float(getattr(model, name))
+
+
+def quantity_of(model: Any, waveform: Any, name: str) -> Quantity | None:
+    """What a number of the model, else of the waveform, of that name means; None for a ratio or a factor."""
+    if (part := _part_of(model, name)) is not None:
+        return quantities(type(part))[record_field(part, name.removeprefix(PIEZO))[0]]
+    if name in record_names(waveform) and name not in free_names(model):
+        quantity = quantities(type(waveform))[record_field(waveform, name)[0]]
+        return quantity._replace(unit=quantity.unit.replace("V", waveform.unit))
+    element = element_of(law_of(model), name)
+    return (quantities(type(model)) | quantities(type(law_of(model)))).get(element[0] if element else name)
 
 
 @cache  # of each member's fields, again and again
 def _singular(field: str) -> str:
-    return re.sub("ies$", "ys", field).removesuffix("s")
+    return re.sub("sses$", "sss", re.sub("ies$", "ys", field)).removesuffix("s")

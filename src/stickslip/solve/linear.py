@@ -10,34 +10,47 @@ from .._jit import compiled
 
 
 @compiled
-def to_orbit(jacobian, defect, a, x):
+def to_orbit(jacobian, defect, scale, least, a, x):
     """From a state whose period ends off by `defect` to the orbit, to first order: x = (I - J)^-1 defect, by
-    Gauss's elimination with pivoting in `a`; infinite where there is none."""
+    Gauss's elimination with complete pivoting in `a`, where `scale` brings all to metres. What changes by
+    `least` of itself or less in a period stays where it is; with a `least` of 0 x is infinite where there is
+    no orbit."""
     n = defect.size
+    order, rank = np.arange(n), n
     for i in range(n):
         for j in range(n):
-            a[i, j] = (1.0 if i == j else 0.0) - jacobian[i, j]
-        x[i] = defect[i]
+            a[i, j] = ((1.0 if i == j else 0.0) - jacobian[i, j]) * scale[i] / scale[j]
+        x[i] = defect[i] * scale[i]
     for k in range(n):
-        pivot = k
-        for i in range(k + 1, n):
-            if abs(a[i, k]) > abs(a[pivot, k]):
-                pivot = i
-        if a[pivot, k] == 0.0:
-            x[:] = math.inf
-            return
+        row, column = k, k
+        for i in range(k, n):
+            for j in range(k, n):
+                if abs(a[i, j]) > abs(a[row, column]):
+                    row, column = i, j
+        if not abs(a[row, column]) > least:
+            rank = k
+            break
         for j in range(n):
-            a[k, j], a[pivot, j] = a[pivot, j], a[k, j]
-        x[k], x[pivot] = x[pivot], x[k]
+            a[k, j], a[row, j] = a[row, j], a[k, j]
+        for i in range(n):
+            a[i, k], a[i, column] = a[i, column], a[i, k]
+        x[k], x[row] = x[row], x[k]
+        order[k], order[column] = order[column], order[k]
         for i in range(k + 1, n):
             share = a[i, k] / a[k, k]
             for j in range(k, n):
                 a[i, j] -= share * a[k, j]
             x[i] -= share * x[k]
-    for i in range(n - 1, -1, -1):
+    for i in range(rank, n):
+        x[i] = 0.0 if least > 0.0 else math.inf
+    for i in range(rank - 1, -1, -1):
         for j in range(i + 1, n):
             x[i] -= a[i, j] * x[j]
         x[i] /= a[i, i]
+    for k in range(n):
+        a[0, order[k]] = x[k] / scale[order[k]]
+    for k in range(n):
+        x[k] = a[0, k]
 
 
 @compiled

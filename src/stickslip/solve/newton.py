@@ -36,6 +36,9 @@ FARTHEST = 4.0
 NUDGE, NUDGE_STATIC = 1e-12, 1e3
 # What a coarser integration may leave of the defect, over its tolerance.
 NOISE = 0.1
+# What a disturbance changes by in a period, over itself, where an element that does not slip in it keeps how
+# it began: of those there may be several, and any place is on an orbit.
+KEPT = 1e-5
 # Squarings of a map for its largest multiplier, good to a hundredth and to the last digits (no literals, see
 # `periods.ZERO`).
 ROUGHLY, CLOSELY = np.int64(12), np.int64(40)
@@ -84,7 +87,7 @@ def advance(plant, drive, load, r, level, column, work, log, after):
 
 @merged
 def slopes(plant, drive, load, r, level, column, smooth, work, after, jacobian):
-    """As `_advance`, with the derivatives of the map and of the step."""
+    """As `advance`, with the derivatives of the map and of the step."""
     n, near = r.size, work.near
     for p in range(n - 1):
         c = p if p < column else p + 1
@@ -151,7 +154,7 @@ def newton(
             count += 1
         for c in range(r.size):
             defect[c] = after[c] - r[c]
-        to_orbit(jacobian, defect, work.matrix, change)
+        to_orbit(jacobian, defect, scale, 0.0 if smooth else KEPT, work.matrix, change)
         gap, size, further = size_of(defect, scale), size_of(change, scale), 0.0
         for c in range(r.size):
             further += of_step[c] * change[c] if c != column else 0.0

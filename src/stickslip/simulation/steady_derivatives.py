@@ -1,0 +1,125 @@
+"""Derivatives of the steady step by the parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..actuator import Actuator
+from ..friction.law import project
+from ..plant.generated import speeds
+from ..solve.periodic import has_neighbours
+from ..units import QuantityError, to_si
+from ..waveform.drive import Drive, value_slope_curvature
+from ..waveform.signal import Waveform
+from .errors import NotPeriodicError
+from .models import System, contact_load
+from .sensitivity import BY_ROW, INITIAL, Moved, follow_moved, internal, moved, settled, warn_unsettled
+from .steady import endless, periodic_drive, steady_orbit
+from .varied import model_names, record_value, value_of
+
+Array = NDArray[np.float64]
+
+# A disturbance that grows or decays by less than this share in a period stays.
+KEPT = 1e-6
+# By how much of its bound a state is moved to where it slips, far beyond what neighbours differ by.
+ASIDE = 1e-4
+
+
+def steady_step_derivatives(
+    model: Actuator,
+    waveform: Waveform,
+    *,
+    parameters: Sequence[str],
+    tolerance: float | str = 1e-10,
+    load: Waveform | float = 1.0,
+) -> dict[str, float]:
+    """Derivatives of `steady_step` by parameters, m per unit of the parameter.
+
+    With r the periodic state and G the map of one period, the orbit moves by dr = (I - dG/dr)^-1 dG/dp, and
+    the step by its own derivatives along dr and p; at a tenth of the tolerance and less, as for
+    `sensitivities`, until two agree within a hundredth, or so well that a change of the parameter by all of
+    its value would move the step by no more than the tolerance. Else a `SimulationWarning` names the
+    parameter.
+
+    Raises:
+        QuantityError, NotPeriodicError: see `steady_step` and `sensitivities`; NotPeriodicError also where
+            something never slips within a period, and keeps for ever how it began.
+    """
+    if set(parameters) & set(INITIAL):
+        raise QuantityError("the steady step does not depend on the initial state")
+    tolerance = to_si(tolerance, "m", "tolerance")
+    orbit = steady_orbit(model, waveform, tolerance=tolerance, load=load)
+    period, drive = periodic_drive(model, waveform)
+    contact, times = contact_load(load, period), np.array([0.0, period])
+    whole = contact.system(model)
+    slipping = _on_bounds(whole, orbit.state, drive)
+
+    def neighbours_of(state: Array, names: Sequence[str]) -> Moved:
+        return moved(model, names, state, None, contact, endless(waveform), period, slipping, settled=True)
+
+    def last_states(of: Moved, state: Array, tolerance: float) -> tuple[Array, Array]:
+        """After a period from the state, and its derivatives."""
+        last = state.copy()
+        _, _, by = follow_moved(of, drive, last, times, tolerance, load=contact.table, over_period=True)
+        return last, by
+
+    state = orbit.state
+    if not has_neighbours(whole.plant):
+        alone = neighbours_of(state, [])
+        state = _off_edges(whole, state, slipping, lambda one: last_states(alone, one, 0.1 * tolerance)[0])
+    rows = [row for row in range(state.size) if row != whole.slider]
+    free = [k for k, row in enumerate(rows) if row not in slipping]
+    of, n = neighbours_of(state, [*parameters, *(f"{BY_ROW}{rows[k]}" for k in free)]), len(parameters)
+
+    def derivatives(tolerance: float) -> tuple[Array, Array]:
+        last, by = last_states(of, state, tolerance)
+        by_state, by_parameter = np.zeros((state.size, len(rows))), by[:, :n]
+        by_state[:, free] = by[:, n:]
+        if np.abs(1.0 - np.linalg.eigvals(by_state[rows])).min() < KEPT:
+            raise NotPeriodicError(
+                "no derivatives: something that never slips within a period (of contact or piezo) keeps for "
+                "ever how it began; take differences of `steady_step` instead",
+                orbit,
+            )
+        shift = np.linalg.solve(np.eye(len(rows)) - by_state[rows], by_parameter[rows])
+        return last, (by_parameter[whole.slider] + by_state[whole.slider] @ shift)[None]
+
+    least = tolerance / np.array([abs(_value(model, waveform, name)) or 1.0 for name in parameters])
+    _, by, errors = settled(derivatives, 0.1 * tolerance, least)
+    warn_unsettled(parameters, by, errors, least)
+    return dict(zip(parameters, by[0].tolist(), strict=True))
+
+
+def _off_edges(of: System, state: Array, slipping: set[int], after: Callable[[Array], Array]) -> Array:
+    """The state, with what only just comes to its bound within the period moved to the side where it slips
+    there: what slips once on its way from rest, and then no more, ends on that edge, and beyond it nothing
+    would be forgotten. `after`: the state a period later."""
+    found, last = state.copy(), after(state)
+    for row, one in internal(of):
+        if row in slipping:
+            continue
+        ways = ASIDE * abs(project(one, 1.0)) * np.array([1.0, -1.0])
+        kept = [abs(after(state + way * (np.arange(state.size) == row))[row] - last[row]) for way in ways]
+        if abs(kept[0] - kept[1]) > 0.5 * ways[0]:
+            found[row] += ways[int(kept[0] > kept[1])]
+    return found
+
+
+def _on_bounds(of: System, state: NDArray[np.float64], drive: Drive) -> set[int]:
+    """Rows of internal states that slip on a bound where the motion begins: what they are changed by is lost
+    at once, and beside its bound a neighbour would pass it within a step."""
+    u = (*value_slope_curvature(drive, 0, 0.0), 0.0)
+    v, found = speeds(of.plant, tuple(state), u), set()
+    for row, one in internal(of):
+        beyond = state[row] * (1.0 + 1e-9)
+        e = 0 if row < of.inner else len(of.plant.elements) - 1
+        if project(one, beyond) != beyond and v[e] * state[row] > 0.0:
+            found.add(row)
+    return found
+
+
+def _value(model: Actuator, waveform: Waveform, name: str) -> float:
+    return value_of(model, name) if name in model_names(model) else record_value(waveform, name)
