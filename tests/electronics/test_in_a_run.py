@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+import json
 import math
+from pathlib import Path
 
+import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import stickslip as ss
+from stickslip.cli import app
 from stickslip.electronics import Amplifier, driven, driven_period, electrical, load_stack
+from stickslip.piezo import MaxwellCapacitor, Piezo
+from stickslip.units import QuantityError
+
+STACK = load_stack("ae0505d16")
+CHANNELS = {"current": "A", "charge": "C", "reactive_power": "W", "loss_power": "W", "temperature": "K"}
 
 
 def test_a_simulation_takes_what_is_driven() -> None:
@@ -26,3 +36,70 @@ def test_of_a_simulated_trajectory() -> None:
     a, stack = ss.load_actuator("kang2007"), load_stack("ae0505d16")
     run = ss.simulate(a, ss.waveform.Triangle(65.0, 5.0), duration=0.4, sample_rate=1e3)
     assert electrical(run, stack)["mean_loss"] == pytest.approx(5.0 * stack.cycle_loss(65.0), rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_stack_has_channels_in_the_trajectory(seed: int) -> None:
+    """At any times, and on from any state, what its account says of the drive from its begin on."""
+    random = np.random.default_rng(seed)
+    model = ss.load_actuator("kang2007")
+    saw = ss.Sawtooth(random.uniform(20.0, 90.0), random.uniform(20.0, 200.0), random.uniform(0.6, 0.95))
+    times = np.sort(random.uniform(0.0, 0.1, 40))
+    run = ss.simulate(model, saw, times=times, stack=STACK)
+    whole = electrical(saw, STACK, times[-1], times=times)
+    assert {name: run[name].attrs["units"] for name in CHANNELS} == CHANNELS
+    for name in CHANNELS:
+        np.testing.assert_array_equal(run[name], whole[name])
+    np.testing.assert_allclose(run["charge"], STACK.load * run["drive_voltage"], rtol=0, atol=1e-9)
+    rising = (times * saw.frequency) % 1.0 < saw.rise_fraction
+    slope = np.where(rising, 1.0 / saw.rise_fraction, -1.0 / (1.0 - saw.rise_fraction))
+    expected = STACK.load * saw.amplitude * saw.frequency * slope
+    np.testing.assert_allclose(run["current"], expected, rtol=1e-9)
+    assert np.all(np.diff(run["temperature"]) > 0.0)
+    first = ss.simulate(model, saw, times=times[:20], stack=STACK)
+    on = ss.simulate(model, saw, times=times[20:], stack=STACK, initial_state=first)
+    np.testing.assert_allclose(on["temperature"], run["temperature"].values[20:], rtol=1e-12)
+    assert set(ss.simulate(model, saw, times=times)) == set(run) - set(CHANNELS)
+
+
+def test_where_the_drive_charges_no_stack() -> None:
+    model = ss.load_actuator("kang2007")
+    with pytest.raises(QuantityError, match="infinite current"):
+        ss.simulate(model, ss.Sawtooth(65.0, 50.0), 0.1, stack=STACK)
+    port = MaxwellCapacitor(3e-7, (5e4, 9e4), (0.2, 0.9))
+    with pytest.raises(QuantityError, match="a charge and current of its own"):
+        ss.simulate(model.replace(piezo=Piezo(port)), ss.Sine(10.0, 50.0), 0.1, stack=STACK)
+    slider = ss.PulledSlider(0.1, 1e4, 0.0, model.friction)
+    with pytest.raises(QuantityError, match="a PulledSlider has none"):
+        ss.simulate(slider, ss.waveform.Ramp(1e-3, 0.1), 0.1, stack=STACK)
+
+
+def test_an_account_is_told_at_the_times_asked_for() -> None:
+    sine, times = ss.Sine(30.0, 50.0, 0.0, 40.0), np.array([0.0, 0.0123, 0.07, 0.1])
+    fine, coarse = electrical(sine, STACK, 0.1, tolerance=1e-5), electrical(sine, STACK, 0.1, times=times)
+    assert coarse["time"].values.tolist() == times.tolist()
+    np.testing.assert_allclose(
+        coarse["drive_voltage"], 40.0 + 30.0 * np.sin(100.0 * np.pi * times), atol=5e-3
+    )
+    warm = np.interp(times, fine["time"], fine["temperature"])
+    np.testing.assert_allclose(coarse["temperature"], warm, rtol=0, atol=2e-3 * np.ptp(warm))
+    assert float(coarse["rms_current"]) == pytest.approx(float(fine["rms_current"]), rel=1e-3)
+    for wrong, said in (([0.0, 0.2], "not within the run"), ([0.1, 0.05], "ascend"), ([], "ascend")):
+        with pytest.raises(QuantityError, match=said):
+            electrical(sine, STACK, 0.1, times=wrong)
+
+
+def test_a_stack_on_the_command_line(tmp_path: Path) -> None:
+    walk = ["simulate", "kang2007", "--amplitude", "65V", "--frequency", "50Hz", "--periods", "2"]
+    walk += ["--set", "waveform.rise_fraction=0.9"]
+    done = CliRunner().invoke(app, [*walk, "--stack", "ae0505d16", "--out", str(tmp_path)])
+    assert done.exit_code == 0, done.stderr
+    numbers = json.loads((tmp_path / "results.json").read_text())["numbers"]
+    expected = STACK.load * 65.0 * 50.0 / 0.1
+    assert numbers["greatest_current"] == {"value": pytest.approx(expected), "unit": "A"}
+    assert 0.0 < numbers["temperature_rise"]["value"] < 1.0
+    assert "current" in ss.recording.open_recording(tmp_path / "trajectory.nc")
+    done = CliRunner().invoke(app, [*walk, "--stack", "pd200x4", "--out", str(tmp_path / "b")])
+    assert done.exit_code == 2
+    assert "pd200x4 is of kind 'amplifier', not 'stack'" in done.stderr
+    assert not (tmp_path / "b").exists()

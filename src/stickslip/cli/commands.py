@@ -52,6 +52,14 @@ def simulate(
     duration: Annotated[str, typer.Option(help='Time to simulate, such as "1.6 s"; that of the drive.')] = "",
     sample_rate: Annotated[str, typer.Option(help="Samples of the output.")] = "1 kHz",
     tolerance: Annotated[str, typer.Option(help="Greatest error of the end-effector's position.")] = "1 nm",
+    stack: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME|FILE.toml",
+            autocompletion=completion.stacks,
+            help="Stack that the drive charges: adds current, charge, power, temperature.",
+        ),
+    ] = "",
     changes: Annotated[
         list[str],
         typer.Option(
@@ -67,6 +75,7 @@ def simulate(
     begun = time.perf_counter()
     with errors_in_one_line(show_traceback):
         check_output(out)
+        from ..electronics import load_stack
         from ..recording import save_recording
         from ..report.trajectory import trajectory_document
         from ..simulation import SimulationWarning
@@ -84,7 +93,8 @@ def simulate(
         with progress_bar() as progress, warnings.catch_warnings():
             warnings.simplefilter("ignore", SimulationWarning)  # said below, in one line
             progress("simulating", 0.0)
-            trajectory = simulated(model, drive, seconds, sample_rate=rate, tolerance=metres)
+            charged = load_stack(stack) if stack else None
+            trajectory = simulated(model, drive, seconds, sample_rate=rate, tolerance=metres, stack=charged)
             progress("solving for the periodic motion", 0.6)
             step = _steady_step(model, drive)
             progress("writing", 0.8)

@@ -38,6 +38,12 @@ def _waveforms() -> Iterable[str]:
     )
 
 
+def _stacks() -> Iterable[str]:
+    from ..electronics.parts import available_parts
+
+    return available_parts("stack")
+
+
 def _benches() -> Iterable[str]:
     from ..rig.bench import available_benches
 
@@ -71,6 +77,7 @@ def _skeletons() -> Iterable[str]:
 sets = _completing(_sets)
 laws = _completing(_laws)
 waveforms = _completing(_waveforms)
+stacks = _completing(_stacks)
 benches = _completing(_benches)
 calibrations = _completing(_calibrations)
 cited = _completing(_cited)

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..units import QuantityError, optional_si, to_si, with_prefix
 from ..waveform.signal import Waveform
@@ -50,6 +50,7 @@ def electrical(
     stack: Stack,
     duration: float | str | None = None,
     *,
+    times: ArrayLike | None = None,
     ambient: float | str = 293.15,
     tolerance: float | str = 5e-3,
     dependence: TemperatureDependence | None = None,
@@ -64,16 +65,18 @@ def electrical(
             or trajectory with "time" and "drive_voltage".
         stack: its numbers.
         duration: s, of a waveform; left out, its own.
+        times: s, ascending, within the run: the account is told there, as exactly; left out, it is told at
+            the points that it is made of.
         ambient: K, of the surroundings; the stack begins at that.
         tolerance: V, greatest error of the lines by which a waveform is drawn.
         dependence: how capacitance and gain go with the temperature; the loss goes with the capacitance, and
             all are fed back. Left out, they do not.
 
     Returns:
-        Over "time", which is that of the lines or samples, and closer where the stack's temperature bends:
-        `drive_voltage` [V], `charge` [C] and `temperature` [K] at each point, `current` [A],
-        `reactive_power` (into the field, negative: out of it) and `loss_power` [W] from it to the next; with
-        a `dependence` `gain_factor` at each point: an actuator then has so many times its gain. Of
+        Over "time", the times asked for, or those of the lines or samples, and closer where the stack's
+        temperature bends: `drive_voltage` [V], `charge` [C] and `temperature` [K] at each point, `current`
+        [A], `reactive_power` (into the field, negative: out of it) and `loss_power` [W] from it to the next;
+        with a `dependence` `gain_factor` at each point: an actuator then has so many times its gain. Of
         the whole: `peak_current`, `rms_current`, `mean_loss`, and `steady_temperature`, which it would have
         at last if it went on like this: infinite, if the loss grows faster than the heat leaves.
 
@@ -87,11 +90,13 @@ def electrical(
     volts_off = to_si(tolerance, "V", "tolerance")
     if not volts_off > 0.0:
         raise QuantityError(f"tolerance = {volts_off:g} V is out of range: it must be > 0 V")
-    times, volts = _points(source, seconds, volts_off)
-    times, volts = _closer(times, volts, _WARMING * stack.time_constant)
-    step = np.diff(times)
-    cold = lost_power(times, volts, stack.cycle_loss)
-    lasted = float(times[-1] - times[0])
+    at, volts = _closer(*_points(source, seconds, volts_off), _WARMING * stack.time_constant)
+    told = slice(None)
+    if times is not None:
+        at, volts, told = _and_at(at, volts, np.asarray(times, dtype=float))
+    step = np.diff(at)
+    cold = lost_power(at, volts, stack.cycle_loss)
+    lasted = float(at[-1] - at[0])
     slope, first = 0.0, 1.0
     if dependence is not None:
         slope, first = dependence.capacitance, float(dependence.capacitance_factor(kelvin))
@@ -123,13 +128,13 @@ def electrical(
         {
             name: (
                 ("time",) if name in _OVER_TIME else (),
-                found[name],
+                found[name][told] if name in _OVER_TIME else found[name],
                 {"units": unit, "long_name": long_name},
             )
             for name, (unit, long_name) in said.items()
             if name in found
         },
-        {"time": ("time", times, {"units": "s", "long_name": "time"})},
+        {"time": ("time", at[told], {"units": "s", "long_name": "time"})},
     )
 
 
@@ -163,6 +168,19 @@ def _closer(times: Array, volts: Array, farthest: float) -> tuple[Array, Array]:
     share = (np.arange(which.size) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[which]
     finer = times[which] + share * np.diff(times)[which]
     return np.append(finer, times[-1]), np.append(volts[which] + share * np.diff(volts)[which], volts[-1])
+
+
+def _and_at(times: Array, volts: Array, wanted: Array) -> tuple[Array, Array, Any]:
+    """The points, more on the lines at the times wanted, and where these stand."""
+    if wanted.ndim != 1 or not wanted.size or np.any(np.diff(wanted) <= 0.0):
+        raise QuantityError("times [s] must be a list of numbers that ascend")
+    if not (times[0] <= wanted[0] and wanted[-1] <= times[-1]):
+        raise QuantityError(
+            f"times [s] from {wanted[0]:g} to {wanted[-1]:g} are not within the run, from {times[0]:g} to "
+            f"{times[-1]:g}"
+        )
+    every = np.union1d(times, wanted)
+    return every, np.interp(every, times, volts), np.searchsorted(every, wanted)
 
 
 def _samples(recording: Any) -> tuple[Array, Array]:

@@ -96,6 +96,10 @@ def _results(trajectory: xr.Dataset) -> dict[str, Number]:
         found["greatest_sliding_displacement"] = Number(_greatest(trajectory, "sliding_displacement"), "m")
     if "spring_force" in trajectory:
         found["greatest_spring_force"] = Number(_greatest(trajectory, "spring_force"), "N")
+    if "temperature" in trajectory:  # of a stack that the drive charges
+        found["greatest_current"] = Number(_greatest(trajectory, "current"), "A")
+        warmer = trajectory["temperature"].values
+        found["temperature_rise"] = Number(float(warmer[-1] - warmer[0]), "K")
     found |= {
         "duration": Number(float(time[-1]), "s"),
         "samples": Number(time.size, ""),

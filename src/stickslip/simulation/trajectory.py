@@ -11,7 +11,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from ..actuator import Actuator, PulledSlider
-from ..friction import elements
+from ..electronics.stack import Stack
 from ..recording import make_recording
 from ..recording.drive import drive_text
 from ..solve.log import TERMS
@@ -19,13 +19,12 @@ from ..solve.outcome import DONE, STEP_TOO_SMALL
 from ..solve.periods import integrate
 from ..solve.resume import row_size
 from ..units import QuantityError, optional_si, to_si, with_prefix
-from ..waveform.drive import Drive, evaluate
+from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
-from . import two_port
+from .channels import energy_account, of_stack, refuse_stack, variables_of
 from .errors import SimulationError, SimulationWarning
 from .models import (
     SLIDER,
-    STAGE,
     Contact,
     System,
     checked_drive,
@@ -50,6 +49,7 @@ def simulate(
     tolerance: float | str = 1e-9,
     load: Waveform | float = 1.0,
     energy: bool = False,
+    stack: Stack | None = None,
     max_steps: int = 20_000_000,
     initial_state: State | xr.Dataset | None = None,
 ) -> xr.Dataset:
@@ -69,6 +69,10 @@ def simulate(
         energy: add the energy account (actuators of one mode, no two-port): `drive_work`, `friction_work`,
             `stage_dissipation`, `external_work`, `kinetic_energy`, `elastic_energy`, and `energy_defect`,
             which a perfect solution has at 0.
+        stack: that the drive charges, of an actuator: adds `current`, `charge`, `reactive_power`,
+            `loss_power` and `temperature` (see `electronics.electrical`), from the begin of the drive on. A
+            drive that jumps takes an infinite current: `electronics.driven` says what an amplifier makes of
+            it.
         max_steps: give up after so many steps.
         initial_state: where it begins: a `State`, or a trajectory, to be continued: then `duration` counts
             from its end, and samples and drive go on in its time (plays and creep as that left them). With
@@ -85,11 +89,14 @@ def simulate(
         the part until then, and the reason in attrs["outcome"].
 
     Raises:
-        QuantityError: a drive outside the actuator's voltage range, wrong unit, bad times, tolerance or rate.
+        QuantityError: a drive outside the actuator's voltage range, wrong unit, bad times, tolerance or rate;
+            a stack under a drive that jumps, or beside a piezo that has a charge of its own.
         SimulationError: not even two samples could be computed.
     """
     tolerance, sample_rate = to_si(tolerance, "m", "tolerance"), to_si(sample_rate, "Hz", "sample_rate")
     duration = optional_si(duration, "s", "duration")
+    if stack is not None:
+        refuse_stack(model)
     begin = taken_up(initial_state, model, waveform)
     found = follow_model(
         model,
@@ -109,10 +116,12 @@ def simulate(
     elif not found.error - (begin.error_estimate if begin else 0.0) <= tolerance:
         warnings.warn(not_within(found.error, tolerance), SimulationWarning, stacklevel=2)
     times, samples = found.times, found.samples
-    variables: dict[str, Any] = _variables(model, samples, found.drive, times, waveform)
+    variables = variables_of(model, samples, found.drive, times, waveform)
     if energy:
         assert isinstance(model, Actuator)
-        variables |= _account(model, samples, found.work, found.start)
+        variables |= energy_account(model, samples, found.work, found.start)
+    if stack is not None:
+        variables |= of_stack(stack, waveform, times)
     made = make_recording(times, variables, title=f"simulation of {model.name or type(model).__name__}")
     made.attrs.update(
         outcome=found.outcome,
@@ -328,73 +337,3 @@ def not_within(error: float, tolerance: float) -> str:
             f"{asked}: a run with smaller steps, which would tell the error, could not be followed to the end"
         )
     return f"{asked}: the position may be off by {with_prefix(error, 'm')}, by a run with smaller steps"
-
-
-def _variables(
-    model: Actuator | PulledSlider,
-    samples: NDArray[np.float64],
-    table: Drive,
-    times: NDArray[np.float64],
-    waveform: Waveform,
-) -> dict[str, Any]:
-    y, w, x, s, force = samples[:, :5].T
-    if isinstance(model, Actuator) and model.piezo is not None:  # the table is that of its stroke
-        table = waveform.drive(float(times[-1]))
-    drive = evaluate(table, times)[0]
-    variables: dict[str, Any] = {"end_effector_position": x}
-    if isinstance(model, Actuator):
-        variables |= {"stage_position": y, "sliding_displacement": y - x}
-    variables["friction_force"] = force
-    if isinstance(model, Actuator):
-        variables |= {"drive_voltage": drive, "stage_velocity": w}
-    else:
-        variables |= {
-            "spring_position": (drive, "m"),
-            "spring_force": (model.spring_stiffness * (drive - x), "N"),
-        }
-    variables["end_effector_velocity"] = s
-    n = elements(model.friction)
-    for e in range(n):
-        name = "bristle_deflection" if n == 1 else f"bristle_deflection_{e + 1}"
-        variables[name] = (samples[:, 5 + e], "m")
-    if isinstance(model, Actuator):
-        for m in range(1 + len(model.further_modes.gain) if model.further_modes else 0):
-            variables[f"stage_mode_{m + 1}"] = (samples[:, 5 + n + 2 * m], "m")
-        if model.two_port is not None:
-            variables |= two_port.electrical(model, samples, samples[:, 5 + n :], table, times)
-    return variables
-
-
-def _account(
-    model: Actuator, samples: NDArray[np.float64], work: NDArray[np.float64], start: NDArray[np.float64]
-) -> dict[str, Any]:
-    """The energy account, J: the drive's work is stored, dissipated in the stage, or taken by the contact.
-
-    Where the model drops the reaction of the friction on the stage, the contact's work on the stage is
-    nobody's loss; it is left out of the stage's balance just as the model leaves it out.
-    """
-    y, w, x, s = samples[:, :4].T
-    m, m_e = (0.0 if model.static else model.stage_mass), model.end_effector_mass
-    k = 0.0 if model.static else model.stage_stiffness
-    if model.clamped:  # one body: the end-effector's mass is in the stage's
-        m_e = 0.0
-    on_stage = (
-        work[:, 2] + work[:, 3] if model.stage_reaction and not model.static and not model.clamped else 0.0
-    )
-    on_slider = 0.0 if model.clamped else work[:, 3]
-    kinetic = 0.5 * m * w**2 + 0.5 * m_e * s**2
-    elastic = 0.5 * k * y**2
-    external = 0.0 * x if model.clamped else model.axial_force * (x - start[SLIDER])
-    drive, damping = m * work[:, 0], m * work[:, 1]
-    at_start = 0.5 * k * start[STAGE] ** 2 + 0.5 * m * start[STAGE + 1] ** 2
-    at_start += 0.5 * m_e * start[SLIDER + 1] ** 2
-    stored = kinetic + elastic - at_start
-    return {
-        "drive_work": (drive, "J"),
-        "stage_dissipation": (damping, "J"),
-        "friction_work": (work[:, 2], "J"),
-        "external_work": (external, "J"),
-        "kinetic_energy": (kinetic, "J"),
-        "elastic_energy": (elastic, "J"),
-        "energy_defect": (drive + external + on_slider - on_stage - damping - stored, "J"),
-    }

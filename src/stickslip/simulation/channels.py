@@ -1,0 +1,109 @@
+"""The channels of a trajectory: motion, energy and current, by name and unit, from the solver's samples."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..actuator import Actuator, PulledSlider
+from ..electronics.account import electrical
+from ..electronics.stack import Stack
+from ..friction import elements
+from ..units import QuantityError
+from ..waveform.drive import Drive, evaluate
+from ..waveform.signal import Waveform
+from . import two_port
+from .models import SLIDER, STAGE
+
+# Of a stack, beside the voltage, which the trajectory has.
+OF_STACK = ("current", "charge", "reactive_power", "loss_power", "temperature")
+
+
+def variables_of(
+    model: Actuator | PulledSlider,
+    samples: NDArray[np.float64],
+    table: Drive,
+    times: NDArray[np.float64],
+    waveform: Waveform,
+) -> dict[str, Any]:
+    """Motion and forces, and what is inside of piezo and contact."""
+    y, w, x, s, force = samples[:, :5].T
+    if isinstance(model, Actuator) and model.piezo is not None:  # the table is that of its stroke
+        table = waveform.drive(float(times[-1]))
+    drive = evaluate(table, times)[0]
+    variables: dict[str, Any] = {"end_effector_position": x}
+    if isinstance(model, Actuator):
+        variables |= {"stage_position": y, "sliding_displacement": y - x}
+    variables["friction_force"] = force
+    if isinstance(model, Actuator):
+        variables |= {"drive_voltage": drive, "stage_velocity": w}
+    else:
+        variables |= {
+            "spring_position": (drive, "m"),
+            "spring_force": (model.spring_stiffness * (drive - x), "N"),
+        }
+    variables["end_effector_velocity"] = s
+    n = elements(model.friction)
+    for e in range(n):
+        name = "bristle_deflection" if n == 1 else f"bristle_deflection_{e + 1}"
+        variables[name] = (samples[:, 5 + e], "m")
+    if isinstance(model, Actuator):
+        for m in range(1 + len(model.further_modes.gain) if model.further_modes else 0):
+            variables[f"stage_mode_{m + 1}"] = (samples[:, 5 + n + 2 * m], "m")
+        if model.two_port is not None:
+            variables |= two_port.electrical(model, samples, samples[:, 5 + n :], table, times)
+    return variables
+
+
+def energy_account(
+    model: Actuator, samples: NDArray[np.float64], work: NDArray[np.float64], start: NDArray[np.float64]
+) -> dict[str, Any]:
+    """The energy account, J: the drive's work is stored, dissipated in the stage, or taken by the contact.
+
+    Where the model drops the reaction of the friction on the stage, the contact's work on the stage is
+    nobody's loss; it is left out of the stage's balance just as the model leaves it out.
+    """
+    y, w, x, s = samples[:, :4].T
+    m, m_e = (0.0 if model.static else model.stage_mass), model.end_effector_mass
+    k = 0.0 if model.static else model.stage_stiffness
+    if model.clamped:  # one body: the end-effector's mass is in the stage's
+        m_e = 0.0
+    on_stage = (
+        work[:, 2] + work[:, 3] if model.stage_reaction and not model.static and not model.clamped else 0.0
+    )
+    on_slider = 0.0 if model.clamped else work[:, 3]
+    kinetic = 0.5 * m * w**2 + 0.5 * m_e * s**2
+    elastic = 0.5 * k * y**2
+    external = 0.0 * x if model.clamped else model.axial_force * (x - start[SLIDER])
+    drive, damping = m * work[:, 0], m * work[:, 1]
+    at_start = 0.5 * k * start[STAGE] ** 2 + 0.5 * m * start[STAGE + 1] ** 2
+    at_start += 0.5 * m_e * start[SLIDER + 1] ** 2
+    stored = kinetic + elastic - at_start
+    return {
+        "drive_work": (drive, "J"),
+        "stage_dissipation": (damping, "J"),
+        "friction_work": (work[:, 2], "J"),
+        "external_work": (external, "J"),
+        "kinetic_energy": (kinetic, "J"),
+        "elastic_energy": (elastic, "J"),
+        "energy_defect": (drive + external + on_slider - on_stage - damping - stored, "J"),
+    }
+
+
+def refuse_stack(model: Actuator | PulledSlider) -> None:
+    """Raise QuantityError where the drive charges no stack."""
+    if not isinstance(model, Actuator):
+        raise QuantityError("stack: a PulledSlider has none")
+    if model.two_port is not None:
+        raise QuantityError(
+            "stack: the piezo has a charge and current of its own (a MaxwellCapacitor), which are in the "
+            "trajectory, and not those of a stack"
+        )
+
+
+def of_stack(stack: Stack, waveform: Waveform, times: NDArray[np.float64]) -> dict[str, Any]:
+    """What the drive, from its begin on, does to a stack, at the times [s]; see `electronics.electrical`."""
+    run = electrical(waveform, stack, float(times[-1]), times=times)
+    return {name: (run[name].values, run[name].attrs["units"]) for name in OF_STACK}
