@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -132,7 +133,11 @@ def explain(
     where = (inside + ".".join(place)).rstrip(".") or ("" if first["type"] in _NAMED else "kind")
     more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
     cause = first.get("ctx", {}).get("error")
-    text = str(cause) if isinstance(cause, QuantityError) else _about_kind(first) or first["msg"]
+    text = (
+        str(cause)
+        if isinstance(cause, QuantityError)
+        else _about_kind(first) or _about_choice(first) or first["msg"]
+    )
     return InputFileError(": ".join(filter(None, (str(path), where, f"{text}{more}"))))
 
 
@@ -148,6 +153,14 @@ def _about_kind(error: Any) -> str:
     given = error["input"] if isinstance(error["input"], dict) else {}
     wrong = next((one for one in map(str, given) if did_you_mean(one, [key])), None)
     return f"there is no field {wrong!r} (did you mean {key!r}?)" if wrong else f"{key} is missing"
+
+
+def _about_choice(error: Any) -> str:
+    """What is wrong with a value that must be one of a few words; "" for other errors."""
+    if error["type"] != "literal_error":
+        return ""
+    words = re.findall("'([^']*)'", error["ctx"]["expected"])
+    return f"{error['input']!r}{did_you_mean(str(error['input']), words)}: it is {error['ctx']['expected']}"
 
 
 def _keys(content: Any, place: Sequence[int | str]) -> list[str]:

@@ -295,12 +295,12 @@ def test_a_pdf_without_a_browser_is_refused_before_the_work(
         ({"friktion": {}}, "friktion"),
         ({"slew_rate": "3 V"}, "slew_rate"),
         (
-            {"recordings": [{"cells": "*", "use": "guess"}]},
-            r"recordings\.0\.use: Input should be 'piezo'",
+            {"recordings": [{"cells": "*", "use": "stpe"}]},
+            r"recordings\.0\.use: 'stpe' \(did you mean 'step'\?\): it is 'piezo', 'step', 'fit' or 'verify'",
         ),
         (
             {"recordings": [{"file": "a.csv", "use": "guess"}]},
-            r"recordings\.0\.use: Input should be 'piezo'",
+            r"recordings\.0\.use: 'guess': it is 'piezo'",
         ),
         (
             {"recordings": [{"file": "a.csv", "waveform": [{"shape": "Sawtoth"}]}]},

@@ -84,6 +84,7 @@ def test_text_without_header(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("request_", "message"),
     [
+        ({"columns": {"y": "xx"}}, r"no column 'xx' \(did you mean 'x'\?\)"),
         ({"columns": {"y": "Y"}}, r"no column 'Y'; the file has 0: 't \[s\]', 1: 'x \[um\]'"),
         ({"columns": {"y": 2}}, "no column 2; the file has"),
         ({"columns": {"y": -1}}, "no column -1; the file has"),

@@ -158,4 +158,4 @@ def check_names(free: Sequence[str], known: Sequence[str], bounds: Bounds) -> No
             raise QuantityError(f"{name!r} is free twice")
     for name in bounds:
         if name not in free:
-            raise QuantityError(f"there are bounds for {name!r}, which is not free")
+            raise QuantityError(f"there are bounds for {name!r}, which is not free{did_you_mean(name, free)}")

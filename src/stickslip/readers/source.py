@@ -14,6 +14,7 @@ import numpy as np
 
 from .. import registry
 from ..recording import RecordingError
+from ..records import did_you_mean
 
 # How a user points at a channel: its name in the file, its index (from 0), or an array's name and indices
 # (from 0).
@@ -114,7 +115,8 @@ def find_channel(channels: Sequence[FileChannel], column: Column) -> int:
     if len(matches) == 1:
         return matches[0]
     problem = "more than one column" if matches else "no column"
-    raise RecordingError(f"{problem} {column!r}; the file has {listing(channels)}")
+    hint = "" if matches else did_you_mean(str(column), [channel.name for channel in channels])
+    raise RecordingError(f"{problem} {column!r}{hint}; the file has {listing(channels)}")
 
 
 def listing(channels: Sequence[FileChannel], most: int = 20) -> str:
