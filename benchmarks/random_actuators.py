@@ -275,7 +275,7 @@ def _row(name: str, errors: NDArray[np.float64]) -> list[str]:
     return [name, str(errors.size), f"{middle:.2g}", f"{high:.3g}", f"{errors.max():.3g}", *shares]
 
 
-def _table(head: list[str], rows: list[list[str]]) -> str:
+def table(head: list[str], rows: list[list[str]]) -> str:
     lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
     return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in rows)])
 
@@ -309,7 +309,7 @@ def _worst(pairs: list[tuple[Member, Found]], truth: Truths) -> str:
         rows.append(
             [str(m.number), f"{f.error / TOLERANCE:.3g}", doubt, f.said, f"{m.waveform}", f"{m.load}", what]
         )
-    return _table(["member", "error", "oracle's doubt, nm", "said", "drive", "load", "actuator"], rows)
+    return table(["member", "error", "oracle's doubt, nm", "said", "drive", "load", "actuator"], rows)
 
 
 _SHOWN = (
@@ -343,7 +343,7 @@ def page(chosen: list[Member], seed: int, truth: Truths, found: dict[int, Found]
             f"the times, in tolerances of {TOLERANCE * 1e9:g} nm.",
             f"{len(chosen)} members. The oracle left {left} out: its two solutions differ by more than "
             f"{WELL_KNOWN * 1e9:g} nm for {left - unsolved}, and {unsolved} it could not solve twice.",
-            _table(["", *HEAD], _groups(pairs)),
+            table(["", *HEAD], _groups(pairs)),
             f"{warned} of {len(pairs)} warned or did not complete. {_agreement([f for _, f in pairs])}",
             f"`ss.simulate` took {np.median(seconds):.3g} ms (median), {np.max(seconds):.4g} ms at most, "
             f"{seconds.sum() / 1e3:.3g} s for all; the oracle, twice each, {np.median(of_oracle):.3g} ms, "
