@@ -112,9 +112,9 @@ def page(rows: list[Compared], count: int, seed: int) -> str:
             table(
                 ["", "settle", "found", "median", "99 %", "> 1", "> 3", "> 10"], [_row("all", rows), *laws]
             ),
-            f"Not found, or not shown to be within the tolerance, and said so: {lost} of those that settle. Of "
-            f"the {len(unknown)} that do not settle in {PERIODS} periods {kept} have a step all the same. A "
-            f"step took {milliseconds:.3g} ms (median).",
+            f"Not found, or not shown to be within the tolerance, and said so: {lost} of those that settle. "
+            f"Of the {len(unknown)} that do not settle in {PERIODS} periods {kept} have a step all the same. "
+            f"A step took {milliseconds:.3g} ms (median).",
             "## The worst ten of those found",
             table(["member", "law", "waited, nm", "found, nm", "largest multiplier"], far),
         ]
