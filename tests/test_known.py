@@ -21,7 +21,7 @@ def test_all_kinds_with_a_line_each() -> None:
     kinds += "materials, friction pairs, benches, "
     assert list(found) == [*kinds.split(", ")[:-1], "calibrations", "datasets"]
     assert list(found["laws"])[: len(ss.LAWS)] == [law.__name__ for law in ss.LAWS]  # then what others add
-    assert {"npy", "npz", "mat", "mdf"} <= set(found["readers"])
+    assert {"text", "npy", "npz", "mat", "mdf"} <= set(found["readers"])
     assert {"scpi", "virtual"} <= set(found["rigs"])
     assert set(found["actuators"]) == set(ss.parameters.available_sets())
     for kind, of in found.items():

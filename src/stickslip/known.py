@@ -11,6 +11,7 @@ from .contact.catalogue import available_materials, available_pairs, title_of
 from .datasets import DATASETS
 from .electronics import available_parts, load_part
 from .parameters import available_sets, load_set
+from .readers.formats import TEXT, TEXT_LINE
 from .records import did_you_mean
 from .rig.bench import available_benches, load_bench
 from .units import QuantityError
@@ -21,7 +22,7 @@ KINDS: Mapping[str, Callable[[], dict[str, str]]] = {
     "piezo models": lambda: _lines(registry.piezos),
     "waveforms": lambda: _lines(registry.waveforms),
     "sensors": lambda: _lines(registry.sensors),
-    "readers": lambda: _lines(registry.readers),
+    "readers": lambda: {TEXT: TEXT_LINE, **_lines(registry.readers)},
     "rigs": lambda: _lines(registry.rigs),
     "amplifiers": lambda: {name: load_part(name).title for name in available_parts("amplifier")},
     "stacks": lambda: {name: load_part(name).title for name in available_parts("stack")},

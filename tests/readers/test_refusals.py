@@ -173,6 +173,14 @@ def test_name_and_content_differ(tmp_path: Path) -> None:
     assert read_recording(tmp_path / "a.xyz").sizes["time"] == 2
 
 
+def test_text_is_a_reader_by_name(tmp_path: Path) -> None:
+    """Which is taken although the name of the file says another format."""
+    (tmp_path / "a.npy").write_text(GOOD)
+    assert read_recording(tmp_path / "a.npy", reader="text")["x"].values[3] == pytest.approx(3.5e-6)
+    with pytest.raises(RecordingError, match="the name says npy, but the content is text"):
+        read_recording(tmp_path / "a.npy")
+
+
 def test_text_options_are_for_text(tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", np.arange(5.0))
     for option in ({"delimiter": ","}, {"decimal": ","}, {"skip": 1}):

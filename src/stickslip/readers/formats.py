@@ -9,6 +9,11 @@ from .. import registry
 from ..recording import RecordingError
 from .source import Format
 
+# What read_recording takes without a `Format`.
+TEXT = "text"
+TEXT_LINE = (
+    "Numbers in lines: CSV, TSV, LabVIEW's LVM, tables of oscilloscopes, with or without headers and units."
+)
 _TEXT = (".csv", ".tsv", ".txt", ".dat", ".asc", ".prn", ".lvm")
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 
@@ -32,7 +37,7 @@ def find_format(path: Path) -> str:
         raise RecordingError("the file is empty")
     ending = path.suffix.lower()
     known = _formats()
-    named = {".nc": "nc", **dict.fromkeys(_TEXT, "text")}
+    named = {".nc": "nc", **dict.fromkeys(_TEXT, TEXT)}
     named |= {end: one.name for one in reversed(known) for end in one.endings}
     found = next((one.name for one in known if one.recognises(head, ending)), None) or _content(head)
     if found is None:
@@ -53,5 +58,5 @@ def _content(head: bytes) -> str | None:
     if head.startswith(_HDF5):
         return "nc"
     if b"\0" not in head or head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return "text"
+        return TEXT
     return None

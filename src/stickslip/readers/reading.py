@@ -21,7 +21,7 @@ from .. import registry
 from ..recording import STANDARD_NAMES, RecordingError, make_recording, open_recording
 from ..units import optional_si, to_si
 from .clocks import Clocked, complete_samples, onto_one_clock, without_empty_end
-from .formats import find_format
+from .formats import TEXT, find_format
 from .opening import source_of
 from .selection import Selection, Variable, select
 from .source import Column, FileContent, Rows
@@ -72,8 +72,8 @@ def read_recording(
         delimiter, decimal: of a text file; found out by default. ``r"\s+"`` is any white space.
         skip: lines at the top of a text file that are neither header nor data.
         title, notes, calibration: free text, kept with the recording.
-        reader: the format by name ("npy"), or one of one's own, "my_reader.py:scope"; by default that of the
-            content.
+        reader: the format by name ("text", "npy"), or one of one's own, "my_reader.py:scope"; by default that
+            of the content.
 
     Raises:
         RecordingError: anything that keeps the file from being a recording; names file, line or sample, and
@@ -119,8 +119,9 @@ def read_recording(
 
 
 def _kind(path: Path, reader: str) -> str:
-    found = registry.readers.find(reader).name if reader else ""
-    return found or find_format(path)
+    if reader in ("", TEXT):
+        return reader or find_format(path)
+    return registry.readers.find(reader).name
 
 
 def _check_arguments(**given: Any) -> None:
