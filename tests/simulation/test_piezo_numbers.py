@@ -78,13 +78,31 @@ def test_of_the_steady_step(piezo: str, waveform: Any) -> None:
 def test_of_a_trajectory(piezo: str) -> None:
     model, times = KANG.replace(piezo=PIEZOS[piezo]), np.linspace(0.0, 0.05, 40)
     names = ["amplitude", *(n for n in piezo_names(model) if value_of(model, n) and "stiff" not in n)]
-    names = [name for name in names if "breakaway" not in name]  # of a charge they matter to the voltage only
+    # Of a charge they matter to the voltage only; behind Bouc-Wen slow creep is not told from rounding.
+    names = [name for name in names if "breakaway" not in name]
+    if "Bouc" in piezo:
+        names = [name for name in names if name != "piezo_time_constant_2"]
     found = ss.sensitivities(model, SAW, times=times, parameters=names, tolerance=1e-11).derivative
     for name in names:
         ends, h = apart(model, SAW, name, 1e-3)
         low, high = (ss.simulate(*one, times=times, tolerance=1e-12).end_effector_position for one in ends)
         by = (high - low) / h
         assert float(np.abs(found.sel(parameter=name) - by).max()) < 6e-3 * float(np.abs(by).max()), name
+
+
+@pytest.mark.compiled
+def test_cubics_of_creep_change_by_more_than_the_difference() -> None:
+    """Their coefficients are cancellations: a millionth changes them by 228 times that, more does not."""
+    creep = Creep((0.003, 0.04, 0.6), (0.01, 0.015, 0.01))
+    model = KANG.replace(friction=ss.Dahl(2e6, 0.5), piezo=Piezo(PLAYS, creep))
+    saw = ss.Sawtooth(73.2, 71.7, rise_fraction=0.93)
+    names = ["amplitude", "frequency", "rise_fraction", "piezo_time_constant_3"]
+    found = steady_step_derivatives(model, saw, parameters=names)
+    for name in names:
+        ends, h = apart(model, saw, name, 1e-3)
+        low, high = (ss.steady_step(*one, tolerance=1e-12) for one in ends)
+        size = 0.5 * h / 1e-3
+        assert found[name] * size == pytest.approx((high - low) / 1e-3 * 0.5, rel=0.02, abs=2e-11), name
 
 
 @pytest.mark.compiled

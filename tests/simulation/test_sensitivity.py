@@ -7,8 +7,10 @@ import warnings
 import numpy as np
 import pytest
 
+from stickslip import simulation
 from stickslip.actuator import Actuator
-from stickslip.friction import Coulomb, Dahl, Elastoplastic, LuGre, MaxwellSlip
+from stickslip.friction import Coulomb, Dahl, Elastoplastic, LuGre, MaxwellSlip, ResetIntegrator
+from stickslip.identify.walk.displacement import has_slopes
 from stickslip.piezo import Creep, Piezo
 from stickslip.simulation import (
     SimulationWarning,
@@ -249,3 +251,35 @@ def test_the_steady_step_by_a_law_of_several_states() -> None:
         for h in (1e-5, -1e-5)
     ]
     assert found == pytest.approx((steps[0] - steps[1]) / 2e-5, rel=5e-3)
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        ResetIntegrator(1.4e6, 4e-7, 0.0, 30.0),
+        MaxwellSlip((1e6,), (0.5,), 0.0, 1.3),
+        MaxwellSlip((1e6, 5e5), (0.3, 0.2), 0.0, 1.2),
+    ],
+    ids=["reset", "one element", "two elements"],
+)
+def test_no_derivatives_where_the_force_jumps(law: object) -> None:
+    """A neighbour jumps at another time: derivatives were wrong by up to their sign."""
+    model = MODEL.replace(friction=law)
+    for ask in (
+        lambda: sensitivities(model, DRIVE, 0.02, parameters=["gain"]),
+        lambda: steady_step_derivatives(model, DRIVE, parameters=["gain"]),
+    ):
+        with pytest.raises(QuantityError, match="force does not jump where it begins to slide"):
+            ask()
+    assert not has_slopes(model)
+    assert has_slopes(MODEL)
+    assert has_slopes(MODEL.replace(friction=MaxwellSlip((1e6,), (0.5,))))
+
+
+@pytest.mark.parametrize("ask", ["steady_step", "steady_steps", "steady_step_derivatives"])
+def test_what_is_clamped_takes_no_steps(ask: str) -> None:
+    """It was said to step by micrometres: where the stage is at the end of a period, from nought."""
+    given = {"steady_steps": {"gain": [1e-7]}, "steady_step_derivatives": ["gain"]}
+    options = {"parameters": given[ask]} if ask in given else {}
+    with pytest.raises(QuantityError, match="clamped to the stage: it takes no steps"):
+        getattr(simulation, ask)(MODEL.replace(clamped=True), DRIVE, **options)

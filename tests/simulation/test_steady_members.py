@@ -197,23 +197,25 @@ def test_the_linear_algebra_is_that_of_numpy() -> None:
         jacobian, defect, x = rng.normal(size=(n, n)), rng.normal(size=n), np.empty(n)
         scale = np.exp(rng.normal(size=n))
         for least in (0.0, 1e-5):
-            to_orbit(jacobian, defect, scale, least, np.empty((n, n)), x)
+            to_orbit(jacobian, defect, scale, n // 2, least, np.empty((n, n)), x)
             np.testing.assert_allclose(x, np.linalg.solve(np.eye(n) - jacobian, defect), rtol=1e-9)
         largest = np.abs(np.linalg.eigvals(jacobian)).max()
         assert spectral_radius(jacobian, scale, 40) == pytest.approx(largest, rel=1e-9)
     x = np.empty(2)
-    to_orbit(np.eye(2), np.ones(2), np.ones(2), 0.0, np.empty((2, 2)), x)
-    assert np.isinf(x).all()
+    for bodies, least in ((2, 0.0), (2, 1e-5), (0, 0.0)):
+        to_orbit(np.eye(2), np.ones(2), np.ones(2), bodies, least, np.empty((2, 2)), x)
+        assert np.isinf(x).all()
     assert spectral_radius(np.zeros((2, 2)), np.ones(2), 40) == 0.0
 
 
 def test_what_a_period_does_not_change_stays() -> None:
-    """Of four states one combination is kept for ever: the others go where the defect says."""
+    """Of four states, two of bodies, one combination is kept for ever; the others go as the defect says."""
     rng = np.random.default_rng(5)
     kept, forgets = rng.normal(size=(4, 1)), rng.normal(size=(3, 4))
     forgets -= forgets @ kept @ kept.T / float(np.sum(kept**2))  # blind to what is kept
     rest = rng.normal(size=(4, 3)) @ forgets
     defect, x = rest @ rng.normal(size=4), np.empty(4)
-    to_orbit(np.eye(4) - rest, defect, np.array([1.0, 1e-3, 2.0, 1e2]), 1e-9, np.empty((4, 4)), x)
+    to_orbit(np.eye(4) - rest, defect, np.array([1.0, 1e-3, 2.0, 1e2]), 2, 1e-9, np.empty((4, 4)), x)
     np.testing.assert_allclose(rest @ x, defect, rtol=1e-9)
     assert np.count_nonzero(x) == 3
+    assert np.all(x[:2] != 0.0)

@@ -144,6 +144,12 @@ def has_branches(law: Any) -> bool:
     return _implementation(element(law, 0)).branches is not None
 
 
+def has_jumps(law: Any) -> bool:
+    """Whether the rate of the law jumps where its state meets a curve: the motion is then no smooth function
+    of the parameters. Of laws with branches, those whose ``jumps`` is not False."""
+    return bool(getattr(law, "jumps", has_branches(law)))
+
+
 def pays_in_lanes(law: Any) -> bool:
     """Whether steps of several such laws are quicker side by side."""
     return _implementation(element(law, 0)).lanes

@@ -47,6 +47,11 @@ class MaxwellSlip(NamedTuple):
     stribeck_velocity: Annotated[float, Quantity("m/s", "v_s", "Stribeck velocity", above=0)] = 1e-3
     attraction_rate: Annotated[float, Quantity("1/s", "c", "attraction C/F_C", above=0)] = 1e3
 
+    @property
+    def jumps(self) -> bool:
+        """Whether the force of an element falls when it begins to slide."""
+        return self.stiction_ratio != 1.0
+
     def _check(self) -> None:
         if len(self.stiffness) != len(self.strength) or not self.stiffness:
             raise QuantityError(

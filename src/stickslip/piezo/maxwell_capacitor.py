@@ -40,7 +40,8 @@ class MaxwellCapacitor(NamedTuple):
     """Maxwell slip with charge, a two-port that feels the load: see the module.
 
     `charge_drive`: the drive commands the charge, not the voltage, by the capacitance of
-    the free piezo, so that the stroke at rest is the gain times the command."""
+    the free piezo, so that the stroke at rest is the gain times the command; where that jumps, the current
+    is infinite for an instant, which no sample of it shows."""
 
     capacitance: Annotated[
         float, Quantity("F", "C_0", "of the blocked piezo, all elements slipping", above=0)

@@ -11,14 +11,11 @@ from ..actuator import Actuator, PulledSlider
 from ..electronics.account import electrical
 from ..electronics.stack import Stack
 from ..friction import elements
-from ..units import QuantityError
 from ..waveform.drive import Drive, evaluate
 from ..waveform.signal import Waveform
 from . import two_port
+from .demand import PARTS
 from .models import SLIDER, STAGE
-
-# Of a stack, beside the voltage, which the trajectory has.
-OF_STACK = ("current", "charge", "reactive_power", "loss_power", "temperature")
 
 
 def variables_of(
@@ -92,18 +89,17 @@ def energy_account(
     }
 
 
-def refuse_stack(model: Actuator | PulledSlider) -> None:
-    """Raise QuantityError where the drive charges no stack."""
-    if not isinstance(model, Actuator):
-        raise QuantityError("stack: a PulledSlider has none")
-    if model.two_port is not None:
-        raise QuantityError(
-            "stack: the piezo has a charge and current of its own (a MaxwellCapacitor), which are in the "
-            "trajectory, and not those of a stack"
-        )
-
-
 def of_stack(stack: Stack, waveform: Waveform, times: NDArray[np.float64]) -> dict[str, Any]:
-    """What the drive, from its begin on, does to a stack, at the times [s]; see `electronics.electrical`."""
-    run = electrical(waveform, stack, float(times[-1]), times=times)
-    return {name: (run[name].values, run[name].attrs["units"]) for name in OF_STACK}
+    """What the drive, from its begin on, does to a stack at the times [s]: charge and current of its load,
+    power into its field, and loss and temperature as `electronics.electrical` has them."""
+    end = float(times[-1])
+    off = max(PARTS * float(np.ptp(waveform.range())), 1e-9)
+    run = electrical(waveform, stack, end, times=times, tolerance=off)
+    u, du = evaluate(waveform.drive(end), times)
+    return {
+        "current": (stack.load * du, "A"),
+        "charge": (stack.load * u, "C"),
+        "reactive_power": (stack.load * u * du, "W"),
+        "loss_power": (run["loss_power"].values, "W"),
+        "temperature": (run["temperature"].values, "K"),
+    }

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..actuator import Actuator
 from ..electronics.cycles import half_cycles
 from ..electronics.lines import jumps, lines_of
 from ..electronics.stack import Stack
@@ -38,6 +39,21 @@ UNITS = {
 }
 # Of the stroke of the drive, by which lines may leave it.
 PARTS = 1e-4
+
+
+def refuse_stack(model: Any, stack: Any) -> None:
+    """Raise QuantityError for what is no stack, or where the drive charges none."""
+    if not isinstance(stack, Stack):
+        raise QuantityError(
+            f"stack = {stack!r} must be a Stack: stickslip.electronics.load_stack takes one by its name"
+        )
+    if not isinstance(model, Actuator):
+        raise QuantityError("stack: a PulledSlider has none")
+    if model.two_port is not None:
+        raise QuantityError(
+            "stack: the piezo has a charge and current of its own (a MaxwellCapacitor), which are in the "
+            "trajectories of simulate, and not those of a stack"
+        )
 
 
 def electrical_demand(
@@ -115,11 +131,12 @@ def _of_one_period(waveform: Any, stack: Stack) -> tuple[float, float, float, fl
 
 
 def labelled_demand(
-    waveform: Waveform, columns: Mapping[str, Array], stack: Stack | None, count: int
+    model: Actuator, waveform: Waveform, columns: Mapping[str, Array], stack: Stack | None, count: int
 ) -> dict[str, Any]:
     """`electrical_demand` as variables over "member"; none without a stack."""
     if stack is None:
         return {}
+    refuse_stack(model, stack)
     found = electrical_demand(waveform, columns, stack, count)
     return {
         name: ("member", values, dict(zip(("units", "long_name"), UNITS[name], strict=True)))

@@ -135,7 +135,7 @@ def simulate_ensemble(
         _gpu(model, wanted) if engine == "cuda" else None,
     )
     contact_load(load, end)  # what is wrong with it is said at once
-    demand = labelled_demand(waveform, varied, stack, count)
+    demand = labelled_demand(model, waveform, varied, stack, count)
     size = block_size(model, waveform, varied, end, GPU_BLOCK if task.gpu else BLOCK)
     found = Block(
         np.zeros(count, np.int8),

@@ -349,7 +349,10 @@ def out_of_range(model: Actuator, low: float, high: float, minimum: float, maxim
 
 
 def refuse_places(model: Actuator | PulledSlider) -> None:
-    """Raise QuantityError where no motion can be periodic, for each place has a step of its own."""
+    """Raise QuantityError where no step can be steady: of an end-effector that is clamped, or where each
+    place has one of its own."""
+    if isinstance(model, Actuator) and model.clamped:
+        raise QuantityError("the end-effector is clamped to the stage: it takes no steps")
     if model.normal_force is not None and np.any(model.normal_force.varies):
         raise QuantityError(
             "the normal force changes along the stroke, and so does the step: there is none that is steady. "

@@ -67,8 +67,9 @@ def beside(model: Actuator, waveform: Any, name: str, end: float, settled: bool)
 
     itself, why = at(0.0).table(end, settled), "neither side is a record"
     best: tuple[float, Driven, float] | None = None
-    sides = [(size, side) for size in (AT_PIEZO if model.piezo else (DIFFERENCE,)) for side in (1.0, -1.0)]
-    for size, side in sides:
+    sides = (1.0,) if of_piezo else (1.0, -1.0)
+    steps = [(size, side) for size in (AT_PIEZO if model.piezo else (DIFFERENCE,)) for side in sides]
+    for size, side in steps:
         step = side * size * (abs(value) or 1.0)
         try:
             near, far = at(step), at(2.0 * step)
@@ -80,7 +81,7 @@ def beside(model: Actuator, waveform: Any, name: str, end: float, settled: bool)
             why = "the drive has a jump or a kink there that appears or vanishes"
             if model.piezo is not None:
                 why = "after the piezo's hysteresis and creep the drive has other pieces beside it"
-            break
+            continue
         bent = 0.0 if model.piezo is None else _bent(itself, table, far.table(end, settled))
         if best is None or bent < best[0]:
             best = bent, near, step

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..actuator import Actuator
 from ..friction import element as part_of
 from ..friction import elements
-from ..friction.law import project
+from ..friction.law import has_jumps, project
 from ..plant.system import values_of
 from ..records import did_you_mean
 from ..solve.neighbours import neighbours
@@ -103,13 +103,19 @@ def moved(
     period, after many, if `settled`. The rows `slipping` of the state are on the bounds of each.
 
     Raises:
-        QuantityError: a name that is not known, or a static law.
+        QuantityError: a name that is not known, a static law, or one whose force jumps.
     """
     of = contact.system(model)
     if elements(model.friction) == 0 and not model.clamped:
         raise QuantityError(
             f"derivatives are for a law with internal states; {type(model.friction).__name__} has none, "
             "and its motion is no smooth function of its parameters: difference `simulate` instead"
+        )
+    if has_jumps(model.friction) and not model.clamped:
+        raise QuantityError(
+            "derivatives are for a law whose force does not jump where it begins to slide, as that of this "
+            f"{type(model.friction).__name__} does (stiction_ratio above 1, a reset): difference `simulate` "
+            "instead"
         )
     known = [*model_names(model), *(name for name in INITIAL if initial_row(of, name) is not None)]
     known += [name for name in names if name.startswith(BY_ROW)]
@@ -217,7 +223,7 @@ def sensitivities(
     until two agree within a hundredth of the largest value.
 
     Args:
-        model: an actuator whose law has internal states.
+        model: an actuator whose law has internal states, and no jumps of its force.
         parameters: names of fields of the law and of the actuator, "stiction_ratio", "breakaway_share";
             numbers of the piezo ("piezo_weight_2", "piezo_share_1", "piezo_capacitance"; those of lists by
             their place); "initial_stage_position", "initial_stage_velocity",

@@ -97,7 +97,7 @@ def steady_steps(
     tolerance = to_si(tolerance, "m", "tolerance")
     columns = checked_columns(model, waveform, parameters)
     count, blocks = next(iter(columns.values())).size, []
-    demand = labelled_demand(waveform, columns, stack, count)
+    demand = labelled_demand(model, waveform, columns, stack, count)
     for start, block in orbit_blocks(model, waveform, columns, tolerance, load, threads):
         blocks.append(block)
         progress("solving for periodic motion", (start + block.status.size) / count)

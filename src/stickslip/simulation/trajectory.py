@@ -21,7 +21,8 @@ from ..solve.resume import row_size
 from ..units import QuantityError, optional_si, to_si, with_prefix
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
-from .channels import energy_account, of_stack, refuse_stack, variables_of
+from .channels import energy_account, of_stack, variables_of
+from .demand import refuse_stack
 from .errors import SimulationError, SimulationWarning
 from .models import (
     SLIDER,
@@ -69,10 +70,11 @@ def simulate(
         energy: add the energy account (actuators of one mode, no two-port): `drive_work`, `friction_work`,
             `stage_dissipation`, `external_work`, `kinetic_energy`, `elastic_energy`, and `energy_defect`,
             which a perfect solution has at 0.
-        stack: that the drive charges, of an actuator: adds `current`, `charge`, `reactive_power`,
-            `loss_power` and `temperature` (see `electronics.electrical`), from the begin of the drive on. A
-            drive that jumps takes an infinite current: `electronics.driven` says what an amplifier makes of
-            it.
+        stack: that the drive charges, of an actuator: adds `current`, `charge`, `reactive_power` (into the
+            field), `loss_power` and `temperature`, of the drive from its begin to the last sample. A half
+            cycle loses what it does in proportion to its way, so that near the end of a run, within a cycle
+            that is not closed yet, loss and temperature are less than a longer run has there. A drive that
+            jumps takes an infinite current: `electronics.driven` says what an amplifier makes of it.
         max_steps: give up after so many steps.
         initial_state: where it begins: a `State`, or a trajectory, to be continued: then `duration` counts
             from its end, and samples and drive go on in its time (plays and creep as that left them). With
@@ -96,7 +98,7 @@ def simulate(
     tolerance, sample_rate = to_si(tolerance, "m", "tolerance"), to_si(sample_rate, "Hz", "sample_rate")
     duration = optional_si(duration, "s", "duration")
     if stack is not None:
-        refuse_stack(model)
+        refuse_stack(model, stack)
     begin = taken_up(initial_state, model, waveform)
     found = follow_model(
         model,

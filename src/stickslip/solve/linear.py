@@ -10,11 +10,11 @@ from .._jit import compiled
 
 
 @compiled
-def to_orbit(jacobian, defect, scale, least, a, x):
+def to_orbit(jacobian, defect, scale, bodies, least, a, x):
     """From a state whose period ends off by `defect` to the orbit, to first order: x = (I - J)^-1 defect, by
-    Gauss's elimination with complete pivoting in `a`, where `scale` brings all to metres. What changes by
-    `least` of itself or less in a period stays where it is; with a `least` of 0 x is infinite where there is
-    no orbit."""
+    Gauss's elimination in `a`, where `scale` brings all to metres: of the first `bodies` entries, then of the
+    others, with complete pivoting in each. What of the others changes by `least` of itself or less in a
+    period stays where it is. Infinite where there is no orbit."""
     n = defect.size
     order, rank = np.arange(n), n
     for i in range(n):
@@ -24,10 +24,10 @@ def to_orbit(jacobian, defect, scale, least, a, x):
     for k in range(n):
         row, column = k, k
         for i in range(k, n):
-            for j in range(k, n):
+            for j in range(k, bodies if k < bodies else n):
                 if abs(a[i, j]) > abs(a[row, column]):
                     row, column = i, j
-        if not abs(a[row, column]) > least:
+        if not abs(a[row, column]) > (0.0 if k < bodies else least):
             rank = k
             break
         for j in range(n):
@@ -42,7 +42,7 @@ def to_orbit(jacobian, defect, scale, least, a, x):
                 a[i, j] -= share * a[k, j]
             x[i] -= share * x[k]
     for i in range(rank, n):
-        x[i] = 0.0 if least > 0.0 else math.inf
+        x[i] = 0.0 if least > 0.0 and rank >= bodies else math.inf
     for i in range(rank - 1, -1, -1):
         for j in range(i + 1, n):
             x[i] -= a[i, j] * x[j]

@@ -154,7 +154,15 @@ def newton(
             count += 1
         for c in range(r.size):
             defect[c] = after[c] - r[c]
-        to_orbit(jacobian, defect, scale, 0.0 if smooth else KEPT, work.matrix, change)
+        to_orbit(
+            jacobian,
+            defect,
+            scale,
+            2 * len(plant.modes),
+            0.0 if smooth else KEPT,
+            work.matrix,
+            change,
+        )
         gap, size, further = size_of(defect, scale), size_of(change, scale), 0.0
         for c in range(r.size):
             further += of_step[c] * change[c] if c != column else 0.0

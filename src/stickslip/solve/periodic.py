@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._jit import compiled, inlined, kernel, merged
+from ..friction.law import has_jumps
 from ..plant.generated import with_values
 from ..plant.system import Plant, layout_of, values_of
 from ..waveform.drive import Drive
@@ -37,7 +38,7 @@ PATIENCE, SOUGHT = 20, 500
 # After waiting this many times as long, attempts go on from where the last one came instead.
 ANCHORED = 16
 # Of the largest multiplier, which is known to rounding only.
-STABLE = 1.0 + 1e-6
+STABLE = 1.0 + 1e-5
 # The motion from rest leads to an orbit that is this near (over the largest state), or where a period moves
 # it as the multipliers say, but for this part.
 NEAR, REMAINDER = 1e-3, 0.25
@@ -236,8 +237,9 @@ def orbits(plant, drives, values, states, periods, tolerance, max_periods, colum
 
 def has_neighbours(plant: Plant) -> bool:
     """Whether derivatives may be those of `neighbours`: laws without states have events, those of several
-    states corners that a neighbour does not turn at the same time."""
-    return all(shape.states == 1 for shape in layout_of(plant).elements)
+    states corners, and others jumps, that a neighbour does not meet at the same time."""
+    one_state = all(shape.states == 1 for shape in layout_of(plant).elements)
+    return one_state and not any(has_jumps(element.law) for element in plant.elements)
 
 
 def find_orbit(

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ...actuator import Actuator
 from ...friction import elements
+from ...friction.law import has_jumps
 from ...simulation import SimulationError
 from ...simulation.models import Contact, checked_drive, classic
 from ...simulation.sensitivity import follow_moved, moved
@@ -114,4 +115,5 @@ def _held(samples: NDArray[np.float64], early: int) -> NDArray[np.float64]:
 
 def has_slopes(model: Actuator) -> bool:
     """Whether `Displacement.slopes` takes the model."""
-    return elements(model.friction) == 1 and not model.static and not model.clamped
+    smooth = elements(model.friction) == 1 and not has_jumps(model.friction)
+    return smooth and not model.static and not model.clamped
