@@ -2,12 +2,14 @@
 
 The actuators of `benchmarks.random_actuators` under their periodic drives, at a constant normal force. The
 truth is what `simulate` settles into from rest, at a tenth and at a hundredth of the tolerance: where the two
-differ, or where it has not settled after so many periods, it is not known. The page is `docs/benchmarks/random-orbits.md`.
+differ, or where it has not settled after so many periods, it is not known. The page is
+`docs/benchmarks/random-orbits.md`.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import math
 import time
 import warnings
@@ -74,10 +76,8 @@ def compared(m: Member) -> Compared:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         begun, orbit = time.perf_counter(), None
-        try:
+        with contextlib.suppress(SimulationError):
             orbit = steady_orbit(m.actuator, m.waveform, tolerance=TOLERANCE, load=m.load)
-        except SimulationError:
-            pass
         seconds = time.perf_counter() - begun
         largest = float(np.max(np.abs(orbit.multipliers), initial=0.0)) if orbit else 0.0
         return Compared(m, waited(m, largest), orbit, seconds)
@@ -119,8 +119,8 @@ def page(rows: list[Compared], count: int, seed: int) -> str:
             f"`python -m benchmarks.random_orbits {count} --seed {seed}`: of the [random actuators]"
             f"(random-actuators.md), the {len(rows)} under a periodic drive at a constant normal force. "
             f"`steady_step` at {TOLERANCE * 1e9:g} nm, beside the step that `simulate` settles into from "
-            f"rest within {PERIODS} periods: {len(known)} do, for the others that is not known to a tenth of the "
-            "tolerance. Errors in tolerances.",
+            f"rest within {PERIODS} periods: {len(known)} do, for the others that is not known to a tenth of "
+            "the tolerance. Errors in tolerances.",
             table(["", "known", "found", "median", "99 %", "> 1", "> 3", "> 10"], [_row("all", rows), *laws]),
             f"Not found, or not shown to be within the tolerance, and said so: {lost} of those known. Of the "
             f"{len(unknown)} others {kept} have a step all the same: what lives long, or has several motions "
