@@ -65,17 +65,18 @@ def beside(model: Actuator, waveform: Any, name: str, end: float, settled: bool)
             return Driven(changed_piezo(model, {name: value + by}), waveform)
         return Driven(model.piezo, type(waveform)(**put_in(waveform, {name: value + by})))
 
-    itself, why = at(0.0).table(end, settled), "neither side is a record"
+    itself, why = at(0.0).table(end, settled), ""
     best: tuple[float, Driven, float] | None = None
-    sides = (1.0,) if of_piezo else (1.0, -1.0)
-    steps = [(size, side) for size in (AT_PIEZO if model.piezo else (DIFFERENCE,)) for side in sides]
-    for size, side in steps:
-        step = side * size * (abs(value) or 1.0)
+    for size in AT_PIEZO if model.piezo else (DIFFERENCE,):
+        step, side = size * (abs(value) or 1.0), 1.0
         try:
             near, far = at(step), at(2.0 * step)
-        except QuantityError as error:
-            why = str(error)
-            continue
+        except QuantityError:
+            try:
+                near, far, side = at(-step), at(-2.0 * step), -1.0
+            except QuantityError as error:
+                why = why or str(error)
+                continue
         table = near.table(end, settled)
         if not _alike(itself, table, size, end):
             why = "the drive has a jump or a kink there that appears or vanishes"
@@ -84,7 +85,7 @@ def beside(model: Actuator, waveform: Any, name: str, end: float, settled: bool)
             continue
         bent = 0.0 if model.piezo is None else _bent(itself, table, far.table(end, settled))
         if best is None or bent < best[0]:
-            best = bent, near, step
+            best = bent, near, side * step
         if bent <= ENOUGH:
             break
     if best is not None and best[0] <= STRAIGHT:

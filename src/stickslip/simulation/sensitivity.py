@@ -258,7 +258,7 @@ def sensitivities(
         samples, by, _ = follow_moved(of, drive, state.copy(), wanted, tolerance, load=contact.table)
         return samples, by
 
-    samples, by, errors = settled(derivatives, tolerance)
+    samples, by, errors = until_settled(derivatives, tolerance)
     warn_unsettled(parameters, by, errors, 0.0)
     return xr.Dataset(
         {
@@ -286,7 +286,7 @@ def sensitivities(
     )
 
 
-def settled(
+def until_settled(
     derivatives: Callable[[float], tuple[NDArray[np.float64], NDArray[np.float64]]],
     tolerance: float,
     least: NDArray[np.float64] | float = 0.0,

@@ -16,7 +16,7 @@ from ..waveform.drive import Drive, value_slope_curvature
 from ..waveform.signal import Waveform
 from .errors import NotPeriodicError
 from .models import System, contact_load
-from .sensitivity import BY_ROW, INITIAL, Moved, follow_moved, internal, moved, settled, warn_unsettled
+from .sensitivity import BY_ROW, INITIAL, Moved, follow_moved, internal, moved, until_settled, warn_unsettled
 from .steady import endless, periodic_drive, steady_orbit
 from .varied import model_names, record_value, value_of
 
@@ -88,7 +88,7 @@ def steady_step_derivatives(
         return last, (by_parameter[whole.slider] + by_state[whole.slider] @ shift)[None]
 
     least = tolerance / np.array([abs(_value(model, waveform, name)) or 1.0 for name in parameters])
-    _, by, errors = settled(derivatives, 0.1 * tolerance, least)
+    _, by, errors = until_settled(derivatives, 0.1 * tolerance, least)
     warn_unsettled(parameters, by, errors, least)
     return dict(zip(parameters, by[0].tolist(), strict=True))
 
