@@ -175,6 +175,12 @@ def test_figures_of_accuracy_are_those_that_were_measured() -> None:
     found = re.search(rf"for ([\d.]+) % of {count}, more than 3 times too small for ([\d.]+) %", random)
     assert found
     assert f"within a factor of 3 for {found[1]} %, more than 3 times too small for {found[2]} %" in ACCURACY
+    orbits = (folder / "random-orbits.md").read_text(encoding="utf-8")
+    cells = re.search(r"^\| all \| (.+) \|$", orbits, re.MULTILINE)
+    assert cells
+    known, found_ones, middle, most, _, above, _ = cells[1].split(" | ")
+    assert f"{found_ones} of {known} found, {middle} tolerances (median), below {most} for 99 %" in ACCURACY
+    assert f"for 99 %, above 3 for {above} |" in ACCURACY
     coverage = (folder / "coverage.md").read_text(encoding="utf-8")
     for name in ("ζ", "ω_n", "gain", "F_C", "σ₀", "σ₁"):
         share = re.search(rf"^\| {name} \| ([\d.]+ %)", coverage, re.MULTILINE)
