@@ -70,34 +70,6 @@ def test_a_refusal_moves_nothing(page: Page, panel: Panel) -> None:
     expect(page.locator("#inputs .fault:not(:empty)")).to_have_count(0)
 
 
-def test_enter_pressed_twice_does_once(page: Page, panel: Panel) -> None:
-    """The second before the server has answered the first, as on a loaded machine."""
-    held: list[Route] = []
-    page.route(re.compile(r"/bench/\w+$"), lambda route: held.append(route))
-    opened(page, panel)
-    words = page.get_by_label("A note on this run")
-    words.fill("said once")
-    words.press("Enter")
-    words.press("Enter")
-    page.click("text=Add instrument…")
-    page.locator("dialog .choice input").first.check()
-    page.get_by_label("Title").fill("Twice")
-    page.get_by_label("Title").press("Enter")
-    page.get_by_label("Title").press("Enter")
-    page.wait_for_timeout(300)
-    assert [one.request.url.rpartition("/")[2] for one in held] == ["note", "set"]
-    for one in held:
-        one.continue_()
-    expect(page.locator("dialog")).to_have_count(0)
-    expect(page.get_by_role("article", name="Twice")).to_have_count(1)
-    expect(words).to_have_value("")
-    words.fill("said after it")  # once answered, the form can be sent again
-    words.press("Enter")
-    page.wait_for_timeout(300)
-    assert len(held) == 3
-    held[-1].continue_()
-
-
 def test_after_a_run_tiles_legend_and_clock_say_what_is(page: Page, panel: Panel) -> None:
     opened(page, panel)
     run(page, "step")  # ends at its voltage, which is then ramped down
@@ -197,3 +169,31 @@ def test_every_page_has_one_heading_and_says_what_comes(page: Page, panel: Panel
     assert all(after - before <= 1 for before, after in itertools.pairwise(levels))
     if name == "identify":
         expect(page.get_by_text("What comes here")).to_be_visible()
+
+
+def test_enter_pressed_twice_does_once(page: Page, panel: Panel) -> None:
+    """The second before the server has answered the first, as on a loaded machine."""
+    held: list[Route] = []
+    page.route(re.compile(r"/bench/\w+$"), lambda route: held.append(route))
+    opened(page, panel)
+    words = page.get_by_label("A note on this run")
+    words.fill("said once")
+    words.press("Enter")
+    words.press("Enter")
+    page.click("text=Add instrument…")
+    page.locator("dialog .choice input").first.check()
+    page.get_by_label("Title").fill("Twice")
+    page.get_by_label("Title").press("Enter")
+    page.get_by_label("Title").press("Enter")
+    page.wait_for_timeout(300)
+    assert [one.request.url.rpartition("/")[2] for one in held] == ["note", "set"]
+    for one in held:
+        one.continue_()
+    expect(page.locator("dialog")).to_have_count(0)
+    expect(page.get_by_role("article", name="Twice")).to_have_count(1)
+    expect(words).to_have_value("")
+    words.fill("said after it")  # once answered, the form can be sent again
+    words.press("Enter")
+    page.wait_for_timeout(300)
+    assert len(held) == 3
+    held[-1].continue_()
