@@ -87,6 +87,23 @@ def _small(of: System, row: int) -> float:
     return 1e-9 if row % 2 else 1e-12
 
 
+def refuse_law(model: Actuator) -> None:
+    """Raise QuantityError where the motion is no smooth function of the parameters."""
+    if model.clamped:
+        return
+    if elements(model.friction) == 0:
+        raise QuantityError(
+            f"derivatives are for a law with internal states; {type(model.friction).__name__} has none, "
+            "and its motion is no smooth function of its parameters: difference `simulate` instead"
+        )
+    if has_jumps(model.friction):
+        raise QuantityError(
+            "derivatives are for a law whose force does not jump where it begins to slide, as that of this "
+            f"{type(model.friction).__name__} does (stiction_ratio above 1, a reset): difference `simulate` "
+            "instead"
+        )
+
+
 def moved(
     model: Actuator,
     names: Sequence[str],
@@ -106,17 +123,7 @@ def moved(
         QuantityError: a name that is not known, a static law, or one whose force jumps.
     """
     of = contact.system(model)
-    if elements(model.friction) == 0 and not model.clamped:
-        raise QuantityError(
-            f"derivatives are for a law with internal states; {type(model.friction).__name__} has none, "
-            "and its motion is no smooth function of its parameters: difference `simulate` instead"
-        )
-    if has_jumps(model.friction) and not model.clamped:
-        raise QuantityError(
-            "derivatives are for a law whose force does not jump where it begins to slide, as that of this "
-            f"{type(model.friction).__name__} does (stiction_ratio above 1, a reset): difference `simulate` "
-            "instead"
-        )
+    refuse_law(model)
     known = [*model_names(model), *(name for name in INITIAL if initial_row(of, name) is not None)]
     known += [name for name in names if name.startswith(BY_ROW)]
     of_waveform, of_drive = record_names(waveform) if waveform is not None else [], drive_names(model)

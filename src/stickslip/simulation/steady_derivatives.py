@@ -16,7 +16,17 @@ from ..waveform.drive import Drive, value_slope_curvature
 from ..waveform.signal import Waveform
 from .errors import NotPeriodicError
 from .models import System, contact_load
-from .sensitivity import BY_ROW, INITIAL, Moved, follow_moved, internal, moved, until_settled, warn_unsettled
+from .sensitivity import (
+    BY_ROW,
+    INITIAL,
+    Moved,
+    follow_moved,
+    internal,
+    moved,
+    refuse_law,
+    until_settled,
+    warn_unsettled,
+)
 from .steady import endless, periodic_drive, steady_orbit
 from .varied import model_names, record_value, value_of
 
@@ -50,6 +60,7 @@ def steady_step_derivatives(
     """
     if set(parameters) & set(INITIAL):
         raise QuantityError("the steady step does not depend on the initial state")
+    refuse_law(model)
     tolerance = to_si(tolerance, "m", "tolerance")
     orbit = steady_orbit(model, waveform, tolerance=tolerance, load=load)
     period, drive = periodic_drive(model, waveform)
