@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike
 
 from .. import registry
 from ..simulation import SimulationError
+from ..simulation.varied import PIEZO
 from ..units import QuantityError
 from .exploration import State, mean_speed, motion, python, step_curves
-from .piezo_sliders import OWN
 from .sets import Sets
 from .sliders import choices, law_types, shapes
 from .stream import packed
@@ -98,7 +98,7 @@ def field_of(message: str) -> str:
         else ""
     )
     if owner in registry.piezos.names():
-        return f"model.{OWN}{field}"
+        return f"model.{PIEZO}{field}"
     if section:
         return f"{section}.{field}" + (f"_{int(index) + 1}" if index else "")
     if message.startswith("drive voltage"):

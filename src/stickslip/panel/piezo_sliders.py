@@ -14,12 +14,12 @@ import numpy as np
 
 from ..piezo import Creep, Piezo, PrandtlIshlinskii
 from ..records import Quantity, quantities, sequences
+from ..simulation.varied import PIEZO
 
 FIELDS = {
     "hysteresis": Quantity("", "h", "share of the stroke that follows with hysteresis", minimum=0, below=1),
     "creep": Quantity("", "g", "creep per decade of time, over the stroke", minimum=0, maximum=1),
 }
-OWN = "piezo_"  # before the name of a number of another model
 THRESHOLDS = (0.0, 5.0, 10.0, 20.0, 40.0)  # V, of an actuator without hysteresis of its own
 
 
@@ -38,13 +38,13 @@ def own_fields(piezo: Piezo | None) -> dict[str, Quantity]:
     if law is None or isinstance(law, PrandtlIshlinskii):
         return {}
     known = quantities(type(law))
-    return {f"{OWN}{name}": known[name] for name in known if name not in sequences(type(law))}
+    return {f"{PIEZO}{name}": known[name] for name in known if name not in sequences(type(law))}
 
 
 def values(piezo: Piezo | None) -> dict[str, Any]:
     """Of all sliders, as a model has them."""
     law = None if piezo is None else piezo.hysteresis
-    return {**shares(piezo), **{name: getattr(law, name.removeprefix(OWN)) for name in own_fields(piezo)}}
+    return {**shares(piezo), **{name: getattr(law, name.removeprefix(PIEZO)) for name in own_fields(piezo)}}
 
 
 def with_values(piezo: Piezo | None, hysteresis: Any, creep: Any, **own: Any) -> Piezo | None:
@@ -54,7 +54,7 @@ def with_values(piezo: Piezo | None, hysteresis: Any, creep: Any, **own: Any) ->
         QuantityError: one is out of range, or the voltage would turn back before the stroke does.
     """
     if own and piezo is not None:
-        fields = {name.removeprefix(OWN): value for name, value in own.items()}
+        fields = {name.removeprefix(PIEZO): value for name, value in own.items()}
         piezo = piezo._replace(hysteresis=piezo.hysteresis._replace(**fields))
     h = FIELDS["hysteresis"].check(hysteresis, "Actuator.hysteresis")
     g = FIELDS["creep"].check(creep, "Actuator.creep")

@@ -14,7 +14,7 @@ from ..friction import elements
 from ..waveform.drive import Drive, evaluate
 from ..waveform.signal import Waveform
 from . import two_port
-from .demand import PARTS
+from .demand import lines_off, refuse_stack
 from .models import SLIDER, STAGE
 
 
@@ -89,12 +89,18 @@ def energy_account(
     }
 
 
-def of_stack(stack: Stack, waveform: Waveform, times: NDArray[np.float64]) -> dict[str, Any]:
+def of_stack(
+    model: Actuator | PulledSlider, stack: Stack, waveform: Waveform, times: NDArray[np.float64]
+) -> dict[str, tuple[NDArray[np.float64], str]]:
     """What the drive, from its begin on, does to a stack at the times [s]: charge and current of its load,
-    power into its field, and loss and temperature as `electronics.electrical` has them."""
+    power into its field, and loss and temperature as `electronics.electrical` has them.
+
+    Raises:
+        QuantityError: see `demand.refuse_stack`; a drive that jumps.
+    """
+    refuse_stack(model, stack)
     end = float(times[-1])
-    off = max(PARTS * float(np.ptp(waveform.range())), 1e-9)
-    run = electrical(waveform, stack, end, times=times, tolerance=off)
+    run = electrical(waveform, stack, end, times=times, tolerance=lines_off(waveform))
     u, du = evaluate(waveform.drive(end), times)
     return {
         "current": (stack.load * du, "A"),

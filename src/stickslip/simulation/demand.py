@@ -110,9 +110,14 @@ def _with_fields(waveform: Any, values: Mapping[str, float]) -> Any:
         return None
 
 
+def lines_off(waveform: Any) -> float:
+    """V, by which the lines that draw a drive may leave it."""
+    return max(PARTS * float(np.ptp(waveform.range())), 1e-9)
+
+
 def _of_one_period(waveform: Any, stack: Stack) -> tuple[float, float, float, float]:
     """Greatest and rms current [A s: times the period], energy and loss per period [J]."""
-    period, tolerance = float(waveform.period), max(PARTS * float(np.ptp(waveform.range())), 1e-9)
+    period, tolerance = float(waveform.period), lines_off(waveform)
     lines = lines_of(waveform.drive(period), period, tolerance)
     share, volts = lines.bounds / period, np.append(lines.values, lines.end)
     jumped = np.append(jumps(lines)[0][1:], lines.values[0] - lines.end)

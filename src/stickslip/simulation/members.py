@@ -197,7 +197,8 @@ def prepared(
         end: s; None: of each member the duration of its waveform, or with `periodic` its period.
     """
     count = next(iter(columns.values())).size
-    values = {name: c for name, c in columns.items() if name in model_names(model)}
+    of_model = model_names(model)
+    values = {name: c for name, c in columns.items() if name in of_model}
     reasons, scale = _refused(model, columns, values, count), columns.get("drive_scale", np.ones(count))
     fields, own = changed_fields(model, values)
     # Unchecked: the members that are wrong are known by now, and are left out.
@@ -336,9 +337,7 @@ def _refused(model: Actuator, columns: Columns, values: Columns, count: int) -> 
     known = quantities(type(model)) | quantities(type(model.friction))
     own = {name: values[name] for name in piezo_names(model) if name in values}
     scales = {name: columns[name] for name in SCALES if name in columns}
-    for name, column in ({**values} | scales).items():
-        if name in own:
-            continue
+    for name, column in ({n: c for n, c in values.items() if n not in own} | scales).items():
         fine &= known[name].allows(column) if name in known else np.isfinite(column) & (column >= 0.0)
     for m in range(count if own else 0):
         try:

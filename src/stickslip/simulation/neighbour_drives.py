@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,10 +12,8 @@ from ..actuator import Actuator
 from ..piezo.model import Piezo
 from ..units import QuantityError
 from ..waveform.drive import Drive, evaluate
-from ..waveform.members import Drives, stacked
-from ..waveform.pieces import with_breaks
 from .models import drive_table
-from .varied import changed_piezo, drive_names, put_in, record_value, value_of
+from .varied import changed_piezo, drive_names, put_in, value_of
 
 # Relative, and absolute where a value is zero. The steps are the same, so only rounding limits it.
 DIFFERENCE = 1e-6
@@ -49,24 +47,35 @@ class Driven(NamedTuple):
         return drive_table(self.piezo, self.waveform, max(LONGER * end, 2.0 * self.period))
 
 
-def beside(model: Actuator, waveform: Any, name: str, end: float, settled: bool) -> tuple[Driven, float]:
-    """The drive with a number of piezo or waveform that differs a little, and by how much; to the side that
-    the waveform's record allows.
+class Beside(NamedTuple):
+    """The table of a drive that differs in one number, its period [s], and by how much it differs."""
+
+    table: Drive
+    period: float
+    step: float
+
+
+def beside(model: Actuator, waveform: Any, name: str, itself: Drive, end: float, settled: bool) -> Beside:
+    """The drive with a number of piezo or waveform that differs a little; to the side that the waveform's
+    record allows.
+
+    Args:
+        itself: the table of the drive as it is.
+        end: s, of the trajectory; `settled`: see `Driven.table`.
 
     Raises:
         QuantityError: neither side is allowed; the drive, up to `end` [s], has other segments there, or does
             not follow the number in proportion: there is no derivative.
     """
     of_piezo = name in drive_names(model)
-    value = value_of(model, name) if of_piezo else record_value(waveform, name)
+    value = value_of(model, name, waveform)
 
     def at(by: float) -> Driven:
         if of_piezo:  # unchecked, for it may step over a bound
             return Driven(changed_piezo(model, {name: value + by}), waveform)
         return Driven(model.piezo, type(waveform)(**put_in(waveform, {name: value + by})))
 
-    itself, why = at(0.0).table(end, settled), ""
-    best: tuple[float, Driven, float] | None = None
+    why, least, best = "", math.inf, None
     for size in AT_PIEZO if model.piezo else (DIFFERENCE,):
         step, side = size * (abs(value) or 1.0), 1.0
         try:
@@ -84,12 +93,12 @@ def beside(model: Actuator, waveform: Any, name: str, end: float, settled: bool)
                 why = "after the piezo's hysteresis and creep the drive has other pieces beside it"
             continue
         bent = 0.0 if model.piezo is None else _bent(itself, table, far.table(end, settled))
-        if best is None or bent < best[0]:
-            best = bent, near, side * step
+        if bent < least:
+            least, best = bent, Beside(table, near.period, side * step)
         if bent <= ENOUGH:
             break
-    if best is not None and best[0] <= STRAIGHT:
-        return best[1:]
+    if best is not None and least <= STRAIGHT:
+        return best
     if best is not None:
         why = "after the piezo the drive changes too little to be told from what it is computed to"
     raise QuantityError(
@@ -128,10 +137,3 @@ def breaks_apart(load: Drive | None, drive: Drive, end: float) -> NDArray[np.flo
     times = load.start[(load.start > 0.0) & (load.start < end)]
     near = np.searchsorted(drive.start, times + MOST_APART * DIFFERENCE * end * np.array([[-1.0], [1.0]]))
     return times[near[0] == near[1]]
-
-
-def neighbour_drives(
-    driven: Sequence[Driven], end: float, settled: bool, breaks: NDArray[np.float64]
-) -> Drives:
-    """The tables of the neighbours, over a little more than the trajectory."""
-    return stacked([with_breaks(one.table(end, settled), breaks) for one in driven])

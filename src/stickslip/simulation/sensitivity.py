@@ -22,12 +22,12 @@ from ..solve.outcome import DONE
 from ..solve.periods import LOG_ROWS, integrate_near
 from ..units import QuantityError, optional_si, to_si
 from ..waveform.drive import Drive, constant
-from ..waveform.members import Drives
+from ..waveform.members import Drives, stacked
 from ..waveform.pieces import with_breaks
 from ..waveform.signal import Waveform
 from .errors import SimulationError, SimulationWarning
-from .models import Contact, System, checked_drive, contact_load, drive_table
-from .neighbour_drives import DIFFERENCE, Driven, beside, breaks_apart, neighbour_drives
+from .models import Contact, System, checked_drive, contact_load
+from .neighbour_drives import DIFFERENCE, Driven, beside, breaks_apart
 from .state import row_of
 from .trajectory import sample_times
 from .varied import (
@@ -126,19 +126,22 @@ def moved(
     refuse_law(model)
     known = [*model_names(model), *(name for name in INITIAL if initial_row(of, name) is not None)]
     known += [name for name in names if name.startswith(BY_ROW)]
-    of_waveform, of_drive = record_names(waveform) if waveform is not None else [], drive_names(model)
-    values, states, steps, driven = [], [], [], list[Driven]()
+    of_waveform = record_names(waveform) if waveform is not None else []
+    of_drive = {*drive_names(model)} | ({*of_waveform} - {*known})
+    as_it_is = Driven(model.piezo, waveform)
+    itself = as_it_is.table(end, settled) if {*names} & of_drive else None
+    values, states, steps, tables, periods = [], [], [], list[Drive](), []
     for name in names:
         if name not in known and name not in of_waveform:
             hint = did_you_mean(name, [*known, *of_waveform])
             raise QuantityError(
                 f"no derivative by {name!r}{hint}: there are {', '.join([*known, *of_waveform])}"
             )
-        other, own, drive = of, state.copy(), Driven(model.piezo, waveform)
-        if name not in known or name in of_drive:
-            drive, step = beside(model, waveform, name, end, settled)
+        other, own, table, period = of, state.copy(), itself, as_it_is.period
+        if itself is not None and name in of_drive:
+            table, period, step = beside(model, waveform, name, itself, end, settled)
             if before is not None:
-                own = contact.rest(of, drive_table(*drive, end).before)
+                own = contact.rest(of, table.before)
         elif (row := initial_row(of, name)) is not None:
             step = _small(of, row)
             if row >= of.bodies:  # inwards, for there may be a bound
@@ -159,9 +162,9 @@ def moved(
         values.append(values_of(other.plant)[0])
         states.append(own)
         steps.append(step)
-        driven.append(drive)
-    moving = bool({*names} - {*known} | {*names} & {*of_drive})
-    itself = Driven(model.piezo, waveform).table(end, settled) if moving else None
+        if table is not None:
+            tables.append(table)
+            periods.append(period)
     breaks = np.zeros(0) if itself is None else breaks_apart(contact.table, itself, end)
     n = len(names)  # of none, the tables have their columns all the same
     return Moved(
@@ -170,8 +173,8 @@ def moved(
         np.array(values).reshape(n, values_of(of.plant).shape[1]),
         np.array(states).reshape(n, state.size),
         np.array(steps),
-        None if itself is None else neighbour_drives(driven, end, settled, breaks),
-        np.array([one.period for one in driven]) if moving else None,
+        None if itself is None else stacked([with_breaks(table, breaks) for table in tables]),
+        None if itself is None else np.array(periods),
         breaks,
         itself,
     )

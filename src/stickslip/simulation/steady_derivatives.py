@@ -28,7 +28,7 @@ from .sensitivity import (
     warn_unsettled,
 )
 from .steady import endless, periodic_drive, steady_orbit
-from .varied import model_names, record_value, value_of
+from .varied import value_of
 
 Array = NDArray[np.float64]
 
@@ -98,7 +98,7 @@ def steady_step_derivatives(
         shift = np.linalg.solve(np.eye(len(rows)) - by_state[rows], by_parameter[rows])
         return last, (by_parameter[whole.slider] + by_state[whole.slider] @ shift)[None]
 
-    least = tolerance / np.array([abs(_value(model, waveform, name)) or 1.0 for name in parameters])
+    least = tolerance / np.array([abs(value_of(model, name, waveform)) or 1.0 for name in parameters])
     _, by, errors = until_settled(derivatives, 0.1 * tolerance, least)
     warn_unsettled(parameters, by, errors, least)
     return dict(zip(parameters, by[0].tolist(), strict=True))
@@ -130,7 +130,3 @@ def _on_bounds(of: System, state: NDArray[np.float64], drive: Drive) -> set[int]
         if project(one, beyond) != beyond and v[e] * state[row] > 0.0:
             found.add(row)
     return found
-
-
-def _value(model: Actuator, waveform: Waveform, name: str) -> float:
-    return value_of(model, name) if name in model_names(model) else record_value(waveform, name)

@@ -22,7 +22,6 @@ from ..units import QuantityError, optional_si, to_si, with_prefix
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
 from .channels import energy_account, of_stack, variables_of
-from .demand import refuse_stack
 from .errors import SimulationError, SimulationWarning
 from .models import (
     SLIDER,
@@ -97,13 +96,13 @@ def simulate(
     """
     tolerance, sample_rate = to_si(tolerance, "m", "tolerance"), to_si(sample_rate, "Hz", "sample_rate")
     duration = optional_si(duration, "s", "duration")
-    if stack is not None:
-        refuse_stack(model, stack)
     begin = taken_up(initial_state, model, waveform)
+    wanted = sample_times(waveform, duration, sample_rate, times, begin.time if begin else 0.0)
+    charged = {} if stack is None else of_stack(model, stack, waveform, wanted)
     found = follow_model(
         model,
         waveform,
-        sample_times(waveform, duration, sample_rate, times, begin.time if begin else 0.0),
+        wanted,
         tolerance=tolerance,
         load=load,
         energy=energy,
@@ -122,8 +121,7 @@ def simulate(
     if energy:
         assert isinstance(model, Actuator)
         variables |= energy_account(model, samples, found.work, found.start)
-    if stack is not None:
-        variables |= of_stack(stack, waveform, times)
+    variables |= {name: (values[: times.size], unit) for name, (values, unit) in charged.items()}
     made = make_recording(times, variables, title=f"simulation of {model.name or type(model).__name__}")
     made.attrs.update(
         outcome=found.outcome,

@@ -200,8 +200,10 @@ def put_in(record: Any, values: Mapping[str, Any]) -> dict[str, Any]:
     return fields
 
 
-def value_of(model: Any, name: str) -> float:
-    """The number of a model of that name."""
+def value_of(model: Any, name: str, waveform: Any = None) -> float:
+    """The number of the model, else of the waveform, of that name."""
+    if waveform is not None and name not in model_names(model):
+        return record_value(waveform, name)
     of_law, ratio = law_of(model)._asdict(), ratios_of(law_of(model)).get(name)
     if name in of_law:
         return float(of_law[name])
