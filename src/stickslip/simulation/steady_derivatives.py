@@ -60,8 +60,8 @@ def steady_step_derivatives(
     """
     if set(parameters) & set(INITIAL):
         raise QuantityError("the steady step does not depend on the initial state")
-    refuse_law(model)
     tolerance = to_si(tolerance, "m", "tolerance")
+    refuse_law(model)
     orbit = steady_orbit(model, waveform, tolerance=tolerance, load=load)
     period, drive = periodic_drive(model, waveform)
     contact, times = contact_load(load, period), np.array([0.0, period])
