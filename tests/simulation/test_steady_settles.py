@@ -55,6 +55,31 @@ def test_a_newton_step_does_not_throw_the_motion_away() -> None:
 
 
 @pytest.mark.compiled
+def test_two_integrations_that_agree_by_chance_are_not_believed() -> None:
+    """Two engine tolerances gave 43360.71 and 43360.67 nm; `simulate` settles at 43359.622 nm."""
+    model = KANG.replace(
+        gain=1.3400391380938555e-07,
+        natural_frequency=29866.769434726004,
+        damping_ratio=0.01271897529960522,
+        end_effector_mass=0.042766457727190725,
+        friction=LuGre(
+            1066500.7859526624,
+            405.30326963792817,
+            0.0,
+            2.8355797298499756,
+            3.44021114816662,
+            0.00010440346733710017,
+            0.017283300235396534,
+        ),
+        external_force=2.7472761463505786,
+        stage_reaction=False,
+    )
+    orbit = steady_orbit(model, Sawtooth(41.553972668053504, 319.4546838083115, 0.703277066323746))
+    assert orbit.error <= TOLERANCE
+    assert orbit.step == pytest.approx(43359.622e-9, abs=TOLERANCE)
+
+
+@pytest.mark.compiled
 def test_beyond_an_unstable_orbit_the_one_that_is_settled_into() -> None:
     """One of 591 nm is unstable; `simulate` settles at -3572.8557 nm."""
     model = KANG.replace(

@@ -26,7 +26,8 @@ SLOWLY = 0.1
 COARSEST, COARSE, FINER = 1000.0, 8.0, 0.25
 COARSEST_STATIC = 0.4
 FINEST = 1e-5
-# The error over what a finer integration moves: two that err alike by chance are not rare.
+# The error over what a finer integration moves: two that err alike by chance are not rare. So it is not
+# believed to fall faster than the engine's tolerances squared.
 PER_MOVE = 2.0
 # Newton's method may go this many times as far as the motion itself has been: where a period hardly changes
 # the state it would point to where nothing moves like this.
@@ -143,7 +144,7 @@ def newton(
     # Of the integration before this one: its tolerance (infinite: there is none to compare with), defect, and
     # the step of the orbit by it.
     before, gap_before, step_before = math.inf, math.inf, math.inf
-    error = math.nan
+    error, least = math.nan, 0.0
     while True:
         if fresh:
             outcome, step = slopes(plant, drive, load, r, level, column, smooth, work, after, jacobian)
@@ -171,13 +172,16 @@ def newton(
         compared = before < math.inf
         if compared:  # r is the orbit by a coarser integration
             error = PER_MOVE * max(size, abs(step + further - step_before))
+            if level < before:
+                error = max(error, least)
+                least = error * (level / before) ** 2
         enough = compared and error <= tolerance and level <= FINER * before
         if outcome == DONE and residual <= tolerance and (enough or level < FINEST * tolerance):
             move(r, change)
             return outcome, step + further, error, residual, count, moved, False, level
         falls = outcome == DONE and (gap < 0.5 * gap_before or gap <= NOISE * before)
         if compared and not falls and derived > level and outcome == DONE:
-            before, fresh = math.inf, True
+            before, least, fresh = math.inf, 0.0, True
             continue
         largest = max(largest, size_of(after, scale))
         far = not size <= FARTHEST * largest

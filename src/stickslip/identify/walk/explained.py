@@ -74,6 +74,9 @@ def explained(
             identify_friction(walks, fit.model.replace(friction=law), free, hops=0, **settings),
         ]
         known = min(known, *again, key=lambda one: one.cost)
+    if known.cost < loose.cost:  # with more values free none can be worse: a local minimum too
+        settings["begin"] = begin | {name: known.values[name] for name in begin}
+        loose = identify_friction(walks, known.model, [*free, *more], hops=0, **settings)
     allowed = _allowed(known, walks, drives, slew_rate, stage, stages, loose.rmse)
     together = left_over(TOGETHER, allowed, np.concatenate(loose.residuals), len(more), len(loose.parameters))
     return Explained(loose, known, (*loose.lack, together))
