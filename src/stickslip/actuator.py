@@ -14,6 +14,7 @@ F_f is the friction force of the stage on the end-effector. The fields say which
 
 from __future__ import annotations
 
+import functools
 import math
 import os
 from typing import Annotated, Any, NamedTuple
@@ -26,6 +27,7 @@ from .parameters import (
     ParameterSet,
     ParameterSetError,
     assumptions,
+    available_sets,
     bibtex,
     build,
     changes,
@@ -381,6 +383,13 @@ def load_pulled_slider(name: str | os.PathLike[str]) -> PulledSlider:
 
 
 def _build(system_type: Any, name: str | os.PathLike[str]) -> Any:
+    if name in available_sets():
+        return _of_package(system_type, os.fspath(name))
+    return _built(system_type, load_kind(name, _KINDS[system_type]))
+
+
+@functools.cache  # a file takes milliseconds to read, and these do not change
+def _of_package(system_type: Any, name: str) -> Any:
     return _built(system_type, load_kind(name, _KINDS[system_type]))
 
 

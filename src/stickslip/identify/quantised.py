@@ -43,9 +43,13 @@ def with_steps(
         return fit
     random = np.random.default_rng(0)
     before = residuals(values)
+    levels = [_levels(x) if step > 0.0 else (0, None) for x, step in zip(values, steps, strict=True)]
     moved = []
     for _ in range(DRAWS):
-        drawn = [_within_steps(x, step, random) for x, step in zip(values, steps, strict=True)]
+        drawn = [
+            x if place is None else x + step * random.uniform(-0.5, 0.5, count)[place]
+            for x, step, (count, place) in zip(values, steps, levels, strict=True)
+        ]
         moved.append(residuals(drawn) - before)
     wider = with_inherited(fit, np.column_stack(moved), np.eye(DRAWS) / DRAWS)
     with np.errstate(invalid="ignore"):
@@ -58,9 +62,7 @@ def with_steps(
     )
 
 
-def _within_steps(values: Array, step: float, random: np.random.Generator) -> Array:
-    """The values [n], each level of them moved by up to half a step."""
-    if step <= 0.0:
-        return values
+def _levels(values: Array) -> tuple[int, NDArray[np.intp] | None]:
+    """How many levels the values [n] stand at, and at which each does."""
     levels, place = np.unique(values, return_inverse=True)
-    return values + step * random.uniform(-0.5, 0.5, levels.size)[place]
+    return levels.size, place

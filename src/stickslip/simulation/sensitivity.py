@@ -204,7 +204,9 @@ def follow_moved(
         ends[1:] = of.periods
     own = of.drives, float(ends[0]), ends[1:]
     near = neighbours(of.values, of.states.copy(), column, LOG_ROWS, times.size, *own)
-    span, load, drive = np.array([0.0, times[-1]]), load or constant(1.0), with_breaks(drive, of.breaks)
+    span, load = np.array([0.0, times[-1]]), load or constant(1.0)
+    if of.breaks.size:
+        drive = with_breaks(drive, of.breaks)
     outcome, reached, _, _ = integrate_near(
         plant, drive, load, state, span, tolerance, max_steps, times, samples, near
     )
