@@ -2,8 +2,8 @@
 
 Campaigns of `benchmarks.coverage`, with a law of the truth's own: ``python -m benchmarks.lack_of_fit 25``;
 names of laws behind the number choose among them, `--first` the first campaign.
-All are fitted with plain LuGre to one walk, and judged on three more too, by what a campaign asks of all
-walks at once. Three things are said of each:
+All are fitted as there, the stage to three steps and plain LuGre to one walk, and judged on three more walks
+too, by what a campaign asks of all walks at once. Three things are said of each:
 
 * `off`: how far the fit to one walk is from the truth on the others. Errors of its parameters are in it: a
   right law is off by more than the noise too.
@@ -27,6 +27,7 @@ from stickslip.actuator import Actuator
 from stickslip.estimate.result import Fit
 from stickslip.friction import Elastoplastic, MaxwellSlip
 from stickslip.identify.recorded.drives import Slewed
+from stickslip.identify.step.fit import identify_step
 from stickslip.identify.walk.explained import Explained, explained
 from stickslip.identify.walk.friction import identify_friction
 from stickslip.recording import RecordingWarning
@@ -35,7 +36,18 @@ from stickslip.waveform.periodic import Sawtooth
 from stickslip.waveform.sequence import Sequence
 from stickslip.waveform.shapes import Rest
 
-from .coverage import BOUNDS, FITTED, FREE, POSITION, PRE_TRIGGER, clean_chain, noisy, random_truth
+from .coverage import (
+    BOUNDS,
+    FITTED,
+    FREE,
+    LOW_PASS,
+    POSITION,
+    PRE_TRIGGER,
+    clean_chain,
+    example,
+    noisy,
+    random_truth,
+)
 
 # The first is fitted.
 DRIVES = (
@@ -96,6 +108,8 @@ def one(truth: Actuator, seed: int) -> Judged:
     chain = clean_chain(truth, DRIVES)
     slew = chain.bench.amplifier.max_current / chain.bench.piezo_capacitance
     random = np.random.default_rng(seed)
+    steps = [noisy(chain, r, 1, 0.2, random) for r in chain.steps]
+    stage = identify_step(steps, example(), filter=LOW_PASS, slew_rate=slew)
     walks, drives, quiet = [], [], []
     for i, (clean, drive) in enumerate(zip(chain.walks, DRIVES, strict=True)):
         shown = noisy(chain, clean, 20, PRE_TRIGGER, random)
@@ -106,12 +120,10 @@ def one(truth: Actuator, seed: int) -> Judged:
         drives.append(Slewed(Sequence(Rest(begin), drive), slew))
     walk = walks[0]
     noise = float(np.std(walk[POSITION].values - quiet[0][POSITION].values))
-    start = random_truth(seed)
-    start = start.replace(gain=start.gain * chain.scale)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RecordingWarning)
-        fit = identify_friction(walk, start, FREE, drive=drives[0], bounds=BOUNDS)
-        everything = explained(fit, walks, drives, FREE, bounds=BOUNDS)
+        fit = identify_friction(walk, stage.model, FREE, drive=drives[0], stage=stage, bounds=BOUNDS)
+        everything = explained(fit, walks, drives, FREE, stage=stage, bounds=BOUNDS)
     times = np.arange(900) * 1e-3
     seen = in_sensor_metres(truth, chain.scale)
     off = []

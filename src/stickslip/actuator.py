@@ -39,6 +39,7 @@ from .parameters import (
 from .piezo.maxwell_capacitor import MaxwellCapacitor
 from .piezo.model import Piezo
 from .records import Quantity, record
+from .stage_modes import StageModes
 from .state_space import StateSpace
 from .units import QuantityError
 
@@ -113,33 +114,6 @@ def _check_friction(system: Any) -> None:
 
 
 @record
-class StageModes(NamedTuple):
-    """Further modes of the stage: what each adds to the position under the contact, one entry per mode.
-
-    `mass`: how a force of the contact moves it; empty, not at all.
-    """
-
-    gain: Annotated[tuple[float, ...], Quantity("m/V", "C_m", "stroke per volt at rest")]
-    natural_frequency: Annotated[tuple[float, ...], Quantity("rad/s", "ω_m", "natural frequency", above=0)]
-    damping_ratio: Annotated[tuple[float, ...], Quantity("", "ζ_m", "damping ratio", minimum=0)]
-    mass: Annotated[tuple[float, ...], Quantity("kg", "m_m", "effective mass at the contact", above=0)] = ()
-
-    def _check(self) -> None:
-        counts = {field: len(values) for field, values in self._asdict().items()}
-        if len({*counts.values()} - {0 if not self.mass else -1}) != 1 or not self.gain:
-            raise QuantityError(
-                f"StageModes has {counts} values: it must have one of gain [m/V], natural_frequency [rad/s] "
-                "and damping_ratio for each mode, and of mass [kg], or none"
-            )
-
-    @property
-    def rows(self) -> list[tuple[float, float, float, float]]:
-        """Gain, natural frequency, damping ratio and mass of each."""
-        mass = self.mass or (math.inf,) * len(self.gain)
-        return list(zip(self.gain, self.natural_frequency, self.damping_ratio, mass, strict=True))
-
-
-@record
 class Actuator(NamedTuple):
     """A piezoelectric stick-slip actuator [kang2007, sec. 3.4]. All values in SI; unit strings are accepted.
 
@@ -147,8 +121,10 @@ class Actuator(NamedTuple):
     changes the weight along x only, not the friction. `piezo`, hysteresis and creep of the stroke under the
     voltage; None: y = C u at rest. `further_modes` of the stage add their strokes to that of the first.
     `normal_force`, how it changes along the stroke; None: it is the same everywhere.
-    `name` is the parameter set that the values come from, as `load_actuator` takes it, or empty. Raises
-    QuantityError for a wrong value.
+    `name` is the parameter set that the values come from, as `load_actuator` takes it, or empty.
+    `rotary`: positions are angles [rad], forces torques [N m] and masses moments of inertia [kg m^2], and all
+    units below are of these; the numbers of the law, which does not know, too. Raises QuantityError for a
+    wrong value.
     """
 
     gain: Annotated[float, Quantity("m/V", "C", "stroke per volt at rest")]
@@ -174,6 +150,7 @@ class Actuator(NamedTuple):
     further_modes: StageModes | None = None
     normal_force: NormalForce | None = None
     name: str = ""
+    rotary: bool = False
 
     citation, citation_keys, assumptions = _citation, _citation_keys, _assumptions
 
@@ -184,9 +161,14 @@ class Actuator(NamedTuple):
             raise QuantityError(
                 f"Actuator.piezo = {self.piezo!r} must be a Piezo, with its hysteresis and creep, or None"
             )
-        for field in ("stage_reaction", "clamped"):
+        for field in ("stage_reaction", "clamped", "rotary"):
             if not isinstance(getattr(self, field), bool):
                 raise QuantityError(f"Actuator.{field} = {getattr(self, field)!r} must be True or False")
+        if self.rotary and self.incline != 0.0:
+            raise QuantityError(
+                f"Actuator.incline = {self.incline:g} rad must be 0 rad where the actuator turns: "
+                "a weight is an external_force [N m] there"
+            )
         if self.min_voltage >= self.max_voltage:
             raise QuantityError(
                 f"Actuator.min_voltage = {self.min_voltage:g} V is out of range: "
@@ -398,7 +380,8 @@ def _built(system_type: Any, parameters: ParameterSet) -> Any:
     if system_type is Actuator:
         given["piezo"] = piezo_of(parameters)
         where = f"{parameters.file}, [further_modes]"
-        given["further_modes"] = build(StageModes, parameters.modes, where) if parameters.modes else None
-    along, where = parameters.normal_force, f"{parameters.file}, [normal_force]"
-    given["normal_force"] = build(NormalForce, along, where) if along else None
-    return build(system_type, parameters.values, str(parameters.file), **given)
+        modes = parameters.modes
+        given["further_modes"] = build(StageModes, modes, where, parameters.rotary) if modes else None
+    turns, along, where = parameters.rotary, parameters.normal_force, f"{parameters.file}, [normal_force]"
+    given["normal_force"] = build(NormalForce, along, where, turns) if along else None
+    return build(system_type, parameters.values, str(parameters.file), turns, **given)

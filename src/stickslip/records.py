@@ -18,7 +18,7 @@ from typing import Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hint
 
 import numpy as np
 
-from .units import QuantityError, to_si, with_prefix
+from .units import QuantityError, to_si, turned, with_prefix
 
 T = TypeVar("T")
 
@@ -37,6 +37,10 @@ class Quantity(NamedTuple):
     above: float | None = None
     maximum: float | None = None
     below: float | None = None
+
+    def turned(self) -> Quantity:
+        """That of what turns."""
+        return self._replace(unit=turned(self.unit))
 
     def range_text(self) -> str:
         """The allowed range in words, with the unit."""
@@ -109,6 +113,20 @@ def quantities(record_type: type) -> dict[str, Quantity]:
     return {name: field.quantity for name, field in _fields_with_quantity(record_type).items()}
 
 
+def quantities_of(one: Any, owner: Any = None) -> dict[str, Quantity]:
+    """`quantities` of a record; where it, or the one that it is part of, is `rotary`, in the units of what
+    turns."""
+    known = quantities(type(one))
+    if not getattr(one if owner is None else owner, "rotary", False):
+        return known
+    return {name: quantity.turned() for name, quantity in known.items()}
+
+
+def quantities_within(model: Any) -> dict[str, Quantity]:
+    """Those of a model and of its friction law."""
+    return quantities_of(model) | quantities_of(model.friction, model)
+
+
 def sequences(record_type: type) -> frozenset[str]:
     """The fields that hold several values, each a `Quantity`."""
     return frozenset(name for name, field in _fields_with_quantity(record_type).items() if field.sequence)
@@ -148,16 +166,16 @@ def _bind(
 
 def _as_html(self: Any) -> str:
     """What a notebook shows of a record: a table of its fields, and of the records in them."""
-    return f"<table><caption>{type(self).__name__}</caption>{''.join(_rows(self))}</table>"
+    return f"<table><caption>{type(self).__name__}</caption>{''.join(_rows(self, self))}</table>"
 
 
-def _rows(one: Any) -> Iterator[str]:
-    known = quantities(type(one))
+def _rows(one: Any, owner: Any) -> Iterator[str]:
+    known = quantities_of(one, owner)
     for name, value in one._asdict().items():
         quantity = known.get(name)
         if hasattr(value, "_asdict"):
             yield f"<tr><th colspan=3>{name}: {type(value).__name__}</th></tr>"
-            yield from _rows(value)
+            yield from _rows(value, owner)
         elif quantity is None:
             yield f"<tr><td>{name}</td><td>{html.escape(str(value))}</td><td></td></tr>"
         else:
@@ -173,11 +191,13 @@ def record(named_tuple: type[T]) -> type[T]:
     checked; None passes only where the annotation allows it. Records of two types are never equal.
     """
     specs = _fields_with_quantity(named_tuple)
+    of_turns = {name: spec._replace(quantity=spec.quantity.turned()) for name, spec in specs.items()}
     plain_new = named_tuple.__new__
 
     def __new__(cls: Any, *args: Any, **kwargs: Any) -> Any:
-        values = zip(cls._fields, _bind(cls, args, kwargs, specs), strict=True)
-        checked = (specs[n].check(v, f"{cls.__name__}.{n}") if n in specs else v for n, v in values)
+        values = dict(zip(cls._fields, _bind(cls, args, kwargs, specs), strict=True))
+        known = of_turns if values.get("rotary") is True else specs
+        checked = (known[n].check(v, f"{cls.__name__}.{n}") if n in known else v for n, v in values.items())
         made = tuple.__new__(cls, checked)
         check = getattr(made, "_check", None)
         if check is not None:

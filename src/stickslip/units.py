@@ -11,7 +11,9 @@ import re
 from decimal import Decimal
 from functools import cache, lru_cache
 from numbers import Real
-from typing import Any
+from typing import Any, TypeVar
+
+Dataset = TypeVar("Dataset")
 
 
 class QuantityError(ValueError):
@@ -148,7 +150,7 @@ def _shortened(value: Any) -> str:
 
 
 _PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
-_TAKES_PREFIX = re.compile(r"(?:m|s|V|A|N|Hz|W|J|C)(?:[ /]|$)")
+_TAKES_PREFIX = re.compile(r"(?:m|s|V|A|N|Hz|W|J|C|rad(?!/s))(?:[ /]|$)")
 
 
 def with_prefix(value: float, unit: str, digits: int = 4) -> str:
@@ -190,10 +192,37 @@ def same_dimension(quantity: Any, unit: str) -> bool:
 
 
 _TURNED = {"m": "rad", "N": "N m", "kg": "kg m^2"}
+_OF_TURNS = re.compile("rad|N m|kg m")
 
 
 def turned(unit: str) -> str:
-    """The unit of what turns, from that of what slides: "N s/m" to "N m s/rad", "m/V" to "rad/V"."""
+    """The unit of what turns, from that of what slides: "N s/m" to "N m s/rad", "m/V" to "rad/V"; one of what
+    turns stays."""
+    if _OF_TURNS.search(unit):
+        return unit
     over, slash, under = unit.partition("/")
     top, bottom = (" ".join(_TURNED.get(part, part) for part in side.split(" ")) for side in (over, under))
     return f"{top}{slash}({bottom})" if " " in bottom else f"{top}{slash}{bottom}"
+
+
+def unit_for(model: Any, unit: str) -> str:
+    """The unit of what slides, or of what turns where the model does."""
+    return turned(unit) if getattr(model, "rotary", False) else unit
+
+
+def labelled_for(model: Any, made: Dataset) -> Dataset:
+    """A data set labelled as of what slides, in the units of what turns where the model does."""
+    labelled: Any = made
+    for variable in labelled.variables.values() if getattr(model, "rotary", False) else ():
+        if "units" in variable.attrs:
+            variable.attrs["units"] = turned(variable.attrs["units"])
+    return made
+
+
+def refuse_rotary(model: Any, what: str) -> None:
+    """Raise QuantityError where something that speaks of metres would say them of angles."""
+    if getattr(model, "rotary", False):
+        raise QuantityError(
+            f"{what} in m, N and kg, and takes no actuator that turns (rotary = true): without it the same "
+            "numbers do, whose labels are then of what slides"
+        )

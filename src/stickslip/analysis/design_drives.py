@@ -21,7 +21,7 @@ from ..figures.plotting import plot
 from ..figures.style import svg
 from ..identify.results import model_numbers
 from ..input_file import yaml_text
-from ..records import quantities
+from ..records import quantities_within
 from ..report import Column, Number, Picture, Section, Table
 from ..waveform.knots import PeriodicKnots
 from .design_given import GeneratorSpec, Given, Goal, Made, Quantity, SearchSpec, arrays, goal_of
@@ -257,7 +257,7 @@ def _waveform_numbers(waveform: Any) -> dict[str, Any]:
 
 def _drive_numbers(found: OptimisedWaveform) -> dict[str, Any]:
     unit = found.goal.unit
-    known = quantities(type(found.model)) | quantities(type(found.model.friction))
+    known = quantities_within(found.model)
     units = {name: known[name].unit if name in known else "" for name in found.conditions.columns}
     columns = {f"condition_{name}": (one, units[name]) for name, one in found.conditions.columns.items()}
     return {

@@ -28,7 +28,7 @@ from ..progress import Progress, unheard, within
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import estimates, fit_numbers, parameter_table
 from ..report.origin import origin_of
-from ..units import QuantityError, near_one
+from ..units import QuantityError, near_one, refuse_rotary
 from ..waveform.signal import Waveform
 from .file import Analysis, AnalysisError, RecordingFile, read_parts
 from .priors import with_priors
@@ -56,6 +56,7 @@ def changed(
     """The actuator of a parameter set, by name or file, with fields changed."""
     own = folder / model
     base = load_actuator(own if own.suffix == ".toml" and own.is_file() else model)
+    refuse_rotary(base, "reports are")
     if "law" in friction:
         raise QuantityError(
             f"friction.law: only fields of {type(base.friction).__name__} change here; another law has a "

@@ -69,10 +69,11 @@ def grid_of(
     """
     if not isinstance(model, Actuator):
         raise QuantityError(f"a map is of an Actuator, not of a {type(model).__name__}")
-    found = {name: _axis(name, values) for name, values in axes.items() if values is not None}
+    meant = {name: q.turned() if model.rotary else q for name, q in AXES.items()}
+    found = {name: _axis(name, meant[name], v) for name, v in axes.items() if v is not None}
     if waveform is None:
         waveform = default_drive(model, "voltage" in found, "frequency" in found)
-    about = {name: {"units": q.unit, "long_name": q.meaning} for name, q in AXES.items() if name in found}
+    about = {name: {"units": q.unit, "long_name": q.meaning} for name, q in meant.items() if name in found}
     for name, values in (parameters or {}).items():
         if name in AXES or name in SCALES:
             hint = {"load": "a normal force is `normal_load`", "drive_scale": "use voltage"}
@@ -89,8 +90,8 @@ def grid_of(
     return Grid(waveform, found, dims, _columns(model, waveform, at, count), about)
 
 
-def _axis(name: str, values: Any) -> Array:
-    quantity, given = AXES[name], np.asarray(values)
+def _axis(name: str, quantity: Quantity, values: Any) -> Array:
+    given = np.asarray(values)
     if given.ndim > 1 or given.size == 0:
         raise QuantityError(f"{name} must be a number or a list of them ({quantity.unit or 'no unit'})")
     checked = np.array([quantity.check(v, name) for v in given.reshape(-1).tolist()]).reshape(given.shape)

@@ -21,7 +21,7 @@ from ..simulation.demand import UNITS, electrical_demand
 from ..simulation.errors import SimulationWarning
 from ..simulation.steady_members import CONVERGED
 from ..study.drawn import drawn_parameters
-from ..units import QuantityError, to_si
+from ..units import QuantityError, labelled_for, to_si, unit_for
 from ..waveform.signal import Waveform
 from .grid import AXES, Grid, grid_of
 from .solving import NOT_COMPUTED, STATUS, Solved, ends, intervals, solved
@@ -118,7 +118,7 @@ def step_map(
         QuantityError: a value, or a name, that cannot be; see also `steady_orbit`.
         StudyDiffers, StudyError: of the store; see `run_study`.
     """
-    tolerance = to_si(tolerance, "m", "tolerance")
+    tolerance = to_si(tolerance, unit_for(model, "m"), "tolerance")
     extras = _extras(quantities)
     given = dict(zip(AXES, (voltage, frequency, load, direction), strict=True))
     grid = grid_of(model, waveform, given, parameters)
@@ -161,6 +161,7 @@ def step_map(
     )
     if drawn:
         made.attrs["draws"] = draws
+    labelled_for(model, made)
     _warn(found, tolerance)
     if interrupted and not found.interrupted:
         warnings.warn("stopped: the draws of the fit are not complete", SimulationWarning, stacklevel=2)

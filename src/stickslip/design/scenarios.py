@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..actuator import Actuator
 from ..estimate.posterior import Posterior
 from ..estimate.result import Fit
-from ..records import did_you_mean, quantities
+from ..records import did_you_mean, quantities_within
 from ..simulation.members import SCALES
 from ..simulation.varied import element_of, free_names, law_of, with_values
 from ..units import QuantityError, to_si
@@ -118,7 +118,7 @@ def _changes(model: Actuator, case: Scenario) -> dict[str, float]:
                 f"Scenario {case.name!r}: {name!r} is unknown{did_you_mean(name, known)}; "
                 f"there are {', '.join(known)}"
             )
-    of = quantities(type(model)) | quantities(type(model.friction))
+    of = quantities_within(model)
     changed = {}
     for name, value in case.values.items():
         quantity = of.get(name)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..actuator import Actuator
-from ..records import Quantity, did_you_mean, quantities
+from ..records import Quantity, did_you_mean, quantities_within
 from ..simulation.members import SCALES
 from ..simulation.varied import element_of, free_names, with_values
 from ..units import QuantityError
@@ -130,7 +130,7 @@ def _quantity(model: Actuator, name: str) -> Quantity:
     if name == STIFFNESS:
         return Quantity("N/m", "k", "stiffness of the stage", above=0)
     element = element_of(model.friction, name)
-    known = quantities(type(model)) | quantities(type(model.friction))
+    known = quantities_within(model)
     return known.get(element[0] if element else name) or Quantity("", "", name, above=0)
 
 

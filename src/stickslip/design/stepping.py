@@ -22,7 +22,7 @@ from ..friction import element as element_of
 from ..progress import Progress, unheard
 from ..simulation.errors import SimulationError, SimulationWarning
 from ..simulation.strain import strained
-from ..units import QuantityError, optional_si, to_si, with_prefix
+from ..units import QuantityError, optional_si, to_si, unit_for, with_prefix
 from ..waveform.periodic import Sawtooth
 from ..waveform.signal import Waveform
 from .maps import step_map
@@ -74,7 +74,8 @@ def minimum_voltage(
         QuantityError: the range has no end, a number out of range; see also `step_map`.
     """
     frequency = optional_si(frequency, "Hz", "frequency")
-    step, load = _positive(step, "m", "step"), to_si(load, "N", "load")
+    step = _positive(step, unit_for(model, "m"), "step")
+    load = to_si(load, unit_for(model, "N"), "load")
     volts, most = _positive(tolerance, "V", "tolerance"), optional_si(max_voltage, "V", "max_voltage")
     most = _highest_voltage(model, waveform, None if most is None else _positive(most, "V", "max_voltage"))
     if direction not in (1, -1):
@@ -139,9 +140,9 @@ def blocking_force(
             motion before it does.
         QuantityError: see `step_map`.
     """
-    newton = _positive(tolerance, "N", "tolerance")
-    most = optional_si(max_load, "N", "max_load")
-    most = _held(model) if most is None else _positive(most, "N", "max_load")
+    unit = unit_for(model, "N")
+    newton, most = _positive(tolerance, unit, "tolerance"), optional_si(max_load, unit, "max_load")
+    most = _held(model) if most is None else _positive(most, unit, "max_load")
     common: dict[str, Any] = {"tolerance": TOLERANCE, "threads": threads}
     free = float(step_map(model, waveform, load=0.0, **common)["net_step"])
     if not abs(free) > TOLERANCE:
@@ -167,7 +168,7 @@ def blocking_force(
             "with max_load"
         )
     # A load that the contact cannot hold drags it along for ever: no walk, and nothing to warn of.
-    _warn_of_others(np.nan_to_num(-found), at, first, "N", "it stops at {}, and walks on again at {}")
+    _warn_of_others(np.nan_to_num(-found), at, first, unit, "it stops at {}, and walks on again at {}")
     low, high = at[first - 1], at[first]
     for _ in range(ROUNDS):
         if high - low <= newton:

@@ -18,6 +18,7 @@ from .driven import driven_period as driven_period
 from .filters import Filter as Filter
 from .filters import filtered as filtered
 from .inductive import InductiveSensor as InductiveSensor
+from .interferometer import Encoder as Encoder
 from .interferometer import Interferometer as Interferometer
 from .interferometer import PositionSensor as PositionSensor
 from .parts import Part as Part

@@ -1,5 +1,5 @@
-"""Sensors that give out metres: the ideal one, and the interferometer, which the thesis wishes for [kang2007,
-sec. 6.2]."""
+"""Sensors that give out the position itself: the ideal one, the interferometer, which the thesis wishes for
+[kang2007, sec. 6.2], and the encoder of what turns."""
 
 from __future__ import annotations
 
@@ -49,7 +49,36 @@ class Interferometer(NamedTuple):
         self, position: NDArray[np.float64], sample_rate: float, random: np.random.Generator
     ) -> NDArray[np.float64]:
         """Its output [n], m, for the position [n], m, sampled at `sample_rate` Hz."""
-        noise = white_noise(position.size, self.noise_density, sample_rate, random)
-        return (
-            np.rint((delayed(position, sample_rate, self.delay) + noise) / self.resolution) * self.resolution
-        )
+        return _counted(self, position, sample_rate, random)
+
+
+@registry.sensors.add
+@record
+class Encoder(NamedTuple):
+    """An incremental encoder of what turns: angle in, angle in whole steps of its resolution out."""
+
+    resolution: Annotated[float, Quantity("rad", "δ", "one count", above=0)]
+    delay: Annotated[float, Quantity("s", "t_d", "delay", minimum=0)] = 0.0
+    noise_density: Annotated[float, Quantity("rad/√Hz", "n", "noise density", minimum=0)] = 0.0
+
+    @property
+    def unit(self) -> str:
+        """Of what it gives out."""
+        return "rad"
+
+    def sense(
+        self, position: NDArray[np.float64], sample_rate: float, random: np.random.Generator
+    ) -> NDArray[np.float64]:
+        """Its output [n], rad, for the angle [n], rad, sampled at `sample_rate` Hz."""
+        return _counted(self, position, sample_rate, random)
+
+
+def _counted(
+    sensor: Interferometer | Encoder,
+    position: NDArray[np.float64],
+    sample_rate: float,
+    random: np.random.Generator,
+) -> NDArray[np.float64]:
+    noise = white_noise(position.size, sensor.noise_density, sample_rate, random)
+    late = delayed(position, sample_rate, sensor.delay)
+    return np.rint((late + noise) / sensor.resolution) * sensor.resolution

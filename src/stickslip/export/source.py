@@ -15,6 +15,7 @@ from ..estimate.result import Fit
 from ..identify.results import chain_of, model_of
 from ..parameters import ParameterSetError, load_set
 from ..records import quantities
+from ..units import refuse_rotary
 from .piezo import refused
 
 
@@ -71,6 +72,7 @@ def exported(source: Any) -> Exported:
 
 def _refuse(model: Any) -> None:
     """Raise ExportError for what exported code has not."""
+    refuse_rotary(model, "exported code is")
     said = refused(getattr(model, "piezo", None))
     if not said and getattr(model, "normal_force", None) is not None:
         said = "a normal force along the stroke is not part of exported code: set normal_force to None"

@@ -47,6 +47,15 @@ def parameter(model: Any, name: str, bounds: Bounds, turns: bool = False) -> Par
     return Parameter(name, start, max(start / REACH, least), min(start * REACH, most), unit)
 
 
+def check_motion(model: Any, unit: str) -> None:
+    """Raise QuantityError where a model turns and the position that was recorded does not, or the position
+    does and the model is on a slope."""
+    if getattr(model, "rotary", False) and unit != "rad":
+        raise QuantityError(f"the actuator turns (rotary = true), but the position is in {unit or 'm'}")
+    if unit == "rad" and getattr(model, "incline", 0.0):
+        raise QuantityError("the position is in rad: an actuator that turns has no incline")
+
+
 def value_of(model: Any, name: str) -> tuple[float, Quantity | None]:
     """What the model has of one of `free_names`, and what that is; a ratio is no quantity of a record."""
     law = law_of(model)

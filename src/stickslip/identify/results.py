@@ -14,8 +14,11 @@ from ..chain import Chain
 from ..friction import NormalForce
 from ..parameters.load import Entry, build
 from ..piezo import Piezo
-from ..records import quantities
+from ..records import Quantity, quantities, quantities_of
 from ..units import QuantityError
+
+# Written where they are true alone: what was saved by earlier versions has them not.
+LATER = ("rotary",)
 
 
 def model_numbers(model: Actuator) -> dict[str, Any]:
@@ -24,13 +27,13 @@ def model_numbers(model: Actuator) -> dict[str, Any]:
     Infinite fields, which are the defaults, are left out.
     """
     found = {
-        "actuator": _fields(model),
+        "actuator": {k: v for k, v in _fields(model).items() if k not in LATER or v},
         **registry.laws.written(type(model.friction)),
-        "friction": _fields(model.friction),
+        "friction": _fields(model.friction, model),
     }
     for name in ("normal_force", "further_modes"):
         if (part := getattr(model, name)) is not None:
-            found[name] = _fields(part)
+            found[name] = _fields(part, model)
     return found if model.piezo is None else {**found, "piezo": piezo_numbers(model.piezo)}
 
 
@@ -63,15 +66,16 @@ def chain_of(numbers: Mapping[str, Any]) -> Chain:
     if "signal_chain" in numbers:
         return _made(Chain, numbers["signal_chain"], "signal_chain")
     known = _entries(numbers.get("parameters", {}), "parameters")
-    return build(Chain, {k: v for k, v in known.items() if k in ("delay", "offset")}, "parameters")
+    own = {k: v for k, v in known.items() if k in ("delay", "offset")}
+    return build(Chain, own, "parameters", "offset" in own and own["offset"].unit == "rad")
 
 
-def _fields(record: Any) -> dict[str, Any]:
-    return _written(type(record), record._asdict())
+def _fields(record: Any, owner: Any = None) -> dict[str, Any]:
+    return _written(quantities_of(record, owner), record._asdict())
 
 
-def _written(record_type: type, values: Mapping[str, Any]) -> dict[str, Any]:
-    known, found = quantities(record_type), {}
+def _written(known: Mapping[str, Quantity], values: Mapping[str, Any]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
     for name, value in values.items():
         if isinstance(value, bool | str):
             found[name] = value
@@ -87,28 +91,28 @@ def model_of(numbers: Mapping[str, Any]) -> Actuator:
         QuantityError: it is none, or a field is missing, out of range, or in a unit that it cannot have.
     """
     try:
-        own: dict[str, Any] = {
-            "friction": _made(registry.laws.of_results(numbers), numbers["friction"], "friction")
-        }
+        turns = numbers["actuator"].get("rotary") is True
+        law = registry.laws.of_results(numbers)
+        own: dict[str, Any] = {"friction": _made(law, numbers["friction"], "friction", turns)}
         own["piezo"] = piezo_of(numbers["piezo"]) if "piezo" in numbers else None
         for part, of in (("normal_force", NormalForce), ("further_modes", StageModes)):
-            own[part] = _made(of, numbers[part], part) if part in numbers else None
-        return _made(Actuator, numbers["actuator"], "actuator", **own)
+            own[part] = _made(of, numbers[part], part, turns) if part in numbers else None
+        return _made(Actuator, numbers["actuator"], "actuator", turns, **own)
     except (KeyError, TypeError, AttributeError) as error:
         raise QuantityError(
             f"there is no actuator in the results ({type(error).__name__}: {error})"
         ) from error
 
 
-def _made(record_type: Any, fields: Any, where: str, **given: Any) -> Any:
+def _made(record_type: Any, fields: Any, where: str, turns: bool = False, **given: Any) -> Any:
     """A record from its fields as `_fields` wrote them: what that always writes has no default here."""
     entries = _entries(fields, where)
-    for name, default in _written(record_type, record_type._field_defaults).items():
-        if name not in entries:
+    for name, default in _written(quantities(record_type), record_type._field_defaults).items():
+        if name not in entries and name not in LATER:
             raise QuantityError(f"{where}: [{name}] is missing")
-        if isinstance(default, bool) and not isinstance(entries[name].value, bool):
+        if isinstance(default, bool) and name in entries and not isinstance(entries[name].value, bool):
             raise QuantityError(f"{where}: [{name}] {entries[name].value!r} must be true or false")
-    return build(record_type, entries, where, **given)
+    return build(record_type, entries, where, turns, **given)
 
 
 def _entries(fields: Any, where: str) -> dict[str, Entry]:

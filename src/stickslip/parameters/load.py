@@ -76,6 +76,11 @@ class ParameterSet(NamedTuple):
     modes: dict[str, Entry]
     normal_force: dict[str, Entry]
 
+    @property
+    def rotary(self) -> bool:
+        """Whether it is of what turns: its values are in rad, N m and kg m^2."""
+        return "rotary" in self.values and self.values["rotary"].value is True
+
     def entries(self) -> dict[str, Entry]:
         """All values that go into the record, those of friction as "friction.sigma_0"."""
         found = self.values | {f"friction.{name}": entry for name, entry in self.friction.items()}
@@ -256,13 +261,22 @@ def _with_unit(value: Any, unit: str, si_unit: str) -> Any:
     return f"{value!r} {unit}"
 
 
-def build(record_type: type[T], entries: dict[str, Entry], where: str, **given: Any) -> T:
+def _numbers(value: Any, unit: str, field: str) -> Any:
+    if isinstance(value, list):
+        return [_numbers(one, unit, field) for one in value]
+    return to_si(value, unit, field)
+
+
+def build(
+    record_type: type[T], entries: dict[str, Entry], where: str, turns: bool = False, **given: Any
+) -> T:
     """A record from the entries of a parameter set.
 
     Args:
         record_type: the record.
         entries: value and provenance by field name.
         where: the file, for errors.
+        turns: whether the values are in the units of what turns.
         given: fields that do not come from entries.
 
     Raises:
@@ -279,10 +293,12 @@ def build(record_type: type[T], entries: dict[str, Entry], where: str, **given: 
                 raise ParameterSetError(f"{where}: [{field}] unit = {entry.unit!r}, but it takes no unit")
             values[field] = entry.value
             continue
+        quantity = specs[field].turned() if turns else specs[field]
         try:
-            values[field] = _with_unit(entry.value, entry.unit, specs[field].unit)
+            value = _with_unit(entry.value, entry.unit, quantity.unit)
+            values[field] = _numbers(value, quantity.unit, field) if turns else value
         except QuantityError as error:
-            raise ParameterSetError(f"{where}: [{field}] {error}; {specs[field].range_text()}") from None
+            raise ParameterSetError(f"{where}: [{field}] {error}; {quantity.range_text()}") from None
     try:
         return record_type(**values)
     except QuantityError as error:
@@ -292,7 +308,7 @@ def build(record_type: type[T], entries: dict[str, Entry], where: str, **given: 
 def friction_of(parameters: ParameterSet) -> Any:
     """The friction law of a set, as a record; raises ParameterSetError as `build` does."""
     law = registry.laws.find(parameters.law, parameters.file.parent)
-    return build(law, parameters.friction, f"{parameters.file}, [friction]")
+    return build(law, parameters.friction, f"{parameters.file}, [friction]", parameters.rotary)
 
 
 def piezo_of(parameters: ParameterSet) -> Piezo | None:

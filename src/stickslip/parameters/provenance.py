@@ -6,7 +6,7 @@ import math
 from operator import attrgetter
 from typing import Any
 
-from ..records import quantities
+from ..records import quantities_of
 from ..units import with_prefix
 from .load import ParameterSet
 
@@ -70,7 +70,7 @@ def _shown(record: Any, field: str) -> str:
     if value is None:
         return "none"
     owner, _, inner = field.rpartition(".")
-    spec = quantities(type(attrgetter(owner)(record) if owner else record)).get(inner)
+    spec = quantities_of(attrgetter(owner)(record) if owner else record, record).get(inner)
     values = value if isinstance(value, tuple) else (value,)
     words = [with_prefix(v, spec.unit, 6) if spec and isinstance(v, float) else str(v) for v in values]
     return f"[{', '.join(words)}]" if isinstance(value, tuple) else words[0]

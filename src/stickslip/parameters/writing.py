@@ -11,7 +11,7 @@ from typing import Any
 
 from .. import registry
 from ..piezo.model import Piezo
-from ..records import quantities
+from ..records import quantities_of
 from .load import load_set
 
 _NONE = Piezo()
@@ -33,20 +33,24 @@ def parameter_text(
     lines = [f"title = {_text(title)}", "citations = []", f"kind = {_text(kind)}", ""]
     lines += _tables(record, "", source, errors or {})
     lines += ["[friction]", f"law = {_text(law)}", ""]
-    lines += _tables(record.friction, "friction.", source, errors or {})
+    lines += _tables(record.friction, "friction.", source, errors or {}, record)
     for name, part in (getattr(record, "piezo", None) or _NONE)._asdict().items():
         if part is not None:
             lines += [f"[piezo.{name}]", f"model = {_text(registry.piezos.name_of(type(part)))}", ""]
-            lines += _tables(part, f"piezo.{name}.", source, {})
+            lines += _tables(part, f"piezo.{name}.", source, {}, record)
     for name in ("further_modes", "normal_force"):
         if getattr(record, name, None) is not None:
-            lines += _tables(getattr(record, name), f"{name}.", source, {})
+            lines += _tables(getattr(record, name), f"{name}.", source, {}, record)
     return "\n".join(lines)
 
 
-def _tables(record: Any, prefix: str, source: str, errors: Mapping[str, float]) -> Iterator[str]:
-    known = quantities(type(record))
+def _tables(
+    record: Any, prefix: str, source: str, errors: Mapping[str, float], owner: Any = None
+) -> Iterator[str]:
+    known = quantities_of(record, owner)
     for field, value in record._asdict().items():
+        if field == "rotary" and not value:  # most are not
+            continue
         if isinstance(value, bool):
             shown, unit, symbol = str(value).lower(), None, ""
         elif field in known and _finite(value):

@@ -13,7 +13,7 @@ from ..figures.style import svg
 from ..figures.trajectory import trajectory as drawn_trajectory
 from ..friction import is_law
 from ..parameters import changes, load_set
-from ..records import quantities
+from ..records import quantities_of
 from ..units import with_prefix
 from ..waveform.signal import Waveform
 from .document import Column, Document, Number, Picture, Section, Table
@@ -39,7 +39,7 @@ def trajectory_document(
     if steady_step is not None:
         numbers["steady_step"] = steady_step
     complete = trajectory.attrs["outcome"] == "complete"
-    moved = with_prefix(numbers["net_displacement"].value, "m")
+    moved = with_prefix(numbers["net_displacement"].value, numbers["net_displacement"].unit)
     duration = with_prefix(float(trajectory["time"][-1]), "s")
     summary = f"The end-effector moved by {moved} in {duration}."
     if isinstance(model, PulledSlider):
@@ -87,13 +87,15 @@ def trajectory_document(
 
 def _results(trajectory: xr.Dataset) -> dict[str, Number]:
     time, x = trajectory["time"].values, trajectory["end_effector_position"].values
+    unit = trajectory["end_effector_position"].attrs["units"]
+    forces = trajectory["friction_force"].attrs["units"]
     found = {
-        "net_displacement": Number(float(x[-1] - x[0]), "m"),
-        "mean_velocity": Number(float((x[-1] - x[0]) / (time[-1] - time[0])), "m/s"),
-        "greatest_friction_force": Number(_greatest(trajectory, "friction_force"), "N"),
+        "net_displacement": Number(float(x[-1] - x[0]), unit),
+        "mean_velocity": Number(float((x[-1] - x[0]) / (time[-1] - time[0])), f"{unit}/s"),
+        "greatest_friction_force": Number(_greatest(trajectory, "friction_force"), forces),
     }
     if "sliding_displacement" in trajectory:
-        found["greatest_sliding_displacement"] = Number(_greatest(trajectory, "sliding_displacement"), "m")
+        found["greatest_sliding_displacement"] = Number(_greatest(trajectory, "sliding_displacement"), unit)
     if "spring_force" in trajectory:
         found["greatest_spring_force"] = Number(_greatest(trajectory, "spring_force"), "N")
     if "temperature" in trajectory:  # of a stack that the drive charges
@@ -103,7 +105,7 @@ def _results(trajectory: xr.Dataset) -> dict[str, Number]:
     found |= {
         "duration": Number(float(time[-1]), "s"),
         "samples": Number(time.size, ""),
-        "tolerance": Number(trajectory.attrs["tolerance"], "m"),
+        "tolerance": Number(trajectory.attrs["tolerance"], unit),
         "solver_steps": Number(trajectory.attrs["steps"], ""),
     }
     return found
@@ -117,14 +119,14 @@ def _title(key: str) -> str:
     return key.replace("_", " ").replace("end effector", "end-effector")
 
 
-def _entries(record: Any, prefix: str = "") -> Iterator[tuple[str, str, str, Any]]:
+def _entries(record: Any, prefix: str = "", owner: Any = None) -> Iterator[tuple[str, str, str, Any]]:
     """Field, symbol, meaning and value (a `Number` where it has a unit) of all fields, the law's included."""
-    known = quantities(type(record))
+    known = quantities_of(record, owner)
     of_drive = getattr(record, "unit", "V")  # a waveform's fields in V are in m where the waveform is
     for name, value in record._asdict().items():
         if is_law(value):
             yield f"{prefix}{name}", "", "friction law", type(value).__name__
-            yield from _entries(value, f"{prefix}{name}.")
+            yield from _entries(value, f"{prefix}{name}.", record)
         elif name in known and value is not None:
             quantity = known[name]
             values = value if isinstance(value, tuple) else (value,)

@@ -24,6 +24,7 @@ from ..electronics import (
     Adc,
     Amplifier,
     Dac,
+    Encoder,
     Filter,
     InductiveSensor,
     Interferometer,
@@ -38,7 +39,7 @@ from ..units import to_si
 T = TypeVar("T")
 
 _BENCHES = Path(__file__).parent / "benches"
-Sensor = StrainGauge | InductiveSensor | Interferometer | PositionSensor | Chain
+Sensor = StrainGauge | InductiveSensor | Interferometer | Encoder | PositionSensor | Chain
 _PLACES = ("stage", "end_effector")
 _KEYS = (
     *("kind", "title", "citations", "base", "sample_rate", "piezo_capacitance", "stack"),

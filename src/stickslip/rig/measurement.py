@@ -17,6 +17,7 @@ from ..calibration.applying import calibration_chain
 from ..progress import Progress, unheard, within
 from ..recording import STANDARD_NAMES, save_recording
 from ..recording.drive import drive_text
+from ..recording.schema import fits_name
 from ..records import did_you_mean
 from ..units import QuantityError, with_prefix
 from ..waveform.signal import Waveform, value_at
@@ -221,11 +222,10 @@ def channel_units(can: Capabilities, channels: Mapping[str, Channel], limits: Li
                 unit = calibration_chain(channel.calibration, unit)[-1].y_unit
             except CalibrationError as error:
                 raise QuantityError(f"{name}: {error}") from None
-        standard = STANDARD_NAMES.get(name)
-        if standard is not None and standard.unit != unit:
+        if not fits_name(name, unit):
             raise QuantityError(
-                f"{name} is a quantity in {standard.unit}, but the input {channel.input!r} gives {unit}: it "
-                "needs a calibration, or another name"
+                f"{name} is a quantity in {STANDARD_NAMES[name].unit}, but the input {channel.input!r} gives "
+                f"{unit}: it needs a calibration, or another name"
             )
         if channel.filter is not None and channel.filter.corner >= 0.5 * can.sample_rate:
             raise QuantityError(

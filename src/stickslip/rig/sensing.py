@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import sosfilt_zi
 
 from ..chain import Chain
-from ..electronics import Filter, InductiveSensor, Interferometer, PositionSensor, StrainGauge
+from ..electronics import Encoder, Filter, InductiveSensor, Interferometer, PositionSensor, StrainGauge
 from ..electronics.filters import sections
 from .bench import Mounted
 from .protocols import RigError
@@ -112,7 +112,7 @@ class Running:
 
 def _curve(sensor: Any) -> Callable[[float], float]:
     """From a position to what the sensor makes of it, at rest and without noise."""
-    if isinstance(sensor, PositionSensor | Interferometer):
+    if isinstance(sensor, PositionSensor | Interferometer | Encoder):
         return lambda x: x
     if isinstance(sensor, Chain):
         return lambda x: sensor.scale * x + sensor.offset
@@ -128,7 +128,7 @@ def _curve(sensor: Any) -> Callable[[float], float]:
 
 def _quantised(sensor: Any) -> Callable[[float], float]:
     """What is done to a value last."""
-    if isinstance(sensor, Interferometer):
+    if isinstance(sensor, Interferometer | Encoder):
         return lambda x: round(x / sensor.resolution) * sensor.resolution
     if isinstance(sensor, InductiveSensor):
         low, high = min(0.0, sensor.voltages[0]), sensor.voltages[-1]

@@ -15,7 +15,7 @@ from ..electronics import adc_output, amplifier_output, dac_output, filtered
 from ..simulation.errors import SimulationError
 from ..simulation.models import SLIDER, STAGE
 from ..simulation.trajectory import COMPLETE, follow_model
-from ..units import QuantityError, to_si
+from ..units import QuantityError, to_si, unit_for
 from ..waveform.sampled import Sampled
 from ..waveform.signal import Waveform
 from .bench import Bench, Mounted
@@ -70,12 +70,13 @@ class VirtualRig:
         real_time: bool = False,
         tolerance: float | str = 1e-9,
     ) -> None:
-        tolerance = to_si(tolerance, "m", "tolerance")
+        tolerance = to_si(tolerance, unit_for(actuator, "m"), "tolerance")
         for value, kind in ((actuator, Actuator), (bench, Bench)):
             if not isinstance(value, kind):
                 raise QuantityError(
                     f"a virtual rig wants its {kind.__name__}, not {value!r:.60}: load it first"
                 )
+        _check_sensors(actuator, bench)
         # The limits of the drive are the gate's; a converter's step beside 0 V is no error.
         self.actuator = actuator.replace(
             min_voltage=-math.inf, max_voltage=math.inf, piezo=simplified(actuator.piezo)
@@ -323,6 +324,22 @@ class VirtualRig:
         if mounted.adc is None:
             return sensed[::OVERSAMPLING]
         return adc_output(mounted.adc, filtered(self.bench.anti_alias, sensed, rate)[::OVERSAMPLING])
+
+
+def _check_sensors(actuator: Actuator, bench: Bench) -> None:
+    """Raise QuantityError for a sensor of angles on what slides, or of lengths on what turns."""
+    for name, mounted in bench.sensors.items():
+        unit = mounted.sensor.unit
+        if actuator.rotary and unit != "rad":
+            raise QuantityError(
+                f"the sensor {name!r} of the bench {bench.name} reads metres, but the actuator turns: it "
+                "wants one that gives rad, as an Encoder does"
+            )
+        if unit == "rad" and not actuator.rotary:
+            raise QuantityError(
+                f"the sensor {name!r} of the bench {bench.name} gives rad: it is for an actuator with "
+                "rotary = true"
+            )
 
 
 def _held(values: Array, count: int) -> Array:

@@ -16,7 +16,7 @@ from ..electronics.stack import Stack
 from ..progress import Progress, unheard
 from ..solve.outcome import DONE, STEP_TOO_SMALL, TOO_MANY_STEPS
 from ..solve.periods import integrate_members
-from ..units import QuantityError, optional_si, to_si
+from ..units import QuantityError, labelled_for, optional_si, to_si, unit_for
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
 from .demand import labelled_demand
@@ -109,7 +109,7 @@ def simulate_ensemble(
     Raises:
         QuantityError: an unknown name, arrays of different length, or see `simulate`.
     """
-    tolerance = to_si(tolerance, "m", "tolerance")
+    tolerance = to_si(tolerance, unit_for(model, "m"), "tolerance")
     duration = optional_si(duration, "s", "duration")
     sample_rate = optional_si(sample_rate, "Hz", "sample_rate")
     varied = checked_columns(model, waveform, parameters)
@@ -159,7 +159,7 @@ def simulate_ensemble(
             SimulationWarning,
             stacklevel=2,
         )
-    return _dataset(model, waveform, varied, found, wanted).assign(demand)
+    return labelled_for(model, _dataset(model, waveform, varied, found, wanted).assign(demand))
 
 
 class _Task(NamedTuple):

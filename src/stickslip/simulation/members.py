@@ -15,7 +15,7 @@ from ..actuator import Actuator
 from ..piezo.model import Piezo
 from ..plant.generated import with_values as plant_with
 from ..plant.system import Plant, values_of
-from ..records import Quantity, did_you_mean, quantities
+from ..records import Quantity, did_you_mean, quantities, quantities_within
 from ..units import QuantityError, to_si
 from ..waveform.drive import Drive
 from ..waveform.members import Drives, stacked
@@ -334,7 +334,7 @@ def _rows(fields: Mapping[str, Any], count: int) -> list[tuple[Any, ...]]:
 def _refused(model: Actuator, columns: Columns, values: Columns, count: int) -> list[str]:
     """Why the model's records would refuse a member, empty where not; those in doubt are built to hear it."""
     fine = np.ones(count, dtype=bool)
-    known = quantities(type(model)) | quantities(type(model.friction))
+    known = quantities_within(model)
     own = {name: values[name] for name in piezo_names(model) if name in values}
     scales = {name: columns[name] for name in SCALES if name in columns}
     for name, column in ({n: c for n, c in values.items() if n not in own} | scales).items():

@@ -20,7 +20,7 @@ from ..records import did_you_mean
 from ..solve.neighbours import neighbours
 from ..solve.outcome import DONE
 from ..solve.periods import LOG_ROWS, integrate_near
-from ..units import QuantityError, optional_si, to_si
+from ..units import QuantityError, labelled_for, optional_si, to_si, unit_for
 from ..waveform.drive import Drive, constant
 from ..waveform.members import Drives, stacked
 from ..waveform.pieces import with_breaks
@@ -255,7 +255,8 @@ def sensitivities(
             change of a field, or see `simulate`.
         SimulationError: the motion could not be followed to the end.
     """
-    tolerance, sample_rate = to_si(tolerance, "m", "tolerance"), to_si(sample_rate, "Hz", "sample_rate")
+    tolerance = to_si(tolerance, unit_for(model, "m"), "tolerance")
+    sample_rate = to_si(sample_rate, "Hz", "sample_rate")
     duration = optional_si(duration, "s", "duration")
     wanted = sample_times(waveform, duration, sample_rate, times)
     end = float(wanted[-1])
@@ -272,7 +273,7 @@ def sensitivities(
 
     samples, by, errors = until_settled(derivatives, tolerance)
     warn_unsettled(parameters, by, errors, 0.0)
-    return xr.Dataset(
+    made = xr.Dataset(
         {
             "end_effector_position": (
                 "time",
@@ -296,6 +297,7 @@ def sensitivities(
             "unit": ("parameter", [_unit(model, waveform, name) for name in parameters]),
         },
     )
+    return labelled_for(model, made)
 
 
 def until_settled(
@@ -341,4 +343,4 @@ def internal(of: System) -> list[tuple[int, Any]]:
 
 def _unit(model: Actuator, waveform: Waveform, name: str) -> str:
     quantity = quantity_of(model, waveform, name)
-    return INITIAL.get(name, quantity.unit if quantity else "")
+    return unit_for(model, INITIAL.get(name, quantity.unit if quantity else ""))

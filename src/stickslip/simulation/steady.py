@@ -10,7 +10,7 @@ import numpy as np
 
 from ..actuator import Actuator
 from ..solve.periodic import STABLE, Orbit, find_orbit
-from ..units import QuantityError, to_si, with_prefix
+from ..units import QuantityError, to_si, unit_for, with_prefix
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
 from .errors import NotPeriodicError, SimulationError, SimulationWarning
@@ -35,7 +35,7 @@ def steady_orbit(
         QuantityError: the waveform has no period, or see `simulate`.
         SimulationError: the motion could not be followed over one period.
     """
-    tolerance = to_si(tolerance, "m", "tolerance")
+    tolerance = to_si(tolerance, unit_for(model, "m"), "tolerance")
     period, table = periodic_drive(model, waveform)
     contact = contact_load(load, period)
     of = contact.system(model)
@@ -101,7 +101,7 @@ def steady_step(
         NotPeriodicError: no orbit of the drive's period was found, or it is unstable.
         QuantityError: see `steady_orbit`.
     """
-    tolerance = to_si(tolerance, "m", "tolerance")
+    tolerance = to_si(tolerance, unit_for(model, "m"), "tolerance")
     orbit = steady_orbit(model, waveform, tolerance=tolerance, load=load)
     largest = float(np.max(np.abs(orbit.multipliers), initial=0.0))
     if not orbit.converged:
@@ -109,5 +109,5 @@ def steady_step(
     if not stable(largest):
         raise NotPeriodicError(unstable(largest), orbit)
     if not orbit.error <= tolerance:
-        warnings.warn(not_within(orbit.error, tolerance), SimulationWarning, stacklevel=2)
+        warnings.warn(not_within(orbit.error, tolerance, model), SimulationWarning, stacklevel=2)
     return orbit.step

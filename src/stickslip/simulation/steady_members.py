@@ -15,7 +15,7 @@ from ..electronics.stack import Stack
 from ..progress import Progress, unheard
 from ..solve.outcome import DONE
 from ..solve.periodic import NOT_FOUND, Found, has_neighbours, orbits, room_for
-from ..units import QuantityError, to_si
+from ..units import QuantityError, labelled_for, to_si, unit_for
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
 from .demand import labelled_demand
@@ -94,14 +94,14 @@ def steady_steps(
     Raises:
         QuantityError: an unknown name, arrays of different length, or see `steady_orbit`.
     """
-    tolerance = to_si(tolerance, "m", "tolerance")
+    tolerance = to_si(tolerance, unit_for(model, "m"), "tolerance")
     columns = checked_columns(model, waveform, parameters)
     count, blocks = next(iter(columns.values())).size, []
     demand = labelled_demand(model, waveform, columns, stack, count)
     for start, block in orbit_blocks(model, waveform, columns, tolerance, load, threads):
         blocks.append(block)
         progress("solving for periodic motion", (start + block.status.size) / count)
-    made = _dataset(model, waveform, columns, blocks).assign(demand)
+    made = labelled_for(model, _dataset(model, waveform, columns, blocks).assign(demand))
     off = int(np.sum((made["status"] == CONVERGED) & ~(made["error_estimate"] <= tolerance)))
     if off:
         warnings.warn(

@@ -18,7 +18,7 @@ from ..solve.log import TERMS
 from ..solve.outcome import DONE, STEP_TOO_SMALL
 from ..solve.periods import integrate
 from ..solve.resume import row_size
-from ..units import QuantityError, optional_si, to_si, with_prefix
+from ..units import QuantityError, labelled_for, optional_si, to_si, unit_for, with_prefix
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
 from .channels import energy_account, of_stack, variables_of
@@ -94,7 +94,8 @@ def simulate(
             a stack under a drive that jumps, or beside a piezo that has a charge of its own.
         SimulationError: not even two samples could be computed.
     """
-    tolerance, sample_rate = to_si(tolerance, "m", "tolerance"), to_si(sample_rate, "Hz", "sample_rate")
+    tolerance = to_si(tolerance, unit_for(model, "m"), "tolerance")
+    sample_rate = to_si(sample_rate, "Hz", "sample_rate")
     duration = optional_si(duration, "s", "duration")
     begin = taken_up(initial_state, model, waveform)
     wanted = sample_times(waveform, duration, sample_rate, times, begin.time if begin else 0.0)
@@ -115,7 +116,7 @@ def simulate(
     if found.outcome != COMPLETE:
         warnings.warn(found.outcome, SimulationWarning, stacklevel=2)
     elif not found.error - (begin.error_estimate if begin else 0.0) <= tolerance:
-        warnings.warn(not_within(found.error, tolerance), SimulationWarning, stacklevel=2)
+        warnings.warn(not_within(found.error, tolerance, model), SimulationWarning, stacklevel=2)
     times, samples = found.times, found.samples
     variables = variables_of(model, samples, found.drive, times, waveform)
     if energy:
@@ -134,7 +135,7 @@ def simulate(
     )
     if found.final is not None:
         made.attrs["final_state"] = as_text(found.final)
-    return made
+    return labelled_for(model, made)
 
 
 class Followed(NamedTuple):
@@ -329,11 +330,12 @@ def sample_times(
     return made
 
 
-def not_within(error: float, tolerance: float) -> str:
-    """What is said of a result whose error may be above the tolerance [m]."""
-    asked = f"the tolerance of {with_prefix(tolerance, 'm')} is not shown to hold"
+def not_within(error: float, tolerance: float, model: Any = None) -> str:
+    """What is said of a result whose error may be above the tolerance [m; rad of a rotary model]."""
+    unit = unit_for(model, "m")
+    asked = f"the tolerance of {with_prefix(tolerance, unit)} is not shown to hold"
     if math.isnan(error):
         return (
             f"{asked}: a run with smaller steps, which would tell the error, could not be followed to the end"
         )
-    return f"{asked}: the position may be off by {with_prefix(error, 'm')}, by a run with smaller steps"
+    return f"{asked}: the position may be off by {with_prefix(error, unit)}, by a run with smaller steps"

@@ -8,7 +8,7 @@ from functools import cache
 from typing import Any, NamedTuple
 
 from ..friction import is_law
-from ..records import Quantity, quantities
+from ..records import Quantity, quantities, quantities_of
 
 
 class Ratio(NamedTuple):
@@ -224,7 +224,8 @@ def quantity_of(model: Any, waveform: Any, name: str) -> Quantity | None:
         quantity = quantities(type(waveform))[record_field(waveform, name)[0]]
         return quantity._replace(unit=quantity.unit.replace("V", waveform.unit))
     element = element_of(law_of(model), name)
-    return (quantities(type(model)) | quantities(type(law_of(model)))).get(element[0] if element else name)
+    known = quantities_of(model) | quantities_of(law_of(model), model)
+    return known.get(element[0] if element else name)
 
 
 @cache  # of each member's fields, again and again

@@ -141,9 +141,9 @@ def newton(
     put(begun, r)
     first, derived, fresh, radius = level, level, True, math.nan
     count, moved, largest = 0, math.inf, size_of(r, scale)
-    # Of the integration before this one: its tolerance (infinite: there is none to compare with), defect, and
-    # the step of the orbit by it.
-    before, gap_before, step_before = math.inf, math.inf, math.inf
+    # Of the integration before this one: its tolerance (infinite: there is none to compare with), defect, the
+    # step of the orbit by it, and its residual.
+    before, gap_before, step_before, residual_before = math.inf, math.inf, math.inf, math.inf
     error, least = math.nan, 0.0
     while True:
         if fresh:
@@ -174,7 +174,8 @@ def newton(
             error = PER_MOVE * max(size, abs(step + further - step_before))
             if level < before:
                 error = max(error, least)
-                least = error * (level / before) ** 2
+                known = residual_before <= error  # else it may be Newton's method that was not there yet
+                least = error * (level / before) ** 2 if known else 0.0
         enough = compared and error <= tolerance and level <= FINER * before
         if outcome == DONE and residual <= tolerance and (enough or level < FINEST * tolerance):
             move(r, change)
@@ -191,7 +192,7 @@ def newton(
             return NOT_FOUND, step, error, residual, count, moved, far and moved == math.inf, level
         slowly = gap > SLOWLY * gap_before and gap > NOISE * before
         put(begun, after)
-        before, gap_before, step_before = level, gap, step + further
+        before, gap_before, step_before, residual_before = level, gap, step + further, residual
         move(r, change)
         if moved == math.inf:
             put(aim, r)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...estimate.lack import KnownNoise
 from ...units import with_prefix
-from ...waveform.signal import Waveform
+from ...waveform.signal import Waveform, value_at
 from .drives import periodic_part
 from .levels import converter_step
 from .recorded_drive import noise_level
@@ -68,7 +68,8 @@ def known_noise(recording: xr.Dataset, values: Array, drive: Waveform | None) ->
     again = _settled(int(np.count_nonzero(time >= drive.duration)))
     begin, periodic = periodic_part(drive)
     if periodic is None:
-        return KnownNoise(step=step, rest_again=again)
+        rest = first_change(value_at(drive, time), BEGUN)
+        return KnownNoise(at_rest=rest, step=step, rest_again=again)
     first = (begin - float(time[0])) / interval
     lasts = float(periodic.duration) / interval + min(first, 0.0)
     period = float(periodic.period) / interval

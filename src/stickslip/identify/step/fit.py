@@ -22,7 +22,7 @@ from ...estimate.result import Fit
 from ...piezo import Piezo
 from ...recording import RecordingError
 from ...units import optional_si, to_si
-from ..free import with_ties
+from ..free import check_motion, with_ties
 from ..recorded.channels import recordings_of, unit_of
 from ..recorded.known_noise import resolution
 from .at_piezo import check_known
@@ -103,6 +103,7 @@ def identify_step(
         return of
 
     unit = unit_of(recordings_of(recordings), observed) or "m"
+    check_motion(model, unit)
     parts = [
         Residuals(residuals(test, i), test.position, None, test.name, unit, _known(test), test.time)
         for i, test in enumerate(kept, start=1)
@@ -116,11 +117,15 @@ def identify_step(
     voltage = None if voltages is None else to_si(voltages[0], "V", "voltages")
     return replace(
         fit,
-        model=model and model.replace(**{name: fit.values[name] for name in STAGE_PARAMETERS}),
+        model=model and model.replace(**_stage_of(fit), rotary=unit == "rad"),
         observed=observed,
         remarks=(*fit.remarks, *said_outliers(fit)),
         predict=StepPrediction(fit.values, filter, slew_rate, voltage, start, observed, piezo).predict,
     )
+
+
+def _stage_of(fit: Fit) -> Values:
+    return {name: fit.values[name] for name in STAGE_PARAMETERS}
 
 
 class StepPrediction(NamedTuple):

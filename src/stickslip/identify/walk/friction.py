@@ -26,7 +26,7 @@ from ...progress import Progress, unheard
 from ...simulation.varied import free_names, with_values
 from ...units import optional_si
 from ...waveform.signal import Waveform
-from ..free import Bounds, beside, check_names, check_priors, known_of, parameter, with_prior
+from ..free import Bounds, beside, check_motion, check_names, check_priors, known_of, parameter, with_prior
 from ..quantised import with_steps
 from ..recorded.at_rest import drift_at_rest
 from ..recorded.channels import drives_of, names_of, recordings_of, unit_of
@@ -147,6 +147,7 @@ def identify_friction(
     tolerance = optional_si(tolerance, "m", "tolerance")
     found = recordings_of(recordings)
     unit, level, drift = _noise(noise, found)
+    check_motion(model, unit)
     names, drives = names_of(found), drives_of(drive, found)
     bounds, priors = bounds or {}, priors or {}
     _check(model, free, bounds, priors, level)
@@ -257,7 +258,7 @@ def _completed(fit: Fit, walks: Walks, slew_rate: float | None, tolerance: float
         OBSERVED,
         walks.unit,
     )
-    model = with_values(walks.model, own_values(fit.values))
+    model = with_values(walks.model, own_values(fit.values))._replace(rotary=walks.unit == "rad")
     remarks = (*fit.remarks, *said_kept(fit, walks.model), *said_outliers(fit))
     predict = Predictor.of(model, fit.values, slew_rate, tolerance).predict
     return replace(fit, model=model, observed=OBSERVED, predict=predict, remarks=remarks)

@@ -1,0 +1,173 @@
+"""An actuator that turns: the same motion as one that slides on a radius, in rad, N m and kg m^2."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import stickslip as ss
+from stickslip.analysis.walk import changed
+from stickslip.electronics import Encoder
+from stickslip.export import export_c
+from stickslip.identify.results import model_numbers, model_of
+from stickslip.panel.folder import Folder
+from stickslip.panel.sets import Sets
+from stickslip.parameters import ParameterSetError
+from stickslip.parameters.writing import parameter_text, write_parameters
+from stickslip.recording import RecordingWarning
+from stickslip.rig import Capture, Channel, Limits, VirtualRig, load_bench, measure
+from stickslip.rig.bench import Mounted
+from stickslip.units import QuantityError
+
+RADIUS = 0.012
+SLIDES = ss.load_actuator("kang2007")
+DRIVE = ss.Sawtooth(65.0, 20.0, periods=3)
+
+
+def on_radius(model: ss.Actuator) -> ss.Actuator:
+    """What slides, seen as what turns about an axis at that radius."""
+    law = model.friction
+    return model.replace(
+        gain=model.gain / RADIUS,
+        stage_mass=model.stage_mass * RADIUS**2,
+        end_effector_mass=model.end_effector_mass * RADIUS**2,
+        external_force=model.external_force * RADIUS,
+        friction=law._replace(
+            sigma_0=law.sigma_0 * RADIUS**2,
+            sigma_1=law.sigma_1 * RADIUS**2,
+            coulomb_force=law.coulomb_force * RADIUS,
+            stiction_force=law.stiction_force * RADIUS,
+            stribeck_velocity=law.stribeck_velocity / RADIUS,
+        ),
+        rotary=True,
+        name="",
+    )
+
+
+TURNS = on_radius(SLIDES)
+
+
+def units(made) -> dict[str, str]:
+    return {name: v.attrs["units"] for name, v in made.variables.items() if "units" in v.attrs}
+
+
+@pytest.mark.compiled
+def test_the_motion_is_that_of_what_slides_on_a_radius() -> None:
+    straight = ss.simulate(SLIDES, DRIVE, energy=True)
+    turned = ss.simulate(TURNS, DRIVE, tolerance=1e-9 / RADIUS, energy=True)
+    x = straight["end_effector_position"].values
+    assert RADIUS * turned["end_effector_position"].values == pytest.approx(x, abs=2e-9)
+    assert turned["friction_work"].values == pytest.approx(
+        straight["friction_work"].values, rel=1e-3, abs=1e-9
+    )
+    assert units(turned) == {
+        "time": "s", "drive_voltage": "V", "end_effector_position": "rad", "stage_position": "rad",
+        "sliding_displacement": "rad", "friction_force": "N m", "stage_velocity": "rad/s",
+        "end_effector_velocity": "rad/s", "bristle_deflection": "rad",
+        **{name: "J" for name in units(turned) if name.endswith(("work", "energy", "dissipation", "defect"))},
+    }  # fmt: skip
+    assert "rad" not in units(straight).values()
+
+
+@pytest.mark.compiled
+def test_ensembles_maps_and_derivatives_are_labelled() -> None:
+    drive = ss.Sawtooth(65.0, 20.0)
+    given = {"sigma_0": ["200 N m/rad", "0.2 N m/mrad"], "external_force": ["1 mN m", 0.001]}
+    members = ss.simulate_ensemble(TURNS, drive, 0.1, parameters=given, tolerance="50 nrad")
+    assert units(members)["net_displacement"] == units(members)["error_estimate"] == "rad"
+    assert (units(members)["sigma_0"], units(members)["external_force"]) == ("N m/rad", "N m")
+    one, other = members["net_displacement"].values
+    assert one == other
+    steps = ss.simulation.steady_steps(TURNS, drive, parameters={"amplitude": [60.0, 65.0]})
+    assert units(steps)["net_step"] == "rad"
+    expected = ss.steady_step(SLIDES, drive)
+    assert RADIUS * steps["net_step"].values[1] == pytest.approx(expected, abs=1e-9)
+    found = ss.step_map(TURNS, drive, load=[0.0, "1 mN m"])
+    assert (units(found)["net_step"], units(found)["speed"], units(found)["load"]) == ("rad", "rad/s", "N m")
+    by = ss.sensitivities(TURNS, DRIVE, parameters=["sigma_0", "initial_stage_velocity"])
+    assert by["unit"].values.tolist() == ["N m/rad", "rad/s"]
+    assert units(by)["derivative"] == "rad per unit of the parameter"
+
+
+def test_units_in_texts() -> None:
+    made = TURNS.replace(gain="0.1 urad/V", end_effector_mass="20 g cm^2", external_force="1 mN m")
+    assert (made.gain, made.end_effector_mass, made.external_force) == (1e-7, pytest.approx(2e-6), 1e-3)
+    with pytest.raises(QuantityError, match=r"gain = '0.1 um/V'.*no rad/V"):
+        TURNS.replace(gain="0.1 um/V")
+    with pytest.raises(QuantityError, match=r"gain = '0.1 urad/V'.*no m/V"):
+        SLIDES.replace(gain="0.1 urad/V")
+    with pytest.raises(QuantityError, match=r"incline = 0.1 rad must be 0 rad"):
+        TURNS.replace(incline=0.1)
+    assert "N m/rad" in TURNS._repr_html_()
+    assert "MN/m" in SLIDES._repr_html_()
+
+
+def test_a_parameter_set_comes_back(tmp_path) -> None:
+    text = parameter_text(TURNS, "a rotary stage", "measured")
+    assert {'unit = "N m/rad"', 'unit = "rad/V"', 'unit = "kg m^2"'} <= {*text.splitlines()}
+    path = write_parameters(tmp_path / "rotary.toml", text)
+    loaded = ss.load_actuator(path)
+    assert loaded.replace(name="") == TURNS
+    micro = text.replace(f"value = {TURNS.gain!r}", f"value = {TURNS.gain * 1e6!r}").replace(
+        "rad/V", "urad/V"
+    )
+    (tmp_path / "micro.toml").write_text(micro, encoding="utf-8")
+    assert ss.load_actuator(tmp_path / "micro.toml").gain == pytest.approx(TURNS.gain)
+    (tmp_path / "mixed.toml").write_text(text.replace('unit = "N m/rad"', 'unit = "N/m"'), encoding="utf-8")
+    with pytest.raises(ParameterSetError, match=r"\[friction\]: \[sigma_0\].*N m/rad"):
+        ss.load_actuator(tmp_path / "mixed.toml")
+
+
+def test_results_keep_it_and_those_of_earlier_versions_are_read() -> None:
+    assert model_of(json.loads(json.dumps(model_numbers(TURNS)))) == TURNS
+    earlier = model_numbers(SLIDES)
+    assert "rotary" not in earlier["actuator"]
+    assert model_of(earlier).replace(name=SLIDES.name) == SLIDES
+
+
+@pytest.mark.compiled
+def test_from_the_rig_to_a_fit() -> None:
+    """Recorded through an encoder of 50 nrad on the virtual bench, behind its amplifier."""
+    bench = load_bench("kang2007-bench")
+    encoder = Mounted(Encoder("50 nrad"), "end_effector", None)
+    turning = bench.replace(sensors={"encoder": encoder})
+    channels = {"drive_voltage": Channel("drive"), "end_effector_position": Channel("encoder")}
+    capture, limits = Capture(length=0.3, interval=1e-3, pre_trigger=0.05), Limits(max_voltage=100.0)
+    rig = VirtualRig(TURNS, turning, tolerance="50 nrad")
+    walk = measure(rig, ss.Sawtooth(65.0, 10.0, periods=2), channels, capture, limits)
+    assert units(walk)["end_effector_position"] == "rad"
+    slew = bench.amplifier.max_current / bench.piezo_capacitance
+    with pytest.warns(RecordingWarning, match="changes too fast for its samples"):
+        fit = ss.identify_friction(
+            walk, TURNS, ["coulomb_force", "delay"], hops=0, averaged=False, slew_rate=slew
+        )
+    assert fit.model is not None
+    assert fit.model.rotary
+    assert fit.values["coulomb_force"] == pytest.approx(TURNS.friction.coulomb_force, rel=0.02)
+    assert "N m" in fit.report()
+    with pytest.raises(QuantityError, match=r"strain_gauge.*reads metres, but the actuator turns"):
+        VirtualRig(TURNS, bench)
+    with pytest.raises(QuantityError, match=r"'encoder'.*gives rad"):
+        VirtualRig(SLIDES, turning)
+
+
+def test_positions_in_metres_are_not_of_what_turns() -> None:
+    walk = ss.make_recording(np.arange(50) / 1e3, {"end_effector_position": np.arange(50) * 1e-9})
+    with pytest.raises(QuantityError, match=r"turns.*the position is in m"):
+        ss.identify_friction(walk, TURNS, ["coulomb_force"], drive=DRIVE)
+    angle = ss.make_recording(np.arange(50) / 1e3, {"end_effector_position": (np.arange(50) * 1e-9, "rad")})
+    with pytest.raises(QuantityError, match="no incline"):
+        ss.identify_friction(angle, SLIDES.replace(incline=0.1), ["coulomb_force"], drive=DRIVE)
+
+
+def test_what_speaks_of_metres_refuses_it(tmp_path) -> None:
+    name = "parameters/rotary.toml"
+    write_parameters(tmp_path / name, parameter_text(TURNS, "a rotary stage", "measured"))
+    with pytest.raises(QuantityError, match=r"reports are in m, N and kg.*rotary"):
+        changed(tmp_path, name, {}, {})
+    with pytest.raises(QuantityError, match=r"exported code is in m, N and kg.*rotary"):
+        export_c(TURNS, tmp_path / "out")
+    with pytest.raises(QuantityError, match=r"the panel is in m, N and kg.*rotary"):
+        Sets(Folder(tmp_path)).actuator(name)
