@@ -19,7 +19,7 @@ from .estimate.result import Fit
 from .estimate.shown import preformatted
 from .identify.recorded.channels import channel, drives_of, names_of, recordings_of, same_number
 from .identify.recorded.drives import periodic_part
-from .identify.recorded.known_noise import known_noise
+from .identify.recorded.known_noise import known_noise, said_unjudged
 from .identify.walk.prediction import Predictor
 from .recording import RecordingError, make_recording
 from .records import did_you_mean, same
@@ -96,6 +96,7 @@ class Verification:
         steps: net step per period of each, measured and predicted; NaN where the drive does not repeat.
         predictions: for each a recording with measured, predicted and residual (predicted minus measured).
         lacks: what each says of the model, by the noise that it shows besides: see `lack_of_fit`.
+        remarks: sentences on recordings that show no noise besides.
     """
 
     observed: str
@@ -104,6 +105,7 @@ class Verification:
     predictions: tuple[xr.Dataset, ...]
     steps: tuple[tuple[float, float], ...]
     lacks: tuple[Lack, ...] = ()
+    remarks: tuple[str, ...] = ()
 
     def __eq__(self, other: object) -> bool:
         return same(self, other)
@@ -183,6 +185,7 @@ class Verification:
                 *lines,
                 *(f"{n:{width}}  {r:9.6f}  {e:<10.4g}  {s:14}  {k}" for n, r, e, s, k in rows),
                 *self.statements,
+                *self.remarks,
             ]
         )
 
@@ -286,6 +289,8 @@ def verify(
         time = recording["time"].values
         steps.append((net_step(time, measured, repeated), net_step(time, predicted, repeated)))
         predictions.append(make_recording(time, {k: (v, unit) for k, v in variables.items()}, title=name))
+    left, seen = ([p[key].values for p in predictions] for key in ("residual", "measured"))
+    remarks = said_unjudged(lacks, left, seen, goods[0].unit)
     return Verification(
-        fit.observed, goods[0].unit, tuple(goods), tuple(predictions), tuple(steps), tuple(lacks)
+        fit.observed, goods[0].unit, tuple(goods), tuple(predictions), tuple(steps), tuple(lacks), remarks
     )

@@ -80,7 +80,7 @@ class VerificationAnalysis(Analysis):
             count = len(requirements)
             all_of_them = f"ll of the {count} requirements" if count > 1 else "ll that is required is"
             said += f" {'NOT a' if failures else 'A'}{all_of_them} met."
-        said += "".join(f" {text[0].upper()}{text[1:]}." for text in found.statements)
+        said += "".join(f" {text[0].upper()}{text[1:]}." for text in (*found.statements, *found.remarks))
         progress("drawing", 0.6)
         origin = origin_of(predictor.model, parts.values())
         return Document(

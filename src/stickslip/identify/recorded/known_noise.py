@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ...estimate.lack import KnownNoise
+from ...estimate.lack import KnownNoise, Lack
 from ...units import with_prefix
 from ...waveform.signal import Waveform, value_at
 from .drives import periodic_part
@@ -53,6 +54,20 @@ def more_than_white(left: float, white: float, values: Array, words: tuple[str, 
         f"{with_prefix(white, unit, 3)}: {lacks}, and the intervals are not to be trusted, or the noise is "
         "not white"
     )
+
+
+def said_unjudged(
+    lacks: Sequence[Lack], residuals: Sequence[Array], measured: Sequence[Array], unit: str
+) -> tuple[str, ...]:
+    """Sentences on positions [n] that show their noise neither at rest nor between periods, where a model
+    leaves more than their white noise."""
+    words = (unit, "positions", "the model does not explain it")
+    said = [
+        more_than_white(float(np.sqrt(np.mean(r**2))), white_noise(x), x, (one.name, *words))
+        for one, r, x in zip(lacks, residuals, measured, strict=True)
+        if not one.against
+    ]
+    return tuple(one for one in said if one)
 
 
 def known_noise(recording: xr.Dataset, values: Array, drive: Waveform | None) -> KnownNoise:

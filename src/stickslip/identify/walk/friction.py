@@ -30,7 +30,7 @@ from ..free import Bounds, beside, check_motion, check_names, check_priors, know
 from ..quantised import with_steps
 from ..recorded.at_rest import drift_at_rest
 from ..recorded.channels import drives_of, names_of, recordings_of, unit_of
-from ..recorded.known_noise import known_noise
+from ..recorded.known_noise import known_noise, said_unjudged
 from .displacement import Displacement, has_slopes
 from .first_guess import beginning, first_guess
 from .needed import asked_for, said_free, said_kept, shown_at_rest
@@ -259,7 +259,8 @@ def _completed(fit: Fit, walks: Walks, slew_rate: float | None, tolerance: float
         walks.unit,
     )
     model = with_values(walks.model, own_values(fit.values))._replace(rotary=walks.unit == "rad")
-    remarks = (*fit.remarks, *said_kept(fit, walks.model), *said_outliers(fit))
+    unjudged = said_unjudged(fit.lack, fit.residuals, measured, walks.unit)
+    remarks = (*fit.remarks, *said_kept(fit, walks.model), *said_outliers(fit), *unjudged)
     predict = Predictor.of(model, fit.values, slew_rate, tolerance).predict
     return replace(fit, model=model, observed=OBSERVED, predict=predict, remarks=remarks)
 
