@@ -23,6 +23,21 @@ _NAMED = (_UNKNOWN, *_TAG)  # errors that name the key themselves
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # ten times as fast
 
 
+class _Loader(_LOADER):
+    """YAML in which a key that is given twice is an error: the last would win, unsaid."""
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> Any:
+        seen = set()
+        for key, _ in node.value if isinstance(node, yaml.MappingNode) else ():
+            if isinstance(key, yaml.ScalarNode) and key.tag != "tag:yaml.org,2002:merge":
+                if key.value in seen:
+                    raise yaml.constructor.ConstructorError(
+                        None, None, f"the key {key.value!r} is given twice", key.start_mark
+                    )
+                seen.add(key.value)
+        return super().construct_mapping(node, deep)
+
+
 class InputFileError(ValueError):
     """An input file that cannot be used; the message names the file and the field."""
 
@@ -86,7 +101,7 @@ def yaml_mapping(text: str, source: str) -> dict[str, Any]:
         InputFileError: it is no YAML, or no mapping.
     """
     try:
-        found = yaml.load(text, Loader=_LOADER)
+        found = yaml.load(text, Loader=_Loader)
         if _count(found, 0) > MOST_VALUES:
             raise InputFileError(f"{source}: it stands for more than {MOST_VALUES} values")
     except InputFileError:

@@ -130,6 +130,9 @@ def to_si(value: float | str, unit: str, field: str = "value") -> float:
             return _parse(value.strip(), unit)
         except QuantityError as error:
             raise QuantityError(f"{field} = {_shortened(value)} {error} {expected}") from None
+    if said := _own_unit(value):
+        own: Any = value
+        return to_si(f"{float(getattr(own, 'magnitude', own))!r} {said}", unit, field)
     number = value.item() if getattr(value, "ndim", None) == 0 else value  # type: ignore[union-attr]
     if isinstance(number, bool) or not isinstance(number, Real):
         raise QuantityError(f"{field} = {_shortened(value)} is not a number {expected}")
@@ -137,6 +140,13 @@ def to_si(value: float | str, unit: str, field: str = "value") -> float:
         return float(number)
     except OverflowError:
         raise QuantityError(f"{field} is too large for a number {expected}") from None
+
+
+def _own_unit(value: Any) -> str:
+    """The unit that one number of xarray or pint brings with it; empty without one."""
+    if getattr(value, "ndim", None) != 0:
+        return ""
+    return str(getattr(value, "attrs", {}).get("units", "")) or str(getattr(value, "units", ""))
 
 
 def optional_si(value: float | str | None, unit: str, field: str) -> float | None:

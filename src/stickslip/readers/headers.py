@@ -67,7 +67,9 @@ def said_units(rows: Sequence[Sequence[str]]) -> tuple[list[str], list[str]]:
         found = _UNIT_LINE.fullmatch(fields[0].strip()) if fields else None
         if found:
             units = [field.strip() for field in fields[1:]]
-            units = units[: next((i for i, unit in enumerate(units) if not unit or not is_unit(unit)), None)]
+            units = units[: next((i for i, unit in enumerate(units) if unit and not is_unit(unit)), None)]
+            while units and not units[-1]:  # within, a blank is a column without a unit
+                units.pop()
             (across if found["axis"].lower() in ("horizontal", "x") else upward).extend(units)
     return across, upward
 
@@ -82,6 +84,6 @@ def with_said_units(
     others = [i for i in numeric if i not in clocks]
     upward = list(upward) * len(others) if len(upward) == 1 else upward
     for i, unit in [*zip(clocks, across, strict=False), *zip(others, upward, strict=False)]:
-        if not made[i].unit:
+        if unit and not made[i].unit:
             made[i] = made[i]._replace(unit=unit, header=made[i].shown)
     return made

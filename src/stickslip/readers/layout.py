@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ..recording import RecordingError
-from ..recording.conversion import is_unit
+from ..recording.conversion import is_unit, to_si_unit
 from .counted import Counting, counted
 from .headers import said_units, with_said_units
 from .source import FileChannel, is_clock
@@ -100,14 +100,20 @@ def find_layout(path: Path, delimiter: str | None, decimal: str | None, skip: in
     lines = LINE_END.split(text)  # str.splitlines breaks at more signs than text files do
     data = [i for i in range(skip, len(lines)) if lines[i].strip() and not _COMMENT.match(lines[i])]
     sample = [lines[i] for i in data[:: max(len(data) // SAMPLE, 1)]]
+    asked_decimal = decimal
     kinds, delimiter, decimal = _judge(sample, _ways(delimiter, decimal))
     if not kinds:
         raise RecordingError(f"there are no rows of numbers in the first {len(lines)} lines")
-    kinds = _without_settings([_split(line, delimiter) for line in sample], kinds, decimal)
+    split = [_split(line, delimiter) for line in sample]
+    if asked_decimal is None:
+        _refuse_thousands([row for row in split if len(row) == len(kinds)], kinds, decimal)
+    kinds = _without_settings(split, kinds, decimal)
     first = next(i for i in data if _begins(_split(lines[i], delimiter), kinds, decimal))
     filled = [_split(lines[i], delimiter) for i in data if i >= first]
     blank = [all(row[k : k + 1] in ([], [""]) for row in filled) for k in range(len(kinds))]
     rows = {i: _header_fields(lines[i], delimiter, len(kinds), blank[-1]) for i in range(skip, first)}
+    if asked_decimal is None:
+        _refuse_split_numbers(rows, first, delimiter, len(kinds))
     rows, counting = counted(rows, len(kinds))
     channels = _header(lines, rows, kinds, decimal, {first: filled[0]})
     kinds = "".join("e" if b and not c.name else k for k, b, c in zip(kinds, blank, channels, strict=True))
@@ -173,6 +179,42 @@ def _judge(lines: Sequence[str], ways: Sequence[tuple[str, str]]) -> tuple[str, 
     return best
 
 
+def _refuse_thousands(rows: Sequence[Sequence[str]], kinds: str, decimal: str) -> None:
+    """Raise RecordingError where a sign may part thousands: in a column of "531" and "1,062", or where one
+    column has another decimal sign than the others."""
+    other = "," if decimal == "." else "."
+    parted = re.compile(rf"[+-]?[1-9]\d{{0,2}}{re.escape(decimal)}\d{{3}}")
+    rows = [row for row in rows if "n" in _kinds(row, decimal)]
+    for k, kind in enumerate(kinds):
+        fields = [row[k] for row in rows if row[k] not in MISSING]
+        signed = [field for field in fields if decimal in field]
+        whole = [field for field in fields if re.fullmatch(r"[+-]?\d{1,3}", field)]
+        several = signed and whole and len(signed) + len(whole) == len(fields)
+        if kind == "n" and several and all(map(parted.fullmatch, signed)):
+            raise RecordingError(
+                f"column {k + 1} has {whole[0]!r} and {signed[0]!r}: if {decimal!r} parts thousands, write "
+                f"the numbers without; if it is the decimal sign, say decimal={decimal!r}"
+            )
+        foreign = [field for field in fields if other in field]
+        if kind == "s" and foreign and all(_kind(field, other) == "n" for field in fields):
+            raise RecordingError(
+                f"column {k + 1} has {foreign[0]!r}, but the decimal sign of the others is {decimal!r}: if "
+                f"{other!r} parts thousands, write the numbers without"
+            )
+
+
+def _refuse_split_numbers(rows: dict[int, list[str]], first: int, delimiter: str, count: int) -> None:
+    """Raise RecordingError where a delimiter is the decimal comma: rows of twice as many fields as the line
+    of names and units above them."""
+    above = [fields for i, fields in rows.items() if i < first and any(fields)]
+    names = [_channel(field) for field in above[-1]] if above else []
+    if delimiter == "," and count == 2 * len(names) and all(one.unit for one in names):
+        raise RecordingError(
+            f"the rows have {count} fields, but the names above them are {len(names)}: if the comma is the "
+            "decimal sign, say decimal=','"
+        )
+
+
 def _split(line: str, delimiter: str) -> list[str]:
     if delimiter == SPACE:
         return [field.strip('"') for field in line.split()]
@@ -217,7 +259,8 @@ def _without_settings(rows: Sequence[Sequence[str]], kinds: str, decimal: str) -
 
 def _header_fields(line: str, delimiter: str, count: int, last_is_blank: bool) -> list[str]:
     """The fields of a line above the data, as many as there are columns if it can be read so."""
-    line = _COMMENT.sub("", line, count=1)
+    if mark := _COMMENT.match(line):
+        line = line[mark.end() :]
     fields = _split(line, delimiter)
     if (
         len(fields) == count - 1 and last_is_blank
@@ -264,13 +307,20 @@ def _channel(header: str) -> FileChannel:
     """Name and unit: "Position [mm]" is in mm, but "Force (left)" is in no unit."""
     found = _NAME_AND_UNIT.match(header)
     if not found:
-        tight = None if is_unit(header) else _TIGHT.fullmatch(header)
+        tight = _TIGHT.fullmatch(header)
+        if tight and is_unit(header) and not (tight["name"] == "t" or _of_one(tight["name"], header)):
+            tight = None  # "N/m"
         return FileChannel(tight["name"], tight["unit"], header=header) if tight else FileChannel(header)
     unit = (found["square"] or found["round"] or found["slash"] or "").strip()
     certain = found["square"] is not None
     return (
         FileChannel(found["name"], unit, header=header) if certain or is_unit(unit) else FileChannel(header)
     )
+
+
+def _of_one(name: str, unit: str) -> bool:
+    """Whether a unit is one over another of the same kind: "V/mV" is a voltage in mV."""
+    return len(name) == 1 and not to_si_unit(unit).unit
 
 
 def _distinct(columns: Sequence[FileChannel]) -> list[FileChannel]:

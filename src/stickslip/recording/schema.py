@@ -296,6 +296,19 @@ def validate_recording(recording: xr.Dataset) -> xr.Dataset:
     return recording
 
 
+def refuse_unit(name: str, unit: str, where: str = "") -> None:
+    """Raise RecordingError for numbers that are not in SI: those of a recording are."""
+    try:
+        conversion = to_si_unit(unit)
+    except QuantityError:
+        return  # one of the user's own
+    if (conversion.factor, conversion.offset) != (1.0, 0.0):
+        raise RecordingError(
+            f"{name}{where} is labelled {unit!r}, but recordings are in {conversion.unit or 'numbers'}: "
+            f"make_recording(time, {{{name!r}: (values, {unit!r})}}) converts"
+        )
+
+
 def _check_variable(name: str, variable: xr.Variable) -> None:
     if not name.isidentifier():
         raise RecordingError(f"{name!r} is no name for a variable: letters, digits and underscores only")
@@ -306,6 +319,7 @@ def _check_variable(name: str, variable: xr.Variable) -> None:
     for attr in ("units", "long_name"):
         if not isinstance(variable.attrs.get(attr), str):
             raise RecordingError(f"{name} lacks the attribute {attr!r}")
+    refuse_unit(name, variable.attrs["units"])
     _check_finite(name, variable.attrs["units"], variable.values)
 
 

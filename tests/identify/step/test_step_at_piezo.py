@@ -39,6 +39,13 @@ def test_the_closed_form_is_what_the_simulation_does(seed: int, slew: float | No
     np.testing.assert_allclose(x[1:], (y - y[0])[1:], atol=2e-6 * stage.gain * abs(voltage) + 2e-12)
 
 
+def test_a_pole_however_fast_is_as_none() -> None:
+    """A lag of a nanosecond behind a ramp of a tenth of a millisecond, whose exponentials leave a double."""
+    time, poles = np.linspace(-1e-3, 5e-3, 400), [complex(-800.0, 2000.0), complex(-800.0, -2000.0)]
+    fast = response(None, 6e5)(time, 60.0, 0.0, [*poles, complex(-1e9)], [])
+    assert fast == pytest.approx(response(None, 6e5)(time, 60.0, 0.0, poles, []), abs=2e-4)
+
+
 def test_without_a_piezo_it_is_one_step() -> None:
     poles, t = second_order_poles(0.5, 3e3), np.linspace(-1e-3, 0.01, 200)
     for slew in (None, 1e5):

@@ -10,6 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ...recording import STANDARD_NAMES, RecordingError
+from ...recording.schema import refuse_unit
 from ...waveform.signal import Waveform
 from .levels import converter_step
 
@@ -37,6 +38,10 @@ def recordings_of(recordings: xr.Dataset | Sequence[xr.Dataset]) -> list[xr.Data
     for i, recording in enumerate(found, start=1):
         if not isinstance(recording, xr.Dataset):
             raise RecordingError(f"recording {i} is a {type(recording).__name__}, not an xarray.Dataset")
+    for i, one in enumerate(found):
+        for k, other in enumerate(found[:i]):
+            if one is other or one.equals(other):
+                raise RecordingError(f"recordings {k + 1} and {i + 1} are the same: it would count twice")
     return found
 
 
@@ -65,6 +70,7 @@ def channel(recording: xr.Dataset, name: str, where: str, varies: bool = False) 
     if name not in recording:
         there = ", ".join(map(str, recording.data_vars)) or "no channel"
         raise RecordingError(f"{where} has no {name}{unit}; it has {there}")
+    refuse_unit(name, str(recording[name].attrs.get("units", "")), f" of {where}")
     values = np.ascontiguousarray(recording[name].values, dtype=float)
     if "time" not in recording.coords or values.shape != recording["time"].shape:
         raise RecordingError(f"{name}{unit} of {where} is not a channel over time [s]")

@@ -84,10 +84,11 @@ def response(
         if np.any(rising):
             t = time[rising]
             found[rising] = (height / rise * (integral(t - begin) - integral(t - begin - rise))).sum(axis=0)
-        # When all ramps are over the exponentials go on alone: each ramp is a factor to each of them.
-        ramped = -np.expm1(-p * rise) / (p * rise) if end > 0.0 else 1.0
-        factors = (height * np.exp(-p * begin) * ramped).sum(axis=0)
-        found[later] = level * height.sum() + np.real(np.exp(np.outer(time[later], p)) @ (c * factors))
+        # When all ramps are over the exponentials go on alone: each ramp is a factor to each of them. From
+        # the end on, where a pole however fast has decayed.
+        ramped = np.exp(p * (end - begin - rise)) * np.expm1(p * rise) / (p * rise) if end > 0.0 else 1.0
+        factors = (height * ramped).sum(axis=0)
+        found[later] = level * height.sum() + np.real(np.exp(np.outer(time[later] - end, p)) @ (c * factors))
         return found
 
     return of

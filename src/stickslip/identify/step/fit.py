@@ -21,7 +21,7 @@ from ...estimate.problem import Residuals
 from ...estimate.result import Fit
 from ...piezo import Piezo
 from ...recording import RecordingError
-from ...units import optional_si, to_si
+from ...units import optional_si, to_si, with_prefix
 from ..free import check_motion, with_ties
 from ..recorded.channels import recordings_of, unit_of
 from ..recorded.known_noise import resolution
@@ -34,6 +34,8 @@ from .linear import filter_zeros_poles, second_order_poles
 WINDOW = 8.0
 # Of the response time, below which a lag is none.
 LEAST_LAG = 1e-6
+# m/V (rad/V): ten times what amplified stages have.
+LARGEST_GAIN = 1e-4
 STAGE_PARAMETERS = ("damping_ratio", "natural_frequency", "gain")
 
 Array = NDArray[np.float64]
@@ -119,9 +121,19 @@ def identify_step(
         fit,
         model=model and model.replace(**_stage_of(fit), rotary=unit == "rad"),
         observed=observed,
-        remarks=(*fit.remarks, *said_outliers(fit)),
+        remarks=(*fit.remarks, *said_outliers(fit), *_said_gain(fit.values["gain"], unit)),
         predict=StepPrediction(fit.values, filter, slew_rate, voltage, start, observed, piezo).predict,
     )
+
+
+def _said_gain(gain: float, unit: str) -> tuple[str, ...]:
+    """A sentence on a gain that no stage has."""
+    if gain < 0.0:
+        return ("the position falls where the voltage rises: mirror the channel, or the drive",)
+    if gain > LARGEST_GAIN:
+        shown = with_prefix(gain, f"{unit}/V")
+        return (f"gain = {shown}: no piezo stage moves so far; are the units right?",)
+    return ()
 
 
 def _stage_of(fit: Fit) -> Values:

@@ -64,16 +64,19 @@ def explained(
     settings |= {"averaged": False, "slew_rate": slew_rate, "tied": fit.tied, **options}
     more = [name for name in STAGE_PARAMETERS if name not in (*free, *fit.tied) and name in fit.model._fields]
     loose = identify_friction(walks, fit.model, [*free, *more], hops=0, **settings)
+    if any(one.seen for one in loose.lack):  # or it ended in a local minimum
+        again = identify_friction(walks, fit.model, [*free, *more], **settings)
+        loose = min(loose, again, key=lambda one: one.cost)
     if not more:
         return Explained(loose, loose, loose.lack)
     known = identify_friction(walks, fit.model, free, hops=0, **settings)
     if known.cost > LEAST_RATIO**2 * loose.cost:  # it may have ended in a local minimum of its own
         law = loose.model.friction
-        again = [
+        others = [
             identify_friction(walks, fit.model, free, **settings),
             identify_friction(walks, fit.model.replace(friction=law), free, hops=0, **settings),
         ]
-        known = min(known, *again, key=lambda one: one.cost)
+        known = min(known, *others, key=lambda one: one.cost)
     if known.cost < loose.cost:  # with more values free none can be worse: a local minimum too
         settings["begin"] = begin | {name: known.values[name] for name in begin}
         loose = identify_friction(walks, known.model, [*free, *more], hops=0, **settings)

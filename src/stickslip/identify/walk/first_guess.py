@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Container, Sequence
+from operator import itemgetter
 
 import numpy as np
 import xarray as xr
@@ -41,6 +42,7 @@ PERIODS = 3
 NEAR = 3.0
 # Points tried, how many of them are looked at closer, and for how many evaluations.
 TRIED, LOOKED_AT, LOOK = 64, 10, 6
+LOOKED_AT_THERE = 2  # of each part, where there are parts
 # Of them, so many are begun from, those whose values differ by more than this factor.
 BEGINS, VALLEY = 4, 1.25
 
@@ -90,6 +92,7 @@ def first_guess(
     given: Container[str] = (),
     seed: int = 0,
     beside: Sequence[Parameter] = (),
+    parts: int = 1,
 ) -> tuple[list[Parameter], list[Values]]:
     """The parameters within bounds wide enough, and where to begin: first where a short part of a recording
     is described best, then at other local minima, at most `BEGINS`.
@@ -104,6 +107,8 @@ def first_guess(
         given: whose bounds are the user's; those of others are widened to all that is plausible.
         seed: of the points.
         beside: parameters that are fixed or tied to these.
+        parts: of the range of forces, and of that of deflections; with more than one, a start from each pair.
+            The best of all may be of one kind, such as a slider that follows its stage late.
     """
     names = [p.name for p in parameters if p.name in NAMES]
     if not names or not 0.0 < stroke * model.natural_frequency < math.inf:
@@ -155,8 +160,16 @@ def first_guess(
             return math.inf, start
         return fit.reduced_chi_squared, {p.name: fit.values[p.name] for p in wide}
 
-    costs = sorted(map(cost, [start, *(start | values for values in tried)]), key=lambda pair: pair[0])
-    looks = sorted((look(point) for _, point in costs[:LOOKED_AT]), key=lambda pair: pair[0])
+    costs = [cost(start | values) for values in tried]
+    if parts > 1:
+        cells = np.floor(parts * square).astype(int) @ [parts, 1]
+        best = []
+        for cell in np.unique(cells):
+            there = sorted((costs[i] for i in np.flatnonzero(cells == cell)), key=itemgetter(0))
+            best.append(min((look(point) for _, point in there[:LOOKED_AT_THERE]), key=itemgetter(0)))
+        return wide, [values for _, values in sorted(best, key=itemgetter(0))]
+    costs = sorted([cost(start), *costs], key=itemgetter(0))
+    looks = sorted((look(point) for _, point in costs[:LOOKED_AT]), key=itemgetter(0))
     begins: list[Values] = []
     for _, values in looks:
         if all(far(values, known, names) for known in begins):

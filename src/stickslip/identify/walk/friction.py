@@ -42,6 +42,9 @@ from .walks import Varied, Walks, observed, own_values, slopes_of
 
 # Of the stroke, and steps, of the simulations that only tell where to begin.
 GUESS_TOLERANCE, GUESS_STEPS = 1e-3, 5_000
+# Parts of the range of forces, and of deflections, from which a fit that does not explain its recordings
+# begins again.
+PARTS = 3
 
 
 def identify_friction(
@@ -277,24 +280,32 @@ def _searched(
     max_evaluations: int,
 ) -> Fit:
     """From several points, to the ends."""
-    model = walks.model
-    given = {p.name: p.start for p in parameters}
-    begins = [given]
+    model, own = walks.model, parameters
+    begins = [{p.name: p.start for p in parameters}]
+    most = int(np.argmax([np.ptp(position) for position in walks.measured]))
+
+    def guessed(part: xr.Dataset, parts: int = 1) -> tuple[list[Parameter], list[Values]]:
+        name, stroke = walks.names[most], max(motion.stroke(model) for motion in walks.motions)
+        tolerance = GUESS_TOLERANCE * stroke
+        short = Displacement(part, drives[most], name, model, tolerance, slew_rate, GUESS_STEPS)
+        return _guessed(short, walks.measured[most], name, walks, own, stroke, bounds, parts)
+
     if hops:
-        stroke = max(motion.stroke(model) for motion in walks.motions)
-        most = int(np.argmax([np.ptp(position) for position in walks.measured]))
-        part, name = beginning(found[most], drives[most]), walks.names[most]
-        short = Displacement(
-            part, drives[most], name, model, GUESS_TOLERANCE * stroke, slew_rate, GUESS_STEPS
-        )
-        parameters, guesses = _guessed(short, walks.measured[most], name, walks, parameters, stroke, bounds)
+        parameters, guesses = guessed(beginning(found[most], drives[most]))
         begins += guesses
     fit = from_points(walks, parameters, begins, bounds, max_evaluations)
+    if hops and not (fit.converged and _white(fit) and not any(one.seen for one in fit.lack)):
+        parameters, guesses = guessed(found[most], PARTS)  # the beginning may not tell minima apart
+        fit = lowest([fit, from_points(walks, parameters, guesses, bounds, max_evaluations)])
     parameters = list(fit.parameters)
-    if starts > 1 or (hops and not white(np.concatenate(fit.residuals), [r.size for r in fit.residuals])):
+    if starts > 1 or (hops and not _white(fit)):
         straight = straightened(parameters, fit.values)
         fit = lowest([fit, walks.fit(straight, max_evaluations=max_evaluations, starts=starts, hops=hops)])
     return fit
+
+
+def _white(fit: Fit) -> bool:
+    return white(np.concatenate(fit.residuals), [r.size for r in fit.residuals])
 
 
 def _averaged(walks: Walks, fit: Fit, given: Values, max_evaluations: int) -> Fit:
@@ -327,8 +338,9 @@ def _guessed(
     parameters: Sequence[Parameter],
     stroke: float,
     bounds: Bounds,
+    parts: int,
 ) -> tuple[list[Parameter], list[Values]]:
-    """See `first_guess`, by the beginning of one recording."""
+    """See `first_guess`, by one recording or its beginning."""
     varied, position = Varied(walks.model, walks.ties), measured[: short.time.size]
     residuals = Residuals(
         lambda v: observed(short, varied, v) - position, position, walks.noise, name, walks.unit
@@ -337,5 +349,5 @@ def _guessed(
     moved = [p.name for p in (*parameters, *others) if not p.fixed]
     jacobian = slopes_of([short], varied, moved) if has_slopes(walks.model) else None
     return first_guess(
-        residuals, short.time, jacobian, parameters, walks.model, stroke, bounds, beside=others
+        residuals, short.time, jacobian, parameters, walks.model, stroke, bounds, beside=others, parts=parts
     )
