@@ -13,7 +13,7 @@ import yaml
 import stickslip
 from stickslip.analysis import run_file
 from stickslip.analysis.study import study_of_file
-from stickslip.input_file import InputFileError
+from stickslip.input_file import InputFileError, load_yaml
 from stickslip.job.file import read_job
 
 PACKAGE = Path(stickslip.__file__).parent
@@ -156,3 +156,11 @@ def test_a_file_that_says_no_kind(tmp_path: Path) -> None:
     (tmp_path / "walk.yaml").write_text(yaml.safe_dump(FIT), "utf-8")
     with pytest.raises(InputFileError, match=r"walk\.yaml: kind is missing$"):
         run_file(tmp_path / "walk.yaml")
+
+
+def test_a_key_that_is_given_twice_is_refused(tmp_path: Path) -> None:
+    """YAML takes the last, unsaid."""
+    file = tmp_path / "twice.yaml"
+    file.write_text("kind: walk\ntitle: a\nchange:\n  end_effector_mass: 100 g\n  end_effector_mass: 250 g\n")
+    with pytest.raises(InputFileError, match=r"'end_effector_mass' is given twice in .* line 5"):
+        load_yaml(file)

@@ -10,11 +10,13 @@ import pytest
 import xarray as xr
 
 from stickslip import __version__
+from stickslip.identify.recorded.channels import channel
 from stickslip.recording import (
     RecordingError,
     RecordingWarning,
     make_recording,
     sampling,
+    save_recording,
     validate_recording,
 )
 from stickslip.recording.schema import meant_name
@@ -230,3 +232,13 @@ def test_a_misspelt_name_is_told_of() -> None:
         RecordingWarning, match="name 'end_effector_positon' .did you mean 'end_effector_position'"
     ):
         make_recording([0.0, 1.0], {"end_effector_positon": [0.0, 1e-6]})
+
+
+def test_numbers_that_are_not_in_si_are_refused(tmp_path) -> None:
+    """A label does not convert: who multiplies by a million and writes "um" has said so to nobody."""
+    made = make_recording(np.arange(20.0), {"position": 1e-6 * np.arange(20.0)})
+    made["position"] = (1e6 * made["position"]).assign_attrs(units="um", long_name="position")
+    with pytest.raises(RecordingError, match=r"position is labelled 'um', but recordings are in m: make_rec"):
+        save_recording(made, tmp_path / "x.nc")
+    with pytest.raises(RecordingError, match=r"position of walk is labelled 'um'"):
+        channel(made, "position", "walk")

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+import pint
 import pytest
 import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
 from stickslip.units import QuantityError
+from stickslip.waveform.periodic import Sawtooth
 from stickslip.waveform.sampled import Sampled
 
 steps = st.lists(st.tuples(st.floats(1e-4, 1.0), st.floats(-1e3, 1e3)), min_size=2, max_size=50)
@@ -122,3 +124,15 @@ def test_from_a_recording() -> None:
 def test_what_cannot_be_is_refused(make, message: str) -> None:
     with pytest.raises(QuantityError, match=message):
         make()
+
+
+def test_units_that_come_with_the_arrays() -> None:
+    times, volts = (xr.DataArray([0.0, 1.0, 2.0], attrs={"units": unit}) for unit in ("ms", "kV"))
+    made = Sampled(times, volts)
+    assert (made.duration, made.range()) == (2e-3, (0.0, 2000.0))
+    quantity = pint.UnitRegistry().Quantity
+    assert Sampled(quantity([0.0, 1.0], "ms"), quantity([0.0, 5.0], "mV")).range() == (0.0, 5e-3)
+    with pytest.raises(QuantityError, match=r"Sampled.values.*no V"):
+        Sampled([0.0, 1.0], xr.DataArray([0.0, 1.0], attrs={"units": "um"}))
+    assert Sawtooth(xr.DataArray(65.0, attrs={"units": "mV"}), 5.0).amplitude == 0.065
+    assert Sawtooth(quantity(0.065, "kV"), 5.0).amplitude == 65.0

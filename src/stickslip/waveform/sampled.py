@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import registry
 from ..records import Quantity
-from ..units import QuantityError
+from ..units import QuantityError, to_si
 from .drive import Drive
 from .pieces import cut, polynomials, repeat_table, wrapped
 from .signal import Unit, breaks_within, check_unit, slope_at, value_at
@@ -128,8 +128,11 @@ class Sampled:
 
 
 def _samples(values: ArrayLike, field: str, unit: str) -> NDArray[np.float64]:
+    given: Any = values
+    own = getattr(given, "attrs", {}).get("units") or str(getattr(given, "units", ""))  # of xarray, of pint
+    factor = to_si(f"1 {own}", unit, field) if own else 1.0
     try:
-        array = np.array(values, dtype=float)
+        array = np.array(getattr(given, "magnitude", given), dtype=float) * factor
     except (TypeError, ValueError):
         raise QuantityError(f"{field} holds something that is no number (expected {unit})") from None
     if array.ndim != 1 or not len(array):

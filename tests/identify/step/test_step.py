@@ -215,3 +215,27 @@ def test_overdamped_steps() -> None:
     fit = identify_step([step_recording(v, damping_ratio=1.4, lag=1e-9) for v in VOLTS], lag=False)
     assert fit.values["damping_ratio"] == pytest.approx(1.4, rel=5e-3)
     assert fit.values["natural_frequency"] == pytest.approx(3303.1, rel=5e-3)
+
+
+def test_a_gain_that_no_stage_has_is_said() -> None:
+    recordings = [step_recording(voltage) for voltage in (60.0, 70.0)]
+    right = identify_step(recordings)
+    assert not any("mirror" in one or "units" in one for one in right.remarks)
+    for factor, said in ((-1.0, "falls where the voltage rises: mirror"), (1e6, "are the units right?")):
+        turned = [
+            make_recording(
+                r["time"].values,
+                {
+                    "drive_voltage": r["drive_voltage"].values,
+                    "end_effector_position": factor * r["end_effector_position"].values,
+                },
+            )
+            for r in recordings
+        ]
+        assert any(said in one for one in identify_step(turned).remarks)
+
+
+def test_a_recording_counts_once() -> None:
+    one = step_recording(60.0)
+    with pytest.raises(RecordingError, match="recordings 1 and 2 are the same: it would count twice"):
+        identify_step([one, one.copy(deep=True)])
