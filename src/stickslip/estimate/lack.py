@@ -219,12 +219,19 @@ def _by_rest(r: Array, known: KnownNoise) -> _Compared | None:
         noise, left = _in_motion(float(quiet.mean()), known.step, n), float(moving.mean())
         if noise <= 0.0:
             continue
-        counts = [independent_samples(part[lag:] - part[:-lag], int(lag)) for part in (r[:n], r[n:])]
+        counts = [_independent_differences(part, int(lag)) for part in (r[:n], r[n:])]
         chance = float(stats.f.sf(left / noise, max(counts[1], 1.0), max(counts[0], 1.0))) * lags.size
         one = _Compared(math.sqrt(left / noise), min(chance, 1.0), AT_REST)
         if worst is None or one.chance < worst.chance:
             worst = one
     return worst
+
+
+def _independent_differences(r: Array, lag: int) -> float:
+    """`independent_samples` of differences, no more than those of white noise are: each sample is in two of
+    them, and the spectrum of a few says so only roughly."""
+    found = r[lag:] - r[:-lag]
+    return min(independent_samples(found, lag), found.size / 1.5)
 
 
 def _in_motion(quiet: float, step: float, samples: int) -> float:
