@@ -151,8 +151,13 @@ def check_priors(priors: Bounds, free: Sequence[str], noise: float | None, what:
 def _given(bounds: Bounds, name: str, unit: str) -> tuple[float, float] | None:
     if name not in bounds:
         return None
-    low, high = bounds[name]
-    return to_si(low, unit, f"lower bound of {name}"), to_si(high, unit, f"upper bound of {name}")
+    given = bounds[name]
+    low, high = (
+        to_si(x, unit, f"{end} bound of {name}") for x, end in zip(given, ("lower", "upper"), strict=True)
+    )
+    if not low < high:
+        raise QuantityError(f"bounds of {name} = {tuple(given)}: the lower one comes first, and is less")
+    return low, high
 
 
 def check_names(free: Sequence[str], known: Sequence[str], bounds: Bounds) -> None:

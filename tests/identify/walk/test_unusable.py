@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 import yaml
@@ -21,6 +22,7 @@ from stickslip.identify.recorded.channels import refuse_clipped
 from stickslip.identify.step.fit import identify_step
 from stickslip.identify.walk.friction import identify_friction
 from stickslip.recording import RecordingError, make_recording
+from stickslip.units import QuantityError
 from stickslip.waveform.periodic import Sawtooth
 from stickslip.waveform.sequence import Sequence
 from stickslip.waveform.shapes import Rest
@@ -199,3 +201,12 @@ def test_commands_fail_and_keep_what_was_there(tmp_path: Path, spoil, command: s
     assert re.search(words.get(spoil, spoil.__name__), last), last
     assert json.loads((out / "results.json").read_text("utf-8")) == {"earlier": 1}
     assert {p.name for p in out.iterdir()} == {"results.json"}
+
+
+def test_a_table_and_bounds_in_the_wrong_order_are_named() -> None:
+    with pytest.raises(RecordingError, match="a DataFrame is no recording: make_recording makes one"):
+        identify_friction(pd.DataFrame({"x": [0.0]}), MODEL, ["sigma_0"])
+    recording = make_recording(np.arange(50.0) / 1e3, {"end_effector_position": np.arange(50.0) * 1e-9})
+    bounds = {"sigma_0": ("2 N/um", "1 N/um")}
+    with pytest.raises(QuantityError, match=r"bounds of sigma_0 = \('2 N/um', '1 N/um'\): the lower one"):
+        identify_friction(recording, MODEL, ["sigma_0"], drive=Sawtooth(65.0, 5.0), bounds=bounds)

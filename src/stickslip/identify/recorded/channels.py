@@ -32,6 +32,8 @@ def recordings_of(recordings: xr.Dataset | Sequence[xr.Dataset]) -> list[xr.Data
     Raises:
         RecordingError: there is none, or one of them is no recording.
     """
+    if hasattr(recordings, "columns"):  # of pandas, which would be a list of names
+        raise RecordingError(f"a {type(recordings).__name__} is no recording: make_recording makes one")
     found = [recordings] if isinstance(recordings, xr.Dataset) else list(recordings)
     if not found:
         raise RecordingError("there is no recording")
