@@ -206,7 +206,6 @@ def test_commands_fail_and_keep_what_was_there(tmp_path: Path, spoil, command: s
 def test_a_table_and_bounds_in_the_wrong_order_are_named() -> None:
     with pytest.raises(RecordingError, match="a DataFrame is no recording: make_recording makes one"):
         identify_friction(pd.DataFrame({"x": [0.0]}), MODEL, ["sigma_0"])
-    recording = make_recording(np.arange(50.0) / 1e3, {"end_effector_position": np.arange(50.0) * 1e-9})
     bounds = {"sigma_0": ("2 N/um", "1 N/um")}
     with pytest.raises(QuantityError, match=r"bounds of sigma_0 = \('2 N/um', '1 N/um'\): the lower one"):
-        identify_friction(recording, MODEL, ["sigma_0"], drive=Sawtooth(65.0, 5.0), bounds=bounds)
+        identify_friction(walk(), MODEL, ["sigma_0"], drive=DRIVE, bounds=bounds)
