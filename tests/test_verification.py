@@ -63,7 +63,10 @@ def test_report_and_dictionary() -> None:
     v = verify(fitted(), [line(2.0, 12, "same"), line(3.0, 15, "steeper")])
     lines = v.report().splitlines()
     assert lines[0] == "prediction of position [m]"
-    assert [words.split()[0] for words in lines[1:]] == ["recording", "same", "steeper", "all"]
+    assert [words.split()[0] for words in lines[1:5]] == ["recording", "same", "steeper", "all"]
+    (remark,) = lines[5:]  # neither rests nor repeats
+    assert remark.startswith("what is left of steeper is ")
+    assert "the white noise of its positions" in remark
     found = json.loads(json.dumps(v.to_dict(), allow_nan=False))
     assert found["recordings"]["steeper"]["n_data"] == 15
     level = verify(fitted(), line(0.0, 12, "level"))  # r^2 has no meaning for a constant
