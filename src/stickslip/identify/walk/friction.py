@@ -294,7 +294,7 @@ def _searched(
         parameters, guesses = guessed(beginning(found[most], drives[most]))
         begins += guesses
     fit = from_points(walks, parameters, begins, bounds, max_evaluations)
-    if hops and not (fit.converged and _white(fit) and not any(one.seen for one in fit.lack)):
+    if hops and not (_white(fit) and not any(one.seen for one in fit.lack)):
         parameters, guesses = guessed(found[most], PARTS)  # the beginning may not tell minima apart
         fit = lowest([fit, from_points(walks, parameters, guesses, bounds, max_evaluations)])
     parameters = list(fit.parameters)
