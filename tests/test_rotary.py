@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import stickslip as ss
 from stickslip.analysis.walk import changed
+from stickslip.cli import app
 from stickslip.electronics import Encoder
 from stickslip.export import export_c
 from stickslip.identify.results import model_numbers, model_of
@@ -151,6 +154,18 @@ def test_from_the_rig_to_a_fit() -> None:
         VirtualRig(TURNS, bench)
     with pytest.raises(QuantityError, match=r"'encoder'.*gives rad"):
         VirtualRig(SLIDES, turning)
+
+
+@pytest.mark.compiled
+def test_the_command_line_says_angles(tmp_path) -> None:
+    path = write_parameters(tmp_path / "rotary.toml", parameter_text(TURNS, "a rotary stage", "measured"))
+    asked = ["simulate", str(path), "--waveform", "Sawtooth", "--amplitude", "65", "--frequency", "20"]
+    done = CliRunner().invoke(app, [*asked, "--periods", "3", "--out", str(tmp_path / "out")])
+    assert done.exit_code == 0, done.output
+    assert re.search(r"net displacement: [\d.]+ mrad\n  steady step: [\d.]+ µrad\n.* rad/s\n", done.output)
+    found = json.loads((tmp_path / "out" / "results.json").read_text(encoding="utf-8"))["numbers"]
+    assert found["parameters"]["friction.coulomb_force"]["unit"] == "N m"
+    assert found["tolerance"]["unit"] == "rad"
 
 
 def test_positions_in_metres_are_not_of_what_turns() -> None:

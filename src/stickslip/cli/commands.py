@@ -185,13 +185,14 @@ def _steady_step(model: Actuator | PulledSlider, drive: Waveform) -> Number | No
     from ..actuator import Actuator
     from ..report import Number
     from ..simulation import NotPeriodicError, steady_step
+    from ..units import unit_for
 
     if not isinstance(model, Actuator) or getattr(drive, "period", None) is None:
         return None
     try:
-        return Number(steady_step(model, drive), "m")
+        return Number(steady_step(model, drive), unit_for(model, "m"))
     except NotPeriodicError as error:
-        return Number(float("nan"), "m", note=str(error))
+        return Number(float("nan"), unit_for(model, "m"), note=str(error))
 
 
 @app.command()
