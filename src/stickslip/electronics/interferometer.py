@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,14 @@ class PositionSensor(NamedTuple):
         return position
 
 
+def _counted(
+    self: Any, position: NDArray[np.float64], sample_rate: float, random: np.random.Generator
+) -> NDArray[np.float64]:
+    """Its output [n] for the position [n], both in its unit, sampled at `sample_rate` Hz."""
+    noise = white_noise(position.size, self.noise_density, sample_rate, random)
+    return np.rint((delayed(position, sample_rate, self.delay) + noise) / self.resolution) * self.resolution
+
+
 @registry.sensors.add
 @record
 class Interferometer(NamedTuple):
@@ -45,11 +53,7 @@ class Interferometer(NamedTuple):
         """Of what it gives out."""
         return "m"
 
-    def sense(
-        self, position: NDArray[np.float64], sample_rate: float, random: np.random.Generator
-    ) -> NDArray[np.float64]:
-        """Its output [n], m, for the position [n], m, sampled at `sample_rate` Hz."""
-        return _counted(self, position, sample_rate, random)
+    sense = _counted
 
 
 @registry.sensors.add
@@ -66,19 +70,4 @@ class Encoder(NamedTuple):
         """Of what it gives out."""
         return "rad"
 
-    def sense(
-        self, position: NDArray[np.float64], sample_rate: float, random: np.random.Generator
-    ) -> NDArray[np.float64]:
-        """Its output [n], rad, for the angle [n], rad, sampled at `sample_rate` Hz."""
-        return _counted(self, position, sample_rate, random)
-
-
-def _counted(
-    sensor: Interferometer | Encoder,
-    position: NDArray[np.float64],
-    sample_rate: float,
-    random: np.random.Generator,
-) -> NDArray[np.float64]:
-    noise = white_noise(position.size, sensor.noise_density, sample_rate, random)
-    late = delayed(position, sample_rate, sensor.delay)
-    return np.rint((late + noise) / sensor.resolution) * sensor.resolution
+    sense = _counted

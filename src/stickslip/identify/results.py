@@ -17,8 +17,8 @@ from ..piezo import Piezo
 from ..records import Quantity, quantities, quantities_of
 from ..units import QuantityError
 
-# Written where they are true alone: what was saved by earlier versions has them not.
-LATER = ("rotary",)
+# Written where they are true alone, for what was saved by earlier versions has them not.
+LATER = {"rotary": Entry(False)}
 
 
 def model_numbers(model: Actuator) -> dict[str, Any]:
@@ -106,11 +106,12 @@ def model_of(numbers: Mapping[str, Any]) -> Actuator:
 
 def _made(record_type: Any, fields: Any, where: str, turns: bool = False, **given: Any) -> Any:
     """A record from its fields as `_fields` wrote them: what that always writes has no default here."""
-    entries = _entries(fields, where)
+    later = {name: entry for name, entry in LATER.items() if name in record_type._fields}
+    entries = later | _entries(fields, where)
     for name, default in _written(quantities(record_type), record_type._field_defaults).items():
-        if name not in entries and name not in LATER:
+        if name not in entries:
             raise QuantityError(f"{where}: [{name}] is missing")
-        if isinstance(default, bool) and name in entries and not isinstance(entries[name].value, bool):
+        if isinstance(default, bool) and not isinstance(entries[name].value, bool):
             raise QuantityError(f"{where}: [{name}] {entries[name].value!r} must be true or false")
     return build(record_type, entries, where, turns, **given)
 

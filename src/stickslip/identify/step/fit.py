@@ -116,10 +116,11 @@ def identify_step(
     left = [residuals(test, i)(fit.values) for i, test in enumerate(until, start=1)]
     fit = with_coloured_noise(fit, coloured(left))
 
+    stage = {name: fit.values[name] for name in STAGE_PARAMETERS}
     voltage = None if voltages is None else to_si(voltages[0], "V", "voltages")
     return replace(
         fit,
-        model=model and model.replace(**_stage_of(fit), rotary=unit == "rad"),
+        model=model and model.replace(**stage, rotary=unit == "rad"),
         observed=observed,
         remarks=(*fit.remarks, *said_outliers(fit), *_said_gain(fit.values["gain"], unit)),
         predict=StepPrediction(fit.values, filter, slew_rate, voltage, start, observed, piezo).predict,
@@ -134,10 +135,6 @@ def _said_gain(gain: float, unit: str) -> tuple[str, ...]:
         shown = with_prefix(gain, f"{unit}/V")
         return (f"gain = {shown}: no piezo stage moves so far; are the units right?",)
     return ()
-
-
-def _stage_of(fit: Fit) -> Values:
-    return {name: fit.values[name] for name in STAGE_PARAMETERS}
 
 
 class StepPrediction(NamedTuple):
