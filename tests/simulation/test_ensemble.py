@@ -141,6 +141,29 @@ def test_a_bad_member_leaves_the_others_and_says_why() -> None:
     assert "stiction must be >= coulomb_force" in str(below["reason"].values[1])
 
 
+@pytest.mark.parametrize("wrong", ["some", "none", "all"])
+def test_members_are_refused_whose_law_would_be(wrong: str) -> None:
+    rng = np.random.default_rng(7)
+    low, high = {"some": (0.3, 0.9), "none": (0.6, 0.9), "all": (0.1, 0.5)}[wrong]
+    law = Elastoplastic(1e6, 30.0, 0.0, 0.5, 0.55, 2e-7)
+    values = {
+        "stiction_force": rng.uniform(low, high, 12),
+        "breakaway_deflection": rng.uniform(1e-7, 7e-7, 12),
+    }
+    if wrong == "none":
+        values["breakaway_deflection"] *= 0.5
+    refused = []
+    for stiction, deflection in zip(*values.values(), strict=True):
+        try:
+            Elastoplastic(1e6, 30.0, 0.0, 0.5, stiction, deflection)
+            refused.append(False)
+        except QuantityError:
+            refused.append(True)
+    found = simulate_ensemble(MODEL.replace(friction=law), DRIVE, 0.001, parameters=values)
+    assert [bool(reason) for reason in found["reason"].values] == refused
+    assert (any(refused), all(refused)) == (wrong != "none", wrong == "all")
+
+
 def test_a_member_that_cannot_be_finished_keeps_what_it_has() -> None:
     values = {"sigma_0": [1e6, 1e9]}
     found = simulate_ensemble(MODEL, DRIVE, 0.1, parameters=values, sample_rate=1e3, max_steps=60)

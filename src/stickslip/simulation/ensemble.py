@@ -42,8 +42,8 @@ OUTCOMES = {
     TOO_MANY_STEPS: "too_many_steps",
     REFUSED: "refused",
 }
-# A GPU wants many threads at once.
-GPU_BLOCK = 1 << 17
+# A GPU wants many members at once.
+GPU_BLOCK = 1 << 18
 
 
 class Block(NamedTuple):
@@ -96,8 +96,8 @@ def simulate_ensemble(
         max_steps: of each member.
         threads: how many; all processors if left out.
         engine: "cuda" runs the same steps on a GPU, a thread for each member (extra ``stickslip[cuda]``);
-            where it cannot (no GPU, trajectories wanted, a law with other than one internal state), the
-            processors do it, with a `SimulationWarning` that says why.
+            where it cannot (no GPU, trajectories wanted), the processors do it, with a `SimulationWarning`
+            that says why.
         progress: called after each block of members with what is being done and the share that is.
 
     Returns:
@@ -146,7 +146,9 @@ def simulate_ensemble(
         np.full((count, wanted.size), np.nan),
         [],
     )
-    for start, block in in_blocks(lambda part: _block(task, part), varied, size, 1 if task.gpu else threads):
+    for start, block in in_blocks(
+        lambda part: _block(task, part), varied, size, task.gpu.AT_ONCE if task.gpu else threads
+    ):
         part = slice(start, start + block.status.size)
         for all_of_them, some in zip(found[:-1], block[:-1], strict=True):
             all_of_them[part] = some
@@ -239,6 +241,8 @@ def _refined(task: _Task, of: Members) -> _Runs:
     outcomes = np.where(of.fine, DONE, REFUSED)
     made = _run(task, of, np.arange(outcomes.size), outcomes, level, False)
     todo = np.flatnonzero(made.outcomes == DONE)
+    if task.gpu:  # neighbours there wait for each other: those that take about as many steps
+        todo = todo[np.argsort(made.steps[todo], kind="stable")]
     coarse = _Runs(*(column[todo] for column in made))
     for _ in range(ROUNDS if todo.size else 0):
         level *= FINER

@@ -3,6 +3,7 @@ them as the solver takes them."""
 
 from __future__ import annotations
 
+import contextlib
 import os
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -345,12 +346,8 @@ def _refused(model: Actuator, columns: Columns, values: Columns, count: int) -> 
         except QuantityError:
             fine[m] = False
     law_type, names = type(model.friction), {*values} - {*quantities(type(model)), *own}
-    if hasattr(law_type, "_check") and names:  # one field of the law against another
-        for m, row in enumerate(_rows(changed_fields(model, values)[0], count)):
-            try:
-                tuple.__new__(law_type, row)._check()
-            except QuantityError:
-                fine[m] = False
+    if hasattr(law_type, "_check") and names:
+        fine &= _in_accord(law_type, changed_fields(model, values)[0], count)
     reasons = [""] * count
     for m in np.flatnonzero(~fine).tolist():
         try:
@@ -361,3 +358,29 @@ def _refused(model: Actuator, columns: Columns, values: Columns, count: int) -> 
         except QuantityError as error:
             reasons[m] = str(error)
     return reasons
+
+
+class _Column(np.ndarray):
+    """A number of each member; what is asked of it is true, or false, where it is so for all."""
+
+    def __bool__(self) -> bool:
+        answers = np.unique(self.view(np.ndarray).astype(bool))
+        if answers.size != 1:
+            raise ValueError("true for some members only")
+        return bool(answers[0])
+
+
+def _in_accord(law_type: Any, fields: Mapping[str, Any], count: int) -> NDArray[np.bool_]:
+    """Of which members no field of the law contradicts another: all at once where the law's check goes the
+    same way for all, else one by one."""
+    fine = np.ones(count, dtype=bool)
+    columns = (v.view(_Column) if isinstance(v, np.ndarray) else v for v in fields.values())
+    with contextlib.suppress(QuantityError, TypeError, ValueError), np.errstate(all="ignore"):
+        tuple.__new__(law_type, columns)._check()
+        return fine
+    for m, row in enumerate(_rows(fields, count)):
+        try:
+            tuple.__new__(law_type, row)._check()
+        except QuantityError:
+            fine[m] = False
+    return fine
