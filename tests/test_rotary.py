@@ -177,11 +177,72 @@ def test_positions_in_metres_are_not_of_what_turns() -> None:
         ss.identify_friction(angle, SLIDES.replace(incline=0.1), ["coulomb_force"], drive=DRIVE)
 
 
+RECORDING = """
+  - file: {name}.csv
+    columns: {{time: t (s), drive_voltage: drive (V), end_effector_position: angle (mrad)}}
+    units: {{end_effector_position: mrad}}
+    drive: {{shape: Sawtooth, fields: {{amplitude: {amplitude} V, frequency: {frequency} Hz, periods: 2}}}}"""
+FILES = {
+    "walk": """
+kind: walk
+title: A rotary walk
+model: rotary.toml
+friction: {{coulomb_force: 5 mN m, stiction_force: 0.005}}
+free: [coulomb_force]
+noise: 2 urad
+tolerance: 100 nrad
+recordings:{one}
+    use: fit{two}
+    use: verify
+""",
+    "verification": """
+kind: verification
+title: Verified
+model: rotary.toml
+require: [rmse < {limit}, r_squared > 0.99]
+recordings:{one}{two}
+""",
+}
+
+
+@pytest.mark.compiled
+def test_files_fit_and_verify_angles(tmp_path) -> None:
+    write_parameters(tmp_path / "rotary.toml", parameter_text(TURNS, "a rotary stage", "measured"))
+    recorded, noise = {}, np.random.default_rng(1)
+    for name, amplitude, frequency in (("one", 65, 20), ("two", 50, 10)):
+        drive = ss.Sawtooth(amplitude, frequency, periods=2)
+        found = ss.simulate(TURNS, drive, sample_rate=2e3, tolerance=1e-9)
+        angle = 1e3 * (found["end_effector_position"].values + noise.normal(0.0, 2e-6, found.sizes["time"]))
+        rows = np.column_stack([found["time"], found["drive_voltage"], angle])
+        header = "t (s),drive (V),angle (mrad)"
+        np.savetxt(tmp_path / f"{name}.csv", rows, delimiter=",", header=header, comments="")
+        recorded[name] = RECORDING.format(name=name, amplitude=amplitude, frequency=frequency)
+
+    def run(kind: str, limit: str = "") -> tuple[str, dict]:
+        file, out = tmp_path / f"{kind}.yaml", tmp_path / "out"
+        file.write_text(FILES[kind].format(**recorded, limit=limit), encoding="utf-8")
+        done = CliRunner().invoke(app, ["run", str(file), "--out", str(out)])
+        assert done.exit_code == 2 * (limit == "5 nm"), done.output
+        return done.output, json.loads((out / "results.json").read_text(encoding="utf-8"))["numbers"]
+
+    said, found = run("walk")
+    force = found["parameters"]["coulomb_force"]
+    assert force["unit"] == "N m"
+    assert force["low"] < TURNS.friction.coulomb_force < force["high"]
+    assert (found["rmse"]["unit"], found["recordings"]["recording_2"]["rmse"]["unit"]) == ("rad", "rad")
+    said, found = run("verification", "5 urad")
+    assert re.search(r"rms error [\d.]+ µrad\. All of the 2 requirements met", said)
+    assert {row["rmse"]["unit"] for row in found["verification"].values()} == {"rad"}
+    assert "rmse < 5 nm: what was measured is in rad" in run("verification", "5 nm")[0]
+
+
 def test_what_speaks_of_metres_refuses_it(tmp_path) -> None:
     name = "parameters/rotary.toml"
     write_parameters(tmp_path / name, parameter_text(TURNS, "a rotary stage", "measured"))
-    with pytest.raises(QuantityError, match=r"reports are in m, N and kg.*rotary"):
+    with pytest.raises(QuantityError, match=r"reports of this kind are in m, N and kg.*rotary"):
         changed(tmp_path, name, {}, {})
+    with pytest.raises(QuantityError, match=r"comparison of laws.*is in m, N and kg.*rotary"):
+        ss.identify.compare_walks([], [], TURNS, [])
     with pytest.raises(QuantityError, match=r"exported code is in m, N and kg.*rotary"):
         export_c(TURNS, tmp_path / "out")
     with pytest.raises(QuantityError, match=r"the panel is in m, N and kg.*rotary"):

@@ -118,7 +118,7 @@ def test_net_step_is_that_of_the_periods() -> None:
 def test_requirements() -> None:
     found = verify(fitted(), [line(2.0, 12, "same"), line(3.0, 15, "steeper")])
     wanted = [Requirement.parse(text) for text in ("r_squared > 0.9", "rmse <= 100 mm", "rmse < 10")]
-    assert wanted[1] == Requirement("rmse", "<=", 0.1)
+    assert wanted[1:] == [Requirement("rmse", "<=", 0.1, "m"), Requirement("rmse", "<", 10.0)]
     assert [s.split(" is ")[0] for s in found.unmet(wanted)] == ["steeper: r_squared", "steeper: rmse"]
     assert Requirement.parse("r_squared > 0.9999999").broken(0.9999959) == (
         "r_squared is 0.9999959, which is not > 0.9999999"

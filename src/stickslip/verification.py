@@ -23,15 +23,17 @@ from .identify.recorded.known_noise import known_noise, said_unjudged
 from .identify.walk.prediction import Predictor
 from .recording import RecordingError, make_recording
 from .records import did_you_mean, same
-from .units import QuantityError, to_si, with_prefix
+from .units import QuantityError, to_si, turned, with_prefix
 
 
 class Requirement(NamedTuple):
-    """What every recording has to fulfil: a figure of merit of `Verification.table`, and its limit in SI."""
+    """What every recording has to fulfil: a figure of merit of `Verification.table`, and its limit in SI;
+    `unit`: that it was said in, m or rad, None where it was a number."""
 
     figure: str
     relation: str
     limit: float
+    unit: str | None = None
 
     @classmethod
     def parse(cls, text: str) -> Requirement:
@@ -49,22 +51,27 @@ class Requirement(NamedTuple):
             raise QuantityError(f"{figure!r} cannot be required{hint}: there are {', '.join(FIGURES)}")
         if figure == "net_step_error" and limit.endswith("%"):
             return cls(figure, relation, to_si(limit[:-1], "", figure) / 100.0)
-        return cls(figure, relation, to_si(limit, FIGURES[figure], figure))
+        unit = FIGURES[figure]
+        if unit and limit.endswith("rad"):
+            unit = turned(unit)
+        value = to_si(limit, unit, figure)
+        return cls(figure, relation, value, unit if limit[-1].isalpha() else None)
 
     def met(self, value: float) -> bool:
         """Whether a value fulfils it; NaN does not."""
         return bool(_RELATIONS[self.relation](value, self.limit))
 
-    def broken(self, value: float) -> str:
+    def broken(self, value: float, unit: str | None = None) -> str:
         """What a value is and should be, with units, and with as many digits as tell the two apart."""
-        shown = [(self._shown(value, digits), self._shown(self.limit, digits)) for digits in (5, 7, 9, 12)]
-        apart = next((pair for pair in shown if pair[0] != pair[1]), shown[-1])
-        return f"{self.figure} is {apart[0]}, which is not {self.relation} {self._shown(self.limit, 12)}"
+        own = FIGURES[self.figure] if unit is None else unit
+        ends = [[self._shown(x, own, digits) for x in (value, self.limit)] for digits in (5, 7, 9, 12)]
+        apart = next((pair for pair in ends if pair[0] != pair[1]), ends[-1])
+        return f"{self.figure} is {apart[0]}, which is not {self.relation} {self._shown(self.limit, own, 12)}"
 
-    def _shown(self, value: float, digits: int) -> str:
+    def _shown(self, value: float, unit: str, digits: int) -> str:
         if self.figure == "net_step_error":
             return f"{100.0 * value:.{digits - 2}g} %"
-        return with_prefix(value, FIGURES[self.figure], digits)
+        return with_prefix(value, unit, digits)
 
 
 _RELATIONS: dict[str, Callable[[float, float], bool]] = {
@@ -152,11 +159,17 @@ class Verification:
         """A sentence for each recording and requirement that it does not meet.
 
         A requirement on the net step is none of recordings that have none, unless no recording has one.
+
+        Raises:
+            QuantityError: one is in m, and the positions are in rad, or the other way round.
         """
         table = self.table
         sentences = []
         for wanted in requirements:
-            values = table[wanted.figure].values
+            values, unit = table[wanted.figure].values, str(table[wanted.figure].attrs["units"])
+            if wanted.unit not in (None, unit):
+                said = f"{wanted.figure} {wanted.relation} {with_prefix(wanted.limit, str(wanted.unit))}"
+                raise QuantityError(f"{said}: what was measured is in {unit}")
             judged = np.ones(values.size, dtype=bool)
             if wanted.figure == "net_step_error" and np.any(np.isfinite(values)):
                 judged = np.isfinite(values)
@@ -164,7 +177,7 @@ class Verification:
                 if not math.isfinite(value):
                     sentences.append(f"{name}: {wanted.figure} does not exist; {_WHY_NOT[wanted.figure]}")
                 elif not wanted.met(float(value)):
-                    sentences.append(f"{name}: {wanted.broken(float(value))}")
+                    sentences.append(f"{name}: {wanted.broken(float(value), unit)}")
         return sentences
 
     def report(self) -> str:

@@ -20,7 +20,7 @@ from ..progress import Progress
 from ..records import did_you_mean
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.origin import origin_of
-from ..units import QuantityError, near_one
+from ..units import QuantityError, near_one, with_prefix
 from .file import read_parts
 from .loops import LawChoice
 from .walk import WalkFile
@@ -68,7 +68,7 @@ class ComparisonAnalysis(WalkFile):
         return Document(
             title=self.title,
             summary=f"{found.best} predicts walks that no fit has seen best: r² {near_one(best.r_squared)}, "
-            f"rms error {1e9 * best.rmse:.4g} nm.",
+            f"rms error {with_prefix(best.rmse, best.unit)}.",
             sections=[Section("Models", paragraphs=(self.notes,), sections=[section])]
             if self.notes
             else [section],
@@ -134,8 +134,8 @@ def conclusion(choice: Comparison) -> str:
     own = float(rmse.sel(law=USUAL)) / least - 1.0
     simplest = str(bic.idxmin("law").item())
     seen = (
-        f"By the error on walks that were not fitted {best} is best, {1e9 * least:.4g} nm; by BIC "
-        f"{simplest}. "
+        f"By the error on walks that were not fitted {best} is best, "
+        f"{with_prefix(least, rmse.attrs['units'])}; by BIC {simplest}. "
         f"{USUAL}, the usual choice, is {100 * own:.2g} % above the least error and "
         f"{float(bic.sel(law=USUAL)):.3g} above the least BIC"
     )
@@ -174,7 +174,7 @@ def choice_section(choice: Comparison, n_data: int, figures: bool) -> Section:
         Column("fitted", ""),
         Column("r², fitted", "", 6),
         Column("r², not fitted", "", 6),
-        Column("rms error, not fitted", "m", 4),
+        Column("rms error, not fitted", str(table["verification_rmse"].attrs["units"]), 4),
         Column("AIC above least", "", 4),
         Column("BIC above least", "", 4),
         Column("remark"),

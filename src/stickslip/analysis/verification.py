@@ -26,7 +26,7 @@ from ..recording.drive import named_drive
 from ..records import did_you_mean
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.origin import origin_of
-from ..units import near_one
+from ..units import near_one, with_prefix
 from ..verification import Requirement, Verification, verify
 from ..waveform.signal import Waveform
 from .alignment import POSITION, aligned
@@ -74,7 +74,7 @@ class VerificationAnalysis(Analysis):
         least = min(found.table["r_squared"].values)
         said = (
             f"{len(parts)} recording{'s' * (len(parts) > 1)} predicted, nothing fitted: r² {near_one(least)} "
-            f"or more, rms error {1e9 * found.rmse:.3g} nm."
+            f"or more, rms error {with_prefix(found.rmse, found.unit, 3)}."
         )
         if requirements:
             count = len(requirements)
@@ -97,7 +97,7 @@ class VerificationAnalysis(Analysis):
             ],
             highlights=[
                 ("least r²", Number(float(least), "")),
-                ("rms error", Number(found.rmse, "m")),
+                ("rms error", Number(found.rmse, found.unit)),
             ],
             numbers={
                 "verification": verification_numbers(found),
@@ -120,7 +120,7 @@ class VerificationAnalysis(Analysis):
             changes: dict[str, Any] = {**self.change, "friction": base.friction._replace(**self.friction)}
             model = base.replace(**changes)
         else:
-            model = changed(folder, str(self.model), self.change, self.friction)
+            model = changed(folder, str(self.model), self.change, self.friction, turns=True)
         chain = chain._replace(delay=self.delay or chain.delay)
         return Predictor(model, chain), chain
 
@@ -283,7 +283,11 @@ def verification_table(found: Verification, roles: Sequence[str] = ()) -> Table:
                 100.0 * error if known else None,
             )
         )
-    columns = [Column("r²", "", 5), Column("rms error", "m", 3), Column("net step, measured", "m")]
+    columns = [
+        Column("r²", "", 5),
+        Column("rms error", found.unit, 3),
+        Column("net step, measured", found.unit),
+    ]
     role = [Column("role")] if roles else []
     return Table(
         "Measured and predicted.",

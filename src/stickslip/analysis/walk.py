@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import xarray as xr
 from pydantic import Field
@@ -23,12 +23,12 @@ from ..identify.results import model_numbers
 from ..identify.walk.conditions import Conditions, identify_conditions
 from ..identify.walk.friction import identify_friction
 from ..identify.walk.position_channel import walked
-from ..input_file import quantity
 from ..progress import Progress, unheard, within
+from ..records import quantities_of
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import estimates, fit_numbers, parameter_table
 from ..report.origin import origin_of
-from ..units import QuantityError, near_one, refuse_rotary
+from ..units import QuantityError, near_one, refuse_rotary, to_si
 from ..waveform.signal import Waveform
 from .file import Analysis, AnalysisError, RecordingFile, read_parts
 from .priors import with_priors
@@ -52,17 +52,22 @@ def changed(
     model: str,
     change: Mapping[str, float | str | bool],
     friction: Mapping[str, float | str],
+    *,
+    turns: bool = False,
 ) -> Actuator:
-    """The actuator of a parameter set, by name or file, with fields changed."""
+    """The actuator of a parameter set, by name or file, with fields changed; `turns`: whether it may."""
     own = folder / model
     base = load_actuator(own if own.suffix == ".toml" and own.is_file() else model)
-    refuse_rotary(base, "reports are")
+    if not turns:
+        refuse_rotary(base, "reports of this kind are")
     if "law" in friction:
         raise QuantityError(
             f"friction.law: only fields of {type(base.friction).__name__} change here; another law has a "
             "parameter set of its own, model: FILE.toml (stickslip new actuator writes one to be changed)"
         )
-    changes: dict[str, Any] = {**change, "friction": base.friction._replace(**friction)}
+    known = quantities_of(base.friction, base)
+    law = {name: to_si(x, known[name].unit, name) if name in known else x for name, x in friction.items()}
+    changes: dict[str, Any] = {**change, "friction": base.friction._replace(**law)}
     return base.replace(**changes)
 
 
@@ -77,24 +82,24 @@ class WalkFile(Analysis):
 
     def actuator(self, folder: Path) -> Actuator:
         """The model that a fit starts at."""
-        return changed(folder, self.model, self.change, self.friction)
+        return changed(folder, self.model, self.change, self.friction, turns=True)
 
 
 class WalkAnalysis(WalkFile):
     """See the module; `tied`, `starts`, `hops`, `tolerance` (of the simulations), and `priors` (value and
     standard deviation) that weigh against `noise`, as for `identify_friction`; what they did is told beside
-    a fit without them. `by` names an attribute of the
+    a fit without them; `noise` and `tolerance` in the unit of the position. `by` names an attribute of the
     recordings (voltage, temperature, ...) for each value of which they are fitted alone too."""
 
     kind: Literal["walk"]
     free: list[str]
     bounds: dict[str, tuple[float | str, float | str]] = Field(default_factory=dict)
     priors: dict[str, tuple[float | str, float | str]] = Field(default_factory=dict)
-    noise: Annotated[float, quantity("m")] | None = None
+    noise: float | str | None = None
     tied: dict[str, str] = Field(default_factory=dict)
     starts: int = 1
     hops: int = 6
-    tolerance: Annotated[float, quantity("m")] | None = None
+    tolerance: float | str | None = None
     by: str | None = None
 
     def run(self, folder: Path, progress: Progress) -> Document:

@@ -25,7 +25,7 @@ from ...friction import (
     Stribeck,
 )
 from ...progress import Progress, unheard
-from ...units import to_si
+from ...units import refuse_rotary, to_si
 from ..candidates import Candidate, Comparison, compared
 from ..free import Bounds
 from ..recorded.channels import drives_of, recordings_of
@@ -133,6 +133,8 @@ def compare_walks(
     Raises:
         RecordingError, QuantityError, FitError: as `identify_friction`.
     """
+
+    refuse_rotary(model, "the comparison of laws, for the speeds at which their friction falls, is")
 
     def fit(law: Candidate) -> Fit:
         known = {k: v for k, v in (bounds or {}).items() if k in (*law.free, *channel_free, *CHANNEL)}

@@ -147,9 +147,9 @@ def identify_friction(
             walk is sampled more coarsely than the stage vibrates.
     """
     slew_rate = optional_si(slew_rate, "V/s", "slew_rate")
-    tolerance = optional_si(tolerance, "m", "tolerance")
     found = recordings_of(recordings)
     unit, level, drift = _noise(noise, found)
+    tolerance = optional_si(tolerance, unit or "m", "tolerance")
     check_motion(model, unit)
     names, drives = names_of(found), drives_of(drive, found)
     bounds, priors = bounds or {}, priors or {}
