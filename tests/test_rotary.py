@@ -177,63 +177,95 @@ def test_positions_in_metres_are_not_of_what_turns() -> None:
         ss.identify_friction(angle, SLIDES.replace(incline=0.1), ["coulomb_force"], drive=DRIVE)
 
 
-RECORDING = """
-  - file: {name}.csv
-    columns: {{time: t (s), drive_voltage: drive (V), end_effector_position: angle (mrad)}}
-    units: {{end_effector_position: mrad}}
-    drive: {{shape: Sawtooth, fields: {{amplitude: {amplitude} V, frequency: {frequency} Hz, periods: 2}}}}"""
+def written(folder, name: str, model: ss.Actuator, drive, rate: float) -> None:
+    """A recording as a user would have it, in mrad with 2 µrad of noise."""
+    found = ss.simulate(model, drive, drive.duration, sample_rate=rate, tolerance=1e-9)
+    noise = 2e-6 * np.random.default_rng(len(name)).standard_normal(found.sizes["time"])
+    angle = 1e3 * (found["end_effector_position"].values + noise)
+    rows = np.column_stack([found["time"], found["drive_voltage"], angle])
+    header = "t (s),drive (V),angle (mrad)"
+    np.savetxt(folder / f"{name}.csv", rows, delimiter=",", header=header, comments="")
+
+
+SAID = """
+    columns: {time: t (s), drive_voltage: drive (V), end_effector_position: angle (mrad)}
+    units: {end_effector_position: mrad}
+"""
+REST, WALKS = {"shape": "Rest", "fields": {"duration": "50 ms"}}, {"one": (65, 20, 4), "other": (50, 10, 2)}
 FILES = {
     "walk": """
-kind: walk
-title: A rotary walk
-model: rotary.toml
-friction: {{coulomb_force: 5 mN m, stiction_force: 0.005}}
+friction: {coulomb_force: 5 mN m, stiction_force: 0.005}
 free: [coulomb_force]
 noise: 2 urad
 tolerance: 100 nrad
-recordings:{one}
-    use: fit{two}
-    use: verify
 """,
     "verification": """
-kind: verification
-title: Verified
-model: rotary.toml
-require: [rmse < {limit}, r_squared > 0.99]
-recordings:{one}{two}
+require: [rmse < LIMIT, r_squared > 0.99]
+""",
+    "campaign": """
+friction: {coulomb_force: 6 mN m, stiction_force: 6 mN m}
+free: [sigma_0, coulomb_force]
+noise: 2 urad
+require: [rmse < 5 urad]
 """,
 }
+
+
+def run(folder, kind: str, limit: str = "5 urad") -> tuple[str, dict]:
+    """What `stickslip run` says of a file of this kind, and its results."""
+    entries = []
+    for name, (amplitude, frequency, periods) in WALKS.items():
+        fields = {"amplitude": f"{amplitude} V", "frequency": f"{frequency} Hz", "periods": periods}
+        drive = {"shape": "Sawtooth", "fields": fields}
+        use = {"one": "fit", "other": "verify"}[name]
+        said = f"  - file: {name}{'_rested' * (kind == 'campaign')}.csv{SAID}"
+        said += "" if kind == "verification" else f"    use: {use}\n"
+        said += f"    waveform: {[REST, drive]}\n" if kind == "campaign" else f"    drive: {drive}\n"
+        entries.append(said)
+    if kind == "campaign":
+        step = {"shape": "Step", "fields": {"amplitude": "40 V"}, "duration": "50 ms"}
+        entries.append(f"  - file: step.csv{SAID}    use: step\n    waveform: {[REST, step]}\n")
+    kind_said = "" if kind == "campaign" else f"kind: {kind}\n"
+    text = f"{kind_said}title: Rotary\nmodel: rotary.toml{FILES[kind]}recordings:\n{''.join(entries)}"
+    file = folder / f"{kind}.yaml"
+    file.write_text(text.replace("LIMIT", limit), encoding="utf-8")
+    done = CliRunner().invoke(app, ["run", str(file), "--out", str(folder / kind)])
+    assert done.exit_code == 2 * (limit == "5 nm"), done.output
+    results = folder / kind / "results.json"
+    return done.output, json.loads(results.read_text(encoding="utf-8"))["numbers"] if results.exists() else {}
 
 
 @pytest.mark.compiled
 def test_files_fit_and_verify_angles(tmp_path) -> None:
     write_parameters(tmp_path / "rotary.toml", parameter_text(TURNS, "a rotary stage", "measured"))
-    recorded, noise = {}, np.random.default_rng(1)
-    for name, amplitude, frequency in (("one", 65, 20), ("two", 50, 10)):
-        drive = ss.Sawtooth(amplitude, frequency, periods=2)
-        found = ss.simulate(TURNS, drive, sample_rate=2e3, tolerance=1e-9)
-        angle = 1e3 * (found["end_effector_position"].values + noise.normal(0.0, 2e-6, found.sizes["time"]))
-        rows = np.column_stack([found["time"], found["drive_voltage"], angle])
-        header = "t (s),drive (V),angle (mrad)"
-        np.savetxt(tmp_path / f"{name}.csv", rows, delimiter=",", header=header, comments="")
-        recorded[name] = RECORDING.format(name=name, amplitude=amplitude, frequency=frequency)
+    rest = ss.waveform.Rest(0.05)
+    for name, (amplitude, frequency, periods) in WALKS.items():
+        walk = ss.Sawtooth(amplitude, frequency, periods=periods)
+        written(tmp_path, name, TURNS, walk, 2e3)
+        written(tmp_path, f"{name}_rested", TURNS, ss.waveform.Sequence(rest, walk), 2e3)
+    step = ss.waveform.Sequence(rest, (ss.Step(40.0), 0.05))
+    written(tmp_path, "step", TURNS.replace(clamped=True), step, 1e4)
 
-    def run(kind: str, limit: str = "") -> tuple[str, dict]:
-        file, out = tmp_path / f"{kind}.yaml", tmp_path / "out"
-        file.write_text(FILES[kind].format(**recorded, limit=limit), encoding="utf-8")
-        done = CliRunner().invoke(app, ["run", str(file), "--out", str(out)])
-        assert done.exit_code == 2 * (limit == "5 nm"), done.output
-        return done.output, json.loads((out / "results.json").read_text(encoding="utf-8"))["numbers"]
-
-    said, found = run("walk")
+    assert "rmse < 5 nm: what was measured is in rad" in run(tmp_path, "verification", "5 nm")[0]
+    said, found = run(tmp_path, "verification")
+    assert re.search(r"rms error [\d.]+ µrad\. All of the 2 requirements met", said)
+    assert {row["rmse"]["unit"] for row in found["verification"].values()} == {"rad"}
+    _, found = run(tmp_path, "walk")
     force = found["parameters"]["coulomb_force"]
     assert force["unit"] == "N m"
     assert force["low"] < TURNS.friction.coulomb_force < force["high"]
     assert (found["rmse"]["unit"], found["recordings"]["recording_2"]["rmse"]["unit"]) == ("rad", "rad")
-    said, found = run("verification", "5 urad")
-    assert re.search(r"rms error [\d.]+ µrad\. All of the 2 requirements met", said)
-    assert {row["rmse"]["unit"] for row in found["verification"].values()} == {"rad"}
-    assert "rmse < 5 nm: what was measured is in rad" in run("verification", "5 nm")[0]
+
+    said, found = run(tmp_path, "campaign")
+    known = found["friction"]["parameters_with_all_errors"]
+    for name in ("sigma_0", "coulomb_force"):
+        assert known[name]["low"] < getattr(TURNS.friction, name) < known[name]["high"]
+    assert found["stage"]["parameters"]["gain"]["unit"] == "rad/V"
+    units = set(re.findall(r'"unit": "([^"]*)"', json.dumps(found)))
+    assert {"rad", "rad/s", "N m", "N m/rad"} <= units
+    assert not units & {"m", "N", "m/s", "m/V", "N/m", "kg", "N s/m"}
+    assert all(abs(one["begin"]["value"] - 0.05) < 1e-3 for one in found["recordings"].values())
+    assert all(1e-6 < one["noise"]["value"] < 3e-6 for one in found["recordings"].values())
 
 
 def test_what_speaks_of_metres_refuses_it(tmp_path) -> None:
@@ -241,8 +273,6 @@ def test_what_speaks_of_metres_refuses_it(tmp_path) -> None:
     write_parameters(tmp_path / name, parameter_text(TURNS, "a rotary stage", "measured"))
     with pytest.raises(QuantityError, match=r"reports of this kind are in m, N and kg.*rotary"):
         changed(tmp_path, name, {}, {})
-    with pytest.raises(QuantityError, match=r"comparison of laws.*is in m, N and kg.*rotary"):
-        ss.identify.compare_walks([], [], TURNS, [])
     with pytest.raises(QuantityError, match=r"exported code is in m, N and kg.*rotary"):
         export_c(TURNS, tmp_path / "out")
     with pytest.raises(QuantityError, match=r"the panel is in m, N and kg.*rotary"):

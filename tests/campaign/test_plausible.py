@@ -12,6 +12,8 @@ from stickslip.analysis.alignment import Aligned, aligned
 from stickslip.campaign.plausible import check_walk
 from stickslip.recording import RecordingError, RecordingWarning, make_recording
 from stickslip.waveform.periodic import ReverseSawtooth, Sawtooth
+from stickslip.waveform.sequence import Sequence as Parts
+from stickslip.waveform.shapes import Rest
 from stickslip.waveform.signal import value_at
 
 MODEL = load_actuator("kang2007")
@@ -77,3 +79,21 @@ def test_a_drive_on_the_other_side_of_the_amplifier(factor: float) -> None:
     one["drive_voltage"] = one["drive_voltage"] * factor
     with pytest.raises(RecordingError, match=r"drive_voltage \[V\] of walk spans .* V, its waveform 60 V"):
         aligned(one, DRIVE, "walk")
+
+
+@pytest.mark.parametrize("begin", [None, 0.1])
+def test_a_drive_begins_after_its_rest(begin: float | None) -> None:
+    """The rest before a walk shows bias and noise, and is no first part of it."""
+    wanted = Parts(Rest(0.15), DRIVE)
+    time = np.arange(0.0, 0.75, 0.5e-3)
+    drive = Parts(Rest(0.1), wanted)
+    x = 3e-6 + 2e-8 * np.random.default_rng(3).standard_normal(time.size) + 0.7e-7 * value_at(drive, time)
+    recorded = make_recording(time, {"end_effector_position": x, "drive_voltage": value_at(drive, time)})
+    one = aligned(recorded, wanted, "walk", begin=begin)
+    assert one.begin == pytest.approx(0.25, abs=1e-3)
+    assert one.noise == pytest.approx(2e-8, rel=0.1)
+    assert one.forward is None
+    assert one.wanted is not None
+    np.testing.assert_allclose(value_at(one.wanted, time), value_at(drive, time), atol=0.7)  # within a sample
+    both = aligned(recorded, Parts(Rest(0.15), (DRIVE, 0.2), (DRIVE, 0.3)), "walk", begin=0.1)
+    assert both.forward == pytest.approx(0.45)

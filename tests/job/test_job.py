@@ -205,6 +205,16 @@ def test_a_map_from_the_command_line(tmp_path: Path) -> None:
     assert "map-net-step" in {p.stem for p in (tmp_path / "out" / "figures").iterdir()}
 
 
+@pytest.mark.parametrize("kind", ["campaign", "experiment"])
+def test_a_kind_that_files_do_not_say(tmp_path: Path, kind: str) -> None:
+    path = tmp_path / "own.yaml"
+    path.write_text(yaml.safe_dump({"kind": kind, "title": "one", "recordings": []}), encoding="utf-8")
+    with pytest.raises(
+        InputFileError, match=rf"own\.yaml: kind: the file of a {kind} has none; leave it out"
+    ):
+        read_job(path)
+
+
 def test_other_kinds_of_files_are_jobs_of_one_step(tmp_path: Path) -> None:
     examples = Path(ss.__file__).parent / "examples"
     files = [path for path in examples.glob("*.yaml") if path.name != "kang2007_study.yaml"]

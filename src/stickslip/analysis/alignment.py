@@ -77,6 +77,8 @@ def aligned(
             except RecordingError:
                 _refuse_other_range(whole, drive, name)
                 raise
+        rest, drive = _after_rest(drive)  # nothing begins with a rest: it shows bias and noise
+        begin += rest
         end = begin + (1.0 + AFTER) * drive.duration if math.isfinite(drive.duration) else math.inf
         keep = time <= end
         whole, time, position = whole.isel(time=keep), time[keep], position[keep]
@@ -94,8 +96,20 @@ def aligned(
     length = float(time[-1] - time[0])
     wanted, given = _from(drive, begin, length), _from(at_piezo, begin, length)
     refuse_sampling(moved["time"].values, wanted, name)
-    forward = begin + drive.parts[0][1] if isinstance(drive, Sequence) else None
+    parts = drive.parts if isinstance(drive, Sequence) else ()
+    forward = begin + parts[0][1] if len(parts) > 1 else None
     return Aligned(name, moved, begin, noise, wanted, given, forward)
+
+
+def _after_rest(drive: Waveform) -> tuple[float, Waveform]:
+    """How long a drive rests before it begins [s], and what follows."""
+    parts = drive.parts if isinstance(drive, Sequence) else ()
+    resting = next((i for i, (part, _) in enumerate(parts) if not isinstance(part, Rest)), 0)
+    return (
+        (sum(lasting for _, lasting in parts[:resting]), Sequence(*parts[resting:]))
+        if resting
+        else (0.0, drive)
+    )
 
 
 def _refuse_other_range(whole: xr.Dataset, drive: Waveform, name: str) -> None:

@@ -84,7 +84,13 @@ def candidates_of(model: Actuator) -> list[Candidate]:
     law = model.friction
     sizes = ("coulomb_force", 1.0), ("sigma_0", 1e6), ("sigma_1", 0.0)
     force, stiffness, damping = (float(getattr(law, name, usual)) for name, usual in sizes)
-    return walk_candidates(force, stiffness, damping or 30.0)
+    if not model.rotary:
+        return walk_candidates(force, stiffness, damping or 30.0)
+    # Usual sizes in metres say nothing of angles; a stage that jumps by 3 V has about them (kang2007).
+    jump = 3.0 * abs(model.gain)
+    stiffness = float(getattr(law, "sigma_0", force / jump))
+    damping = damping or 0.2 * math.sqrt(stiffness * model.end_effector_mass)
+    return walk_candidates(force, stiffness, damping, stribeck_velocity=jump * model.natural_frequency)
 
 
 def named(

@@ -18,6 +18,7 @@ from ..figures.campaign import Trace, walks
 from ..figures.style import svg
 from ..identify.results import chain_numbers, model_numbers
 from ..report import Column, Document, Number, Picture, Section, Table
+from ..report.document import in_turns
 from ..report.fits import fit_numbers, lack_numbers, parameter_table
 from ..report.origin import origin_of
 from ..report.piezo import hysteresis_numbers
@@ -111,7 +112,8 @@ def campaign_document(
         citations=origin.citations,
         failures=found.failures,
     )
-    return with_priors(document, found.priors)
+    document = with_priors(document, found.priors)
+    return in_turns(document) if friction.model is not None and friction.model.rotary else document
 
 
 def _hysteresis(found: Found, figures: bool) -> list[Section]:
@@ -348,7 +350,7 @@ def _walks_picture(
         name,
         f"{said}; below, the residuals, and where 95 % of the model and of new samples should be by the "
         "errors of all parameters, those of the stage too, and the fit's noise.",
-        svg(walks(traces)),
+        svg(walks(traces, found.verification.unit)),
         "Position over time, measured under the model, and the residuals below",
     )
 

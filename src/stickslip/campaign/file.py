@@ -78,7 +78,7 @@ class CampaignFile(Strict):
     free: list[str] = Field(default_factory=lambda: ["sigma_0", "sigma_1", "coulomb_force"], min_length=1)
     tied: dict[str, str] = Field(default_factory=dict)
     priors: dict[str, tuple[float | str, float | str]] = Field(default_factory=dict)
-    noise: Annotated[float, quantity("m")] | None = None
+    noise: float | str | None = None
     hops: int = 6
     reference: str | None = None
     filter: FilterSpec | None = None

@@ -11,7 +11,7 @@ from ..actuator import Actuator
 from ..analysis.alignment import POSITION, Aligned
 from ..identify.recorded.channels import channel
 from ..recording import RecordingError, RecordingWarning
-from ..units import with_prefix
+from ..units import unit_for, with_prefix
 from ..waveform.signal import value_at
 
 # Of the gain: how the position follows the drive of the other sign, at least, to be against it.
@@ -29,7 +29,7 @@ def check_walk(one: Aligned, model: Actuator) -> None:
     Warns:
         RecordingWarning: it goes against its drive.
     """
-    time, position = one.recording["time"].values, one.recording[POSITION].values
+    time, position, unit = one.recording["time"].values, one.recording[POSITION].values, unit_for(model, "m")
     drive = (
         channel(one.recording, "drive_voltage", one.name)
         if one.wanted is None
@@ -40,8 +40,8 @@ def check_walk(one: Aligned, model: Actuator) -> None:
     forward = time <= (math.inf if one.forward is None else one.forward)
     if _following(position[forward], drive[forward]) / model.gain < -AGAINST:
         warnings.warn(
-            f"{POSITION} [m] of {one.name} goes down where drive_voltage [V] goes up: one of them is "
-            f"inverted, or gain = {with_prefix(model.gain, 'm/V', 4)} has the wrong sign",
+            f"{POSITION} [{unit}] of {one.name} goes down where drive_voltage [V] goes up: one of them is "
+            f"inverted, or gain = {with_prefix(model.gain, f'{unit}/V', 4)} has the wrong sign",
             RecordingWarning,
             stacklevel=2,
         )
@@ -56,10 +56,11 @@ def _refuse_beyond_reach(name: str, position: np.ndarray, drive: np.ndarray, mod
     resonance = max(1.0, 0.5 / model.damping_ratio) if model.damping_ratio > 0 else math.inf
     reach = 2.0 * resonance * abs(model.gain) * float(np.sum(np.abs(np.diff(drive))))
     if high - low > reach:
+        unit = unit_for(model, "m")
         raise RecordingError(
-            f"{POSITION} [m] of {name} spans {with_prefix(float(high - low), 'm', 3)}, but with gain = "
-            f"{with_prefix(model.gain, 'm/V', 4)} its drive moves the stage by at most "
-            f"{with_prefix(reach, 'm', 3)}, to and fro: a unit, of position or drive, or the gain is wrong"
+            f"{POSITION} [{unit}] of {name} spans {with_prefix(float(high - low), unit, 3)}, but with gain = "
+            f"{with_prefix(model.gain, f'{unit}/V', 4)} its drive moves the stage by at most "
+            f"{with_prefix(reach, unit, 3)}, to and fro: a unit, of position or drive, or the gain is wrong"
         )
 
 

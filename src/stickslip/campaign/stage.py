@@ -45,7 +45,7 @@ def stage_section(file: CampaignFile, found: Found, figures: bool) -> Section:
             Picture(
                 "campaign-steps",
                 "Step responses, measured and by the second-order stage.",
-                svg(step_responses(traces)),
+                svg(step_responses(traces, stage.recordings[0].unit)),
                 "Position over the milliseconds after a step, measured and model, and the residuals below",
             )
         )

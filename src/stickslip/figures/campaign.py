@@ -29,9 +29,9 @@ _LEFT = "95 % for the model, by the errors of its parameters"
 
 
 class Trace(NamedTuple):
-    """A position over time, measured and by the model, arrays of shape (n,) in s and m.
+    """A position over time, measured and by the model, arrays of shape (n,) in s and m, or rad.
 
-    `parameters` is the half width [m] of the band that the errors of the parameters leave the model, `band`
+    `parameters` is the half width of the band that the errors of the parameters leave the model, `band`
     that within which a new sample is expected.
     """
 
@@ -43,13 +43,13 @@ class Trace(NamedTuple):
 
 
 @drawn
-def step_responses(traces: Mapping[str, Trace]) -> Figure:
+def step_responses(traces: Mapping[str, Trace], unit: str = "m") -> Figure:
     """Step responses of the clamped end-effector over the time since the step, and the residuals below."""
     figure, (above, below) = panels((2.6, 1.2))
     times = [np.asarray(t.time, dtype=float) for t in traces.values()]
     clock = scale_for("s", *times)
-    scale = scale_for("m", *(np.asarray(t.measured) for t in traces.values()))
-    small = scale_for("m", *(np.asarray(t.model) - np.asarray(t.measured) for t in traces.values()))
+    scale = scale_for(unit, *(np.asarray(t.measured) for t in traces.values()))
+    small = scale_for(unit, *(np.asarray(t.model) - np.asarray(t.measured) for t in traces.values()))
     below.axhline(0.0, color="#404040", lw=0.7, zorder=1.5)
     for i, (name, t) in enumerate(traces.items()):
         how = {"color": SERIES[i % len(SERIES)], "ls": DASHES[i % len(DASHES)]}
@@ -80,13 +80,13 @@ def _between(
 
 
 @drawn
-def walks(traces: Mapping[str, Trace]) -> Figure:
+def walks(traces: Mapping[str, Trace], unit: str = "m") -> Figure:
     """Walks side by side, measured under the model, and below the residuals within the prediction bands."""
     count = len(traces)
     figure = Figure(figsize=(WIDTH, 3.6))
     grid = figure.subplots(2, count, sharex="col", sharey="row", squeeze=False, height_ratios=(2.2, 1.0))
-    scale = scale_for("m", *(np.asarray(t.measured) for t in traces.values()))
-    small = scale_for("m", *(np.asarray(t.model) - np.asarray(t.measured) for t in traces.values()))
+    scale = scale_for(unit, *(np.asarray(t.measured) for t in traces.values()))
+    small = scale_for(unit, *(np.asarray(t.model) - np.asarray(t.measured) for t in traces.values()))
     for i, (name, t) in enumerate(traces.items()):
         above, below = grid[:, i]
         time, measured, model = (np.asarray(a, dtype=float) for a in t[:3])

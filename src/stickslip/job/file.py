@@ -168,6 +168,8 @@ def _kind_of(content: Content, path: Path) -> str:
     if {"target", "walk", "position"} & content.keys():  # none of which other files have
         return "move"
     kind = content.get("kind")
+    if kind in ("campaign", "experiment", "job", "move"):
+        raise InputFileError(f"{path}: kind: the file of a {kind} has none; leave it out")
     if kind == "study":
         raise InputFileError(f"{path}: a study needs a store: stickslip study {path.name} --store DIR")
     return {"verification": "verify", "comparison": "compare", "design": "design"}.get(str(kind), "identify")

@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from numbers import Real
 from typing import Any
+
+from ..units import turned
 
 _NAME = re.compile(r"[a-z0-9][a-z0-9_-]*")
 
@@ -180,6 +182,20 @@ class Document:
     def tables(self) -> tuple[Table, ...]:
         """All tables, in order."""
         return tuple(t for section in _flat(self.sections) for t in section.tables)
+
+
+def in_turns(part: Any) -> Any:
+    """A document, or a part of one, with the numbers of what slides as those of what turns."""
+    if isinstance(part, Number | Column):
+        return part if part.unit is None else replace(part, unit=turned(part.unit))
+    if isinstance(part, Document | Section | Table):
+        return replace(part, **{f.name: in_turns(getattr(part, f.name)) for f in fields(part)})
+    if isinstance(part, Mapping):
+        of = {name: in_turns(value) for name, value in part.items()}
+        return of | {"unit": turned(of["unit"])} if isinstance(of.get("unit"), str) else of
+    if isinstance(part, tuple | list):
+        return [in_turns(one) for one in part]
+    return part
 
 
 def _flat(sections: Sequence[Section]) -> list[Section]:

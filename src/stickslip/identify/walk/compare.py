@@ -25,7 +25,7 @@ from ...friction import (
     Stribeck,
 )
 from ...progress import Progress, unheard
-from ...units import refuse_rotary, to_si
+from ...units import to_si, unit_for
 from ..candidates import Candidate, Comparison, compared
 from ..free import Bounds
 from ..recorded.channels import drives_of, recordings_of
@@ -37,9 +37,14 @@ POHL, CHANG_LI = "Pohl: static", "Coulomb (Chang & Li)"
 
 
 def walk_candidates(
-    coulomb_force: float | str, sigma_0: float | str, sigma_1: float | str, starts: int = 8
+    coulomb_force: float | str,
+    sigma_0: float | str,
+    sigma_1: float | str,
+    starts: int = 8,
+    stribeck_velocity: float | str = 1e-3,
 ) -> list[Candidate]:
-    """All models of a walk, from the same Coulomb force [N], stiffness [N/m] and damping [N s/m].
+    """All models of a walk, from the same Coulomb force [N], stiffness [N/m], damping [N s/m] and Stribeck
+    velocity [m/s], where they have one; of what turns as numbers, in N m and rad.
 
     Without a friction law of its own (`model` None): Pohl's static model.
 
@@ -49,6 +54,7 @@ def walk_candidates(
     """
     f, k = to_si(coulomb_force, "N", "coulomb_force"), to_si(sigma_0, "N/m", "sigma_0")
     sigma_1 = to_si(sigma_1, "N s/m", "sigma_1")
+    v_s = to_si(stribeck_velocity, "m/s", "stribeck_velocity")
     viscous = 0.1 * sigma_1
     sigma_2: Bounds = {"sigma_2": (0.0, 20.0 * sigma_1)}
     damping: Bounds = {"sigma_1": (0.0, 20.0 * sigma_1)}
@@ -65,9 +71,9 @@ def walk_candidates(
         ),
         Candidate(
             "Stribeck",
-            Stribeck(f, 1.1 * f, 1e-3),
+            Stribeck(f, 1.1 * f, v_s),
             ("coulomb_force", "stiction_ratio", "stribeck_velocity"),  # sigma_2 does what a longer fall does
-            {"coulomb_force": (f / 3.0, 3.0 * f), "stribeck_velocity": (1e-4, 1e-2)},
+            {"coulomb_force": (f / 3.0, 3.0 * f), "stribeck_velocity": (0.1 * v_s, 10.0 * v_s)},
             starts,
         ),
         Candidate("Dahl", Dahl(k, f), ("sigma_0", "coulomb_force"), {}),
@@ -80,7 +86,7 @@ def walk_candidates(
         Candidate("LuGre", LuGre(k, sigma_1, 0.0, f, f), ("sigma_0", "sigma_1", "coulomb_force"), damping),
         Candidate(
             "LuGre with Stribeck curve",
-            LuGre(k, sigma_1, 0.0, f, 1.05 * f, 1e-3),
+            LuGre(k, sigma_1, 0.0, f, 1.05 * f, v_s),
             ("sigma_0", "sigma_1", "coulomb_force", "stiction_ratio", "stribeck_velocity"),
             damping,
         ),
@@ -134,8 +140,6 @@ def compare_walks(
         RecordingError, QuantityError, FitError: as `identify_friction`.
     """
 
-    refuse_rotary(model, "the comparison of laws, for the speeds at which their friction falls, is")
-
     def fit(law: Candidate) -> Fit:
         known = {k: v for k, v in (bounds or {}).items() if k in (*law.free, *channel_free, *CHANNEL)}
         if law.model is None:
@@ -151,4 +155,4 @@ def compare_walks(
         )
 
     drives = drives_of(unseen_drive, recordings_of(verification))
-    return compared(laws, fit, verification, drives, (OBSERVED, "m"), progress)
+    return compared(laws, fit, verification, drives, (OBSERVED, unit_for(model, "m")), progress)

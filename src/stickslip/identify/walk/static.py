@@ -19,6 +19,7 @@ from ...estimate.fit import fit_least_squares
 from ...estimate.parameter import Values
 from ...estimate.problem import Residuals
 from ...estimate.result import Fit
+from ...units import unit_for
 from ...waveform.drive import Drive, evaluate, segment_at
 from ...waveform.drive import value_slope_curvature as value_at
 from ..free import Bounds
@@ -79,16 +80,16 @@ def identify_static_walk(
     names = names_of(found)
     known = dict(bounds or {})
 
-    parts = []
+    unit, parts = unit_for(model, "m"), []
     for recording, waveform, name in zip(found, drives_of(drive, found), names, strict=True):
         x = channel(recording, OBSERVED, name, varies=True)
         of = _walk(recording, waveform, name, slew_rate)
         time = recording["time"].values
-        parts.append(Residuals(lambda values, of=of, x=x: of(values) - x, x, None, name, "m", time=time))
+        parts.append(Residuals(lambda values, of=of, x=x: of(values) - x, x, None, name, unit, time=time))
     fit = fit_least_squares(
         parts,
         [
-            linear("gain", "m/V", model.gain, 10.0 * abs(model.gain), known),
+            linear("gain", unit_for(model, "m/V"), model.gain, 10.0 * abs(model.gain), known),
             *(of_channel(name, found, known, {}) for name in CHANNEL),
         ],
         central=True,
