@@ -152,6 +152,31 @@ def test_rigol(tmp_path: Path, end: str) -> None:
     np.testing.assert_allclose(later.time, -0.05 + 5e-4 * np.arange(10, 20), atol=1e-15)
 
 
+@pytest.mark.parametrize("times", [True, False])
+def test_rigol_with_one_line(tmp_path: Path, times: bool) -> None:
+    """The times beside it may be blank, and then are those of the header."""
+    clock = -0.05 + 5e-4 * np.arange(N)
+    rows = [f"{t if times else ''},{i},{2 * i},," for i, t in enumerate(clock)]
+    path = written(tmp_path / "a.csv", ["Time(s),CH1V,CH2V,t0 =-5.0e-02,tInc = 5.0e-04"], rows)
+    found = ss.read_recording(path, {"drive_voltage": "CH1V"}, units={"drive_voltage": "V"})
+    np.testing.assert_allclose(found.time, clock, atol=1e-15)
+    np.testing.assert_array_equal(found.drive_voltage, np.arange(N))
+    later = ss.read_recording(path, {"drive_voltage": "CH1V"}, units={"drive_voltage": "V"}, rows=(10, 20))
+    np.testing.assert_allclose(later.time, clock[10:20], atol=1e-15)
+
+
+@pytest.mark.parametrize("number", ["9.9E+37", "-9.9e37", "9.91E37"])
+def test_an_overload_is_no_position(tmp_path: Path, number: str) -> None:
+    rows = [f"{t},{number if i == 30 else i}" for i, t in enumerate(TIME)]
+    path = written(tmp_path / "a.csv", ["t (s),x (um)"], rows)
+    with pytest.raises(
+        RecordingError, match=r"line 32: x \(column 'x \(um\)' in um\) is empty, NaN or infinite"
+    ):
+        ss.read_recording(path, {"x": "x (um)"})
+    kept = ss.read_recording(path, {"x": "x (um)"}, missing="drop")
+    assert kept.sizes["time"] == N - 1
+
+
 def test_labview(tmp_path: Path) -> None:
     head = ["LabVIEW Measurement\t", "Separator\tTab", "X_Columns\tOne", "***End_of_Header***\t", "\t"]
     head += ["Channels\t2\t\t", "Y_Unit_Label\tVolts\tum\t", "X_Dimension\tTime\tTime\t"]

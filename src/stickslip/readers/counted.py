@@ -2,26 +2,40 @@
 
 X,CH1,CH2,Start,Increment
 Sequence,Volt,Volt,-5.0e-02,5.0e-04
+
+or, before a column of times that is there or left blank:
+
+Time(s),CH1V,CH2V,t0 =-5.0e-02,tInc = 5.0e-04
 """
 
 from __future__ import annotations
 
+import re
 from typing import NamedTuple
 
 from ..recording.conversion import is_unit
 
 
 class Counting(NamedTuple):
-    """The time of sample k, in s, is ``start + k * increment``."""
+    """The time of sample k, in s, is ``start + k * increment``; `blank`: no column says k."""
 
     start: float
     increment: float
+    blank: bool = False
+
+
+_SAID = re.compile(r"\s*(?P<name>t0|tInc)\s*=\s*(?P<number>[-+.\deE]+)\s*")
 
 
 def counted(rows: dict[int, list[str]], width: int) -> tuple[dict[int, list[str]], Counting | None]:
     """The lines above the data as if the first column were the time in s, and how its numbers become it; as
     they are, and None, where they say nothing of the kind."""
     for i, fields in rows.items():
+        said = {m["name"]: (k, m["number"]) for k, f in enumerate(fields) if (m := _SAID.fullmatch(f))}
+        if said.keys() == {"t0", "tInc"}:
+            start, increment = (float(said[name][1]) for name in ("t0", "tInc"))
+            heads = ["" if k in (said["t0"][0], said["tInc"][0]) else field for k, field in enumerate(fields)]
+            return rows | {i: heads}, Counting(start, increment, True)
         words = [field.lower() for field in fields]
         below = rows.get(i + 1, [])
         if words[:1] != ["x"] or "start" not in words or below[:1] != ["Sequence"]:

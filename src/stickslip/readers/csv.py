@@ -20,6 +20,8 @@ from .layout import LINE_END, MISSING, TextLayout, find_layout
 from .progress import reading_progress
 from .source import FileContent, Rows
 
+# From which on SCPI instruments mean infinity (9.9E37) or no number (9.91E37).
+OVERLOAD = 9.9e37
 CHUNK = 1 << 23  # bytes of text
 
 
@@ -53,7 +55,8 @@ def read_csv(path: Path, delimiter: str | None, decimal: str | None, skip: int) 
         counting = layout.counting
         if counting is not None and 0 in indices:
             k = list(indices).index(0)
-            columns[k] = counting.start + counting.increment * columns[k]
+            number = rows.start + np.arange(columns[k].size) if counting.blank else columns[k]
+            columns[k] = counting.start + counting.increment * number
         return columns
 
     return FileContent("csv", channels, read, lambda row: f"line {_line_of(path, layout, row)}")
@@ -122,7 +125,9 @@ def _chunks(file: TextIO, layout: TextLayout, indices: list[int], stop: int | No
 
 def _numbers(column: pd.Series, kind: str, epoch: float = 0.0) -> np.ndarray:
     if kind == "n":
-        return column.to_numpy()
+        found = column.to_numpy()
+        beyond = np.abs(found) >= OVERLOAD
+        return np.where(beyond, np.inf, found) if beyond.any() else found
     stamps = column.str.replace("/", "-").str.replace(",", ".")
     times = pd.to_datetime(stamps, utc=True, format="ISO8601")
     since = (times - pd.Timestamp(epoch, unit="s", tz="UTC")).dt

@@ -115,6 +115,9 @@ def find_layout(path: Path, delimiter: str | None, decimal: str | None, skip: in
     if asked_decimal is None:
         _refuse_split_numbers(rows, first, delimiter, len(kinds))
     rows, counting = counted(rows, len(kinds))
+    if counting is not None and counting.blank:
+        counting, kinds = (counting, "n" + kinds[1:]) if blank[0] else (None, kinds)
+        blank[0] = False
     channels = _header(lines, rows, kinds, decimal, {first: filled[0]})
     kinds = "".join("e" if b and not c.name else k for k, b, c in zip(kinds, blank, channels, strict=True))
     channels = [c._replace(numeric=k in "nd") for k, c in zip(kinds, channels, strict=True)]

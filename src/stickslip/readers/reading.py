@@ -68,7 +68,8 @@ def read_recording(
         clocks: our name -> time column of this one, if not the common one. Such a channel is interpolated
             linearly onto the common time.
         rows: samples (start, stop) to read, from 0, stop not included; None for the end.
-        missing: what to do where a number is missing, NaN or infinite: raise, or drop the sample.
+        missing: what to do where a number is missing, NaN, infinite or an overload (9.9E37): raise, or drop
+            the sample.
         delimiter, decimal: of a text file; found out by default. ``r"\s+"`` is any white space.
         skip: lines at the top of a text file that are neither header nor data.
         title, notes, calibration: free text, kept with the recording.
