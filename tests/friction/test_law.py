@@ -127,6 +127,11 @@ def test_what_is_no_law_is_said_so():
         ((float, lambda law, v, z: (0.0, 0.0)), "float is no record"),
         ((Spring, lambda p, v, z: (0.0, 0.0)), r"rate must be a function of \(law, v, z\)"),
         ((Spring, lambda law, z: (0.0, 0.0)), r"rate must be a function of \(law, v, z\)"),
+        (
+            (Spring, lambda law, v, z: (law.kk * z, v)),
+            r"test_law\.py: <lambda> reads law\.kk, and Spring has no.*'k'",
+        ),
+        ((Spring, lambda law, v, z: (v - law.stiff, v)), r"reads law\.stiff, .*it has k"),
     ],
 )
 def test_registering_what_is_no_law_is_refused(arguments, reason):

@@ -27,6 +27,7 @@ from typing import Any, NamedTuple
 
 from .. import registry
 from .._jit import compiled, fused, overload, record_class
+from .fields_read import refuse_unknown_fields
 
 
 class Branches(NamedTuple):
@@ -99,8 +100,8 @@ def register(
         named: false for the elements of a composed law, which nobody names.
 
     Raises:
-        TypeError: the record is no named tuple, there is not either `rate` or `elements` with `element`, or
-            the arguments of a function have other names than above.
+        TypeError: the record is no named tuple, there is not either `rate` or `elements` with `element`, the
+            arguments of a function have other names than above, or it reads a field that the record lacks.
     """
     name = law_type.__name__
     if not hasattr(law_type, "_fields"):
@@ -114,6 +115,8 @@ def register(
         expected = _ARGUMENTS.get(role, ("law",))
         if function is not None and tuple(inspect.signature(function).parameters) != expected:
             raise TypeError(f"{name}: {role} must be a function of ({', '.join(expected)}), named so")
+        if function is not None:
+            refuse_unknown_fields(law_type, function)
     _IMPLEMENTATIONS[law_type] = made
     if named and not smooth:
         registry.laws.add(law_type)
