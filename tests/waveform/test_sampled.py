@@ -42,13 +42,6 @@ def test_flat_stretches_need_no_breaks() -> None:
     )
 
 
-def test_at_a_rate() -> None:
-    w = Sampled.at_rate("2 kHz", [0, 1, 4], "hold")
-    assert np.array_equal(w.times, [0, 0.0005, 0.001])
-    assert np.array_equal(w.value([0.0004, 0.0005, 0.0011]), [0, 1, 4])
-    assert (w.duration, w.period, w.range()) == (0.001, None, (0, 4))
-
-
 @given(steps, st.floats(0, 1), st.floats(0, 1))
 def test_lines_and_steps_around_a_period(steps, first: float, last: float) -> None:
     times = first + np.cumsum([0.0, *(dt for dt, _ in steps[1:])])
@@ -67,7 +60,7 @@ def test_lines_and_steps_around_a_period(steps, first: float, last: float) -> No
 @pytest.mark.parametrize("rate", [1e3, 7e3, 44.1e3])
 def test_a_sampling_clock_meets_samples_held_for_ever(rate: float) -> None:
     values = np.random.default_rng(3).uniform(size=333)
-    w = Sampled.at_rate(rate, values, "hold", period=333 / rate)
+    w = Sampled(np.arange(333) / rate, values, "hold", period=333 / rate)
     assert np.array_equal(w.value(np.arange(40 * 333) / rate), np.tile(values, 40))
 
 
@@ -115,7 +108,6 @@ def test_from_a_recording() -> None:
         ),
         (lambda: Sampled([0, 1], [1, 2], unit="A"), r"Sampled\.unit = 'A'"),
         (lambda: Sampled([0, 1], [1, 2], "cubic"), r"'linear' or 'hold'"),
-        (lambda: Sampled.at_rate(0, [1, 2]), r"sample_rate = 0 Hz"),
         (lambda: Sampled.from_recording(recording("V"), "stroke"), r"no 'stroke'; it has drive_voltage"),
         (lambda: Sampled.from_recording(recording("N"), "drive_voltage"), r"'N'"),
         (lambda: Sampled.from_recording(recording(None), "drive_voltage"), r"no unit"),

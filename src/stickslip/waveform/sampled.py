@@ -75,20 +75,6 @@ class Sampled:
         object.__setattr__(self, "values", values)
 
     @classmethod
-    def at_rate(
-        cls,
-        sample_rate: float,
-        values: ArrayLike,
-        interpolation: Literal["linear", "hold"] = "linear",
-        unit: Unit = "V",
-        period: float | None = None,
-    ) -> Sampled:
-        """Samples at `sample_rate` [Hz] from t = 0 on; with a `period` [s], again and again."""
-        rate = Quantity("Hz", "f_s", "sample rate", above=0).check(sample_rate, "Sampled.sample_rate")
-        samples = np.asarray(values)
-        return cls(np.arange(samples.size) / rate, samples, interpolation, unit, period)
-
-    @classmethod
     def from_recording(
         cls, recording: Mapping[str, Any], name: str, interpolation: Literal["linear", "hold"] = "linear"
     ) -> Sampled:

@@ -9,7 +9,6 @@ from scipy import signal
 from stickslip.identify.frequency.response import (
     ResponseError,
     frequency_response,
-    mean_gain,
     welch_frequency_response,
 )
 
@@ -66,21 +65,6 @@ def test_deviations_are_those_of_repeated_experiments() -> None:
         ratio = predicted / scatter
         assert np.median(ratio) == pytest.approx(1, abs=0.02)
         assert np.mean(np.abs(ratio - 1) < 0.3) > 0.97
-
-
-def test_mean_gain_and_its_error() -> None:
-    rng = np.random.default_rng(9)
-    drive, clean = periodic(rng, 5)
-    found = [
-        mean_gain(frequency_response(drive, clean + 0.05 * rng.standard_normal(clean.shape), RATE), (6, 15))
-        for _ in range(150)
-    ]
-    gains = np.array([f["gain"].values for f in found])
-    errors = np.array([f["standard_error"].values for f in found])
-    frequency = np.arange(4, 8) * RATE / 512
-    assert gains.mean(axis=0) == pytest.approx(np.abs(true_response(frequency)).mean(axis=0), abs=0.01)
-    assert errors.mean(axis=0) == pytest.approx(gains.std(axis=0), rel=0.2)
-    assert found[0]["gain"].attrs["units"] == "m/V"
 
 
 def test_distortion_shows_between_realisations_and_not_between_periods() -> None:

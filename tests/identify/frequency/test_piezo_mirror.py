@@ -21,7 +21,7 @@ from stickslip.identify.frequency.amplitude import predict_response
 from stickslip.identify.frequency.in_time import held_response, identify_in_time
 from stickslip.identify.frequency.levels import identify_levels
 from stickslip.identify.frequency.modal import identify_frequency, steady_response
-from stickslip.identify.frequency.response import frequency_response, mean_gain
+from stickslip.identify.frequency.response import frequency_response
 
 RATE, LEVELS, TRAIN, HELD_OUT = 6400.0, (100, 200, 300), slice(0, 4), slice(4, 6)
 MODES = 12
@@ -32,6 +32,15 @@ class Level(NamedTuple):
     position: np.ndarray  # m
     whole: xr.Dataset  # response from all realisations
     train: xr.Dataset
+
+
+def mean_gain(response: xr.Dataset, band: tuple[float, float]) -> xr.Dataset:
+    """Mean magnitude over a band [Hz] below the resonance, weighted by its deviations, with its error."""
+    lines = response.sel(frequency=slice(*band))
+    weights = lines["deviation"] ** -2
+    gain = (abs(lines["response"]) * weights).sum("frequency") / weights.sum("frequency")
+    # Half of the variance of a line turns its phase and leaves its magnitude alone.
+    return xr.Dataset({"gain": gain, "standard_error": (2 * weights.sum("frequency")) ** -0.5})
 
 
 @pytest.fixture(scope="module")

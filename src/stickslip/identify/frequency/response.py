@@ -169,21 +169,6 @@ def drive_rms(drive: ArrayLike) -> float:
     return float(np.sqrt(np.mean((volts - volts.mean(axis=0)) ** 2)))
 
 
-def mean_gain(response: xr.Dataset, band: tuple[float, float]) -> xr.Dataset:
-    """Mean magnitude of the response over a band [Hz], weighted by its deviations, and its standard error.
-
-    Over "output" and "input": `gain`, `standard_error`. Below the first resonance this is the quasi-static
-    gain, which in a piezo rises with amplitude and falls a little with frequency (creep).
-    """
-    lines = response.sel(frequency=slice(*band))
-    weights = lines["deviation"] ** -2
-    unit = {"units": response["response"].attrs["units"]}
-    gain = (abs(lines["response"]) * weights).sum("frequency") / weights.sum("frequency")
-    # Half of the variance of a line turns its phase and leaves its magnitude alone.
-    error = (2 * weights.sum("frequency")) ** -0.5
-    return xr.Dataset({"gain": gain.assign_attrs(unit), "standard_error": error.assign_attrs(unit)})
-
-
 def _hertz(sample_rate: float | str, band: tuple[float | str, float | str]) -> tuple[float, float, float]:
     """The sample rate and the ends of the band."""
     lowest, highest = band
