@@ -13,11 +13,13 @@ import yaml
 from typer.testing import CliRunner
 
 import stickslip as ss
+from stickslip.analysis.walk import changed
 from stickslip.campaign.file import read_campaign
 from stickslip.cli import app
 from stickslip.skeletons import KINDS, new_file
 from stickslip.skeletons.drives import shown_drive
 from stickslip.skeletons.writing import _FILLED
+from stickslip.units import to_si
 
 # What is assumed of a recording is a warning, which the command says in one line.
 pytestmark = pytest.mark.filterwarnings("default")
@@ -130,6 +132,35 @@ def test_an_experiment_and_an_actuator_as_recorded(recorded: Path, tmp_path: Pat
     mine = ss.load_actuator(tmp_path / "mine.toml")
     assert mine.gain == pytest.approx(0.1057e-6, rel=0.1)  # as the sensor's calibration shows it
     assert mine.max_voltage == 80.0
+
+
+@pytest.mark.compiled
+def test_recordings_of_an_angle(tmp_path: Path) -> None:
+    """On a radius of 12 mm: the moments of inertia are of it, and so is where the fit starts."""
+    model = ss.load_actuator("kang2007").replace(stage_reaction=True)
+    step = ss.waveform.Sequence(ss.waveform.Rest(0.02), (ss.Step(40.0), 0.03))
+    walk = ss.waveform.Sequence(ss.waveform.Rest(0.02), ss.Sawtooth(65.0, 20.0, periods=2))
+    for name, own, drive in (("step", model.replace(clamped=True), step), ("walk", model, walk)):
+        found = ss.simulate(own, drive, drive.duration, sample_rate=2e4)
+        angle = found["end_effector_position"].values / 0.012 * 1e3
+        rows = np.column_stack([found["time"], found["drive_voltage"], angle])
+        np.savetxt(
+            tmp_path / f"{name}.csv", rows, delimiter=",", header="t (s),drive (V),angle (mrad)", comments=""
+        )
+    files = [tmp_path / "step.csv", tmp_path / "walk.csv", "--out", tmp_path / "campaign.yaml"]
+    assert run("new", "campaign", *files).exit_code == 0
+    said = yaml.safe_load((tmp_path / "campaign.yaml").read_text(encoding="utf-8"))
+    assert said["change"]["rotary"] is True
+    assert to_si(said["change"]["gain"], "rad/V") == pytest.approx(model.gain / 0.012, rel=0.01)
+    mass = to_si(said["change"]["end_effector_mass"], "kg m^2")
+    assert mass == pytest.approx(0.1 * 0.012**2, rel=0.02)
+    start = changed(tmp_path, said["model"], said["change"], said["friction"], turns=True)
+    assert start.friction.sigma_0 == pytest.approx(1e6 * 0.012**2, rel=0.02)
+    assert start.friction.coulomb_force == pytest.approx(0.8 * 0.012, rel=0.02)
+    refused = run("new", "actuator", tmp_path / "step.csv", "--out", tmp_path / "own.toml")
+    assert refused.exit_code == 2
+    assert "recordings are of an angle" in refused.output
+    assert not (tmp_path / "own.toml").exists()
 
 
 def test_tables_of_one_s_own_with_columns_that_nobody_knows(tmp_path: Path) -> None:

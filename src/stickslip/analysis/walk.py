@@ -58,17 +58,18 @@ def changed(
     """The actuator of a parameter set, by name or file, with fields changed; `turns`: whether it may."""
     own = folder / model
     base = load_actuator(own if own.suffix == ".toml" and own.is_file() else model)
-    if not turns:
-        refuse_rotary(base, "reports of this kind are")
     if "law" in friction:
         raise QuantityError(
             f"friction.law: only fields of {type(base.friction).__name__} change here; another law has a "
             "parameter set of its own, model: FILE.toml (stickslip new actuator writes one to be changed)"
         )
-    known = quantities_of(base.friction, base)
+    known = quantities_of(base.friction, base._replace(rotary=bool(change.get("rotary", base.rotary))))
     law = {name: to_si(x, known[name].unit, name) if name in known else x for name, x in friction.items()}
     changes: dict[str, Any] = {**change, "friction": base.friction._replace(**law)}
-    return base.replace(**changes)
+    model = base.replace(**changes)
+    if not turns:
+        refuse_rotary(model, "reports of this kind are")
+    return model
 
 
 class WalkFile(Analysis):

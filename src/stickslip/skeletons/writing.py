@@ -24,6 +24,8 @@ _TEMPLATES = Path(__file__).parent / "templates"
 _MOVED = "end_effector_position"
 _STAGE = ("stage_position", "piezo_elongation")
 _TICK = 50e-6  # s, of the virtual rig's bench
+_STROKE = 0.1057e-6  # m/V, of the set that the other starts are of
+_IN_PROPORTION = "the friction that is found is in proportion to it"
 MOST_RUN = 10.0  # s of a recording that an experiment repeats
 
 
@@ -142,13 +144,47 @@ def _identified(seen: list[_Recorded], folder: Path, steps: bool) -> tuple[dict[
         missing += lacking
     if not fitted:  # steps alone: one of them is a walk, or there is nothing to fit
         lines[-1] = lines[-1].replace("use: step", "use: fit")
-    gain, source = _gain(seen)
-    shown = (
-        f"  gain: {_said(gain, 'm/V')} # {source}"
-        if gain
-        else "  # gain: 0.1 um/V # stroke of the piezo per volt"
-    )
-    return {"recordings": "\n".join(lines), "gain": shown, "model": "kang2007"}, missing
+    start = _turning(*_gain(seen)) if _angles(seen) else _sliding(*_gain(seen))
+    return {"recordings": "\n".join(lines), **start, "model": "kang2007"}, missing
+
+
+def _angles(seen: list[_Recorded]) -> bool:
+    """Whether the positions are angles."""
+    recordings: list[Any] = [one.found.recording for one in seen]
+    return any(one[_MOVED].attrs.get("units") == "rad" for one in recordings if _MOVED in one)
+
+
+def _sliding(gain: float | None, source: str) -> dict[str, str]:
+    """Where a fit starts, what moves along a line."""
+    known = f"  gain: {_said(gain, 'm/V')} # {source}" if gain else ""
+    return {
+        "gain": known or "  # gain: 0.1 um/V # stroke of the piezo per volt",
+        "masses": "  # stage_mass: 100 g # effective, of piezo and stage\n"
+        f"  # end_effector_mass: 100 g # the mass that moves; {_IN_PROPORTION}",
+        "friction": "{sigma_0: 1 N/um, sigma_1: 30 N s/m, coulomb_force: 0.8 N, stiction_force: 0.8 N}",
+        "noise": "20 nm",
+        "force": "N",
+        "unit": "m",
+    }
+
+
+def _turning(gain: float | None, source: str) -> dict[str, str]:
+    """Where a fit starts, what turns: as the other, on the radius on which its stage would turn so far."""
+    radius = float(f"{_STROKE / gain:.2g}") if gain else 10e-3
+    inertia = f"{0.1 * radius**2:.3g} kg m^2 # "
+    of = f"100 g on a radius of {1e3 * radius:g} mm: write yours"
+    force = f"{0.8 * radius:.3g} N m"
+    known = f"gain: {_said(gain or _STROKE / radius, 'rad/V')} # {source or 'angle of the piezo per volt'}"
+    return {
+        "gain": f"  rotary: true # the recordings are of an angle\n  {known}",
+        "masses": f"  stage_mass: {inertia}moment of inertia of piezo and stage; {of}\n"
+        f"  end_effector_mass: {inertia}of what moves; {_IN_PROPORTION}; {of}",
+        "friction": f"{{sigma_0: {1e6 * radius**2:.3g} N m/rad, sigma_1: {30 * radius**2:.3g} N m s/rad, "
+        f"coulomb_force: {force}, stiction_force: {force}}}",
+        "noise": "1 urad",
+        "force": "N m",
+        "unit": "rad",
+    }
 
 
 def _entry(one: _Recorded, folder: Path, use: str) -> tuple[list[str], list[str]]:
@@ -239,6 +275,11 @@ def _identification(seen: list[_Recorded], folder: Path) -> tuple[dict[str, str]
 
 def _actuator(seen: list[_Recorded], folder: Path) -> tuple[dict[str, str], list[str]]:
     del folder
+    if _angles(seen):
+        raise QuantityError(
+            "these recordings are of an angle, and this writes an actuator that slides; a parameter set of "
+            "one that turns has rotary = true, and units such as urad/V, N m and kg m^2"
+        )
     gain, source = _gain(seen)
     value = float(f"{1e6 * gain:.4g}") if gain else 0.1
     said = f"source = {json.dumps(source)}" if gain else 'assumed = true\nreason = "a typical stack"'
