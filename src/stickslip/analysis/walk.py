@@ -66,10 +66,10 @@ def changed(
     known = quantities_of(base.friction, base._replace(rotary=bool(change.get("rotary", base.rotary))))
     law = {name: to_si(x, known[name].unit, name) if name in known else x for name, x in friction.items()}
     changes: dict[str, Any] = {**change, "friction": base.friction._replace(**law)}
-    model = base.replace(**changes)
+    made = base.replace(**changes)
     if not turns:
-        refuse_rotary(model, "reports of this kind are")
-    return model
+        refuse_rotary(made, "reports of this kind are")
+    return made
 
 
 class WalkFile(Analysis):
