@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import warnings
 
 import numpy as np
 import pytest
 
 from stickslip.actuator import load_actuator
-from stickslip.analysis.alignment import Aligned, aligned
+from stickslip.analysis.alignment import Aligned, aligned, on_level
 from stickslip.campaign.plausible import check_walk
+from stickslip.identify.walk.prediction import Predictor
 from stickslip.recording import RecordingError, RecordingWarning, make_recording
+from stickslip.simulation import simulate
 from stickslip.waveform.periodic import ReverseSawtooth, Sawtooth
 from stickslip.waveform.sequence import Sequence as Parts
 from stickslip.waveform.shapes import Rest
@@ -97,3 +100,42 @@ def test_a_drive_begins_after_its_rest(begin: float | None) -> None:
     np.testing.assert_allclose(value_at(one.wanted, time), value_at(drive, time), atol=0.7)  # within a sample
     both = aligned(recorded, Parts(Rest(0.15), (DRIVE, 0.2), (DRIVE, 0.3)), "walk", begin=0.1)
     assert both.forward == pytest.approx(0.45)
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_walk_upon_a_voltage_is_predicted_where_it_is(known: bool) -> None:
+    """Its position is less its mean before the drive; the model rests where that voltage holds it."""
+    drive = Parts(Rest(0.1, 20.0), Sawtooth(40.0, 20.0, offset=20.0, periods=2))
+    found = simulate(MODEL, drive, 0.2, sample_rate=5e3)
+    noise = 1e-8 * np.random.default_rng(5).standard_normal(found.sizes["time"])
+    position = 5e-6 + found["end_effector_position"].values + noise
+    channels = {"end_effector_position": position, "drive_voltage": found["drive_voltage"].values}
+    recorded = make_recording(found["time"].values, channels)
+    one = on_level(aligned(recorded, drive if known else None, "walk"), MODEL)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the channel changes too fast for its samples
+        left = (
+            Predictor(MODEL).predict(one.recording, one.drive) - one.recording["end_effector_position"].values
+        )
+    assert np.sqrt(np.mean(left**2)) < (1.2e-8 if known else 1e-7)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_waveform_of_other_periods_than_were_driven(seed: int) -> None:
+    """Of one too few, noise decides where it fits best: it begins with the first, or is refused."""
+    random, time = np.random.default_rng(seed), np.arange(0.0, 0.8, 0.5e-3)
+    u = value_at(Parts(Rest(0.15), DRIVE), time) + 0.03 * random.standard_normal(time.size)
+    recorded = make_recording(time, {"end_effector_position": 0.7e-7 * u, "drive_voltage": u})
+    assert aligned(recorded, DRIVE, "walk").begin == pytest.approx(0.15, abs=1e-3)
+    said = r"walk is not the drive .* V on average about t = .*as many periods"
+    with pytest.raises(RecordingError, match=said):
+        aligned(recorded, DRIVE._replace(periods=6), "walk")
+    with contextlib.suppress(RecordingError):
+        assert aligned(recorded, DRIVE._replace(periods=4), "walk").begin == pytest.approx(0.15, abs=1e-3)
+
+
+def test_without_its_channel_a_drive_begins_nowhere() -> None:
+    time = np.arange(0.0, 0.5, 0.5e-3)
+    recorded = make_recording(time, {"end_effector_position": 0.7e-7 * value_at(DRIVE, time)})
+    with pytest.raises(RecordingError, match=r"walk has no drive_voltage \[V\]: .* when it begins"):
+        aligned(recorded, DRIVE, "walk")

@@ -8,9 +8,11 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
+from ..actuator import Actuator
 from ..identify.recorded.channels import channel, refuse_clipped
 from ..identify.recorded.drives import Slewed, begin_of, refuse_sampling
 from ..recording import RecordingError
+from ..simulation.models import Contact, checked_drive
 from ..waveform.sequence import Sequence
 from ..waveform.shapes import Rest
 from ..waveform.signal import Waveform
@@ -72,6 +74,11 @@ def aligned(
         begin = _first_change(whole, name) if begin is None else begin
     else:
         if begin is None:
+            if "drive_voltage" not in whole:
+                raise RecordingError(
+                    f"{name} has no drive_voltage [V]: its waveform says what the drive is, and only that "
+                    "channel when it begins"
+                )
             try:
                 begin = begin_of(whole, drive, name)
             except RecordingError:
@@ -99,6 +106,20 @@ def aligned(
     parts = drive.parts if isinstance(drive, Sequence) else ()
     forward = begin + parts[0][1] if len(parts) > 1 else None
     return Aligned(name, moved, begin, noise, wanted, given, forward)
+
+
+def on_level(one: Aligned, model: Actuator) -> Aligned:
+    """The recording from where the model rests at the voltage before the drive, instead of from zero."""
+    if one.drive is None:
+        level = model.gain * float(one.recording["drive_voltage"].values[0])
+    else:
+        of, end = Contact().system(model), float(one.recording["time"][-1])
+        level = float(
+            Contact().rest(of, checked_drive(model, one.drive, end, periodic=False).before)[of.slider]
+        )
+    position = one.recording[POSITION]
+    data = ("time", position.values + level, position.attrs)
+    return one._replace(recording=one.recording.assign({POSITION: data}))
 
 
 def _after_rest(drive: Waveform) -> tuple[float, Waveform]:

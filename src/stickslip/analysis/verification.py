@@ -29,7 +29,7 @@ from ..report.origin import origin_of
 from ..units import near_one, with_prefix
 from ..verification import Requirement, Verification, verify
 from ..waveform.signal import Waveform
-from .alignment import POSITION, aligned
+from .alignment import POSITION, aligned, on_level
 from .file import Analysis, AnalysisError, read_parts
 from .walk import WalkRecording, changed
 
@@ -164,7 +164,8 @@ def _verified(
     for (name, part), given in zip(parts.items(), drives, strict=True):
         drive = named_drive(part) if given is None else given
         known = None if drive is None or DRIVE in part else float(part["time"][0])
-        found.append(aligned(part, drive, name, chain.slew_rate, chain.scale, known))
+        one = aligned(part, drive, name, chain.slew_rate, chain.scale, known)
+        found.append(on_level(one, predictor.model))
     return verify(
         predictor,
         [one.recording for one in found],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from stickslip.simulation import simulate
 from stickslip.simulation.varied import free_names, with_values
 from stickslip.units import QuantityError
 from stickslip.verification import verify
-from stickslip.waveform.periodic import Sawtooth
+from stickslip.waveform.periodic import ReverseSawtooth, Sawtooth
 from stickslip.waveform.sequence import Sequence
 from stickslip.waveform.shapes import Ramp, Rest
 
@@ -172,6 +173,33 @@ def test_rigid_friction_delay_and_offset_in_short() -> None:
     with pytest.warns(RecordingWarning, match="1 as jumps"):
         sampled = identify_friction(walk, start, ["coulomb_force"], **quick)
     assert sampled.values["coulomb_force"] == pytest.approx(0.5, rel=1e-3)
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("given", ["volts", "start", "direction"])
+def test_a_drive_that_is_not_the_recorded_one_is_told(given: str) -> None:
+    model, drive = actuator(*TRUTH.values()), Sequence(Rest(0.02), Sawtooth(65.0, 100.0, periods=3))
+    walk = simulate(model, drive, 0.06, sample_rate=5e3)
+    other = {"volts": Sawtooth(6.5, 100.0, periods=3), "direction": ReverseSawtooth(65.0, 100.0, periods=3)}
+    wrong = Sawtooth(65.0, 100.0, periods=3) if given == "start" else Sequence(Rest(0.02), other[given])
+    quick = {"hops": 0, "max_evaluations": 2}
+    with pytest.warns(RecordingWarning, match=r"drive_voltage \[V\] of .* is not the drive that is given"):
+        identify_friction(walk, model, ["coulomb_force"], drive=wrong, **quick)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        identify_friction(walk, model, ["coulomb_force"], drive=drive, **quick)
+
+
+@pytest.mark.compiled
+def test_a_recording_that_begins_long_after_its_drive() -> None:
+    """The first periods of the drive, by which other starts are chosen, are not in it."""
+    model, drive = actuator(*TRUTH.values()), Sawtooth(65.0, 100.0, periods=8)
+    walk = simulate(model, drive, 0.08, sample_rate=5e3)
+    rng = np.random.default_rng(0)
+    walk["end_effector_position"] += 2e-8 * rng.standard_normal(walk.sizes["time"])
+    fit = identify_friction(walk.isel(time=slice(210, None)), model, ["coulomb_force"], drive=drive)
+    low, high = fit.confidence_intervals()["coulomb_force"]
+    assert low < TRUTH["coulomb_force"] < high
 
 
 def test_drive_from_the_recording() -> None:

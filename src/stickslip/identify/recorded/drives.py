@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 from scipy.signal import correlate
 
-from ...recording import RecordingError
+from ...recording import RecordingError, RecordingWarning
 from ...units import QuantityError
 from ...waveform.drive import Drive, evaluate
 from ...waveform.sequence import Sequence
@@ -21,6 +22,8 @@ from .channels import channel
 
 # Of the range of the drive; the channel differs from the waveform by no more, on average, if it is of it.
 ALIKE = 0.1
+# The same over the worst of its periods: late, slewed and noisy as the channel may be.
+STRETCH = 0.25
 # Samples that it is compared at, one in so many of them all.
 MOST_SAMPLES = 2000
 # Of a period. A walk is told by the slope of its slow part and the levels before and behind its slip: lines
@@ -150,7 +153,61 @@ def begin_of(recording: xr.Dataset, drive: Waveform, where: str) -> float:
             f"drive_voltage [V] of {where} is not the drive that the file names: they differ by "
             f"{difference(begin):.3g} V on average, wherever it begins"
         )
+    asked = since <= begin + drive.duration  # what comes later may be anything
+    _refuse_stretch(
+        since[asked], u[asked], evaluate(table, since[asked] - begin)[0], drive, float(t[0]), where
+    )
     return float(t[0]) + begin
+
+
+def _refuse_stretch(
+    since: NDArray[np.float64],
+    u: NDArray[np.float64],
+    wanted: NDArray[np.float64],
+    drive: Waveform,
+    start: float,
+    where: str,
+) -> None:
+    """Raise RecordingError where the channel is another drive for as long as a period, as where the waveform
+    has a period less than was driven."""
+    volts, when = greatest_difference(since, u, wanted, drive)
+    low, high = drive.range()
+    if volts > STRETCH * (high - low):
+        raise RecordingError(
+            f"drive_voltage [V] of {where} is not the drive that the file names: even where it fits best, "
+            f"they differ by {volts:.3g} V on average about t = {start + when:.4g} s (has the waveform as "
+            "many periods as were driven?)"
+        )
+
+
+def warn_of_other_drive(recording: xr.Dataset, drive: Waveform | None, where: str) -> None:
+    """Warn where a recording has a channel drive_voltage, and that is not the drive that was given."""
+    if drive is None or "drive_voltage" not in recording:
+        return
+    time, u = recording["time"].values, recording["drive_voltage"].values
+    volts, when = greatest_difference(time, u, value_at(drive, time), drive)
+    if volts > STRETCH * float(np.ptp(u)) > 0.0:
+        warnings.warn(
+            f"drive_voltage [V] of {where} is not the drive that is given, and that is what counts: they "
+            f"differ by {volts:.3g} V on average about t = {when:.4g} s (a waveform begins at t = 0 of the "
+            "recording)",
+            RecordingWarning,
+            stacklevel=4,
+        )
+
+
+def greatest_difference(
+    time: NDArray[np.float64], u: NDArray[np.float64], wanted: NDArray[np.float64], drive: Waveform
+) -> tuple[float, float]:
+    """By how many volts a channel differs from a drive, on average over the period (of what has none, a tenth
+    of it all) in which it does most; and the middle of that [s]."""
+    _, periodic = periodic_part(drive)
+    whole = float(time[-1] - time[0])
+    lasting = 0.1 * whole if periodic is None else float(periodic.period)
+    count = int(np.clip(round(lasting / whole * (time.size - 1)), min(10, time.size), time.size))
+    mean = np.convolve(np.abs(u - wanted), np.full(count, 1.0 / count), mode="valid")
+    at = int(np.argmax(mean))
+    return float(mean[at]), float(time[at + count // 2])
 
 
 def periodic_part(drive: Any, begin: float = 0.0) -> tuple[float, Any]:

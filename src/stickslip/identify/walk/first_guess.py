@@ -37,7 +37,7 @@ from .position_channel import CHANNEL
 NAMES = ("coulomb_force", "sigma_0", "sigma_1")
 # Of the greatest force, of the stroke, and of the contact's damping ratio.
 FORCE, DEFLECTION, DAMPING = (1e-3, 1.0), (1e-3, 1.0), 0.1
-PERIODS = 3
+PERIODS, FEWEST = 3, 30  # and samples within them; of a recording that begins later, all counts
 # Of a value to a bound, as a factor: nearer, the bound is none that was meant.
 NEAR = 3.0
 # Points tried, how many of them are looked at closer, and for how many evaluations.
@@ -79,7 +79,8 @@ def beginning(recording: xr.Dataset, drive: Waveform | None) -> xr.Dataset:
     begin, periodic = (0.0, None) if drive is None else periodic_part(drive)
     if periodic is None:
         return recording
-    return recording.isel(time=recording["time"].values <= begin + PERIODS * float(periodic.period))
+    early = recording["time"].values <= begin + PERIODS * float(periodic.period)
+    return recording.isel(time=early) if np.count_nonzero(early) > FEWEST else recording
 
 
 def first_guess(

@@ -30,6 +30,7 @@ from ..free import Bounds, beside, check_motion, check_names, check_priors, know
 from ..quantised import with_steps
 from ..recorded.at_rest import drift_at_rest
 from ..recorded.channels import drives_of, names_of, recordings_of, unit_of
+from ..recorded.drives import warn_of_other_drive
 from ..recorded.known_noise import known_noise, said_unjudged
 from .displacement import Displacement, has_slopes
 from .first_guess import beginning, first_guess
@@ -155,8 +156,9 @@ def identify_friction(
     bounds, priors = bounds or {}, priors or {}
     _check(model, free, bounds, priors, level)
     measured = [walked(r, w, name) for r, w, name in zip(found, drives, names, strict=True)]
-    for r, name in zip(found, names, strict=True):
+    for r, w, name in zip(found, drives, names, strict=True):
         warn_of_unseen_slips(r, model, name)
+        warn_of_other_drive(r, w, name)
     first = ({"delay": stage.values["delay"]} if stage is not None else {}) | (begin or {})
     tolerance = tolerance or (1e-10 if has_slopes(model) else 1e-12)
 
