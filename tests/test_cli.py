@@ -10,6 +10,7 @@ import re
 import resource
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import pytest
@@ -382,6 +383,17 @@ def test_a_warning_is_one_line_and_among_the_assumptions(tmp_path: Path) -> None
     assert said[0].removeprefix("Warning: ") in html.unescape(
         (tmp_path / "out" / "report.html").read_text("utf-8")
     )
+
+
+def test_a_warning_is_told_once(capsys: pytest.CaptureFixture[str]) -> None:
+    """A campaign fits one recording several times."""
+    from stickslip.cli.frame import errors_in_one_line
+
+    with errors_in_one_line(False):
+        warnings.simplefilter("always")
+        for text in ("too  fast", "too fast", "too slow"):
+            warnings.warn(text, stacklevel=1)
+    assert capsys.readouterr().err.splitlines() == ["Warning: too fast", "Warning: too slow"]
 
 
 def test_an_interval_of_a_number_without_unit_is_printed() -> None:

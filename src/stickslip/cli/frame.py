@@ -52,8 +52,13 @@ Traceback = Annotated[
 def errors_in_one_line(show_traceback: bool) -> Iterator[None]:
     """What goes wrong is one line on stderr and the exit code; a warning is one line too."""
 
+    told = set()  # each once, however many fits of a recording meet it
+
     def say(message: Warning | str, *where: Any, **how: Any) -> None:
-        typer.echo(f"Warning: {' '.join(str(message).split())}", err=True)
+        text = " ".join(str(message).split())
+        if text not in told:
+            typer.echo(f"Warning: {text}", err=True)
+        told.add(text)
 
     try:
         with warnings.catch_warnings():
