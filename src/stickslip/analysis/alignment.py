@@ -126,11 +126,9 @@ def _after_rest(drive: Waveform) -> tuple[float, Waveform]:
     """How long a drive rests before it begins [s], and what follows."""
     parts = drive.parts if isinstance(drive, Sequence) else ()
     resting = next((i for i, (part, _) in enumerate(parts) if not isinstance(part, Rest)), 0)
-    return (
-        (sum(lasting for _, lasting in parts[:resting]), Sequence(*parts[resting:]))
-        if resting
-        else (0.0, drive)
-    )
+    if not resting:
+        return 0.0, drive
+    return sum(lasting for _, lasting in parts[:resting]), Sequence(*parts[resting:])
 
 
 def _refuse_other_range(whole: xr.Dataset, drive: Waveform, name: str) -> None:

@@ -24,18 +24,17 @@ class Counting(NamedTuple):
     blank: bool = False
 
 
-_SAID = re.compile(r"\s*(?P<name>t0|tInc)\s*=\s*(?P<number>[-+.\deE]+)\s*")
+_SAID = re.compile(r"\s*(?P<name>t0|tInc)\s*=\s*(?P<number>[-+]?\d+\.?\d*([eE][-+]?\d+)?)\s*")
 
 
 def counted(rows: dict[int, list[str]], width: int) -> tuple[dict[int, list[str]], Counting | None]:
     """The lines above the data as if the first column were the time in s, and how its numbers become it; as
     they are, and None, where they say nothing of the kind."""
     for i, fields in rows.items():
-        said = {m["name"]: (k, m["number"]) for k, f in enumerate(fields) if (m := _SAID.fullmatch(f))}
+        said = {m["name"]: float(m["number"]) for field in fields if (m := _SAID.fullmatch(field))}
         if said.keys() == {"t0", "tInc"}:
-            start, increment = (float(said[name][1]) for name in ("t0", "tInc"))
-            heads = ["" if k in (said["t0"][0], said["tInc"][0]) else field for k, field in enumerate(fields)]
-            return rows | {i: heads}, Counting(start, increment, True)
+            heads = ["" if _SAID.fullmatch(field) else field for field in fields]
+            return rows | {i: heads}, Counting(said["t0"], said["tInc"], True)
         words = [field.lower() for field in fields]
         below = rows.get(i + 1, [])
         if words[:1] != ["x"] or "start" not in words or below[:1] != ["Sequence"]:

@@ -202,10 +202,11 @@ def greatest_difference(
     """By how many volts a channel differs from a drive, on average over the period (of what has none, a tenth
     of it all) in which it does most; and the middle of that [s]."""
     _, periodic = periodic_part(drive)
-    whole = float(time[-1] - time[0])
+    whole = float(time[-1] - time[0]) or 1.0  # a single sample
     lasting = 0.1 * whole if periodic is None else float(periodic.period)
     count = int(np.clip(round(lasting / whole * (time.size - 1)), min(10, time.size), time.size))
-    mean = np.convolve(np.abs(u - wanted), np.full(count, 1.0 / count), mode="valid")
+    so_far = np.append(0.0, np.cumsum(np.abs(u - wanted)))
+    mean = (so_far[count:] - so_far[:-count]) / count
     at = int(np.argmax(mean))
     return float(mean[at]), float(time[at + count // 2])
 
