@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import re
 import warnings
 
 import numpy as np
 import pytest
 
 from stickslip.actuator import load_actuator
-from stickslip.analysis.alignment import Aligned, aligned, on_level
+from stickslip.analysis.alignment import Aligned, aligned, on_level, said_to_drift
 from stickslip.campaign.plausible import check_walk
 from stickslip.identify.walk.prediction import Predictor
 from stickslip.recording import RecordingError, RecordingWarning, make_recording
@@ -132,6 +133,20 @@ def test_a_waveform_of_other_periods_than_were_driven(seed: int) -> None:
         aligned(recorded, DRIVE._replace(periods=6), "walk")
     with contextlib.suppress(RecordingError):
         assert aligned(recorded, DRIVE._replace(periods=4), "walk").begin == pytest.approx(0.15, abs=1e-3)
+
+
+def test_walks_that_drift_are_said_to() -> None:
+    time, noise = np.arange(0.0, 0.8, 0.5e-3), 2e-8
+    u = value_at(Parts(Rest(0.15), DRIVE), time)
+    walks = []
+    for seed, drift in enumerate([0.0] * 40 + [-1e-6, 5e-8]):
+        x = 0.7e-7 * u + drift * time + noise * np.random.default_rng(seed).standard_normal(time.size)
+        recorded = make_recording(time, {"end_effector_position": x, "drive_voltage": u})
+        walks.append(aligned(recorded, DRIVE, f"walk {seed}"))
+    (said,) = said_to_drift(walks)  # 5e-8 m/s are 33 nm, hardly more than the noise
+    assert re.match(
+        r"walk 40 drifts by -[\d.]+ [nµ]m/s before its drive begins; .* by [45]\d\d nm until its end", said
+    )
 
 
 def test_without_its_channel_a_drive_begins_nowhere() -> None:

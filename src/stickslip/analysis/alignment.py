@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from ..identify.recorded.channels import channel, refuse_clipped
 from ..identify.recorded.drives import Slewed, begin_of, refuse_sampling
 from ..recording import RecordingError
 from ..simulation.models import Contact, checked_drive
+from ..units import with_prefix
 from ..waveform.sequence import Sequence
 from ..waveform.shapes import Rest
 from ..waveform.signal import Waveform
@@ -22,6 +24,8 @@ POSITION = "end_effector_position"
 AFTER = 0.05
 # Of its range: a drive_voltage further from its first sample has begun.
 BEGUN = 0.02
+# Samples before the drive that show a drift, at least; and deviations by which it surely is no noise.
+FEWEST, SURELY = 30, 5.0
 # Of the waveform's range, that of the channel at least; and the other way round.
 ALIKE = 0.5
 
@@ -120,6 +124,26 @@ def on_level(one: Aligned, model: Actuator) -> Aligned:
     position = one.recording[POSITION]
     data = ("time", position.values + level, position.attrs)
     return one._replace(recording=one.recording.assign({POSITION: data}))
+
+
+def said_to_drift(walks: Iterable[Aligned]) -> list[str]:
+    """A sentence on each walk that drifts before its drive begins, so far that its noise is little beside."""
+    said = []
+    for one in walks:
+        time, position = one.recording["time"].values, one.recording[POSITION].values
+        before = time < one.begin - 2.0 * float(np.median(np.diff(time)))
+        if np.count_nonzero(before) < FEWEST:
+            continue
+        (slope, _), covariance = np.polyfit(time[before], position[before], 1, cov=True)
+        over = abs(slope) * float(time[-1] - one.begin)
+        if abs(slope) > SURELY * math.sqrt(covariance[0, 0]) and over > SURELY * one.noise:
+            unit = str(one.recording[POSITION].attrs["units"])
+            rate, way = with_prefix(float(slope), f"{unit}/s", 3), with_prefix(over, unit, 3)
+            said.append(
+                f"{one.name} drifts by {rate} before its drive begins; if it goes on so, by {way} until its "
+                "end, which no model of an actuator explains"
+            )
+    return said
 
 
 def _after_rest(drive: Waveform) -> tuple[float, Waveform]:

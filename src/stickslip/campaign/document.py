@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..analysis.alignment import POSITION, Aligned
+from ..analysis.alignment import POSITION, Aligned, said_to_drift
 from ..analysis.priors import with_priors
 from ..analysis.verification import verification_numbers
 from ..estimate.lack import said
@@ -91,6 +91,8 @@ def campaign_document(
     steps = f" and the net step within {100 * known.max():.2g} %" if known.size else ""
     unseen = sum(one.use == "verify" for one in found.walks)
     lacking = [*dict.fromkeys(said((*friction.lack, *found.everything.lacks)))]
+    if lacking:
+        lacking += said_to_drift(found.walks)
     if lacking and found.additional.choice is not None:
         lacking.append(f"of the models compared, {found.additional.choice.best} predicts unseen walks best")
     document = Document(
