@@ -218,9 +218,11 @@ def run(folder, kind: str, limit: str = "5 urad") -> tuple[str, dict]:
         fields = {"amplitude": f"{amplitude} V", "frequency": f"{frequency} Hz", "periods": periods}
         drive = {"shape": "Sawtooth", "fields": fields}
         use = {"one": "fit", "other": "verify"}[name]
-        said = f"  - file: {name}{'_rested' * (kind == 'campaign')}.csv{SAID}"
+        rested = kind in ("campaign", "verification")
+        said = f"  - file: {name}{'_rested' * rested}.csv{SAID}"
         said += "" if kind == "verification" else f"    use: {use}\n"
-        said += f"    waveform: {[REST, drive]}\n" if kind == "campaign" else f"    drive: {drive}\n"
+        key = "waveform" if kind == "campaign" else "drive"
+        said += f"    {key}: {[REST, drive] if rested else drive}\n"
         entries.append(said)
     if kind == "campaign":
         step = {"shape": "Step", "fields": {"amplitude": "40 V"}, "duration": "50 ms"}

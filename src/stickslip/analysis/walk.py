@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import xarray as xr
-from pydantic import Field
+from pydantic import Discriminator, Field, Tag
 
 from ..actuator import Actuator, load_actuator
 from ..estimate.goodness import goodness
@@ -36,15 +36,24 @@ from .priors import with_priors
 _ROLE = {"fit": "fitted", "verify": "predicted"}
 
 
-class WalkRecording(RecordingFile):
-    """A recording with end_effector_position; the drive is given here, as in an experiment file, or is its
-    channel drive_voltage."""
+_PART, _PARTS = "one part", "several parts"
+DriveSpec = Annotated[
+    Annotated[PartSpec, Tag(_PART)] | Annotated[list[PartSpec], Field(min_length=1), Tag(_PARTS)],
+    Discriminator(lambda drive: _PARTS if isinstance(drive, list) else _PART),
+]
 
-    drive: PartSpec | None = None
+
+class WalkRecording(RecordingFile):
+    """A recording with end_effector_position; the drive is given here, a part or one after the other as in an
+    experiment file, or is its channel drive_voltage."""
+
+    drive: DriveSpec | None = None
 
     def waveform(self, folder: Path) -> Waveform | None:
         """The drive; raises QuantityError for wrong fields."""
-        return None if self.drive is None else drive_of([self.drive], {}, folder)
+        if self.drive is None:
+            return None
+        return drive_of(self.drive if isinstance(self.drive, list) else [self.drive], {}, folder)
 
 
 def changed(
