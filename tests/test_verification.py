@@ -115,6 +115,26 @@ def test_net_step_is_that_of_the_periods() -> None:
     assert said == "0.3 m: net_step_error is 2 %, which is not < 1 %"
 
 
+@pytest.mark.compiled
+def test_a_residual_that_is_mostly_an_offset_is_said_to_be() -> None:
+    """Of a walk that began before its recording, or another zero of the position: no fault of the model's."""
+    model, drive = load_actuator("kang2007"), Sequence(Rest(0.05), Sawtooth(65.0, 20.0, periods=3))
+    walk = simulate(model, drive, drive.duration, sample_rate=5e3)
+    noise = 2e-8 * np.random.default_rng(2).standard_normal(walk.sizes["time"])
+    for offset, off in ((3e-6, "an offset of 3 µm"), (-2e-6, "an offset of -2 µm"), (0.0, "")):
+        position = walk["end_effector_position"].values + noise + offset
+        recorded = make_recording(walk["time"].values, {"end_effector_position": position}, title="moved")
+        found = verify(Predictor(model), recorded, drive=drive)
+        assert [said for said in found.remarks if "offset" in said] == [
+            said
+            for said in found.remarks
+            if off and said.startswith(f"most of what is left of moved is {off}")
+        ]
+        assert any("offset" in said for said in found.remarks) == bool(off)
+    wrong = model.replace(friction=model.friction._replace(coulomb_force=0.3, stiction_force=0.3))
+    assert not any("offset" in said for said in verify(Predictor(wrong), recorded, drive=drive).remarks)
+
+
 def test_requirements() -> None:
     found = verify(fitted(), [line(2.0, 12, "same"), line(3.0, 15, "steeper")])
     wanted = [Requirement.parse(text) for text in ("r_squared > 0.9", "rmse <= 100 mm", "rmse < 10")]

@@ -85,6 +85,8 @@ FIGURES = {
     "largest_error": "m",
     "net_step_error": "",
 }
+# Of the rms error: what is left besides its mean, where that is most of it.
+MOSTLY = 0.5
 _WHY_NOT = {
     "r_squared": "what was measured is constant",
     "net_step_error": "the drive is not known as a waveform with periods",
@@ -103,7 +105,7 @@ class Verification:
         steps: net step per period of each, measured and predicted; NaN where the drive does not repeat.
         predictions: for each a recording with measured, predicted and residual (predicted minus measured).
         lacks: what each says of the model, by the noise that it shows besides: see `lack_of_fit`.
-        remarks: sentences on recordings that show no noise besides.
+        remarks: sentences on recordings that show no noise besides, and on those that differ by a constant.
     """
 
     observed: str
@@ -259,6 +261,19 @@ def net_step(time: NDArray[np.float64], position: NDArray[np.float64], drive: An
     return (mean(begin + (count - 1) * period) - mean(begin + first * period)) / (count - 1 - first)
 
 
+def _said_offsets(goods: Sequence[Goodness], left: Sequence[NDArray[np.float64]]) -> list[str]:
+    """A sentence on each recording that differs from the model mostly by a constant."""
+    said = []
+    for good, r in zip(goods, left, strict=True):
+        if float(r.std()) < MOSTLY * good.rmse:
+            constant = with_prefix(-float(r.mean()), good.unit, 3)
+            said.append(
+                f"most of what is left of {good.name} is an offset of {constant}: of the position's zero, or "
+                "of a walk that began before the recording; a fit may free it, a prediction does not"
+            )
+    return said
+
+
 def verify(
     fit: Fit | Predictor,
     recordings: xr.Dataset | Sequence[xr.Dataset],
@@ -303,7 +318,7 @@ def verify(
         steps.append((net_step(time, measured, repeated), net_step(time, predicted, repeated)))
         predictions.append(make_recording(time, {k: (v, unit) for k, v in variables.items()}, title=name))
     left, seen = ([p[key].values for p in predictions] for key in ("residual", "measured"))
-    remarks = said_unjudged(lacks, left, seen, goods[0].unit)
+    remarks = (*said_unjudged(lacks, left, seen, goods[0].unit), *_said_offsets(goods, left))
     return Verification(
         fit.observed, goods[0].unit, tuple(goods), tuple(predictions), tuple(steps), tuple(lacks), remarks
     )
