@@ -113,7 +113,7 @@ REFUSED = {
     "text": ("    return 'v', v", 19, "neither a number"),
     "unbounded": ("    for i in range(int(v)):\n        z += i\n    return z, v", 19, "int is outside"),
     "half": ("    if v > 0.0:\n        return z, v", 17, "every path"),
-    "field": ("    return law.strength * z, v", 19, "law.strength"),
+    "field": ("    known = law\n    return known.strength * z, v", 20, "known.strength"),
     "recursion": ("    return own(law, v, z)[0], v", 17, "calls itself"),
     "operator": ("    return z // 1.0, v", 19, "operator"),
     "single": ("    return z", None, "must give (force, dz)"),

@@ -20,8 +20,8 @@ from .layout import LINE_END, MISSING, TextLayout, find_layout
 from .progress import reading_progress
 from .source import FileContent, Rows
 
-# From which on SCPI instruments mean infinity (9.9E37) or no number (9.91E37).
-OVERLOAD = 9.9e37
+# By which SCPI instruments mean infinity and no number.
+OVERLOADS = (9.9e37, 9.91e37)
 CHUNK = 1 << 23  # bytes of text
 
 
@@ -126,7 +126,7 @@ def _chunks(file: TextIO, layout: TextLayout, indices: list[int], stop: int | No
 def _numbers(column: pd.Series, kind: str, epoch: float = 0.0) -> np.ndarray:
     if kind == "n":
         found = column.to_numpy()
-        beyond = np.abs(found) >= OVERLOAD
+        beyond = np.isin(np.abs(found), OVERLOADS)
         return np.where(beyond, np.inf, found) if beyond.any() else found
     stamps = column.str.replace("/", "-").str.replace(",", ".")
     times = pd.to_datetime(stamps, utc=True, format="ISO8601")
