@@ -24,8 +24,8 @@ import numpy as np
 import stickslip as ss
 
 from . import problems, random_actuators
-from .ours.models import DRIVE, DURATION, actuator
-from .truth import TRUTH
+from .ours.ensemble import ensemble as p3
+from .truth import TRUTH, judge_members
 
 EXPECTED = TRUTH.with_name("gpu.npz")
 TOLERANCES = (1e-7, 1e-8, 1e-9)
@@ -71,45 +71,28 @@ def timed(run: Callable[[], np.ndarray]) -> tuple[np.ndarray, list[float]]:
     return result, walls
 
 
-def row(tool: str, setting: str, run: Callable[[], np.ndarray], **more: Any) -> dict[str, Any]:
+def row(tool: str, setting: str, run: Callable[[], np.ndarray]) -> dict[str, Any]:
     """A line of the table: errors of the first 4096 members, whose truth is known."""
     try:
         net, walls = timed(run)
     except Exception as reason:  # the others go on
         return {"tool": tool, "setting": setting, "failed": f"{type(reason).__name__}: {reason}"[:500]}
-    off = np.abs(net[: problems.MEMBERS] - np.load(TRUTH))
     return {
         "tool": tool,
         "setting": setting,
+        **judge_members(net[: problems.MEMBERS]),
         "members": net.size,
         "per_s": net.size / statistics.median(walls),
         "wall_s": walls,
-        "median_error_m": float(np.median(off)),
-        "max_error_m": float(np.max(off)),
-        **more,
     }
-
-
-def ours(members: int, tolerance: float, engine: Any) -> Callable[[], np.ndarray]:
-    """P3 by `ss.simulate_ensemble`."""
-    names: tuple[str, ...] = ("sigma_0", "coulomb_force", "end_effector_mass")
-    columns: dict[str, np.ndarray] = dict(zip(names, problems.parameter_sets(members).T, strict=True))
-
-    def run() -> np.ndarray:
-        found = ss.simulate_ensemble(
-            actuator("P1"), DRIVE, DURATION, parameters=columns, tolerance=tolerance, engine=engine
-        )
-        return found["net_displacement"].values
-
-    return run
 
 
 def rows() -> Iterator[dict[str, Any]]:
     """P3 by each tool."""
     for tolerance in TOLERANCES:
         for members in MEMBERS:
-            yield row("stickslip, GPU", f"{tolerance:g} m", ours(members, tolerance, "cuda"))
-        yield row("stickslip, processors", f"{tolerance:g} m", ours(ON_PROCESSORS, tolerance, "cpu"))
+            yield row("stickslip, GPU", f"{tolerance:g} m", p3(members, tolerance, "cuda"))
+        yield row("stickslip, processors", f"{tolerance:g} m", p3(ON_PROCESSORS, tolerance, "cpu"))
 
 
 def of_jax() -> Iterator[dict[str, Any]]:
@@ -133,7 +116,7 @@ def of_jax() -> Iterator[dict[str, Any]]:
 
 def agreement() -> Iterator[dict[str, Any]]:
     """The random actuators on the GPU, against those of the processors."""
-    expected = np.load(EXPECTED)["found"][:ACTUATORS]
+    expected = np.load(EXPECTED)["found"]
     for m, cpu in zip(random_actuators.members(ACTUATORS, SEED), expected, strict=True):
         start = time.perf_counter()
         gpu = ensemble(m, "cuda")

@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 import stickslip as ss
-from stickslip.analysis.walk import changed
+from stickslip.analysis.walk import changed, with_changes
 from stickslip.cli import app
 from stickslip.electronics import Encoder
 from stickslip.export import export_c
@@ -268,6 +268,15 @@ def test_files_fit_and_verify_angles(tmp_path) -> None:
     assert not units & {"m", "N", "m/s", "m/V", "N/m", "kg", "N s/m"}
     assert all(abs(one["begin"]["value"] - 0.05) < 1e-3 for one in found["recordings"].values())
     assert all(1e-6 < one["noise"]["value"] < 3e-6 for one in found["recordings"].values())
+
+
+def test_changes_are_in_the_units_of_what_it_then_is() -> None:
+    """Of a set, and of results that a verification changes."""
+    assert with_changes(TURNS, {}, {"coulomb_force": "6 mN m"}).friction.coulomb_force == 6e-3
+    made = with_changes(SLIDES, {"rotary": True, "gain": "9 urad/V"}, {"sigma_1": "3 mN m s/rad"})
+    assert (made.rotary, made.gain, made.friction.sigma_1) == (True, 9e-6, 3e-3)
+    with pytest.raises(QuantityError, match=r"coulomb_force = '6 mN'.*no N m"):
+        with_changes(TURNS, {}, {"coulomb_force": "6 mN"})
 
 
 def test_what_speaks_of_metres_refuses_it(tmp_path) -> None:

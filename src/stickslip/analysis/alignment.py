@@ -93,11 +93,10 @@ def aligned(
         end = begin + (1.0 + AFTER) * drive.duration if math.isfinite(drive.duration) else math.inf
         keep = time <= end
         whole, time, position = whole.isel(time=keep), time[keep], position[keep]
-    before = position[time < begin - 2.0 * float(np.median(np.diff(time)))]
+    before = position[_before(time, begin)]
     bias = float(before.mean()) if before.size else float(position[0])
     noise = float(before.std(ddof=1)) if before.size > 2 else math.nan
-    data = ("time", position - bias, whole[POSITION].attrs)
-    recording = whole.assign({POSITION: data}).assign_attrs(title=name)
+    recording = with_position(whole, position - bias).assign_attrs(title=name)
     if drive is None:
         return Aligned(name, recording, begin, noise, None, None)
     # Of time that begins with the recording's: a waveform begins at zero.
@@ -112,6 +111,16 @@ def aligned(
     return Aligned(name, moved, begin, noise, wanted, given, forward)
 
 
+def with_position(recording: xr.Dataset, position: np.ndarray) -> xr.Dataset:
+    """The recording with other values of its position, in the same unit."""
+    return recording.assign({POSITION: ("time", position, recording[POSITION].attrs)})
+
+
+def _before(time: np.ndarray, begin: float) -> np.ndarray:
+    """Which samples surely come before the drive begins."""
+    return time < begin - 2.0 * float(np.median(np.diff(time)))
+
+
 def on_level(one: Aligned, model: Actuator) -> Aligned:
     """The recording from where the model rests at the voltage before the drive, instead of from zero."""
     if one.drive is None:
@@ -121,9 +130,7 @@ def on_level(one: Aligned, model: Actuator) -> Aligned:
         level = float(
             Contact().rest(of, checked_drive(model, one.drive, end, periodic=False).before)[of.slider]
         )
-    position = one.recording[POSITION]
-    data = ("time", position.values + level, position.attrs)
-    return one._replace(recording=one.recording.assign({POSITION: data}))
+    return one._replace(recording=with_position(one.recording, one.recording[POSITION].values + level))
 
 
 def said_to_drift(walks: Iterable[Aligned]) -> list[str]:
@@ -131,7 +138,7 @@ def said_to_drift(walks: Iterable[Aligned]) -> list[str]:
     said = []
     for one in walks:
         time, position = one.recording["time"].values, one.recording[POSITION].values
-        before = time < one.begin - 2.0 * float(np.median(np.diff(time)))
+        before = _before(time, one.begin)
         if np.count_nonzero(before) < FEWEST:
             continue
         (slope, _), covariance = np.polyfit(time[before], position[before], 1, cov=True)

@@ -82,15 +82,14 @@ class ComparisonAnalysis(WalkFile):
 def candidates_of(model: Actuator) -> list[Candidate]:
     """All models of a walk, begun at the sizes of an actuator's friction."""
     law = model.friction
-    sizes = ("coulomb_force", 1.0), ("sigma_0", 1e6), ("sigma_1", 0.0)
-    force, stiffness, damping = (float(getattr(law, name, usual)) for name, usual in sizes)
-    if not model.rotary:
-        return walk_candidates(force, stiffness, damping or 30.0)
+    force = float(getattr(law, "coulomb_force", 1.0))
     # Usual sizes in metres say nothing of angles; a stage that jumps by 3 V has about them (kang2007).
     jump = 3.0 * abs(model.gain)
-    stiffness = float(getattr(law, "sigma_0", force / jump))
-    damping = damping or 0.2 * math.sqrt(stiffness * model.end_effector_mass)
-    return walk_candidates(force, stiffness, damping, stribeck_velocity=jump * model.natural_frequency)
+    stiffness = float(getattr(law, "sigma_0", force / jump if model.rotary else 1e6))
+    usual = 0.2 * math.sqrt(stiffness * model.end_effector_mass) if model.rotary else 30.0
+    speed = jump * model.natural_frequency if model.rotary else 1e-3
+    damping = float(getattr(law, "sigma_1", 0.0)) or usual
+    return walk_candidates(force, stiffness, damping, stribeck_velocity=speed)
 
 
 def named(

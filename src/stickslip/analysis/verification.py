@@ -31,7 +31,7 @@ from ..verification import Requirement, Verification, verify
 from ..waveform.signal import Waveform
 from .alignment import POSITION, aligned, on_level
 from .file import Analysis, AnalysisError, read_parts
-from .walk import WalkRecording, changed
+from .walk import WalkRecording, changed, with_changes
 
 MOST_PICTURES = 8
 DRIVE = "drive_voltage"
@@ -117,8 +117,7 @@ class VerificationAnalysis(Analysis):
         chain = Chain()
         if self.fit is not None:
             base, chain = _results(folder / self.fit)
-            changes: dict[str, Any] = {**self.change, "friction": base.friction._replace(**self.friction)}
-            model = base.replace(**changes)
+            model = with_changes(base, self.change, self.friction)
         else:
             model = changed(folder, str(self.model), self.change, self.friction, turns=True)
         chain = chain._replace(delay=self.delay or chain.delay)

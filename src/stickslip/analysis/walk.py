@@ -67,6 +67,16 @@ def changed(
     """The actuator of a parameter set, by name or file, with fields changed; `turns`: whether it may."""
     own = folder / model
     base = load_actuator(own if own.suffix == ".toml" and own.is_file() else model)
+    made = with_changes(base, change, friction)
+    if not turns:
+        refuse_rotary(made, "reports of this kind are")
+    return made
+
+
+def with_changes(
+    base: Actuator, change: Mapping[str, float | str | bool], friction: Mapping[str, float | str]
+) -> Actuator:
+    """The actuator with fields of it and of its friction law changed, in the units of what it then is."""
     if "law" in friction:
         raise QuantityError(
             f"friction.law: only fields of {type(base.friction).__name__} change here; another law has a "
@@ -75,10 +85,7 @@ def changed(
     known = quantities_of(base.friction, base._replace(rotary=bool(change.get("rotary", base.rotary))))
     law = {name: to_si(x, known[name].unit, name) if name in known else x for name, x in friction.items()}
     changes: dict[str, Any] = {**change, "friction": base.friction._replace(**law)}
-    made = base.replace(**changes)
-    if not turns:
-        refuse_rotary(made, "reports of this kind are")
-    return made
+    return base.replace(**changes)
 
 
 class WalkFile(Analysis):

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from ..analysis.alignment import POSITION, Aligned, aligned
+from ..analysis.alignment import POSITION, Aligned, aligned, with_position
 from ..experiment import Recorded
 from ..experiment.cells import drive_of
 from ..experiment.file import ExperimentFile
@@ -122,6 +122,5 @@ def scale_of(steps: Sequence[Aligned], reference: str, settling: float) -> Scale
 
 def scaled(one: Aligned, scale: float) -> Aligned:
     """The recording with its position divided by the scale."""
-    position = one.recording[POSITION]
-    data = ("time", position.values / scale, position.attrs)
-    return one._replace(recording=one.recording.assign({POSITION: data}), noise=one.noise / scale)
+    position = one.recording[POSITION].values / scale
+    return one._replace(recording=with_position(one.recording, position), noise=one.noise / scale)
