@@ -200,7 +200,8 @@ class Actuator(NamedTuple):
     @property
     def static(self) -> bool:
         """Whether the stage has no dynamics and simply follows the voltage, y = C u."""
-        return bool(np.all(np.isinf(self.natural_frequency)))  # of an ensemble, there are many
+        omega = self.natural_frequency
+        return math.isinf(omega) if isinstance(omega, float) else bool(np.all(np.isinf(omega)))
 
     @property
     def two_port(self) -> MaxwellCapacitor | None:

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import stats
+
+from ..estimate.quantiles import reach
 
 Array = NDArray[np.float64]
 
@@ -77,7 +78,7 @@ class Calibration:
         powers = np.power.outer(x / scale, np.arange(self.order + 1))
         scaled = np.asarray(self.covariance) * np.outer(units, units)
         variance = np.einsum("...i,ij,...j->...", powers, scaled, powers)
-        t = stats.t.ppf(0.5 + 0.5 * level, self.degrees_of_freedom)
+        t = reach(level, self.degrees_of_freedom)
         return t * np.sqrt(np.maximum(variance, 0.0) + self.residual_deviation**2)
 
     def inverse(self, y: ArrayLike) -> Array:

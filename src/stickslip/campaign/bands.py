@@ -11,10 +11,10 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from ..actuator import Actuator
 from ..analysis.alignment import Aligned
+from ..estimate.quantiles import reach
 from ..estimate.result import Fit
 from ..identify.piezo.left_out import spread
 from ..identify.step.fit import STAGE_PARAMETERS
@@ -75,4 +75,4 @@ def step_bands(stage: Fit, steps: Sequence[Aligned]) -> list[tuple[NDArray[np.in
 
 
 def _t(fit: Fit) -> float:
-    return float(stats.t.ppf(0.5 + LEVEL / 2, fit.degrees_of_freedom))
+    return reach(LEVEL, fit.degrees_of_freedom)

@@ -85,7 +85,8 @@ def uncertainty(
     """
     lower, upper = bounds
     slope = jacobian.T @ (residuals * noise.loss((residuals / noise.scale) ** 2)[1])
-    deviation = np.sqrt(np.diag(covariance(jacobian, residuals, noise)))
+    unbounded = covariance(jacobian, residuals, noise)
+    deviation = np.sqrt(np.diag(unbounded))
     # The optimiser stops just short of a bound: "at" it is within a hundredth of the standard error.
     span = upper - lower
     least = 1e-6 * np.where(np.isfinite(span), span, np.maximum(1, abs(coordinates)))
@@ -94,7 +95,9 @@ def uncertainty(
     bounded -= (coordinates - lower < near) & (slope > 0)
     free = np.flatnonzero(bounded == 0)
     spread = np.full((coordinates.size, coordinates.size), np.nan)
-    if free.size:
+    if free.size == coordinates.size:
+        spread = unbounded
+    elif free.size:
         spread[np.ix_(free, free)] = covariance(jacobian[:, free], residuals, noise)
     released = np.zeros(coordinates.size)
     for i in np.flatnonzero(bounded):

@@ -122,7 +122,9 @@ def _described(searches: Searches) -> Fit:
     others = [
         _minimum(end, (end.cost - best.cost) / variance, searches, assumed)
         for end in searches.ends
-        if end.converged and still_fits((end.cost - best.cost) / variance, len(problem.parameters))
+        if end is not best
+        and end.converged
+        and still_fits((end.cost - best.cost) / variance, len(problem.parameters))
     ]
     return fit.with_minima(others)
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from scipy import stats
-
 from .covariance import Uncertainty
+from .quantiles import chi_squared
 
 # A minimum is another one where a coordinate is further away than so many of its standard errors.
 APART = 1.0
@@ -32,7 +31,7 @@ class Minimum(NamedTuple):
 
 def bound(n_parameters: int, level: float = LEVEL) -> float:
     """The excess above which a minimum is rejected, where so many parameters are fitted."""
-    return float(stats.chi2.ppf(level, n_parameters))
+    return chi_squared(level, n_parameters)
 
 
 def still_fits(excess: float, n_parameters: int) -> bool:

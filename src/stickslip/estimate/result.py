@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from scipy import stats
 
 from ..records import same
 from ..units import QuantityError
@@ -24,6 +23,7 @@ from .identifiability import undetermined
 from .lack import KnownNoise, Lack, lack_of_fit
 from .minima import APART, Minimum, bound
 from .parameter import Parameter, Values
+from .quantiles import reach
 from .shown import as_dict, as_text, preformatted
 from .tied import Ties
 
@@ -149,14 +149,13 @@ class Fit:
         """
         if not 0 < level < 1:
             raise QuantityError(f"level = {level!r} is out of range: a probability must be > 0 and < 1")
-        p = 0.5 + level / 2
-        t = float(stats.norm.ppf(p) if self.noise_known else stats.t.ppf(p, self.degrees_of_freedom))
+        t = reach(level, None if self.noise_known else self.degrees_of_freedom)
         most = bound(len(self.parameters), level)
         found = [self._near(self.values, self.uncertainty, t)]
         for m in self.minima:
             if m.excess <= most:
-                reach = t if m.whole else math.sqrt(max(t**2 - m.excess, 0.0))
-                found.append(self._near(m.values, m.uncertainty, reach))
+                far = t if m.whole else math.sqrt(max(t**2 - m.excess, 0.0))
+                found.append(self._near(m.values, m.uncertainty, far))
         ends = {name: [one[name] for one in found if name in one] for name in found[0]}
         return {
             name: (min(low for low, _ in all_), max(high for _, high in all_)) for name, all_ in ends.items()

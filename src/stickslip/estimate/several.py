@@ -65,7 +65,10 @@ def lowest(fits: Sequence[Fit]) -> Fit:
     """
     best = min(fits, key=lambda fit: fit.cost)
     variance = 1.0 if best.noise_known else best.cost / best.degrees_of_freedom
-    raised = float(np.median([inflation(best, i) for i in range(len(best.parameters))]))
+    # Of one fit, its own other minima have no excess over it.
+    raised = (
+        float(np.median([inflation(best, i) for i in range(len(best.parameters))])) if len(fits) > 1 else 1.0
+    )
     others, agreeing, searches = [], 0, 0
     for fit in fits:
         excess = (fit.cost - best.cost) / variance if variance > 0.0 else 0.0

@@ -175,14 +175,16 @@ def values_of(plant: Plant, count: int = 1) -> NDArray[np.float64]:
     number is an array of `count`, each row has its own."""
     found: list[Any] = []
 
-    def walk(value: Any) -> None:
-        if isinstance(value, tuple):
-            for inner in value:
-                walk(inner)
-        elif value is not None:
-            found.append(value)
+    def walk(values: tuple[Any, ...]) -> None:
+        for value in values:
+            if isinstance(value, tuple):
+                walk(value)
+            elif value is not None:
+                found.append(value)
 
     walk(plant)
+    if count == 1 and all(isinstance(value, float) for value in found):
+        return np.array([found])
     made = np.empty((count, len(found)))
     for k, value in enumerate(found):
         made[:, k] = value

@@ -170,7 +170,7 @@ def moved(
     return Moved(
         model,
         of,
-        np.array(values).reshape(n, values_of(of.plant).shape[1]),
+        np.array(values) if n else np.empty((0, values_of(of.plant).shape[1])),
         np.array(states).reshape(n, state.size),
         np.array(steps),
         None if itself is None else stacked([with_breaks(table, breaks) for table in tables]),

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from scipy import stats
 
 from ...actuator import Actuator
+from ...estimate import quantiles
 from ...estimate.coloured import inflation
 from ...estimate.problem import FitError
 from ...estimate.result import Fit
@@ -59,7 +59,7 @@ def profile_interval(
         )
     place = names.index(name)
     p, estimate = fit.parameters[place], fit.values[name]
-    t = float(stats.t.ppf(0.5 + level / 2, fit.degrees_of_freedom))
+    t = quantiles.reach(level, fit.degrees_of_freedom)
     sse = sum(g.sse for g in fit.recordings)
     unit = sse / fit.degrees_of_freedom * inflation(fit, place)
     deviation = (
@@ -210,4 +210,4 @@ def prediction_band(
     variance = np.einsum("ij,jk,ik->i", slopes[:, free], covariance, slopes[:, free])
     if observation:
         variance = variance + fit.rmse**2
-    return float(stats.t.ppf(0.5 + level / 2, fit.degrees_of_freedom)) * np.sqrt(variance)
+    return quantiles.reach(level, fit.degrees_of_freedom) * np.sqrt(variance)
