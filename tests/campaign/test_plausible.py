@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from stickslip.actuator import load_actuator
-from stickslip.analysis.alignment import Aligned, aligned, on_level, said_to_drift
+from stickslip.analysis.alignment import Aligned, aligned, on_level, said_to_drift, without_drift
 from stickslip.campaign.plausible import check_walk
 from stickslip.identify.walk.prediction import Predictor
 from stickslip.recording import RecordingError, RecordingWarning, make_recording
@@ -135,17 +135,28 @@ def test_a_waveform_of_other_periods_than_were_driven(seed: int) -> None:
         assert aligned(recorded, DRIVE._replace(periods=4), "walk").begin == pytest.approx(0.15, abs=1e-3)
 
 
-def test_walks_that_drift_are_said_to() -> None:
+def test_a_drift_at_rest_is_taken_off_and_said() -> None:
     time, noise = np.arange(0.0, 0.8, 0.5e-3), 2e-8
     u = value_at(Parts(Rest(0.15), DRIVE), time)
     walks = []
-    for seed, drift in enumerate([0.0] * 40 + [-1e-6, 5e-8]):
+    for seed, drift in enumerate([0.0] * 40 + [-1e-6, 5e-8]):  # 5e-8 m/s are 33 nm, hardly more than noise
         x = 0.7e-7 * u + drift * time + noise * np.random.default_rng(seed).standard_normal(time.size)
         recorded = make_recording(time, {"end_effector_position": x, "drive_voltage": u})
-        walks.append(aligned(recorded, DRIVE, f"walk {seed}"))
-    (said,) = said_to_drift(walks)  # 5e-8 m/s are 33 nm, hardly more than the noise
+        walks.append(without_drift(aligned(recorded, DRIVE, f"walk {seed}")))
+    assert [one.name for one in walks if one.drift is not None] == ["walk 40"]
+    one = walks[40]
+    assert one.drift is not None
+    assert abs(one.drift.slope + 1e-6) < 3.0 * one.drift.error < 3e-7
+    assert one.noise == pytest.approx(noise, rel=0.1)
+    count = one.recording.sizes["time"]
+    left = one.recording["end_effector_position"].values - 0.7e-7 * u[:count]
+    allowed = one.drift.error * (time[:count] - one.drift.about)
+    assert np.all(np.abs(left) < 5.0 * noise + 3.0 * np.abs(allowed))
+    (said,) = said_to_drift(walks)
     assert re.match(
-        r"walk 40 drifts by -[\d.]+ [nµ]m/s before its drive begins; .* by [45]\d\d nm until its end", said
+        r"walk 40 drifts by -[\d.]+ [nµ]m/s \(standard error [\d.]+ nm/s\) before its drive begins: it is taken "
+        r"off as if it went on so, by -[56]\d\d nm at the end",
+        said,
     )
 
 

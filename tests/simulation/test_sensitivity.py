@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from stickslip import simulation
-from stickslip.actuator import Actuator
+from stickslip.actuator import Actuator, load_actuator
 from stickslip.friction import Coulomb, Dahl, Elastoplastic, LuGre, MaxwellSlip, ResetIntegrator
 from stickslip.identify.walk.displacement import has_slopes
 from stickslip.piezo import Creep, Piezo
@@ -177,6 +177,24 @@ def test_the_error_of_a_derivative_is_said() -> None:
 
 
 @pytest.mark.compiled
+def test_a_derivative_that_cannot_be_followed_is_said() -> None:
+    """A contact as stiff as 4e11 N/m, where a search of a drifting walk once went."""
+    law = LuGre(425807260462.28375, 0.03323179480471928, 0.0, 0.5505447091105381, 0.5505447091105381, 1e-3)
+    model = load_actuator("kang2007").replace(
+        gain=9.99e-8,
+        natural_frequency=6000.39,
+        damping_ratio=0.09961,
+        stage_mass=0.05,
+        end_effector_mass=0.1,
+        friction=law,
+    )
+    drive = Sawtooth(50.0, 20.0, periods=6)
+    with pytest.warns(SimulationWarning, match="derivative by sigma_0 cannot be followed to the end"):
+        found = sensitivities(model, drive, 0.3, parameters=["sigma_0"], tolerance=1e-10, sample_rate=20e3)
+    assert not np.all(np.isfinite(found["derivative"]))
+    assert np.all(np.isfinite(found["end_effector_position"]))
+
+
 def test_creep_is_cut_into_the_same_segments() -> None:
     """By the length of the run, which was another for the neighbours."""
     model = MODEL.replace(piezo=Piezo(None, Creep((0.02,), (0.03,))))

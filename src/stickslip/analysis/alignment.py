@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 from ..actuator import Actuator
+from ..estimate.drift import slope_at_rest
 from ..identify.recorded.channels import channel, refuse_clipped
 from ..identify.recorded.drives import Slewed, begin_of, refuse_sampling
 from ..recording import RecordingError
@@ -24,10 +25,19 @@ POSITION = "end_effector_position"
 AFTER = 0.05
 # Of its range: a drive_voltage further from its first sample has begun.
 BEGUN = 0.02
-# Samples before the drive that show a drift, at least; and deviations by which it surely is no noise.
-FEWEST, SURELY = 30, 5.0
+# Samples before the drive that show a drift, at least; standard errors by which it surely is one, and
+# deviations of the noise that it goes on to.
+FEWEST, SURELY = 100, 5.0
 # Of the waveform's range, that of the channel at least; and the other way round.
 ALIKE = 0.5
+
+
+class Drift(NamedTuple):
+    """A slope of the position [m/s], its standard error, and the time [s] about which it was taken off."""
+
+    slope: float
+    error: float
+    about: float
 
 
 class Aligned(NamedTuple):
@@ -36,7 +46,8 @@ class Aligned(NamedTuple):
     `recording` holds the position less its mean before `begin` [s]; `noise` [m] is its scatter there, NaN
     where nothing is before. `wanted` is the drive as asked for, `drive` as it is at the piezo, both in the
     time of the recording; None where the channel drive_voltage is all that is known. The first part of the
-    drive ends at `forward` [s], None where it is the whole.
+    drive ends at `forward` [s], None where it is the whole. `drift` has been taken off the position, None:
+    none.
     """
 
     name: str
@@ -47,6 +58,7 @@ class Aligned(NamedTuple):
     drive: Waveform | None
     forward: float | None = None
     use: str = ""
+    drift: Drift | None = None
 
 
 def aligned(
@@ -133,22 +145,35 @@ def on_level(one: Aligned, model: Actuator) -> Aligned:
     return one._replace(recording=with_position(one.recording, one.recording[POSITION].values + level))
 
 
+def without_drift(one: Aligned) -> Aligned:
+    """The recording less the slope of its position before the drive begins, where that surely is one and goes
+    on to many times the noise: no model of an actuator explains it, and a fit takes it for friction."""
+    time, position = one.recording["time"].values, one.recording[POSITION].values
+    before = np.flatnonzero(_before(time, one.begin))
+    if before.size < FEWEST:
+        return one
+    interval = float(time[-1] - time[0]) / (time.size - 1)
+    slope, error = (per_sample / interval for per_sample in slope_at_rest(position[before]))
+    about = float(time[before].mean())
+    left = position - slope * (time - about)
+    noise = float(left[before].std(ddof=2))
+    if not (abs(slope) > SURELY * error and abs(slope) * float(time[-1] - one.begin) > SURELY * noise):
+        return one
+    recording = with_position(one.recording, left - left[before].mean())
+    return one._replace(recording=recording, noise=noise, drift=Drift(slope, error, about))
+
+
 def said_to_drift(walks: Iterable[Aligned]) -> list[str]:
-    """A sentence on each walk that drifts before its drive begins, so far that its noise is little beside."""
+    """A sentence on each walk that a drift has been taken off."""
     said = []
     for one in walks:
-        time, position = one.recording["time"].values, one.recording[POSITION].values
-        before = _before(time, one.begin)
-        if np.count_nonzero(before) < FEWEST:
-            continue
-        (slope, _), covariance = np.polyfit(time[before], position[before], 1, cov=True)
-        over = abs(slope) * float(time[-1] - one.begin)
-        if abs(slope) > SURELY * math.sqrt(covariance[0, 0]) and over > SURELY * one.noise:
+        if one.drift is not None:
             unit = str(one.recording[POSITION].attrs["units"])
-            rate, way = with_prefix(float(slope), f"{unit}/s", 3), with_prefix(over, unit, 3)
+            rate, error = (with_prefix(x, f"{unit}/s", 3) for x in one.drift[:2])
+            far = one.drift.slope * float(one.recording["time"].values[-1] - one.drift.about)
             said.append(
-                f"{one.name} drifts by {rate} before its drive begins; if it goes on so, by {way} until its "
-                "end, which no model of an actuator explains"
+                f"{one.name} drifts by {rate} (standard error {error}) before its drive begins: it is taken "
+                f"off as if it went on so, by {with_prefix(far, unit, 3)} at the end"
             )
     return said
 

@@ -56,6 +56,8 @@ def walk_bands(
         if taken is not None and taken.others is not None:
             by = moved_by(fit, stages, [one.recording], [one.drive], slew_rate)
             variance += np.sum(spread(list((by + g @ taken.others).T)) ** 2, axis=1)
+        if taken is not None and taken.drift is not None:
+            variance += np.sum((g @ taken.drift) ** 2, axis=1)
         bands.append(_t(fit) * np.sqrt(variance))
     return bands
 

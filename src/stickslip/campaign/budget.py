@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from ..actuator import Actuator
 from ..analysis.alignment import POSITION, Aligned
@@ -43,11 +44,13 @@ class Budget(NamedTuple):
 class Inherited(NamedTuple):
     """What a fit took as known: how its coordinates move with each of the stage's values and with the log of
     the sensor's scale, and the covariance of the stage's values [`STAGE_PARAMETERS`], None where they are
-    exact; and how they move with each of the `others` [coordinates, stages], None without hysteresis."""
+    exact; how they move with each of the `others` [coordinates, stages], None without hysteresis; and with a
+    standard error of the drift that was taken off each walk [coordinates, walks], None without any."""
 
     moved: dict[str, Array]
     stage: Array | None
     others: Array | None = None
+    drift: Array | None = None
 
     def by_stage(self) -> Array:
         """How the coordinates move with the stage's values, [coordinates, `STAGE_PARAMETERS`]."""
@@ -68,6 +71,8 @@ def budget(fit: Fit, taken: Inherited | None, scale: Scale | None) -> Budget:
         if taken.others is not None:
             root = spread(list(taken.others.T))
             by_source["hysteresis and creep"] = root @ root.T
+        if taken.drift is not None:
+            by_source["drift of the sensor"] = taken.drift @ taken.drift.T
         if scale is not None and scale.standard_error > 0:
             # A position read too large by a share makes the gain too large by the same.
             relative = scale.standard_error / scale.value
@@ -128,20 +133,28 @@ def inherited(
         held[:, freed(fit)] = fit.rmse * np.linalg.cholesky(np.linalg.inv(known)).T
     jacobian = np.concatenate([jacobian, held])
     size = np.linalg.norm(jacobian, axis=0)
+
+    def answer(columns: Array) -> Array:
+        """By how much the coordinates move with each of the columns [samples, k]."""
+        columns = np.concatenate([columns, np.zeros((len(held), columns.shape[1]))])
+        return -np.linalg.lstsq(jacobian / size, columns, rcond=None)[0] / size[:, None]
+
     taken = np.column_stack([by_values(stacked, fit, STAGE_PARAMETERS), stacked["scale"]])
-    moved = {
-        name: -np.linalg.lstsq(jacobian / size, np.append(column, np.zeros(len(held))), rcond=None)[0] / size
-        for name, column in zip((*STAGE_PARAMETERS, "scale"), taken.T, strict=True)
-    }
-    others = None
+    moved = {name: column for name, column in zip((*STAGE_PARAMETERS, "scale"), answer(taken).T, strict=True)}
+    others = drift = None
     if stages:
-        by = moved_by(
-            fit, stages, [one.recording for one in fitted], [one.drive for one in fitted], slew_rate
-        )
-        by = np.concatenate([by, np.zeros((len(held), by.shape[1]))])
-        others = -np.linalg.lstsq(jacobian / size, by, rcond=None)[0] / size[:, None]
+        recordings, drives = [one.recording for one in fitted], [one.drive for one in fitted]
+        others = answer(moved_by(fit, stages, recordings, drives, slew_rate))
+    if any(one.drift is not None for one in fitted):
+        drift = answer(np.asarray(block_diag(*(_off_by_drift(one) for one in fitted))))
     if stage is None or freed(fit):
-        return Inherited(moved, None, others)
+        return Inherited(moved, None, others, drift)
     names = [p.name for p in stage.parameters]
     at = [names.index(name) for name in STAGE_PARAMETERS]
-    return Inherited(moved, stage.covariance[np.ix_(at, at)], others)
+    return Inherited(moved, stage.covariance[np.ix_(at, at)], others, drift)
+
+
+def _off_by_drift(one: Aligned) -> Array:
+    """What a standard error of the drift that was taken off a walk is at its samples [n, 1], m."""
+    since = one.recording["time"].values[:, None]
+    return np.zeros_like(since) if one.drift is None else (since - one.drift.about) * one.drift.error

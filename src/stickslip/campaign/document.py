@@ -91,10 +91,9 @@ def campaign_document(
     steps = f" and the net step within {100 * known.max():.2g} %" if known.size else ""
     unseen = sum(one.use == "verify" for one in found.walks)
     lacking = [*dict.fromkeys(said((*friction.lack, *found.everything.lacks)))]
-    if lacking:
-        lacking += said_to_drift(found.walks)
     if lacking and found.additional.choice is not None:
         lacking.append(f"of the models compared, {found.additional.choice.best} predicts unseen walks best")
+    lacking += said_to_drift(found.walks)
     document = Document(
         title=file.title,
         summary=(
@@ -150,6 +149,7 @@ def _set_up(file: CampaignFile, found: Found, recorded: Sequence[Recorded]) -> S
         "Each begins where its drive_voltage matches the drive that was wanted; what lies more than "
         "5 % of the drive's duration behind its end is left out. The mean before the begin is taken off."
     )
+    said += [f"{text[0].upper()}{text[1:]}." for text in said_to_drift(found.walks)]
     return Section(
         "Set-up and recordings",
         paragraphs=said,

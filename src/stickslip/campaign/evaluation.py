@@ -9,7 +9,7 @@ from typing import NamedTuple
 import xarray as xr
 
 from ..actuator import Actuator
-from ..analysis.alignment import Aligned, on_level
+from ..analysis.alignment import Aligned, on_level, without_drift
 from ..chain import Chain
 from ..electronics import Filter
 from ..estimate.influence import PriorInfluence, prior_influence
@@ -100,7 +100,7 @@ def evaluate(
         recordings = [scaled(one, scale.value) for one in recordings]
     hysteresis, stage, formulas, model = _stage(file, recordings, model, progress)
     progress("identifying the friction", 0.2)
-    walks = [on_level(one, model) for one in recordings if one.use in ("fit", "verify")]
+    walks = [on_level(without_drift(one), model) for one in recordings if one.use in ("fit", "verify")]
     for one in walks:
         check_walk(one, model)
     fitted = [one for one in walks if one.use == "fit"]
@@ -126,7 +126,8 @@ def evaluate(
     if len(walks) > len(fitted):
         everything = _explained(file, alone, walks, stage, stages)
     lacking = dict.fromkeys(said((*friction.lack, *everything.lacks)))
-    taken = inherited(friction, fitted, widened, rate, stages) if stage or scale or stages else None
+    also = stage or scale or stages or any(one.drift for one in fitted)
+    taken = inherited(friction, fitted, widened, rate, stages) if also else None
     return Found(
         recordings,
         scale,

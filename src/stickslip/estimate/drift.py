@@ -45,8 +45,11 @@ def walk_and_white(
 
 def sine_powers(r: Array) -> tuple[Array, Array]:
     """Angular frequencies, rad per sample, and the power of the differences in sines of them."""
-    power = np.asarray(dst(np.diff(r), type=1, norm="ortho")) ** 2
-    return np.pi * np.arange(1, r.size) / r.size, power
+    return np.pi * np.arange(1, r.size) / r.size, _sines(np.diff(r)) ** 2
+
+
+def _sines(x: Array) -> Array:
+    return np.asarray(dst(x, type=1, norm="ortho"))
 
 
 def drift(pieces: Sequence[Array], times: Array, walks: float = 0.0) -> tuple[Array, Array, float]:
@@ -74,3 +77,22 @@ def drift(pieces: Sequence[Array], times: Array, walks: float = 0.0) -> tuple[Ar
     likely = math.exp(float(chances @ np.log(walk))) * ahead
     likely += max(slope**2 - float(chances @ unsure), 0.0) * squares
     return chances, far, likely
+
+
+def slope_at_rest(samples: Array) -> tuple[float, float]:
+    """Slope of samples [n] at rest, per sample, and its standard error: that of white noise, and of a random
+    walk beside it as far as the samples show one."""
+    differences = np.diff(samples)
+    found, by_slope = (_sines(x)[:LINES] for x in (differences, np.ones(differences.size)))
+    of_white = 2.0 - 2.0 * np.cos(np.pi * np.arange(1, found.size + 1) / samples.size)
+    logs = np.linspace(2.0 * math.log(LEAST_WALK), 2.0 * math.log(MOST_WALK), TRIED)
+    variances = of_white + np.exp(logs)[:, None]
+    told = np.sum(by_slope**2 / variances, axis=1)
+    slopes = np.sum(by_slope * found / variances, axis=1) / told
+    left = np.sum((found - slopes[:, None] * by_slope) ** 2 / variances, axis=1)
+    # Restricted likelihood: what the slope takes tells nothing of the noise.
+    criterion = (found.size - 1) * np.log(left) + np.sum(np.log(variances), axis=1) + np.log(told)
+    chances = np.exp(-0.5 * (criterion - criterion.min()))
+    chances /= chances.sum()
+    slope = float(chances @ slopes)
+    return slope, math.sqrt(float(chances @ (left / (found.size - 1) / told + (slopes - slope) ** 2)))

@@ -43,14 +43,8 @@ def with_steps(
         return fit
     random = np.random.default_rng(0)
     before = residuals(values)
-    levels = [_levels(x) if step > 0.0 else (0, None) for x, step in zip(values, steps, strict=True)]
-    moved = []
-    for _ in range(DRAWS):
-        drawn = [
-            x if place is None else x + step * random.uniform(-0.5, 0.5, count)[place]
-            for x, step, (count, place) in zip(values, steps, levels, strict=True)
-        ]
-        moved.append(residuals(drawn) - before)
+    drawn = [_drawn(x, step, random) for x, step in zip(values, steps, strict=True)]
+    moved = [residuals(draw) - before for draw in zip(*drawn, strict=True)]
     wider = with_inherited(fit, np.column_stack(moved), np.eye(DRAWS) / DRAWS)
     with np.errstate(invalid="ignore"):
         share = 1.0 - np.diag(fit.uncertainty.covariance) / np.diag(wider.uncertainty.covariance)
@@ -62,7 +56,9 @@ def with_steps(
     )
 
 
-def _levels(values: Array) -> tuple[int, NDArray[np.intp] | None]:
-    """How many levels the values [n] stand at, and at which each does."""
+def _drawn(values: Array, step: float, random: np.random.Generator) -> Array:
+    """The values [n] with the levels that they stand at moved, [draws, n]."""
+    if not step > 0.0:
+        return np.broadcast_to(values, (DRAWS, values.size))
     levels, place = np.unique(values, return_inverse=True)
-    return levels.size, place
+    return values + random.uniform(-0.5 * step, 0.5 * step, (DRAWS, levels.size))[:, place]

@@ -327,12 +327,10 @@ def warn_unsettled(
     """Name what has not settled."""
     largest = np.abs(by).max(axis=0, initial=0.0)
     for name, error, most, enough in zip(names, errors, largest, least + 0.0 * errors, strict=True):
-        if error > SETTLED * most + enough:
-            warnings.warn(
-                f"the derivative by {name} may be off by {100.0 * error / most:.2g} % of its largest value",
-                SimulationWarning,
-                stacklevel=3,
-            )
+        if not error <= SETTLED * most + enough:
+            off = f"may be off by {100.0 * error / most:.2g} % of its largest value"
+            said = off if math.isfinite(error) else "cannot be followed to the end, and is NaN from there on"
+            warnings.warn(f"the derivative by {name} {said}", SimulationWarning, stacklevel=3)
 
 
 def internal(of: System) -> list[tuple[int, Any]]:

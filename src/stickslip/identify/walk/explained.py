@@ -104,6 +104,8 @@ def _allowed(
         moves = _by_values(fit, walks, drives, slew_rate, stage)
     if stages:
         moves = np.column_stack([moves, spread(list(moved_by(fit, stages, walks, drives, slew_rate).T))])
+    if not np.all(np.isfinite(moves)):  # a contact so stiff that derivatives cannot be followed
+        return float(r @ r)
     own = fit.jacobian[:, np.linalg.norm(fit.jacobian, axis=0) > 0.0]
     own = own / np.linalg.norm(own, axis=0)
     count = moves.shape[1]

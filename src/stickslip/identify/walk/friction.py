@@ -254,12 +254,13 @@ def _with_channel(
 
 def _completed(fit: Fit, walks: Walks, slew_rate: float | None, tolerance: float) -> Fit:
     """The fit with what the converter's steps leave open, its actuator, and what that predicts."""
-    residuals, measured = np.concatenate(fit.residuals), walks.measured
+    measured = walks.measured
+    simulated = np.concatenate(fit.residuals) + np.concatenate(measured)
     fit = with_steps(
         fit,
         measured,
         [known.step for known in walks.known],
-        lambda moved: residuals + np.concatenate(measured) - np.concatenate(moved),
+        lambda moved: simulated - np.concatenate(moved),
         OBSERVED,
         walks.unit,
     )

@@ -38,9 +38,10 @@ def from_points(
 
     def look(begin: Values) -> Fit:
         there = [p._replace(start=begin[p.name]) for p in parameters]
-        return walks.fit(there, max_evaluations=min(ENOUGH, max_evaluations))
+        return walks.searched(there, max_evaluations=min(ENOUGH, max_evaluations))
 
-    def ends(kept: Sequence[Fit]) -> list[Fit]:
+    def ends(looks: Sequence[Fit]) -> list[Fit]:
+        kept = [walks.completed(fit) for fit in looks]
         within = beside(parameters, kept[0].values, given)
         for fit in kept[1:]:
             within = _reaching(within, fit)
