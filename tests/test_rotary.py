@@ -10,11 +10,16 @@ import pytest
 from typer.testing import CliRunner
 
 import stickslip as ss
+from stickslip.analysis.design import design_analysis
+from stickslip.analysis.study import study_of_file
+from stickslip.analysis.verification import results_model
 from stickslip.analysis.walk import changed, with_changes
 from stickslip.cli import app
+from stickslip.design import optimise_waveform, plan_experiment, step_map, step_table
 from stickslip.electronics import Encoder
 from stickslip.export import export_c
 from stickslip.identify.results import model_numbers, model_of
+from stickslip.input_file import InputFileError
 from stickslip.panel.folder import Folder
 from stickslip.panel.sets import Sets
 from stickslip.parameters import ParameterSetError
@@ -258,6 +263,11 @@ def test_files_fit_and_verify_angles(tmp_path) -> None:
     assert force["low"] < TURNS.friction.coulomb_force < force["high"]
     assert (found["rmse"]["unit"], found["recordings"]["recording_2"]["rmse"]["unit"]) == ("rad", "rad")
 
+    results = tmp_path / "walk" / "results.json"  # as the model of studies and maps, but not of moves
+    assert results_model(results, turns=True).rotary
+    with pytest.raises(QuantityError, match=r"reports of this kind are in m, N and kg.*rotary"):
+        results_model(results)
+
     said, found = run(tmp_path, "campaign")
     known = found["friction"]["parameters_with_all_errors"]
     for name in ("sigma_0", "coulomb_force"):
@@ -279,6 +289,44 @@ def test_changes_are_in_the_units_of_what_it_then_is() -> None:
         with_changes(TURNS, {}, {"coulomb_force": "6 mN"})
 
 
+STUDY = """
+kind: study
+model: rotary.toml
+friction: {coulomb_force: 5 mN m, stiction_force: 5 mN m}
+drive: {shape: Sawtooth, fields: {amplitude: 65 V, frequency: 20 Hz}}
+measure: {kind: steady, tolerance: 1 nrad}
+grid: {coulomb_force: [4 mN m, 0.006]}
+"""
+MAP = """
+title: A map
+model: rotary.toml
+map: {voltage: [40 V, 65 V], frequency: 20 Hz, load: [0, -0.2 mN m], tolerance: 10 nrad}
+"""
+
+
+@pytest.mark.compiled
+def test_studies_and_maps_say_angles(tmp_path) -> None:
+    write_parameters(tmp_path / "rotary.toml", parameter_text(TURNS, "a rotary stage", "measured"))
+    (tmp_path / "study.yaml").write_text(STUDY, encoding="utf-8")
+    found = ss.run_study(study_of_file(tmp_path / "study.yaml"), tmp_path / "found.zarr")
+    assert found["coulomb_force"].attrs["units"] == "N m"
+    assert found["net_step"].attrs["units"] == "rad"
+    for force in (4e-3, 6e-3):
+        law = TURNS.friction._replace(coulomb_force=force, stiction_force=force)
+        alone = ss.steady_step(TURNS.replace(friction=law), ss.Sawtooth(65.0, 20.0), tolerance=1e-9)
+        assert float(found["net_step"].sel(coulomb_force=force)) == pytest.approx(alone, abs=2e-9)
+    (tmp_path / "wrong.yaml").write_text(STUDY.replace("1 nrad", "1 nm"), encoding="utf-8")
+    with pytest.raises(InputFileError, match=r"wrong.yaml: measure.tolerance = '1 nm'.*no rad"):
+        study_of_file(tmp_path / "wrong.yaml")
+
+    (tmp_path / "map.yaml").write_text(MAP, encoding="utf-8")
+    asked, folder = design_analysis(tmp_path / "map.yaml")
+    made = asked.run(folder, lambda *_: None)
+    assert dict(made.highlights)["fastest walk"].unit == "rad/s"
+    assert made.numbers["map"]["load"]["unit"] == "N m"
+    assert made.numbers["map"]["net_step"]["unit"] == "rad"
+
+
 def test_what_speaks_of_metres_refuses_it(tmp_path) -> None:
     name = "parameters/rotary.toml"
     write_parameters(tmp_path / name, parameter_text(TURNS, "a rotary stage", "measured"))
@@ -288,3 +336,10 @@ def test_what_speaks_of_metres_refuses_it(tmp_path) -> None:
         export_c(TURNS, tmp_path / "out")
     with pytest.raises(QuantityError, match=r"the panel is in m, N and kg.*rotary"):
         Sets(Folder(tmp_path)).actuator(name)
+    with pytest.raises(QuantityError, match=r"goals and limits of a drive are in m, N and kg.*rotary"):
+        optimise_waveform(TURNS, goal="speed")
+    with pytest.raises(QuantityError, match=r"plans of recordings are in m, N and kg.*rotary"):
+        plan_experiment(TURNS, free=["coulomb_force"])
+    steps = step_map(TURNS, voltage=[30.0, 50.0, 65.0], frequency=20.0)
+    with pytest.raises(QuantityError, match=r"a table of steps is in m.*turns"):
+        step_table(steps.squeeze())

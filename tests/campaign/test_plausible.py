@@ -154,8 +154,8 @@ def test_a_drift_at_rest_is_taken_off_and_said() -> None:
     assert np.all(np.abs(left) < 5.0 * noise + 3.0 * np.abs(allowed))
     (said,) = said_to_drift(walks)
     assert re.match(
-        r"walk 40 drifts by -[\d.]+ [nµ]m/s \(standard error [\d.]+ nm/s\) before its drive begins: it is taken "
-        r"off as if it went on so, by -[56]\d\d nm at the end",
+        r"walk 40 drifts by -[\d.]+ [nµ]m/s \(standard error [\d.]+ nm/s\) before its drive begins: "
+        r"it is taken off as if it went on so, by -[56]\d\d nm at the end",
         said,
     )
 

@@ -24,7 +24,6 @@ from typing import Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from ..actuator import Actuator
 from ..identify.results import model_numbers
 from ..input_file import explain, load_yaml
 from ..progress import Progress, within
@@ -36,8 +35,7 @@ from .design_given import Array, Given, Made, draws_of_file
 from .design_map import MapSpec
 from .design_plan import PlanSpec
 from .file import Analysis, AnalysisError
-from .verification import results_model
-from .walk import changed
+from .verification import model_of_file
 
 PARTS = ("map", "optimise", "front", "actuator", "plan")
 OF_FIT = "fit"
@@ -67,7 +65,7 @@ class DesignAnalysis(Analysis):
 
     def run(self, folder: Path, progress: Progress) -> Document:
         """All parts, one after the other. What is done when one is stopped, or cannot be done, is kept."""
-        model = self._model(folder)
+        model = model_of_file(self, folder, "design")
         draws, origin = self._draws(folder), origin_of(model, [])
         parts = {name: getattr(self, name) for name in PARTS if getattr(self, name) is not None}
         made: dict[str, Made] = {}
@@ -106,15 +104,6 @@ class DesignAnalysis(Analysis):
             interrupted=bool(stopped),
             files={name: text for one in made.values() for name, text in one.files.items()},
         )
-
-    def _model(self, folder: Path) -> Actuator:
-        if (self.fit is None) == (self.model is None):
-            raise AnalysisError("a design has either 'fit', a results.json, or 'model', a parameter set")
-        if self.fit is None:
-            return changed(folder, str(self.model), self.change, self.friction)
-        base = results_model(folder / self.fit)
-        changes: dict[str, Any] = {**self.change, "friction": base.friction._replace(**self.friction)}
-        return base.replace(**changes)
 
     def _draws(self, folder: Path) -> dict[str, Array] | None:
         if self.uncertainty is None:

@@ -13,9 +13,9 @@ from ..experiment.cells import drive_of
 from ..experiment.file import PartSpec
 from ..figures.design import MOST_PANELS, draw_map
 from ..figures.style import svg
-from ..input_file import Strict, quantity
+from ..input_file import Strict
 from ..report import Column, Number, Picture, Section, Table
-from ..units import to_si
+from ..units import to_si, unit_for
 from .axis import AxisSpec
 from .design_given import Given, Made
 
@@ -50,7 +50,7 @@ class MapSpec(Strict):
     direction: list[Literal[1, -1]] | Literal[1, -1] | None = None
     parameters: dict[str, list[float | str] | float | str] = Field(default_factory=dict)
     quantities: list[Literal["backlash", "ringing", "ripple"]] = Field(default_factory=list)
-    tolerance: Annotated[float, quantity("m")] = 1e-10
+    tolerance: float | str = 1e-10
     draws: Annotated[int, Field(ge=40, le=100_000)] = 200
 
     def made(self, given: Given) -> Made:
@@ -70,10 +70,11 @@ class MapSpec(Strict):
             tables=(_points_table(found, counts),),
             figures=map_pictures(found),
         )
+        units = [unit_for(given.model, unit) for unit in ("m", "m/s")]
         highlights = [
             (words, Number(float(one["value"]), unit))
             for (_, one), words, unit in zip(
-                best.items(), ("longest step", "fastest walk"), ("m", "m/s"), strict=True
+                best.items(), ("longest step", "fastest walk"), units, strict=True
             )
             if one
         ]
@@ -89,8 +90,8 @@ class MapSpec(Strict):
 
     def _computed(self, given: Given) -> xr.Dataset:
         axes: dict[str, Any] = {}
-        for name, unit in AXES.items():
-            asked = getattr(self, name)
+        for name, of_sliding in AXES.items():
+            asked, unit = getattr(self, name), unit_for(given.model, of_sliding)
             axes[name] = asked.values(unit, f"map.{name}") if isinstance(asked, MapAxisSpec) else asked
         waveform = None if self.drive is None else drive_of([self.drive], {}, given.folder)
         return step_map(

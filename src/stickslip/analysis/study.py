@@ -32,11 +32,10 @@ from ..input_file import Hertz, InputFileError, Seconds, Strict, explain, load_y
 from ..study import Draws, Grid, Own, Random, Range, SteadySteps, Study, Walk, drawn_parameters
 from ..study.own import own_function
 from ..study.points import Part
-from ..units import QuantityError
+from ..units import QuantityError, to_si, unit_for
 from ..waveform.signal import Waveform
 from .axis import AxisSpec
-from .verification import results_model
-from .walk import changed
+from .verification import model_of_file
 
 Count = Annotated[int, Field(ge=1)]
 
@@ -89,7 +88,7 @@ class SteadySpec(Strict):
     """As `SteadySteps`."""
 
     kind: Literal["steady"]
-    tolerance: Annotated[float, quantity("m")] = 1e-10
+    tolerance: float | str = 1e-10
     load: Annotated[float, quantity("")] = 1.0
 
 
@@ -99,7 +98,7 @@ class WalkSpec(Strict):
     kind: Literal["walk"]
     duration: Seconds | None = None
     sample_rate: Hertz | None = None
-    tolerance: Annotated[float, quantity("m")] = 1e-9
+    tolerance: float | str = 1e-9
     load: Annotated[float, quantity("")] = 1.0
     max_steps: Count = 2_000_000
 
@@ -158,12 +157,7 @@ class StudyFile(Strict):
                     "a function of your own has no 'model', 'fit', 'drive', 'change' or 'friction'"
                 )
             return None
-        if (self.fit is None) == (self.model is None):
-            raise InputFileError("a study has either 'model', a parameter set, or 'fit', a results.json")
-        if self.model is not None:
-            return changed(folder, self.model, self.change, self.friction)
-        base = results_model(folder / str(self.fit))
-        return base.replace(**self.change, friction=base.friction._replace(**self.friction))
+        return model_of_file(self, folder, "study")
 
     def _measure(self, folder: Path, model: Any) -> SteadySteps | Walk | Own:
         given = self.measure
@@ -172,9 +166,12 @@ class StudyFile(Strict):
         if self.drive is None:
             raise InputFileError("drive is missing")
         waveform: Waveform = drive_of([self.drive], {}, folder)
+        tolerance = to_si(given.tolerance, unit_for(model, "m"), "measure.tolerance")
         if isinstance(given, SteadySpec):
-            return SteadySteps(model, waveform, given.tolerance, given.load)
-        return Walk(model, waveform, **given.model_dump(exclude={"kind"}))
+            return SteadySteps(model, waveform, tolerance, given.load)
+        return Walk(
+            model, waveform, **given.model_copy(update={"tolerance": tolerance}).model_dump(exclude={"kind"})
+        )
 
     def _table_alone(self, folder: Path) -> dict[str, Any]:
         if self.draws is None or self.draws.file is None:

@@ -7,7 +7,7 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 import xarray as xr
 from pydantic import Field, ValidationError
@@ -26,7 +26,7 @@ from ..recording.drive import named_drive
 from ..records import did_you_mean
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.origin import origin_of
-from ..units import near_one, with_prefix
+from ..units import near_one, refuse_rotary, with_prefix
 from ..verification import Requirement, Verification, verify
 from ..waveform.signal import Waveform
 from .alignment import POSITION, aligned, on_level
@@ -124,9 +124,31 @@ class VerificationAnalysis(Analysis):
         return Predictor(model, chain), chain
 
 
-def results_model(path: Path) -> Actuator:
-    """The actuator of a results.json; raises AnalysisError."""
-    return _results(path)[0]
+def results_model(path: Path, *, turns: bool = False) -> Actuator:
+    """The actuator of a results.json; `turns`: whether it may. Raises AnalysisError, QuantityError."""
+    model = _results(path)[0]
+    if not turns:
+        refuse_rotary(model, "reports of this kind are")
+    return model
+
+
+class ModelOfFile(Protocol):
+    """A file whose model is that of `fit`, a results.json, or of the parameter set `model`; `change` and
+    `friction` change fields of it."""
+
+    fit: str | None
+    model: str | None
+    change: dict[str, float | str | bool]
+    friction: dict[str, float | str]
+
+
+def model_of_file(file: ModelOfFile, folder: Path, what: str) -> Actuator:
+    """The model of `what`, which may turn; raises AnalysisError, QuantityError."""
+    if (file.fit is None) == (file.model is None):
+        raise AnalysisError(f"a {what} has either 'model', a parameter set, or 'fit', a results.json")
+    if file.fit is None:
+        return changed(folder, str(file.model), file.change, file.friction, turns=True)
+    return with_changes(results_model(folder / file.fit, turns=True), file.change, file.friction)
 
 
 def _results(path: Path) -> tuple[Actuator, Chain]:

@@ -13,7 +13,7 @@ from ..recording import make_recording
 from ..rig.closed_loop import targets
 from ..rig.protocols import Controller
 from ..simulation.ticks import Motion
-from ..units import QuantityError, to_si
+from ..units import QuantityError, labelled_for, to_si, unit_for
 from ..waveform.signal import Waveform
 
 _TOLD = 2000  # ticks between two calls of progress
@@ -60,9 +60,9 @@ def simulate_control(
         SimulationError: the motion could not be followed.
     """
     if isinstance(target, str):
-        target = to_si(target, "m", "target")
+        target = to_si(target, unit_for(model, "m"), "target")
     hertz, seconds = to_si(rate, "Hz", "rate"), to_si(duration, "s", "duration")
-    sigma, ticks = to_si(noise, "m", "noise"), seconds * hertz
+    sigma, ticks = to_si(noise, unit_for(model, "m"), "noise"), seconds * hertz
     if not 1.0 < ticks < math.inf or not hertz > 0.0:
         raise QuantityError(
             f"duration = {seconds:g} s and rate = {hertz:g} Hz are out of range: both > 0, finite, "
@@ -108,5 +108,6 @@ def simulate_control(
         "drive_voltage": given,
     }
     made = make_recording(np.arange(count) / hertz, variables, title=f"control of {model.name}".rstrip())
+    labelled_for(model, made)
     made.attrs["model"] = repr(model)
     return made

@@ -26,7 +26,7 @@ from ..identify.walk.position_channel import CHANNEL, OBSERVED
 from ..identify.walk.walks import own_values
 from ..records import did_you_mean
 from ..simulation.varied import free_names, with_values
-from ..units import QuantityError
+from ..units import QuantityError, refuse_rotary
 from .information import Space
 
 SAMPLE_RATE = 2e3  # Hz, where nothing says another
@@ -93,6 +93,7 @@ def start(
         raise QuantityError(
             f"the fit is of {fit.observed}: an experiment is planned from a fit of {OBSERVED}"
         )
+    refuse_rotary(model, "plans of recordings are")
     if not has_slopes(model):
         law = type(model.friction).__name__
         raise QuantityError(

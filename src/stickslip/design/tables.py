@@ -50,6 +50,8 @@ def step_table(step_map: xr.Dataset) -> StepTable:
     if "net_step" not in step_map or step_map["net_step"].dims != ("voltage",):
         dims = step_map["net_step"].dims if "net_step" in step_map else tuple(step_map.sizes)
         raise QuantityError(f"a table is of a map over voltage [V] alone, and this one is over {dims}")
+    if step_map["net_step"].attrs.get("units", "m") != "m":
+        raise QuantityError("a table of steps is in m, and this map is of an actuator that turns")
     sorted_map = step_map.sortby("voltage")
     volts, steps = (sorted_map[name].values.astype(float) for name in ("voltage", "net_step"))
     there = np.flatnonzero(np.isfinite(steps))

@@ -9,7 +9,7 @@ from ..actuator import Actuator
 from ..estimate.posterior import Posterior
 from ..estimate.result import Fit
 from ..progress import Progress, unheard
-from ..units import QuantityError, optional_si, to_si
+from ..units import QuantityError, optional_si, refuse_rotary, to_si
 from .goals import goal_of
 from .limits import Generator, Limits, allowed, frequencies
 from .optimised import OptimisedWaveform
@@ -112,6 +112,7 @@ def check_model(model: Any) -> None:
         raise QuantityError(f"model = {model!r:.60} must be an actuator, or the fit of one")
     if model.clamped:
         raise QuantityError("a clamped end-effector does not step: give a model with clamped=False")
+    refuse_rotary(model, "goals and limits of a drive are")
 
 
 def check_moves(goal: Any, speed: float | None) -> None:

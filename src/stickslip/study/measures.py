@@ -16,7 +16,7 @@ from ..simulation.ensemble import simulate_ensemble
 from ..simulation.errors import SimulationWarning
 from ..simulation.members import checked_columns, labelled
 from ..simulation.steady_members import steady_steps
-from ..units import QuantityError, optional_si, to_si
+from ..units import QuantityError, optional_si, to_si, unit_for
 from ..waveform.signal import Waveform
 from .own import OwnFunction, own_function
 
@@ -30,7 +30,7 @@ class SteadySteps:
 
     Args:
         model, waveform: what the members vary, in all fields that `steady_steps` takes.
-        tolerance: m, on the net step.
+        tolerance: m (rad), on the net step.
         load: normal force over its reference, for all members.
     """
 
@@ -50,7 +50,7 @@ class SteadySteps:
                 self.model,
                 self.waveform,
                 parameters=columns,
-                tolerance=to_si(self.tolerance, "m", "tolerance"),
+                tolerance=to_si(self.tolerance, unit_for(self.model, "m"), "tolerance"),
                 load=self.load,
                 threads=1,
             )
@@ -65,7 +65,7 @@ class Walk:
         model, waveform: what the members vary, in all fields that `simulate_ensemble` takes.
         duration: s; left out, that of each member's waveform.
         sample_rate: Hz, of trajectories; left out, only summaries are computed.
-        tolerance: m.
+        tolerance: m (rad).
         load: normal force over its reference, for all members.
         max_steps: of each member.
     """
@@ -91,7 +91,7 @@ class Walk:
                 optional_si(self.duration, "s", "duration"),
                 parameters=columns,
                 sample_rate=optional_si(self.sample_rate, "Hz", "sample_rate"),
-                tolerance=to_si(self.tolerance, "m", "tolerance"),
+                tolerance=to_si(self.tolerance, unit_for(self.model, "m"), "tolerance"),
                 load=self.load,
                 max_steps=self.max_steps,
                 threads=1,
