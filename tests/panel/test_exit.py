@@ -21,7 +21,7 @@ from fastapi import FastAPI
 from stickslip._jit import _package_cache
 from stickslip.panel.connections import server_config
 
-from .conftest import Panel
+from .conftest import PATIENCE, Panel
 from .serving import heard, streaming
 from .test_first_start import kept
 
@@ -77,7 +77,7 @@ def test_ctrl_c_ends_it_while_a_request_is_compiling(tmp_path: Path) -> None:
         assert not select.select([asking.sock], [], [], 1.0)[0], asking.getresponse().read()
         assert panel.end() == 0
     assert kept(kernels) == before
-    end = time.monotonic() + 30.0
+    end = time.monotonic() + PATIENCE
     while any(Path(f"/proc/{number}").exists() for number in fits):
         assert time.monotonic() < end, "the fits' process goes on"
         time.sleep(0.01)

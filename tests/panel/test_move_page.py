@@ -46,7 +46,7 @@ def at_rest(page: Page) -> None:
 
 
 def kept(folder: Path, before: set[Path]) -> xr.Dataset:
-    end = time.monotonic() + 30.0
+    end = time.monotonic() + PATIENCE
     while not (new := set(folder.rglob("move*.nc")) - before):
         assert time.monotonic() < end
         time.sleep(0.05)
