@@ -155,7 +155,7 @@ def test_a_drift_at_rest_is_taken_off_and_said() -> None:
     (said,) = said_to_drift(walks)
     assert re.match(
         r"walk 40 drifts by -[\d.]+ [nµ]m/s \(standard error [\d.]+ nm/s\) before its drive begins: "
-        r"it is taken off as if it went on so, by -[56]\d\d nm at the end",
+        r"that is taken off all of it, -[56]\d\d nm at its end",
         said,
     )
 

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from ..actuator import Actuator
-from ..estimate.drift import slope_at_rest
+from ..estimate.drift import Drift, drift_seen, said_drift
 from ..identify.recorded.channels import channel, refuse_clipped
 from ..identify.recorded.drives import Slewed, begin_of, refuse_sampling
 from ..recording import RecordingError
@@ -25,19 +25,11 @@ POSITION = "end_effector_position"
 AFTER = 0.05
 # Of its range: a drive_voltage further from its first sample has begun.
 BEGUN = 0.02
-# Samples before the drive that show a drift, at least; standard errors by which it surely is one, and
-# deviations of the noise that it goes on to.
-FEWEST, SURELY = 100, 5.0
+# Standard errors by which a drift before the drive surely is one, and deviations of the noise that it goes on
+# to.
+SURELY = 5.0
 # Of the waveform's range, that of the channel at least; and the other way round.
 ALIKE = 0.5
-
-
-class Drift(NamedTuple):
-    """A slope of the position [m/s], its standard error, and the time [s] about which it was taken off."""
-
-    slope: float
-    error: float
-    about: float
 
 
 class Aligned(NamedTuple):
@@ -149,18 +141,16 @@ def without_drift(one: Aligned) -> Aligned:
     """The recording less the slope of its position before the drive begins, where that surely is one and goes
     on to many times the noise: no model of an actuator explains it, and a fit takes it for friction."""
     time, position = one.recording["time"].values, one.recording[POSITION].values
-    before = np.flatnonzero(_before(time, one.begin))
-    if before.size < FEWEST:
+    before = _before(time, one.begin)
+    drift = drift_seen(time[before], position[before], SURELY)
+    if drift is None:
         return one
-    interval = float(time[-1] - time[0]) / (time.size - 1)
-    slope, error = (per_sample / interval for per_sample in slope_at_rest(position[before]))
-    about = float(time[before].mean())
-    left = position - slope * (time - about)
+    left = position - drift.slope * (time - drift.about)
     noise = float(left[before].std(ddof=2))
-    if not (abs(slope) > SURELY * error and abs(slope) * float(time[-1] - one.begin) > SURELY * noise):
+    if abs(drift.slope) * float(time[-1] - one.begin) <= SURELY * noise:
         return one
     recording = with_position(one.recording, left - left[before].mean())
-    return one._replace(recording=recording, noise=noise, drift=Drift(slope, error, about))
+    return one._replace(recording=recording, noise=noise, drift=drift)
 
 
 def said_to_drift(walks: Iterable[Aligned]) -> list[str]:
@@ -169,12 +159,8 @@ def said_to_drift(walks: Iterable[Aligned]) -> list[str]:
     for one in walks:
         if one.drift is not None:
             unit = str(one.recording[POSITION].attrs["units"])
-            rate, error = (with_prefix(x, f"{unit}/s", 3) for x in one.drift[:2])
             far = one.drift.slope * float(one.recording["time"].values[-1] - one.drift.about)
-            said.append(
-                f"{one.name} drifts by {rate} (standard error {error}) before its drive begins: it is taken "
-                f"off as if it went on so, by {with_prefix(far, unit, 3)} at the end"
-            )
+            said.append(f"{one.name} {said_drift(one.drift, unit)}, {with_prefix(far, unit, 3)} at its end")
     return said
 
 

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dst
 
+from ..units import with_prefix
+
 # The random walk's step, over the deviation of the rest: looked for in this range.
 LEAST_WALK, MOST_WALK = 1e-4, 1.0
 # Walks that are tried; lines of each spectrum, the lowest: a filter does to the others what a walk does.
 TRIED, LINES = 33, 16
+# Samples at rest below which a slope is not told from a random walk.
+FEWEST = 100
 
 Array = NDArray[np.float64]
 
@@ -77,6 +82,30 @@ def drift(pieces: Sequence[Array], times: Array, walks: float = 0.0) -> tuple[Ar
     likely = math.exp(float(chances @ np.log(walk))) * ahead
     likely += max(slope**2 - float(chances @ unsure), 0.0) * squares
     return chances, far, likely
+
+
+class Drift(NamedTuple):
+    """A slope of a channel, in its unit per s, its standard error, and the time [s] about which it is one."""
+
+    slope: float
+    error: float
+    about: float
+
+
+def said_drift(drift: Drift, unit: str) -> str:
+    """That a channel in this unit drifts, and what becomes of it."""
+    rate, error = (with_prefix(x, f"{unit}/s", 3) for x in drift[:2])
+    return f"drifts by {rate} (standard error {error}) before its drive begins: that is taken off all of it"
+
+
+def drift_seen(time: Array, samples: Array, surely: float) -> Drift | None:
+    """Of samples [n] at rest, at even times [s]; None where it is below so many of its standard errors, or
+    the samples are too few."""
+    if samples.size < FEWEST or not np.ptp(samples) > 0.0:
+        return None
+    interval = float(time[-1] - time[0]) / (time.size - 1)
+    slope, error = (per_sample / interval for per_sample in slope_at_rest(samples))
+    return Drift(slope, error, float(time.mean())) if abs(slope) > surely * error else None
 
 
 def slope_at_rest(samples: Array) -> tuple[float, float]:

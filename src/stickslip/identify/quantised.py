@@ -1,13 +1,18 @@
-"""Uncertainty from the steps of a converter or an encoder, which more samples do not average away.
+"""Uncertainty from recorded quantities that a fit takes as exact: the steps of a converter or an encoder,
+which more samples do not average away, and noise that bends what follows from them.
 
 Samples at one level say only that the quantity is within half a step of it. So each level is moved at random
-by up to half a step, and what the fit would make of that is added to its uncertainty, linearised.
+by up to half a step, each sample by as much noise again, and what the fit would make of that is added to its
+uncertainty, linearised. What all draws have in common, such as small reversals that noise adds to a motion,
+is a bias; it counts as a standard error.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,50 +20,73 @@ from numpy.typing import NDArray
 from ..estimate.coloured import with_inherited
 from ..estimate.result import Fit
 from ..units import with_prefix
+from .recorded.levels import converter_step
 
 # Draws of all levels, and the share of a variance from which on it is said.
 DRAWS, WORTH_SAYING = 24, 0.1
+# Orders of the differences that leave noise alone, the coarser the samples the higher.
+ORDERS = (4, 6, 8)
 
 Array = NDArray[np.float64]
 
 
-def with_steps(
-    fit: Fit,
-    values: Sequence[Array],
-    steps: Sequence[float],
-    residuals: Callable[[Sequence[Array]], Array],
-    what: str,
-    unit: str,
-) -> Fit:
-    """The fit with the uncertainty that the steps of a recorded quantity leave.
+class Inexact(NamedTuple):
+    """A recorded quantity: samples [n], the `step` between their levels (0: none), and the standard deviation
+    of their `noise`, in their unit."""
 
-    Args:
-        fit: with its Jacobian.
-        values: the quantity in each recording [n], in its unit.
-        steps: of each, in its unit; 0: none.
-        residuals: from other values of the quantity to all residuals of the fit, joined.
-        what, unit: of the quantity, for what is said of it.
-    """
-    if fit.jacobian is None or not any(steps):
-        return fit
+    values: Array
+    step: float = 0.0
+    noise: float = 0.0
+
+    @classmethod
+    def seen(cls, values: Array, *, noisy: bool = True) -> Inexact:
+        """With the steps that the samples show, or else, if it may be `noisy`, their white noise."""
+        step, noise = converter_step(values), _noise(values) if noisy else 0.0
+        return cls(values, 0.0, noise) if noise > step else cls(values, step)
+
+    def drawn(self, random: np.random.Generator) -> Array:
+        """Moved at random, [draws, n]."""
+        if self.step > 0.0:
+            levels, place = np.unique(self.values, return_inverse=True)
+            half = 0.5 * self.step
+            return self.values + random.uniform(-half, half, (DRAWS, levels.size))[:, place]
+        return self.values + self.noise * random.standard_normal((DRAWS, self.values.size))
+
+
+def moved_by(known: Sequence[Inexact], residuals: Callable[[Sequence[Array]], Array]) -> Array | None:
+    """By how much all residuals of a fit, joined, move as the quantities are drawn, [draws, n]; None where
+    all are exact. `residuals` follow from other samples of them."""
+    if not any(one.step or one.noise for one in known):
+        return None
     random = np.random.default_rng(0)
-    before = residuals(values)
-    drawn = [_drawn(x, step, random) for x, step in zip(values, steps, strict=True)]
-    moved = [residuals(draw) - before for draw in zip(*drawn, strict=True)]
-    wider = with_inherited(fit, np.column_stack(moved), np.eye(DRAWS) / DRAWS)
+    before = residuals([one.values for one in known])
+    drawn = [one.drawn(random) for one in known]
+    return np.stack([residuals(draw) - before for draw in zip(*drawn, strict=True)])
+
+
+def with_moved(fit: Fit, moved: Array | None, said: str) -> Fit:
+    """The fit with the uncertainty that this leaves; `said` where it is much of it."""
+    if fit.jacobian is None or moved is None:
+        return fit
+    wider = with_inherited(fit, moved.T, np.eye(DRAWS) / DRAWS)
     with np.errstate(invalid="ignore"):
         share = 1.0 - np.diag(fit.uncertainty.covariance) / np.diag(wider.uncertainty.covariance)
-    if not np.any(share > WORTH_SAYING):
-        return wider
-    step = with_prefix(max(steps), unit, 3)
-    return replace(
-        wider, remarks=(*fit.remarks, f"{what} stands at steps of {step}; the intervals allow for it")
-    )
+    return replace(wider, remarks=(*fit.remarks, said)) if np.any(share > WORTH_SAYING) else wider
 
 
-def _drawn(values: Array, step: float, random: np.random.Generator) -> Array:
-    """The values [n] with the levels that they stand at moved, [draws, n]."""
-    if not step > 0.0:
-        return np.broadcast_to(values, (DRAWS, values.size))
-    levels, place = np.unique(values, return_inverse=True)
-    return values + random.uniform(-0.5 * step, 0.5 * step, (DRAWS, levels.size))[:, place]
+def said_steps(what: str, known: Sequence[Inexact], unit: str) -> str:
+    """A sentence on steps, or noise, that intervals allow for."""
+    step, noise = (max(getattr(one, name) for one in known) for name in ("step", "noise"))
+    if step > 0.0:
+        return f"{what} stands at steps of {with_prefix(step, unit, 3)}; the intervals allow for it"
+    return f"{what} has a noise of {with_prefix(noise, unit, 3)}; the intervals allow for it"
+
+
+def _noise(values: Array) -> float:
+    """Standard deviation of white noise, by the differences that leave least of what is smooth."""
+    found = [
+        float(np.median(np.abs(np.diff(values, order)))) / (0.6745 * math.sqrt(math.comb(2 * order, order)))
+        for order in ORDERS
+        if values.size > order
+    ]
+    return min(found, default=0.0)

@@ -25,6 +25,7 @@ def friction_response(
     reference_normal_force: float | str = 1.0,
     proportional: bool = False,
     initial_force: float | str = 0.0,
+    initial_velocity: float | str = 0.0,
     tolerance: float | str = 1e-10,
 ) -> xr.Dataset:
     """The force of a friction law under a prescribed motion (a tribometer).
@@ -45,6 +46,8 @@ def friction_response(
             force, and what is unloaded loses its share in proportion (see `plant.system`).
         initial_force: N, at the first sample: all elements begin equally deflected so that they carry it, or
             as much of it as the law can. 0 is a relaxed contact.
+        initial_velocity: m/s, at which they carry it, with what is viscous of the law: of a record that
+            begins amid motion.
         tolerance: m, on the bristle deflections.
 
     Returns:
@@ -56,6 +59,7 @@ def friction_response(
     """
     reference = to_si(reference_normal_force, "N", "reference_normal_force")
     initial_force = to_si(initial_force, "N", "initial_force")
+    initial_velocity = to_si(initial_velocity, "m/s", "initial_velocity")
     tolerance = to_si(tolerance, "m", "tolerance")
     if not is_law(law):
         raise QuantityError(f"{law!r} is no friction law")
@@ -74,7 +78,7 @@ def friction_response(
             raise QuantityError("normal_force [N] must have one value per time")
     z = np.zeros(max(elements(law), 1))
     if initial_force != 0.0 and elements(law) > 0 and ratio[0] > 0.0:
-        z[:] = strained(law, initial_force / ratio[0])
+        z[:] = strained(law, initial_force / ratio[0], initial_velocity)
     samples = np.full((t.size, 1 + z.size), np.nan)
     reached = follow_position(law, t, x, ratio, z, tolerance, proportional, samples)
     if reached < t.size:

@@ -16,16 +16,20 @@ _CREEPING = 1e-9  # m/s
 _FARTHEST = 1.0  # m, for a law whose bristle never ends
 
 
-def strained(law: Any, force: float) -> NDArray[np.float64]:
-    """Equal deflection of all elements that carries a force at rest; each at most where sliding ends it."""
+def strained(law: Any, force: float, velocity: float = 0.0) -> NDArray[np.float64]:
+    """Equal deflection of all elements that, with what is viscous, carries a force at a sliding velocity;
+    each at most where sliding ends it."""
     ones = [element_of(law, e) for e in range(elements(law))]
     ends = [_largest(lambda d, one=one: rate(one, _CREEPING, d)[1] > 0.0, _FARTHEST) for one in ones]
+    viscous = sum(rate(one, velocity, 0.0)[0] for one in ones)
+    side = -1.0 if force < viscous else 1.0
 
     def below(d: float) -> bool:
-        return sum(rate(one, 0.0, min(d, end))[0] for one, end in zip(ones, ends, strict=True)) < abs(force)
+        carried = [rate(one, velocity, side * min(d, end))[0] for one, end in zip(ones, ends, strict=True)]
+        return side * sum(carried) < side * force
 
     d = _largest(below, max(ends))
-    return np.copysign([min(d, end) for end in ends], force)
+    return np.copysign([min(d, end) for end in ends], side)
 
 
 def _largest(holds: Callable[[float], bool], limit: float) -> float:

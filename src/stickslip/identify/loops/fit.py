@@ -38,10 +38,9 @@ from ...simulation.varied import free_names, with_values
 from ...solve.prescribed import forces_at
 from ...units import optional_si, to_si, turned
 from ..free import Bounds, beside, check_names, check_priors, known_of, parameter, with_prior
-from ..quantised import with_steps
+from ..quantised import Inexact, moved_by, said_steps, with_moved
 from ..recorded.channels import channel, names_of, recordings_of, refuse_clipped, unit_of
 from ..recorded.known_noise import more_than_white, white_noise
-from ..recorded.levels import converter_step
 from .starts import loop_starts
 
 OBSERVED = "friction_force"
@@ -83,7 +82,8 @@ def identify_loops(
     """Fit a friction law to friction loops: position prescribed, force measured.
 
     Every recording is one free-running prediction from its first sample, where all elements of the law are
-    taken as equally deflected, so that they carry the measured force (their true state is not known).
+    taken as equally deflected, so that they carry the measured force, less what is viscous of it (their true
+    state is not known).
 
     Args:
         recordings: with position [m] and friction_force [N], positive when the driving body moves towards +x;
@@ -158,17 +158,17 @@ def identify_loops(
     fit = _searched(
         problem, [{p.name: p.start for p in parameters}, *begins], starts, seed, max_evaluations, progress
     )
-    fit = _with_steps(fit, found, measured, model, settings)
+    fit, left_by = _with_inexact(fit, found, measured, model, settings)
     noticed = [_noticed(fit, name, responses, model, reach) for name in _unasked({*free, *(tied or {})})]
     if noise is None:
         noticed += [
             more_than_white(
                 g.rmse,
-                white_noise(force),
+                math.hypot(white_noise(force), left),
                 force,
                 (g.name, g.unit, "forces", "the contact follows another law"),
             )
-            for g, force in zip(fit.recordings, measured, strict=True)
+            for g, force, left in zip(fit.recordings, measured, left_by, strict=True)
         ]
     return replace(
         fit,
@@ -252,32 +252,36 @@ def _reach(
     }
 
 
-def _with_steps(
+def _with_inexact(
     fit: Fit,
     recordings: Sequence[xr.Dataset],
     measured: Sequence[NDArray[np.float64]],
     model: Any,
     settings: tuple[float | None, float, float],
-) -> Fit:
-    """The fit with what the steps of the recorded position leave open."""
-    names = names_of(recordings)
-    positions = [channel(r, "position", name) for r, name in zip(recordings, names, strict=True)]
+) -> tuple[Fit, list[float]]:
+    """The fit with what steps and noise of the recorded position and normal force, and steps of the force,
+    leave open; and the root mean square of what the first two leave in each recording."""
+    names, squares, best = names_of(recordings), np.zeros(len(recordings)), fit.values
+    ends = np.cumsum([force.size for force in measured])[:-1]
+    for what in ("position",) if settings[0] is None else ("position", "normal_force"):
+        values = [channel(r, what, name) for r, name in zip(recordings, names, strict=True)]
 
-    def at(moved: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
-        shown = [
-            _response(r.assign(position=("time", x)), name, *settings)(model, fit.values)
-            for r, x, name in zip(recordings, moved, names, strict=True)
-        ]
-        return np.concatenate(shown) - np.concatenate(measured)
+        def shown(drawn: Sequence[NDArray[np.float64]], what: str = what) -> NDArray[np.float64]:
+            responses = [
+                _response(r.assign({what: ("time", x)}), name, *settings)(model, best)
+                for r, x, name in zip(recordings, drawn, names, strict=True)
+            ]
+            return np.concatenate(responses)
 
-    return with_steps(
-        fit,
-        positions,
-        [converter_step(x) for x in positions],
-        at,
-        "position",
-        unit_of(recordings, "position"),
-    )
+        known = [Inexact.seen(x) for x in values]
+        moved = moved_by(known, shown)
+        fit = with_moved(fit, moved, said_steps(what, known, unit_of(recordings, what)))
+        if moved is not None:
+            squares += [float(np.mean(part**2)) for part in np.split(moved, ends, axis=1)]
+    forces = [Inexact.seen(force, noisy=False) for force in measured]
+    moved = moved_by(forces, lambda drawn: -np.concatenate(drawn))
+    fit = with_moved(fit, moved, said_steps(OBSERVED, forces, unit_of(recordings, OBSERVED)))
+    return fit, [*np.sqrt(squares)]
 
 
 class LoopPrediction(NamedTuple):
@@ -353,7 +357,14 @@ def _response(
             begin = _odd_part((first - bias) / strength[0], values)
         law = with_values(model, _own(values))
         try:
-            found = friction_response(law, time, position, initial_force=begin, tolerance=tolerance)
+            found = friction_response(
+                law,
+                time,
+                position,
+                initial_force=begin,
+                initial_velocity=float(velocity[0]) if begin else 0.0,
+                tolerance=tolerance,
+            )
         except SimulationError as error:  # to a fit, a trial point without a model
             raise ArithmeticError(str(error)) from error
         force = found[OBSERVED].values.copy()

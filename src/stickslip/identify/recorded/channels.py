@@ -18,8 +18,8 @@ FEWEST_SAMPLES = 10
 # As many samples in a row that are exactly the greatest or the least are no chance.
 FEWEST_CLIPPED = 5
 # A channel that stands at its greatest level passed so many levels in as long a time before: a smooth turn
-# comes from nine, a sawtooth's from one or two.
-FEWEST_LEVELS = 9.5
+# comes from nine, from up to twelve with noise, a sawtooth's from one or two.
+FEWEST_LEVELS = 12.5
 # Steps of a channel that the drive passes unseen where it turns: two, as a piezo is half as steep after that.
 HIDDEN = 3.0
 # Of a drive's range, a change within one sample that is an edge.

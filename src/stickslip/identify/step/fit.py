@@ -9,10 +9,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from ...actuator import Actuator
 from ...electronics import Filter
-from ...estimate.coloured import coloured, with_coloured_noise
+from ...estimate.coloured import coloured, with_coloured_noise, with_inherited
+from ...estimate.drift import Drift, drift_seen, said_drift
 from ...estimate.fit import fit_least_squares
 from ...estimate.lack import KnownNoise
 from ...estimate.outliers import said_outliers
@@ -23,6 +25,7 @@ from ...piezo import Piezo
 from ...recording import RecordingError
 from ...units import optional_si, to_si, with_prefix
 from ..free import check_motion, with_ties
+from ..quantised import Inexact, moved_by, said_steps, with_moved
 from ..recorded.channels import recordings_of, unit_of
 from ..recorded.known_noise import resolution
 from .at_piezo import check_known
@@ -34,6 +37,8 @@ from .linear import filter_zeros_poles, second_order_poles
 WINDOW = 8.0
 # Of the response time, below which a lag is none.
 LEAST_LAG = 1e-6
+# Of its standard error: a greater drift before the step is taken off.
+SEEN = 1.0
 # m/V (rad/V): ten times what amplified stages have.
 LARGEST_GAIN = 1e-4
 STAGE_PARAMETERS = ("damping_ratio", "natural_frequency", "gain")
@@ -80,7 +85,8 @@ def identify_step(
     Returns:
         A fit of damping_ratio, natural_frequency [rad/s], gain [m/V], delay [s], lag [s] and the offset of
         each recording [m]; `predict(recording)` gives the position without its offset. The delay is how late
-        the sensor is in all, the lag included, counted from the sample after the step of drive_voltage.
+        the sensor is in all, the lag included, counted from the sample after the step of drive_voltage. A
+        drift that is seen before the step is taken off, and its error is in the intervals.
 
     Raises:
         RecordingError: a channel is missing, empty, constant, clipped, too short or too coarsely sampled.
@@ -91,10 +97,12 @@ def identify_step(
     check_known(piezo)
     slew_rate = optional_si(slew_rate, "V/s", "slew_rate")
     window, start = optional_si(window, "s", "window"), optional_si(start, "s", "start")
-    tests = step_tests(recordings, voltages, start, observed)
+    recorded = step_tests(recordings, voltages, start, observed)
+    drifts = [_drift(test) for test in recorded]
+    tests = [_less(test, drift) for test, drift in zip(recorded, drifts, strict=True)]
     first = [classical(test, timing) for test in tests]
     reach = WINDOW * float(np.mean([row["peak_time"] for row in first])) if window is None else window
-    kept = [_within(test, -reach, reach) for test in tests]
+    kept, shown = ([_within(test, -reach, reach) for test in those] for those in (tests, recorded))
     response = _response(filter, slew_rate, piezo)
 
     def residuals(test: StepTest, number: int) -> Callable[[Values], Array]:
@@ -107,14 +115,17 @@ def identify_step(
     unit = unit_of(recordings_of(recordings), observed) or "m"
     check_motion(model, unit)
     parts = [
-        Residuals(residuals(test, i), test.position, None, test.name, unit, _known(test), test.time)
-        for i, test in enumerate(kept, start=1)
+        Residuals(residuals(test, i), test.position, None, test.name, unit, _known(one), test.time)
+        for i, (test, one) in enumerate(zip(kept, shown, strict=True), start=1)
     ]
     fit = fit_least_squares(parts, with_ties(_parameters(first, lag, unit), tied))
     # What is before the window says as much about the noise as what is in it.
     until = [_within(test, -np.inf, reach) for test in tests]
     left = [residuals(test, i)(fit.values) for i, test in enumerate(until, start=1)]
-    fit = with_coloured_noise(fit, coloured(left))
+    fit = _with_drift(with_coloured_noise(fit, coloured(left)), kept, drifts)
+    known = [Inexact.seen(test.position, noisy=False) for test in shown]
+    moved = moved_by(known, lambda drawn: -np.concatenate(drawn))
+    fit = with_moved(fit, moved, said_steps(observed, known, unit))
 
     stage = {name: fit.values[name] for name in STAGE_PARAMETERS}
     voltage = None if voltages is None else to_si(voltages[0], "V", "voltages")
@@ -122,9 +133,37 @@ def identify_step(
         fit,
         model=model and model.replace(**stage, rotary=unit == "rad"),
         observed=observed,
-        remarks=(*fit.remarks, *said_outliers(fit), *_said_gain(fit.values["gain"], unit)),
+        remarks=(
+            *fit.remarks,
+            *(f"{test.name} {said_drift(x, unit)}" for test, x in zip(kept, drifts, strict=True) if x),
+            *said_outliers(fit),
+            *_said_gain(fit.values["gain"], unit),
+        ),
         predict=StepPrediction(fit.values, filter, slew_rate, voltage, start, observed, piezo).predict,
     )
+
+
+def _drift(test: StepTest) -> Drift | None:
+    """Of the sensor, where the rest before the step shows one: a false alarm only makes intervals wider."""
+    rest = test.time < 0.0
+    return drift_seen(test.time[rest], test.position[rest], SEEN)
+
+
+def _less(test: StepTest, drift: Drift | None) -> StepTest:
+    if drift is None:
+        return test
+    return test._replace(position=test.position - drift.slope * (test.time - drift.about))
+
+
+def _with_drift(fit: Fit, kept: Sequence[StepTest], drifts: Sequence[Drift | None]) -> Fit:
+    """The fit with what the errors of the drifts leave open."""
+    if not any(drifts):
+        return fit
+    columns = [
+        np.zeros((test.time.size, 1)) if one is None else one.error * (test.time - one.about)[:, None]
+        for test, one in zip(kept, drifts, strict=True)
+    ]
+    return with_inherited(fit, np.asarray(block_diag(*columns)), np.eye(len(kept)))
 
 
 def _said_gain(gain: float, unit: str) -> tuple[str, ...]:

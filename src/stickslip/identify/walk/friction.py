@@ -27,7 +27,7 @@ from ...simulation.varied import free_names, with_values
 from ...units import optional_si
 from ...waveform.signal import Waveform
 from ..free import Bounds, beside, check_motion, check_names, check_priors, known_of, parameter, with_prior
-from ..quantised import with_steps
+from ..quantised import Inexact, moved_by, said_steps, with_moved
 from ..recorded.at_rest import drift_at_rest
 from ..recorded.channels import drives_of, names_of, recordings_of, unit_of
 from ..recorded.drives import warn_of_other_drive
@@ -256,14 +256,9 @@ def _completed(fit: Fit, walks: Walks, slew_rate: float | None, tolerance: float
     """The fit with what the converter's steps leave open, its actuator, and what that predicts."""
     measured = walks.measured
     simulated = np.concatenate(fit.residuals) + np.concatenate(measured)
-    fit = with_steps(
-        fit,
-        measured,
-        [known.step for known in walks.known],
-        lambda moved: simulated - np.concatenate(moved),
-        OBSERVED,
-        walks.unit,
-    )
+    known = [Inexact(x, one.step) for x, one in zip(measured, walks.known, strict=True)]
+    moved = moved_by(known, lambda drawn: simulated - np.concatenate(drawn))
+    fit = with_moved(fit, moved, said_steps(OBSERVED, known, walks.unit))
     model = with_values(walks.model, own_values(fit.values))._replace(rotary=walks.unit == "rad")
     unjudged = said_unjudged(fit.lack, fit.residuals, measured, walks.unit)
     remarks = (*fit.remarks, *said_kept(fit, walks.model), *said_outliers(fit), *unjudged)
