@@ -342,7 +342,7 @@ def _response(
     """From a law and values to what the force channel shows."""
     time = recording["time"].values
     position = channel(recording, "position", name, varies=True)
-    velocity = np.gradient(position, time)
+    velocity = np.gradient(position, time, edge_order=2)
     first = float(channel(recording, OBSERVED, name)[0])
     load = np.ones(time.size)
     if reference is not None:  # a measured one, with noise: no contact is pulled
