@@ -96,6 +96,57 @@ def test_what_the_body_is_not_is_remarked() -> None:
         assert "another force acts" in said
 
 
+def remarked(seeds: range, noise: float, wrong: str = "", tones: bool = True) -> int:
+    """In how many random cases something is left: sines, exact but for white noise of the force and that of
+    the position, in parts of its amplitude."""
+    count = 0
+    for seed in seeds:
+        random = np.random.default_rng(seed)
+        amplitude, mass, rate = 10.0 ** random.uniform([-5, -2, 2.5], [-2, 1, 2.9])  # rate: samples a period
+        w = 2.0 * np.pi * 10.0 ** random.uniform(-0.3, 1.0)
+        time = np.arange(int(8.3 * rate)) * 2.0 * np.pi / (w * rate)
+        speeds, phase = np.array([[w], [2.3 * w]]), w * time + random.uniform(0.0, 6.28)
+        sines = np.exp(1j * np.array([phase, 2.3 * phase])) * [[amplitude], [0.4 * amplitude * tones]]
+        x, v, a = (np.sum(((1j * speeds) ** k * sines).imag, axis=0) for k in range(3))
+        coulomb = mass * amplitude * w**2 * random.uniform(0.05, 1.0)
+        force = mass * a + mass * w * random.uniform(0.05, 0.5) * v + coulomb * (np.sign(v) + 0.3)
+        if wrong == "spring":
+            force += 0.3 * mass * w**2 * x
+        if wrong == "Stribeck":
+            force += 0.6 * coulomb * np.sign(v) * np.exp(-((v / (0.2 * amplitude * w)) ** 2))
+        force += coulomb * random.choice([0.005, 0.02]) * random.standard_normal(time.size)
+        x += noise * amplitude * random.standard_normal(time.size)
+        if wrong == "lag":
+            force = np.roll(force, int(0.01 * rate))
+        run = make_recording(time, {"position": x, "force": force})
+        fit = identify_inertia(run, window=0.25 * 2.0 * np.pi / w / (2.3 if tones else 1.0))
+        count += any("another force acts" in one for one in fit.remarks)
+    return count
+
+
+@pytest.mark.parametrize("tones", [False, True], ids=["a sine", "two sines"])
+@pytest.mark.parametrize("noise", [0.0, 1e-6, 1e-5, 3e-5, 1e-4, 3e-4])
+def test_noise_of_the_position_is_no_other_force(noise: float, tones: bool) -> None:
+    """A sample at rest whose sign is wrong moves an average by many times what noise of the force does."""
+    assert remarked(range(20), noise, tones=tones) <= 1
+
+
+@pytest.mark.parametrize(("noise", "tones"), [(1e-5, True), (1e-4, False)])
+def test_a_sign_that_hardly_any_draw_has_is_no_other_force(noise: float, tones: bool) -> None:
+    assert remarked(range(60), noise, tones=tones) == 0
+
+
+@pytest.mark.parametrize("wrong", ["spring", "Stribeck", "lag"])
+@pytest.mark.parametrize("noise", [0.0, 1e-5, 1e-4, 3e-4])
+def test_a_wrong_form_is_seen_through_noise_of_the_position(wrong: str, noise: float) -> None:
+    assert remarked(range(8), noise, wrong) == 8
+
+
+def test_averages_whose_sign_is_not_sure_hide_no_misfit_of_the_others() -> None:
+    """Averaged over all windows alike, they hid it in three of four."""
+    assert remarked(range(20), 3e-4, "Stribeck", tones=False) >= 15
+
+
 def test_what_turns_has_a_moment_of_inertia() -> None:
     fit = identify_inertia(driven(0, turns=True), window=0.15, position="angle", force="torque")
     units = {p.name: p.unit for p in fit.parameters}

@@ -14,6 +14,7 @@ difference. A body that turns has an angle [rad] and a torque [N m], and then m 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -24,6 +25,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from ...estimate.coloured import with_inherited
+from ...estimate.covariance import decomposed
 from ...estimate.fit import fit_least_squares
 from ...estimate.lack import FALSE_ALARM
 from ...estimate.parameter import Parameter, Values
@@ -32,7 +34,7 @@ from ...estimate.result import Fit
 from ...units import to_si, turned
 from ..free import with_ties
 from ..recorded.channels import channel, names_of, recordings_of, unit_of
-from ..recorded.known_noise import more_than_white, white_noise
+from ..recorded.known_noise import NOTHING, more_than_white, white_noise
 from ..recorded.recorded_drive import noise_level
 
 # Windows begin twice in the length of one: so they share hardly any noise, and leave hardly any unused.
@@ -115,14 +117,33 @@ def _left(
     fit: Fit, forces: Sequence[Array], moved: Sequence[tuple[_Averages, Array]], shaken: Array
 ) -> tuple[str, ...]:
     """A sentence on each recording of which more is left than its noise leaves of averages of the force."""
-    said, begin = [], 0
-    for g, force, (averages, _) in zip(fit.recordings, forces, moved, strict=True):
-        by_position = shaken[begin : (begin := begin + averages.begins.size)]
-        white = white_noise(force) * float(np.linalg.norm(averages.shape))
-        white = float(np.hypot(white, np.sqrt(np.mean(by_position**2))))
+    assert fit.jacobian is not None
+    directions = decomposed(fit.jacobian)[0]
+    shaken = shaken - directions @ (directions.T @ shaken)  # what a fit takes up is not left
+    by_position = np.split(np.mean(shaken**2, axis=1), np.cumsum([a.begins.size for a, _ in moved])[:-1])
+    said = []
+    for g, left, drawn, force, (a, x) in zip(
+        fit.recordings, fit.residuals, by_position, forces, moved, strict=True
+    ):
+        # Few draws have the signs that are not likely, of which one in many windows is to be expected.
+        variance = np.maximum(drawn, a.unsure(x) * fit.values["coulomb_force"] ** 2)
+        white = white_noise(force) * float(np.linalg.norm(a.shape))
         words = (g.name, g.unit, "averages", "another force acts, or the friction has another form")
-        said.append(more_than_white(g.rmse, white, averages.of(force), words))
+        values = a.of(force)
+        said.append(more_than_white(*_weighted(left, white**2 + variance, values), values, words))
     return tuple(filter(None, said))
+
+
+def _weighted(left: Array, variance: Array, values: Array) -> tuple[float, float]:
+    """Root mean squares of what is left of values [windows], and of its noise of this variance.
+
+    One sample of the wrong sign may leave a window many times what noise leaves of the others. Weighted by
+    the variance, such a window hides no misfit of the others.
+    """
+    least = NOTHING * float(np.ptp(values)) or 1.0
+    weight = 1.0 / (variance + least**2)
+    of_left, of_noise = (float(np.average(square, weights=weight)) for square in (left**2, variance))
+    return math.sqrt(of_left), math.sqrt(of_noise)
 
 
 def _doubts(fit: Fit) -> tuple[str, ...]:
@@ -139,14 +160,17 @@ def _vector(values: Values) -> Array:
 
 
 def _by_noise_of_position(fit: Fit, moved: Sequence[tuple[_Averages, Array]]) -> Array:
-    """What noise of the position, seen in its fourth differences, makes of the averages [windows, draws]."""
+    """What noise of the position, seen in its fourth differences, makes of the averages [windows, draws].
+
+    A body that passes rest has a sign in each sample, though the design may have none: so have the draws.
+    """
     random, vector = np.random.default_rng(0), _vector(fit.values)
     columns = []
     for _ in range(DRAWS):
         changed = []
         for averages, x in moved:
             noisy = x + noise_level(x) * random.standard_normal(x.size)
-            changed.append((averages.design(noisy) - averages.design(x)) @ vector)
+            changed.append((averages.design(noisy, passes=True) - averages.design(x)) @ vector)
         columns.append(np.concatenate(changed))
     return np.column_stack(columns)
 
@@ -191,10 +215,21 @@ class _Averages:
         """Averages of a channel [windows]."""
         return self._windows(values) @ self.shape
 
-    def design(self, position: Array) -> Array:
-        """Of acceleration, velocity, its sign, and one: [windows, 4]."""
-        x = self._windows(position)
+    def _sign(self, position: Array, *, passes: bool = False) -> Array:
+        """Of the velocity: 0 where it is not sure; of a body that `passes` rest, that which it has."""
         velocity = uniform_filter1d(np.gradient(position), self.smooth, mode="nearest")
-        least = AT_REST * noise_level(position) / self.smooth
-        sign = np.where(np.abs(velocity) > least, np.sign(velocity), 0.0)
+        sign = np.sign(velocity)
+        if not passes:
+            # What the mean and the differences take off a curved velocity: a second mean shows two thirds.
+            curved = 1.5 * np.abs(uniform_filter1d(velocity, self.smooth, mode="nearest") - velocity)
+            sign[np.abs(velocity) <= AT_REST * noise_level(position) / self.smooth + curved] = 0.0
+        return sign
+
+    def design(self, position: Array, *, passes: bool = False) -> Array:
+        """Of acceleration, velocity, its sign (see `_sign`), and one: [windows, 4]."""
+        x, sign = self._windows(position), self._sign(position, passes=passes)
         return np.column_stack([x @ self.bend, -x @ self.slope, self.of(sign), np.ones(self.begins.size)])
+
+    def unsure(self, position: Array) -> Array:
+        """Variance of the average sign, if the signs that are not sure were each drawn [windows]."""
+        return self._windows(self._sign(position) == 0.0) @ self.shape**2
