@@ -16,6 +16,7 @@ from stickslip import demo
 from stickslip.actuator import load_actuator
 from stickslip.analysis import run_file
 from stickslip.analysis.file import AnalysisError, RecordingFile, read_parts
+from stickslip.analysis.loops import _spans
 from stickslip.analysis.running import json_schema
 from stickslip.friction import Dahl
 from stickslip.recording import RecordingError, RecordingWarning, make_recording, save_recording
@@ -102,6 +103,19 @@ def test_a_walk_is_identified_from_the_users_own_csv(tmp_path: Path) -> None:
         sampled = run_file(tmp_path / "walk.yaml")
     assert sampled.numbers["parameters"]["sigma_0"].value == pytest.approx(found["sigma_0"].value, rel=1e-3)
     assert any("drive_voltage" in words for words in sampled.assumptions)
+
+
+@pytest.mark.parametrize(
+    ("ends", "said"),
+    [
+        ([(1.2, 2.2), (2.2005669, 2.9)], "1.2 to 2.2 s, 2.201 to 2.9 s"),
+        ([(60.0, 100.0), (140.0, 200.0)], "60 to 100 s, 140 to 200 s"),
+        ([(-1e-9, 0.012), (0.012, 0.0315)], "0 to 0.012 s, 0.012 to 0.0315 s"),
+        ([(0.0, 7200.0)], "0 to 7200 s"),
+    ],
+)
+def test_parts_are_said_as_long_as_they_are(ends: list[tuple[float, float]], said: str) -> None:
+    assert _spans([make_recording(one, {"position": ([0.0, 1.0], "m")}) for one in ends]) == said
 
 
 def test_laws_are_ranked_on_loops_of_a_file(tmp_path: Path) -> None:

@@ -155,6 +155,9 @@ def test_results_without_an_actuator_say_which_have_one(folder: Path) -> None:
     done = run(str(folder / "none" / "results.json"), str(folder / "walk.nc"), "--out", str(folder / "n1"))
     assert done.exit_code == 2
     assert "there is no 'model' in it; what stickslip identify, campaign or run has written" in done.stderr
+    (folder / "loop.csv").write_text("t [s],pos [um],Friction [mN]\n0,1,2\n1,2,3\n2,3,4\n")
+    table = run(str(folder / "none" / "results.json"), str(folder / "loop.csv"), "--out", str(folder / "n1"))
+    assert table.stderr == done.stderr  # before any column is asked for
 
 
 def test_a_model_comes_back_from_its_numbers() -> None:

@@ -81,6 +81,26 @@ def test_units_are_guessed_where_none_are_said(tmp_path: Path) -> None:
     assert float(found.recording.end_effector_position[-1]) == pytest.approx(5.98e-6)
 
 
+@pytest.mark.parametrize(
+    ("header", "named"),
+    [
+        ("time_s;position_mm;friction_force_N;normal_force_N", "position friction_force normal_force"),
+        ("t [ms];pos [um];Friction [mN];Normal [N]", "position friction_force normal_force"),
+        ("t [s];displacement [um];friction [N];normal load [N]", "position friction_force normal_force"),
+        ("t [s];slider [um];friction [N];load [N]", "end_effector_position friction_force force"),
+        ("t [s];x [um];friction [N];drive [V]", "end_effector_position friction_force drive_voltage"),
+        ("t [s];x [um];force [N];aux", "end_effector_position force "),
+    ],
+)
+def test_what_is_beside_a_friction_force_is_of_a_contact(tmp_path: Path, header: str, named: str) -> None:
+    """The position, where nothing drives it and it is not said to be the end-effector's."""
+    rows = [f"{0.001 * i:.3f};{i % 7};{i % 5};{10 + i % 3}" for i in range(200)]
+    (tmp_path / "loop.csv").write_text("\n".join([header, *rows]))
+    found = ss.inspect_file(tmp_path / "loop.csv")
+    assert " ".join(one["guess"] for one in found.columns[1:]) == named
+    assert found.units == {}
+
+
 def test_a_recording_of_ours(tmp_path: Path) -> None:
     d = ss.simulate(ss.load_actuator("kang2007"), ss.Sawtooth(65.0, 20.0), 0.1)
     ss.save_recording(d, tmp_path / "a.nc")

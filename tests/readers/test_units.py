@@ -48,6 +48,11 @@ def written(path: Path, head: list[str], rows: list[str]) -> Path:
         ("disp_A", "disp_A", ""),  # angstrom, ampere, or channel A?
         ("x_m", "x_m", ""),  # measured?
         ("drive_m", "drive_m", ""),
+        ("normal_force_N", "normal_force", "N"),
+        ("Friction N", "Friction", "N"),
+        ("normal_force_mN", "normal_force", "mN"),
+        ("force_n", "force_n", ""),  # the normal one?
+        ("step_N", "step_N", ""),
         ("drive_s", "drive_s", ""),
         ("drums", "drums", ""),
         ("um", "um", ""),

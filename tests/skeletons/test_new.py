@@ -163,6 +163,74 @@ def test_recordings_of_an_angle(tmp_path: Path) -> None:
     assert not (tmp_path / "own.toml").exists()
 
 
+def loops(
+    path: Path, header: str, *columns: Any, flip: float = 1.0, length: float = 2.0, seed: int = 3
+) -> Path:
+    """Friction loops of 2 N that yield over 20 um in a stroke of 1 mm."""
+    time = np.arange(0.0, length, 1e-3)
+    position = 5e-4 * np.sin(2 * np.pi * 2.0 * time)
+    law = ss.friction.Dahl(1e5, 2.0)
+    force = flip * ss.simulation.friction_response(law, time, position)["friction_force"].values
+    force += 0.005 * np.random.default_rng(seed).standard_normal(time.size)
+    table = np.column_stack([time, 1e6 * position, force, *(np.full(time.size, one) for one in columns)])
+    np.savetxt(path, table, "%.6f", ",", header=header, comments="")
+    return path
+
+
+@pytest.mark.parametrize("flip", [1.0, -1.0])
+def test_friction_loops(tmp_path: Path, flip: float) -> None:
+    """Of one recording the end is predicted; a force on the other body is turned."""
+    file = loops(tmp_path / "loop.csv", "t [s],pos [um],friction_N,normal_force_N", 10.0, flip=flip)
+    made = run("new", "identification", file, "--out", tmp_path / "loops.yaml")
+    assert (made.exit_code, made.stderr) == (0, "")
+    said = yaml.safe_load((tmp_path / "loops.yaml").read_text("utf-8"))
+    assert said["kind"] == "friction_loops"
+    assert said.get("flip", False) is (flip < 0)
+    assert said["reference_normal_force"] == "10 N"
+    first, last = said["recordings"]
+    assert (first["use"], last["use"], first["end"]) == ("fit", "verify", last["start"])
+    done = run_said(made.output, "--out", tmp_path / "out")
+    assert done.exit_code == 0, done.output
+    found = numbers(tmp_path / "out")["Dahl"]
+    assert found["parameters"]["sigma_0"]["value"] == pytest.approx(1e5, rel=0.02)
+    assert found["r_squared_predicted"]["value"] > 0.999
+
+
+def test_of_several_friction_loops_the_first_is_fitted(tmp_path: Path) -> None:
+    header = "t [s],angle [urad],friction [N m]"
+    files = [loops(tmp_path / f"{seed}.csv", header, length=1.0, seed=seed) for seed in range(3)]
+    made = new_file("identification", files, tmp_path / "loops.yaml")
+    said = yaml.safe_load(made.files[0].read_text("utf-8"))
+    assert [one["use"] for one in said["recordings"]] == ["fit", "verify", "verify"]
+    force = said["laws"][0]["fields"]["coulomb_force"]
+    assert force == pytest.approx(2.0, rel=0.02)  # N m, so without a unit
+    assert "reference_normal_force" not in said
+    done = run("identify", made.files[0], "--out", tmp_path / "out")
+    assert done.exit_code == 0, done.output
+    assert numbers(tmp_path / "out")["Dahl"]["parameters"]["coulomb_force"]["unit"] == "N m"
+
+
+def test_a_piezo_with_its_stage(tmp_path: Path) -> None:
+    """A drive and the stage that it moves, and no end-effector: hysteresis and creep."""
+    time = np.arange(0.0, 4.0, 4e-3)
+    drive = 50.0 - 50.0 * np.exp(-time / 3.0) * np.cos(2.0 * np.pi * time)
+    stage = ss.load_actuator("kang2007-hysteresis").replace(clamped=True)
+    shown = ss.simulate(stage, ss.Sampled(time, drive), times=time, tolerance=1e-9)["stage_position"].values
+    for seed, name in enumerate(("a", "b")):
+        noisy = 1e6 * shown + 3e-3 * np.random.default_rng(seed).standard_normal(time.size)
+        table, header = np.column_stack([time, drive, noisy]), "t [s],drive [V],stage [um]"
+        np.savetxt(tmp_path / f"{name}.csv", table, "%.6f", ",", header=header, comments="")
+    files = [tmp_path / "a.csv", tmp_path / "b.csv"]
+    made = run("new", "identification", *files, "--out", tmp_path / "piezo.yaml")
+    assert (made.exit_code, made.stderr) == (0, "")
+    said = yaml.safe_load((tmp_path / "piezo.yaml").read_text("utf-8"))
+    assert (said["kind"], said["observed"]) == ("piezo", "stage_position")
+    assert [one["use"] for one in said["recordings"]] == ["fit", "verify"]
+    done = run_said(made.output, "--out", tmp_path / "out")
+    assert done.exit_code in (0, 1), done.output  # 1: it is not all explained
+    assert numbers(tmp_path / "out")["verification"]["b"]["r_squared"]["value"] > 0.999
+
+
 def test_tables_of_one_s_own_with_columns_that_nobody_knows(tmp_path: Path) -> None:
     time = np.arange(400) * 1e-3
     table = np.column_stack([time, np.zeros(400), np.zeros(400)])

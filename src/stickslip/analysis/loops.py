@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
 import xarray as xr
 from pydantic import Discriminator, Field, Tag
 
@@ -104,10 +106,7 @@ class LoopAnalysis(Analysis):
     def _document(self, data: dict[str, list[xr.Dataset]], results: Comparison) -> Document:
         best, best_fit = results.best, results.fits[results.best]
         score = results.verifications[best].r_squared
-        span = ", ".join(
-            f"{float(d['time'][0]):.0f} to {float(d['time'][-1]):.0f} s"
-            for d in (data["fit"][0], *data["verify"])
-        )
+        span = _spans([data["fit"][0], *data["verify"]])
         return Document(
             title=self.title,
             summary=(
@@ -138,6 +137,17 @@ class LoopAnalysis(Analysis):
             },
             citations=cite(*self.citation) if self.citation else "",
         )
+
+
+def _spans(parts: list[xr.Dataset]) -> str:
+    """From when to when each lasts, to 1 % of the shortest."""
+    ends = [(float(part["time"][0]), float(part["time"][-1])) for part in parts]
+    decimals = math.ceil(2.0 - math.log10(min(end - start for start, end in ends)))
+
+    def text(seconds: float) -> str:
+        return np.format_float_positional(round(seconds, decimals) + 0.0, trim="-")
+
+    return ", ".join(f"{text(start)} to {text(end)} s" for start, end in ends)
 
 
 def _laws_table(results: Comparison, marks: dict[str, float]) -> Table:

@@ -221,6 +221,7 @@ def verification_analysis(
             raise AnalysisError(
                 f"{path}: name the recordings to predict: stickslip verify {path.name} my.csv"
             )
+        _results(path)  # before columns are asked for, which would not help what holds no model of a walk
         named, said = _pairs("--column", columns), _pairs("--unit", units)
         entries = [_entry(Path(file), named, said) for file in recordings]
         content: dict[str, Any] = {

@@ -13,8 +13,9 @@ from ..recording.conversion import is_unit
 from .source import FileChannel, is_clock, is_seconds
 
 _UNIT_LINE = re.compile(r"(?P<axis>vertical|horizontal|x|y)[ _]units?([ _]label)?:?", re.IGNORECASE)
-# Ends of names that are units, spelled as names are. Of one letter V anywhere, s after a time and m after
-# a length only: "x_m" may be "measured", and A is as often a channel as ampere or angstrom.
+# Ends of names that are units, spelled as names are. Of one letter V anywhere, s after a time, m after a
+# length and a large N after a force only: "x_m" may be "measured", "force_n" the normal one or one of n, and
+# A is as often a channel as ampere or angstrom.
 _ENDS = {"sec": "s", "msec": "ms", "usec": "us", "nsec": "ns", "v": "V", "mv": "mV", "kv": "kV", "uv": "uV"}
 _ENDS |= {
     "mn": "mN",
@@ -28,12 +29,13 @@ _ENDS |= {
 }
 _ENDS |= {one: one for one in ("ms", "us", "ns", "pm", "nm", "um", "mm", "cm", "rad", "mrad", "urad", "deg")}
 _ENDS |= {f"{one}_{per}": f"{one}/s" for one in ("nm", "um", "mm", "m") for per in ("s", "per_s")}
-_ENDS |= {"s": "s", "m": "m"}
+_ENDS |= {"s": "s", "m": "m", "n": "N"}
 # The shortest name comes first, so that "v_m_s" ends with m_s, not with s.
 _ENDED = re.compile(
     rf"(?P<name>.*?[^\W_])[_ ](?P<unit>{'|'.join(sorted(_ENDS, key=len, reverse=True))})", re.I
 )
 _LENGTH = re.compile(r"pos|disp|dist|stroke|travel|elongation|weg", re.IGNORECASE)
+_FORCE = re.compile(r"force|friction|load|kraft|reibung", re.IGNORECASE)
 
 
 def named_unit(channel: FileChannel) -> FileChannel:
@@ -47,14 +49,17 @@ def named_unit(channel: FileChannel) -> FileChannel:
     if not found:
         return channel
     made = channel._replace(name=found["name"], unit=_ENDS[found["unit"].lower()], header=channel.shown)
-    end = found["unit"].lower()
-    fits = is_clock(made) if end == "s" else end != "m" or ends_in_m(channel.shown)
-    return made if fits else channel
+    fits = {"s": is_clock(made), "m": ends_in_m(channel.shown), "n": _ends_in_newtons(channel.shown)}
+    return made if fits.get(found["unit"].lower(), True) else channel
 
 
 def ends_in_m(name: str) -> bool:
     """Whether a name is that of a length and ends with "_m", which says metres, or "measured"."""
     return name[-2:].lower() in ("_m", " m") and _LENGTH.search(name) is not None
+
+
+def _ends_in_newtons(name: str) -> bool:
+    return name.endswith("N") and _FORCE.search(name) is not None
 
 
 def said_units(rows: Sequence[Sequence[str]]) -> tuple[list[str], list[str]]:

@@ -25,9 +25,11 @@ _MEANINGS = (
     (r"sliding", "sliding_displacement"),
     (r"friction", "friction_force"),
     (r"velocity|speed", "end_effector_velocity"),
+    (r"normal (force|load)|^normal$", "normal_force"),
     (r"force|load cell", "force"),
     (r"pos|disp|slider|runner|effector|interferometer|\bx\b|\by\b", "end_effector_position"),
 )
+_DRIVES = {"drive_voltage", "voltage"}
 
 
 def look(path: Path) -> dict[str, Any]:
@@ -57,6 +59,7 @@ def look(path: Path) -> dict[str, Any]:
             one["guess"] = ""
         taken.add(one["guess"])
     _as_of_an_actuator(columns)
+    _as_of_a_contact(columns)
     return {"reader": source.reader, "samples": max(a.size for a in arrays.values()), "columns": columns}
 
 
@@ -67,6 +70,16 @@ def _as_of_an_actuator(columns: list[dict[str, Any]]) -> None:
     moved = next((by_guess[name] for name in ("position", "displacement") if name in by_guess), None)
     if drive and moved and "end_effector_position" not in by_guess:
         drive["guess"], moved["guess"] = "drive_voltage", "end_effector_position"
+
+
+def _as_of_a_contact(columns: list[dict[str, Any]]) -> None:
+    """A position beside a friction force, without a drive, is that of a tribometer."""
+    by_guess = {one["guess"]: one for one in columns}
+    if "friction_force" not in by_guess or "position" in by_guess or _DRIVES & by_guess.keys():
+        return
+    moved = by_guess.get("end_effector_position") or by_guess.get("displacement")
+    if moved and not re.search(r"effector|slider|runner", moved["name"], re.IGNORECASE):
+        moved["guess"] = "position"
 
 
 def _described(i: int, channel: FileChannel, values: np.ndarray | None) -> dict[str, Any]:

@@ -10,19 +10,16 @@ from pathlib import Path
 from string import Template
 from typing import Any, NamedTuple
 
-from ..readers import inspect_file
-from ..readers.inspection import Inspection
-from ..recording import RecordingError
 from ..recording.replacing import replaced_whole
 from ..records import did_you_mean
-from ..units import QuantityError, with_prefix
+from ..units import QuantityError
 from ..waveform.shapes import Step
-from .drives import Drive, shown_drive
+from .drives import Drive
+from .entries import MOVED, Recorded, angles, entry_of, listed, looked_at, quantity
 from .examples import example_files, write_examples
+from .measured import LOOPS, PIEZO, STAGE, WALK, loops, measured_kind, piezo
 
 _TEMPLATES = Path(__file__).parent / "templates"
-_MOVED = "end_effector_position"
-_STAGE = ("stage_position", "piezo_elongation")
 _TICK = 50e-6  # s, of the virtual rig's bench
 _STROKE = 0.1057e-6  # m/V, of the set that the other starts are of
 _IN_PROPORTION = "the friction that is found is in proportion to it"
@@ -66,13 +63,6 @@ class New(NamedTuple):
     missing: tuple[str, ...]
 
 
-class _Recorded(NamedTuple):
-    """A recording, what is in it, and the waveform that its drive shows."""
-
-    found: Inspection
-    drive: Drive | None
-
-
 def new_file(
     kind: str, recordings: Sequence[str | os.PathLike[str]] = (), out: str | os.PathLike[str] | None = None
 ) -> New:
@@ -107,13 +97,15 @@ def new_file(
             raise FileExistsError(
                 17, "it is there already, and nothing is overwritten; --out names another", str(file)
             )
-    seen = [_looked_at(Path(file)) for file in recordings]
+    seen = [looked_at(Path(file)) for file in recordings]
     target.parent.mkdir(parents=True, exist_ok=True)
     try:
         if made_up:
-            seen = [_looked_at(file) for file in write_examples(target, kind == "campaign")]
-        fields, missing = _FILLED.get(kind, lambda seen, folder: ({}, []))(seen, target.parent)
-        text = Template((_TEMPLATES / known.template).read_text(encoding="utf-8"))
+            seen = [looked_at(file) for file in write_examples(target, kind == "campaign")]
+        own = measured_kind(seen) if kind == WALK else kind
+        fields, missing = _FILLED.get(own, lambda seen, folder: ({}, []))(seen, target.parent)
+        template = known.template if own == kind else f"{own}.yaml"
+        text = Template((_TEMPLATES / template).read_text(encoding="utf-8"))
         with replaced_whole(target) as temporary:
             temporary.write_text(text.substitute(name=target.name, **fields), encoding="utf-8")
     except BaseException:
@@ -123,40 +115,27 @@ def new_file(
     return New((target, *examples), known.command.format(target), tuple(missing))
 
 
-def _looked_at(file: Path) -> _Recorded:
-    found = inspect_file(file)
-    if found.recording is None:
-        raise RecordingError(f"{file}: {found.problem}")
-    return _Recorded(found, shown_drive(found))
-
-
-def _identified(seen: list[_Recorded], folder: Path, steps: bool) -> tuple[dict[str, str], list[str]]:
+def _identified(seen: list[Recorded], folder: Path, steps: bool) -> tuple[dict[str, str], list[str]]:
     """The recordings and the gain of a campaign, or of an identification."""
     lines, missing, fitted = [], [], False
     for one in seen:
         step = steps and isinstance(one.drive, Step) and len(seen) > 1
         use = "step" if step else "verify" if fitted else "fit"
         fitted = fitted or not step
-        entry, lacking = _entry(one, folder, use)
+        entry, lacking = entry_of(one, folder, use)
         if steps and one.drive is not None:
             entry.append(f"waveform: [{_flow(one.drive)}]")
-        lines.append(_listed(entry))
+        lines.append(listed(entry))
         missing += lacking
     if not fitted:  # steps alone: one of them is a walk, or there is nothing to fit
         lines[-1] = lines[-1].replace("use: step", "use: fit")
-    start = _turning(*_gain(seen)) if _angles(seen) else _sliding(*_gain(seen))
+    start = _turning(*_gain(seen)) if angles(seen) else _sliding(*_gain(seen))
     return {"recordings": "\n".join(lines), **start, "model": "kang2007"}, missing
-
-
-def _angles(seen: list[_Recorded]) -> bool:
-    """Whether the positions are angles."""
-    recordings: list[Any] = [one.found.recording for one in seen]
-    return any(one[_MOVED].attrs.get("units") == "rad" for one in recordings if _MOVED in one)
 
 
 def _sliding(gain: float | None, source: str) -> dict[str, str]:
     """Where a fit starts, what moves along a line."""
-    known = f"  gain: {_said(gain, 'm/V')} # {source}" if gain else ""
+    known = f"  gain: {quantity(gain, 'm/V')} # {source}" if gain else ""
     return {
         "gain": known or "  # gain: 0.1 um/V # stroke of the piezo per volt",
         "masses": "  # stage_mass: 100 g # effective, of piezo and stage\n"
@@ -174,7 +153,7 @@ def _turning(gain: float | None, source: str) -> dict[str, str]:
     inertia = f"{0.1 * radius**2:.3g} kg m^2 # "
     of = f"100 g on a radius of {1e3 * radius:g} mm: write yours"
     force = f"{0.8 * radius:.3g} N m"
-    known = f"gain: {_said(gain or _STROKE / radius, 'rad/V')} # {source or 'angle of the piezo per volt'}"
+    known = f"gain: {quantity(gain or _STROKE / radius, 'rad/V')} # {source or 'angle of the piezo per volt'}"
     return {
         "gain": f"  rotary: true # the recordings are of an angle\n  {known}",
         "masses": f"  stage_mass: {inertia}moment of inertia of piezo and stage; {of}\n"
@@ -187,34 +166,6 @@ def _turning(gain: float | None, source: str) -> dict[str, str]:
     }
 
 
-def _entry(one: _Recorded, folder: Path, use: str) -> tuple[list[str], list[str]]:
-    """What a file says of a recording, and what it does not know."""
-    found = one.found
-    where = Path(os.path.relpath(found.path.resolve(), folder.resolve())).as_posix()
-    lines = [f"file: {json.dumps(where, ensure_ascii=False)}", f"use: {use}"]
-    if found.named:
-        lines.append(f"columns: {_mapping(found.named)}")
-    if found.units:
-        lines.append(f"units: {_mapping(found.units)} # guessed")
-    wanted = [name for name in (_MOVED, "drive_voltage") if name not in found.recording]  # type: ignore[operator]
-    missing = []
-    if wanted:
-        there = ", ".join(f"{c['name']!r}" for c in found.columns if c["numeric"]) or "its variables"
-        lines.append(f"# no column was taken for {' and '.join(wanted)}: name it under columns, of {there}")
-        missing.append(f"{found.path}: which column is {' and '.join(wanted)}, of {there}")
-    return lines, missing
-
-
-def _listed(lines: list[str]) -> str:
-    return "\n".join(f"  {'- ' if i == 0 else '  '}{line}" for i, line in enumerate(lines))
-
-
-def _mapping(names: dict[str, str]) -> str:
-    return (
-        "{" + ", ".join(f"{key}: {json.dumps(text, ensure_ascii=False)}" for key, text in names.items()) + "}"
-    )
-
-
 def _flow(drive: Drive) -> str:
     units = {"amplitude": " V", "offset": " V", "frequency": " Hz", "periods": ""}
     fields = {name: getattr(drive, name) for name in units if name in drive._fields}
@@ -222,17 +173,13 @@ def _flow(drive: Drive) -> str:
     return f"{{shape: {type(drive).__name__}, fields: {{{', '.join(f'{k}: {v}' for k, v in said.items())}}}}}"
 
 
-def _said(value: float, unit: str) -> str:
-    return with_prefix(float(f"{value:.4g}"), unit).replace("µ", "u")
-
-
-def _gain(seen: list[_Recorded]) -> tuple[float | None, str]:
+def _gain(seen: list[Recorded]) -> tuple[float | None, str]:
     """Of a recording that shows the stage, or a step with the end-effector clamped: way over volts."""
     for one in seen:
         recording: Any = one.found.recording
-        shown = next((name for name in _STAGE if name in recording), None)
-        if shown is None and isinstance(one.drive, Step) and _MOVED in recording and len(seen) > 1:
-            shown = _MOVED
+        shown = next((name for name in STAGE if name in recording), None)
+        if shown is None and isinstance(one.drive, Step) and MOVED in recording and len(seen) > 1:
+            shown = MOVED
         begins = one.found.drive_begins
         if shown is None or begins is None:
             continue
@@ -250,7 +197,7 @@ def _gain(seen: list[_Recorded]) -> tuple[float | None, str]:
     return None, ""
 
 
-def _voltages(seen: list[_Recorded]) -> tuple[float, float, str]:
+def _voltages(seen: list[Recorded]) -> tuple[float, float, str]:
     """What the drives reach, rounded outwards to 10 V; 0 V to 100 V without any."""
     recordings: list[Any] = [one.found.recording for one in seen]
     drives = [one["drive_voltage"].values for one in recordings if "drive_voltage" in one]
@@ -265,17 +212,17 @@ def _voltages(seen: list[_Recorded]) -> tuple[float, float, str]:
     )
 
 
-def _campaign(seen: list[_Recorded], folder: Path) -> tuple[dict[str, str], list[str]]:
+def _campaign(seen: list[Recorded], folder: Path) -> tuple[dict[str, str], list[str]]:
     return _identified(seen, folder, steps=True)
 
 
-def _identification(seen: list[_Recorded], folder: Path) -> tuple[dict[str, str], list[str]]:
+def _identification(seen: list[Recorded], folder: Path) -> tuple[dict[str, str], list[str]]:
     return _identified(seen, folder, steps=False)
 
 
-def _actuator(seen: list[_Recorded], folder: Path) -> tuple[dict[str, str], list[str]]:
+def _actuator(seen: list[Recorded], folder: Path) -> tuple[dict[str, str], list[str]]:
     del folder
-    if _angles(seen):
+    if angles(seen):
         raise QuantityError(
             "these recordings are of an angle, and this writes an actuator that slides; a parameter set of "
             "one that turns has rotary = true, and units such as urad/V, N m and kg m^2"
@@ -293,7 +240,7 @@ def _actuator(seen: list[_Recorded], folder: Path) -> tuple[dict[str, str], list
     }, []
 
 
-def _experiment(seen: list[_Recorded], folder: Path) -> tuple[dict[str, str], list[str]]:
+def _experiment(seen: list[Recorded], folder: Path) -> tuple[dict[str, str], list[str]]:
     del folder
     low, high, _ = _voltages(seen)
     missing: list[str] = []
@@ -345,12 +292,14 @@ def _run(
     lines.append(f"waveform: [{shape}]")
     told = f"length: {length:.4g} s, interval: {1e6 * interval:g} us, pre_trigger: {before:.4g} s"
     lines.append(f"capture: {{{told}, trigger: {trigger}}}")
-    return _listed(lines)
+    return listed(lines)
 
 
 _FILLED = {
     "campaign": _campaign,
-    "identification": _identification,
+    WALK: _identification,
+    LOOPS: loops,
+    PIEZO: piezo,
     "actuator": _actuator,
     "experiment": _experiment,
 }

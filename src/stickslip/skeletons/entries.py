@@ -1,0 +1,71 @@
+"""What a file that is written says of recordings: their entries, with columns and units."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ..readers import inspect_file
+from ..readers.inspection import Inspection
+from ..recording import RecordingError
+from ..units import with_prefix
+from .drives import Drive, shown_drive
+
+MOVED, DRIVE = "end_effector_position", "drive_voltage"
+
+
+class Recorded(NamedTuple):
+    """A recording, what is in it, and the waveform that its drive shows."""
+
+    found: Inspection
+    drive: Drive | None
+
+
+def looked_at(file: Path) -> Recorded:
+    found = inspect_file(file)
+    if found.recording is None:
+        raise RecordingError(f"{file}: {found.problem}")
+    return Recorded(found, shown_drive(found))
+
+
+def angles(seen: list[Recorded]) -> bool:
+    """Whether the positions are angles."""
+    recordings: list[Any] = [one.found.recording for one in seen]
+    return any(one[MOVED].attrs.get("units") == "rad" for one in recordings if MOVED in one)
+
+
+def entry_of(
+    one: Recorded, folder: Path, use: str, needed: Sequence[str] = (MOVED, DRIVE)
+) -> tuple[list[str], list[str]]:
+    """What a file says of a recording, and what it does not know."""
+    found = one.found
+    where = Path(os.path.relpath(found.path.resolve(), folder.resolve())).as_posix()
+    lines = [f"file: {json.dumps(where, ensure_ascii=False)}", f"use: {use}"]
+    if found.named:
+        lines.append(f"columns: {_mapping(found.named)}")
+    if found.units:
+        lines.append(f"units: {_mapping(found.units)} # guessed")
+    wanted = [name for name in needed if name not in found.recording]  # type: ignore[operator]
+    missing = []
+    if wanted:
+        there = ", ".join(f"{c['name']!r}" for c in found.columns if c["numeric"]) or "its variables"
+        lines.append(f"# no column was taken for {' and '.join(wanted)}: name it under columns, of {there}")
+        missing.append(f"{found.path}: which column is {' and '.join(wanted)}, of {there}")
+    return lines, missing
+
+
+def listed(lines: list[str]) -> str:
+    return "\n".join(f"  {'- ' if i == 0 else '  '}{line}" for i, line in enumerate(lines))
+
+
+def _mapping(names: dict[str, str]) -> str:
+    return (
+        "{" + ", ".join(f"{key}: {json.dumps(text, ensure_ascii=False)}" for key, text in names.items()) + "}"
+    )
+
+
+def quantity(value: float, unit: str) -> str:
+    return with_prefix(float(f"{value:.4g}"), unit).replace("µ", "u")

@@ -1,0 +1,96 @@
+"""Identifications from recordings of no walk: friction loops of a tribometer, a piezo with its stage."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .entries import DRIVE, MOVED, Recorded, entry_of, listed, quantity
+
+WALK, LOOPS, PIEZO = "identification", "friction_loops", "piezo"
+STAGE = ("stage_position", "piezo_elongation")
+_CONTACT = ("position", "friction_force")
+# Of a single recording, the part that is fitted; of the stroke, over which a contact may yield.
+_FITTED, _YIELDS = 0.6, 0.03
+
+Array = NDArray[np.float64]
+
+
+def measured_kind(seen: list[Recorded]) -> str:
+    """What recordings can be fitted as; as a walk, too, where what is missing is to be said."""
+    channels = [set(map(str, one.found.recording)) for one in seen]  # type: ignore[arg-type]
+    if all(DRIVE not in one and one.issuperset(_CONTACT) for one in channels):
+        return LOOPS
+    if all(DRIVE in one and MOVED not in one for one in channels) and _observed(seen):
+        return PIEZO
+    return WALK
+
+
+def loops(seen: list[Recorded], folder: Path) -> tuple[dict[str, str], list[str]]:
+    """The recordings, or two parts of the only one, and where the laws start."""
+    recording: Any = seen[0].found.recording
+    position, friction = (recording[name].values for name in _CONTACT)
+    force = 0.5 * float(np.ptp(friction)) or 1.0
+    stiffness = force / (_YIELDS * float(np.ptp(position)) or 1.0)
+    turns = recording["position"].attrs["units"] == "rad"  # numbers without a unit are in N m then
+    units = ("", "") if turns else ("N", "N/m")
+    values = {"force": force, "half": 0.5 * force}, {"stiffness": stiffness, "stiffer": 1.5 * stiffness}
+    starts = {
+        name: quantity(value, unit) if unit else f"{value:.3g}"
+        for unit, group in zip(units, values, strict=True)
+        for name, value in group.items()
+    }
+    flip = "flip: true # the force of this recording is against the motion that it should go with"
+    return {
+        **starts,
+        "flip": flip if _against(position, friction) else "# flip: true # turns the sign of the force",
+        "reference": _reference(seen),
+        "recordings": "\n".join(_halves(seen[0], folder) if len(seen) == 1 else _fitted_first(seen, folder)),
+    }, []
+
+
+def piezo(seen: list[Recorded], folder: Path) -> tuple[dict[str, str], list[str]]:
+    """The recordings, and the channel that shows the stage."""
+    return {"observed": _observed(seen), "recordings": "\n".join(_fitted_first(seen, folder))}, []
+
+
+def _observed(seen: list[Recorded]) -> str:
+    return next((name for name in STAGE if all(name in (one.found.recording or ()) for one in seen)), "")
+
+
+def _fitted_first(seen: list[Recorded], folder: Path) -> list[str]:
+    """Entries: the first recording is fitted, the others are predicted."""
+    return [listed(entry_of(one, folder, "verify" if i else "fit", ())[0]) for i, one in enumerate(seen)]
+
+
+def _halves(one: Recorded, folder: Path) -> list[str]:
+    """Entries of a recording whose first part is fitted, and whose last part is predicted."""
+    at = _round_between(one.found.recording["time"].values)  # type: ignore[index]
+    parts = {"fit": f"name: first part, end: {at:.9g} s", "verify": f"name: last part, start: {at:.9g} s"}
+    return [listed([*said.split(", "), *entry_of(one, folder, use, ())[0]]) for use, said in parts.items()]
+
+
+def _round_between(time: Array) -> float:
+    """The roundest time near that at which the part that is fitted ends."""
+    length = float(time[-1] - time[0])
+    at = float(time[0]) + _FITTED * length
+    roundings = (float(f"{at:.{digits}g}") for digits in range(1, 9))
+    return next((one for one in roundings if abs(one - at) <= 0.05 * length), at)
+
+
+def _against(position: Array, friction: Array) -> bool:
+    """Whether the force takes no work but gives it, as on the other body."""
+    force = friction - np.mean(friction)
+    return float(np.sum(np.diff(position) * (force[1:] + force[:-1]))) < 0.0
+
+
+def _reference(seen: list[Recorded]) -> str:
+    recordings: list[Any] = [one.found.recording for one in seen]
+    loads = [one["normal_force"].values for one in recordings if "normal_force" in one]
+    mean = float(np.mean(loads[0])) if len(loads) == len(seen) else 0.0
+    if mean > 0.0:
+        return f"reference_normal_force: {quantity(mean, 'N')} # the mean; the forces of the laws hold there"
+    return "# reference_normal_force: 5 N # with normal_force in all recordings, which the forces then follow"
