@@ -145,7 +145,7 @@ def without_drift(one: Aligned) -> Aligned:
     drift = drift_seen(time[before], position[before], SURELY)
     if drift is None:
         return one
-    left = position - drift.slope * (time - drift.about)
+    left = position - drift.at(time)
     noise = float(left[before].std(ddof=2))
     if abs(drift.slope) * float(time[-1] - one.begin) <= SURELY * noise:
         return one
@@ -159,8 +159,8 @@ def said_to_drift(walks: Iterable[Aligned]) -> list[str]:
     for one in walks:
         if one.drift is not None:
             unit = str(one.recording[POSITION].attrs["units"])
-            far = one.drift.slope * float(one.recording["time"].values[-1] - one.drift.about)
-            said.append(f"{one.name} {said_drift(one.drift, unit)}, {with_prefix(far, unit, 3)} at its end")
+            end = float(one.drift.at(one.recording["time"].values[-1]))
+            said.append(f"{one.name} {said_drift(one.drift, unit)}, {with_prefix(end, unit, 3)} at its end")
     return said
 
 

@@ -14,10 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 
 from ..actuator import Actuator
 from ..analysis.alignment import POSITION, Aligned
+from ..estimate.drift import off_by_drifts
 from ..estimate.result import Fit
 from ..identify.piezo.left_out import spread
 from ..identify.step.fit import STAGE_PARAMETERS
@@ -146,15 +146,10 @@ def inherited(
         recordings, drives = [one.recording for one in fitted], [one.drive for one in fitted]
         others = answer(moved_by(fit, stages, recordings, drives, slew_rate))
     if any(one.drift is not None for one in fitted):
-        drift = answer(np.asarray(block_diag(*(_off_by_drift(one) for one in fitted))))
+        times = [one.recording["time"].values for one in fitted]
+        drift = answer(off_by_drifts(times, [one.drift for one in fitted]))
     if stage is None or freed(fit):
         return Inherited(moved, None, others, drift)
     names = [p.name for p in stage.parameters]
     at = [names.index(name) for name in STAGE_PARAMETERS]
     return Inherited(moved, stage.covariance[np.ix_(at, at)], others, drift)
-
-
-def _off_by_drift(one: Aligned) -> Array:
-    """What a standard error of the drift that was taken off a walk is at its samples [n, 1], m."""
-    since = one.recording["time"].values[:, None]
-    return np.zeros_like(since) if one.drift is None else (since - one.drift.about) * one.drift.error

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dst
+from scipy.linalg import block_diag
 
 from ..units import with_prefix
 
@@ -91,6 +92,14 @@ class Drift(NamedTuple):
     error: float
     about: float
 
+    def at(self, time: Array) -> Array:
+        """How far the channel has drifted at the times [n], in its unit."""
+        return self.slope * (time - self.about)
+
+    def unsure(self, time: Array) -> Array:
+        """A standard error of that."""
+        return self.error * (time - self.about)
+
 
 def said_drift(drift: Drift, unit: str) -> str:
     """That a channel in this unit drifts, and what becomes of it."""
@@ -106,6 +115,15 @@ def drift_seen(time: Array, samples: Array, surely: float) -> Drift | None:
     interval = float(time[-1] - time[0]) / (time.size - 1)
     slope, error = (per_sample / interval for per_sample in slope_at_rest(samples))
     return Drift(slope, error, float(time.mean())) if abs(slope) > surely * error else None
+
+
+def off_by_drifts(times: Sequence[Array], drifts: Sequence[Drift | None]) -> Array:
+    """What a standard error of each drift that was taken off makes of all samples, [samples, recordings]."""
+    parts = [
+        np.zeros_like(time) if drift is None else drift.unsure(time)
+        for time, drift in zip(times, drifts, strict=True)
+    ]
+    return np.asarray(block_diag(*(part[:, None] for part in parts)))
 
 
 def slope_at_rest(samples: Array) -> tuple[float, float]:

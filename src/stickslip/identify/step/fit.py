@@ -9,12 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 
 from ...actuator import Actuator
 from ...electronics import Filter
 from ...estimate.coloured import coloured, with_coloured_noise, with_inherited
-from ...estimate.drift import Drift, drift_seen, said_drift
+from ...estimate.drift import Drift, drift_seen, off_by_drifts, said_drift
 from ...estimate.fit import fit_least_squares
 from ...estimate.lack import KnownNoise
 from ...estimate.outliers import said_outliers
@@ -99,7 +98,10 @@ def identify_step(
     window, start = optional_si(window, "s", "window"), optional_si(start, "s", "start")
     recorded = step_tests(recordings, voltages, start, observed)
     drifts = [_drift(test) for test in recorded]
-    tests = [_less(test, drift) for test, drift in zip(recorded, drifts, strict=True)]
+    tests = [
+        test if drift is None else test._replace(position=test.position - drift.at(test.time))
+        for test, drift in zip(recorded, drifts, strict=True)
+    ]
     first = [classical(test, timing) for test in tests]
     reach = WINDOW * float(np.mean([row["peak_time"] for row in first])) if window is None else window
     kept, shown = ([_within(test, -reach, reach) for test in those] for those in (tests, recorded))
@@ -122,7 +124,8 @@ def identify_step(
     # What is before the window says as much about the noise as what is in it.
     until = [_within(test, -np.inf, reach) for test in tests]
     left = [residuals(test, i)(fit.values) for i, test in enumerate(until, start=1)]
-    fit = _with_drift(with_coloured_noise(fit, coloured(left)), kept, drifts)
+    fit = with_coloured_noise(fit, coloured(left))
+    fit = with_inherited(fit, off_by_drifts([test.time for test in kept], drifts), np.eye(len(kept)))
     known = [Inexact.seen(test.position, noisy=False) for test in shown]
     moved = moved_by(known, lambda drawn: -np.concatenate(drawn))
     fit = with_moved(fit, moved, said_steps(observed, known, unit))
@@ -147,23 +150,6 @@ def _drift(test: StepTest) -> Drift | None:
     """Of the sensor, where the rest before the step shows one: a false alarm only makes intervals wider."""
     rest = test.time < 0.0
     return drift_seen(test.time[rest], test.position[rest], SEEN)
-
-
-def _less(test: StepTest, drift: Drift | None) -> StepTest:
-    if drift is None:
-        return test
-    return test._replace(position=test.position - drift.slope * (test.time - drift.about))
-
-
-def _with_drift(fit: Fit, kept: Sequence[StepTest], drifts: Sequence[Drift | None]) -> Fit:
-    """The fit with what the errors of the drifts leave open."""
-    if not any(drifts):
-        return fit
-    columns = [
-        np.zeros((test.time.size, 1)) if one is None else one.error * (test.time - one.about)[:, None]
-        for test, one in zip(kept, drifts, strict=True)
-    ]
-    return with_inherited(fit, np.asarray(block_diag(*columns)), np.eye(len(kept)))
 
 
 def _said_gain(gain: float, unit: str) -> tuple[str, ...]:
