@@ -156,7 +156,7 @@ def test_a_map_of_what_was_identified(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ({"map": {}}, "either 'fit', a results.json, or 'model'"),
+        ({"map": {}}, "either 'model', a parameter set, or 'fit'"),
         ({"model": "kang2007"}, "a design asks for at least one of map, optimise"),
         ({"model": "kang2007", "map": {"voltage": "65 N", "frequency": 5.0}}, "voltage = '65 N'"),
         (
