@@ -55,6 +55,7 @@ def test_walks_that_drift_are_explained(seed: int) -> None:
     assert not any(one.seen for one in found.everything.lacks)
     share = found.budget.sources["drift of the sensor"]["coulomb_force"]
     assert share > 0.1 * found.budget.total["coulomb_force"]
+    assert all(one.noise == pytest.approx(30e-9, rel=0.1) for one in found.gathered)
     summary = campaign_document(FILE, found, []).summary
     assert summary.count("drifts by") == 2
     assert "does not explain" not in summary

@@ -33,6 +33,7 @@ from .gathering import Scale, scale_of, scaled
 from .hysteresis import Hysteresis, hysteresis_of
 from .plausible import check_walk
 
+WALKS = ("fit", "verify")
 # Of the steps' formulas with other noise.
 _REPETITIONS = 50
 
@@ -40,8 +41,9 @@ _REPETITIONS = 50
 class Found(NamedTuple):
     """What a campaign found.
 
-    `gathered` are the recordings in the scale of the reference; `scale` is None without a reference, `stage`
-    and `formulas` (how far the thesis's formulas are off, see `step_formula_errors`) without steps;
+    `gathered` are the recordings in the scale of the reference, walks less their drift; `scale` is None
+    without a reference, `stage` and `formulas` (how far the thesis's formulas are off, see
+    `step_formula_errors`) without steps;
     `hysteresis` is that of the stage, None without recordings of it; `start` is the actuator that the fit of
     the friction began with; `inherited` is what that fit takes over from stage and scale, None without both
     or for a law without derivatives; `walks` are the recordings of `verification`, in its order, and
@@ -98,9 +100,10 @@ def evaluate(
         steps = [one for one in recordings if one.use == "step"]
         scale = scale_of(steps, file.reference, file.settling)
         recordings = [scaled(one, scale.value) for one in recordings]
+    recordings = [without_drift(one) if one.use in WALKS else one for one in recordings]
     hysteresis, stage, formulas, model = _stage(file, recordings, model, progress)
     progress("identifying the friction", 0.2)
-    walks = [on_level(without_drift(one), model) for one in recordings if one.use in ("fit", "verify")]
+    walks = [on_level(one, model) for one in recordings if one.use in WALKS]
     for one in walks:
         check_walk(one, model)
     fitted = [one for one in walks if one.use == "fit"]
