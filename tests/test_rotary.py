@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from typer.testing import CliRunner
 import stickslip as ss
 from stickslip.analysis.design import design_analysis
 from stickslip.analysis.study import study_of_file
-from stickslip.analysis.verification import results_model
+from stickslip.analysis.verification import model_of_file, results_model
 from stickslip.analysis.walk import changed, with_changes
 from stickslip.cli import app
 from stickslip.design import optimise_waveform, plan_experiment, step_map, step_table
@@ -264,7 +265,8 @@ def test_files_fit_and_verify_angles(tmp_path) -> None:
     assert (found["rmse"]["unit"], found["recordings"]["recording_2"]["rmse"]["unit"]) == ("rad", "rad")
 
     results = tmp_path / "walk" / "results.json"  # as the model of studies and maps, but not of moves
-    assert results_model(results, turns=True).rotary
+    file = SimpleNamespace(fit=str(results), model=None, change={}, friction={})
+    assert model_of_file(file, tmp_path, "study").rotary
     with pytest.raises(QuantityError, match=r"reports of this kind are in m, N and kg.*rotary"):
         results_model(results)
 

@@ -25,8 +25,7 @@ POSITION = "end_effector_position"
 AFTER = 0.05
 # Of its range: a drive_voltage further from its first sample has begun.
 BEGUN = 0.02
-# Standard errors by which a drift before the drive surely is one, and deviations of the noise that it goes on
-# to.
+# Standard errors by which a drift surely is one, and deviations of the noise that it goes on to.
 SURELY = 5.0
 # Of the waveform's range, that of the channel at least; and the other way round.
 ALIKE = 0.5

@@ -167,11 +167,8 @@ class StudyFile(Strict):
             raise InputFileError("drive is missing")
         waveform: Waveform = drive_of([self.drive], {}, folder)
         tolerance = to_si(given.tolerance, unit_for(model, "m"), "measure.tolerance")
-        if isinstance(given, SteadySpec):
-            return SteadySteps(model, waveform, tolerance, given.load)
-        return Walk(
-            model, waveform, **given.model_copy(update={"tolerance": tolerance}).model_dump(exclude={"kind"})
-        )
+        own = given.model_copy(update={"tolerance": tolerance}).model_dump(exclude={"kind"})
+        return (SteadySteps if isinstance(given, SteadySpec) else Walk)(model, waveform, **own)
 
     def _table_alone(self, folder: Path) -> dict[str, Any]:
         if self.draws is None or self.draws.file is None:

@@ -114,21 +114,15 @@ class VerificationAnalysis(Analysis):
             raise AnalysisError(
                 "a verification has either 'fit', a results.json or a saved fit, or 'model', a parameter set"
             )
-        chain = Chain()
-        if self.fit is not None:
-            base, chain = _results(folder / self.fit)
-            model = with_changes(base, self.change, self.friction)
-        else:
-            model = changed(folder, str(self.model), self.change, self.friction, turns=True)
+        model, chain = _of_file(self, folder)
         chain = chain._replace(delay=self.delay or chain.delay)
         return Predictor(model, chain), chain
 
 
-def results_model(path: Path, *, turns: bool = False) -> Actuator:
-    """The actuator of a results.json; `turns`: whether it may. Raises AnalysisError, QuantityError."""
+def results_model(path: Path) -> Actuator:
+    """The actuator of a results.json; raises AnalysisError, and QuantityError if it turns."""
     model = _results(path)[0]
-    if not turns:
-        refuse_rotary(model, "reports of this kind are")
+    refuse_rotary(model, "reports of this kind are")
     return model
 
 
@@ -146,9 +140,15 @@ def model_of_file(file: ModelOfFile, folder: Path, what: str) -> Actuator:
     """The model of `what`, which may turn; raises AnalysisError, QuantityError."""
     if (file.fit is None) == (file.model is None):
         raise AnalysisError(f"a {what} has either 'model', a parameter set, or 'fit', a results.json")
+    return _of_file(file, folder)[0]
+
+
+def _of_file(file: ModelOfFile, folder: Path) -> tuple[Actuator, Chain]:
+    """The model, and what a position channel shows of it, as far as a results.json says."""
     if file.fit is None:
-        return changed(folder, str(file.model), file.change, file.friction, turns=True)
-    return with_changes(results_model(folder / file.fit, turns=True), file.change, file.friction)
+        return changed(folder, str(file.model), file.change, file.friction, turns=True), Chain()
+    base, chain = _results(folder / file.fit)
+    return with_changes(base, file.change, file.friction), chain
 
 
 def _results(path: Path) -> tuple[Actuator, Chain]:

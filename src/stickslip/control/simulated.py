@@ -59,17 +59,18 @@ def simulate_control(
             no finite number or outside the actuator's voltages, or a static stage would jump with it.
         SimulationError: the motion could not be followed.
     """
+    unit = unit_for(model, "m")
     if isinstance(target, str):
-        target = to_si(target, unit_for(model, "m"), "target")
+        target = to_si(target, unit, "target")
     hertz, seconds = to_si(rate, "Hz", "rate"), to_si(duration, "s", "duration")
-    sigma, ticks = to_si(noise, unit_for(model, "m"), "noise"), seconds * hertz
+    sigma, ticks = to_si(noise, unit, "noise"), seconds * hertz
     if not 1.0 < ticks < math.inf or not hertz > 0.0:
         raise QuantityError(
             f"duration = {seconds:g} s and rate = {hertz:g} Hz are out of range: both > 0, finite, "
             "and at least two ticks"
         )
     if not 0.0 <= sigma < math.inf:
-        raise QuantityError(f"noise = {sigma:g} m is out of range: it must be >= 0 m and finite")
+        raise QuantityError(f"noise = {sigma:g} {unit} is out of range: it must be >= 0 {unit} and finite")
     for name, number in (("delay", delay), ("seed", seed)):
         if not isinstance(number, int | np.integer) or number < 0:
             raise QuantityError(f"{name} = {number!r:.60}: it must be a whole number >= 0")

@@ -17,6 +17,7 @@ from ..units import with_prefix
 LEAST_WALK, MOST_WALK = 1e-4, 1.0
 # Walks that are tried; lines of each spectrum, the lowest: a filter does to the others what a walk does.
 TRIED, LINES = 33, 16
+_LOGS = np.linspace(2.0 * math.log(LEAST_WALK), 2.0 * math.log(MOST_WALK), TRIED)
 # Samples at rest below which a slope is not told from a random walk.
 FEWEST = 100
 
@@ -71,11 +72,9 @@ def drift(pieces: Sequence[Array], times: Array, walks: float = 0.0) -> tuple[Ar
     weights = sizes**3 / 12.0
     centred = [np.arange(r.size) - 0.5 * (r.size - 1) for r in pieces]
     slope = sum(float(t @ r) for t, r in zip(centred, pieces, strict=True)) / float(weights.sum())
-    logs = np.linspace(2.0 * math.log(LEAST_WALK), 2.0 * math.log(MOST_WALK), TRIED)
-    criterion, white = np.array([*map(walk_and_white(pieces, LINES), logs)]).T
-    chances = np.exp(-0.5 * (criterion - criterion.min()))
-    chances /= chances.sum()
-    walk = np.maximum(white * np.exp(logs), walks)
+    criterion, white = np.array([*map(walk_and_white(pieces, LINES), _LOGS)]).T
+    chances = _chances(criterion)
+    walk = np.maximum(white * np.exp(_LOGS), walks)
     # The slope of white noise, and that of a walk: 6/5 of its variance per sample, over the samples.
     unsure = white / weights.sum() + walk * 1.2 * float(weights**2 @ (1.0 / sizes)) / weights.sum() ** 2
     ahead, squares = float(np.mean(np.abs(times))), float(np.mean(times**2))
@@ -132,14 +131,18 @@ def slope_at_rest(samples: Array) -> tuple[float, float]:
     differences = np.diff(samples)
     found, by_slope = (_sines(x)[:LINES] for x in (differences, np.ones(differences.size)))
     of_white = 2.0 - 2.0 * np.cos(np.pi * np.arange(1, found.size + 1) / samples.size)
-    logs = np.linspace(2.0 * math.log(LEAST_WALK), 2.0 * math.log(MOST_WALK), TRIED)
-    variances = of_white + np.exp(logs)[:, None]
+    variances = of_white + np.exp(_LOGS)[:, None]
     told = np.sum(by_slope**2 / variances, axis=1)
     slopes = np.sum(by_slope * found / variances, axis=1) / told
     left = np.sum((found - slopes[:, None] * by_slope) ** 2 / variances, axis=1)
     # Restricted likelihood: what the slope takes tells nothing of the noise.
     criterion = (found.size - 1) * np.log(left) + np.sum(np.log(variances), axis=1) + np.log(told)
-    chances = np.exp(-0.5 * (criterion - criterion.min()))
-    chances /= chances.sum()
+    chances = _chances(criterion)
     slope = float(chances @ slopes)
     return slope, math.sqrt(float(chances @ (left / (found.size - 1) / told + (slopes - slope) ** 2)))
+
+
+def _chances(criterion: Array) -> Array:
+    """Of the random walks that are tried [k], by minus twice the logarithms of their likelihoods."""
+    chances = np.exp(-0.5 * (criterion - criterion.min()))
+    return chances / chances.sum()

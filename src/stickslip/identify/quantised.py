@@ -9,7 +9,6 @@ is a bias; it counts as a standard error.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -21,10 +20,11 @@ from ..estimate.coloured import with_inherited
 from ..estimate.result import Fit
 from ..units import with_prefix
 from .recorded.levels import converter_step
+from .recorded.recorded_drive import noise_level
 
 # Draws of all levels, and the share of a variance from which on it is said.
 DRAWS, WORTH_SAYING = 24, 0.1
-# Orders of the differences that leave noise alone, the coarser the samples the higher.
+# Orders of the differences that show noise: the coarser the samples, the higher leave what is smooth out.
 ORDERS = (4, 6, 8)
 
 Array = NDArray[np.float64]
@@ -41,7 +41,10 @@ class Inexact(NamedTuple):
     @classmethod
     def seen(cls, values: Array, *, noisy: bool = True) -> Inexact:
         """With the steps that the samples show, or else, if it may be `noisy`, their white noise."""
-        step, noise = converter_step(values), _noise(values) if noisy else 0.0
+        step, noise = (
+            converter_step(values),
+            min(noise_level(values, order) for order in ORDERS) if noisy else 0.0,
+        )
         return cls(values, 0.0, noise) if noise > step else cls(values, step)
 
     def drawn(self, random: np.random.Generator) -> Array:
@@ -80,13 +83,3 @@ def said_steps(what: str, known: Sequence[Inexact], unit: str) -> str:
     if step > 0.0:
         return f"{what} stands at steps of {with_prefix(step, unit, 3)}; the intervals allow for it"
     return f"{what} has a noise of {with_prefix(noise, unit, 3)}; the intervals allow for it"
-
-
-def _noise(values: Array) -> float:
-    """Standard deviation of white noise, by the differences that leave least of what is smooth."""
-    found = [
-        float(np.median(np.abs(np.diff(values, order)))) / (0.6745 * math.sqrt(math.comb(2 * order, order)))
-        for order in ORDERS
-        if values.size > order
-    ]
-    return min(found, default=0.0)

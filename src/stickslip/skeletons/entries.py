@@ -17,28 +17,28 @@ from .drives import Drive, shown_drive
 MOVED, DRIVE = "end_effector_position", "drive_voltage"
 
 
-class Recorded(NamedTuple):
+class Inspected(NamedTuple):
     """A recording, what is in it, and the waveform that its drive shows."""
 
     found: Inspection
     drive: Drive | None
 
 
-def looked_at(file: Path) -> Recorded:
+def looked_at(file: Path) -> Inspected:
     found = inspect_file(file)
     if found.recording is None:
         raise RecordingError(f"{file}: {found.problem}")
-    return Recorded(found, shown_drive(found))
+    return Inspected(found, shown_drive(found))
 
 
-def angles(seen: list[Recorded]) -> bool:
+def angles(seen: list[Inspected]) -> bool:
     """Whether the positions are angles."""
     recordings: list[Any] = [one.found.recording for one in seen]
     return any(one[MOVED].attrs.get("units") == "rad" for one in recordings if MOVED in one)
 
 
 def entry_of(
-    one: Recorded, folder: Path, use: str, needed: Sequence[str] = (MOVED, DRIVE)
+    one: Inspected, folder: Path, use: str, needed: Sequence[str] = (MOVED, DRIVE)
 ) -> tuple[list[str], list[str]]:
     """What a file says of a recording, and what it does not know."""
     found = one.found
@@ -67,5 +67,5 @@ def _mapping(names: dict[str, str]) -> str:
     )
 
 
-def quantity(value: float, unit: str) -> str:
+def shown_value(value: float, unit: str) -> str:
     return with_prefix(float(f"{value:.4g}"), unit).replace("µ", "u")

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .entries import DRIVE, MOVED, Recorded, entry_of, listed, quantity
+from .entries import DRIVE, MOVED, Inspected, entry_of, listed, shown_value
 
 WALK, LOOPS, PIEZO = "identification", "friction_loops", "piezo"
 STAGE = ("stage_position", "piezo_elongation")
@@ -19,7 +19,7 @@ _FITTED, _YIELDS = 0.6, 0.03
 Array = NDArray[np.float64]
 
 
-def measured_kind(seen: list[Recorded]) -> str:
+def measured_kind(seen: list[Inspected]) -> str:
     """What recordings can be fitted as; as a walk, too, where what is missing is to be said."""
     channels = [set(map(str, one.found.recording)) for one in seen]  # type: ignore[arg-type]
     if all(DRIVE not in one and one.issuperset(_CONTACT) for one in channels):
@@ -29,7 +29,7 @@ def measured_kind(seen: list[Recorded]) -> str:
     return WALK
 
 
-def loops(seen: list[Recorded], folder: Path) -> tuple[dict[str, str], list[str]]:
+def loops(seen: list[Inspected], folder: Path) -> tuple[dict[str, str], list[str]]:
     """The recordings, or two parts of the only one, and where the laws start."""
     recording: Any = seen[0].found.recording
     position, friction = (recording[name].values for name in _CONTACT)
@@ -39,7 +39,7 @@ def loops(seen: list[Recorded], folder: Path) -> tuple[dict[str, str], list[str]
     units = ("", "") if turns else ("N", "N/m")
     values = {"force": force, "half": 0.5 * force}, {"stiffness": stiffness, "stiffer": 1.5 * stiffness}
     starts = {
-        name: quantity(value, unit) if unit else f"{value:.3g}"
+        name: shown_value(value, unit) if unit else f"{value:.3g}"
         for unit, group in zip(units, values, strict=True)
         for name, value in group.items()
     }
@@ -52,21 +52,21 @@ def loops(seen: list[Recorded], folder: Path) -> tuple[dict[str, str], list[str]
     }, []
 
 
-def piezo(seen: list[Recorded], folder: Path) -> tuple[dict[str, str], list[str]]:
+def piezo(seen: list[Inspected], folder: Path) -> tuple[dict[str, str], list[str]]:
     """The recordings, and the channel that shows the stage."""
     return {"observed": _observed(seen), "recordings": "\n".join(_fitted_first(seen, folder))}, []
 
 
-def _observed(seen: list[Recorded]) -> str:
+def _observed(seen: list[Inspected]) -> str:
     return next((name for name in STAGE if all(name in (one.found.recording or ()) for one in seen)), "")
 
 
-def _fitted_first(seen: list[Recorded], folder: Path) -> list[str]:
+def _fitted_first(seen: list[Inspected], folder: Path) -> list[str]:
     """Entries: the first recording is fitted, the others are predicted."""
     return [listed(entry_of(one, folder, "verify" if i else "fit", ())[0]) for i, one in enumerate(seen)]
 
 
-def _halves(one: Recorded, folder: Path) -> list[str]:
+def _halves(one: Inspected, folder: Path) -> list[str]:
     """Entries of a recording whose first part is fitted, and whose last part is predicted."""
     at = _round_between(one.found.recording["time"].values)  # type: ignore[index]
     parts = {"fit": f"name: first part, end: {at:.9g} s", "verify": f"name: last part, start: {at:.9g} s"}
@@ -87,10 +87,12 @@ def _against(position: Array, friction: Array) -> bool:
     return float(np.sum(np.diff(position) * (force[1:] + force[:-1]))) < 0.0
 
 
-def _reference(seen: list[Recorded]) -> str:
+def _reference(seen: list[Inspected]) -> str:
     recordings: list[Any] = [one.found.recording for one in seen]
     loads = [one["normal_force"].values for one in recordings if "normal_force" in one]
     mean = float(np.mean(loads[0])) if len(loads) == len(seen) else 0.0
     if mean > 0.0:
-        return f"reference_normal_force: {quantity(mean, 'N')} # the mean; the forces of the laws hold there"
+        return (
+            f"reference_normal_force: {shown_value(mean, 'N')} # the mean; the forces of the laws hold there"
+        )
     return "# reference_normal_force: 5 N # with normal_force in all recordings, which the forces then follow"

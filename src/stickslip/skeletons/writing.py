@@ -15,7 +15,7 @@ from ..records import did_you_mean
 from ..units import QuantityError
 from ..waveform.shapes import Step
 from .drives import Drive
-from .entries import MOVED, Recorded, angles, entry_of, listed, looked_at, quantity
+from .entries import MOVED, Inspected, angles, entry_of, listed, looked_at, shown_value
 from .examples import example_files, write_examples
 from .measured import LOOPS, PIEZO, STAGE, WALK, loops, measured_kind, piezo
 
@@ -115,7 +115,7 @@ def new_file(
     return New((target, *examples), known.command.format(target), tuple(missing))
 
 
-def _identified(seen: list[Recorded], folder: Path, steps: bool) -> tuple[dict[str, str], list[str]]:
+def _identified(seen: list[Inspected], folder: Path, steps: bool) -> tuple[dict[str, str], list[str]]:
     """The recordings and the gain of a campaign, or of an identification."""
     lines, missing, fitted = [], [], False
     for one in seen:
@@ -135,7 +135,7 @@ def _identified(seen: list[Recorded], folder: Path, steps: bool) -> tuple[dict[s
 
 def _sliding(gain: float | None, source: str) -> dict[str, str]:
     """Where a fit starts, what moves along a line."""
-    known = f"  gain: {quantity(gain, 'm/V')} # {source}" if gain else ""
+    known = f"  gain: {shown_value(gain, 'm/V')} # {source}" if gain else ""
     return {
         "gain": known or "  # gain: 0.1 um/V # stroke of the piezo per volt",
         "masses": "  # stage_mass: 100 g # effective, of piezo and stage\n"
@@ -153,7 +153,9 @@ def _turning(gain: float | None, source: str) -> dict[str, str]:
     inertia = f"{0.1 * radius**2:.3g} kg m^2 # "
     of = f"100 g on a radius of {1e3 * radius:g} mm: write yours"
     force = f"{0.8 * radius:.3g} N m"
-    known = f"gain: {quantity(gain or _STROKE / radius, 'rad/V')} # {source or 'angle of the piezo per volt'}"
+    known = (
+        f"gain: {shown_value(gain or _STROKE / radius, 'rad/V')} # {source or 'angle of the piezo per volt'}"
+    )
     return {
         "gain": f"  rotary: true # the recordings are of an angle\n  {known}",
         "masses": f"  stage_mass: {inertia}moment of inertia of piezo and stage; {of}\n"
@@ -173,7 +175,7 @@ def _flow(drive: Drive) -> str:
     return f"{{shape: {type(drive).__name__}, fields: {{{', '.join(f'{k}: {v}' for k, v in said.items())}}}}}"
 
 
-def _gain(seen: list[Recorded]) -> tuple[float | None, str]:
+def _gain(seen: list[Inspected]) -> tuple[float | None, str]:
     """Of a recording that shows the stage, or a step with the end-effector clamped: way over volts."""
     for one in seen:
         recording: Any = one.found.recording
@@ -197,7 +199,7 @@ def _gain(seen: list[Recorded]) -> tuple[float | None, str]:
     return None, ""
 
 
-def _voltages(seen: list[Recorded]) -> tuple[float, float, str]:
+def _voltages(seen: list[Inspected]) -> tuple[float, float, str]:
     """What the drives reach, rounded outwards to 10 V; 0 V to 100 V without any."""
     recordings: list[Any] = [one.found.recording for one in seen]
     drives = [one["drive_voltage"].values for one in recordings if "drive_voltage" in one]
@@ -212,15 +214,15 @@ def _voltages(seen: list[Recorded]) -> tuple[float, float, str]:
     )
 
 
-def _campaign(seen: list[Recorded], folder: Path) -> tuple[dict[str, str], list[str]]:
+def _campaign(seen: list[Inspected], folder: Path) -> tuple[dict[str, str], list[str]]:
     return _identified(seen, folder, steps=True)
 
 
-def _identification(seen: list[Recorded], folder: Path) -> tuple[dict[str, str], list[str]]:
+def _identification(seen: list[Inspected], folder: Path) -> tuple[dict[str, str], list[str]]:
     return _identified(seen, folder, steps=False)
 
 
-def _actuator(seen: list[Recorded], folder: Path) -> tuple[dict[str, str], list[str]]:
+def _actuator(seen: list[Inspected], folder: Path) -> tuple[dict[str, str], list[str]]:
     del folder
     if angles(seen):
         raise QuantityError(
@@ -240,7 +242,7 @@ def _actuator(seen: list[Recorded], folder: Path) -> tuple[dict[str, str], list[
     }, []
 
 
-def _experiment(seen: list[Recorded], folder: Path) -> tuple[dict[str, str], list[str]]:
+def _experiment(seen: list[Inspected], folder: Path) -> tuple[dict[str, str], list[str]]:
     del folder
     low, high, _ = _voltages(seen)
     missing: list[str] = []

@@ -311,9 +311,10 @@ def _splines(t: Array, u: Array, knots: list[Knot], slew_rate: float | None) -> 
     )
 
 
-def noise_level(u: Array) -> float:
-    """Standard deviation of the samples' noise, in their unit: by fourth differences, which leave nothing of
-    what is smooth; their median is not moved by jumps and kinks.
+def noise_level(u: Array, order: int = 4) -> float:
+    """Standard deviation of the samples' noise, in their unit: by differences of an order, which leave
+    nothing of what is smooth; their median is not moved by jumps and kinks.
     """
-    change = np.abs(np.diff(u, 4))
-    return float(np.median(change)) / (0.6745 * math.sqrt(70.0)) if change.size else 0.0
+    change = np.abs(np.diff(u, order))
+    of_white = 0.6745 * math.sqrt(math.comb(2 * order, order))
+    return float(np.median(change)) / of_white if change.size else 0.0
