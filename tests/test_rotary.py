@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import json
 import re
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from fmpy import read_model_description
 from typer.testing import CliRunner
 
 import stickslip as ss
+from export.building import walk
+from rotary import DRIVE, RADIUS, SLIDES, TURNS, units
 from stickslip.analysis.design import design_analysis
 from stickslip.analysis.study import study_of_file
-from stickslip.analysis.verification import model_of_file, results_model
-from stickslip.analysis.walk import changed, with_changes
+from stickslip.analysis.verification import results_model
+from stickslip.analysis.walk import with_changes
 from stickslip.cli import app
-from stickslip.design import optimise_waveform, plan_experiment, step_map, step_table
 from stickslip.electronics import Encoder
-from stickslip.export import export_c
+from stickslip.export import export_c, export_fmu
 from stickslip.identify.results import model_numbers, model_of
 from stickslip.input_file import InputFileError
 from stickslip.panel.folder import Folder
@@ -29,37 +30,6 @@ from stickslip.recording import RecordingWarning
 from stickslip.rig import Capture, Channel, Limits, VirtualRig, load_bench, measure
 from stickslip.rig.bench import Mounted
 from stickslip.units import QuantityError
-
-RADIUS = 0.012
-SLIDES = ss.load_actuator("kang2007")
-DRIVE = ss.Sawtooth(65.0, 20.0, periods=3)
-
-
-def on_radius(model: ss.Actuator) -> ss.Actuator:
-    """What slides, seen as what turns about an axis at that radius."""
-    law = model.friction
-    return model.replace(
-        gain=model.gain / RADIUS,
-        stage_mass=model.stage_mass * RADIUS**2,
-        end_effector_mass=model.end_effector_mass * RADIUS**2,
-        external_force=model.external_force * RADIUS,
-        friction=law._replace(
-            sigma_0=law.sigma_0 * RADIUS**2,
-            sigma_1=law.sigma_1 * RADIUS**2,
-            coulomb_force=law.coulomb_force * RADIUS,
-            stiction_force=law.stiction_force * RADIUS,
-            stribeck_velocity=law.stribeck_velocity / RADIUS,
-        ),
-        rotary=True,
-        name="",
-    )
-
-
-TURNS = on_radius(SLIDES)
-
-
-def units(made) -> dict[str, str]:
-    return {name: v.attrs["units"] for name, v in made.variables.items() if "units" in v.attrs}
 
 
 @pytest.mark.compiled
@@ -186,16 +156,16 @@ def test_positions_in_metres_are_not_of_what_turns() -> None:
 def written(folder, name: str, model: ss.Actuator, drive, rate: float) -> None:
     """A recording as a user would have it, in mrad with 2 µrad of noise."""
     found = ss.simulate(model, drive, drive.duration, sample_rate=rate, tolerance=1e-9)
-    noise = 2e-6 * np.random.default_rng(len(name)).standard_normal(found.sizes["time"])
-    angle = 1e3 * (found["end_effector_position"].values + noise)
-    rows = np.column_stack([found["time"], found["drive_voltage"], angle])
-    header = "t (s),drive (V),angle (mrad)"
+    noise = 2e-6 * np.random.default_rng(len(name)).standard_normal((2, found.sizes["time"]))
+    angles = 1e3 * (found["end_effector_position"].values + noise)
+    rows = np.column_stack([found["time"], found["drive_voltage"], *angles])
+    header = "t (s),drive (V),angle (mrad),other (mrad)"
     np.savetxt(folder / f"{name}.csv", rows, delimiter=",", header=header, comments="")
 
 
 SAID = """
-    columns: {time: t (s), drive_voltage: drive (V), end_effector_position: angle (mrad)}
-    units: {end_effector_position: mrad}
+    columns: {time: t (s), drive_voltage: drive (V), end_effector_position: angle (mrad), other: other (mrad)}
+    units: {end_effector_position: mrad, other: mrad}
 """
 REST, WALKS = {"shape": "Rest", "fields": {"duration": "50 ms"}}, {"one": (65, 20, 4), "other": (50, 10, 2)}
 FILES = {
@@ -211,6 +181,7 @@ require: [rmse < LIMIT, r_squared > 0.99]
     "campaign": """
 friction: {coulomb_force: 6 mN m, stiction_force: 6 mN m}
 free: [sigma_0, coulomb_force]
+reference: other
 noise: 2 urad
 require: [rmse < 5 urad]
 """,
@@ -264,17 +235,15 @@ def test_files_fit_and_verify_angles(tmp_path) -> None:
     assert force["low"] < TURNS.friction.coulomb_force < force["high"]
     assert (found["rmse"]["unit"], found["recordings"]["recording_2"]["rmse"]["unit"]) == ("rad", "rad")
 
-    results = tmp_path / "walk" / "results.json"  # as the model of studies and maps, but not of moves
-    file = SimpleNamespace(fit=str(results), model=None, change={}, friction={})
-    assert model_of_file(file, tmp_path, "study").rotary
-    with pytest.raises(QuantityError, match=r"reports of this kind are in m, N and kg.*rotary"):
-        results_model(results)
+    assert results_model(tmp_path / "walk" / "results.json").rotary
 
-    said, found = run(tmp_path, "campaign")
+    _, found = run(tmp_path, "campaign")
     known = found["friction"]["parameters_with_all_errors"]
     for name in ("sigma_0", "coulomb_force"):
         assert known[name]["low"] < getattr(TURNS.friction, name) < known[name]["high"]
     assert found["stage"]["parameters"]["gain"]["unit"] == "rad/V"
+    report = (tmp_path / "campaign" / "report.html").read_text(encoding="utf-8")
+    assert re.search(r"clamped steps the position reads 0\.\d+\s% \w+ than other \(of one step", report)
     units = set(re.findall(r'"unit": "([^"]*)"', json.dumps(found)))
     assert {"rad", "rad/s", "N m", "N m/rad"} <= units
     assert not units & {"m", "N", "m/s", "m/V", "N/m", "kg", "N s/m"}
@@ -329,19 +298,32 @@ def test_studies_and_maps_say_angles(tmp_path) -> None:
     assert made.numbers["map"]["net_step"]["unit"] == "rad"
 
 
-def test_what_speaks_of_metres_refuses_it(tmp_path) -> None:
+@pytest.mark.compiled
+def test_exported_code_turns(tmp_path) -> None:
+    found = walk(TURNS, tmp_path / "turns", waveform=DRIVE)
+    truth = ss.simulate(TURNS, DRIVE, DRIVE.duration, sample_rate=1e3, tolerance=1e-8)
+    off = found["end_effector_position"] - truth["end_effector_position"].values
+    assert np.max(np.abs(off)) < 0.004 * 3 * TURNS.gain * 65.0
+    assert np.ptp(truth["end_effector_position"].values) > 1e-3
+    said = (tmp_path / "turns" / "stickslip_parameters.c").read_text(encoding="ascii")
+    assert "It turns: what is said to be in m, N and kg is in rad, N m and kg m^2" in said
+    assert re.search(r"rad/V, C: .*; ", said)
+    assert "N m/rad, " in said
+    wanted = ss.Sine("20 um", "5 Hz", periods=2, unit="m")
+    with pytest.raises(QuantityError, match="the wanted motion is in rad, not in m"):
+        export_c(TURNS, tmp_path / "other", motion=wanted)
+    with pytest.raises(QuantityError, match=r"measurement_noise = '10 nm'.*no rad"):
+        export_c(TURNS, tmp_path / "noise", measurement_noise="10 nm")
+    fmu = export_fmu(TURNS, tmp_path / "fmu", mode="observer", compiler="")
+    variables = {one.name: one.unit for one in read_model_description(fmu).modelVariables}
+    assert variables["end_effector_position"] == variables["measured_position"] == "rad"
+    assert variables["friction_force"] == "N m"
+    assert variables["friction.sigma_0"] == "N m/rad"
+    assert not {*variables.values()} & {"m", "N", "kg", "m/s", "m/V", "N/m"}
+
+
+def test_the_panel_refuses_it(tmp_path) -> None:
     name = "parameters/rotary.toml"
     write_parameters(tmp_path / name, parameter_text(TURNS, "a rotary stage", "measured"))
-    with pytest.raises(QuantityError, match=r"reports of this kind are in m, N and kg.*rotary"):
-        changed(tmp_path, name, {}, {})
-    with pytest.raises(QuantityError, match=r"exported code is in m, N and kg.*rotary"):
-        export_c(TURNS, tmp_path / "out")
     with pytest.raises(QuantityError, match=r"the panel is in m, N and kg.*rotary"):
         Sets(Folder(tmp_path)).actuator(name)
-    with pytest.raises(QuantityError, match=r"goals and limits of a drive are in m, N and kg.*rotary"):
-        optimise_waveform(TURNS, goal="speed")
-    with pytest.raises(QuantityError, match=r"plans of recordings are in m, N and kg.*rotary"):
-        plan_experiment(TURNS, free=["coulomb_force"])
-    steps = step_map(TURNS, voltage=[30.0, 50.0, 65.0], frequency=20.0)
-    with pytest.raises(QuantityError, match=r"a table of steps is in m.*turns"):
-        step_table(steps.squeeze())

@@ -354,7 +354,7 @@ def test_drives_begin_at_rest() -> None:
         ({"goal": 3.0}, "goal = 3.0 must be"),
         ({"goal": ss.waveform.Triangle(1.0, 5.0)}, "no net step"),
         ({"noise": None}, "noise is missing"),
-        ({"noise": "0 nm"}, "noise = 0 m is out of range"),
+        ({"noise": "0 nm"}, "noise = 0 m is out of range: it must be > 0, and"),
         ({"recordings": 0}, "recordings = 0 is out of range"),
         ({"over": "best"}, "over = 'best' is out of range"),
         ({"channel": ("scale",)}, "'scale' is not of the position channel"),

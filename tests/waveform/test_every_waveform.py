@@ -96,6 +96,8 @@ def test_lengths_in_place_of_volts() -> None:
     assert Sawtooth("50 um", "5 Hz", unit="m").amplitude == pytest.approx(5e-5)
     assert Multisine(["1 mm", 2], [1, 2], unit="m").amplitudes == pytest.approx((1e-3, 2))
     assert Sawtooth("0.065 kV", "5 Hz").amplitude == 65
+    turned = Ramp("2 mrad/s", rise_time="2 s", unit="rad")
+    assert (turned.rate, turned.unit) == (pytest.approx(2e-3), "rad")
 
 
 @pytest.mark.parametrize(
@@ -103,6 +105,7 @@ def test_lengths_in_place_of_volts() -> None:
     [
         (lambda: Sawtooth("65 A", 5), r"Sawtooth\.amplitude = '65 A'.*expected V"),
         (lambda: Sawtooth("65 V", 5, unit="m"), r"Sawtooth\.amplitude = '65 V'.*expected m"),
+        (lambda: Sawtooth("65 um", 5, unit="rad"), r"Sawtooth\.amplitude = '65 um'.*expected rad"),
         (lambda: Ramp("1 V", unit="V"), r"Ramp\.rate = '1 V'.*expected V/s"),
         (lambda: Sawtooth(np.nan, 5, unit="m"), r"Sawtooth\.amplitude = nan m"),
         (lambda: Sawtooth(65, 5, offset=np.inf), r"Sawtooth\.offset = inf V"),

@@ -23,6 +23,7 @@ from ..identify.results import model_numbers
 from ..input_file import yaml_text
 from ..records import quantities_within
 from ..report import Column, Number, Picture, Section, Table
+from ..units import unit_for
 from ..waveform.knots import PeriodicKnots
 from .design_given import GeneratorSpec, Given, Goal, Made, Quantity, SearchSpec, arrays, goal_of
 from .walk import changed
@@ -58,7 +59,7 @@ class OptimiseSpec(SearchSpec):
             budget=self.budget,
             **self.common(given),
         )
-        value, saw = (Number(one, found.goal.unit) for one in (found.value, found.sawtooth_value))
+        value, saw = (Number(one, found.unit) for one in (found.value, found.sawtooth_value))
         section = Section(
             "Optimised drive",
             paragraphs=["; ".join(found.report().splitlines()[1:3])],
@@ -144,11 +145,11 @@ class ActuatorSpec(SearchSpec):
             "Optimised actuator",
             paragraphs=lines[1:2],
             tables=(_free_table(best), *([_choices_table(found)] if len(found.each) > 1 else [])),
-            figures=(_conditions_picture("actuator", caption, best.conditions.names, shown, goal),),
+            figures=(_conditions_picture("actuator", caption, best.conditions.names, shown, found),),
         )
         numbers = {
-            "reached": Number(found.value, goal.unit),
-            "as_given": Number(found.given_value, goal.unit),
+            "reached": Number(found.value, found.unit),
+            "as_given": Number(found.given_value, found.unit),
             "name": found.name,
             "free": {
                 name: {"value": x, "unit": unit, "given": given_x, "range_low": low, "range_high": high}
@@ -161,18 +162,18 @@ class ActuatorSpec(SearchSpec):
             "waveform": _waveform_numbers(best.waveform),
             "model": model_numbers(found.model),
             "conditions": list(best.conditions.names),
-            **arrays({"values": (best.values, goal.unit), "values_as_given": (best.before, goal.unit)}),
+            **arrays({"values": (best.values, found.unit), "values_as_given": (best.before, found.unit)}),
             "evaluations": Number(sum(one.evaluations for one in found.each), ""),
         }  # fmt: skip
         stopped = f"actuator: {STOPPED}" if any(one.interrupted for one in found.each) else ""
-        value = Number(found.value, goal.unit)
+        value = Number(found.value, found.unit)
         highlights = [(f"{goal.label} of the actuator found", value)]
         return Made(section, _sentence(lines[0]), numbers, highlights, stopped=stopped)
 
 
 def _conditions_table(found: OptimisedWaveform) -> Table:
     order = np.argsort(found.goal.sign * found.values)[:MOST_ROWS].tolist()
-    unit = found.goal.unit
+    unit = found.unit
     rows = [
         (found.conditions.names[i], float(found.values[i]), float(found.sawtooth_values[i])) for i in order
     ]
@@ -203,12 +204,13 @@ def _pictures(found: OptimisedWaveform) -> list[Picture]:
             svg(plot(found)[0].figure),
             "Voltage and position over a period of both drives",
         ),
-        _conditions_picture("conditions", caption, found.conditions.names, shown, found.goal),
+        _conditions_picture("conditions", caption, found.conditions.names, shown, found),
     ]
 
 
-def _conditions_picture(name: str, caption: str, names: Any, shown: dict[str, Any], goal: Any) -> Picture:
-    figure = svg(draw_conditions(names, shown, goal.label, goal.unit, goal.sign)[0].figure)
+def _conditions_picture(name: str, caption: str, names: Any, shown: dict[str, Any], found: Any) -> Picture:
+    goal = found.goal
+    figure = svg(draw_conditions(names, shown, goal.label, found.unit, goal.sign)[0].figure)
     return Picture(name, caption, figure, f"{goal.label} in {len(names)} conditions: {' and '.join(shown)}")
 
 
@@ -234,7 +236,7 @@ def _free_table(best: Built) -> Table:
 
 
 def _choices_table(found: OptimisedActuator) -> Table:
-    unit = found.goal.unit
+    unit = found.unit
     rows = [(str(name), float(row["value"]), float(row["given"])) for name, row in found.choices.iterrows()]
     columns = (Column("model"), Column(found.goal.label, unit), Column("as given", unit))
     return Table(f"{found.goal.label.capitalize()} of each model in the worst condition.", columns, rows)
@@ -256,7 +258,7 @@ def _waveform_numbers(waveform: Any) -> dict[str, Any]:
 
 
 def _drive_numbers(found: OptimisedWaveform) -> dict[str, Any]:
-    unit = found.goal.unit
+    unit = found.unit
     known = quantities_within(found.model)
     units = {name: known[name].unit if name in known else "" for name in found.conditions.columns}
     columns = {f"condition_{name}": (one, units[name]) for name, one in found.conditions.columns.items()}
@@ -273,7 +275,7 @@ def _drive_numbers(found: OptimisedWaveform) -> dict[str, Any]:
             {
                 "values": (found.values, unit),
                 "sawtooth_values": (found.sawtooth_values, unit),
-                "speeds": (found.speeds, "m/s"),
+                "speeds": (found.speeds, unit_for(found.model, "m/s")),
                 **columns,
             }
         ),

@@ -17,7 +17,7 @@ import math
 import os
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import xarray as xr
 from pydantic import Field, ValidationError, field_validator
@@ -49,7 +49,7 @@ from ..progress import Progress
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..rig import Bench, Channel, Repeats, Variation, VirtualRig, load_bench, regulate
 from ..rig.driving import driving
-from ..units import with_prefix
+from ..units import optional_si, to_si, unit_for, with_prefix
 from .file import Analysis, AnalysisError
 from .move_model import at_draws, at_ends, at_intervals, feedforward_of
 from .study import DrawsSpec
@@ -57,13 +57,12 @@ from .verification import results_model
 from .walk import changed
 
 Quantity = float | str
-Metres = Annotated[float, quantity("m")]
 POSITION, DRIVE = "end_effector_position", "drive_voltage"
 _BEFORE = 0.02  # s before the last scan that are shown of an approach
 
 
 class PositionSpec(Strict):
-    """The input of the rig that shows the end-effector, and the calibrations from its readings to metres."""
+    """The input of the rig that shows the end-effector, and the calibrations from its readings to m (rad)."""
 
     input: str = "interferometer"
     calibration: list[str] = Field(default_factory=list)
@@ -109,6 +108,19 @@ class RequirementSpec(Strict):
     phase_margin: Quantity | None = None
 
 
+class Aim(NamedTuple):
+    """What a move asks for, in `unit`: m, or rad of what turns."""
+
+    unit: str
+    target: float
+    within: float
+    hold_within: float | None
+
+    def said(self, value: float) -> str:
+        """With its unit."""
+        return with_prefix(value, self.unit)
+
+
 class MoveFile(Analysis):
     """See the module.
 
@@ -132,19 +144,26 @@ class MoveFile(Analysis):
     walk: WalkSpec = Field(default_factory=WalkSpec)
     slip: SlipSpec = Field(default_factory=SlipSpec)
     requirement: RequirementSpec = Field(default_factory=RequirementSpec)
-    target: Metres = 0.0
-    within: Metres = 10e-9
+    target: Quantity = 0.0
+    within: Quantity = 10e-9
     hold: Seconds = 1.0
-    hold_within: Metres | None = None
+    hold_within: Quantity | None = None
     at_most: Seconds = 60.0
     interval: Seconds | None = None
 
-    @field_validator("within", "hold", "at_most")
+    @field_validator("hold", "at_most")
     @classmethod
     def _positive(cls, value: float, info: Any) -> float:
         if not 0.0 < value < math.inf:
             raise ValueError(f"{info.field_name} must be > 0 and finite")
         return value
+
+    def aim(self, unit: str) -> Aim:
+        """In m, or rad of what turns; raises AnalysisError for what is no length, or no window."""
+        within, rms = to_si(self.within, unit, "within"), optional_si(self.hold_within, unit, "hold_within")
+        if not 0.0 < within < math.inf:
+            raise AnalysisError("within must be > 0 and finite")
+        return Aim(unit, to_si(self.target, unit, "target"), within, rms)
 
 
 def read_move(path: str | os.PathLike[str]) -> tuple[MoveFile, Path]:
@@ -176,6 +195,7 @@ def run_move(
     """
     plant = _model(file.actuator, folder)
     model, others = _tuned_on(file, plant, folder)
+    aim = file.aim(unit_for(plant, "m"))
     limits, bench = limits_of(file.limits, plant), load_bench(own_file(file.rig.bench, folder, ".toml"))
     rig = VirtualRig(
         plant,
@@ -188,7 +208,7 @@ def run_move(
     progress("tuning the loop", 0.0)
     wanted = Requirement(**_given(file.requirement))
     tuning = tune(model, rate, wanted, posterior=others)
-    walk = Walk(tolerance=file.within, **_given(file.walk))
+    walk = Walk(tolerance=aim.within, **_given(file.walk))
     low, high = max(limits.min_voltage, can.min_voltage), min(limits.max_voltage, can.max_voltage)
     if math.isfinite(limits.max_slew):
         raise AnalysisError(
@@ -199,21 +219,23 @@ def run_move(
     regulator = tuning.regulator(rate, **ends, **({} if inverse is None else {"feedforward": inverse}))
     slip = file.slip.slip(bench, walk)
     table = StepTable.of_model(model.replace(piezo=None), walk.frequency, high - low, slip)
-    mover = Mover(walk, table, regulator, model.gain, hold=file.hold, slip=slip)
-    if only_hold and not mover.reaches(file.target):
+    mover = Mover(walk, table, regulator, model.gain, hold=file.hold, slip=slip, unit=aim.unit)
+    if only_hold and not mover.reaches(aim.target):
         raise AnalysisError(
-            f"target: {with_prefix(file.target, 'm')} is not in the piezo's reach of "
-            f"{with_prefix(model.gain * (high - low), 'm')}: to go there is a move"
+            f"target: {aim.said(aim.target)} is not in the piezo's reach of "
+            f"{aim.said(model.gain * (high - low))}: to go there is a move"
         )
     name = "hold" if only_hold else "move"
     out.mkdir(parents=True, exist_ok=True)
-    linear = Mover(walk, table, tuning.regulator(rate, **ends), model.gain, hold=file.hold, slip=slip)
+    linear = Mover(
+        walk, table, tuning.regulator(rate, **ends), model.gain, hold=file.hold, slip=slip, unit=aim.unit
+    )
     export_mover(linear, out / "mover.h")
     with driving():
         recording = regulate(
             rig,
             NoiseShaped(mover, can.step),
-            file.target,
+            aim.target,
             _channels(file, folder),
             limits,
             file.at_most + file.hold,
@@ -224,8 +246,8 @@ def run_move(
             save=out / f"{name}.nc",
         )
     hold = min(file.hold, float(recording["time"].values[-1]))
-    found = settled(recording, file.target, hold=hold)
-    return _document(file, plant, tuning, mover, recording, found)
+    found = settled(recording, aim.target, hold=hold)
+    return _document(file, aim, plant, tuning, mover, recording, found)
 
 
 def _tuned_on(file: MoveFile, plant: Actuator, folder: Path) -> tuple[Actuator, list[Actuator]]:
@@ -257,6 +279,7 @@ def _channels(file: MoveFile, folder: Path) -> dict[str, Channel]:
 
 def _document(
     file: MoveFile,
+    aim: Aim,
     plant: Actuator,
     tuning: Tuning,
     mover: Mover,
@@ -267,58 +290,52 @@ def _document(
     took = Number(
         math.nan if mover.settled_at is None else mover.settled_at, "s", note="it did not come there"
     )
-    held = Number(found.rms, "m")
-    said = (
-        f"At {with_prefix(file.target, 'm')} after {with_prefix(took.value, 's')}"
-        if there
-        else "Not at the target"
-    )
+    held = Number(found.rms, aim.unit)
+    said = f"At {aim.said(aim.target)} after {with_prefix(took.value, 's')}" if there else "Not at the target"
     said += f", with {mover.steps} steps; over the last {with_prefix(found.held, 's')} it is off by "
-    said += f"{with_prefix(found.rms, 'm')} rms."
+    said += f"{aim.said(found.rms)} rms."
     return Document(
         title=file.title,
         summary=said,
-        sections=[_course(file, mover, recording, found), _loop(tuning, recording)],
+        sections=[_course(file, aim, mover, recording, found), _loop(tuning, aim.unit, recording)],
         highlights=[
             ("at the target after", took),
             ("rms over the hold", held),
-            ("overshoot", Number(found.overshoot, "m")),
+            ("overshoot", Number(found.overshoot, aim.unit)),
         ],
         numbers={
             "settling": {
-                f"within_{with_prefix(w, 'm').replace(' ', '_')}": Number(t, "s", note="not to the end")
+                f"within_{aim.said(w).replace(' ', '_')}": Number(t, "s", note="not to the end")
                 for w, t in zip(found.windows, found.times, strict=True)
             },
             "settled_at": replace(took, note="") if there else took,
-            "overshoot": Number(found.overshoot, "m"),
+            "overshoot": Number(found.overshoot, aim.unit),
             "hold_rms": held,
             "steps": Number(mover.steps, ""),
             "lost_steps": Number(mover.lost, ""),
             "greatest_voltage": Number(float(recording[DRIVE].values.max()), "V"),
             "limited_updates": Number(int(recording.attrs["limited_updates"]), ""),
-            "tuning": _tuning_numbers(tuning),
+            "tuning": _tuning_numbers(tuning, aim.unit),
             "model": model_numbers(plant),
         },
         assumptions=[f"{field} = {words}" for field, words in plant.assumptions.items()],
         citations=plant.citation if plant.name else "",
-        failures=_failures(file, there, found),
+        failures=_failures(aim, there, found),
     )
 
 
-def _failures(file: MoveFile, there: bool, found: Settling) -> list[str]:
+def _failures(aim: Aim, there: bool, found: Settling) -> list[str]:
     failures = []
     if not there:
-        failures.append(f"the position was not within {with_prefix(file.within, 'm')} of the target")
-    if file.hold_within is not None and not found.rms <= file.hold_within:
-        failures.append(
-            f"the hold is {with_prefix(found.rms, 'm')} rms, above {with_prefix(file.hold_within, 'm')}"
-        )
+        failures.append(f"the position was not within {aim.said(aim.within)} of the target")
+    if aim.hold_within is not None and not found.rms <= aim.hold_within:
+        failures.append(f"the hold is {aim.said(found.rms)} rms, above {aim.said(aim.hold_within)}")
     return failures
 
 
-def _tuning_numbers(tuning: Tuning) -> dict[str, Number]:
+def _tuning_numbers(tuning: Tuning, unit: str) -> dict[str, Number]:
     return {
-        "integral": Number(tuning.pid.integral, "V/(m s)"),
+        "integral": Number(tuning.pid.integral, f"V/({unit} s)"),
         "sensitivity": Number(tuning.margins.sensitivity, ""),
         "gain_margin": Number(tuning.margins.gain_margin, ""),
         "phase_margin": Number(tuning.margins.phase_margin, "rad"),
@@ -327,10 +344,10 @@ def _tuning_numbers(tuning: Tuning) -> dict[str, Number]:
     }
 
 
-def _course(file: MoveFile, mover: Mover, recording: xr.Dataset, found: Settling) -> Section:
+def _course(file: MoveFile, aim: Aim, mover: Mover, recording: xr.Dataset, found: Settling) -> Section:
     last_scan = next((begin for name, begin in reversed(mover.history) if name == "scan"), 0.0)
     ladder = [
-        [Number(w, "m"), Number(t, "s", note="not to the end")]
+        [Number(w, aim.unit), Number(t, "s", note="not to the end")]
         for w, t in zip(found.windows, found.times, strict=True)
     ]
     return Section(
@@ -340,7 +357,7 @@ def _course(file: MoveFile, mover: Mover, recording: xr.Dataset, found: Settling
         tables=(
             Table(
                 "Settling: from when on the position, averaged over a millisecond, stays within.",
-                (Column("window", "m"), Column("from", "s")),
+                (Column("window", aim.unit), Column("from", "s")),
                 ladder,
             ),
         ),
@@ -354,23 +371,23 @@ def _course(file: MoveFile, mover: Mover, recording: xr.Dataset, found: Settling
             Picture(
                 "approach",
                 "The last approach, sample by sample, with the windows.",
-                svg(approach(recording, file.target, max(last_scan - _BEFORE, 0.0), WINDOWS)),
+                svg(approach(recording, aim.target, max(last_scan - _BEFORE, 0.0), WINDOWS)),
                 "Distance from the target over time",
             ),
         ),
     )
 
 
-def _loop(tuning: Tuning, recording: xr.Dataset) -> Section:
+def _loop(tuning: Tuning, unit: str, recording: xr.Dataset) -> Section:
     filters = [f"notch at {with_prefix(n.frequency, 'Hz')}, width {n.width:g}" for n in tuning.notches]
     if tuning.low_pass is not None:
         filters.append(f"low-pass at {with_prefix(tuning.low_pass.corner, 'Hz')}")
     return Section(
         "The loop",
         points=[
-            f"integral gain {tuning.pid.integral:.4g} V/(m s)",
+            f"integral gain {tuning.pid.integral:.4g} V/({unit} s)",
             *filters,
-            f"over {tuning.models} models: {tuning.margins.report()}",
+            f"over {tuning.models} model{'s' * (tuning.models > 1)}: {tuning.margins.report()}",
             f"{recording.attrs['limited_updates']} updates were kept within the limits",
         ],
     )

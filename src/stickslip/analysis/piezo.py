@@ -18,7 +18,7 @@ from ..progress import Progress
 from ..report import Column, Document, Number, Section, Table
 from ..report.fits import estimates, parameter_table
 from ..report.piezo import hysteresis_numbers, hysteresis_pictures
-from ..units import near_one
+from ..units import near_one, with_prefix
 from ..verification import Requirement, Verification, verify
 from .file import Analysis, AnalysisError, RecordingFile, read_parts
 from .walk import changed
@@ -84,18 +84,18 @@ class PiezoAnalysis(Analysis):
         line: Verification | None,
         requirements: list[Requirement],
     ) -> Document:
-        numbers = hysteresis_numbers(fit, straight)
+        numbers, unit = hysteresis_numbers(fit, straight), fit.recordings[0].unit
         if model is not None:
             numbers["model"] = model_numbers(fit.model)
         summary = (
             f"Hysteresis and creep from {len(fitted)} recording{'s' * (len(fitted) > 1)}: r² "
-            f"{near_one(fit.r_squared)}, {1e9 * fit.rmse:.3g} nm rms, where a straight line leaves "
-            f"{1e9 * straight.rmse:.3g} nm."
+            f"{near_one(fit.r_squared)}, {with_prefix(fit.rmse, unit, 3)} rms, where a straight line leaves "
+            f"{with_prefix(straight.rmse, unit, 3)}."
         )
         if seen is not None and line is not None:
             summary += (
-                f" On {len(seen.recordings)} that it has not seen, {1e9 * seen.rmse:.3g} nm rms, and "
-                f"{1e9 * line.rmse:.3g} nm."
+                f" On {len(seen.recordings)} that it has not seen, {with_prefix(seen.rmse, unit, 3)} rms, "
+                f"and {with_prefix(line.rmse, unit, 3)}."
             )
             numbers["verification"] = {
                 one.name: {"rmse": Number(one.rmse, one.unit), "r_squared": Number(one.r_squared, "")}
@@ -134,11 +134,12 @@ def _recordings_table(fit: Fit, straight: Fit, seen: Verification | None, line: 
             (one.name, "predicted", one.r_squared, one.rmse, other.rmse)
             for one, other in zip(seen.recordings, line.recordings, strict=True)
         ]
+    unit = fit.recordings[0].unit
     columns = (
         Column("recording"),
         Column("role"),
         Column("r²", "", 5),
-        Column("rms error", "m", 3),
-        Column("by a straight line", "m", 3),
+        Column("rms error", unit, 3),
+        Column("by a straight line", unit, 3),
     )
     return Table("Coefficient of determination, rms error.", columns, rows)

@@ -26,7 +26,7 @@ from ..recording.drive import named_drive
 from ..records import did_you_mean
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.origin import origin_of
-from ..units import near_one, refuse_rotary, with_prefix
+from ..units import near_one, with_prefix
 from ..verification import Requirement, Verification, verify
 from ..waveform.signal import Waveform
 from .alignment import POSITION, aligned, on_level
@@ -120,10 +120,8 @@ class VerificationAnalysis(Analysis):
 
 
 def results_model(path: Path) -> Actuator:
-    """The actuator of a results.json; raises AnalysisError, and QuantityError if it turns."""
-    model = _results(path)[0]
-    refuse_rotary(model, "reports of this kind are")
-    return model
+    """The actuator of a results.json; raises AnalysisError."""
+    return _results(path)[0]
 
 
 class ModelOfFile(Protocol):
@@ -146,7 +144,7 @@ def model_of_file(file: ModelOfFile, folder: Path, what: str) -> Actuator:
 def _of_file(file: ModelOfFile, folder: Path) -> tuple[Actuator, Chain]:
     """The model, and what a position channel shows of it, as far as a results.json says."""
     if file.fit is None:
-        return changed(folder, str(file.model), file.change, file.friction, turns=True), Chain()
+        return changed(folder, str(file.model), file.change, file.friction), Chain()
     base, chain = _results(folder / file.fit)
     return with_changes(base, file.change, file.friction), chain
 

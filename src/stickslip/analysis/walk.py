@@ -28,7 +28,7 @@ from ..records import quantities_of
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.fits import estimates, fit_numbers, parameter_table
 from ..report.origin import origin_of
-from ..units import QuantityError, near_one, refuse_rotary, to_si
+from ..units import QuantityError, near_one, to_si
 from ..waveform.signal import Waveform
 from .file import Analysis, AnalysisError, RecordingFile, read_parts
 from .priors import with_priors
@@ -61,16 +61,11 @@ def changed(
     model: str,
     change: Mapping[str, float | str | bool],
     friction: Mapping[str, float | str],
-    *,
-    turns: bool = False,
 ) -> Actuator:
-    """The actuator of a parameter set, by name or file, with fields changed; `turns`: whether it may."""
+    """The actuator of a parameter set, by name or file, with fields changed."""
     own = folder / model
     base = load_actuator(own if own.suffix == ".toml" and own.is_file() else model)
-    made = with_changes(base, change, friction)
-    if not turns:
-        refuse_rotary(made, "reports of this kind are")
-    return made
+    return with_changes(base, change, friction)
 
 
 def with_changes(
@@ -99,7 +94,7 @@ class WalkFile(Analysis):
 
     def actuator(self, folder: Path) -> Actuator:
         """The model that a fit starts at."""
-        return changed(folder, self.model, self.change, self.friction, turns=True)
+        return changed(folder, self.model, self.change, self.friction)
 
 
 class WalkAnalysis(WalkFile):

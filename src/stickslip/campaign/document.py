@@ -200,9 +200,12 @@ def _calibration(file: CampaignFile, found: Found) -> Section:
     if found.scale is not None:
         share = 100.0 * (found.scale.value - 1.0)
         more, error = "more" if share > 0 else "less", 100.0 * found.scale.standard_error
+        known = f"standard error {error:.2g} %"
+        if len(found.scale.ratios) == 1:
+            known = "of one step, which does not tell how sure that is"
         said.append(
             f"On the clamped steps the position reads {abs(share):.3g} % {more} than {file.reference} "
-            f"(standard error {error:.2g} %); it is divided by {found.scale.value:.5f} from here on. A "
+            f"({known}); it is divided by {found.scale.value:.5f} from here on. A "
             "polynomial that is right within some micrometres over a millimetre may well be wrong by per "
             "cents in its slope, which is what a motion of some micrometres is multiplied by."
         )

@@ -94,7 +94,7 @@ def scale_of(steps: Sequence[Aligned], reference: str, settling: float) -> Scale
 
     Args:
         steps: of the clamped end-effector.
-        reference: a channel in m.
+        reference: a channel in the unit of the position.
         settling: s after the step, left out.
 
     Raises:
@@ -105,9 +105,9 @@ def scale_of(steps: Sequence[Aligned], reference: str, settling: float) -> Scale
     ratios = []
     for one in steps:
         values = channel(one.recording, reference, one.name, varies=True)
-        unit = one.recording[reference].attrs["units"]
-        if unit != "m":
-            raise QuantityError(f"{reference} of {one.name} is in {unit}: a reference must be in m")
+        unit, own = (one.recording[name].attrs["units"] for name in (reference, POSITION))
+        if unit != own:
+            raise QuantityError(f"{reference} of {one.name} is in {unit}: a reference must be in {own}")
         since = one.recording["time"].values - one.begin
         before = (since < -1e-3) & (since > -1e-3 - LEVEL)
         after = (since > settling) & (since < settling + LEVEL)

@@ -12,7 +12,7 @@ from ..input_file import InputFileError
 from ..parameters import ParameterSetError
 from ..progress import Progress, unheard, within
 from ..report import Document
-from ..units import QuantityError, refuse_rotary
+from ..units import QuantityError
 from .document import campaign_document
 from .evaluation import evaluate
 from .file import CampaignFile, read_campaign
@@ -61,9 +61,7 @@ def campaign_of(
         experiment: whose cells are meant where the file names none, and the folder of its paths.
     """
     # What is wrong is said before anything is recorded.
-    model = changed(folder, file.model, file.change, file.friction, turns=True)
-    if file.reference or any(one.use == "piezo" for one in file.recordings):
-        refuse_rotary(model, "a campaign's reference channel and hysteresis are")
+    model = changed(folder, file.model, file.change, file.friction)
     gathered, recorded = gather(file, folder, out, partial(within, progress, 0.0, 0.4), experiment)
     found = evaluate(file, model, gathered, partial(within, progress, 0.4, 0.4), folder)
     progress("drawing" if figures else "writing", 0.8)

@@ -68,6 +68,7 @@ class Mover:
         learning: see `Steps`.
         slip: the edge with which steps slip, and that to the middle of the range; at once, if left out. Give
             it to `StepTable.of_model` too.
+        unit: of positions: m, or rad of what turns.
 
     Attributes:
         phase: see the module; `history` is when each began, s.
@@ -87,8 +88,10 @@ class Mover:
         hold: float | str = math.inf,
         learning: float | str = 0.05,
         slip: Slip | None = None,
+        unit: str = "m",
     ) -> None:
-        self.gain, self._hold = to_si(gain, "m/V", "gain"), to_si(hold, "s", "hold")
+        self._unit = unit
+        self.gain, self._hold = to_si(gain, f"{unit}/V", "gain"), to_si(hold, "s", "hold")
         self.walk, self.steps_of, self.regulator = walk, Steps(table, learning), regulator
         low, high = regulator.low, regulator.high
         if walk.amplitude > high - low:
@@ -244,8 +247,8 @@ class Mover:
         self._attempts += 1
         if self._attempts > _ATTEMPTS:
             raise MoveError(
-                f"{with_prefix(self._goal, 'm')} is not reached in {_ATTEMPTS} attempts; it is at "
-                f"{with_prefix(measured, 'm')}"
+                f"{with_prefix(self._goal, self._unit)} is not reached in {_ATTEMPTS} attempts; it is at "
+                f"{with_prefix(measured, self._unit)}"
             )
         if self._attempts == 1 and abs(self._goal - measured) <= self._near:
             self._from, self._to = self._voltage, self._middle
@@ -314,7 +317,7 @@ class Mover:
             if self._lost_now >= _PATIENCE:
                 raise MoveError(
                     f"{_PATIENCE} steps in a row went less than {_LOST:.0%} of what was expected, at "
-                    f"{with_prefix(measured, 'm')}: an end stop, or lost steps"
+                    f"{with_prefix(measured, self._unit)}: an end stop, or lost steps"
                 )
         else:
             self._lost_now = 0

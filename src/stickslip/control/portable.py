@@ -17,7 +17,7 @@ from .moving import Mover
 
 _SOURCE = """\
 /* A regulator made by stickslip {version}: {rate:g} updates a second, {low:g} V to {high:g} V.
-   regulator_begin once, at rest, then regulator_step at each update. SI: m and V. */
+   regulator_begin once, at rest, then regulator_step at each update. SI: V, m (rad). */
 #ifndef STICKSLIP_REGULATOR_H
 #define STICKSLIP_REGULATOR_H
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..units import QuantityError, to_si
 
-WINDOWS = (1e-6, 100e-9, 30e-9, 10e-9, 3e-9)  # m
+WINDOWS = (1e-6, 100e-9, 30e-9, 10e-9, 3e-9)  # m (rad)
 _MEAN = 1e-3  # s over which a position is averaged before it is compared with a window
 
 
@@ -43,17 +43,18 @@ def settling(
 
     Args:
         recording: of `rig.regulate` or `simulate_control`.
-        target: m.
-        windows: m, half-widths.
+        target: m, or rad where the recording is in rad.
+        windows: half-widths, likewise.
         hold: s at the end whose deviation is told.
         average: s, of a running mean that takes the sensor's noise out of windows, overshoot and rms.
 
     Raises:
         QuantityError: the hold is longer than the recording.
     """
-    goal, span = to_si(target, "m", "target"), to_si(hold, "s", "hold")
+    unit = recording["end_effector_position"].attrs.get("units", "m")
+    goal, span = to_si(target, unit, "target"), to_si(hold, "s", "hold")
     wide = to_si(average, "s", "average")
-    sizes = tuple(to_si(one, "m", "windows") for one in windows)
+    sizes = tuple(to_si(one, unit, "windows") for one in windows)
     time = recording["time"].values
     between = float(time[1] - time[0])
     if span > time[-1] - time[0]:

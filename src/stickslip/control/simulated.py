@@ -42,7 +42,7 @@ def simulate_control(
     Args:
         model: what is driven.
         controller: what has `step(measured, target, tick)`; one with an attribute `done` ends the run.
-        target: m, a number, or a waveform in m.
+        target: m (rad), a number, or a waveform in that unit.
         duration: s, at most.
         rate: Hz, of the ticks.
         delay: ticks by which a voltage comes later.
@@ -60,8 +60,6 @@ def simulate_control(
         SimulationError: the motion could not be followed.
     """
     unit = unit_for(model, "m")
-    if isinstance(target, str):
-        target = to_si(target, unit, "target")
     hertz, seconds = to_si(rate, "Hz", "rate"), to_si(duration, "s", "duration")
     sigma, ticks = to_si(noise, unit, "noise"), seconds * hertz
     if not 1.0 < ticks < math.inf or not hertz > 0.0:
@@ -75,7 +73,7 @@ def simulate_control(
         if not isinstance(number, int | np.integer) or number < 0:
             raise QuantityError(f"{name} = {number!r:.60}: it must be a whole number >= 0")
     count = math.ceil(ticks)
-    wanted = targets(target, count, hertz)
+    wanted = targets(target, count, hertz, unit)
     if not np.all(np.isfinite(wanted)):
         raise QuantityError(f"target = {target!r:.60} is not finite at every tick")
     motion = Motion(model, tolerance=tolerance)

@@ -11,7 +11,7 @@ import numpy as np
 from ..actuator import Actuator
 from ..progress import Progress, unheard, within
 from ..simulation.varied import free_names
-from ..units import QuantityError, optional_si
+from ..units import QuantityError, optional_si, unit_for, with_prefix
 from .built import Built, OptimisedActuator
 from .goals import extras_of, goal_of
 from .limits import Allowed, Limits, allowed, frequencies
@@ -22,7 +22,7 @@ from .scenarios import Conditions, Scenario, Uncertainty, conditions_of, own
 from .search import SHORTFALL, Index, Judge, Task, robust
 from .searched import Searched
 from .space import Space, built, check_conditions, space_of
-from .waveforms import check_counts, check_model, check_moves
+from .waveforms import check_counts, check_model, least_speed
 
 # Of a candidate: rise and frequency of its sawtooth come first.
 DRIVE = 2
@@ -71,10 +71,6 @@ def optimise_actuator(
         QuantityError: as for `optimise_waveform`; an unknown name or no range in `free`; a holding force that
             the ranges do not allow.
     """
-    speed, hold = (
-        optional_si(minimum_speed, "m/s", "minimum_speed"),
-        optional_si(holding_force, "N", "holding_force"),
-    )
     low, high = optional_si(min_voltage, "V", "min_voltage"), optional_si(max_voltage, "V", "max_voltage")
     hertz, aim = frequencies(frequency), goal_of(goal)
     models = dict(model) if isinstance(model, Mapping) else {"": model}
@@ -83,17 +79,18 @@ def optimise_actuator(
         raise QuantityError("model = {} has no actuator to choose from")
     if len(models) > 1 and uncertainty is not None:
         raise QuantityError("uncertainty is that of one actuator: give one model, or scenarios")
-    check_moves(aim, speed)
+    for one in models.values():
+        check_model(one)
+    if len({one.rotary for one in models.values()}) > 1:
+        raise QuantityError("model: some turn (rotary = true) and some slide: search each kind alone")
     searches = []
     for name, one in models.items():
-        check_model(one)
+        speed, hold = least_speed(one, aim, minimum_speed), _holding(one, holding_force)
         space = space_of(one, free)
         conditions = conditions_of(one, scenarios, uncertainty, draws, seed)
         check_conditions(space, conditions)
-        if hold and "coulomb_force" not in free_names(one):
-            raise QuantityError(f"holding_force [N]: {type(one.friction).__name__} has no coulomb_force")
         usable = _allowed(space, low, high, _of(limits, name, models), hertz)
-        searches.append(_Search(name, space, aim, usable, conditions, speed or 0.0, hold or 0.0, threads))
+        searches.append(_Search(name, space, aim, usable, conditions, speed, hold, threads))
     found = []
     for i, search in enumerate(searches):
         found.append(
@@ -104,6 +101,15 @@ def optimise_actuator(
             )
         )
     return OptimisedActuator.of(found, aim)
+
+
+def _holding(model: Actuator, given: float | str | None) -> float:
+    """N; raises QuantityError where the law has no Coulomb force to hold it."""
+    unit = unit_for(model, "N")
+    hold = optional_si(given, unit, "holding_force") or 0.0
+    if hold and "coulomb_force" not in free_names(model):
+        raise QuantityError(f"holding_force [{unit}]: {type(model.friction).__name__} has no coulomb_force")
+    return hold
 
 
 def _of(limits: Any, name: str, models: Mapping[str, Actuator]) -> Limits | None:
@@ -161,9 +167,8 @@ class _Search(NamedTuple):
         best = robust(task, np.array([*starts, random.random(DRIVE + count)]))
         found = self.space.values(best.x[None, DRIVE:])[0]
         if self.held(found[None])[0] < 1.0 - 1e-3:
-            raise QuantityError(
-                f"holding_force = {self.holding_force:g} N is not reached within the ranges of free"
-            )
+            hold = with_prefix(self.holding_force, unit_for(self.space.model, "N"))
+            raise QuantityError(f"holding_force = {hold} is not reached within the ranges of free")
         values, speeds = of.exactly(best.x[:DRIVE], found)
         progress("searching for an actuator", 1.0)
         return Built(

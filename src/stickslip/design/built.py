@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..actuator import Actuator
 from ..estimate.shown import preformatted
-from ..units import with_prefix
+from ..units import unit_for, with_prefix
 from ..waveform.periodic import Sawtooth
 from .scenarios import Conditions
 from .space import Space, built
@@ -68,6 +68,11 @@ class OptimisedActuator:
         return built(self.best.space, self.best.found)
 
     @property
+    def unit(self) -> str:
+        """Of the goal, for this model."""
+        return unit_for(self.model, self.goal.unit)
+
+    @property
     def load(self) -> float:
         """Its normal force over the reference, for `load=` of a simulation."""
         space = self.best.space
@@ -113,7 +118,7 @@ class OptimisedActuator:
 
     def report(self) -> str:
         """In words."""
-        unit, best = self.goal.unit, self.best
+        unit, best = self.unit, self.best
         count = len(best.conditions.names)
         how = f"in the worst of {count} conditions" if count > 1 else "without scenarios"
         said = [

@@ -122,9 +122,9 @@ def refused(walk: Walk, limits: Limits, name: str) -> str:
     return ""
 
 
-def beyond(low: float, high: float, limits: Limits) -> str:
-    """Why positions from `low` to `high` [m] are not allowed; empty if they are."""
+def beyond(low: float, high: float, limits: Limits, unit: str) -> str:
+    """Why positions from `low` to `high` are not allowed; empty if they are."""
     if low >= limits.min_position and high <= limits.max_position:
         return ""
-    ends = [with_prefix(x, "m", 3) for x in (low, high, limits.min_position, limits.max_position)]
+    ends = [with_prefix(x, unit, 3) for x in (low, high, limits.min_position, limits.max_position)]
     return f"it moves from {ends[0]} to {ends[1]}, and {ends[2]} to {ends[3]} are allowed"

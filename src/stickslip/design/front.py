@@ -13,6 +13,7 @@ import numpy as np
 import xarray as xr
 
 from ..progress import Progress, unheard
+from ..units import unit_for
 from ..waveform.knots import PeriodicKnots
 from .goals import extras_of
 from .moving import exactly, moved
@@ -136,7 +137,7 @@ def _exact(searched: list[Searched], x: Array, spent: int) -> Front:
     order = fine[np.argsort(merits[fine, 0])]
     data: dict[str, Any] = {}
     for of, column in zip(searched, merits[order].T, strict=True):
-        about = {"units": of.goal.unit, "long_name": of.goal.label}
+        about = {"units": unit_for(one.model, of.goal.unit), "long_name": of.goal.label}
         data[of.goal.label.replace(" ", "_")] = ("point", of.goal.sign * column, about)
     data["frequency"] = ("point", 1.0 / shapes.period[order], {"units": "Hz", "long_name": "frequency"})
     return Front(tuple(drives[i] for i in order), xr.Dataset(data), spent + ways.steps.size)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..actuator import Actuator
 from ..estimate.shown import preformatted
 from ..simulation import simulate
-from ..units import with_prefix
+from ..units import labelled_for, unit_for, with_prefix
 from ..waveform.knots import PeriodicKnots
 from ..waveform.periodic import Sawtooth
 from ..waveform.sampled import Sampled
@@ -70,9 +70,14 @@ class OptimisedWaveform:
         return 1.0 / self.waveform.period
 
     @property
+    def unit(self) -> str:
+        """Of the goal, for this model."""
+        return unit_for(self.model, self.goal.unit)
+
+    @property
     def comparison(self) -> xr.Dataset:
         """Over "scenario": `value` and `sawtooth`, in the unit of the goal, and what differs in each, SI."""
-        of_goal = {"units": self.goal.unit, "long_name": self.goal.label}
+        of_goal = {"units": self.unit, "long_name": self.goal.label}
         data: dict[str, Any] = {
             name: ("scenario", column) for name, column in self.conditions.columns.items()
         }
@@ -92,7 +97,7 @@ class OptimisedWaveform:
 
     def report(self) -> str:
         """In words, with the conditions in which it does worst."""
-        unit, count = self.goal.unit, len(self.conditions.names)
+        unit, count = self.unit, len(self.conditions.names)
         how = "in the model as it is"
         if count > 1:
             how = f"in the worst of {count} conditions"
@@ -147,7 +152,7 @@ def motion_by(model: Actuator, drives: Mapping[str, Any]) -> xr.Dataset:
         rows.append((drive.value(times * (1.0 - 1e-12)), moved - moved[0], period))
     volts, moved, periods = (np.array(column) for column in zip(*rows, strict=True))
     both = ("drive", "phase")
-    return xr.Dataset(
+    made = xr.Dataset(
         {
             "drive_voltage": (both, volts, {"units": "V", "long_name": "drive voltage"}),
             "end_effector_position": (both, moved, {"units": "m", "long_name": "end-effector position"}),
@@ -155,3 +160,4 @@ def motion_by(model: Actuator, drives: Mapping[str, Any]) -> xr.Dataset:
         },
         coords={"drive": list(drives), "phase": ("phase", phase, {"long_name": "share of the period"})},
     )
+    return labelled_for(model, made)

@@ -53,6 +53,8 @@ def save_plan(
         FileExistsError: there is such a file.
     """
     path, before = Path(path), to_si(before, "s", "before")
+    if like is None and plan.model.rotary:
+        raise QuantityError("like: an actuator that turns needs an experiment file whose rig gives its angle")
     example = files("stickslip") / "examples" / "kang2007_experiment.yaml"
     content = load_yaml(Path(str(example)) if like is None else like)
     check_experiment(content, like or "the example")

@@ -18,7 +18,7 @@ from ..records import did_you_mean
 from ..rig import Limits
 from ..simulation.steady import steady_step
 from ..simulation.steady_derivatives import steady_step_derivatives
-from ..units import QuantityError, optional_si, to_si, with_prefix
+from ..units import QuantityError, optional_si, to_si, unit_for, with_prefix
 from ..waveform import Sawtooth
 from ..waveform.signal import Waveform
 from .candidates import beyond, refused, sawtooths, walks_of
@@ -106,7 +106,6 @@ def plan_experiment(
             determines (of "all" those parameters are left out of the goal that none does, and the plan says
             so), or draws of another model.
     """
-    noise = noise if isinstance(noise, xr.Dataset) else optional_si(noise, "m", "noise")
     limits = limits or _limits_of(model)
     duration = to_si(duration, "s", "duration")
     sample_rate = optional_si(sample_rate, "Hz", "sample_rate")
@@ -249,7 +248,7 @@ def _follow(
     except (ArithmeticError, QuantityError) as error:
         left_out[name] = str(error)
         return
-    why = beyond(float(of.low.min()), float(of.high.max()), limits)
+    why = beyond(float(of.low.min()), float(of.high.max()), limits, unit_for(starts[0].model, "m"))
     if why:
         left_out[name] = why
     else:

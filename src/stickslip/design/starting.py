@@ -26,7 +26,7 @@ from ..identify.walk.position_channel import CHANNEL, OBSERVED
 from ..identify.walk.walks import own_values
 from ..records import did_you_mean
 from ..simulation.varied import free_names, with_values
-from ..units import QuantityError, refuse_rotary
+from ..units import QuantityError, optional_si, unit_for
 from .information import Space
 
 SAMPLE_RATE = 2e3  # Hz, where nothing says another
@@ -93,7 +93,6 @@ def start(
         raise QuantityError(
             f"the fit is of {fit.observed}: an experiment is planned from a fit of {OBSERVED}"
         )
-    refuse_rotary(model, "plans of recordings are")
     if not has_slopes(model):
         law = type(model.friction).__name__
         raise QuantityError(
@@ -102,7 +101,7 @@ def start(
         )
     if chain is None:
         chain = Chain(delay=fit.values.get("delay", 0.0)) if fit is not None else Chain()
-    found = _noise(noise, sample_rate, fit)
+    found = _noise(noise, sample_rate, fit, unit_for(model, "m"))
     return Start(
         model, _space(model, fit, free, channel, chain), chain, found.rate, found.level, found.colour
     )
@@ -129,7 +128,7 @@ def _space(
             hint = did_you_mean(name, CHANNEL)
             raise QuantityError(f"{name!r} is not of the position channel{hint}: it has {', '.join(CHANNEL)}")
     own = [_moved(known[n], fit.values[n]) if fit and n in known else _parameter(model, n) for n in names]
-    zero = {"delay": (chain.delay, "s"), "offset": (chain.offset, "m")}
+    zero = {"delay": (chain.delay, "s"), "offset": (chain.offset, unit_for(model, "m"))}
     more = [Parameter(n, zero[n][0], unit=zero[n][1], log=False) for n in dict.fromkeys(channel)]
     parameters = (*own, *more)
     others = [p for p in beside if p.tied or p.fixed]
@@ -140,8 +139,8 @@ def _parameter(model: Actuator, name: str) -> Parameter:
     """At the model's value, of any sign: nothing is searched for, so it needs no bounds."""
     value, quantity = value_of(model, name)
     if quantity is None or value > 0.0:
-        return _moved(parameter(model, name, {}), value)
-    return Parameter(name, value, unit=quantity.unit, log=False)
+        return _moved(parameter(model, name, {}, model.rotary), value)
+    return Parameter(name, value, unit=unit_for(model, quantity.unit), log=False)
 
 
 def _moved(p: Parameter, value: float) -> Parameter:
@@ -149,19 +148,20 @@ def _moved(p: Parameter, value: float) -> Parameter:
     return p._replace(start=value, lower=least, upper=math.inf, prior=None)
 
 
-def _noise(noise: Any, sample_rate: float | None, fit: Fit | None) -> _Noise:
+def _noise(noise: Any, sample_rate: float | None, fit: Fit | None, unit: str) -> _Noise:
     if isinstance(noise, xr.Dataset):
         rest = noise_at_rest(noise, OBSERVED)
         rest.check(sample_rate or rest.rate, "sample_rate is")
         return _Noise(rest.level, rest.colour, rest.rate)
-    if noise is not None:
-        if not 0.0 < noise < math.inf:
-            raise QuantityError(f"noise = {noise:g} m is out of range: it must be > 0 m, and finite")
-        return _Noise(float(noise), None, sample_rate or _rate(fit) or SAMPLE_RATE)
+    level = optional_si(noise, unit, "noise")
+    if level is not None:
+        if not 0.0 < level < math.inf:
+            raise QuantityError(f"noise = {level:g} {unit} is out of range: it must be > 0, and finite")
+        return _Noise(level, None, sample_rate or _rate(fit) or SAMPLE_RATE)
     if fit is None:
         raise QuantityError(
-            "noise is missing: give the standard deviation of a sample of the position [m], or a recording "
-            f"of {OBSERVED} at rest"
+            f"noise is missing: give the standard deviation of a sample of the position [{unit}], or a "
+            f"recording of {OBSERVED} at rest"
         )
     rate = _rate(fit)
     if rate is None or (sample_rate is not None and abs(sample_rate / rate - 1.0) > SAME_RATE):

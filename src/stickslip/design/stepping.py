@@ -74,7 +74,8 @@ def minimum_voltage(
         QuantityError: the range has no end, a number out of range; see also `step_map`.
     """
     frequency = optional_si(frequency, "Hz", "frequency")
-    step = _positive(step, unit_for(model, "m"), "step")
+    unit = unit_for(model, "m")
+    step = _positive(step, unit, "step")
     load = to_si(load, unit_for(model, "N"), "load")
     volts, most = _positive(tolerance, "V", "tolerance"), optional_si(max_voltage, "V", "max_voltage")
     most = _highest_voltage(model, waveform, None if most is None else _positive(most, "V", "max_voltage"))
@@ -102,7 +103,9 @@ def minimum_voltage(
     progress("scanning voltages", 0.5)
     ok = found >= 0.0
     if not np.any(ok):
-        _refuse_none(found + step, at, f"no voltage up to {most:g} V steps by {with_prefix(step, 'm')}", "V")
+        _refuse_none(
+            found + step, at, f"no voltage up to {most:g} V steps by {with_prefix(step, unit)}", unit
+        )
     first = int(np.argmax(ok))
     _warn_of_others(found, at, first, "V", "the step is reached at {}, and not any more at {}")
     low, high = at[max(first - 1, 0)], at[first]
@@ -140,13 +143,13 @@ def blocking_force(
             motion before it does.
         QuantityError: see `step_map`.
     """
-    unit = unit_for(model, "N")
+    unit, length = unit_for(model, "N"), unit_for(model, "m")
     newton, most = _positive(tolerance, unit, "tolerance"), optional_si(max_load, unit, "max_load")
     most = _held(model) if most is None else _positive(most, unit, "max_load")
     common: dict[str, Any] = {"tolerance": TOLERANCE, "threads": threads}
     free = float(step_map(model, waveform, load=0.0, **common)["net_step"])
     if not abs(free) > TOLERANCE:
-        raise SimulationError(f"without a load it does not walk: its step is {with_prefix(free, 'm')}")
+        raise SimulationError(f"without a load it does not walk: its step is {with_prefix(free, length)}")
     way = math.copysign(1.0, free)
 
     def steps(load: Array) -> xr.Dataset:
@@ -161,11 +164,11 @@ def blocking_force(
     lost = np.flatnonzero(~np.isfinite(found[:first]))
     if lost.size:
         why = str(scan["reason"].values[lost[0]])
-        raise SimulationError(f"no steady walk against {at[lost[0]]:g} N: {why}")
+        raise SimulationError(f"no steady walk against {at[lost[0]]:g} {unit}: {why}")
     if first == at.size:
         raise SimulationError(
-            f"it still steps by {with_prefix(float(found[-1]), 'm')} against {most:g} N: look farther, "
-            "with max_load"
+            f"it still steps by {with_prefix(float(found[-1]), length)} against {most:g} {unit}: look "
+            "farther, with max_load"
         )
     # A load that the contact cannot hold drags it along for ever: no walk, and nothing to warn of.
     _warn_of_others(np.nan_to_num(-found), at, first, unit, "it stops at {}, and walks on again at {}")
@@ -304,9 +307,7 @@ def _refuse_none(found: Array, at: Array, words: str, unit: str) -> None:
     if not np.any(np.isfinite(found)):
         raise SimulationError(f"{words}: there is no steady walk at any of {at.size} points")
     best = int(np.nanargmax(found))
-    raise SimulationError(
-        f"{words}: at most by {with_prefix(float(found[best]), 'm')}, at {at[best]:g} {unit}"
-    )
+    raise SimulationError(f"{words}: at most by {with_prefix(float(found[best]), unit)}, at {at[best]:g} V")
 
 
 def _warn_of_others(found: Array, at: Array, first: int, unit: str, words: str) -> None:

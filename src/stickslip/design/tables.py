@@ -14,6 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..units import QuantityError, to_si
 
 Array = NDArray[np.float64]
+_COLUMNS = ("net_step", "net_step_low", "net_step_high")
+_ENDS = {"low": "lower", "high": "upper"}
 
 
 class StepTable(NamedTuple):
@@ -21,12 +23,13 @@ class StepTable(NamedTuple):
 
     Attributes:
         voltages: V, ascending, from the least to the greatest value of the drive.
-        steps: m per period.
-        low, high: both ends of the 95 % band, m; NaN where the map had no fit.
-        interpolation_error: m, by how much lines over every second point miss the others at most: more than
+        steps: per period, in `unit`.
+        low, high: both ends of the 95 % band; NaN where the map had no fit.
+        interpolation_error: by how much lines over every second point miss the others at most: more than
             lines over all of them are off by, unless the step is rough.
         conditions: what held, in words: frequency, load, direction.
         title: whose steps they are.
+        unit: of steps and band: m, or rad of what turns.
     """
 
     voltages: Array
@@ -36,6 +39,7 @@ class StepTable(NamedTuple):
     interpolation_error: float
     conditions: str
     title: str
+    unit: str = "m"
 
 
 def step_table(step_map: xr.Dataset) -> StepTable:
@@ -50,8 +54,6 @@ def step_table(step_map: xr.Dataset) -> StepTable:
     if "net_step" not in step_map or step_map["net_step"].dims != ("voltage",):
         dims = step_map["net_step"].dims if "net_step" in step_map else tuple(step_map.sizes)
         raise QuantityError(f"a table is of a map over voltage [V] alone, and this one is over {dims}")
-    if step_map["net_step"].attrs.get("units", "m") != "m":
-        raise QuantityError("a table of steps is in m, and this map is of an actuator that turns")
     sorted_map = step_map.sortby("voltage")
     volts, steps = (sorted_map[name].values.astype(float) for name in ("voltage", "net_step"))
     there = np.flatnonzero(np.isfinite(steps))
@@ -75,11 +77,12 @@ def step_table(step_map: xr.Dataset) -> StepTable:
     ]
     title = str(step_map.attrs.get("title", "steps"))
     drive = str(step_map.attrs.get("waveform", ""))
-    return StepTable(volts, steps, low, high, error, "; ".join([*fixed, drive]), title)
+    unit = str(step_map["net_step"].attrs.get("units", "m"))
+    return StepTable(volts, steps, low, high, error, "; ".join([*fixed, drive]), title, unit)
 
 
 def step_at(table: StepTable, voltage: ArrayLike) -> tuple[Array, Array, Array]:
-    """Step and both ends of its band at voltages [V], m, each of their shape; NaN beyond the table."""
+    """Step and both ends of its band at voltages [V], each of their shape; NaN beyond the table."""
     volts = np.asarray(voltage, dtype=float)
     found = [
         np.interp(volts, table.voltages, column, left=np.nan, right=np.nan)
@@ -94,13 +97,15 @@ def voltage_for(table: StepTable, step: float | str) -> float:
     Raises:
         QuantityError: the table does not reach the step, or is not monotone, so that several have it.
     """
-    wanted = to_si(step, "m", "step")
+    wanted, unit = to_si(step, table.unit, "step"), table.unit
     way = _direction(table)
     if way == 0:
         raise QuantityError("step: the table is not monotone, so that several voltages have the same step")
     low, high = sorted((float(table.steps[0]), float(table.steps[-1])))
     if not low <= wanted <= high:
-        raise QuantityError(f"step = {wanted:g} m is out of range: the table has {low:g} m to {high:g} m")
+        raise QuantityError(
+            f"step = {wanted:g} {unit} is out of range: the table has {low:g} {unit} to {high:g} {unit}"
+        )
     return float(np.interp(wanted, table.steps[::way], table.voltages[::way]))
 
 
@@ -108,7 +113,8 @@ def save_step_table(table: StepTable, path: str | os.PathLike[str], name: str = 
     """Write a table: as CSV with a comment head (suffix .csv), or as a C header (.h).
 
     The header needs C99 and nothing else: ``NAME_at(voltage)``, ``NAME_low(voltage)`` and
-    ``NAME_high(voltage)`` in m, NaN beyond the table, and for a monotone table ``NAME_voltage(step)`` in V.
+    ``NAME_high(voltage)`` in the table's unit, NaN beyond the table, and for a monotone table
+    ``NAME_voltage(step)`` in V.
 
     Args:
         path: of the file.
@@ -140,14 +146,14 @@ def _said(table: StepTable) -> list[str]:
         table.title,
         f"conditions: {table.conditions}",
         f"net step per period over voltage, to be joined by lines (these miss at most about "
-        f"{table.interpolation_error:.2g} m); {band}",
+        f"{table.interpolation_error:.2g} {table.unit}); {band}",
     ]
 
 
 def _as_csv(table: StepTable) -> str:
     rows = np.column_stack([table.voltages, table.steps, table.low, table.high])
     lines = [f"# {line}" for line in _said(table)]
-    lines.append("voltage [V],net_step [m],net_step_low [m],net_step_high [m]")
+    lines.append(f"voltage [V],{','.join(f'{n} [{table.unit}]' for n in _COLUMNS)}")
     lines += [",".join("" if np.isnan(v) else repr(v) for v in row) for row in rows.tolist()]
     return "\n".join(lines) + "\n"
 
@@ -161,8 +167,8 @@ def _as_header(table: StepTable, name: str) -> str:
         f"static const double {name}_{what}[{n}] = {{\n    {_numbers(values)}\n}};"
         for what, values in columns.items()
     )
-    calls = [("at", "steps", "step, m per period"), ("low", "lows", "lower end of the 95 % band, m")]
-    calls.append(("high", "highs", "upper end of the 95 % band, m"))
+    calls = [("at", "steps", f"step, {table.unit} per period")]
+    calls += [(n, f"{n}s", f"{end} end of the 95 % band, {table.unit}") for n, end in _ENDS.items()]
     functions = [
         f"/* {meaning}, at a voltage [V] */\nstatic inline double {name}_{call}(double voltage)\n{{\n"
         f"    return {name}_line(voltage, {name}_voltages, {name}_{what}, {n});\n}}"
@@ -177,7 +183,7 @@ def _as_header(table: StepTable, name: str) -> str:
                 f"static const double {name}_descending[{n}] = {{\n    {_numbers(table.voltages[::-1])}\n}};"
             )
         functions.append(
-            "/* voltage [V] of a step [m per period] */\n"
+            f"/* voltage [V] of a step [{table.unit} per period] */\n"
             f"static inline double {name}_voltage(double step)\n{{\n"
             f"    return {name}_line(step, {pair}, {n});\n}}"
         )

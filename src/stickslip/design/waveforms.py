@@ -9,7 +9,7 @@ from ..actuator import Actuator
 from ..estimate.posterior import Posterior
 from ..estimate.result import Fit
 from ..progress import Progress, unheard
-from ..units import QuantityError, optional_si, refuse_rotary, to_si
+from ..units import QuantityError, optional_si, to_si, unit_for
 from .goals import goal_of
 from .limits import Generator, Limits, allowed, frequencies
 from .optimised import OptimisedWaveform
@@ -77,7 +77,6 @@ def optimise_waveform(
         QuantityError: no goal, limits that exclude every drive, an unknown name in a scenario or in the
             uncertainty, a model or a number that will not do, or no drive with a steady motion.
     """
-    speed = optional_si(minimum_speed, "m/s", "minimum_speed")
     low, high = optional_si(min_voltage, "V", "min_voltage"), optional_si(max_voltage, "V", "max_voltage")
     share, hertz = to_si(quantile, "", "quantile"), frequencies(frequency)
     aim = goal_of(goal)
@@ -85,10 +84,10 @@ def optimise_waveform(
     check_counts(knots=knots, draws=draws, budget=budget)
     if not 0.0 <= share < 1.0:
         raise QuantityError(f"quantile = {share:g} is out of range: it must be >= 0 (the worst) and < 1")
-    check_moves(aim, speed)
+    speed = least_speed(model, aim, minimum_speed)
     within_limits = allowed(model, low, high, limits, hertz, generator)
     conditions = conditions_of(model, scenarios, uncertainty, draws, seed)
-    searched = Searched(model, aim, within_limits, conditions, speed or 0.0, share, threads)
+    searched = Searched(model, aim, within_limits, conditions, speed, share, threads)
     return searched.result(knots, budget, seed, progress)
 
 
@@ -112,15 +111,17 @@ def check_model(model: Any) -> None:
         raise QuantityError(f"model = {model!r:.60} must be an actuator, or the fit of one")
     if model.clamped:
         raise QuantityError("a clamped end-effector does not step: give a model with clamped=False")
-    refuse_rotary(model, "goals and limits of a drive are")
 
 
-def check_moves(goal: Any, speed: float | None) -> None:
-    """Raises QuantityError for a goal that asks for no motion, without a least speed."""
-    if not goal.moves and not (speed and speed > 0.0):
+def least_speed(model: Actuator, goal: Any, given: float | str | None) -> float:
+    """m/s; raises QuantityError for a goal that asks for no motion, without one."""
+    unit = unit_for(model, "m/s")
+    speed = optional_si(given, unit, "minimum_speed") or 0.0
+    if not goal.moves and not speed > 0.0:
         raise QuantityError(
-            f"minimum_speed [m/s] is needed: with the least {goal.label} alone, nothing would move"
+            f"minimum_speed [{unit}] is needed: with the least {goal.label} alone, nothing would move"
         )
+    return speed
 
 
 def check_counts(**given: int) -> None:

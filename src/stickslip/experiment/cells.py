@@ -20,7 +20,7 @@ from ..readers import read_recording
 from ..records import did_you_mean
 from ..rig import Capabilities, Capture, Channel, Limits, Repeats, RigError, Trigger, Variation
 from ..rig.measurement import channel_units, plan_run
-from ..units import QuantityError, to_si
+from ..units import QuantityError, to_si, unit_for
 from ..waveform.sampled import Sampled
 from ..waveform.sequence import Sequence
 from ..waveform.signal import Waveform, shape
@@ -184,6 +184,8 @@ def _actuator(file: ExperimentFile, run: RunSpec, axes: Mapping[str, float | str
 def limits_of(spec: LimitsSpec, actuator: Actuator) -> Limits:
     """The limits of a file; its voltages default to the actuator's."""
     given = {key: value for key, value in spec.model_dump().items() if value is not None}
+    for name in {*given} & {"min_position", "max_position"}:
+        given[name] = to_si(given[name], unit_for(actuator, "m"), f"limits.{name}")
     own = {"min_voltage": actuator.min_voltage, "max_voltage": actuator.max_voltage}
     return Limits(**{key: value for key, value in own.items() if abs(value) < 1e6} | given)
 

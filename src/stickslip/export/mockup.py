@@ -70,13 +70,14 @@ def export_fmu(
         ExportError: nothing that can be exported, `out` exists, a wrong mode or version, no compiler.
         TranslationError, ParameterSetError, QuantityError: as `export_c`.
     """
-    h, noise = checked_step(step), checked_noise(measurement_noise)
+    h = checked_step(step)
     farad = optional_si(piezo_capacitance, "F", "piezo_capacitance")
     if fmi not in _BINARIES:
         raise ExportError(f"fmi = {fmi!r}: known are versions 2 and 3")
     if mode not in get_args(Mode):
         raise ExportError(f"mode = {mode!r}: known are {', '.join(get_args(Mode))}")
     found = exported(source)
+    noise = checked_noise(measurement_noise, found.model)
     if mode != "plant" and not isinstance(found.model, Actuator):
         raise ExportError(f"mode = {mode!r} is for an Actuator, not for a {type(found.model).__name__}")
     if mode == "feedforward" and getattr(found.model, "piezo", None) is not None:

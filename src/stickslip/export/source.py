@@ -14,8 +14,7 @@ from ..chain import Chain
 from ..estimate.result import Fit
 from ..identify.results import chain_of, model_of
 from ..parameters import ParameterSetError, load_set
-from ..records import quantities
-from ..units import refuse_rotary
+from ..records import quantities_of
 from .piezo import refused
 
 
@@ -72,7 +71,6 @@ def exported(source: Any) -> Exported:
 
 def _refuse(model: Any) -> None:
     """Raise ExportError for what exported code has not."""
-    refuse_rotary(model, "exported code is")
     said = refused(getattr(model, "piezo", None))
     if not said and getattr(model, "normal_force", None) is not None:
         said = "a normal force along the stroke is not part of exported code: set normal_force to None"
@@ -158,7 +156,7 @@ def meaning(model: Any, name: str) -> tuple[str, str, str]:
     owner = model
     for part in path.split(".") if path else ():
         owner = getattr(owner, part)
-    spec = quantities(type(owner)).get(field)
+    spec = quantities_of(owner, model).get(field)
     if spec is None:
         return "", "", field.replace("_", " ")
     return spec.unit, spec.symbol, spec.meaning

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, Literal, NamedTuple
 
 from ..actuator import Actuator
+from ..units import unit_for
 from .equations import SignalChain
 from .source import Exported, exported_values, meaning
 from .subset import KEYWORDS
@@ -47,7 +48,8 @@ _INPUTS, _FIRST_OUTPUT, _FIRST_PARAMETER = 1, 100, 1000
 
 def variables(found: Exported, chain: SignalChain, mode: Mode, step: float, rest: float) -> list[Variable]:
     """All variables of a mode; references 1.. are inputs, 100.. outputs, 1000.. parameters."""
-    return [*_inputs(found.model, mode, rest), *_outputs(found.model, chain, mode), *_parameters(found, step)]
+    made = [*_inputs(found.model, mode, rest), *_outputs(found.model, chain, mode), *_parameters(found, step)]
+    return [one._replace(unit=unit_for(found.model, one.unit)) for one in made]
 
 
 def _inputs(model: Any, mode: Mode, rest: float) -> list[Variable]:

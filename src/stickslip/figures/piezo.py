@@ -13,15 +13,16 @@ from .style import SERIES, WIDTH, drawn, trace
 
 
 @drawn
-def hysteresis_loops(loops: Mapping[str, tuple[ArrayLike, ArrayLike]]) -> Figure:
+def hysteresis_loops(loops: Mapping[str, tuple[ArrayLike, ArrayLike]], unit: str = "m") -> Figure:
     """Stroke over voltage, and what each is off a straight line between its ends, in percent of its stroke.
 
     Args:
-        loops: voltage [V] and stroke [m], arrays (n,), by label.
+        loops: voltage [V] and stroke, arrays (n,), by label.
+        unit: of the stroke, SI.
     """
     figure = Figure(figsize=(WIDTH, 3.0))
     left, right = figure.subplots(1, 2)
-    way = scale_for("m", np.concatenate([np.asarray(y, dtype=float) for _, y in loops.values()]))
+    way = scale_for(unit, np.concatenate([np.asarray(y, dtype=float) for _, y in loops.values()]))
     for (label, (u, y)), color in zip(loops.items(), SERIES, strict=False):
         u, y = np.asarray(u, dtype=float), np.asarray(y, dtype=float)
         low, high = u.argmin(), u.argmax()

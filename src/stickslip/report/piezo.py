@@ -21,8 +21,9 @@ from .fits import fit_numbers
 AFTER = 10
 
 
-def hysteresis_numbers(fit: Fit, straight: Fit, unit: str = "m") -> dict[str, Any]:
+def hysteresis_numbers(fit: Fit, straight: Fit) -> dict[str, Any]:
     """For results.json: the fit, the piezo that it is, and what a straight line leaves."""
+    unit = fit.recordings[0].unit
     piezo = getattr(fit.model, "piezo", fit.model)
     return {
         **fit_numbers(fit, unit),
@@ -37,7 +38,7 @@ def hysteresis_numbers(fit: Fit, straight: Fit, unit: str = "m") -> dict[str, An
 
 def hysteresis_pictures(fit: Fit, recordings: Sequence[xr.Dataset], name: str) -> list[Picture]:
     """Loops, measured and fitted, of the first recording, and all of it over time."""
-    one = recordings[0]
+    one, unit = recordings[0], fit.recordings[0].unit
     assert fit.predict is not None
     shown = fit.predict(one)
     measured = one[fit.observed].values
@@ -51,7 +52,9 @@ def hysteresis_pictures(fit: Fit, recordings: Sequence[xr.Dataset], name: str) -
             f"{names_of(recordings)[0]}: stroke over voltage, and what it is off a straight line; measured, "
             "and by the fit.",
             svg(
-                hysteresis_loops({"measured": (voltage, measured[still]), "fitted": (voltage, shown[still])})
+                hysteresis_loops(
+                    {"measured": (voltage, measured[still]), "fitted": (voltage, shown[still])}, unit
+                )
             ),
             "Stroke over voltage, and the deviation from a straight line in percent of the stroke",
         ),
@@ -60,7 +63,7 @@ def hysteresis_pictures(fit: Fit, recordings: Sequence[xr.Dataset], name: str) -
             f"{names_of(recordings)[0]} over time, measured and fitted, and the residuals.",
             svg(
                 fit_with_residuals(
-                    one["time"].values, measured, shown, name=fit.observed.replace("_", " "), unit="m"
+                    one["time"].values, measured, shown, name=fit.observed.replace("_", " "), unit=unit
                 )
             ),
             "Stroke over time, measured under the model, and the residuals below",

@@ -65,7 +65,7 @@ def regulate(
         rig: one that takes its output update by update, such as `VirtualRig`; or a `HostedRig` of one.
         controller: what has `step(measured, target, tick)`; of a `HostedRig` a `ControllerSpec`, from which
             it is made in the rig's process.
-        target: m from home: a number, or a waveform in m.
+        target: m (rad) from home: a number, or a waveform in that unit.
         channels: as for `measure`; the position that is controlled is `end_effector_position`.
         limits: what the output may not pass; end stops and frozen readings end the run.
         duration: s, at most.
@@ -75,7 +75,7 @@ def regulate(
         sees: called with the next values of each channel [n]; what it raises ends the run.
 
     Returns:
-        The recording, with `target_position` [m] and `asked_voltage` [V]. Its attributes `limited_updates`,
+        The recording, with `target_position` and `asked_voltage` [V]. Its attributes `limited_updates`,
         `slowest_step` [s], `mean_step` [s] and `late_updates` (steps longer than an update) say how it went.
 
     Raises:
@@ -83,15 +83,15 @@ def regulate(
         LimitError: a limit was passed, or the controller failed; its `recording` is what there is.
         RigError: the rig does not answer as it should.
     """
-    if isinstance(target, str):
-        target = to_si(target, "m", "target")
     seconds, between = to_si(duration, "s", "duration"), optional_si(interval, "s", "interval")
     can = rig.capabilities
     if not isinstance(rig, HostedRig) and not (hasattr(rig, "begin") and hasattr(rig, "exchange")):
         raise RigError(f"{can.name} takes whole drives only: no loop can be closed on it")
     if limits.max_duty < 1.0:
         raise QuantityError("Limits.max_duty is of drives that are known beforehand, not of a closed loop")
-    channel_units(can, channels, limits)
+    unit = channel_units(can, channels, limits).get(POSITION, "m")
+    if isinstance(target, str):
+        target = to_si(target, unit, "target")
     if POSITION not in channels:
         raise QuantityError(f"a closed loop needs the channel {POSITION}, which is not recorded")
     if any(channel.filter is not None or channel.zero for channel in channels.values()):
@@ -110,14 +110,14 @@ def regulate(
             f"duration = {seconds:g} s is longer than {can.name} takes, {can.max_points} updates"
         )
     whole = isinstance(target, float | int)  # one value, which is held
-    wanted = targets(target, 1 if whole else count, can.update_rate)
+    wanted = targets(target, 1 if whole else count, can.update_rate, unit)
     told = getattr(rig, "told", None)
     chains = {name: [to_text(one) for one in channel.calibration] for name, channel in channels.items()}
     texts = {"calibration": calibration_attribute(chains), "title": title, **(attributes or {})}
     shown = {**channels, POSITION: Channel(AT), _TARGET: Channel(WANTED), _ASKED: Channel(ASKED)}
-    units = channel_units(looped(can), shown, limits)
+    units = channel_units(looped(can, unit), shown, limits)
     texts |= {} if told is None else told(1)
-    making = Making(looped(can), shown, units, capture, limits, 0, 0, "", texts)
+    making = Making(looped(can, unit), shown, units, capture, limits, 0, 0, "", texts)
     samples = None if save is None else Samples(save, making, count)
     position = PositionInput(channels[POSITION].input, channels[POSITION].calibration)
     try:
@@ -167,12 +167,12 @@ def _looped(
     return rig
 
 
-def targets(target: Waveform | float | str, count: int, rate: float) -> list[float]:
-    """The wanted position at each of so many ticks at a rate [Hz], m; raises QuantityError."""
+def targets(target: Waveform | float | str, count: int, rate: float, unit: str) -> list[float]:
+    """The wanted position at each of so many ticks at a rate [Hz], m (rad); raises QuantityError."""
     if isinstance(target, float | int | str):
-        return [to_si(target, "m", "target")] * count
-    if getattr(target, "unit", None) != "m":
-        raise QuantityError(f"target = {target!r:.60} must be a position [m] or a waveform in m")
+        return [to_si(target, unit, "target")] * count
+    if getattr(target, "unit", None) != unit:
+        raise QuantityError(f"target = {target!r:.60} must be a position [{unit}] or a waveform in {unit}")
     return value_at(target, np.arange(count) / rate).tolist()
 
 

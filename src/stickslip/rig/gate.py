@@ -11,7 +11,7 @@ import numpy as np
 from ..calibration import Calibration
 from ..units import with_prefix
 from .home import Home
-from .limits import LimitError, Limits, check_drive
+from .limits import LimitError, Limits, beyond, check_drive
 from .protocols import Array, Capabilities, Rig
 
 FROZEN_DRIVE = 10.0  # V by which the drive must move for unchanged readings to be a fault
@@ -19,10 +19,14 @@ _ANSWER = 0.01  # s in which a sensor answers to the drive
 
 
 class PositionInput(NamedTuple):
-    """The input that shows where the end-effector is, and the calibrations from its readings to metres."""
+    """The input that shows where the end-effector is, and the calibrations from its readings to m (rad)."""
 
     name: str
     calibration: tuple[Calibration, ...]
+
+    def unit(self, can: Capabilities) -> str:
+        """m, or rad of what turns."""
+        return self.calibration[-1].y_unit if self.calibration else can.inputs[self.name]
 
 
 class Gate:
@@ -143,7 +147,4 @@ class Gate:
             (float(at.max()), self._limits.max_position, 1),
         ):
             if sign * (value - limit) > 0.0:
-                raise LimitError(
-                    f"the end-effector is at {with_prefix(value, 'm')} from home, beyond the end stop at "
-                    f"{with_prefix(limit, 'm')}: stopped"
-                )
+                raise beyond(value, limit, position.unit(self._can))

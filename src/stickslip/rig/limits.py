@@ -8,7 +8,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from ..records import Quantity, record
-from ..units import QuantityError
+from ..units import QuantityError, with_prefix
 from .protocols import Array, Capabilities, RigError
 
 _INF = math.inf
@@ -64,6 +64,12 @@ class Limits(NamedTuple):
     def end_stops(self) -> bool:
         """Whether the travel is limited."""
         return math.isfinite(self.min_position) or math.isfinite(self.max_position)
+
+
+def beyond(position: float, end: float, unit: str) -> LimitError:
+    """Of an end-effector beyond its end stop."""
+    here, there = with_prefix(position, unit), with_prefix(end, unit)
+    return LimitError(f"the end-effector is at {here} from home, beyond the end stop at {there}: stopped")
 
 
 def check_drive(volts: Array, limits: Limits, can: Capabilities) -> None:

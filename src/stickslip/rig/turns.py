@@ -16,24 +16,24 @@ import numpy as np
 from ..units import with_prefix
 from .gate import FROZEN_DRIVE, PositionInput
 from .home import Home
-from .limits import LimitError, Limits
+from .limits import LimitError, Limits, beyond
 from .protocols import Array, Capabilities, Controller, RigError, StreamingRig
 
 # What the loop adds to the inputs of its rig: where the end-effector is from home, where it should be, and
 # what the controller asked for.
 AT, WANTED, ASKED = "loop.position", "loop.target", "loop.asked"
-OWN = {AT: "m", WANTED: "m", ASKED: "V"}
+OWN = (AT, WANTED, ASKED)
 STATISTICS = ("limited_updates", "slowest_step", "mean_step", "late_updates")
 _BLOCK = 0.005  # s of updates per `fetch`: a stop waits for no more
 
 
-def looped(can: Capabilities) -> Capabilities:
-    """What a loop around such a rig can record."""
-    return can._replace(inputs={**can.inputs, **OWN})
+def looped(can: Capabilities, unit: str) -> Capabilities:
+    """What a loop around such a rig can record; `unit` is that of positions."""
+    return can._replace(inputs={**can.inputs, AT: unit, WANTED: unit, ASKED: "V"})
 
 
 class LoopRig:
-    """A rig in a closed loop; see `protocols.Rig`. What is loaded are targets, m from home.
+    """A rig in a closed loop; see `protocols.Rig`. What is loaded are targets, m (rad) from home.
 
     Args:
         rig: what puts out and reads.
@@ -55,9 +55,10 @@ class LoopRig:
         if not hasattr(rig, "begin") or not hasattr(rig, "exchange"):
             raise RigError(f"{rig.capabilities.name} takes whole drives only: no loop can be closed on it")
         self.rig, self.controller = rig, controller
-        self.capabilities = looped(rig.capabilities)
+        unit = position.unit(rig.capabilities)
+        self.capabilities = looped(rig.capabilities, unit)
         self._position, self._home, self._limits = position, home, limits
-        self._guard = _Guard(limits, rig.capabilities)
+        self._guard = _Guard(limits, rig.capabilities, unit)
         self._targets: list[float] = [0.0]
         self._inputs: tuple[str, ...] = ()
         self._samples = 0
@@ -77,7 +78,7 @@ class LoopRig:
         return getattr(self.rig, "origin", 0.0)
 
     def load(self, volts: Array) -> None:
-        """Take the targets [n], m; the last one is held."""
+        """Take the targets [n]; the last one is held."""
         self._targets = volts.tolist()
 
     def arm(self, inputs: tuple[str, ...], samples: int) -> None:
@@ -184,7 +185,8 @@ class LoopRig:
 class _Guard:
     """The limits, update by update."""
 
-    def __init__(self, limits: Limits, can: Capabilities) -> None:
+    def __init__(self, limits: Limits, can: Capabilities, unit: str) -> None:
+        self._unit = unit
         self._low = max(limits.min_voltage, can.min_voltage)
         self._high = min(limits.max_voltage, can.max_voltage)
         self._most = limits.max_slew / can.update_rate
@@ -199,10 +201,7 @@ class _Guard:
         limits = self._limits
         for limit, sign in ((limits.min_position, -1), (limits.max_position, 1)):
             if sign * (measured - limit) > 0.0:
-                raise LimitError(
-                    f"the end-effector is at {with_prefix(measured, 'm')} from home, beyond the end stop at "
-                    f"{with_prefix(limit, 'm')}: stopped"
-                )
+                raise beyond(measured, limit, self._unit)
         if reading != self._last:
             self._last, self._same, self._least, self._greatest = reading, 0, given, given
             return

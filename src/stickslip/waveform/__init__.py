@@ -4,8 +4,8 @@ A waveform is anything that fulfils the protocol `signal.Waveform`; a simulation
 method ``drive(duration)``. A user's own waveform is a class in the user's file that builds its table with
 `pieces.assemble` or `pieces.repeat`, as `shapes` and `periodic` do; `signal.signal_record` makes it known.
 
-Values are in volts, or in metres where ``unit="m"``: the same shapes move a piezo and the base of a
-spring-pulled slider.
+Values are in volts, or in metres where ``unit="m"`` (radians: ``"rad"``): the same shapes move a piezo and
+the base of a spring-pulled slider.
 """
 
 # In this order lists keep them; those of other files come after them.

@@ -80,7 +80,7 @@ class Sampled:
     ) -> Sampled:
         """One variable of a recording (an ``xarray.Dataset`` over "time"), timed from the first sample.
 
-        The unit is the variable's attribute `units`, which must be "V" or "m".
+        The unit is the variable's attribute `units`, which must be "V", "m" or "rad".
         """
         if name not in recording:
             raise QuantityError(f"the recording has no {name!r}; it has {', '.join(map(str, recording))}")

@@ -48,7 +48,7 @@ class Sequence:
 
     @property
     def unit(self) -> str:
-        """ "V" or "m", that of all parts"""
+        """ "V", "m" or "rad", that of all parts"""
         return self.parts[0][0].unit
 
     @property

@@ -1,11 +1,11 @@
-"""Interface of waveforms: the protocol, the shared methods, volts or metres, the range check."""
+"""Interface of waveforms: the protocol, the shared methods, their units, the range check."""
 
 from __future__ import annotations
 
 import functools
 import math
 import os
-from typing import Any, Literal, Protocol, TypeVar
+from typing import Any, Literal, Protocol, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,11 +16,11 @@ from ..units import QuantityError, to_si, with_prefix
 from .drive import Drive, evaluate
 
 T = TypeVar("T")
-Unit = Literal["V", "m"]
+Unit = Literal["V", "m", "rad"]
 
 
 class Waveform(Protocol):
-    """A drive signal u(t): `unit` is "V" or "m"; after `duration` [s] it is at rest (infinite: never)."""
+    """A drive signal u(t): `unit` is "V", "m" or "rad"; after `duration` [s] it rests (infinite: never)."""
 
     @property
     def unit(self) -> str: ...
@@ -65,8 +65,8 @@ def _evaluated(waveform: Waveform, t: ArrayLike, which: int) -> NDArray[np.float
 
 def check_unit(unit: Any, owner: str) -> None:
     """Raises QuantityError unless the unit is one that waveforms know."""
-    if unit not in ("V", "m"):
-        raise QuantityError(f"{owner}.unit = {unit!r}: a waveform is in 'V' or in 'm'")
+    if unit not in get_args(Unit):
+        raise QuantityError(f"{owner}.unit = {unit!r}: a waveform is in 'V', in 'm' or in 'rad'")
 
 
 def signal_record(named_tuple: type[T]) -> type[T]:

@@ -1,5 +1,5 @@
 /* From anywhere to a position, and hold it: the state machine of stickslip.control.Mover, with the same
-   operations in the same order. mover_begin once, at rest, then mover_step at each update. SI: m and V. */
+   operations in the same order. mover_begin once, at rest, then mover_step at each update. SI: V, m (rad). */
 typedef enum {
     MOVER_REST,
     MOVER_RETURN,   /* the piezo goes, sticking, to where steps begin */

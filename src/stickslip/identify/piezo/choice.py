@@ -110,8 +110,7 @@ def chosen(
             f"{grid.thresholds.size} plays, {'with' if grid.zones.size else 'without'} asymmetry"
             f"{' and skew' * bool(grid.skew)}, "
             f"{'with' if grid.times.size else 'without'} creep: the smallest of {len(tried)} models that "
-            f"predicts parts left out ({score:.3g} m rms) within {100 * ENOUGH:g} % of the "
-            f"best ({best:.3g} m)"
+            f"predicts parts left out at most {100 * ENOUGH:g} % worse than the best"
         )
     if creep is None and not long_enough:
         remarks.append(f"creep is left out: it does not show within {lasts:.3g} s")
