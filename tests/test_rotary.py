@@ -310,7 +310,7 @@ def test_exported_code_turns(tmp_path) -> None:
     assert re.search(r"rad/V, C: .*; ", said)
     assert "N m/rad, " in said
     wanted = ss.Sine("20 um", "5 Hz", periods=2, unit="m")
-    with pytest.raises(QuantityError, match="the wanted motion is in rad, not in m"):
+    with pytest.raises(QuantityError, match="the wanted motion is in rad; motion = Sine"):
         export_c(TURNS, tmp_path / "other", motion=wanted)
     with pytest.raises(QuantityError, match=r"measurement_noise = '10 nm'.*no rad"):
         export_c(TURNS, tmp_path / "noise", measurement_noise="10 nm")

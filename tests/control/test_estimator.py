@@ -103,8 +103,16 @@ def test_what_is_refused() -> None:
     for call, words in (
         (lambda: one.stepped(2), "direction = 2"),
         (lambda: one.measured(0.0, 0.0), "noise = 0 m"),
+        (lambda: one.measured(0.0, np.inf), "noise = inf m is not finite"),
+        (lambda: one.measured(np.nan, 1e-9), "position = nan m is not finite"),
+        (lambda: one.stepped(1, -5), "count = -5: it must be a whole number >= 0"),
+        (lambda: one.stepped(1, 1.5), r"count = 1\.5: it must be a whole number >= 0"),  # type: ignore[arg-type]
+        (lambda: Estimator(KNOWN, np.nan), "position = nan m"),
+        (lambda: Estimator(KNOWN, 0.0, np.nan), "error = nan m"),
         (lambda: Estimator(KNOWN, 0.0, -1e-9), "error"),
         (lambda: one.band(1.0), "level = 1"),
     ):
         with pytest.raises(QuantityError, match=words):
             call()
+    assert one.steps == 0
+    assert one.band() == (0.0, 0.0)

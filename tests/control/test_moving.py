@@ -151,6 +151,12 @@ def test_what_a_walk_cannot_be(tuning, table: StepTable) -> None:
         mover(tuning, table, Walk(amplitude=120.0))
     with pytest.raises(QuantityError, match="4 ticks a step"):
         mover(tuning, table, Walk(frequency="5 kHz"))
+    for gain in (0.0, -KANG.gain, np.nan, np.inf):
+        with pytest.raises(QuantityError, match=rf"Mover\.gain = {gain:.12g} m/V .* must be > 0 m/V"):
+            Mover(Walk(), table, tuning.regulator(RATE), gain)
+    for hold in (-1.0, np.nan):
+        with pytest.raises(QuantityError, match=rf"Mover\.hold = {hold:g} s .* must be >= 0 s"):
+            mover(tuning, table, hold=hold)
     with pytest.raises(QuantityError, match="must ascend"):
         StepTable((2.0, 1.0), (1e-6, 2e-6), (1e-6, 2e-6))
     with pytest.raises(QuantityError, match="does not walk forward"):

@@ -102,6 +102,19 @@ def test_samples_are_shaped_as_the_target_is() -> None:
         Shaper(500.0, 0.1, 1.5)
 
 
+def test_a_mode_that_the_ticks_cannot_show_is_refused() -> None:
+    said = r"Shaper\.frequency = 30 kHz must be below half the rate, 20 kHz"
+    with pytest.raises(QuantityError, match=said):
+        Shaping(Ahead(), Shaper("30 kHz"), RATE)
+    with pytest.raises(QuantityError, match=said):
+        Shaper("30 kHz").shaped(np.ones(9), RATE)
+    with pytest.raises(QuantityError, match=r"Slip\.frequency = 10 kHz must be below half the rate, 20 kHz"):
+        Slip(frequency="10 kHz").left(RATE)
+    for rate in (0.0, -RATE, np.nan):
+        with pytest.raises(QuantityError, match=rf"Shaping\.rate = {rate:g} Hz"):
+            Shaping(Ahead(), Shaper(500.0), rate)
+
+
 @pytest.mark.parametrize("slip", [Slip("0.3 ms"), Slip(0.0, "525 Hz", 0.1), Slip("0.1 ms", "525 Hz", 0.1)])
 def test_steps_with_such_an_edge_go_as_their_table_says(slip: Slip) -> None:
     """Twenty steps of a mover in a simulation, the mean of the last ten beside the table of the model."""

@@ -134,3 +134,26 @@ def test_what_has_no_linear_model_is_refused() -> None:
         tune(KANG.replace(friction=Coulomb(0.5)), RATE)
     with pytest.raises(QuantityError, match="natural_frequency"):
         tune(KANG.replace(natural_frequency=math.inf), RATE)
+
+
+@pytest.mark.parametrize(
+    ("rate", "delay", "said"),
+    [
+        (math.nan, 1, "rate = nan Hz is not finite"),
+        (0.0, 1, "rate = 0 Hz is out of range"),
+        (-RATE, 1, "rate = -20000 Hz is out of range"),
+        (RATE, -1, "delay = -1: it must be a whole number >= 0"),
+        (RATE, 0.5, r"delay = 0\.5: it must be a whole number >= 0"),
+    ],
+)
+def test_a_loop_has_a_rate_and_whole_ticks_of_delay(rate: float, delay: int, said: str) -> None:
+    with pytest.raises(QuantityError, match=said):
+        tune(KANG, rate, delay=delay)
+    with pytest.raises(QuantityError, match=said):
+        sampled_loop(KANG, rate, delay=delay)
+
+
+@pytest.mark.parametrize("gain", [0.0, -1e-7])
+def test_an_actuator_that_goes_the_other_way_is_not_tuned(gain: float) -> None:
+    with pytest.raises(QuantityError, match=rf"Actuator\.gain = {gain:g} m/V .* must be > 0 m/V"):
+        tune(KANG.replace(gain=gain), RATE)

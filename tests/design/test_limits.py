@@ -123,6 +123,15 @@ def test_highest_frequency_says_what_there_is_not() -> None:
         design.stepping_frequency_limit(KANG.replace(natural_frequency=math.inf), SLOW)
 
 
+def test_a_step_between_the_tolerance_and_what_counts_is_none() -> None:
+    """At 0.39 V the greatest step is half as much again as the solver's tolerance."""
+    drive, hertz = ss.Sawtooth(0.39, 5.0), np.geomspace(1.0, 100.0, 65)
+    steps = ss.step_map(KANG, drive, frequency=hertz, tolerance=design.stepping.TOLERANCE).net_step.values
+    assert 1.0 < np.abs(steps).max() / design.stepping.TOLERANCE < 2.0
+    with pytest.raises(SimulationError, match=r"there is no step from 1 Hz to 100 Hz: at most 151\.\d pm"):
+        design.stepping_frequency_limit(KANG, drive, max_frequency=100.0)
+
+
 def test_load_speed_curve() -> None:
     loads = np.linspace(0.0, -0.3, 7)
     curve = design.load_speed_curve(KANG, SLOW, loads)

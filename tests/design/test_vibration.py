@@ -68,13 +68,14 @@ def test_what_is_heard_is_weighted_as_the_standard_says() -> None:
         assert found[i] == pytest.approx(np.sqrt(2 * np.sum((heard * np.abs(spectrum)) ** 2)), rel=2e-3)
 
 
-@pytest.mark.parametrize("kind", [TipLoad, Noise])
-def test_a_search_walks_as_fast_with_less_of_it(kind: type[TipLoad | Noise]) -> None:
+@pytest.mark.parametrize(("kind", "share"), [(TipLoad, 0.85), (Noise, 0.7)])
+def test_a_search_walks_as_fast_with_less_of_it(kind: type[TipLoad | Noise], share: float) -> None:
+    """Less than the sawtooth whose swing was searched for too."""
     model = ss.load_actuator("kang2007")
     goal = kind.of_stage(model)
     found = ss.optimise_waveform(model, goal=goal, knots=6, max_voltage=100.0, minimum_speed="1 mm/s")
     assert found.speeds[0] >= 1e-3 * (1 - 1e-6)
-    assert found.value < 0.7 * found.sawtooth_value
+    assert found.value < share * found.sawtooth_value
     with pytest.raises(ss.units.QuantityError, match="minimum_speed"):
         ss.optimise_waveform(model, goal=goal, max_voltage=100.0)
     static = model.replace(natural_frequency=float("inf"))

@@ -90,6 +90,19 @@ def test_models(case, tmp_path) -> None:
     assert found["drive_voltage"][1:-1] == pytest.approx(truth["drive_voltage"].values[1:-1], abs=1e-3)
 
 
+@pytest.mark.parametrize("law", ALL, ids=name)
+@pytest.mark.parametrize("load", [{"external_force": 0.9}, {"external_force": -0.4, "incline": 0.6}], ids=str)
+def test_a_load_that_the_contact_cannot_hold(law, load, tmp_path) -> None:
+    """It begins with the contact at its bound, and slides away."""
+    model, drive = KANG.replace(friction=law, **load), Sawtooth(65, 100, periods=2)
+    found = walk(model, tmp_path / "c", waveform=drive, step=2e-6)
+    truth = simulate(model, drive, 0.02, sample_rate=1e3, tolerance=1e-9)
+    away = abs(float(truth["end_effector_position"][-1]))
+    assert away > 5e-5
+    off = np.abs(found["end_effector_position"] - truth["end_effector_position"].values)
+    assert np.max(off) < 2e-3 * away
+
+
 @pytest.mark.parametrize("law", [Coulomb(0.2), LuGre(1e5, 50.0, 0.1, 0.2, 0.2)], ids=["Coulomb", "LuGre"])
 def test_pulled_slider(law, tmp_path) -> None:
     slider, pull = PulledSlider(0.1, 200.0, 0.5, law), Ramp(1e-2, unit="m")

@@ -149,6 +149,8 @@ def test_commands(tmp_path) -> None:
     columns = np.genfromtxt(io.StringIO(table), delimiter=",", names=True)
     assert columns["drive_voltage"].max() == pytest.approx(65.0, abs=0.5)
     again = run("c", "kang2007", "--out", str(tmp_path / "c"))
+    lone = run("c", "kang2007", "--frequency", "0 Hz", "--out", str(tmp_path / "lone"))
+    assert (lone.exit_code, "--amplitude is missing" in lone.stderr) == (2, True)
     assert again.exit_code == 2
     assert again.stderr == f"Error: {tmp_path / 'c'} exists already; nothing was written\n"
     assert run("fmu", "kang2007", "--fmi", "4", "--out", str(tmp_path / "x")).exit_code == 2

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stickslip.control import Pid, Regulator
 from stickslip.recording import open_recording
 from stickslip.rig import Channel, LimitError, Limits, RigError, VirtualRig, regulate
 from stickslip.rig.samples import recover
@@ -272,6 +273,11 @@ def test_what_cannot_be_closed_is_refused_before_a_volt() -> None:
         with pytest.raises(QuantityError, match=words):
             regulate(rig, calm, *arguments)  # type: ignore[arg-type]
     assert not calm.seen
+    slower = Regulator(Pid(integral=1e6), "10 kHz")
+    with pytest.raises(
+        QuantityError, match="rate = 20000 Hz: the controller's Regulator is made for 10000"
+    ):
+        regulate(rig, slower, 0.0, IDEAL, Limits(), 0.1)
     with pytest.raises(RigError, match="whole drives only"):
         regulate(_Whole(), calm, 0.0, IDEAL, Limits(), 0.1)  # type: ignore[arg-type]
 

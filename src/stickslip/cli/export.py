@@ -50,8 +50,8 @@ def export_as_c(
     out: Folder = Path("out/c"),
     step: StepSize = "20 us",
     amplitude: Annotated[str, typer.Option(help='Of the sawtooth to play, such as "65 V".')] = "",
-    frequency: Annotated[str, typer.Option(help="Of the sawtooth.")] = "5 Hz",
-    periods: Annotated[int, typer.Option(help="Of the sawtooth.", min=1)] = 8,
+    frequency: Annotated[str, typer.Option(help="Of the sawtooth; 5 Hz if left out.")] = "",
+    periods: Annotated[int | None, typer.Option(help="Of the sawtooth; 8 if left out.", min=1)] = None,
     bench: BenchName = "",
     show_traceback: Traceback = False,
 ) -> None:
@@ -86,11 +86,17 @@ def export_as_fmu(
         typer.echo(f"Exported: {made}")
 
 
-def _waveform(amplitude: str, frequency: str, periods: int) -> Waveform | None:
+def _waveform(amplitude: str, frequency: str, periods: int | None) -> Waveform | None:
     from ..waveform.periodic import Sawtooth
 
-    fields: dict[str, Any] = {"frequency": frequency, "periods": periods}
-    return Sawtooth(amplitude, **fields) if amplitude else None  # type: ignore[arg-type]
+    if amplitude:
+        fields: dict[str, Any] = {"frequency": frequency or "5 Hz", "periods": periods or 8}
+        return Sawtooth(amplitude, **fields)  # type: ignore[arg-type]
+    if frequency or periods:
+        raise ValueError(
+            "--amplitude is missing: --frequency and --periods are of the sawtooth that it makes"
+        )
+    return None
 
 
 def _amplifier(bench: str) -> dict[str, Any]:

@@ -24,6 +24,26 @@ from .inverse import PiezoInverse
 Array = NDArray[np.float64]
 Coefficients = tuple[float, float, float, float, float]
 
+# Of whatever goes by ticks.
+RATE = Quantity("Hz", "f_s", "the rate of the ticks", above=0)
+_LEAD = Quantity("s", "", "the time that the feedforward is ahead", minimum=0)
+_FEEDFORWARD = Quantity("V/m", "K_f", "the voltage per wanted position")
+
+
+def whole_number(value: Any, field: str) -> int:
+    """The value; raises QuantityError where it is no whole number >= 0."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 0:
+        raise QuantityError(f"{field} = {value!r:.60}: it must be a whole number >= 0")
+    return int(value)
+
+
+def below_half(frequency: float, rate: float, field: str) -> None:
+    """Raise QuantityError for a frequency [Hz] that ticks at a rate [Hz] cannot show."""
+    if not frequency < 0.5 * rate:
+        raise QuantityError(
+            f"{field} = {with_prefix(frequency, 'Hz')} must be below half the rate, {with_prefix(rate, 'Hz')}"
+        )
+
 
 @record
 class Pid(NamedTuple):
@@ -65,10 +85,7 @@ def _bilinear(
     frequency: float, rate: float, name: str, above: tuple[float, float, float], middle: float
 ) -> Coefficients:
     """(above[0] p² + above[1] p + above[2]) / (p² + middle p + 1), p = s/ω."""
-    if not frequency < 0.5 * rate:
-        raise QuantityError(
-            f"{name} = {with_prefix(frequency, 'Hz')} must be below half the rate, {with_prefix(rate, 'Hz')}"
-        )
+    below_half(frequency, rate, name)
     k = 1.0 / math.tan(math.pi * frequency / rate)
     c2, c1, c0 = above
     norm = k * k + middle * k + 1.0
@@ -115,6 +132,9 @@ class Regulator:
         lead: s by which the feedforward is ahead of a target that moves: the actuator's lag. A target that
             jumps is not for it.
         min_voltage, max_voltage: V.
+
+    Raises:
+        QuantityError: a number is out of range, or a filter's frequency beyond half the rate.
     """
 
     def __init__(
@@ -129,12 +149,12 @@ class Regulator:
         min_voltage: float | str = 0.0,
         max_voltage: float | str = 100.0,
     ) -> None:
-        self.pid, self.rate = pid, to_si(rate, "Hz", "rate")
+        self.pid, self.rate = pid, RATE.check(rate, "Regulator.rate")
         self.notches, self.low_pass = tuple(notches), low_pass
         own = isinstance(feedforward, PiezoInverse)
         self.inverse = feedforward if own else None
-        self.feedforward = 0.0 if own else to_si(feedforward, "V/m", "feedforward")
-        self.lead_ticks = to_si(lead, "s", "lead") * self.rate
+        self.feedforward = 0.0 if own else _FEEDFORWARD.check(feedforward, "Regulator.feedforward")
+        self.lead_ticks = _LEAD.check(lead, "Regulator.lead") * self.rate
         self.low, self.high = (
             to_si(min_voltage, "V", "min_voltage"),
             to_si(max_voltage, "V", "max_voltage"),

@@ -27,6 +27,7 @@ from ..records import Quantity, record
 from ..simulation.steady import steady_step
 from ..units import QuantityError, to_si
 from ..waveform import ReverseSawtooth, Sawtooth
+from .blocks import whole_number
 
 Array = NDArray[np.float64]
 
@@ -34,6 +35,9 @@ _POSITION, _FORWARD, _BACKWARD, _LOAD = range(4)
 _PROBE = 1e-2  # N, for the slope over the load
 # Of a measured position, in standard deviations: further off is told.
 _SURPRISE = 5.0
+_AT = Quantity("m", "x", "it")
+_ERROR = Quantity("m", "", "the standard deviation of the position", minimum=0)
+_NOISE = Quantity("m", "", "the standard deviation of what was measured", above=0)
 
 
 @record
@@ -85,9 +89,7 @@ class Estimator:
 
     def __init__(self, model: StepModel, position: float | str = 0.0, error: float | str = 0.0) -> None:
         self.model = model
-        start, known = to_si(position, "m", "position"), to_si(error, "m", "error")
-        if known < 0.0:
-            raise QuantityError(f"error = {known:g} m must be >= 0 m")
+        start, known = _AT.check(position, "position"), _ERROR.check(error, "error")
         self._x = np.array([start, model.forward, model.backward, model.load])
         self._p = np.diag([known**2, model.size_error**2, model.size_error**2, model.load_error**2])
         self._wander = np.diag([0.0, model.size_drift**2, model.size_drift**2, model.load_drift**2])
@@ -132,7 +134,7 @@ class Estimator:
         move = np.eye(4)
         move[_POSITION, _FORWARD if direction > 0 else _BACKWARD] = float(direction)
         move[_POSITION, _LOAD] = self.model.per_load
-        scatter = self.model.scatter**2
+        scatter, count = self.model.scatter**2, whole_number(count, "count")
         for _ in range(count):
             self._x = move @ self._x
             self._p = move @ self._p @ move.T + self._wander
@@ -142,9 +144,7 @@ class Estimator:
     def measured(self, position: float | str, noise: float | str) -> None:
         """The position was measured [m], with a standard deviation `noise` [m]. What is further off than the
         filter can explain is among the `events`, and used all the same."""
-        value, sigma = to_si(position, "m", "position"), to_si(noise, "m", "noise")
-        if not sigma > 0.0:
-            raise QuantityError(f"noise = {sigma:g} m must be > 0 m")
+        value, sigma = _AT.check(position, "position"), _NOISE.check(noise, "noise")
         column = self._p[:, _POSITION]
         variance = float(column[_POSITION]) + sigma**2
         off = value - self.position

@@ -19,7 +19,7 @@ import math
 from typing import Annotated, NamedTuple
 
 from ..records import Quantity, record
-from ..units import QuantityError, to_si, with_prefix
+from ..units import QuantityError, with_prefix
 from .blocks import Regulator
 from .shaping import Slip
 from .steps import RISING, Steps, StepTable
@@ -54,6 +54,7 @@ _ALONG = 0.5
 _NEAR = 0.25
 # Moves that begin anew in a row without having been at the target in between.
 _ATTEMPTS = 20
+_HOLD = Quantity("s", "", "the time at the target", minimum=0, maximum=math.inf)
 
 
 class Mover:
@@ -63,7 +64,7 @@ class Mover:
         walk: how.
         table: step sizes; they are learnt on the way.
         regulator: for the piezo; its voltages are the range.
-        gain: m/V, of the piezo.
+        gain: m/V, of the piezo, > 0: a step forward is a rise of the voltage.
         hold: s for which it stays at the target, then it is `done`; inf: for ever.
         learning: see `Steps`.
         slip: the edge with which steps slip, and that to the middle of the range; at once, if left out. Give
@@ -91,7 +92,10 @@ class Mover:
         unit: str = "m",
     ) -> None:
         self._unit = unit
-        self.gain, self._hold = to_si(gain, f"{unit}/V", "gain"), to_si(hold, "s", "hold")
+        stroke = Quantity(
+            f"{unit}/V", "C", "the stroke per volt, in the direction of a step forward,", above=0
+        )
+        self.gain, self._hold = stroke.check(gain, "Mover.gain"), _HOLD.check(hold, "Mover.hold")
         self.walk, self.steps_of, self.regulator = walk, Steps(table, learning), regulator
         low, high = regulator.low, regulator.high
         if walk.amplitude > high - low:

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..records import Quantity, record
 from ..rig.protocols import Controller
 from ..units import QuantityError, to_si
+from .blocks import RATE, below_half
 
 Array = NDArray[np.float64]
 
@@ -44,9 +45,12 @@ class Shaper(NamedTuple):
         return np.arange(float(shares.size)) * half, shares
 
     def taps(self, rate: float | str) -> Array:
-        """The shaper at a rate [Hz]: each part is split between the two ticks around its time."""
+        """The shaper at a rate [Hz]: each part is split between the two ticks around its time. Raises
+        QuantityError for a mode beyond half the rate."""
+        hertz = RATE.check(rate, "rate")
+        below_half(self.frequency, hertz, "Shaper.frequency")
         times, shares = self.parts()
-        at = times * to_si(rate, "Hz", "rate")
+        at = times * hertz
         found = np.zeros(math.ceil(at[-1]) + 2)
         for k, share in zip(at, shares, strict=True):
             first, part = int(k), k - int(k)
@@ -101,7 +105,9 @@ class Slip(NamedTuple):
         return at, left
 
     def left(self, rate: float) -> tuple[float, ...]:
-        """What is left of the voltage at the ticks after the rise, until nothing is, at a rate [Hz]."""
+        """What is left of the voltage at the ticks after the rise, until nothing is, at a rate [Hz]. Raises
+        QuantityError for a mode beyond half the rate."""
+        below_half(self.frequency, rate, "Slip.frequency")
         times, levels = self.corners()
         ticks = np.arange(1, math.ceil(times[-1] * rate) + 1) / rate
         return tuple(np.interp(ticks, times, levels).tolist())
@@ -113,12 +119,12 @@ class Shaping:
     Args:
         controller: what sees the shaped target; its attribute `done` is passed on.
         shaper: of the mode that must not swing.
-        rate: Hz, of the ticks.
+        rate: Hz, of the ticks; more than twice the frequency of the mode.
     """
 
     def __init__(self, controller: Controller, shaper: Shaper, rate: float | str) -> None:
-        ticks = to_si(rate, "Hz", "rate")
-        self.controller, self._taps = controller, shaper.taps(ticks)
+        self.controller, self.rate = controller, RATE.check(rate, "Shaping.rate")
+        self._taps = shaper.taps(self.rate)
         self._targets: Array | None = None  # the newest first
 
     @property

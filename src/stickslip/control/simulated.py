@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -11,10 +12,11 @@ from ..actuator import Actuator
 from ..progress import Progress, unheard
 from ..recording import make_recording
 from ..rig.closed_loop import targets
-from ..rig.protocols import Controller
+from ..rig.protocols import Controller, check_rate
 from ..simulation.ticks import Motion
 from ..units import QuantityError, labelled_for, to_si, unit_for
 from ..waveform.signal import Waveform
+from .blocks import whole_number
 
 _TOLD = 2000  # ticks between two calls of progress
 
@@ -37,7 +39,8 @@ def simulate_control(
     At each tick the controller sees the end-effector's position and says the voltage, which is held until the
     next. Positions are counted from where it rests then, which a slope or a load has moved (`simulate` counts
     from where it would rest without). There are no converters, amplifier or limits here: those are the rig's
-    (`rig.regulate`). A controller that is made for a rate of its own has to be given that `rate`.
+    (`rig.regulate`). A controller that is made for a rate of its own has to be given that `rate`: an
+    attribute `rate` [Hz] of it, or of what it holds as `controller`, `mover` or `regulator`.
 
     Args:
         model: what is driven.
@@ -55,8 +58,9 @@ def simulate_control(
         Dataset over "time": end_effector_position, measured_position, target_position (m), drive_voltage (V).
 
     Raises:
-        QuantityError: a number is out of range, the target is no position, the controller asks for what is
-            no finite number or outside the actuator's voltages, or a static stage would jump with it.
+        QuantityError: a number is out of range, the target is no position, the controller is made for
+            another rate, or asks for what is no finite number or outside the actuator's voltages, or a static
+            stage would jump with it.
         SimulationError: the motion could not be followed.
     """
     unit = unit_for(model, "m")
@@ -69,9 +73,8 @@ def simulate_control(
         )
     if not 0.0 <= sigma < math.inf:
         raise QuantityError(f"noise = {sigma:g} {unit} is out of range: it must be >= 0 {unit} and finite")
-    for name, number in (("delay", delay), ("seed", seed)):
-        if not isinstance(number, int | np.integer) or number < 0:
-            raise QuantityError(f"{name} = {number!r:.60}: it must be a whole number >= 0")
+    delay, seed = whole_number(delay, "delay"), whole_number(seed, "seed")
+    check_rate(controller, hertz)
     count = math.ceil(ticks)
     wanted = targets(target, count, hertz, unit)
     if not np.all(np.isfinite(wanted)):
@@ -86,7 +89,7 @@ def simulate_control(
             progress("closed loop", tick / count)
         position = motion.position - start
         measured = position + read[tick]
-        volts = float(step(measured, wanted[tick], tick))
+        volts = _volts(step(measured, wanted[tick], tick), tick)
         if not model.min_voltage <= volts <= model.max_voltage:  # NaN is neither
             raise QuantityError(
                 f"the controller asks for {volts:g} V at tick {tick}; {model.name or 'the actuator'} takes "
@@ -110,3 +113,11 @@ def simulate_control(
     labelled_for(model, made)
     made.attrs["model"] = repr(model)
     return made
+
+
+def _volts(said: Any, tick: int) -> float:
+    """What a controller returned, V; raises QuantityError for what is no number."""
+    field = f"what the controller returned at tick {tick}"
+    if isinstance(said, str):  # a controller computes: "5 V" is a mistake here
+        raise QuantityError(f"{field} = {said!r:.60} is not a number (expected V)")
+    return to_si(said, "V", field)

@@ -25,8 +25,8 @@ from ..actuator import Actuator
 from ..estimate.posterior import Posterior
 from ..records import Quantity, record
 from ..simulation.sticking import sticking
-from ..units import to_si, with_prefix
-from .blocks import LowPass, Notch, Pid, Regulator
+from ..units import unit_for, with_prefix
+from .blocks import RATE, LowPass, Notch, Pid, Regulator, whole_number
 
 Array = NDArray[np.float64]
 
@@ -106,8 +106,9 @@ def grid(rate: float) -> Array:
 
 def sampled_loop(model: Actuator, rate: float | str, *, delay: int = 1) -> Loop:
     """The sticking actuator under voltages held for a tick, with `delay` whole ticks between a measured
-    position and its voltage (0: put out at once)."""
-    hertz, linear = to_si(rate, "Hz", "rate"), sticking(model)
+    position and its voltage (0: put out at once). Raises QuantityError for a rate or a delay out of range,
+    and as `simulation.sticking`."""
+    hertz, delay, linear = RATE.check(rate, "rate"), whole_number(delay, "delay"), sticking(model)
     n = linear.b.size
     whole = np.zeros((n + 1, n + 1))
     whole[:n, :n], whole[:n, n] = linear.a / hertz, linear.b / hertz
@@ -271,11 +272,13 @@ def tune(
 
     Raises:
         MarginError: no gain keeps them.
-        QuantityError: see `simulation.sticking`.
+        QuantityError: rate or delay is out of range, the actuator's gain is not above 0 (those of a `Pid` are
+            not below); see `simulation.sticking`.
     """
-    hertz = to_si(rate, "Hz", "rate")
-    models = models_of(model, posterior)
+    hertz, models = RATE.check(rate, "rate"), models_of(model, posterior)
     loops = [sampled_loop(one, hertz, delay=delay) for one in models]
+    stroke = Quantity(unit_for(model, "m/V"), "C", "the stroke per volt of what is tuned", above=0)
+    stroke.check(model.gain, "Actuator.gain")
     poles = np.linalg.eigvals(sticking(model).a)
     resonances = sorted({float(abs(p)) / (2.0 * math.pi) for p in poles if p.imag > 0.0})
     filters: list[tuple[Notch, ...]] = [()]

@@ -13,7 +13,7 @@ from ..progress import Progress, unheard, within
 from ..simulation.varied import free_names
 from ..units import QuantityError, optional_si, unit_for, with_prefix
 from .built import Built, OptimisedActuator
-from .goals import extras_of, goal_of
+from .goals import extras_of, goal_of, swings_of
 from .limits import Allowed, Limits, allowed, frequencies
 from .moving import exactly, moved
 from .polygons import Array, sawtooths
@@ -24,8 +24,8 @@ from .searched import Searched
 from .space import Space, built, check_conditions, space_of
 from .waveforms import check_counts, check_model, least_speed
 
-# Of a candidate: rise and frequency of its sawtooth come first.
-DRIVE = 2
+# Of a candidate: rise, frequency and swing of its sawtooth come first.
+DRIVE = 3
 
 
 def optimise_actuator(
@@ -152,7 +152,7 @@ class _Search(NamedTuple):
         given = self._searched().scaled(random)
         of, everything = self._replace(scale=given.scale), np.arange(len(self.conditions.names))
         judge = Judge(0.0, None, of.scale)
-        saw, spent = best_sawtooth(given.merits_of(sawtooths), judge, everything.size)
+        saw, spent = best_sawtooth(given.merits_of(sawtooths), judge, everything.size, swings_of(self.goal))
         before, _ = of.exactly(saw, self.space.given)
         count = len(self.space.names)
         starts = [np.append(saw, self.space.shares(self.space.given)), np.append(saw, np.full(count, 0.5))]

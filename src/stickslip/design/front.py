@@ -15,7 +15,7 @@ import xarray as xr
 from ..progress import Progress, unheard
 from ..units import unit_for
 from ..waveform.knots import PeriodicKnots
-from .goals import extras_of
+from .goals import extras_of, swings_of
 from .moving import exactly, moved
 from .polygons import Array, knots, sawtooths, starts
 from .sawtooth import best_sawtooth
@@ -53,7 +53,8 @@ def front_of(
     random = np.random.default_rng([seed, 2])
     one = searched[0].scaled(random)
     allowed, conditions = one.allowed, len(one.conditions.names)
-    saw, spent = best_sawtooth(one.merits_of(sawtooths), Judge(0.0, None, one.scale), conditions)
+    swings, judge = swings_of(one.goal), Judge(0.0, None, one.scale)
+    saw, spent = best_sawtooth(one.merits_of(sawtooths), judge, conditions, swings)
     begin = starts(sawtooths(saw[None], allowed), count, allowed)
     task = Task(one.merits_of(knots), Judge(0.0, None, one.scale), conditions, FIRST, random, unheard)
     best = robust(task, begin)

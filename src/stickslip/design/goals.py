@@ -45,7 +45,7 @@ class Speed(NamedTuple):
 
     direction: Annotated[float, Quantity("", "", "+1 or -1", minimum=-1, maximum=1)] = 1.0
 
-    label, unit, moves = "speed", "m/s", True
+    label, unit, moves, swings = "speed", "m/s", True, (1.0,)
 
     def _check(self) -> None:
         if abs(self.direction) != 1.0:
@@ -123,6 +123,11 @@ OTHERS = {
 def extras_of(*goals: Any) -> tuple[str, ...]:
     """What goals need to know beside the net step."""
     return tuple(dict.fromkeys(name for goal in goals for name in getattr(goal, "extras", ())))
+
+
+def swings_of(goal: Any) -> tuple[float, ...]:
+    """Shares of the voltage range at which a search for a sawtooth begins: all of it where more is better."""
+    return getattr(goal, "swings", (1.0, 0.5, 0.25))
 
 
 def goal_of(given: Any) -> Any:

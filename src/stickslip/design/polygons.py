@@ -80,11 +80,12 @@ def starts(sawtooth: Polygons, count: int, allowed: Allowed) -> Array:
 
 
 def sawtooths(x: Array, allowed: Allowed) -> Polygons:
-    """Sawtooths of the whole swing, or of what the slope leaves: share of the rise and frequency [n, 2],
-    each 0 to 1."""
+    """Sawtooths: share of the rise, frequency and swing [n, 3], each 0 to 1; of the whole swing [n, 2], or of
+    what the slope leaves."""
     rise = STEEPEST + (1.0 - 2.0 * STEEPEST) * x[:, 0]
     shares = np.stack([np.zeros_like(rise), rise], axis=1)
-    volts = np.tile([allowed.low, allowed.high], (len(x), 1)).astype(float)
+    swing = allowed.swing * (x[:, 2] if x.shape[1] > 2 else np.ones(len(x)))
+    volts = np.stack([np.full(len(x), allowed.low), allowed.low + swing], axis=1)
     return Polygons(shares, volts, 1.0 / _frequency(x[:, 1], allowed)).within(allowed)
 
 

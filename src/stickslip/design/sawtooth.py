@@ -1,6 +1,8 @@
-"""The best sawtooth over frequency and share of the rise, within the same limits and conditions."""
+"""The best sawtooth over frequency, share of the rise and swing, within the same limits and conditions."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -9,14 +11,17 @@ from .search import Array, Judge, Merits, worst_of
 FREQUENCIES = 25
 # Zooms after the scan, points along each axis of one, and by how much each is narrower.
 ZOOMS, POINTS, NARROWER = 4, 5, 0.4
+# Then over the swing alone, by which a step comes to a given size: half of the range, and its points.
+SWINGS, LINE = (0.5, 0.05, 5e-3, 5e-4, 5e-5), np.linspace(-1.0, 1.0, 21)
 
 
-def best_sawtooth(merits: Merits, judge: Judge, count: int) -> tuple[Array, int]:
-    """Where it is, [rise, frequency] from 0 to 1 each, and how many members that took."""
+def best_sawtooth(merits: Merits, judge: Judge, count: int, swings: Sequence[float]) -> tuple[Array, int]:
+    """Where it is, [rise, frequency, swing] from 0 to 1 each, beginning at these swings, and how many members
+    that took."""
     everything = np.arange(count)
     # Steep falls are where the best ones are: more of these, on either side.
     rises = np.array([0.001, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.95, 0.999])
-    x = np.array([(r, f) for r in rises for f in np.linspace(0.0, 1.0, FREQUENCIES)])
+    x = np.array([(r, f, s) for s in swings for r in rises for f in np.linspace(0.0, 1.0, FREQUENCIES)])
     active = np.zeros(1, np.int64)
     scan = merits(x, active)
     spent = len(x)
@@ -26,13 +31,19 @@ def best_sawtooth(merits: Merits, judge: Judge, count: int) -> tuple[Array, int]
         scan = merits(x, active)
         spent += count + len(x) * active.size
         best = x[int(np.argmax(judge.score(scan, active)))]
-    half = np.array([0.1, 1.0 / (FREQUENCIES - 1)])
+    half = np.array([0.1, 1.0 / (FREQUENCIES - 1), 0.0])
     for _ in range(ZOOMS):
         offsets = np.linspace(-1.0, 1.0, POINTS)
-        grid = np.array([(a, b) for a in offsets for b in offsets]) * half
+        grid = np.array([(a, b, 0.0) for a in offsets for b in offsets]) * half
         near = np.clip(best + grid, 0.0, 1.0)
         found = merits(near, active)
         spent += len(near) * active.size
         best = near[int(np.argmax(judge.score(found, active)))]
         half = half * NARROWER
+    for reach in SWINGS:
+        near = np.tile(best, (LINE.size + 1, 1))  # the best one itself comes first
+        near[1:, 2] = np.clip(best[2] + reach * LINE, 0.0, 1.0)
+        found = merits(near, active)
+        spent += len(near) * active.size
+        best = near[int(np.argmax(judge.score(found, active)))]
     return best, spent

@@ -14,7 +14,7 @@ from ..electronics import driven_period
 from ..progress import Progress, within
 from ..units import QuantityError
 from ..waveform.signal import Waveform
-from .goals import extras_of
+from .goals import extras_of, swings_of
 from .limits import Allowed
 from .moving import Moved, exactly, moved
 from .optimised import OptimisedWaveform
@@ -47,7 +47,10 @@ class Searched(NamedTuple):
         random = np.random.default_rng([seed, 1])
         of = self.scaled(random)
         everything = len(of.conditions.names)
-        x, spent = best_sawtooth(of.merits_of(sawtooths), Judge(of.quantile, None, of.scale), everything)
+        swings = swings_of(self.goal)
+        x, spent = best_sawtooth(
+            of.merits_of(sawtooths), Judge(of.quantile, None, of.scale), everything, swings
+        )
         sawtooth = sawtooths(x[None], of.allowed)
         progress(DOING, 0.1)
         baseline = of.merits_of(sawtooths)(x[None], np.arange(everything))[0]

@@ -35,6 +35,7 @@ SCANNED, AGAIN, ROUNDS = 65, 15, 12
 # times the tolerance of the solver. A presliding law creeps under any periodic drive that is not symmetric.
 LEAST_STEP = 10e-9
 TOLERANCE = 1e-10
+_SEEN = 2.0 * TOLERANCE  # less may be the solver's
 
 _Steps = Callable[[Array], xr.Dataset]
 
@@ -199,8 +200,8 @@ def stepping_frequency_limit(
 
     The greatest is that of 65 frequencies, evenly spaced on a logarithmic axis. It is not taken at the lowest
     of them, for a drive whose fast stroke takes a part of the period does not slip at all when it is slow. A
-    share of zero asks for a step in the direction of the greatest that is more than the solver's tolerance.
-    Nothing is said of gaps below: a map shows them.
+    share of zero asks for a step in the direction of the greatest of twice the solver's tolerance, the least
+    that counts. Nothing is said of gaps below: a map shows them.
 
     Args:
         model, waveform: as for `step_map`.
@@ -233,9 +234,10 @@ def stepping_frequency_limit(
     found = steps(at)
     progress("scanning frequencies", 0.5)
     greatest = float(found[np.nanargmax(np.abs(found))]) if np.any(np.isfinite(found)) else 0.0
-    if not abs(greatest) > TOLERANCE:
-        raise SimulationError(f"there is no step from {least:g} Hz to {most:g} Hz")
-    way, wanted = math.copysign(1.0, greatest), max(share * abs(greatest), 2.0 * TOLERANCE)
+    if not abs(greatest) >= _SEEN:
+        said = f"at most {with_prefix(abs(greatest), unit_for(model, 'm'))}, within the solver's tolerance"
+        raise SimulationError(f"there is no step from {least:g} Hz to {most:g} Hz: {said}")
+    way, wanted = math.copysign(1.0, greatest), max(share * abs(greatest), _SEEN)
     last = int(np.flatnonzero(way * found >= wanted)[-1])
     if last == at.size - 1:
         raise SimulationError(f"at {most:g} Hz it still reaches the share: look farther, with max_frequency")

@@ -8,6 +8,9 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from .._version import __version__
 from ..actuator import Actuator
 from ..chain import Chain
@@ -94,8 +97,8 @@ def export_c(
     if isinstance(found.model, Actuator):
         wanted = motion or _default_motion(found.model)
         unit = unit_for(found.model, "m")
-        if wanted.unit != unit:
-            raise QuantityError(f"the wanted motion is in {unit}, not in {wanted.unit}")
+        if getattr(wanted, "unit", None) != unit:
+            raise QuantityError(f"the wanted motion is in {unit}; motion = {wanted!r:.60} is not")
         files["stickslip_motion.h"] = table_h(
             "stickslip_motion", repr_of(wanted), played(wanted, h, None, 1e-7), h
         )
@@ -116,9 +119,23 @@ def core_files(found: Exported, chain: SignalChain, h: float, noise: float) -> d
     head = heading(found)
     files = {name: (C / name).read_text(encoding="utf-8") for name in CORE}
     files["stickslip_equations.h"] = head + equations(found.model, chain, h)
-    gain = observer_gain(found.model, h, noise)
+    gain = _observing(found.model, h, noise)
     files["stickslip_parameters.c"] = head + parameters_c(found, chain, gain)
     return files
+
+
+def _observing(model: Any, h: float, noise: float) -> NDArray[np.float64]:
+    """The observer's gain; raises ExportError where the numbers are too far from each other to have one."""
+    try:
+        with np.errstate(over="raise", divide="raise", invalid="raise"):
+            return observer_gain(model, h, noise)
+    except (ArithmeticError, ValueError) as error:  # SciPy's: no solution, or what BLAS made infinite
+        name = "end_effector_mass" if isinstance(model, Actuator) else "mass"
+        mass, kilogram = getattr(model, name), unit_for(model, "kg")
+        raise ExportError(
+            f"the observer has no gain at step = {h:g} s, {name} = {mass:g} {kilogram} and measurement_noise "
+            f"= {noise:g} {unit_for(model, 'm')}: one of them is too small for the others ({error})"
+        ) from error
 
 
 def heading(found: Exported) -> str:
@@ -149,8 +166,8 @@ def checked_noise(noise: float | str, model: Any) -> float:
     """The noise of a sample in m (rad); raises QuantityError if it is out of range."""
     unit = unit_for(model, "m")
     found = to_si(noise, unit, "measurement_noise")
-    if not found > 0.0:
-        raise QuantityError(f"measurement_noise = {found:g} {unit} must be > 0 {unit}")
+    if not 0.0 < found < math.inf:
+        raise QuantityError(f"measurement_noise = {found:g} {unit} must be > 0 {unit} and finite")
     return found
 
 
@@ -162,6 +179,12 @@ def signal_chain(
     chain: Chain | None,
 ) -> SignalChain:
     """Amplifier and sensor, or what stands for them in a chain, checked; raises QuantityError."""
+    parts = (("amplifier", amplifier, Amplifier), ("sensor", sensor, StrainGauge), ("chain", chain, Chain))
+    for name, part, kind in parts:
+        if part is not None and not isinstance(part, kind):
+            raise QuantityError(f"{name} = {part!r:.60} must be {kind.__name__} with its values, or None")
+    if farad is not None and not 0.0 < farad < math.inf:
+        raise QuantityError(f"piezo_capacitance = {farad:g} F must be > 0 F and finite")
     if chain is None and found.chain is not None:
         chain = found.chain._replace(delay=max(found.chain.delay, 0.0))
     seen = sensor
@@ -177,8 +200,6 @@ def signal_chain(
         return SignalChain(sensor=seen)
     if farad is None:
         raise QuantityError("an amplifier needs the piezo_capacitance [F] that it charges")
-    if not farad > 0.0:
-        raise QuantityError(f"piezo_capacitance = {farad:g} F must be > 0 F")
     if amplifier.rms_current < amplifier.max_current:
         raise QuantityError(
             f"Amplifier.rms_current = {amplifier.rms_current:g} A cannot be exported: the C code has one "

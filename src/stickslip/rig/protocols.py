@@ -6,12 +6,15 @@ calibrations, filters, triggers or files: `measure` sees to them in the same way
 
 from __future__ import annotations
 
+import math
+from numbers import Real
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .. import registry
+from ..units import QuantityError
 
 Array = NDArray[np.float64]
 
@@ -105,6 +108,21 @@ class StreamingRig(Rig, Protocol):
     def exchange(self, volts: float) -> list[float]:
         """Put out a voltage, V at the piezo, at this update; the readings at the next one."""
         ...
+
+
+# Under which names a controller holds another, and how many of them in a row are looked at.
+_INNER, _DEEPEST = ("controller", "mover", "regulator"), 10
+
+
+def check_rate(controller: Any, rate: float) -> None:
+    """Raise QuantityError for a controller that is made for another rate [Hz], or holds one that is."""
+    one = controller
+    for _ in range(_DEEPEST):  # what holds itself has no end
+        own = getattr(one, "rate", None)
+        if isinstance(own, Real) and not math.isclose(float(own), rate, rel_tol=1e-6):
+            who = type(one).__name__
+            raise QuantityError(f"rate = {rate:.9g} Hz: the controller's {who} is made for {own:.9g} Hz")
+        one = next((getattr(one, name) for name in _INNER if hasattr(one, name)), None)
 
 
 class Controller(Protocol):

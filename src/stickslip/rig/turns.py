@@ -17,7 +17,7 @@ from ..units import with_prefix
 from .gate import FROZEN_DRIVE, PositionInput
 from .home import Home
 from .limits import LimitError, Limits, beyond
-from .protocols import Array, Capabilities, Controller, RigError, StreamingRig
+from .protocols import Array, Capabilities, Controller, RigError, StreamingRig, check_rate
 
 # What the loop adds to the inputs of its rig: where the end-effector is from home, where it should be, and
 # what the controller asked for.
@@ -54,6 +54,7 @@ class LoopRig:
     ) -> None:
         if not hasattr(rig, "begin") or not hasattr(rig, "exchange"):
             raise RigError(f"{rig.capabilities.name} takes whole drives only: no loop can be closed on it")
+        check_rate(controller, rig.capabilities.update_rate)
         self.rig, self.controller = rig, controller
         unit = position.unit(rig.capabilities)
         self.capabilities = looped(rig.capabilities, unit)

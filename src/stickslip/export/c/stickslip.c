@@ -499,12 +499,63 @@ const char *stickslip_init(stickslip_plant *plant, const stickslip_parameters *p
     return NULL;
 }
 
+#if !STICKSLIP_STATIC_LAW
+/* The deflection, towards one side, at which sliding slowly ends it. */
+static real_t farthest(const stickslip_element *element, real_t side)
+{
+    real_t low = R(0.0), high = R(1.0);
+    for (int k = 0; k < SUBSTEPS_AT_REST; ++k) {
+        const real_t middle = R(0.5) * (low + high);
+        if (side * stickslip_law_rate(element, side * R(1e-9), side * middle).dz > R(0.0)) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    return low;
+}
+#endif
+
+/* What the contact holds of a constant force at rest, N, with its deflections in the state: equal ones, each at
+ * most where sliding ends it. */
+static real_t held_at_rest(const stickslip_plant *plant, stickslip_state *state)
+{
+    const real_t wanted = -plant->mechanism.slider_acceleration / plant->mechanism.mobility;
+    if (plant->mechanism.clamped || (wanted == R(0.0))) {
+        return R(0.0);
+    }
+#if STICKSLIP_STATIC_LAW
+    (void)state;
+    return r_copysign(r_min(r_abs(wanted), plant->breakaway), wanted);
+#else
+    const real_t side = r_copysign(R(1.0), wanted);
+    real_t held = R(0.0), low = R(0.0), high = R(1.0), end[STICKSLIP_STATES];
+    for (int i = 0; i < STICKSLIP_STATES; ++i) {
+        end[i] = farthest(&plant->element[i], side);
+    }
+    for (int k = 0; k < SUBSTEPS_AT_REST; ++k) {
+        const real_t middle = R(0.5) * (low + high);
+        held = R(0.0);
+        for (int i = 0; i < STICKSLIP_STATES; ++i) {
+            state->internal[i] = side * r_min(middle, end[i]);
+            held += stickslip_law_rate(&plant->element[i], R(0.0), state->internal[i]).force;
+        }
+        if (side * held < side * wanted) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    return held;
+#endif
+}
+
 void stickslip_rest(const stickslip_plant *plant, stickslip_state *state, real_t input)
 {
     const ss_Mechanism *mech = &plant->mechanism;
-    const real_t held = -mech->slider_acceleration / mech->mobility;
     const stickslip_state empty = {0};
     *state = empty;
+    const real_t held = held_at_rest(plant, state);
     state->input = input;
 #if STICKSLIP_PIEZO /* reached from 0 V, long ago */
 #if !STICKSLIP_TWO_PORT
@@ -517,7 +568,7 @@ void stickslip_rest(const stickslip_plant *plant, stickslip_state *state, real_t
 #endif
     input += crept(plant, state);
 #endif
-    state->friction_force = mech->clamped ? R(0.0) : held;
+    state->friction_force = held;
     if (mech->kinematic) {
         state->stage_position = mech->gain * input;
     } else {
@@ -528,7 +579,7 @@ void stickslip_rest(const stickslip_plant *plant, stickslip_state *state, real_t
     for (int m = 0; m < STICKSLIP_FURTHER; ++m) {
         const stickslip_model *of = &plant->model;
         state->further[2 * m] =
-            stickslip_further_acceleration(of, m, input, R(0.0), R(0.0), mech->clamped ? R(0.0) : held)
+            stickslip_further_acceleration(of, m, input, R(0.0), R(0.0), held)
             / -stickslip_further_acceleration(of, m, R(0.0), R(1.0), R(0.0), R(0.0));
     }
 #endif
@@ -538,24 +589,6 @@ void stickslip_rest(const stickslip_plant *plant, stickslip_state *state, real_t
     state->end_effector_position = (mech->slider_stiffness > R(0.0))
         ? mech->slider_drive * input / mech->slider_stiffness
         : state->stage_position + of_further(state, Y);
-#if !STICKSLIP_STATIC_LAW
-    if ((held != R(0.0)) && !mech->clamped) { /* equal deflections that carry it, by bisection */
-        real_t low = R(0.0), high = r_copysign(R(1e-3), held);
-        for (int k = 0; k < SUBSTEPS_AT_REST; ++k) {
-            const real_t middle = R(0.5) * (low + high);
-            real_t carried = R(0.0);
-            for (int i = 0; i < STICKSLIP_STATES; ++i) {
-                state->internal[i] = stickslip_law_project(&plant->element[i], middle);
-                carried += stickslip_law_rate(&plant->element[i], R(0.0), state->internal[i]).force;
-            }
-            if (r_abs(carried) < r_abs(held)) {
-                low = middle;
-            } else {
-                high = middle;
-            }
-        }
-    }
-#endif
     state->sensor = state->end_effector_position;
 #if STICKSLIP_LATE
     state->newest = 0;

@@ -112,7 +112,7 @@ stickslip_parameters stickslip_default_parameters(void);
 /* Prepare steps of h seconds. Returns NULL, or what is wrong with the parameters; the plant is then unchanged. */
 const char *stickslip_init(stickslip_plant *plant, const stickslip_parameters *parameters, double h);
 
-/* The state at rest under a constant input; bristles carry the external force if they can. */
+/* The state at rest under a constant input; the contact carries what it can of the external force. */
 void stickslip_rest(const stickslip_plant *plant, stickslip_state *state, real_t input);
 
 /* One step with the input held, as a converter holds it. Returns bits. */

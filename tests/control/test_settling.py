@@ -1,0 +1,44 @@
+"""Settling of a motion that is faster than the mean that takes a sensor's noise away."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from stickslip.control import settling
+from stickslip.recording import make_recording
+from stickslip.units import QuantityError
+
+TIME = np.arange(2000) * 5e-6
+RINGING = 1e-6 * (1.0 - np.exp(-500.0 * TIME) * np.cos(2.0 * np.pi * 2.2e3 * TIME))
+
+
+def test_a_simulated_position_is_not_averaged() -> None:
+    noisy = RINGING + 1e-9 * np.random.default_rng(0).standard_normal(TIME.size)
+    found = settling(
+        make_recording(TIME, {"end_effector_position": RINGING, "measured_position": (noisy, "m")}),
+        "1 um",
+        windows=["100 nm"],
+    )
+    assert found.overshoot == pytest.approx(RINGING.max() - 1e-6, rel=1e-9)
+    within = np.flatnonzero(np.abs(RINGING - 1e-6) > 1e-7)[-1]
+    assert found.times[0] == pytest.approx(TIME[within + 1])
+    averaged = settling(make_recording(TIME, {"end_effector_position": RINGING}), "1 um", windows=["100 nm"])
+    assert averaged.overshoot < 0.2 * found.overshoot
+    assert averaged.times[0] < found.times[0]
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"windows": [-1e-9]}, r"windows > 0 m: \[-1e-09\]"),
+        ({"windows": [math.nan]}, "windows > 0 m"),
+        ({"average": -1.0}, "average = -1 s must be >= 0 s"),
+        ({"average": math.nan}, "average = nan s"),
+    ],
+)
+def test_no_window_no_mean(given: dict, said: str) -> None:
+    with pytest.raises(QuantityError, match=said):
+        settling(make_recording(TIME, {"end_effector_position": RINGING}), "1 um", **given)

@@ -1,0 +1,57 @@
+"""Arguments of an export of another kind, or of which no observer comes: named, and nothing written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from stickslip import load_actuator
+from stickslip.actuator import PulledSlider
+from stickslip.export import ExportError, export_c, export_fmu
+from stickslip.units import QuantityError
+
+KANG = load_actuator("kang2007")
+PULLED = PulledSlider(0.1, 1e4, 1.0, KANG.friction)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"chain": 3}, "chain = 3 must be Chain"),
+        ({"sensor": 3}, "sensor = 3 must be StrainGauge"),
+        ({"amplifier": 3, "piezo_capacitance": 1e-6}, "amplifier = 3 must be Amplifier"),
+        ({"piezo_capacitance": -1.0}, "piezo_capacitance = -1 F must be > 0 F and finite"),
+        ({"piezo_capacitance": float("nan")}, "piezo_capacitance = nan F"),
+        ({"measurement_noise": float("inf")}, "measurement_noise = inf m must be > 0 m and finite"),
+    ],
+)
+def test_arguments_of_another_kind(given: dict[str, Any], said: str, tmp_path: Path) -> None:
+    with pytest.raises(QuantityError, match=said):
+        export_c(KANG, tmp_path / "c", **given)
+    with pytest.raises(QuantityError, match=said):
+        export_fmu(KANG, tmp_path / "fmu", compiler="", **given)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_motion_that_is_no_waveform(tmp_path: Path) -> None:
+    with pytest.raises(QuantityError, match="the wanted motion is in m; motion = 3 is not"):
+        export_c(KANG, tmp_path / "c", motion=3)  # type: ignore[arg-type]
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("model", "options", "said"),
+    [
+        (KANG.replace(end_effector_mass=1e-30), {}, "step = 2e-05 s, end_effector_mass = 1e-30 kg and"),
+        (KANG.replace(end_effector_mass=1e-300), {}, "end_effector_mass = 1e-300 kg"),
+        (KANG, {"measurement_noise": 1e-30}, "measurement_noise = 1e-30 m"),
+        (PULLED._replace(mass=1e-30), {}, "step = 2e-05 s, mass = 1e-30 kg"),
+    ],
+)
+@pytest.mark.filterwarnings("error")
+def test_what_has_no_observer_s_gain(model: Any, options: dict[str, Any], said: str, tmp_path: Path) -> None:
+    with pytest.raises(ExportError, match=f"the observer has no gain at .*{said}"):
+        export_c(model, tmp_path / "c", **options)
+    assert not list(tmp_path.iterdir())
