@@ -157,6 +157,8 @@ def test_a_move_goes_to_an_angle(folder) -> None:
     assert found["hold_rms"]["unit"] == found["overshoot"]["unit"] == "rad"
     assert found["hold_rms"]["value"] < 1e-6
     assert found["tuning"]["integral"]["unit"] == "V/(rad s)"
+    report = (folder / "out" / "report.html").read_text(encoding="utf-8")
+    assert re.search(r"sensor reads in steps of 50\snrad", report)
     recording = open_recording(folder / "out" / "move.nc")
     assert units(recording)["end_effector_position"] == units(recording)["target_position"] == "rad"
     assert recording["end_effector_position"].values[-1] == pytest.approx(2e-3, abs=1e-6)

@@ -274,9 +274,7 @@ def test_what_cannot_be_closed_is_refused_before_a_volt() -> None:
             regulate(rig, calm, *arguments)  # type: ignore[arg-type]
     assert not calm.seen
     slower = Regulator(Pid(integral=1e6), "10 kHz")
-    with pytest.raises(
-        QuantityError, match="rate = 20000 Hz: the controller's Regulator is made for 10000"
-    ):
+    with pytest.raises(QuantityError, match="rate = 20000 Hz: the controller's Regulator is made for 10000"):
         regulate(rig, slower, 0.0, IDEAL, Limits(), 0.1)
     with pytest.raises(RigError, match="whole drives only"):
         regulate(_Whole(), calm, 0.0, IDEAL, Limits(), 0.1)  # type: ignore[arg-type]

@@ -1,11 +1,11 @@
-"""Model of a move, and what else it may be: of a fit, a posterior or a stated spread."""
+"""Aim of a move, its model, and what else that may be: of a fit, a posterior or a stated spread."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,9 +14,22 @@ from ..actuator import Actuator
 from ..control import PiezoInverse
 from ..piezo import Creep, PrandtlIshlinskii
 from ..simulation.varied import free_names
-from ..units import QuantityError
+from ..units import QuantityError, with_prefix
 
 MOST_DRAWS = 40  # on which the loop must keep its margins
+
+
+class Aim(NamedTuple):
+    """What a move asks for, in `unit`: m, or rad of what turns."""
+
+    unit: str
+    target: float
+    within: float
+    hold_within: float | None
+
+    def said(self, value: float) -> str:
+        """With its unit."""
+        return with_prefix(value, self.unit)
 
 
 def feedforward_of(model: Actuator, rate: float) -> PiezoInverse | None:

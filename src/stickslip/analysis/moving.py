@@ -15,24 +15,19 @@ from __future__ import annotations
 
 import math
 import os
-from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
-import xarray as xr
 from pydantic import Field, ValidationError, field_validator
 
 from ..actuator import Actuator
 from ..calibration import load_calibration
 from ..control import (
-    WINDOWS,
     Mover,
     NoiseShaped,
     Requirement,
-    Settling,
     Slip,
     StepTable,
-    Tuning,
     Walk,
     export_mover,
     tune,
@@ -41,24 +36,20 @@ from ..control import settling as settled
 from ..experiment.cells import limits_of
 from ..experiment.file import ActuatorSpec, LimitsSpec, VirtualRigSpec
 from ..experiment.laboratory import own_file
-from ..figures.control import approach, closed_loop
-from ..figures.style import svg
-from ..identify.results import model_numbers
 from ..input_file import Seconds, Strict, explain, load_yaml, quantity
 from ..progress import Progress
-from ..report import Column, Document, Number, Picture, Section, Table
+from ..report import Document
 from ..rig import Bench, Channel, Repeats, Variation, VirtualRig, load_bench, regulate
 from ..rig.driving import driving
-from ..units import optional_si, to_si, unit_for, with_prefix
+from ..units import optional_si, to_si, unit_for
 from .file import Analysis, AnalysisError
-from .move_model import at_draws, at_ends, at_intervals, feedforward_of
+from .move_document import DRIVE, POSITION, move_document
+from .move_model import Aim, at_draws, at_ends, at_intervals, feedforward_of
 from .study import DrawsSpec
 from .verification import results_model
 from .walk import changed
 
 Quantity = float | str
-POSITION, DRIVE = "end_effector_position", "drive_voltage"
-_BEFORE = 0.02  # s before the last scan that are shown of an approach
 
 
 class PositionSpec(Strict):
@@ -106,19 +97,6 @@ class RequirementSpec(Strict):
     max_sensitivity: Quantity | None = None
     gain_margin: Quantity | None = None
     phase_margin: Quantity | None = None
-
-
-class Aim(NamedTuple):
-    """What a move asks for, in `unit`: m, or rad of what turns."""
-
-    unit: str
-    target: float
-    within: float
-    hold_within: float | None
-
-    def said(self, value: float) -> str:
-        """With its unit."""
-        return with_prefix(value, self.unit)
 
 
 class MoveFile(Analysis):
@@ -247,7 +225,7 @@ def run_move(
         )
     hold = min(file.hold, float(recording["time"].values[-1]))
     found = settled(recording, aim.target, hold=hold)
-    return _document(file, aim, plant, tuning, mover, recording, found)
+    return move_document(file, aim, plant, tuning, mover, recording, found)
 
 
 def _tuned_on(file: MoveFile, plant: Actuator, folder: Path) -> tuple[Actuator, list[Actuator]]:
@@ -275,119 +253,3 @@ def _given(spec: Strict) -> dict[str, Any]:
 def _channels(file: MoveFile, folder: Path) -> dict[str, Channel]:
     chain = tuple(load_calibration(own_file(text, folder, ".json")) for text in file.position.calibration)
     return {POSITION: Channel(file.position.input, chain), DRIVE: Channel("drive")}
-
-
-def _document(
-    file: MoveFile,
-    aim: Aim,
-    plant: Actuator,
-    tuning: Tuning,
-    mover: Mover,
-    recording: xr.Dataset,
-    found: Settling,
-) -> Document:
-    there = mover.settled_at is not None
-    took = Number(
-        math.nan if mover.settled_at is None else mover.settled_at, "s", note="it did not come there"
-    )
-    held = Number(found.rms, aim.unit)
-    said = f"At {aim.said(aim.target)} after {with_prefix(took.value, 's')}" if there else "Not at the target"
-    said += f", with {mover.steps} steps; over the last {with_prefix(found.held, 's')} it is off by "
-    said += f"{aim.said(found.rms)} rms."
-    return Document(
-        title=file.title,
-        summary=said,
-        sections=[_course(file, aim, mover, recording, found), _loop(tuning, aim.unit, recording)],
-        highlights=[
-            ("at the target after", took),
-            ("rms over the hold", held),
-            ("overshoot", Number(found.overshoot, aim.unit)),
-        ],
-        numbers={
-            "settling": {
-                f"within_{aim.said(w).replace(' ', '_')}": Number(t, "s", note="not to the end")
-                for w, t in zip(found.windows, found.times, strict=True)
-            },
-            "settled_at": replace(took, note="") if there else took,
-            "overshoot": Number(found.overshoot, aim.unit),
-            "hold_rms": held,
-            "steps": Number(mover.steps, ""),
-            "lost_steps": Number(mover.lost, ""),
-            "greatest_voltage": Number(float(recording[DRIVE].values.max()), "V"),
-            "limited_updates": Number(int(recording.attrs["limited_updates"]), ""),
-            "tuning": _tuning_numbers(tuning, aim.unit),
-            "model": model_numbers(plant),
-        },
-        assumptions=[f"{field} = {words}" for field, words in plant.assumptions.items()],
-        citations=plant.citation if plant.name else "",
-        failures=_failures(aim, there, found),
-    )
-
-
-def _failures(aim: Aim, there: bool, found: Settling) -> list[str]:
-    failures = []
-    if not there:
-        failures.append(f"the position was not within {aim.said(aim.within)} of the target")
-    if aim.hold_within is not None and not found.rms <= aim.hold_within:
-        failures.append(f"the hold is {aim.said(found.rms)} rms, above {aim.said(aim.hold_within)}")
-    return failures
-
-
-def _tuning_numbers(tuning: Tuning, unit: str) -> dict[str, Number]:
-    return {
-        "integral": Number(tuning.pid.integral, f"V/({unit} s)"),
-        "sensitivity": Number(tuning.margins.sensitivity, ""),
-        "gain_margin": Number(tuning.margins.gain_margin, ""),
-        "phase_margin": Number(tuning.margins.phase_margin, "rad"),
-        "crossover": Number(tuning.margins.crossover, "Hz"),
-        "models": Number(tuning.models, ""),
-    }
-
-
-def _course(file: MoveFile, aim: Aim, mover: Mover, recording: xr.Dataset, found: Settling) -> Section:
-    last_scan = next((begin for name, begin in reversed(mover.history) if name == "scan"), 0.0)
-    ladder = [
-        [Number(w, aim.unit), Number(t, "s", note="not to the end")]
-        for w, t in zip(found.windows, found.times, strict=True)
-    ]
-    return Section(
-        "What it did",
-        paragraphs=(file.notes,) if file.notes else (),
-        points=[f"{name} from {with_prefix(begin, 's')} on" for name, begin in mover.history[-12:]],
-        tables=(
-            Table(
-                "Settling: from when on the position, averaged over a millisecond, stays within.",
-                (Column("window", aim.unit), Column("from", "s")),
-                ladder,
-            ),
-        ),
-        figures=(
-            Picture(
-                "closed-loop",
-                "The whole run.",
-                svg(closed_loop(recording, mover.history[-12:])),
-                "Position and voltage over time",
-            ),
-            Picture(
-                "approach",
-                "The last approach, sample by sample, with the windows.",
-                svg(approach(recording, aim.target, max(last_scan - _BEFORE, 0.0), WINDOWS)),
-                "Distance from the target over time",
-            ),
-        ),
-    )
-
-
-def _loop(tuning: Tuning, unit: str, recording: xr.Dataset) -> Section:
-    filters = [f"notch at {with_prefix(n.frequency, 'Hz')}, width {n.width:g}" for n in tuning.notches]
-    if tuning.low_pass is not None:
-        filters.append(f"low-pass at {with_prefix(tuning.low_pass.corner, 'Hz')}")
-    return Section(
-        "The loop",
-        points=[
-            f"integral gain {tuning.pid.integral:.4g} V/({unit} s)",
-            *filters,
-            f"over {tuning.models} model{'s' * (tuning.models > 1)}: {tuning.margins.report()}",
-            f"{recording.attrs['limited_updates']} updates were kept within the limits",
-        ],
-    )
