@@ -79,6 +79,9 @@ def test_a_holder_in_series() -> None:
     assert held.known["sigma_0"].factor == pytest.approx(math.sqrt(free.known["sigma_0"].factor))
 
 
+IMPOSSIBLE = SURFACE._replace(height=1e-6, slope=0.1, curvature=1e3)
+
+
 def test_draws_and_widths() -> None:
     prior = rough_prior(PAIR, "20 N", SURFACE, **LOADED)
     drawn = prior.draws(20_000)
@@ -98,6 +101,11 @@ def test_draws_and_widths() -> None:
         (lambda: rough_prior(PAIR, -1.0, SURFACE, **LOADED), "in tension carries nothing"),
         (lambda: rough_prior(PAIR, 1.0, SURFACE, holder_stiffness=0.0, **LOADED), "holder_stiffness = 0"),
         (lambda: ball_prior(PAIR, 1.0, 1e-3, contacts=0), "contacts = 0"),
+        (lambda: ball_prior(PAIR, 1.0, 1e-3, contacts="3"), "contacts = '3'"),  # type: ignore[arg-type]
+        (lambda: ball_prior(PAIR, 1.0, 1e-3, theory=math.nan), "theory = nan"),
+        (lambda: rough_prior(PAIR, 1.0, SURFACE, theory=0.0, **LOADED), "theory = 0 .* >= 1"),
+        (lambda: rough_prior(PAIR, 1e-9, SURFACE, **LOADED), "1e-09 N .* summits are expected to touch"),
+        (lambda: rough_prior(PAIR, 1.0, IMPOSSIBLE, **LOADED), "no surface has slopes of 0.1 with heights"),
     ):
         with pytest.raises(QuantityError, match=match):
             call()

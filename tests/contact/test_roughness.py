@@ -113,6 +113,13 @@ class Scan:
         return 100.0 * np.random.default_rng(0).standard_normal((20, 20))
 
 
+@pytest.mark.parametrize("height", [0.0, 1e-6, 0.1, 1.0])
+def test_a_plane_far_from_zero_has_no_roughness(height: float) -> None:
+    with pytest.raises(QuantityError, match="all alike"):
+        measured(np.full(100, height), "0.2 um")
+    assert measured(height + 1e-8 * np.random.default_rng(0).standard_normal(500), "0.2 um").height < 2e-8
+
+
 def test_scans_that_are_none() -> None:
     scan = Scan()
     assert of_topography(scan).height == pytest.approx(1e-7, rel=0.1)

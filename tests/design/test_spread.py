@@ -11,6 +11,7 @@ from stickslip.design.solving import intervals
 from stickslip.estimate import Fit, Parameter, Posterior, Residuals, fit_least_squares
 from stickslip.simulation import SimulationWarning
 from stickslip.simulation.varied import with_values
+from stickslip.study import drawn_parameters
 from stickslip.units import QuantityError
 
 KANG = ss.load_actuator("kang2007")
@@ -127,8 +128,20 @@ def test_what_no_interval_is_made_of() -> None:
         ss.step_map(model, DRIVE, parameters={"sigma_0": [1e6]}, fit=fit)
     with pytest.raises(QuantityError, match="none of which the model has"):
         ss.step_map(model.replace(friction=ss.Coulomb(0.5)), DRIVE, load=0.0, fit=only("delay"))
+    columns = {"sigma_0": np.full(100, 1e6)}
+    with pytest.raises(QuantityError, match=r"draws of 'coulomb_forse' .did you mean 'coulomb_force'"):
+        ss.step_map(KANG, DRIVE, load=0.0, fit=columns | {"coulomb_forse": np.full(100, 0.5)})
+    with pytest.raises(QuantityError, match="draws of sigma_0 must be numbers, in SI"):
+        ss.step_map(KANG, DRIVE, load=0.0, fit={"sigma_0": ["1 MN/m"] * 100})
     with pytest.raises(QuantityError, match="draws = 10 is out of range"):
         ss.step_map(model, DRIVE, load=0.0, fit=fit, draws=10)
+
+
+def test_as_many_draws_as_rows_are_all_of_them() -> None:
+    rows = {"coulomb_force": np.linspace(0.4, 0.6, 200)}
+    found = drawn_parameters(rows, KANG, 200, seed=1)
+    assert np.array_equal(found["coulomb_force"], rows["coulomb_force"])
+    assert np.unique(drawn_parameters(rows, KANG, 150, seed=1)["coulomb_force"]).size < 150
 
 
 def only(name: str) -> Fit:

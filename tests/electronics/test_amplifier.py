@@ -75,3 +75,6 @@ def test_refused() -> None:
         AMPLIFIER._replace(low=200.0)
     with pytest.raises(QuantityError, match="capacitance"):
         amplifier_output(AMPLIFIER, [0.0], 1e3, 0.0)
+    for volts in ([], [0.0, math.nan, 1.0], [[0.0, 1.0]], [math.inf]):
+        with pytest.raises(QuantityError, match=r"volts \[V\] must be one row of finite values"):
+            amplifier_output(AMPLIFIER, volts, 1e3, CAPACITANCE)

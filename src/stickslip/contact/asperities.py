@@ -89,11 +89,18 @@ class GreenwoodWilliamson(NamedTuple):
         """
         area = to_si(nominal_area, "m^2", "nominal_area")
         m0, m2, m4 = roughness.height**2, 0.5 * roughness.slope**2, 0.375 * roughness.curvature**2
+        spread = 1.0 - 0.8968 * m2**2 / (m0 * m4)
+        if not spread > 0.0:
+            raise QuantityError(
+                f"roughness: no surface has slopes of {roughness.slope:g} with heights of "
+                f"{roughness.height:g} m and curvatures of {roughness.curvature:g} 1/m: the square of the "
+                "slope is at most their product"
+            )
         return cls(
             normal_force,  # type: ignore[arg-type]
             summits=area * m4 / (6.0 * math.pi * math.sqrt(3.0) * m2),
             summit_radius=0.375 * math.sqrt(math.pi / m4),
-            summit_deviation=math.sqrt(m0 * (1.0 - 0.8968 * m2**2 / (m0 * m4))),
+            summit_deviation=math.sqrt(m0 * spread),
             contact_modulus=contact_modulus,  # type: ignore[arg-type]
         )
 

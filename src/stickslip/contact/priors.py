@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from ..estimate import Fit
 from ..estimate.shown import preformatted
 from ..friction import LuGre, MaxwellSlip
-from ..records import did_you_mean
+from ..records import Quantity, did_you_mean
 from ..units import QuantityError, optional_si, to_si, with_prefix
 from .asperities import GreenwoodWilliamson
 from .catalogue import FrictionPair
@@ -38,6 +38,7 @@ from .roughness import Roughness
 
 # Factors within which 68 % of measured contacts lie.
 THEORY, OF_ROUGHNESS, OF_BALL = 2.0, 1.3, 1.1
+_THEORY = Quantity("", "", "the factor within which stiffness follows theory", minimum=1)
 # Standard deviations within which a prior is said to have held.
 HELD = 1.96
 
@@ -189,7 +190,7 @@ def rough_prior(
     force = to_si(normal_force, "N", "normal_force")
     area = to_si(nominal_area, "m^2", "nominal_area")
     holder = optional_si(holder_stiffness, "N/m", "holder_stiffness")
-    theory = to_si(theory, "", "theory")
+    theory = _THEORY.check(theory, "theory")
     if not isinstance(roughness, Roughness):
         raise QuantityError(
             f"roughness = {roughness!r} has no lateral scale (of Ra none follows): give a Roughness, of a "
@@ -200,6 +201,11 @@ def rough_prior(
         force, elastic.decay_length, pair.bodies.stiffness_ratio, pair.friction.friction_coefficient
     )
     summits = GreenwoodWilliamson.of_roughness(force, area, roughness, pair.bodies.contact_modulus)
+    if not summits.contacts >= 1.0:
+        raise QuantityError(
+            f"normal_force = {force:g} N is out of range: {summits.contacts:.2g} summits are expected to "
+            "touch, and theory is of many"
+        )
     scatter = math.exp(summits.stiffness_scatter)
     doubts = [elastic.holds(), _yields(pair, force, elastic.real_area), _unlike(pair)]
     factor = together(theory, OF_ROUGHNESS, GAMMA_FACTOR, scatter)
@@ -229,8 +235,8 @@ def ball_prior(
     force = to_si(normal_force, "N", "normal_force")
     radius = to_si(radius, "m", "radius")
     holder = optional_si(holder_stiffness, "N/m", "holder_stiffness")
-    theory = to_si(theory, "", "theory")
-    if isinstance(contacts, bool) or not 1 <= contacts <= 10_000 or contacts % 1:
+    theory = _THEORY.check(theory, "theory")
+    if isinstance(contacts, bool | str) or not 1 <= contacts <= 10_000 or contacts % 1:
         raise QuantityError(
             f"contacts = {contacts!r} is out of range: it must be a whole number, 1 to 10,000"
         )

@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 # Of each line of a topography, by which tilt and bow are taken off.
 FLATTENED = 2
 FEWEST = 8
-# Of all heights, what taking tilt and bow off may leave of a plane.
+# Of the greatest height, what taking tilt and bow off may leave of a plane.
 ROUNDING = 1e-12
 
 
@@ -135,10 +135,10 @@ def measured(heights: ArrayLike, spacing: float | str | tuple[float | str, ...])
     steps = steps * z.ndim if len(steps) == 1 else steps
     if len(steps) != z.ndim:
         raise QuantityError(f"spacing has {len(steps)} values for heights of {z.ndim} dimensions")
-    span = float(np.ptp(z))
+    most = float(np.abs(z).max())
     z = z - _bowed(z)
     height = float(np.sqrt(np.mean(z**2)))
-    if not height > ROUNDING * span:
+    if not height > ROUNDING * most:
         raise QuantityError("heights are all alike, or a plane: there is no roughness in them")
     slopes = [np.mean((np.diff(z, axis=i) / steps[i]) ** 2) for i in range(z.ndim)]
     bends = [np.diff(z, 2, axis=i) / steps[i] ** 2 for i in range(z.ndim)]

@@ -15,14 +15,13 @@ from ..estimate.result import Fit
 from ..records import did_you_mean, quantities_within
 from ..simulation.members import SCALES
 from ..simulation.varied import element_of, free_names, law_of, with_values
+from ..study.drawn import NOT_OF_ACTUATOR
 from ..units import QuantityError, to_si
 
 Array = NDArray[np.float64]
 # What says how uncertain an actuator is: draws, a fit's covariance, or arrays by name, row by row.
 Uncertainty = Posterior | Fit | Mapping[str, Any]
 NOMINAL = "nominal"
-# Of samples and fits, what belongs to the sensor's channel or to the sampler, not to the actuator.
-NOT_OF_ACTUATOR = ("delay", "offset", "log_posterior")
 
 
 @dataclass(frozen=True, init=False, repr=False)

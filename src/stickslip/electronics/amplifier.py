@@ -123,16 +123,17 @@ def amplifier_output(
         times [s], ascending from 0, the last one n / sample_rate; and the output there [V].
 
     Raises:
-        QuantityError: a number is out of range, or the amplifier has neither a lag nor a slew limit, whose
-            output would jump.
+        QuantityError: a number is out of range or not finite, or the amplifier has neither a lag nor a slew
+            limit, whose output would jump.
     """
     tolerance = TOLERANCE.check(to_si(tolerance, "V", "tolerance"), "tolerance")
     farad = CAPACITANCE.check(capacitance, "capacitance")
     rate = _RATE.check(sample_rate, "sample_rate")
     of = limits(amplifier, farad)
-    targets = np.clip(
-        amplifier.gain * np.asarray(volts, dtype=float) + amplifier.offset, amplifier.low, amplifier.high
-    )
+    asked = np.asarray(volts, dtype=float)
+    if asked.ndim != 1 or not asked.size or not np.all(np.isfinite(asked)):
+        raise QuantityError(f"volts [V] must be one row of finite values, at least one: {volts!r:.60}")
+    targets = np.clip(amplifier.gain * asked + amplifier.offset, amplifier.low, amplifier.high)
     changes = np.flatnonzero(np.diff(targets, prepend=np.nan))  # the first sample counts as one
     if of.tau == 0.0 and math.isinf(of.rate) and changes.size > 1:
         raise QuantityError("an amplifier without bandwidth, output resistance and slew rate would jump")

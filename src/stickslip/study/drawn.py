@@ -12,11 +12,14 @@ from numpy.typing import ArrayLike, NDArray
 from ..actuator import Actuator
 from ..estimate.posterior import Posterior
 from ..estimate.result import Fit
+from ..records import did_you_mean
 from ..simulation.varied import RATIOS, changed_fields, free_names
 from ..units import QuantityError
 
 Array = NDArray[np.float64]
 
+# Of samples and fits, what belongs to the sensor's channel or to the sampler, not to the actuator.
+NOT_OF_ACTUATOR = ("delay", "offset", "log_posterior")
 # How far the model may be from the estimate of the fit, relative: it is meant to be that of the fit.
 SAME = 1e-6
 
@@ -39,7 +42,7 @@ def drawn_parameters(
     elif isinstance(source, Fit):
         drawn = _normal(source, count, random)
     elif isinstance(source, Mapping):
-        drawn = _rows({name: np.ravel(np.asarray(one, float)) for name, one in source.items()}, count, random)
+        drawn = _rows(_arrays(source, model), count, random)
     else:
         raise QuantityError(f"fit is a Fit, a Posterior or arrays by name, not a {type(source).__name__}")
     known = free_names(model)
@@ -53,6 +56,19 @@ def drawn_parameters(
     return {name: np.array(values, dtype=float) for name, values in kept.items()}
 
 
+def _arrays(source: Mapping[str, ArrayLike], model: Actuator) -> dict[str, Array]:
+    """Of parameters of the model, or of what a posterior has besides; raises QuantityError for others."""
+    known, found = [*free_names(model), *NOT_OF_ACTUATOR], {}
+    for name, one in source.items():
+        if name not in known:
+            raise QuantityError(f"draws of {name!r}{did_you_mean(name, known)}: there are {', '.join(known)}")
+        try:
+            found[name] = np.ravel(np.asarray(one, dtype=float))
+        except (TypeError, ValueError):
+            raise QuantityError(f"draws of {name} must be numbers, in SI: {one!r:.60}") from None
+    return found
+
+
 def _sampled(source: Posterior, count: int, random: np.random.Generator) -> dict[str, Array]:
     columns = {str(n): v.values.ravel() for n, v in source.samples.items() if n != "log_posterior"}
     return _rows(columns, count, random)
@@ -62,7 +78,8 @@ def _rows(columns: Mapping[str, Array], count: int, random: np.random.Generator)
     sizes = {values.size for values in columns.values()}
     if len(sizes) != 1 or 0 in sizes:
         raise QuantityError(f"draws of {', '.join(columns) or 'nothing'} must be as many of each, and some")
-    chosen = random.integers(0, sizes.pop(), count)
+    size = sizes.pop()
+    chosen = np.arange(count) if size == count else random.integers(0, size, count)  # all of them, once
     return {name: values[chosen] for name, values in columns.items()}
 
 
