@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 import stickslip as ss
 from export.building import walk
-from rotary import DRIVE, RADIUS, SLIDES, TURNS, units
+from rotary.turning import DRIVE, RADIUS, SLIDES, TURNS, units
 from stickslip.analysis.design import design_analysis
 from stickslip.analysis.study import study_of_file
 from stickslip.analysis.verification import results_model

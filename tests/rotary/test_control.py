@@ -11,7 +11,7 @@ import yaml
 from typer.testing import CliRunner
 
 import stickslip as ss
-from rotary import RADIUS, SLIDES, TURNS, units
+from rotary.turning import RADIUS, SLIDES, TURNS, units
 from stickslip.cli import app
 from stickslip.control import Mover, StepTable, Walk, settling, tune
 from stickslip.design import (
