@@ -53,6 +53,13 @@ def test_a_drive_is_flattened_about_its_middle_as_far_as_its_steepest_side_asks(
     )
 
 
+def test_a_sawtooth_of_part_of_the_swing_begins_at_the_least_voltage() -> None:
+    allowed = FREE._replace(low=20.0)
+    whole, part = (sawtooths(np.array([row]), allowed) for row in ([0.9, 1.0], [0.9, 1.0, 0.25]))
+    np.testing.assert_allclose(whole.volts, [[20.0, allowed.high]])
+    np.testing.assert_allclose(part.volts, [[20.0, 20.0 + 0.25 * (allowed.high - 20.0)]])
+
+
 def test_what_the_search_moves() -> None:
     x = np.array([[0.0, 0.25, 1.0, 0.5]])
     made = knots(x, FREE._replace(low=20.0))
