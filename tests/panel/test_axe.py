@@ -164,7 +164,7 @@ def design(page: Page) -> Iterator[str]:
     yield "a front, a drive of it, and what a recording would tell"
     page.get_by_label("Greatest voltage").first.fill("0 V")
     page.get_by_label("Greatest voltage").first.press("Enter")
-    expect(page.locator(".explore-sliders > .fault")).not_to_be_empty()
+    expect(page.locator(".explore-sliders .field > .fault:not(:empty)")).to_be_visible()
     yield "a value that is refused"
 
 

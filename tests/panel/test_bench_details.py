@@ -68,6 +68,25 @@ def test_a_refusal_moves_nothing(page: Page, panel: Panel) -> None:
     assert page.evaluate(places) == before
     field.press("Control+z")
     expect(page.locator("#inputs .fault:not(:empty)")).to_have_count(0)
+    # Start finds what is refused on a tab that is not looked at.
+    page.get_by_role("tab", name="Capture").click()
+    page.get_by_label("Length", exact=True).fill("long")
+    for button in ("#home", "#start"):
+        page.get_by_role("tab", name="Recordings").click()
+        page.locator(button).click()
+        expect(page.get_by_label("Length", exact=True)).to_be_focused()
+    expect(page.locator(".notice.error").last).to_contain_text("Length: a number in s, such as 50 ms")
+    page.keyboard.press("Control+z")
+    # What is got ready is read whole, however narrow the header.
+    assert page.evaluate(
+        """() => {
+          const line = document.querySelector("#readiness");
+          [line.hidden, line.textContent] = [false, "Getting ready: the rig, LuGre friction, the step map …"];
+          const whole = line.scrollWidth <= line.clientWidth;
+          line.hidden = true;
+          return whole;
+        }"""
+    )
 
 
 def test_after_a_run_tiles_legend_and_clock_say_what_is(page: Page, panel: Panel) -> None:
@@ -75,7 +94,7 @@ def test_after_a_run_tiles_legend_and_clock_say_what_is(page: Page, panel: Panel
     run(page, "step")  # ends at its voltage, which is then ramped down
     drive = page.get_by_role("article", name="Drive")
     expect(drive).to_contain_text("at end")
-    expect(page.get_by_role("article", name="Position")).not_to_contain_text("at end")
+    expect(page.get_by_role("article", name="Position")).to_contain_text("before the ramp")
     assert si(drive.locator("output").inner_text()) > 50.0
 
     page.mouse.move(0, 0)

@@ -146,6 +146,11 @@ def test_a_wrong_input_is_refused_at_the_field(page: Page, panel: Panel, typed: 
     field.press("Enter")
     expect(field).to_have_attribute("aria-invalid", "true")
     expect(page.locator("#inputs .fault:not(:empty)")).to_contain_text(said)
+    # Nothing starts with what held before.
+    page.locator("#start").click()
+    expect(page.locator(".notice.error").last).to_contain_text("Reverse voltage: ")
+    expect(field).to_be_focused()
+    expect(page.locator("#phase")).not_to_have_text(re.compile("Preparing|Running"))
     field.fill("65 V")
     field.press("Enter")
     expect(field).to_have_attribute("aria-invalid", "false")
@@ -208,7 +213,8 @@ def test_emergency_stop_by_key_ramps_at_the_next_block(page: Page, panel: Panel)
     assert "running" not in told[stopping:]
     # What is shown is from before the ramp and says so; beyond it there is nothing to read.
     expect(page.locator("#notices")).to_contain_text("ramped to 0 V")
-    expect(page.locator(".displays.stale")).to_have_count(3)  # not where it is, which is known
+    expect(page.locator(".displays.stale")).to_have_count(3)
+    expect(page.get_by_role("article", name="Position")).to_contain_text("before the ramp")
     page.get_by_role("button", name="Cursors").click()
     expect(page.locator(".plot-cursors tr").nth(1).locator("td").nth(1)).not_to_have_text("–")
     expect(page.locator(".plot-cursors tr").nth(2).locator("td").nth(1)).to_have_text("–")
@@ -224,6 +230,7 @@ def test_stop_and_emergency_button_and_home(page: Page, panel: Panel) -> None:
         page.click(button)
         expect(page.locator("#phase")).to_have_text("Stopped", timeout=SLOW)
     run(page, "forward")
+    expect(page.get_by_role("article", name="Position")).not_to_contain_text("before the ramp")
     away = reading(page, "Position")
     assert away > 5e-6
     press(page, "#home", "Done")

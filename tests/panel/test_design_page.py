@@ -65,9 +65,23 @@ def test_sliders_move_the_map(opened: Page) -> None:
     field.fill("50 V")
     field.press("Enter")
     expect(opened.locator(".design-map dd").first).to_have_text(re.compile(r"^3\d"), timeout=SLOW)
-    field.fill("-1 V")
-    field.press("Enter")
-    expect(opened.locator(".explore-sliders > .fault")).to_contain_text("voltage")
+    # What is out of range is said at its field, and no search begins with what held before.
+    for name, text, said in [
+        ("Greatest voltage", "-1 V", "must be > 0"),
+        ("Greatest voltage", "200 V", "must be <= 150 V, which the actuator takes"),
+        ("Capacitance of the piezo", "-1 F", "must be > 0"),
+        ("Noise of a position sample", "0 m", "must be > 0"),
+    ]:
+        field = opened.get_by_label(name).first
+        field.fill(text)
+        field.press("Enter")
+        expect(opened.locator(".field", has=field).locator(".fault")).to_contain_text(said)
+        opened.get_by_role("button", name="Find the fastest drive").click()
+        expect(opened.locator(".explore-sliders > .fault")).to_contain_text(name)
+        expect(opened.get_by_role("button", name="Find the fastest drive")).to_be_enabled()
+        field.press("Control+z")
+    opened.get_by_role("slider", name="Greatest voltage").press("ArrowRight")
+    expect(opened.get_by_label("Greatest voltage").first).to_have_attribute("aria-invalid", "false")
 
 
 def test_from_a_search_to_the_bench(panel: Panel, opened: Page) -> None:

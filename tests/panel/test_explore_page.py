@@ -11,7 +11,7 @@ from playwright.sync_api import Browser, Locator, Page, expect
 
 import stickslip as ss
 
-from .conftest import PATIENCE, Panel
+from .conftest import PATIENCE, Panel, until
 
 pytestmark = pytest.mark.browser
 LONG = 1e3 * PATIENCE  # ms: the first simulation on a machine compiles it
@@ -149,6 +149,26 @@ def test_friction_slides_over_stiction_together(explore: Page) -> None:
     expect(field(explore, "Stiction")).to_have_value("1 N")
     expected = walked(friction={"coulomb_force": 1.0, "stiction_force": 1.0})
     expect(shown(explore, "Net displacement")).to_have_text(f"{float(f'{expected:.4g}')} µm")
+
+
+def test_a_slow_sawtooth_is_drawn(explore: Page) -> None:
+    type_in(explore, "Frequency", "10 uHz")
+    expect(field(explore, "Frequency")).to_have_value("10 µHz")
+    expect(explore.locator(".explore")).to_have_attribute("class", "explore")
+    axis = explore.locator(".explore-frequency .u-axis").first
+    expect(axis).to_be_visible()
+
+
+def test_what_belongs_to_an_earlier_state_is_dimmed(explore: Page) -> None:
+    explore.route("**/api/explore/*", lambda route: (explore.wait_for_timeout(1500), route.continue_())[1])
+    number = shown(explore, "Steady step")
+    opacity = "document.querySelector('.explore-numbers .of-steps').computedStyleMap().get('opacity').value"
+    explore.get_by_label("Waveform").select_option("Sine")
+    until(explore, f"{opacity} < 0.6")
+    expect(explore.locator(".explore-numbers")).to_have_attribute("aria-busy", "true")
+    explore.unroute_all(behavior="wait")
+    expect(explore.locator(".explore-numbers")).to_have_attribute("aria-busy", "false")
+    expect(number).to_have_css("opacity", "1")
 
 
 def test_undo_and_redo(explore: Page) -> None:

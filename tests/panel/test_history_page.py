@@ -45,6 +45,8 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Panel]:
     walk(folder, "recordings/one.nc", 65.0, 0.1, epoch="2026-01-01T10:00:00+00:00")
     walk(folder, "recordings/two.nc", 70.0, 0.3, epoch="2026-01-02T10:00:00+00:00")
     walk(folder, "recordings/unfinished/three.nc", 20.0, outcome="stopped: emergency stop", operator="Lee")
+    (folder / "parameters").mkdir()
+    (folder / "parameters" / "half.toml").write_text("[sigma_0]\nvalue = ")
     (folder / "recordings" / "broken.nc").write_bytes(b"no recording")
     fit = folder / "fits" / "2026-01-03_10-00-00"
     fit.mkdir(parents=True)
@@ -76,17 +78,25 @@ def shows(page: Page, *expected: str) -> None:
         expect(page.locator("[data-run]").nth(i)).to_have_attribute("data-run", name)
 
 
+HALF = "parameters/half.toml"
 FIT = "fits/2026-01-03_10-00-00"
 ONE, TWO, THREE = "recordings/one.nc", "recordings/two.nc", "recordings/unfinished/three.nc"
 
 
-def test_everything_is_listed_and_found_again(history: Page) -> None:
+def test_everything_is_listed_and_found_again(history: Page, lab: Panel) -> None:
     assert set(names(history)) >= {ONE, TWO, THREE, FIT, "recordings/broken.nc"}
     history.get_by_label("Outcome").select_option("bad")
-    expect(history.locator("[data-run]")).to_have_count(2)
-    assert set(names(history)) == {THREE, "recordings/broken.nc"}
+    expect(history.locator("[data-run]")).to_have_count(3)
+    assert set(names(history)) == {THREE, "recordings/broken.nc", HALF}
     expect(history.locator("tbody")).to_contain_text("unreadable")
     history.get_by_label("Outcome").select_option("")
+    history.get_by_label("Kind", exact=True).select_option("parameters")
+    shows(history, HALF)
+    history.locator("[data-run]").click()
+    facts = history.locator(".history-right dl")
+    expect(facts).to_contain_text("parameter set")
+    expect(facts).to_contain_text("half.toml")
+    expect(facts).not_to_contain_text(str(lab.folder))
     history.get_by_label("Kind", exact=True).select_option("fit")
     shows(history, FIT)
     history.get_by_label("Kind", exact=True).select_option("")
@@ -202,6 +212,28 @@ def test_a_file_of_ones_own_is_looked_at_and_taken(history: Page, lab: Panel, tm
     np.testing.assert_allclose(taken["time"].values[-1], 0.0995)
     assert taken.attrs["notes"] == "of another lab"
     assert not list((lab.folder / ".uploads").glob("*"))
+
+
+def test_an_upload_with_gaps_is_named_and_can_be_taken(history: Page, lab: Panel, tmp_path: Path) -> None:
+    table = np.column_stack([np.arange(25_000) * 1e-5, np.ones(25_000), np.ones(25_000)])
+    table[24_000, 1] = np.nan
+    own = tmp_path / "gaps.csv"
+    np.savetxt(own, table, delimiter=",", header="time,drive_voltage,position", comments="", fmt="%.6g")
+    history.get_by_role("button", name="Take in a file").click()
+    history.set_input_files("#upload-file", own)
+    expect(history.locator("dialog")).to_contain_text("the first 20000 samples are looked at here")
+    for name, unit in [("time", "s"), ("drive_voltage", "V"), ("position", "um")]:
+        history.get_by_label(f"Unit of {name}", exact=True).fill(unit)
+    history.get_by_role("button", name="Take it in").click()
+    fault = history.locator("dialog .fault")
+    expect(fault).to_contain_text("gaps.csv")
+    expect(fault).to_contain_text("tick “Leave out samples without a number”")
+    expect(fault).not_to_contain_text("missing=")
+    expect(fault).not_to_contain_text(".uploads")
+    history.get_by_label("Leave out samples without a number").check()
+    history.get_by_role("button", name="Take it in").click()
+    expect(history.locator(".history-run h2")).to_have_text("uploads/gaps.nc")
+    assert open_recording(lab.folder / "uploads" / "gaps.nc").sizes["time"] == 24_999
 
 
 def test_a_damaged_upload_is_refused_and_the_page_lives(history: Page, lab: Panel, tmp_path: Path) -> None:

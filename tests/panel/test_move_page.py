@@ -101,6 +101,31 @@ def test_from_gains_to_a_place_a_step_a_scan_and_back(panel: Panel, opened: Page
     assert np.ptp(x[(target > 18.9e-6) & (target < 21.1e-6)]) > 1.9e-6
 
 
+def test_a_refused_field_moves_nothing(panel: Panel, opened: Page) -> None:
+    """Nor does a count of steps that is none; but letting go asks no field."""
+    said, before = opened.locator("#move-fault"), set(panel.folder.rglob("move*.nc"))
+    put(opened, "Position from home", "abc")
+    press(opened, "Go")
+    expect(said).to_have_text("Position from home: a number in m, such as 20 µm")
+    expect(opened.get_by_role("textbox", name="Position from home")).to_be_focused()
+    for text in ("-3", "0", "2.5"):
+        put(opened, "Steps", text)
+        press(opened, "Forward ▸")
+        expect(said).to_contain_text("Steps: a whole number of steps, from 1 on")
+    put(opened, "Steps", "2")
+    put(opened, "a second", "fast")
+    press(opened, "◂ Back")
+    expect(said).to_contain_text("A second: a number in Hz")
+    at_rest(opened)
+    assert set(panel.folder.rglob("move*.nc")) == before
+    put(opened, "a second", "100")
+    press(opened, "Forward ▸")
+    settled(opened)
+    press(opened, "Let go")
+    at_rest(opened)
+    expect(opened.locator(".move-now .when")).to_be_hidden()
+
+
 def test_a_stop_and_an_operator_who_leaves(panel: Panel, opened: Page, browser: Browser) -> None:
     press(opened, "Go")
     settled(opened)
@@ -109,9 +134,11 @@ def test_a_stop_and_an_operator_who_leaves(panel: Panel, opened: Page, browser: 
     at_rest(opened)
     made = kept(panel.folder, before)
     assert made.attrs["outcome"] == "stopped: emergency stop"
+    expect(opened.locator(".move-now .when")).to_have_text(" before the ramp")
     put(opened, "Position from home", "30 um")
     press(opened, "Go")
     settled(opened)
+    expect(opened.locator(".move-now .when")).to_be_hidden()
     before = set(panel.folder.rglob("move*.nc"))
     opened.close()
     made = kept(panel.folder, before)

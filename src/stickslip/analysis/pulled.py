@@ -81,7 +81,7 @@ class PulledAnalysis(Analysis):
                     "Friction coefficients from one recording",
                     paragraphs=(
                         "Least squares on the mean highest and lowest spring force and the mean period of "
-                        "the events, each weighted by its standard error, against the simulated slider "
+                        "the events, weighted by their covariance, against the simulated slider "
                         "(stiction and Coulomb friction, true rest).",
                     ),
                     tables=(parameter_table("Identified parameters.", fit),),

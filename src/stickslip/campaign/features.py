@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import xarray as xr
 
 from ..analysis.alignment import Aligned
+from ..estimate.quantiles import reach
 from ..identify.events.sawtooth import sawtooth_features
 from ..recording import RecordingError
 from ..report import Column, Number, Section, Table
@@ -30,7 +31,7 @@ def features_of(walks: Sequence[Aligned]) -> dict[str, xr.Dataset | str]:
     return found
 
 
-def feature_numbers(features: dict[str, xr.Dataset | str]) -> dict[str, Any]:
+def feature_numbers(features: Mapping[str, xr.Dataset | str]) -> dict[str, Any]:
     """For results.json: by walk, then by direction."""
     numbers: dict[str, Any] = {}
     for name, of in features.items():
@@ -40,15 +41,13 @@ def feature_numbers(features: dict[str, xr.Dataset | str]) -> dict[str, Any]:
         numbers[name] = {key: Number(float(of.attrs[key]), unit) for key, unit in _UNITS.items()}
         for i, direction in enumerate(of["direction"].values):
             row = {key: Number(float(of[key][i]), "m") for key in _STEPS}
-            row["step_of_peaks"] = Number(
-                float(of["net_step"][i]), "m", standard_error=float(of["net_step_error"][i])
-            )
+            row["step_of_peaks"] = _step_of_peaks(of.isel(walk=i))
             row["slips"] = Number(float(of["n_slips"][i]), "")
             numbers[name][_DIRECTION[float(direction)]] = row
     return numbers
 
 
-def features_section(features: dict[str, xr.Dataset | str]) -> Section:
+def features_section(features: Mapping[str, xr.Dataset | str]) -> Section:
     """Tables of the steps, and of what follows the slips."""
     steps, after, missing = [], [], []
     for name, of in features.items():
@@ -56,15 +55,13 @@ def features_section(features: dict[str, xr.Dataset | str]) -> Section:
             missing.append(of)
             continue
         for i, direction in enumerate(of["direction"].values):
-            error = 1.96 * float(of["net_step_error"][i])
-            net = float(of["net_step"][i])
             steps.append(
                 (
                     name,
                     _DIRECTION[float(direction)],
                     int(of["n_slips"][i]),
                     *(_known(float(of[key][i])) for key in ("up", "down")),
-                    Number(net, "m", net - error, net + error) if math.isfinite(error) else _known(net),
+                    _step_of_peaks(of.isel(walk=i)) if math.isfinite(of["net_step"][i]) else None,
                     *(_known(float(of[key][i])) for key in ("scatter", "drift")),
                 )
             )
@@ -89,8 +86,10 @@ def features_section(features: dict[str, xr.Dataset | str]) -> Section:
                 columns,
                 steps,
                 notes="Between slips a walk rises by a, in a slip it falls by b. The step of the peaks is "
-                "the slope of a line through them, the scatter that of single steps, the drift their change "
-                "from one to the next. (The net step under Verification is that of the mean position.)",
+                "their mean step; its interval allows for noise of the positions and for scatter of the "
+                "steps, which adds up along a walk. The scatter is that of single steps, the drift their "
+                "change from one to the next. (The net step under Verification is that of the mean "
+                "position.)",
             )
         )
         columns = (
@@ -106,7 +105,10 @@ def features_section(features: dict[str, xr.Dataset | str]) -> Section:
                 "What follows a slip, the mean over all slips of a recording.",
                 columns,
                 after,
-                notes="Left out: a vibration of less than four standard errors, or too fast for the samples.",
+                notes="The vibration is that of the first part of the period after a slip that shows a ring. "
+                "Left out: one of less than four standard errors or three cycles, too fast for the samples, "
+                "or that does not explain the motion; and the decay of one that lasts until the next slip, "
+                "or where it is uncertain.",
             )
         )
     return Section(
@@ -115,6 +117,15 @@ def features_section(features: dict[str, xr.Dataset | str]) -> Section:
         points=missing,
         tables=tables,
     )
+
+
+def _step_of_peaks(walk: xr.Dataset) -> Number:
+    """The mean step of one walk with its error and interval, where it has more than one step."""
+    net, error = float(walk["net_step"]), float(walk["net_step_error"])
+    if not math.isfinite(error):
+        return Number(net, "m", standard_error=error)
+    reached = error * reach(0.95, float(walk["net_step_freedom"]))
+    return Number(net, "m", net - reached, net + reached, standard_error=error)
 
 
 def _known(value: float) -> float | None:

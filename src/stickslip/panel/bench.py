@@ -85,7 +85,7 @@ def bench_routes(
     routes = APIRouter(prefix="/bench")
 
     def greet(client: Client, said: dict[str, Any]) -> list[str]:
-        state = {"kind": "run", **runner.state, "position": runner.position}
+        state = {"kind": "run", **runner.state, **runner.where}
         return [_described(document), json.dumps(state)]
 
     def emergency(client: Client, said: dict[str, Any]) -> None:

@@ -85,6 +85,14 @@ def design_routes(
     def step_map(asked: of.Map) -> Response:
         return answered(lambda: binary({}, of.step_map(asked, sets)))
 
+    @routes.post("/check")
+    def check(asked: of.Typed) -> Response:
+        def checked() -> Response:
+            asked.check(sets)
+            return JSONResponse({})
+
+        return answered(checked)
+
     @routes.post("/search")
     def search(asked: of.Search) -> Response:
         return answered(lambda: JSONResponse(searches.run(lambda told: of.searched(asked, sets, told))))

@@ -44,6 +44,7 @@ _KNOTS = Quantity("", "", "knots", minimum=2, maximum=32)
 _UPDATE = Quantity("s", "", "update time", above=0.0, maximum=1.0)
 _POINTS = Quantity("", "", "points of a period", minimum=4.0, maximum=1e7)
 _NOISE = Quantity("m", "", "noise of a sample", above=0.0, maximum=1e-3)
+_TYPED = dict(load=_LOAD, voltage=_VOLTAGE, spread=_SPREAD, capacitance=_CAPACITANCE, noise=_NOISE)
 
 
 class Loaded(Model):
@@ -61,6 +62,30 @@ class Map(Loaded):
     """From 0 V to the greatest voltage."""
 
     voltage: Value
+
+    def top(self, model: Actuator) -> float:
+        """The greatest voltage [V]; QuantityError where the actuator does not take it."""
+        return _taken(model, _VOLTAGE.check(self.voltage, "voltage"))
+
+
+class Typed(Loaded):
+    """A number that was typed on the page."""
+
+    name: Literal["load", "voltage", "spread", "capacitance", "noise"]
+    value: Value
+
+    def check(self, sets: Sets) -> None:
+        """QuantityError for a wrong value."""
+        value = _TYPED[self.name].check(self.value, self.name)
+        if self.name == "voltage":
+            _taken(self.actuator(sets), value)
+
+
+def _taken(model: Actuator, volts: float) -> float:
+    if volts > model.max_voltage:
+        most = f"it must be <= {model.max_voltage:g} V, which the actuator takes"
+        raise QuantityError(f"voltage = {volts:g} V is out of range: {most}")
+    return volts
 
 
 class Search(Map):
@@ -86,7 +111,7 @@ class Search(Map):
             for sign, change in (("-", -spread), ("+", spread))
             if spread
         ]
-        top = _VOLTAGE.check(self.voltage, "voltage")
+        top = self.top(model)
         knots = int(_KNOTS.check(self.knots, "knots"))
         common = {"knots": knots, "max_voltage": top, "scenarios": scenarios, "limits": self._limits()}
         return model, common
@@ -143,7 +168,8 @@ class Telling(Driven):
 def step_map(asked: Map, sets: Sets) -> dict[str, Array]:
     """voltage [V], frequency [Hz], net_step [m, over both, row by row of the voltage] and status (0: there is
     one)."""
-    model, top = asked.loaded(sets), _VOLTAGE.check(asked.voltage, "voltage")
+    model = asked.loaded(sets)
+    top = asked.top(model)
     last = FASTEST if model.static else min(model.natural_frequency / math.pi, 1e4)
     found = design.step_map(
         model,

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+import re
 import secrets
 import shutil
 import time
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
@@ -20,7 +21,7 @@ from ..history.comparing import on_one_clock
 from ..history.describing import annotate
 from ..input_file import Strict
 from ..readers import read_recording
-from ..readers.preview import look
+from ..readers.preview import LOOKED_AT, look
 from ..readers.process import Reader
 from ..recording import RecordingError, save_recording
 from .control import Control
@@ -35,6 +36,9 @@ MOST_COMPARED = 8
 UPLOADS = ".uploads"
 _KEPT = 3600.0  # s that an upload waits to be taken
 _SUFFIXES = (".csv", ".txt", ".tsv", ".mat", ".npy", ".npz", ".dat", ".lvm", ".mf4", ".nc")
+# What the readers advise to who calls them, and what helps on the page.
+_DROP = re.compile(r"\(missing='drop'[^)]*\)")
+_TICK = "(tick “Leave out samples without a number” to go on without them)"
 _LEFT_OUT = ("settings", "channels", "bytes")  # of a row in the list
 
 
@@ -69,12 +73,14 @@ class Overlay(Strict):
 
 
 class Taken(Strict):
-    """An upload that is taken: our names, each with the index of its column and its unit."""
+    """An upload that is taken: our names, each with the index of its column and its unit; and what becomes of
+    samples without a number."""
 
     token: str
     columns: dict[str, int] = Field(default_factory=dict, max_length=100)
     units: dict[str, str] = Field(default_factory=dict, max_length=100)
     sample_rate: str | None = None
+    missing: Literal["error", "drop"] = "error"
     name: str = Field(max_length=100)
     notes: str = Field(default="", max_length=20_000)
 
@@ -95,12 +101,21 @@ def history_routes(folder: Folder, hub: Hub, control: Control, read: Reader) -> 
 
         return shared((words, *where.items()), found)
 
+    def told(row: dict[str, Any]) -> dict[str, Any]:
+        """What cannot be read, by its name; the index calls all such files recordings."""
+        if not row["problem"]:
+            return row
+        kind = "parameters" if row["name"].endswith(".toml") else row["kind"]
+        return {**row, "kind": kind, "problem": _by_name(row["problem"], folder.root / row["name"], folder)}
+
     def whole() -> list[dict[str, Any]]:
-        return [_parsed(one) for one in rows()]
+        return [_parsed(told(one)) for one in rows()]
 
     @routes.get("")
     def listed(search: str = "", kind: str = "", outcome: str = "") -> dict[str, Any]:
-        found = rows(search, kind=kind, outcome="" if outcome == "bad" else outcome)
+        found = [told(one) for one in rows(search, outcome="" if outcome == "bad" else outcome)]
+        if kind:
+            found = [one for one in found if one["kind"] == kind]
         if outcome == "bad":
             found = [one for one in found if one["problem"] or one["outcome"] not in ("complete", "")]
         few = [{k: v for k, v in one.items() if k not in _LEFT_OUT} for one in found[:MOST_ROWS]]
@@ -203,14 +218,26 @@ def _add_uploads(routes: APIRouter, folder: Folder, hub: Hub, read: Reader) -> N
                 sample_rate=asked.sample_rate,
                 title=Path(asked.name).name,
                 notes=asked.notes,
+                missing=asked.missing,
             )
-            recording = read.apply(how, source)
+            try:
+                recording = read.apply(how, source)
+            except RecordingError as error:
+                said = _by_name(str(error), source, folder)
+                raise RecordingError(_DROP.sub(_TICK, said)) from None
         target.parent.mkdir(parents=True, exist_ok=True)
         save_recording(recording, target)
         shutil.rmtree(source.parent, ignore_errors=True)
         note_act(folder.root, "taken from a file", folder.name(target), file=source.name)
         hub.tell("recordings")
         return {"name": folder.name(target)}
+
+
+def _by_name(text: str, path: Path, folder: Folder) -> str:
+    """What is said of a file, without the folders that it lies in."""
+    for one in (str(path), str(path.relative_to(folder.root))):
+        text = text.replace(one, path.name)
+    return text
 
 
 def _parsed(row: dict[str, Any]) -> dict[str, Any]:
@@ -272,9 +299,10 @@ def _looked_at(folder: Folder, read: Reader, name: str, content: bytes) -> dict[
             found = {"reader": "nc", **read(path, _counted), "columns": []}
         else:
             found = read.apply(look, path)
+            found["first"] = found["samples"] >= LOOKED_AT
     except (RecordingError, OSError) as error:
         shutil.rmtree(path.parent, ignore_errors=True)
-        said = str(error).replace(str(path), name)
+        said = _by_name(str(error), path, folder)
         raise RecordingError(said if name in said else f"{name}: {said}") from None
     return {"token": token, "name": name, **found}
 

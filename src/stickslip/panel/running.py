@@ -33,6 +33,9 @@ from .stream import Hub
 Sees = Callable[[dict[str, NDArray[np.float64]]], None]
 
 
+_AT_ZERO = 0.5  # V, the most that the drive of a run at rest is measured to be
+
+
 class Arrived(RigError):
     """A run that was only to move somewhere is there."""
 
@@ -55,7 +58,8 @@ class Job(NamedTuple):
 
 
 class Runner:
-    """Runs one job at a time. `position` is where the end-effector is, m from home, as far as was seen.
+    """Runs one job at a time. `position` is where the end-effector is, m from home, as far as was seen;
+    `before_ramp` says that a ramp to 0 V came after, through which nothing is measured.
 
     What is put out belongs to a process of its own, which stops by itself where this one dies or stalls; a
     stop goes to it directly, whatever the run's thread is doing.
@@ -83,6 +87,8 @@ class Runner:
         self._told = 0.0
         self._busy = False
         self.position = 0.0
+        self.before_ramp = False
+        self._moved, self._volts = False, 0.0  # whether the job has shown a position; its last drive
         self.state: dict[str, Any] = {
             "number": 0,
             "phase": "idle",
@@ -91,6 +97,11 @@ class Runner:
             "done": 0.0,
             "remaining": None,
         }
+
+    @property
+    def where(self) -> dict[str, Any]:
+        """The position, as pages are told."""
+        return {"position": self.position, "before_ramp": self.before_ramp}
 
     @property
     def busy(self) -> bool:
@@ -103,6 +114,7 @@ class Runner:
             if self.busy:
                 raise RigError("a run is going on: stop it first")
             self._stop, self._busy = None, True
+            self._moved, self._volts = False, 0.0
             self._thread = threading.Thread(target=self._run, args=(job,), name="rig", daemon=False)
             number = self.state["number"] + 1
             self._state(
@@ -176,18 +188,18 @@ class Runner:
                     rig.home_here(PositionInput(channel.input, channel.calibration), cell.limits.stop_slew)
             finally:
                 laboratory.close()
-        self.position = 0.0
+        self.position, self.before_ramp = 0.0, False
         self._state()
 
     def _run(self, job: Job) -> None:
         self._journal(f"{job.title}: started")
-        phase = "failed"
+        phase, ramped = "failed", True
         try:
             with self._using:
                 self.reach(rigs_of(job.file, self._rigs, job.folder))
                 recorded = self._recorded(job, partial(self._progress, time.monotonic()))
             self._journal(f"{job.title}: finished, {_counted(recorded)} in {job.out.name}")
-            phase = "done"
+            phase, ramped = "done", abs(self._volts) > _AT_ZERO
         except Arrived as arrived:
             self._journal(f"{job.title}: {arrived}")
             phase = "done"
@@ -204,6 +216,8 @@ class Runner:
             if job.finished is not None:
                 self._finish(job.finished)
             collect()
+            if self._moved:
+                self.before_ramp = ramped
             self._busy = False  # before it is told: who hears of the end may start again
             self._state(phase=phase, doing="", done=float(phase == "done"), remaining=None)
 
@@ -230,9 +244,12 @@ class Runner:
 
     def seen(self, position: float) -> None:
         """A loop goes on, and the end-effector is there, m from home."""
-        self.position = position
+        self._at(position)
         if self.state["phase"] == "preparing":
             self._state(phase="running")
+
+    def _at(self, position: float) -> None:
+        self.position, self.before_ramp, self._moved = position, False, True
 
     def _finish(self, finished: Callable[[], None]) -> None:
         try:
@@ -243,12 +260,13 @@ class Runner:
     def _watched(self, job: Job, cell: Cell, rig: Rig) -> Rig:
         rate = rig.capabilities.sample_rate
         seek = _TriggerSeeker(cell.capture, self._live)
+        drive = drive_channel(cell.channels)
 
         def armed(samples: int, before: int) -> None:
             pre_trigger = cell.capture.before * cell.capture.interval
             self._live.begin(f"{job.title}: {cell.name}", job.columns, rate, samples, before, pre_trigger)
             seek.begin(before)
-            self._statistics.begin(job.columns, drive_channel(cell.channels))
+            self._statistics.begin(job.columns, drive)
             self._state(phase="preparing", doing=cell.name)  # a virtual rig computes before it puts out
 
         def sees(block: dict[str, NDArray[np.float64]]) -> None:
@@ -262,7 +280,9 @@ class Runner:
             if POSITION in block and began is not None:
                 if cell.channels[POSITION].zero:
                     block = {**block, POSITION: block[POSITION] + began}
-                self.position = getattr(rig, "position", self.position)
+                self._at(getattr(rig, "position", self.position))
+            if drive in block and block[drive].size:
+                self._volts = float(block[drive][-1])
             self._live.add(block)
             why = self._statistics.add(block, self.position)
             if why:
@@ -294,7 +314,7 @@ class Runner:
 
     def _state(self, **changes: Any) -> None:
         self.state = {**self.state, **changes}
-        self._hub.tell("run", **self.state, position=self.position)
+        self._hub.tell("run", **self.state, **self.where)
 
 
 class _TriggerSeeker:

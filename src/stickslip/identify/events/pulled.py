@@ -18,6 +18,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
 from scipy.ndimage import median_filter
 from scipy.signal import find_peaks
 
@@ -25,6 +26,7 @@ from ...actuator import STANDARD_GRAVITY, PulledSlider
 from ...estimate.fit import fit_least_squares
 from ...estimate.parameter import Parameter
 from ...estimate.problem import FitError, Residuals
+from ...estimate.quantiles import reach
 from ...estimate.result import Fit
 from ...friction import StictionCoulombViscous
 from ...records import Quantity, record
@@ -33,9 +35,9 @@ from ...units import with_prefix
 from ...waveform.shapes import Ramp
 from ..free import with_ties
 from ..recorded.recorded_drive import noise_level
+from .mean_covariance import covariance_of_mean, degrees_of_freedom
 
-# A drop counts as an event if it is larger than this part of the mean force: the noise of the force channels
-# in view is below a third of it after the median filter.
+# A drop counts as an event if it is larger than this part of the mean force, and than what noise makes.
 _EVENT = 0.08
 # Free periods between events, below which there is hardly any rest between the swings.
 INERTIAL = 2.0
@@ -116,25 +118,29 @@ class Events:
         )
 
     def summary(self) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-        """Mean top, bottom and period, and the standard errors of these means."""
-        parts = (self.top, self.bottom, self.period)
-        means = np.array([np.mean(a) for a in parts])
-        return means, np.array([np.std(a, ddof=1) / math.sqrt(a.size) for a in parts])
+        """Mean top, bottom and period, and the covariance of these means [3, 3].
+
+        An event that begins high ends low and late, and its period is part of two events: the means are
+        correlated, and events with their neighbours.
+        """
+        n = self.period.size
+        means = np.array([np.mean(a) for a in (self.top, self.bottom, self.period)])
+        return means, covariance_of_mean(np.stack([self.top[:n], self.bottom[:n], self.period], axis=1))
 
 
 def slip_events(recording: xr.Dataset, rig: PulledRig, channel: str = "force_ratio") -> Events:
     """The events in a recording of the spring force over the weight.
 
     A median filter as long as an eighth of the slip takes out the impulsive noise; an event is a fall of more
-    than 8 % of the mean force; tops closer than half a natural period apart are one.
+    than 8 % of the mean force, and of more than white noise as strong as the samples' would make after that
+    filter; tops closer than half a natural period apart are one.
 
     Raises:
         FitError: the recording is sampled too coarsely for the slips (fewer than 16 samples in half a natural
-            period), or does not have the channel.
+            period), does not have the channel, or has it not finite everywhere or with a negative mean.
     """
-    if channel not in recording:
-        raise FitError(f"the recording has no channel {channel!r}; it has {', '.join(map(str, recording))}")
-    time, force = recording["time"].values, recording[channel].values
+    force = _force(recording, channel)
+    time = recording["time"].values
     interval = float(np.median(np.diff(time)))
     half_period = math.pi / rig.natural_frequency
     free = 2.0 * half_period
@@ -142,8 +148,10 @@ def slip_events(recording: xr.Dataset, rig: PulledRig, channel: str = "force_rat
         raise FitError(
             f"{channel} is sampled every {interval:g} s, too coarse for slips that last {half_period:g} s"
         )
-    smooth = median_filter(force, size=int(half_period / interval / 4) | 1, mode="nearest")
-    tops, _ = find_peaks(smooth, prominence=_EVENT * np.mean(force), distance=int(half_period / interval))
+    size = int(half_period / interval / 4) | 1
+    smooth = median_filter(force, size=size, mode="nearest")
+    least = max(_EVENT * float(np.mean(force)), _range_of_noise(force, size))
+    tops, _ = find_peaks(smooth, prominence=least, distance=int(half_period / interval))
     if tops.size < 3:
         nothing = np.empty(0)
         return Events(nothing, nothing, nothing, 0.0, free)
@@ -155,6 +163,33 @@ def slip_events(recording: xr.Dataset, rig: PulledRig, channel: str = "force_rat
     climb = (smooth[tops[1:]] - smooth[bottoms]) / rig.loading_rate
     sticking = float(np.sum(np.minimum(climb, time[tops[1:]] - time[bottoms])) / np.ptp(time[tops]))
     return Events(smooth[tops[:-1]], smooth[bottoms], np.diff(fallen), sticking, free)
+
+
+def _force(recording: xr.Dataset, channel: str) -> NDArray[np.float64]:
+    """The channel's values, refused where they can be no spring force over a weight."""
+    if channel not in recording:
+        raise FitError(f"the recording has no channel {channel!r}; it has {', '.join(map(str, recording))}")
+    force = np.asarray(recording[channel].values, dtype=float)
+    unit = recording[channel].attrs.get("units") or "1"
+    bad = np.flatnonzero(~np.isfinite(force))
+    if bad.size:
+        raise FitError(
+            f"{channel} [{unit}] is not finite in {bad.size} samples, from sample {bad[0]} on: take a part "
+            "without them"
+        )
+    if np.mean(force) < 0.0:
+        raise FitError(
+            f"{channel} [{unit}] has a negative mean, {np.mean(force):.3g}: the force of a pulling spring is "
+            "positive; change the sign of the channel, or take off its offset"
+        )
+    return force
+
+
+def _range_of_noise(force: NDArray[np.float64], size: int) -> float:
+    """How far apart the extremes of white noise as strong as the force's lie after the median filter."""
+    # Fourth differences see only what is fast; the median of n has 1.25 times the spread of their mean.
+    spread = 1.2533 * noise_level(force) / math.sqrt(size) if size > 1 else noise_level(force)
+    return 2.0 * math.sqrt(2.0 * math.log(force.size)) * spread
 
 
 def _fallen(time: NDArray[np.float64], force: NDArray[np.float64]) -> float:
@@ -195,14 +230,17 @@ def identify_pulled_slider(
 ) -> Fit:
     """Static and dynamic friction coefficients from the events of one recording.
 
-    Least squares on the mean top, bottom and period, each weighted by its standard error, against the
-    simulated slider, sampled as the recording; what the recording's noise does to them is taken off, as it
-    does it to the simulated ones. `slider` makes the model from the values. One of both coefficients may be
-    `tied` to the other, as for `identify_friction`: ``{"stiction_excess": "0.2 * dynamic_coefficient"}``.
+    Least squares on the mean top, bottom and period, weighted by their covariance (see `Events.summary`),
+    against the simulated slider, sampled as the recording; what the recording's noise does to them is taken
+    off, as it does it to the simulated ones. `slider` makes the model from the values. One of both
+    coefficients may be `tied` to the other, as for `identify_friction`:
+    ``{"stiction_excess": "0.2 * dynamic_coefficient"}``.
 
     Events do not tell damping from friction: a slip with a damping ratio zeta ends higher by exp(-pi zeta),
-    and is taken for one without, so the excess is found low by about pi/2 zeta of itself (8 % at 0.05), and
-    no interval knows of it.
+    and is taken for one without, so the excess is found low by about pi/2 zeta of itself (8 % at 0.05). The
+    middle of top and bottom rises with the bottom, so the dynamic coefficient is found high, by about pi/2
+    zeta of the excess (2.5 % of itself at 0.05, where the excess is a third of it). No interval knows of
+    either.
 
     Raises:
         QuantityError: an expression that ties is wrong.
@@ -211,7 +249,8 @@ def identify_pulled_slider(
     events = slip_events(recording, rig, channel)
     if events.period.size < _LEAST:
         raise FitError(f"only {events.period.size} stick-slip events: at least {_LEAST} are needed")
-    means, errors = events.summary()
+    means, covariance = events.summary()
+    covariance *= (reach(0.95, degrees_of_freedom(events.period.size)) / reach(0.95)) ** 2
     interval = float(np.median(np.diff(recording["time"].values)))
     noise = noise_level(recording[channel].values)
     middle, half = 0.5 * (means[0] + means[1]), 0.5 * (means[0] - means[1])
@@ -227,19 +266,25 @@ def identify_pulled_slider(
         dynamic = values["dynamic_coefficient"]
         return simulated_force(slider(rig, dynamic + values["stiction_excess"], dynamic), rig, interval)
 
-    def fit(noise_free: NDArray[np.floating]) -> Fit:
+    def fit(noise_free: NDArray[np.floating], covariance: NDArray[np.floating]) -> Fit:
+        factor = np.linalg.cholesky(covariance)
+
         def residuals(values: dict[str, float]) -> NDArray[np.floating]:
             found = slip_events(force(values), rig)
             if found.period.size == 0:
                 raise ValueError("no stick-slip")
-            return np.subtract(found.summary()[0], noise_free)
+            return solve_triangular(factor, found.summary()[0] - noise_free, lower=True)
 
-        data = Residuals(residuals, noise_free, errors, "mean top, bottom and period of the events")
+        white = solve_triangular(factor, noise_free, lower=True)
+        data = Residuals(residuals, white, 1.0, "mean top, bottom and period of the events")
         return fit_least_squares([data], parameters, noise_known=True, difference_step=1e-3, tolerance=1e-6)
 
     repeats = math.ceil(_NOISY * events.period.size / _EVENTS)
-    found = fit(means)
-    return fit(means - _shift(force(found.values), rig, noise, repeats))
+    found = fit(means, np.diag(np.diag(covariance)))
+    clean = force(found.values)
+    # Where the samples fall in the simulated events moves their means too.
+    covariance = covariance + slip_events(clean, rig).summary()[1]
+    return fit(means - _shift(clean, rig, noise, repeats), covariance)
 
 
 def _shift(clean: xr.Dataset, rig: PulledRig, noise: float, repeats: int) -> NDArray[np.floating]:

@@ -9,19 +9,17 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
-from scipy.optimize import least_squares
 
 from ..recorded.channels import channel, names_of, refuse_clipped, unit_of
+from .mean_step import degrees_of_freedom, mean_step
 from .slips import Slips, slips_of
+from .vibration import vibration_of
 
 POSITION = "end_effector_position"
 # Of the slow part of a period: what is used to tell the position just before a slip, and after one.
 BEFORE, AFTER = (0.65, 0.97), (0.25, 0.6)
-# Of a period, after a slip: where vibration is looked for.
-VIBRATION = 0.25
-VIBRATION_NAMES = ("vibration_amplitude", "vibration_frequency", "vibration_decay")
-# A vibration this many times its standard error is one.
-SIGNIFICANT = 4.0
+# Of a period, after a slip: what the spectrum is of.
+SPECTRUM = 0.25
 
 Array = NDArray[np.float64]
 
@@ -44,10 +42,15 @@ def sawtooth_features(recording: xr.Dataset, *, smoothing: int = 1, observed: st
         there is none before. Over "walk": `direction`, `n_slips`, `missing` (periods without a slip), `start`
         [s], `bias` [m]; `up` and `down` [m], the thesis's a and b (a - b is the mean difference of peaks,
         N a - (N-1) b the last peak; of a walk that begins with a jump, medians of up_step and down_step);
-        `net_step` [m] of a slip with its standard error `net_step_error`, `scatter` [m] of the net steps,
-        their `drift` [m per slip]; `period` [s] with its `jitter` [s]. Over "frequency" [Hz]: `spectrum` [m]
+        `net_step` [m], the mean step of the process that made the walk, with its standard error
+        `net_step_error`, which noise of the positions and scatter of the steps are in, and the degrees of
+        freedom of Student's t for it, `net_step_freedom`; `scatter` [m] of the net steps, their `drift` [m
+        per slip]; `period` [s] with its `jitter` [s]. Over "frequency" [Hz]: `spectrum` [m]
         of what follows the slips. In `attrs`: period [s], delay [s], inverted, asymmetry (net step backward
-        over forward, less one), vibration_amplitude [m], vibration_frequency [Hz], vibration_decay [1/s].
+        over forward, less one), and of the mean ring after the slips vibration_amplitude [m], as it is
+        `vibration_start` [s] after them, vibration_frequency [Hz] and vibration_decay [1/s]; NaN where no
+        part of the period shows three cycles of a ring that explains it within the noise, or nine tenths of
+        it; the decay also where it is uncertain, or the ring lasts until the next slip.
 
     Raises:
         RecordingError: the channel is missing, empty, constant, clipped, too short or too coarsely sampled,
@@ -68,7 +71,7 @@ def sawtooth_features(recording: xr.Dataset, *, smoothing: int = 1, observed: st
     found = found.rename(walk="walk_number")
     for name in WALK_UNITS:
         found[name] = ("walk", [walk[name] for walk in walks], {"units": units[name]})
-    frequency, spectrum, vibration = _vibration(t, x, slips)
+    frequency, spectrum = _spectrum(t, x, slips)
     found = found.assign_coords(frequency=("frequency", frequency, {"units": "Hz"}))
     found["spectrum"] = ("frequency", spectrum, {"units": own})
     found.attrs = {
@@ -76,7 +79,7 @@ def sawtooth_features(recording: xr.Dataset, *, smoothing: int = 1, observed: st
         "delay": slips.delay,
         "inverted": int(slips.inverted),
         "asymmetry": _asymmetry(walks),
-        **vibration,
+        **vibration_of(t, x, slips),
     }
     return found
 
@@ -93,6 +96,7 @@ WALK_UNITS = {
     "down": "m",
     "net_step": "m",
     "net_step_error": "m",
+    "net_step_freedom": "",
     "scatter": "m",
     "drift": "m",
     "period": "s",
@@ -163,7 +167,8 @@ def _walk(t: Array, x: Array, slips: Slips, steps: dict[str, Array], number: int
     }
     if np.count_nonzero(known) < 2:
         return found | dict.fromkeys(
-            ("up", "down", "net_step", "net_step_error", "scatter", "drift", "jitter"), math.nan
+            ("up", "down", "net_step", "net_step_error", "net_step_freedom", "scatter", "drift", "jitter"),
+            math.nan,
         )
     d = along * (peak[known] - bias)
     # A period without a slip moved nothing, or moved unseen.
@@ -171,17 +176,15 @@ def _walk(t: Array, x: Array, slips: Slips, steps: dict[str, Array], number: int
     moves = np.clip(np.round(np.diff(d) / (usual or 1.0)), 1, np.diff(places[known]))
     k = np.concatenate([[0.0], np.cumsum(moves)]) + np.flatnonzero(known)[0]
     n, steps_ = k[-1] + 1, np.diff(d) / moves
-    line = np.polynomial.Polynomial.fit(k, d, 1)
-    left = d - line(k)
-    spread = math.sqrt(float(left @ left) / max(k.size - 2, 1))
-    net = float(line.convert().coef[1]) if k.size > 2 else float(steps_[0])
+    net, error = mean_step(np.diff(d), moves)
     c1, c2 = float((d[-1] - d[0]) / (k[-1] - k[0])), float(d[-1])
     jitter = np.diff(time) - found["period"] * np.diff(places)
     return found | {
         "up": float(np.nanmedian(steps["up_step"][own])) if slip_first else c2 - (n - 1) * c1,
         "down": float(np.nanmedian(steps["down_step"][own])) if slip_first else c2 - n * c1,
         "net_step": net,
-        "net_step_error": spread / math.sqrt(float(np.sum((k - k.mean()) ** 2))) if k.size > 2 else math.nan,
+        "net_step_error": error,
+        "net_step_freedom": float(degrees_of_freedom(steps_.size)),
         "scatter": float(steps_.std(ddof=1)) if steps_.size > 1 else math.nan,
         "drift": float(np.polyfit(np.arange(steps_.size), steps_, 1)[0]) if steps_.size > 2 else math.nan,
         "jitter": float(jitter.std()) if jitter.size > 1 else 0.0,
@@ -196,10 +199,11 @@ def _asymmetry(walks: list[dict[str, float]]) -> float:
     return float(np.mean(backward) / np.mean(forward)) - 1.0
 
 
-def _vibration(t: Array, x: Array, slips: Slips) -> tuple[Any, Any, dict[str, float]]:
-    """Spectrum of the motion after the slips, and the decaying oscillation in it, the mean over all slips."""
+def _spectrum(t: Array, x: Array, slips: Slips) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """Frequencies and amplitudes of the mean motion in the quarter of a period after the slips, less the line
+    through its second half; NaN where there are fewer than two slips."""
     interval = float(np.median(np.diff(t)))
-    count = max(8, int(VIBRATION * slips.period / interval))
+    count = max(8, int(SPECTRUM * slips.period / interval))
     pieces = []
     for s, sign in zip(slips.time, slips.sign, strict=True):
         i = int(np.searchsorted(t, s + 2.0 * interval))
@@ -207,33 +211,7 @@ def _vibration(t: Array, x: Array, slips: Slips) -> tuple[Any, Any, dict[str, fl
             piece = sign * x[i : i + count]
             n = np.arange(count)
             pieces.append(piece - np.polyval(np.polyfit(n[count // 2 :], piece[count // 2 :], 1), n))
-    none: dict[str, float] = dict.fromkeys(VIBRATION_NAMES, math.nan)
     frequency = np.fft.rfftfreq(count, interval)
     if len(pieces) < 2:
-        return frequency, np.full(frequency.size, math.nan), none
-    mean = np.mean(pieces, axis=0)
-    noise = float(np.std(np.asarray(pieces) - mean)) / math.sqrt(len(pieces) - 1)
-    spectrum = np.abs(np.fft.rfft(mean)) * 2.0 / count
-    best = 1 + int(np.argmax(spectrum[1:]))
-    time = np.arange(count) * interval
-
-    def basis(q: Array) -> Array:
-        decay = np.exp(-q[1] * time)
-        return np.stack([decay * np.cos(q[0] * time), decay * np.sin(q[0] * time)], axis=1)
-
-    def residuals(q: Array) -> Array:
-        b = basis(q)
-        return (b @ np.linalg.lstsq(b, mean, rcond=None)[0] - mean) / (noise or 1.0)
-
-    top = math.pi / interval
-    begin = [2.0 * math.pi * frequency[best], 4.0 / time[-1]]
-    fit = least_squares(residuals, begin, bounds=([0.0, 0.0], [top, 1.0 / interval]), x_scale=begin)
-    c = np.linalg.lstsq(basis(fit.x), mean, rcond=None)[0]
-    amplitude = float(np.hypot(*c))
-    b = basis(fit.x)
-    error = noise * math.sqrt(float(np.trace(np.linalg.pinv(b.T @ b))))
-    at_end = fit.x[0] > 0.95 * top or fit.x[1] > 0.9 / interval  # more than the samples can show
-    if at_end or not amplitude > SIGNIFICANT * error:
-        return frequency, spectrum, none
-    found = dict(zip(none, (amplitude, float(fit.x[0]) / (2.0 * math.pi), float(fit.x[1])), strict=True))
-    return frequency, spectrum, found
+        return frequency, np.full(frequency.size, math.nan)
+    return frequency, np.abs(np.fft.rfft(np.mean(pieces, axis=0))) * 2.0 / count

@@ -8,7 +8,7 @@ import { makeLiveData } from "./livedata.js";
 import { makeLog, makeVariables } from "./tables.js";
 import { makeRecordings } from "./recordings.js";
 import { makeRig } from "./rigs.js";
-import { formatQuantity } from "./quantity.js";
+import { formatQuantity, needAccepted } from "./quantity.js";
 import { makeSequence } from "./sequence.js";
 import { makeStatistics } from "./statistics.js";
 
@@ -27,6 +27,8 @@ export async function mount(element, app) {
     act(path, body = {}) {
       return app.request(path, body).catch((error) => app.notify(error.message, "error"));
     },
+    /** Whatever starts runs asks first: throws where a field of the page is refused. */
+    needAccepted: () => needAccepted(element),
     show(shown) {
       bench.shown = { ...bench.shown, ...shown };
       arrangement.update();
@@ -36,9 +38,9 @@ export async function mount(element, app) {
 
   // --- running
   const select = h("select", { id: "run-choice", onchange: () => { bench.chosen = select.value; capture.build(); } });
-  const start = h("button", { type: "button", id: "start", class: "primary", onclick: run }, "Start");
+  const start = h("button", { type: "button", id: "start", class: "primary", onclick: () => begin("/bench/start", { runs: [bench.chosen] }) }, "Start");
   const halt = h("button", { type: "button", id: "halt", title: "Ramp to 0 V and end the run", onclick: () => bench.act("/bench/stop") }, "Stop");
-  const home = h("button", { type: "button", id: "home", title: "Walk back to where home is", onclick: () => { bench.show({ live: true }); bench.act("/bench/home"); } }, "Home");
+  const home = h("button", { type: "button", id: "home", title: "Walk back to where home is", onclick: () => begin("/bench/home") }, "Home");
   const here = h("button", { type: "button", class: "small quiet", title: "Call the present position home", onclick: () => bench.act("/bench/home_here") }, "Set home here");
   const phase = h("strong", { id: "phase" });
   const doing = h("span", { class: "soft number", id: "doing" });
@@ -89,9 +91,14 @@ export async function mount(element, app) {
     ...arrangement.buttons);
   element.append(h("div", { class: "bench" }, side, h("section", { class: "desk", "aria-label": "Instruments" }, tools, arrangement.element)));
 
-  function run() {
+  async function begin(path, body) {
+    try {
+      await bench.needAccepted();
+    } catch (error) {
+      return app.notify(error.message, "error");
+    }
     bench.show({ live: true });
-    return bench.act("/bench/start", { runs: [bench.chosen] });
+    return bench.act(path, body);
   }
 
   function loadDialog() {

@@ -7,7 +7,7 @@ import { makeFront, makeMap } from "./design_pictures.js";
 import { begin, wire } from "./explore_state.js";
 import { latestWins } from "./latest.js";
 import { makePlot } from "./plot.js";
-import { formatQuantity } from "./quantity.js";
+import { formatQuantity, needAccepted } from "./quantity.js";
 import { makeChoice, makeSlider } from "./sliders.js";
 import { unpack } from "./stream.js";
 
@@ -49,12 +49,16 @@ export async function mount(element, app) {
   const fault = h("p", { class: "fault", role: "alert" });
   const said = h("p", { class: "design-said", role: "status" });
   const bar = h("progress", { max: 1, value: 0, hidden: true, "aria-label": "Search" });
-  const go = h("button", { type: "button", class: "primary", onclick: () => run("Searching for the fastest drive", "/api/design/search", search(), found) }, "Find the fastest drive");
+  const go = h("button", { type: "button", class: "primary", onclick: () => run("Searching for the fastest drive", "/api/design/search", search, found) }, "Find the fastest drive");
   const stop = h("button", { type: "button", disabled: true, title: "The best until then stays", onclick: () => app.request("/api/design/stop", {}).catch(say) }, "Stop");
   const against = makeChoice("Speed against", AGAINST, "current", () => {});
-  const goFront = h("button", { type: "button", onclick: () => run("Searching for the front", "/api/design/front", { ...search(), against: against.select.value }, fronted) }, "Find the front");
+  const goFront = h("button", { type: "button", onclick: () => run("Searching for the front", "/api/design/front", () => ({ ...search(), against: against.select.value }), fronted) }, "Find the front");
   const sliders = new Map(FIELDS.map((field) => [field.name, makeSlider(field, kept.values[field.name], {
-    app, drag: (value) => changed(field.name, value), settle() {}, type: (value) => changed(field.name, value),
+    app, drag: (value) => changed(field.name, value), settle() {},
+    async type(value) {
+      await app.request("/api/design/check", { ...asked(), name: field.name, value });
+      changed(field.name, value);
+    },
   })]));
   const sets = Object.entries(choices.sets).map(([name, one]) => [name, `${name}: ${one.title}`]);
   const panel = h("section", { class: "card explore-sliders", "aria-label": "What is given" },
@@ -160,7 +164,8 @@ export async function mount(element, app) {
     stop.disabled = bar.hidden = false;
     bar.value = 0;
     try {
-      take(await app.request(path, body));
+      await needAccepted(panel);
+      take(await app.request(path, body()));
     } catch (error) {
       said.textContent = "";
       say(error);
@@ -211,6 +216,7 @@ export async function mount(element, app) {
   }
   async function tell({ drive }) {
     fault.textContent = "";
+    await needAccepted(panel);
     said.textContent = "Computing what a recording would tell …";
     try {
       const { parameters } = await app.request("/api/design/tells", { ...asked(), drive, noise: kept.values.noise });

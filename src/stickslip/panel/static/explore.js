@@ -25,6 +25,7 @@ export async function mount(element, app) {
   let state = linked?.state ?? begin(choices);
   let pins = []; // { label, state, motion, steps }
   let motion = null, steps = null; // the last good ones
+  const of = { motion: null, steps: null }; // the states that they are of
   let history = makeHistory(state);
   let touched = ""; // the field that was changed last, for the name of a pin
   const ending = [];
@@ -54,7 +55,7 @@ export async function mount(element, app) {
   bar.append(numbers, make("span", { className: "grow" }), undo, redo, pin, copy, python, again, pinned);
   const shownNumbers = {};
   for (const [name, label] of [["net_displacement", "Net displacement"], ["mean_speed", "Mean speed"], ["step", "Steady step"]]) {
-    shownNumbers[name] = make("dd", { textContent: "–" });
+    shownNumbers[name] = make("dd", { textContent: "–", className: name === "step" ? "of-steps" : "of-motion" });
     numbers.append(make("div", {}, make("dt", { textContent: label }), shownNumbers[name]));
   }
 
@@ -106,7 +107,7 @@ export async function mount(element, app) {
         const answer = await app.request("/api/explore/motion", wire(wished));
         touched = key;
         apply(wished, key);
-        show(named(answer));
+        show(named(answer), wished);
         settle();
       },
     };
@@ -121,14 +122,17 @@ export async function mount(element, app) {
     state = next;
     for (const [key, one] of controls) if (key !== moved || !one.range.matches(":active, :focus")) one.set(one.now());
       else if (one.range.type === "range") one.set(one.now());
+    ask();
+  }
+  function ask() {
     motions.want(state);
     curves.want(state);
+    tellStale();
   }
   function choose(next) {
     state = next;
     build();
-    motions.want(state);
-    curves.want(state);
+    ask();
     settle();
   }
   function settle() {
@@ -149,8 +153,7 @@ export async function mount(element, app) {
     else {
       state = next;
       build();
-      motions.want(state);
-      curves.want(state);
+      ask();
     }
     settled();
   }
@@ -171,7 +174,7 @@ export async function mount(element, app) {
         clearTimeout(slow);
       }
     },
-    take: (answer) => show(named(answer)),
+    take: (answer, wish) => show(named(answer), wish),
     refuse(error) {
       const one = controls.get(error.field);
       clear();
@@ -184,9 +187,11 @@ export async function mount(element, app) {
     ask: (wish) => app.request("/api/explore/steps", wire(wish)),
     take(answer, wish) {
       steps = { ...named(answer), now: wish.waveform };
+      of.steps = wish;
       const step = steps.step.length ? steps.step[0] : NaN;
       shownNumbers.step.textContent = steps.step.length ? (Number.isFinite(step) ? formatQuantity(step, "m") : "none") : "–";
       drawSteps();
+      tellStale();
     },
     refuse() {}, // the motion's answer says what is wrong
     share: CURVE_SHARE,
@@ -197,14 +202,20 @@ export async function mount(element, app) {
     problem.classList.remove("busy");
     stage.classList.remove("stale");
   }
-  function show(found) {
+  /** What belongs to an earlier state is dimmed; a style waits a moment, for a slider's answers come soon. */
+  function tellStale() {
+    const other = (one) => one !== null && one !== state;
+    for (const name of ["motion", "steps"]) root.classList.toggle(`stale-${name}`, other(of[name]));
+    numbers.setAttribute("aria-busy", String(other(of.motion) || other(of.steps)));
+  }
+  function show(found, wish) {
     motion = found;
+    of.motion = wish;
+    tellStale();
     clear();
     problem.textContent = found.problem ? `The simulation ${found.problem}.` : "";
-    for (const name of ["net_displacement", "mean_speed"]) {
-      const { value, unit } = found.numbers[name];
-      shownNumbers[name].textContent = formatQuantity(value, unit);
-    }
+    const say = (name, { value, unit }) => (shownNumbers[name].textContent = formatQuantity(value, unit));
+    for (const name of ["net_displacement", "mean_speed"]) say(name, found.numbers[name]);
     draw();
   }
 

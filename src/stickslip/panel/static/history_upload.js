@@ -34,6 +34,7 @@ function preview(app, look, fault, close, taken) {
   const name = h("input", { id: "upload-name", value: look.name.replace(/\.[^.]+$/, ""), spellcheck: false });
   const notes = h("input", { id: "upload-notes" });
   const rate = h("input", { id: "upload-rate", placeholder: "10 kHz", spellcheck: false });
+  const drop = h("input", { type: "checkbox" });
   const timed = look.columns.some((one) => one.guess === "time");
   const clash = (select) => rows.filter((one) => one.select !== select && one.select.value && one.select.value === select.value).length;
   const rows = look.columns.map((one) => {
@@ -53,7 +54,7 @@ function preview(app, look, fault, close, taken) {
     if (look.columns.length && !chosen.some(({ select }) => select.value !== "time")) { fault.textContent = "Say of at least one column what it is."; return; }
     try {
       const { name: made } = await app.request("/history/take", {
-        token: look.token, name: name.value, notes: notes.value, sample_rate: rate.value.trim() || null,
+        token: look.token, name: name.value, notes: notes.value, sample_rate: rate.value.trim() || null, missing: drop.checked ? "drop" : "error",
         columns: Object.fromEntries(chosen.map(({ one, select }) => [select.value, one.index])),
         units: Object.fromEntries(chosen.filter(({ unit }) => unit.value.trim()).map(({ select, unit }) => [select.value, unit.value.trim()])),
       });
@@ -64,9 +65,10 @@ function preview(app, look, fault, close, taken) {
     }
   }
   return h("form", { onsubmit: take, noValidate: true },
-    h("p", { class: "soft small-text" }, `${look.name}: ${look.samples} samples${look.columns.length ? ". Check what each column is, and its unit: guesses are marked." : ", a recording as it is."}`),
+    h("p", { class: "soft small-text" }, `${look.name}: ${look.first ? `the first ${look.samples} samples are looked at here, all are taken in` : `${look.samples} samples`}${look.columns.length ? ". Check what each column is, and its unit: guesses are marked." : ", a recording as it is."}`),
     look.columns.length ? h("div", { class: "history-table", tabIndex: 0, role: "group", "aria-label": "Columns of the file" }, h("table", { class: "upload" }, h("thead", {}, h("tr", {}, h("th", {}, "Column"), h("th", {}, "Values"), h("th", {}, "Is"), h("th", {}, "Unit"))), h("tbody", {}, ...rows.map(({ row }) => row)))) : null,
     timed || !look.columns.length ? null : h("div", { class: "field" }, h("label", { htmlFor: "upload-rate" }, "Sample rate, for a file without a time"), rate),
+    look.columns.length ? h("label", { class: "choice" }, drop, "Leave out samples without a number (empty, NaN, infinite)") : null,
     h("div", { class: "field" }, h("label", { htmlFor: "upload-name" }, "Name in the history"), name),
     h("div", { class: "field" }, h("label", { htmlFor: "upload-notes" }, "Notes"), notes),
     h("div", { class: "row end" }, h("button", { class: "primary" }, "Take it in")));

@@ -6,7 +6,7 @@ import { fitForm } from "./identify_form.js";
 import { calledShortly } from "./livedata.js";
 import { pathCard } from "./path.js";
 import { makePlot } from "./plot.js";
-import { formatQuantity } from "./quantity.js";
+import { formatInterval, formatQuantity } from "./quantity.js";
 import { unpack } from "./stream.js";
 
 const KINDS = ["stage", "recordings", "step", "verified"];
@@ -76,9 +76,9 @@ export async function mount(element, app) {
   function curves(index) {
     const fitted = state.names?.length ?? 0;
     const others = [...(traces.verified ?? []), ...(traces.stage ?? [])];
-    const [t, measured, model] = index < fitted
-      ? [...(traces.recordings ?? []).slice(2 * index, 2 * index + 2), (traces.step ?? [])[index]]
-      : others.slice(3 * (index - fitted), 3 * (index - fitted) + 3);
+    // A page that comes during a fit hears of the model's curves before it has the measured ones.
+    const [t, measured] = index < fitted ? (traces.recordings ?? []).slice(2 * index, 2 * index + 2) : others.slice(3 * (index - fitted));
+    const model = index < fitted ? traces.step?.[index] : others[3 * (index - fitted) + 2];
     if (!t) return [[], [], [], []];
     const drawn = model?.length === t.length ? model : new Float32Array(t.length).fill(NaN);
     return [t, measured, drawn, drawn.map((value, i) => value - measured[i])];
@@ -137,7 +137,7 @@ export async function mount(element, app) {
   function resultCards() {
     const { fit } = state;
     const estimates = (found) => Object.entries(found.parameters).filter(([name]) => !/^(lag|offset_\d+)$/.test(name)).map(([name, p]) => [form.labelOf(name), formatQuantity(p.value, p.unit, digitsOf(p)),
-      `${formatQuantity(p.interval[0], p.unit)} … ${formatQuantity(p.interval[1], p.unit)}`, p.standard_error === null ? "at its bound" : formatQuantity(p.standard_error, p.unit, 2)]);
+      formatInterval(...p.interval, p.unit), p.standard_error === null ? "at its bound" : formatQuantity(p.standard_error, p.unit, 2)]);
     const heads = ["parameter", "estimate", "95 % interval", "standard error"];
     const sentences = fit.undetermined.length ? fit.undetermined : ["The recordings determine every parameter that was free."];
     const names = new RegExp(`\\b(${Object.keys(fit.parameters).join("|")})\\b`);

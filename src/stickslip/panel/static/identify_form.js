@@ -3,7 +3,7 @@
 import { button, make } from "./elements.js";
 import { begin, changed, withLaw } from "./explore_state.js";
 import { calledShortly } from "./livedata.js";
-import { makeQuantity } from "./quantity.js";
+import { makeQuantity, needAccepted } from "./quantity.js";
 import { makeChoice, makeSwitch, symbolOf } from "./sliders.js";
 
 const CHANNEL = [
@@ -37,18 +37,12 @@ export async function fitForm(app, choices, last, asked, start, cancel) {
   let slewRate = last?.slew_rate ?? null;
   const slew = makeQuantity({
     label: "Slew rate", unit: "V/s", value: slewRate, app, hint: "At which the amplifier follows a jump, limited by its current into the piezo; leave empty: at once",
-    change: (value) => (slewRate = value),
+    empty: "at once", change: (value) => (slewRate = value),
   });
-  slew.input.placeholder = "at once";
-  slew.input.addEventListener("input", () => { if (slew.input.value.trim() === "") slewRate = null; });
   const limits = ["begin", "end"].map((name) => makeQuantity({
     label: name === "begin" ? "From" : "To", unit: "s", value: window_[name], app, hint: "Leave empty for all of it",
-    change: (value) => (window_[name] = value),
+    empty: "all", change: (value) => (window_[name] = value),
   }));
-  for (const one of limits) one.input.placeholder = "all";
-  for (const [i, name] of ["begin", "end"].entries()) limits[i].input.addEventListener("input", () => {
-    if (limits[i].input.value.trim() === "") window_[name] = null;
-  });
   const model = make("div", {});
   const effort = makeChoice("Effort", Object.entries(EFFORT).map(([name, [text]]) => [name, text]), "quick", () => {});
   const go = make("button", { type: "submit", className: "primary", textContent: "Start fit", disabled: true }); // until the recordings are there
@@ -194,7 +188,7 @@ export async function fitForm(app, choices, last, asked, start, cancel) {
   element.addEventListener("submit", (event) => {
     event.preventDefault();
     fault.textContent = "";
-    Promise.resolve().then(() => start(request())).catch(say);
+    needAccepted(element).then(() => start(request())).catch(say);
   });
 
   build();

@@ -33,9 +33,9 @@ function display(bench, spec) {
   const element = h("div", { class: "displays" }, ...parts.map((part) => part.element));
   const update = () => {
     parts.forEach(({ to, value }) => (value.textContent = formatQuantity(to.value(), to.unit)));
-    // Nothing is measured once the output ramps down: what is shown is older than that. Where it is, is known.
+    // Nothing is measured once the output ramps down: what is shown is older than that. Where a whole run ended, is known.
     const old = bench.live.data.filled > 0 ? { stopped: " at stop", failed: " at end", done: " at end" }[bench.run.phase] ?? "" : "";
-    parts.forEach(({ to, when }) => (when.textContent = to.name === "position" ? "" : old));
+    parts.forEach(({ to, when }) => (when.textContent = to.name !== "position" ? old : bench.run.before_ramp ? " before the ramp" : ""));
     element.classList.toggle("stale", Boolean(old) && parts.some(({ to }) => to.name !== "position"));
   };
   const off = bench.live.listen(update);

@@ -6,7 +6,7 @@ import { styled } from "./elements.js";
 import { latestWins } from "./latest.js";
 import { makeLiveData } from "./livedata.js";
 import { makePlot } from "./plot.js";
-import { formatQuantity, makeQuantity } from "./quantity.js";
+import { formatQuantity, makeQuantity, needAccepted } from "./quantity.js";
 import { makeChoice, makeSlider } from "./sliders.js";
 import { unpack } from "./stream.js";
 
@@ -23,23 +23,32 @@ export async function mount(element, app) {
   const fault = h("p", { class: "fault", role: "alert", id: "move-fault" });
   const say = (error) => { fault.textContent = error.message; };
   const settings = () => ({ input: kept.input, voltage: kept.voltage, frequency: kept.frequency, tolerance: kept.tolerance, ...kept.gains });
-  async function act(what) {
+  /** `of`: the fields that say what is done; those of how it is done can be wrong only before it begins. */
+  async function act(does, of) {
     fault.textContent = "";
-    await app.request("/api/move/act", { what, settings: settings() }).catch(say);
+    try {
+      if (of) await needAccepted(of, setup, sliders);
+      await app.request("/api/move/act", { what: does(), settings: settings() });
+    } catch (error) {
+      say(error);
+    }
   }
 
   // --- what to do
-  const field = (name, label, unit) => makeQuantity({ label, unit, value: kept[name], app, change: (value) => { kept[name] = value; } }).element;
+  const field = (name, label, unit, check = () => {}) => makeQuantity({ label, unit, value: kept[name], app, change: (value) => { check(value); kept[name] = value; } }).element;
+  function whole(value) {
+    if (!Number.isInteger(value) || value < 1) throw new Error("a whole number of steps, from 1 on; Back and Forward say which way");
+  }
   const button = (text, title, does, kind = "") => h("button", { type: "button", class: kind, title, onclick: does }, text);
-  const count = () => Math.max(1, Math.round(Math.abs(kept.count)));
-  const go = button("Go", "Steps as far as they are needed, then the piezo alone; and hold", () => act({ do: "go", to: kept.to }), "primary");
-  const back = button("◂ Back", "So many full steps backward, then hold there", () => act({ do: "steps", count: -count() }));
-  const forth = button("Forward ▸", "So many full steps forward, then hold there", () => act({ do: "steps", count: count() }));
-  const scan = button("Scan", "About where it holds, by the piezo alone", () => act({ do: "scan", range: kept.range, frequency: kept.hertz, cycles: kept.cycles }));
-  const release = button("Let go", "The output goes to 0 V; the recording is kept", () => act({ do: "release" }));
+  const doing = (text, title, does, kind) => button(text, title, (event) => act(does, event.currentTarget.closest(".move-line")), kind);
+  const go = doing("Go", "Steps as far as they are needed, then the piezo alone; and hold", () => ({ do: "go", to: kept.to }), "primary");
+  const back = doing("◂ Back", "So many full steps backward, then hold there", () => ({ do: "steps", count: -kept.count }));
+  const forth = doing("Forward ▸", "So many full steps forward, then hold there", () => ({ do: "steps", count: kept.count }));
+  const scan = doing("Scan", "About where it holds, by the piezo alone", () => ({ do: "scan", range: kept.range, frequency: kept.hertz, cycles: kept.cycles }));
+  const release = button("Let go", "The output goes to 0 V; the recording is kept", () => act(() => ({ do: "release" })));
   const deeds = h("fieldset", { class: "bare" },
     h("div", { class: "move-line" }, field("to", "Position from home", "m"), go),
-    h("div", { class: "move-line" }, field("count", "Steps", ""), back, forth),
+    h("div", { class: "move-line" }, field("count", "Steps", "", whole), back, forth),
     h("div", { class: "move-line" }, field("range", "Scan range", "m"), field("hertz", "Frequency", "Hz"), field("cycles", "Cycles", ""), scan), release);
   const sensor = makeChoice("Sensor", [], "", (name) => { kept.input = name; });
   const setup = h("fieldset", { class: "bare inputs" }, sensor.element);
@@ -49,8 +58,10 @@ export async function mount(element, app) {
 
   // --- where it is
   const shown = {};
-  const numbers = h("dl", { class: "explore-numbers" }, ...["Position", "Target", "Missing", "Steps"].map((name) =>
-    h("div", {}, h("dt", {}, name), (shown[name] = h("dd", {}, "–")))));
+  const older = h("span", { class: "when", hidden: true, title: "Nothing is measured while the output ramps to 0 V, which takes the piezo along" }, " before the ramp");
+  const counted = "Every step since it began, also the one or two that bring the piezo back to mid-range";
+  const numbers = h("dl", { class: "explore-numbers" }, ...["Position", "Target", "Missing", "Steps made"].map((name) =>
+    h("div", { title: name === "Steps made" ? counted : "" }, h("dt", {}, h("span", {}, name), name === "Position" ? older : null), (shown[name] = h("dd", {}, "–")))));
   const words = h("strong", { id: "move-phase", role: "status" });
   const span = makeChoice("Shown", SPANS, kept.span, (value) => { kept.span = value; draw(); });
   const canvas = h("div", { class: "move-canvas" });
@@ -124,9 +135,10 @@ export async function mount(element, app) {
     const { on } = state, begins = going && run.title === "Move" && !on, ends = begins && run.phase !== "preparing";
     const put = (name, value, unit) => { shown[name].textContent = formatQuantity(value, unit, 6); };
     put("Position", on ? state.position : run.position, "m");
+    older.hidden = on || !run.before_ramp;
     put("Target", on ? state.target : undefined, "m");
     put("Missing", on ? state.target - state.position : undefined, "m");
-    shown.Steps.textContent = state.steps === undefined ? "–" : `${state.steps}${state.lost ? `, ${state.lost} lost` : ""}`;
+    shown["Steps made"].textContent = state.steps === undefined ? "–" : `${state.steps}${state.lost ? `, ${state.lost} lost` : ""}`;
     words.textContent = on ? state.words + (state.settled ? ": there" : "") : ends ? "Keeping the recording" : begins ? "Preparing" : going ? `${run.title} is running` : "At rest: the output is at 0 V";
     words.dataset.phase = on ? state.phase : "off";
     words.dataset.settled = String(Boolean(on && state.settled));
@@ -157,7 +169,7 @@ export async function mount(element, app) {
     sensor.select.replaceChildren(...choices.inputs.map((one) => new Option(one, one)));
     sensor.set(kept.input);
     setup.replaceChildren(sensor.element, field("voltage", "Steps of", "V"), field("frequency", "a second", "Hz"), field("tolerance", "There within ±", "m"));
-    how.textContent = `${choices.actuator}, whose piezo reaches ${formatQuantity(choices.stroke, "m", 3)}. It holds until you let go, ${choices.at_most} s at most; sensor and gains are those with which it began.`;
+    how.textContent = `${choices.actuator}, whose piezo reaches ${formatQuantity(choices.stroke, "m", 3)}. It holds until you let go, ${choices.at_most} s at most; sensor and gains are those with which it began. Steps made counts also those that bring the piezo back to mid-range.`;
     gains();
     show();
   }

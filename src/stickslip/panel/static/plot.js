@@ -124,7 +124,7 @@ export function makePlot(element, { series, time = { label: "time", unit: "s" },
         y: { range: (u, min, max) => strip.yView ?? padded(min, max) },
       },
       axes: [
-        { ...axis("x", time.unit, last ? time.label : ""), space: 3.4 * em, size: last ? 1.9 * em : 6, ...(last ? {} : { values: () => [], label: undefined, labelSize: 0 }) },
+        { ...axis("x", time.unit, last ? time.label : ""), space: 3.4 * em, ...(time.log ? { splits: logSplits } : {}), size: last ? 1.9 * em : 6, ...(last ? {} : { values: () => [], label: undefined, labelSize: 0 }) },
         { ...axis("y", unit, ""), space: 1.7 * em, size: 4 * em },
       ],
       series: [xy ? null : {}, ...members.map((one) => ({
@@ -328,6 +328,15 @@ export function makePlot(element, { series, time = { label: "time", unit: "s" },
       root.remove();
     },
   };
+}
+
+/** Places of a logarithmic axis; uPlot's own have no end where it begins far below 1. */
+function logSplits(u, axis, min, max) {
+  const found = [];
+  for (let power = Math.floor(Math.log10(min)); 10 ** power <= max; power++) {
+    for (let digit = 1; digit < 10; digit++) found.push(Number(`${digit}e${power}`));
+  }
+  return found.filter((one) => one >= min && one <= max);
 }
 
 function padded(min, max) {

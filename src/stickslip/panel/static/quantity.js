@@ -3,6 +3,7 @@
 const PREFIXES = { p: -12, n: -9, u: -6, "µ": -6, "μ": -6, m: -3, c: -2, d: -1, k: 3, M: 6, G: 9 };
 const SHOWN = { "-12": "p", "-9": "n", "-6": "µ", "-3": "m", 0: "", 3: "k", 6: "M", 9: "G" };
 const PREFIXED = /^(?:m|s|V|A|N|Hz|W|J|C|F)(?:[ /]|$)/;
+const EXAMPLE = { V: "65 V", m: "20 µm", s: "50 ms", Hz: "100 Hz", N: "0.5 N", F: "1.8 µF", kg: "5 g", "V/s": "300 kV/s" }; // as they are met here
 const NUMBER = /^\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*$/;
 
 /** Power of ten by which one factor of a unit ("um") is another ("m"); null if it is not of its kind. */
@@ -17,7 +18,7 @@ function power(text, unit) {
 export function parseQuantity(text, unit) {
   if (/^\s*(?:∞|inf)/i.test(text)) return Infinity;
   const found = NUMBER.exec(text);
-  if (!found) throw new Error(unit ? `a number in ${unit}, such as 65 ${unit}` : "a number");
+  if (!found) throw new Error(unit ? `a number in ${unit}, such as ${EXAMPLE[unit] ?? `1 ${unit}`}` : "a number");
   const [, number, rest] = found;
   if (/^,\d/.test(rest)) throw new Error("write a decimal point");
   if (!rest || rest === unit) return Number(number);
@@ -58,13 +59,38 @@ export function formatQuantity(value, unit, digits = 4) {
   return `${number} ${prefixed(exponent, unit)}`.trim();
 }
 
+/** "130.9957 nm/V … 131.0053 nm/V": with so many digits that two tell the ends apart. */
+export function formatInterval(low, high, unit) {
+  const apart = Math.log10(Math.max(Math.abs(low), Math.abs(high)) / (high - low));
+  const digits = Number.isFinite(apart) ? Math.min(Math.max(Math.floor(apart) + 3, 4), 12) : 4;
+  return `${formatQuantity(low, unit, digits)} … ${formatQuantity(high, unit, digits)}`;
+}
+
 let count = 0;
+const settles = new WeakMap(); // the input of a field -> what settles it
+
+/**
+ * For whatever acts on the fields within these places: waits until each has its answer, and throws where one is
+ * refused, which is brought into view. What was done with it would be done with a number that nobody sees.
+ */
+export async function needAccepted(...places) {
+  for (const input of places.flatMap((place) => [...place.querySelectorAll("input:enabled")])) {
+    const refused = await settles.get(input)?.();
+    if (!refused) continue;
+    const tab = input.closest("[role=tabpanel][hidden]"), details = input.closest("details");
+    if (tab) document.querySelector(`[aria-controls="${tab.id}"]`).click();
+    if (details) details.open = true;
+    input.focus();
+    throw new Error(`${input.labels[0].textContent.replace(/^./, (first) => first.toUpperCase())}: ${refused}`);
+  }
+}
 
 /**
  * A labelled field for a quantity. `change(value, text)` is called with SI and what was typed, and may refuse by
- * throwing or rejecting: the field then says why. The server checks again whatever it is told.
+ * throwing or rejecting: the field then says why. The server checks again whatever it is told. `empty`: what an empty
+ * field stands for, shown in it; its value is null then.
  */
-export function makeQuantity({ label, unit = "", value, app, change, hint = "" }) {
+export function makeQuantity({ label, unit = "", value, app, change, hint = "", empty = "" }) {
   const element = document.createElement("div");
   element.className = "field";
   const id = `quantity-${++count}`;
@@ -72,7 +98,7 @@ export function makeQuantity({ label, unit = "", value, app, change, hint = "" }
   name.htmlFor = id;
   name.textContent = label;
   const input = document.createElement("input");
-  Object.assign(input, { id, type: "text", autocomplete: "off", spellcheck: false, title: hint });
+  Object.assign(input, { id, type: "text", autocomplete: "off", spellcheck: false, title: hint, placeholder: empty });
   const fault = document.createElement("span");
   Object.assign(fault, { id: `${id}-fault`, className: "fault" });
   fault.setAttribute("role", "alert");
@@ -86,15 +112,19 @@ export function makeQuantity({ label, unit = "", value, app, change, hint = "" }
     fault.textContent = text;
     input.setAttribute("aria-invalid", text ? "true" : "false");
   };
-  let asked = 0, told = 0, sent = null;
-  async function commit() {
+  let asked = 0, told = 0, sent = null, answer = null;
+  function commit() {
     const text = input.value.trim();
-    if (text === sent) return; // Enter is told twice: as a key and as a change
+    if (text === sent) return answer; // Enter is told twice: as a key and as a change
+    return (answer = take(text));
+  }
+  async function take(text) {
     const mine = ++asked, heard = told;
-    if (text === "" && (current === null || current === undefined)) return;
+    sent = null;
+    if (text === "" && (current === null || current === undefined)) return say("");
     sent = text;
     try {
-      const read = await readQuantity(text, unit, app);
+      const read = text === "" && empty ? null : await readQuantity(text, unit, app);
       if (read !== current) await change(read, text);
       if (mine !== asked) return;
       if (told === heard) current = read; // else the page has said since what holds, which may be an undo
@@ -106,6 +136,16 @@ export function makeQuantity({ label, unit = "", value, app, change, hint = "" }
       if (mine === asked) sent = null;
     }
   }
+  settles.set(input, async () => {
+    if (input.value !== holds()) await commit();
+    return fault.textContent;
+  });
+  function takeBack() {
+    asked++;
+    sent = null;
+    say("");
+    show();
+  }
   input.addEventListener("change", commit);
   input.addEventListener("keydown", (event) => {
     if (event.key === "Enter") commit();
@@ -114,10 +154,7 @@ export function makeQuantity({ label, unit = "", value, app, change, hint = "" }
     event.preventDefault();
     if (input.value === holds()) return;
     event.stopPropagation();
-    asked++;
-    sent = null;
-    say("");
-    show();
+    takeBack();
   });
   // A browser's own undo, from its menu, brings back a text that does not hold.
   input.addEventListener("input", (event) => {
@@ -136,6 +173,8 @@ export function makeQuantity({ label, unit = "", value, app, change, hint = "" }
       if (!typing) show();
     },
     get: () => current,
+    /** What was typed and does not hold is given up. */
+    takeBack: () => input.value !== holds() && takeBack(),
     disable: (off) => (input.disabled = off),
   };
 }

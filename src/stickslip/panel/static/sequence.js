@@ -62,6 +62,7 @@ export function makeSequence(bench) {
   async function send(path) {
     fault.textContent = said.textContent = "";
     try {
+      await bench.needAccepted();
       const found = await bench.app.request(path, asked());
       if (path.endsWith("check")) said.textContent = `${found.count} ${found.count === 1 ? "run" : "runs"}, ${duration(found.seconds)}: ${found.titles.slice(0, 6).join("; ")}${found.count > 6 ? " …" : ""}`;
       else bench.show({ live: true });

@@ -63,6 +63,7 @@ export function makeSlider(field, value, { app, drag, settle, type }) {
   };
   range.addEventListener("input", () => {
     const now = scale.value(Number(range.value));
+    box.takeBack(); // what was typed and refused holds no longer
     range.setAttribute("aria-valuetext", formatQuantity(now, field.unit));
     drag(now);
   });
