@@ -71,7 +71,22 @@ def filled(other: inspect.Parameter, folder: Path) -> Any:
         return ss.Sawtooth(65.0, 5.0)
     if other.name == "fit":
         return SimpleNamespace(observed="position")
+    # What says whether positions are in m or in rad.
+    if other.name in OF_UNITS:
+        return OF_UNITS[other.name]()
     return 1.0 if of_numbers(other) else str(folder / "x")
+
+
+KANG = ss.load_actuator("kang2007")
+OF_UNITS: dict[str, Callable[[], Any]] = {
+    "model": lambda: KANG,
+    "source": lambda: KANG,
+    "recording": walk,
+    "table": lambda: SimpleNamespace(unit="m"),
+    "rig": lambda: ss.rig.VirtualRig(KANG, ss.rig.load_bench("kang2007-bench")),
+    "channels": lambda: {"end_effector_position": ss.rig.Channel("interferometer")},
+    "limits": ss.rig.Limits,
+}
 
 
 @pytest.mark.parametrize(("call", "parameter"), list(quantities()))

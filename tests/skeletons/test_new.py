@@ -154,7 +154,7 @@ def test_recordings_of_an_angle(tmp_path: Path) -> None:
     assert to_si(said["change"]["gain"], "rad/V") == pytest.approx(model.gain / 0.012, rel=0.01)
     mass = to_si(said["change"]["end_effector_mass"], "kg m^2")
     assert mass == pytest.approx(0.1 * 0.012**2, rel=0.02)
-    start = changed(tmp_path, said["model"], said["change"], said["friction"], turns=True)
+    start = changed(tmp_path, said["model"], said["change"], said["friction"])
     assert start.friction.sigma_0 == pytest.approx(1e6 * 0.012**2, rel=0.02)
     assert start.friction.coulomb_force == pytest.approx(0.8 * 0.012, rel=0.02)
     refused = run("new", "actuator", tmp_path / "step.csv", "--out", tmp_path / "own.toml")

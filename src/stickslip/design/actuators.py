@@ -22,7 +22,7 @@ from .scenarios import Conditions, Scenario, Uncertainty, conditions_of, own
 from .search import SHORTFALL, Index, Judge, Task, robust
 from .searched import Searched
 from .space import Space, built, check_conditions, space_of
-from .waveforms import check_counts, check_model, least_speed
+from .waveforms import check_counts, check_model, check_moves
 
 # Of a candidate: rise, frequency and swing of its sawtooth come first.
 DRIVE = 3
@@ -71,21 +71,27 @@ def optimise_actuator(
         QuantityError: as for `optimise_waveform`; an unknown name or no range in `free`; a holding force that
             the ranges do not allow.
     """
-    low, high = optional_si(min_voltage, "V", "min_voltage"), optional_si(max_voltage, "V", "max_voltage")
-    hertz, aim = frequencies(frequency), goal_of(goal)
     models = dict(model) if isinstance(model, Mapping) else {"": model}
-    check_counts(budget=budget, draws=draws)
     if not models:
         raise QuantityError("model = {} has no actuator to choose from")
-    if len(models) > 1 and uncertainty is not None:
-        raise QuantityError("uncertainty is that of one actuator: give one model, or scenarios")
     for one in models.values():
         check_model(one)
-    if len({one.rotary for one in models.values()}) > 1:
+    first, *others = models.values()
+    if any(one.rotary != first.rotary for one in others):
         raise QuantityError("model: some turn (rotary = true) and some slide: search each kind alone")
+    speed = optional_si(minimum_speed, unit_for(first, "m/s"), "minimum_speed") or 0.0
+    hold = optional_si(holding_force, unit_for(first, "N"), "holding_force") or 0.0
+    low, high = optional_si(min_voltage, "V", "min_voltage"), optional_si(max_voltage, "V", "max_voltage")
+    hertz, aim = frequencies(frequency), goal_of(goal)
+    check_counts(budget=budget, draws=draws)
+    if others and uncertainty is not None:
+        raise QuantityError("uncertainty is that of one actuator: give one model, or scenarios")
+    check_moves(first, aim, speed)
     searches = []
     for name, one in models.items():
-        speed, hold = least_speed(one, aim, minimum_speed), _holding(one, holding_force)
+        if hold and "coulomb_force" not in free_names(one):
+            unit, law = unit_for(one, "N"), type(one.friction).__name__
+            raise QuantityError(f"holding_force [{unit}]: {law} has no coulomb_force")
         space = space_of(one, free)
         conditions = conditions_of(one, scenarios, uncertainty, draws, seed)
         check_conditions(space, conditions)
@@ -101,15 +107,6 @@ def optimise_actuator(
             )
         )
     return OptimisedActuator.of(found, aim)
-
-
-def _holding(model: Actuator, given: float | str | None) -> float:
-    """N; raises QuantityError where the law has no Coulomb force to hold it."""
-    unit = unit_for(model, "N")
-    hold = optional_si(given, unit, "holding_force") or 0.0
-    if hold and "coulomb_force" not in free_names(model):
-        raise QuantityError(f"holding_force [{unit}]: {type(model.friction).__name__} has no coulomb_force")
-    return hold
 
 
 def _of(limits: Any, name: str, models: Mapping[str, Actuator]) -> Limits | None:

@@ -77,14 +77,15 @@ def optimise_waveform(
         QuantityError: no goal, limits that exclude every drive, an unknown name in a scenario or in the
             uncertainty, a model or a number that will not do, or no drive with a steady motion.
     """
+    model, uncertainty = _model_of(model, uncertainty)
+    speed = optional_si(minimum_speed, unit_for(model, "m/s"), "minimum_speed") or 0.0
     low, high = optional_si(min_voltage, "V", "min_voltage"), optional_si(max_voltage, "V", "max_voltage")
     share, hertz = to_si(quantile, "", "quantile"), frequencies(frequency)
     aim = goal_of(goal)
-    model, uncertainty = _model_of(model, uncertainty)
     check_counts(knots=knots, draws=draws, budget=budget)
     if not 0.0 <= share < 1.0:
         raise QuantityError(f"quantile = {share:g} is out of range: it must be >= 0 (the worst) and < 1")
-    speed = least_speed(model, aim, minimum_speed)
+    check_moves(model, aim, speed)
     within_limits = allowed(model, low, high, limits, hertz, generator)
     conditions = conditions_of(model, scenarios, uncertainty, draws, seed)
     searched = Searched(model, aim, within_limits, conditions, speed, share, threads)
@@ -113,15 +114,13 @@ def check_model(model: Any) -> None:
         raise QuantityError("a clamped end-effector does not step: give a model with clamped=False")
 
 
-def least_speed(model: Actuator, goal: Any, given: float | str | None) -> float:
-    """m/s; raises QuantityError for a goal that asks for no motion, without one."""
-    unit = unit_for(model, "m/s")
-    speed = optional_si(given, unit, "minimum_speed") or 0.0
+def check_moves(model: Actuator, goal: Any, speed: float) -> None:
+    """Raises QuantityError for a goal that asks for no motion, without a least speed."""
     if not goal.moves and not speed > 0.0:
+        unit = unit_for(model, "m/s")
         raise QuantityError(
             f"minimum_speed [{unit}] is needed: with the least {goal.label} alone, nothing would move"
         )
-    return speed
 
 
 def check_counts(**given: int) -> None:
