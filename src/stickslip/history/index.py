@@ -17,7 +17,7 @@ from ..recording.replacing import BIN, to_bin
 from .acts import present_names, read_acts
 from .describing import NOTES, RECORDINGS, described, described_fit, described_set
 
-VERSION = 2
+VERSION = 3
 COLUMNS = (
     "name", "kind", "changed", "bytes", "begun", "title", "notes", "tags", "operator", "rig", "parameter_set",
     "outcome", "seconds", "samples", "channels", "settings", "links", "problem",
@@ -184,15 +184,16 @@ class Index:
 
     def _row(self, name: str) -> dict[str, Any]:
         path = self.folder / name
+        kind = "fit" if path.is_dir() else "parameters" if path.suffix == ".toml" else "recording"
         try:
-            if path.is_dir():
-                return {"kind": "fit", **described_fit(path)}
-            if path.suffix == ".toml":
-                return {"kind": "parameters", **described_set(path)}
-            return {"kind": "recording", **self._read(path, described)}
+            if kind == "fit":
+                return {"kind": kind, **described_fit(path)}
+            if kind == "parameters":
+                return {"kind": kind, **described_set(path)}
+            return {"kind": kind, **self._read(path, described)}
         except (RecordingError, OSError, ValueError, LookupError, AttributeError) as error:
-            problem = " ".join(str(error).removeprefix(f"{path}: ").split())
-            row: dict[str, Any] = {"kind": "fit" if path.is_dir() else "recording", "problem": problem}
+            said = str(error).removeprefix(f"{path}: ").replace(str(path), path.name)
+            row: dict[str, Any] = {"kind": kind, "problem": " ".join(said.split())}
             return {**row, "bytes": 0} if isinstance(error, ReaderBusy) else row  # which is tried again
 
     def _files(self) -> Iterator[tuple[str, tuple[float, int]]]:

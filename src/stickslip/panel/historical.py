@@ -101,21 +101,12 @@ def history_routes(folder: Folder, hub: Hub, control: Control, read: Reader) -> 
 
         return shared((words, *where.items()), found)
 
-    def told(row: dict[str, Any]) -> dict[str, Any]:
-        """What cannot be read, by its name; the index calls all such files recordings."""
-        if not row["problem"]:
-            return row
-        kind = "parameters" if row["name"].endswith(".toml") else row["kind"]
-        return {**row, "kind": kind, "problem": _by_name(row["problem"], folder.root / row["name"], folder)}
-
     def whole() -> list[dict[str, Any]]:
-        return [_parsed(told(one)) for one in rows()]
+        return [_parsed(one) for one in rows()]
 
     @routes.get("")
     def listed(search: str = "", kind: str = "", outcome: str = "") -> dict[str, Any]:
-        found = [told(one) for one in rows(search, outcome="" if outcome == "bad" else outcome)]
-        if kind:
-            found = [one for one in found if one["kind"] == kind]
+        found = rows(search, kind=kind, outcome="" if outcome == "bad" else outcome)
         if outcome == "bad":
             found = [one for one in found if one["problem"] or one["outcome"] not in ("complete", "")]
         few = [{k: v for k, v in one.items() if k not in _LEFT_OUT} for one in found[:MOST_ROWS]]
