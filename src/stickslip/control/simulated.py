@@ -117,6 +117,8 @@ def simulate_control(
 
 def _volts(said: Any, tick: int) -> float:
     """What a controller returned, V; raises QuantityError for what is no number."""
+    if isinstance(said, float):  # at nearly every tick
+        return said
     field = f"what the controller returned at tick {tick}"
     if isinstance(said, str):  # a controller computes: "5 V" is a mistake here
         raise QuantityError(f"{field} = {said!r:.60} is not a number (expected V)")
