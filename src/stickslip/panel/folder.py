@@ -61,7 +61,7 @@ class Folder:
         found = Path(os.path.realpath(self.root.joinpath(*parts)))
         if not found.is_relative_to(self.root):
             raise FolderError(f"{name[:60]!r} leads out of the panel's folder")
-        if not found.is_file() and not found.is_dir() and found.exists():
+        if not _is_plain(found):
             raise FolderError(f"{name[:60]!r} is no plain file")
         return found
 
@@ -118,3 +118,12 @@ class Folder:
         """A message without the paths of this machine: those in the folder are named as inside it."""
         text = text.replace(f"{self.root}{os.sep}", "").replace(str(self.root), "the panel's folder")
         return _ABSOLUTE.sub(r"\1", text)
+
+
+def _is_plain(path: Path) -> bool:
+    """A file, a folder, or nothing yet: asked once, since another may make it between two questions."""
+    try:
+        mode = os.stat(path).st_mode
+    except OSError:
+        return True
+    return stat.S_ISREG(mode) or stat.S_ISDIR(mode)
