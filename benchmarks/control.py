@@ -28,7 +28,7 @@ from stickslip.control import (
     Notch,
     Pid,
     Regulator,
-    StepTable,
+    StepSizes,
     Tuning,
     settling,
 )
@@ -43,7 +43,7 @@ OUT = Path(__file__).parents[1] / "docs" / "benchmarks" / "control.md"
 class Plain:
     """Full steps until less than half of one is missing; then nothing."""
 
-    def __init__(self, table: StepTable) -> None:
+    def __init__(self, table: StepSizes) -> None:
         self._step = float(np.interp(WALK.amplitude, table.voltages, table.forward))
         self._period, self._until = round(RATE / WALK.frequency), math.inf
         self.steps, self.done, self._walking = 0, False, True
@@ -64,7 +64,7 @@ class Published:
     """As a maker's manual describes its controller: fast steps, then slow single ones, then linear with PID
     and notch, the loop closed in this last phase only. It prints no gains: here a crossover of 20 Hz."""
 
-    def __init__(self, table: StepTable, model: Actuator) -> None:
+    def __init__(self, table: StepSizes, model: Actuator) -> None:
         self._fast, self._table = Plain(table), table
         self._slow_period, self._begun = round(RATE / 10.0), 0
         self._regulator = Regulator(
@@ -136,7 +136,7 @@ def run(model: Actuator, controller: Any, goal: float, seed: int, most: float) -
     return Result(found.times, found.overshoot, found.rms, current, energy, controller.steps)
 
 
-def controllers(table: StepTable, tuning: Tuning, base: Actuator) -> dict[str, Any]:
+def controllers(table: StepSizes, tuning: Tuning, base: Actuator) -> dict[str, Any]:
     """By what to call them."""
     return {
         "plain stepping": Plain(table),

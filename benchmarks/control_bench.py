@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from stickslip.actuator import Actuator, load_actuator
-from stickslip.control import Regulator, Requirement, StepTable, Tuning, Walk, tune
+from stickslip.control import Regulator, Requirement, Stepping, StepSizes, Tuning, tune
 from stickslip.electronics import Interferometer
 from stickslip.rig import Bench, Limits, load_bench
 from stickslip.rig.bench import Mounted
 
 SET, RATE, TOP = "kang2007-hysteresis", 20e3, 95.0
-WALK = Walk(amplitude=65.0, frequency=100.0, tolerance=10e-9)
+WALK = Stepping(amplitude=65.0, frequency=100.0, tolerance=10e-9)
 # Relative standard deviations of what is drawn.
 SPREAD = {"gain": 0.03, "natural_frequency": 0.05, "damping_ratio": 0.1, "end_effector_mass": 0.03}
 OF_FRICTION = {"sigma_0": 0.1, "sigma_1": 0.2, "coulomb_force": 0.1}
@@ -59,8 +59,8 @@ def ours(tuning: Tuning) -> Regulator:
     return tuning.regulator(RATE, max_voltage=TOP, lead=tuning.lag)
 
 
-def loop() -> tuple[Actuator, Tuning, StepTable]:
+def loop() -> tuple[Actuator, Tuning, StepSizes]:
     """The set, the loop that is tuned on it and its corners, and its steps."""
     base = load_actuator(SET)
     tuning = tune(base, RATE, Requirement(), posterior=corners(base), delay=2)
-    return base, tuning, StepTable.of_model(base.replace(piezo=None), WALK.frequency, TOP)
+    return base, tuning, StepSizes.of_model(base.replace(piezo=None), WALK.frequency, TOP)

@@ -140,9 +140,9 @@ def page(version: str, rows: list[Row]) -> str:
         lines.append(f"| {one.name} | {one.plant} | {times} | {over} | {update} |")
     lines += [
         "",
-        "The scan of 20 ms is the default of `Walk`; 10 ms lose nothing here. With everything known another",
-        "8 to 10 ms could be had, with overshoots of hundreds of nanometres, for nothing asks for none, and",
-        "with updates that take two hundred times the tick.",
+        "The scan of 20 ms is the default of `Stepping`; 10 ms lose nothing here. With everything known",
+        "another 8 to 10 ms could be had, with overshoots of hundreds of nanometres, for nothing asks for",
+        "none, and with updates that take two hundred times the tick.",
     ]
     return "\n".join([*lines, ""])
 

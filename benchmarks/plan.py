@@ -30,7 +30,7 @@ import stickslip as ss
 from stickslip.actuator import Actuator
 from stickslip.design import Plan
 from stickslip.estimate.problem import FitError
-from stickslip.identify import Walk
+from stickslip.identify import PlannedWalk
 from stickslip.recording import RecordingWarning
 from stickslip.rig import Capture, Channel, Limits, VirtualRig, measure
 from stickslip.waveform import Rest
@@ -103,7 +103,7 @@ def motions(actuator: Actuator, setup: Setup) -> list[xr.Dataset]:
     """What a sensor with nothing but a delay shows, without noise."""
     found = []
     for drive in setup.drives:
-        t = Walk(drive, setup.length + BEFORE, RATE, 1e-9).times
+        t = PlannedWalk(drive, setup.length + BEFORE, RATE, 1e-9).times
         late = np.append(0.0, np.maximum(t[1:] - DELAY, 1e-12))
         late = np.maximum.accumulate(late + 1e-13 * np.arange(t.size))
         x = ss.simulate(actuator, drive, times=late, tolerance=1e-11).end_effector_position.values

@@ -29,7 +29,7 @@ from distributed import Client
 
 import stickslip as ss
 from stickslip import _jit
-from stickslip.study import Grid, Random, Study, Walk, compare_studies
+from stickslip.study import Grid, Random, Study, WalksFromRest, compare_studies
 from stickslip.study.running import prepared
 from stickslip.study.store import Store
 
@@ -55,7 +55,7 @@ def cpu(who: int = resource.RUSAGE_SELF) -> float:
 def throughput(members: int = 1 << 18, task: int = 1 << 14) -> None:
     """A study on two processes and the bare ensemble in one, of the same members; CPU times, for other
     programs run too."""
-    study = Study(Random(RANGES, members), Walk(KANG, LONG), task=task)
+    study = Study(Random(RANGES, members), WalksFromRest(KANG, LONG), task=task)
     columns = study.columns({"member": slice(0, members)})
     study.computed(study.first_members())  # compiled, or read from the cache
     begun, wall = cpu(), time.perf_counter()
@@ -71,7 +71,7 @@ def throughput(members: int = 1 << 18, task: int = 1 << 14) -> None:
             progress=lambda doing, done: told.append(time.perf_counter()),
         )
         children, own = cpu(resource.RUSAGE_CHILDREN) - before[0], cpu() - before[1]
-        empty = Study(Random(RANGES, 4), Walk(KANG, LONG), task=2)
+        empty = Study(Random(RANGES, 4), WalksFromRest(KANG, LONG), task=2)
         start = cpu(resource.RUSAGE_CHILDREN)
         ss.run_study(empty, Path(folder, "empty.zarr"), workers=2)
         start = cpu(resource.RUSAGE_CHILDREN) - start
@@ -94,7 +94,7 @@ def overhead(tasks: int = 200) -> None:
     from stickslip.study.task import run_task
 
     task = 1 << 14
-    study = Study(Random(RANGES, tasks * task), Walk(KANG, LONG), task=task)
+    study = Study(Random(RANGES, tasks * task), WalksFromRest(KANG, LONG), task=task)
     place = {"member": slice(0, task)}
     study.computed(study.first_members())
     with tempfile.TemporaryDirectory() as folder:
@@ -126,7 +126,7 @@ def memory(members: int = 1 << 18, task: int = 1 << 14) -> None:
                 environment |= {"PYTHONPATH": str(Path(__file__).parents[1]), "STUDY_LOG": name}
                 code = _LOCAL.format(members=size, task=task, store=folder / "s.zarr")
                 if cache:  # a store that is there, as another machine finds it: who begins it has compiled
-                    begun = Study(Random(RANGES, size), Walk(KANG, SHORT), task=task)
+                    begun = Study(Random(RANGES, size), WalksFromRest(KANG, SHORT), task=task)
                     prepared(begun, folder / "s.zarr")
                 client = subprocess.Popen([sys.executable, "-c", code], env=environment)
                 most: dict[str, int] = {}
@@ -152,8 +152,8 @@ def look(name: str, most: dict[str, int]) -> None:
 _LOCAL = """
 import stickslip as ss
 from benchmarks.study import KANG, RANGES, SHORT
-from stickslip.study import Random, Study, Walk
-ss.run_study(Study(Random(RANGES, {members}), Walk(KANG, SHORT), task={task}), "{store}", workers=2)
+from stickslip.study import Random, Study, WalksFromRest
+ss.run_study(Study(Random(RANGES, {members}), WalksFromRest(KANG, SHORT), task={task}), "{store}", workers=2)
 """
 
 
@@ -240,7 +240,7 @@ def kills(members: int = 1 << 20, task: int = 2048, count: int = 50, pause: floa
         lines = [line.split() for line in log.read_text().splitlines()]
         times = Counter(first for size, first in lines if int(size) == task)
         os.environ |= {"STUDY_LOG": str(folder / "other"), "STUDY_PAUSE": "0"}
-        study = Study(Random(RANGES, members), Walk(KANG, SHORT), f"{__file__}:logged", task=task)
+        study = Study(Random(RANGES, members), WalksFromRest(KANG, SHORT), f"{__file__}:logged", task=task)
         ss.run_study(study, folder / "whole.zarr", workers=2)
         same = compare_studies(store, folder / "whole.zarr")
         bytewise = all(
@@ -260,8 +260,8 @@ import sys
 import stickslip as ss
 from stickslip import _jit
 from benchmarks.study import KANG, RANGES, SHORT
-from stickslip.study import Random, Study, Walk
-study = Study(Random(RANGES, {members}), Walk(KANG, SHORT), "{file}:logged", task={task})
+from stickslip.study import Random, Study, WalksFromRest
+study = Study(Random(RANGES, {members}), WalksFromRest(KANG, SHORT), "{file}:logged", task={task})
 ss.run_study(study, sys.argv[1], scheduler=sys.argv[2])
 """
 

@@ -21,7 +21,10 @@ def main(folder: Path) -> None:
     """Record, draw, write."""
     experiment = Path(str(resources.files("stickslip") / "examples" / "kang2007_experiment.yaml"))
     with tempfile.TemporaryDirectory() as out:
-        recorded = {one.cell.name: ss.open_recording(one.path) for one in ss.run_experiment(experiment, out)}
+        recorded = {
+            one.cell.name: ss.open_recording(one.path)
+            for one in ss.experiment.run_experiment(experiment, out)
+        }
     walks = {name: recorded[name] for name in ("sawtooth_5Hz_35V", "sawtooth_5Hz_75V")}
     figures = {
         "recording-walk": recordings_together({n: r.sel(time=slice(0.0, 4.2)) for n, r in walks.items()}),
@@ -36,12 +39,12 @@ def main(folder: Path) -> None:
 
 def slow_ramp():
     """The first milliseconds of a sawtooth, every sample of the rig, with nothing done to the sensors."""
-    rig = ss.VirtualRig(ss.load_actuator("kang2007"), ss.load_bench("kang2007-bench"), seed=3)
-    gauge = ss.Channel("strain_gauge", (ss.load_calibration("kang2007-strain-gauge"),))
-    channels = {"drive_voltage": ss.Channel("drive"), "piezo_elongation": gauge}
-    channels["inductive_sensor"] = ss.Channel("inductive")
-    capture = ss.Capture(length=0.12, interval=50e-6, pre_trigger=0.1)
-    return ss.measure(rig, ss.Sawtooth(65.0, 5.0), channels, capture, ss.Limits())
+    rig = ss.rig.VirtualRig(ss.load_actuator("kang2007"), ss.rig.load_bench("kang2007-bench"), seed=3)
+    gauge = ss.rig.Channel("strain_gauge", (ss.calibration.load_calibration("kang2007-strain-gauge"),))
+    channels = {"drive_voltage": ss.rig.Channel("drive"), "piezo_elongation": gauge}
+    channels["inductive_sensor"] = ss.rig.Channel("inductive")
+    capture = ss.rig.Capture(length=0.12, interval=50e-6, pre_trigger=0.1)
+    return ss.rig.measure(rig, ss.Sawtooth(65.0, 5.0), channels, capture, ss.rig.Limits())
 
 
 if __name__ == "__main__":

@@ -28,13 +28,31 @@ def test_the_top_level_is_small_and_the_rest_is_in_rooms() -> None:
         ("Sequence", "waveform"),
         ("FitError", "estimate"),
         ("Limits", "rig"),  # design has some too
-        ("Walk", "identify"),
+        ("PlannedWalk", "identify"),
         ("Requirement", "verification"),
     ],
 )
 def test_a_name_that_stood_at_the_top_says_where_it_is(name: str, room: str) -> None:
     with pytest.warns(DeprecationWarning, match=rf"stickslip\.{name} is stickslip\.{room}\.{name}"):
         assert getattr(ss, name) is getattr(getattr(ss, room), name)
+
+
+@pytest.mark.parametrize(
+    ("room", "former", "now"),
+    [
+        ("control", "StepTable", "StepSizes"),
+        ("control", "Walk", "Stepping"),
+        ("design", "Limits", "DriveLimits"),
+        ("identify", "Walk", "PlannedWalk"),
+        ("study", "Walk", "WalksFromRest"),
+    ],
+)
+def test_a_name_that_a_room_had_before_says_what_it_is(room: str, former: str, now: str) -> None:
+    module = getattr(ss, room)
+    with pytest.warns(DeprecationWarning, match=rf"stickslip\.{room}\.{former} is stickslip\.{room}\.{now}"):
+        assert getattr(module, former) is getattr(module, now)
+    with pytest.raises(AttributeError, match="Wal"):
+        _ = module.Wal
 
 
 def test_an_extra_that_is_missing_hides_nothing_else() -> None:

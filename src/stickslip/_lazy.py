@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Mapping
 from typing import Any
+from warnings import warn
 
 import lazy_loader
 
 
-def attach(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
-    """`__getattr__`, `__dir__` and `__all__` of a package; what an extra lacks is named with its extra."""
+def attach(
+    package: str, file: str, former: Mapping[str, str] | None = None
+) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
+    """`__getattr__`, `__dir__` and `__all__` of a package; what an extra lacks is named with its extra.
+    `former` names are as of `renamed`."""
     imported, names, listed = lazy_loader.attach_stub(package, file)
 
     def found(name: str) -> Any:
+        if former and name in former:
+            return renamed(package, former)(name)
         try:
             return imported(name)
         except ModuleNotFoundError as missing:
@@ -23,3 +30,15 @@ def attach(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], 
             raise ModuleNotFoundError(f'{needs}: pip install "stickslip[all]"', name=lacking) from None
 
     return found, names, listed
+
+
+def renamed(package: str, former: Mapping[str, str]) -> Callable[[str], Any]:
+    """`__getattr__` of a package for names that it had before; to be removed with 0.2."""
+
+    def found(name: str) -> Any:
+        if name not in former:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        warn(f"{package}.{name} is {package}.{former[name]}", DeprecationWarning, stacklevel=3)
+        return getattr(sys.modules[package], former[name])
+
+    return found

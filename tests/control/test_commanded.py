@@ -9,7 +9,16 @@ import pytest
 import xarray as xr
 
 from stickslip.actuator import load_actuator
-from stickslip.control import Commanded, Pid, Regulator, StepTable, Walk, commanded, simulate_control, tune
+from stickslip.control import (
+    Commanded,
+    Pid,
+    Regulator,
+    Stepping,
+    StepSizes,
+    commanded,
+    simulate_control,
+    tune,
+)
 from stickslip.control.commanded import WORDS
 from stickslip.control.tuning import sampled_loop, step_response
 from stickslip.simulation import steady_step
@@ -52,8 +61,8 @@ def regulator() -> Regulator:
 
 @pytest.fixture(scope="module")
 def spec(regulator: Regulator):
-    table = StepTable.of_model(KANG, "100 Hz", "100 V")
-    return commanded(Walk(), table, regulator, KANG.gain, 1e-6)
+    table = StepSizes.of_model(KANG, "100 Hz", "100 V")
+    return commanded(Stepping(), table, regulator, KANG.gain, 1e-6)
 
 
 @pytest.fixture(scope="module")

@@ -8,18 +8,18 @@ from benchmarks.control_bench import SET, WALK, drawn
 from benchmarks.control_steps import Series, equal_steps, open_loop
 
 from stickslip.actuator import load_actuator
-from stickslip.control import Steps, StepTable
+from stickslip.control import Steps, StepSizes
 
 BASE = load_actuator(SET)
 
 
 @pytest.fixture(scope="module")
-def table() -> StepTable:
-    return StepTable.of_model(BASE.replace(piezo=None), WALK.frequency, "100 V")
+def table() -> StepSizes:
+    return StepSizes.of_model(BASE.replace(piezo=None), WALK.frequency, "100 V")
 
 
 @pytest.mark.parametrize("load", [-0.03, 0.03])
-def test_both_ways_are_equal_on_an_actuator_that_is_not_the_models(table: StepTable, load: float) -> None:
+def test_both_ways_are_equal_on_an_actuator_that_is_not_the_models(table: StepSizes, load: float) -> None:
     """Drawn, with a load: 65 V each way give steps that differ by more than 5 %; the last of three series of
     ten by less than 1 %, and both are what was asked for."""
     random = np.random.default_rng(3)
@@ -31,7 +31,7 @@ def test_both_ways_are_equal_on_an_actuator_that_is_not_the_models(table: StepTa
     assert learnt[-1] == pytest.approx((2e-6, 2e-6), rel=0.01)
 
 
-def test_series_go_by_turns(table: StepTable) -> None:
+def test_series_go_by_turns(table: StepSizes) -> None:
     """A contact that never slips, so that each step ends where it began."""
     made = Series(Steps(table), 2e-6, 3)
     volts = [made.step(0.0, 0.0, tick) for tick in range(2 * (3 * 200 + 600))]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stickslip.actuator import load_actuator
-from stickslip.control import Mover, PiezoInverse, StepTable, Walk, settling, simulate_control, tune
+from stickslip.control import Mover, PiezoInverse, Stepping, StepSizes, settling, simulate_control, tune
 from stickslip.simulation import Motion
 from stickslip.units import QuantityError
 from stickslip.waveform import Sampled
@@ -68,11 +68,11 @@ def test_it_goes_along_with_other_voltages() -> None:
 
 def test_a_hold_after_steps_with_it_does_not_creep() -> None:
     """The same move with a feedforward by the gain: there the loop is always behind the creep."""
-    tuning, table = tune(BENT, RATE), StepTable.of_model(BENT.replace(piezo=None), "100 Hz", "100 V")
+    tuning, table = tune(BENT, RATE), StepSizes.of_model(BENT.replace(piezo=None), "100 Hz", "100 V")
     left = {}
     for name, own in (("inverse", {"feedforward": PiezoInverse(BENT, RATE)}), ("gain", {})):
         regulator = tuning.regulator(RATE, max_voltage=100.0, lead=tuning.lag, **own)
-        made = Mover(Walk(), table, regulator, BENT.gain, hold=0.1)
+        made = Mover(Stepping(), table, regulator, BENT.gain, hold=0.1)
         left[name] = settling(simulate_control(BENT, made, 40e-6, 1.0, rate=RATE), 40e-6, hold=0.09).rms
         assert made.done
     assert left["inverse"] < 0.3 * left["gain"] < 0.3e-9

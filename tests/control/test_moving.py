@@ -10,9 +10,9 @@ from stickslip.control import (
     MoveError,
     Mover,
     NoiseShaped,
+    Stepping,
     Steps,
-    StepTable,
-    Walk,
+    StepSizes,
     settling,
     simulate_control,
     tune,
@@ -35,15 +35,15 @@ def tuning():
 
 
 @pytest.fixture(scope="module")
-def table() -> StepTable:
-    return StepTable.of_model(KANG, "100 Hz", "100 V")
+def table() -> StepSizes:
+    return StepSizes.of_model(KANG, "100 Hz", "100 V")
 
 
-def mover(tuning, table: StepTable, walk: Walk | None = None, hold: float = 0.05) -> Mover:
-    return Mover(walk or Walk(), table, tuning.regulator(RATE, max_voltage=100.0), KANG.gain, hold=hold)
+def mover(tuning, table: StepSizes, walk: Stepping | None = None, hold: float = 0.05) -> Mover:
+    return Mover(walk or Stepping(), table, tuning.regulator(RATE, max_voltage=100.0), KANG.gain, hold=hold)
 
 
-def test_a_table_has_the_steps_of_the_model_and_reads_backwards(table: StepTable) -> None:
+def test_a_table_has_the_steps_of_the_model_and_reads_backwards(table: StepSizes) -> None:
     """A step of the mover's: a ramp over 8 of 10 ms, then back within a microsecond, simulated."""
     step = Sampled([0.0, 8e-3, 8.001e-3, 10e-3], [0.0, table.voltages[9], 0.0, 0.0])
     run = simulate(KANG, Sequence(*[(step, 10e-3)] * 6), 60e-3, sample_rate=1e3)
@@ -58,7 +58,7 @@ def test_a_table_has_the_steps_of_the_model_and_reads_backwards(table: StepTable
     assert steps.voltage_for(1.0, 1) == 100.0
 
 
-def test_what_is_learnt_equals_both_directions(table: StepTable) -> None:
+def test_what_is_learnt_equals_both_directions(table: StepSizes) -> None:
     """The truth is 20 % longer forward and 10 % shorter backward, with a scatter of 5 %; forward and backward
     steps asked for as equal then are, to 1 %."""
     steps, random = Steps(table, 0.01), np.random.default_rng(0)
@@ -75,7 +75,7 @@ def test_what_is_learnt_equals_both_directions(table: StepTable) -> None:
 
 
 @pytest.mark.parametrize("goal", [30e-6, -30e-6, 4e-6])
-def test_a_move_lands_within_nanometres(tuning, table: StepTable, goal: float) -> None:
+def test_a_move_lands_within_nanometres(tuning, table: StepSizes, goal: float) -> None:
     made = mover(tuning, table)
     found = simulate_control(KANG, made, goal, 1.0, rate=RATE, noise="1 nm", seed=1)
     assert made.done
@@ -100,7 +100,7 @@ def test_a_move_lands_within_nanometres(tuning, table: StepTable, goal: float) -
         assert made.steps == pytest.approx(way / 3.7e-6, abs=1.5)
 
 
-def test_on_the_rig_it_holds_finer_than_the_converter(tuning, table: StepTable) -> None:
+def test_on_the_rig_it_holds_finer_than_the_converter(tuning, table: StepSizes) -> None:
     """One step of the converter is 8 nm; the interferometer's noise is 0.2 nm."""
     rig = VirtualRig(KANG, BENCH, seed=1)
     made = mover(tuning, table, hold=0.2)
@@ -117,7 +117,7 @@ def test_on_the_rig_it_holds_finer_than_the_converter(tuning, table: StepTable) 
     assert again.steps == 0
 
 
-def test_a_target_that_moves_is_followed(tuning, table: StepTable) -> None:
+def test_a_target_that_moves_is_followed(tuning, table: StepSizes) -> None:
     """From 20 um on by 1 um in 0.2 s, sticking."""
     made = mover(tuning, table, hold=np.inf)
     ramp = Sampled([0.0, 0.3, 0.5, 0.7], [20e-6, 20e-6, 21e-6, 21e-6], unit="m")
@@ -129,7 +129,7 @@ def test_a_target_that_moves_is_followed(tuning, table: StepTable) -> None:
     assert np.abs(off).max() < 20e-9
 
 
-def test_a_move_that_gets_nowhere_is_given_up(tuning, table: StepTable) -> None:
+def test_a_move_that_gets_nowhere_is_given_up(tuning, table: StepSizes) -> None:
     stuck = mover(tuning, table)
 
     def push() -> None:
@@ -146,21 +146,21 @@ def test_a_move_that_gets_nowhere_is_given_up(tuning, table: StepTable) -> None:
         )
 
 
-def test_what_a_walk_cannot_be(tuning, table: StepTable) -> None:
+def test_what_a_walk_cannot_be(tuning, table: StepSizes) -> None:
     with pytest.raises(QuantityError, match="amplitude = 120 V"):
-        mover(tuning, table, Walk(amplitude=120.0))
+        mover(tuning, table, Stepping(amplitude=120.0))
     with pytest.raises(QuantityError, match="4 ticks a step"):
-        mover(tuning, table, Walk(frequency="5 kHz"))
+        mover(tuning, table, Stepping(frequency="5 kHz"))
     for gain in (0.0, -KANG.gain, np.nan, np.inf):
         with pytest.raises(QuantityError, match=rf"Mover\.gain = {gain:.12g} m/V .* must be > 0 m/V"):
-            Mover(Walk(), table, tuning.regulator(RATE), gain)
+            Mover(Stepping(), table, tuning.regulator(RATE), gain)
     for hold in (-1.0, np.nan):
         with pytest.raises(QuantityError, match=rf"Mover\.hold = {hold:g} s .* must be >= 0 s"):
             mover(tuning, table, hold=hold)
     with pytest.raises(QuantityError, match="must ascend"):
-        StepTable((2.0, 1.0), (1e-6, 2e-6), (1e-6, 2e-6))
+        StepSizes((2.0, 1.0), (1e-6, 2e-6), (1e-6, 2e-6))
     with pytest.raises(QuantityError, match="does not walk forward"):
-        StepTable.of_model(KANG.replace(external_force=-0.4), "100 Hz", "100 V")
+        StepSizes.of_model(KANG.replace(external_force=-0.4), "100 Hz", "100 V")
 
 
 def test_settling_is_for_good_and_told_over_a_ladder() -> None:
@@ -175,7 +175,7 @@ def test_settling_is_for_good_and_told_over_a_ladder() -> None:
 
 
 def test_a_table_between_its_points_at_them_and_beyond() -> None:
-    steps = Steps(StepTable((10.0, 30.0, 60.0), (0.3e-6, 1.6e-6, 4.0e-6), (0.4e-6, 1.9e-6, 4.6e-6)))
+    steps = Steps(StepSizes((10.0, 30.0, 60.0), (0.3e-6, 1.6e-6, 4.0e-6), (0.4e-6, 1.9e-6, 4.6e-6)))
     volts = np.array([-5.0, 0.0, 4.0, 10.0, 22.0, 30.0, 51.0, 60.0, 70.0])
     for direction, sizes in ((1, (0.0, 0.3e-6, 1.6e-6, 4.0e-6)), (-1, (0.0, 0.4e-6, 1.9e-6, 4.6e-6))):
         found = [steps.size(one, direction) for one in volts.tolist()]

@@ -21,8 +21,8 @@ from stickslip.control import (
     PiezoInverse,
     Regulator,
     Slip,
-    StepTable,
-    Walk,
+    Stepping,
+    StepSizes,
     export_mover,
     export_regulator,
 )
@@ -134,12 +134,12 @@ class Slider:
 
 
 GAIN = 0.1e-6
-TABLE = StepTable((10.0, 30.0, 60.0), (0.3e-6, 1.6e-6, 4.1e-6), (0.4e-6, 1.9e-6, 4.6e-6))
+TABLE = StepSizes((10.0, 30.0, 60.0), (0.3e-6, 1.6e-6, 4.1e-6), (0.4e-6, 1.9e-6, 4.6e-6))
 
 
 def made_mover(amplitude: float = 60.0, edge: float = 0.0) -> Mover:
     loop = Regulator(Pid("500 V/(um*s)"), RATE, notches=(Notch("1 kHz"),), feedforward="10 V/um")
-    return Mover(Walk(amplitude, "400 Hz"), TABLE, loop, GAIN, hold=0.02, slip=Slip(edge))
+    return Mover(Stepping(amplitude, "400 Hz"), TABLE, loop, GAIN, hold=0.02, slip=Slip(edge))
 
 
 def driven(

@@ -17,8 +17,8 @@ from stickslip.control import (
     Regulator,
     Shaper,
     Shaping,
-    StepTable,
-    Walk,
+    Stepping,
+    StepSizes,
     simulate_control,
 )
 from stickslip.rig import Controller
@@ -66,7 +66,7 @@ def test_positions_count_from_where_it_rests() -> None:
 
 
 MADE = Regulator(Pid(1e7), 20e3)
-TABLE = StepTable((30.0, 65.0), (1e-6, 3e-6), (1e-6, 3e-6))
+TABLE = StepSizes((30.0, 65.0), (1e-6, 3e-6), (1e-6, 3e-6))
 
 
 class Holding(Ramp):
@@ -80,8 +80,8 @@ class Holding(Ramp):
     ("controller", "who"),
     [
         (MADE, "Regulator"),
-        (Mover(Walk(), TABLE, MADE, KANG.gain), "Regulator"),
-        (NoiseShaped(Mover(Walk(), TABLE, MADE, KANG.gain), 0.01), "Regulator"),
+        (Mover(Stepping(), TABLE, MADE, KANG.gain), "Regulator"),
+        (NoiseShaped(Mover(Stepping(), TABLE, MADE, KANG.gain), 0.01), "Regulator"),
         (Learnt(MADE, 200), "Regulator"),
         (Shaping(Ramp(), Shaper(500.0), 20e3), "Shaping"),
         (Shaping(MADE, Shaper(500.0), 2e3), "Regulator"),

@@ -10,7 +10,7 @@ import xarray as xr
 
 import stickslip as ss
 from stickslip import design
-from stickslip.design import Generator, Limits, Scenario
+from stickslip.design import DriveLimits, Generator, Scenario
 from stickslip.design.front import selected, unbeaten
 from stickslip.design.moving import Moved
 from stickslip.design.scenarios import conditions_of
@@ -196,7 +196,7 @@ def test_a_step_of_a_given_size():
 def test_on_the_virtual_rig_with_its_electronics():
     """Converter, amplifier and the current into the piezo: within 2 %; measured: 0.002 %."""
     bench = load_bench("kang2007-bench")
-    limits = Limits.of_amplifier(bench.amplifier, bench.piezo_capacitance)
+    limits = DriveLimits.of_amplifier(bench.amplifier, bench.piezo_capacitance)
     found = ss.optimise_waveform(
         KANG,
         goal="speed",

@@ -20,7 +20,7 @@ from stickslip.design.information import Space, covariance, seen
 from stickslip.estimate.coloured import Coloured
 from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.tied import Ties
-from stickslip.identify import Walk
+from stickslip.identify import PlannedWalk
 from stickslip.input_file import load_yaml
 from stickslip.rig import Limits
 from stickslip.simulation import steady_step_derivatives
@@ -76,7 +76,7 @@ def recorded(plan: Plan, count: int) -> Iterator[tuple[list[xr.Dataset], list[An
 def test_information_is_that_of_differences() -> None:
     names = ["sigma_0", "sigma_1", "coulomb_force", "natural_frequency", "damping_ratio", "gain"]
     model = ACTUATOR.replace(end_effector_mass=0.08)
-    walk = Walk(FEW["faster"], 0.2, RATE, NOISE, repeats=3)
+    walk = PlannedWalk(FEW["faster"], 0.2, RATE, NOISE, repeats=3)
     t = walk.times
     columns = []
     for name in names:
@@ -264,7 +264,7 @@ def test_fit_brings_its_noise_rate_and_values() -> None:
 def test_tied_values_move_together() -> None:
     """sigma_1 = c sqrt(sigma_0): the plan for sigma_0 alone then is that along both."""
     drive, names = FEW["fast"], ["sigma_0", "sigma_1"]
-    walk = Walk(drive, 0.4, RATE, NOISE)
+    walk = PlannedWalk(drive, 0.4, RATE, NOISE)
     both = seen(ACTUATOR, walk, "one", space(ACTUATOR, names), ss.chain.Chain(), None).normal
     free = Parameter("sigma_0", 1.399e6, 0.0)
     follows = Parameter("sigma_1", tied=f"{34.9 / math.sqrt(1.399e6)!r} * sqrt(sigma_0)", unit="")
@@ -307,7 +307,7 @@ def test_a_free_drive_tells_more_and_comes_back(tmp_path: Path) -> None:
 def test_a_free_drive_is_searched_for_at_draws_too(monkeypatch: pytest.MonkeyPatch) -> None:
     tried: list[tuple[str, float]] = []
 
-    def noted(model: ss.Actuator, walk: Walk, name: str, *more: Any) -> Any:
+    def noted(model: ss.Actuator, walk: PlannedWalk, name: str, *more: Any) -> Any:
         tried.append((name, model.friction.sigma_0))
         return seen(model, walk, name, *more)
 
@@ -379,7 +379,7 @@ def test_refusals_name_what_is_wrong(how: dict[str, Any], said: str) -> None:
 def test_zeros_of_recordings_are_one_more_error() -> None:
     """Against the matrix of the noise: each recording is moved by the mean of its 200 samples at rest."""
     names = ["sigma_0", "coulomb_force"]
-    walk, of = Walk(FEW["fast"], 0.2, RATE, NOISE), space(ACTUATOR, names)
+    walk, of = PlannedWalk(FEW["fast"], 0.2, RATE, NOISE), space(ACTUATOR, names)
     by = walk.motion(ACTUATOR, "one").slopes(ACTUATOR, 0.0, names)
     j = np.column_stack([by, np.ones(len(by))]) * [p.slope(p.start) for p in of.parameters]
     at_rest = 200

@@ -12,7 +12,7 @@ from benchmarks.design import KNOTS, TOP, member, outside
 
 import stickslip as ss
 from stickslip import design
-from stickslip.design import Generator, Limits, Scenario, Speed, limits
+from stickslip.design import DriveLimits, Generator, Scenario, Speed, limits
 from stickslip.design.polygons import knots
 from stickslip.design.scenarios import conditions_of
 from stickslip.design.search import Judge, Task, robust
@@ -163,7 +163,10 @@ def test_no_condition_is_worse_than_with_the_sawtooth():
 
 
 def test_limits_hold_at_every_sample():
-    of_amplifier, generator = Limits(current="0.2 A", capacitance="1.4 uF"), Generator("20 kHz", 200, "0.5 V")
+    of_amplifier, generator = (
+        DriveLimits(current="0.2 A", capacitance="1.4 uF"),
+        Generator("20 kHz", 200, "0.5 V"),
+    )
     found = ss.optimise_waveform(
         KANG,
         goal="speed",
@@ -205,7 +208,7 @@ def test_limits_hold_at_every_sample():
         ({"generator": Generator("1 kHz", 100), "frequency": (400.0, 900.0)}, "excluded by the generator"),
         ({"generator": Generator("20 kHz", 100, "150 V")}, "less than two voltages"),
         (
-            {"generator": Generator("20 kHz", 100, "1 V"), "limits": Limits(slew_rate="10 V/ms")},
+            {"generator": Generator("20 kHz", 100, "1 V"), "limits": DriveLimits(slew_rate="10 V/ms")},
             "excludes every drive",
         ),
         ({"scenarios": [Scenario(mass=3.0)]}, "'mass' is unknown"),
@@ -228,6 +231,6 @@ def test_other_models_are_refused():
     with pytest.raises(ss.units.QuantityError, match="says what differs"):
         Scenario("nothing")
     with pytest.raises(ss.units.QuantityError, match="capacitance"):
-        Limits(current="1 A")
+        DriveLimits(current="1 A")
     with pytest.raises(ss.units.QuantityError, match="interpolation"):
         Generator("1 kHz", interpolation="cubic")

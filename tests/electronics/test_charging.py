@@ -7,7 +7,7 @@ import math
 import pytest
 from scipy.integrate import quad
 
-from stickslip.electronics.charging import Limits, _mean_square, _until_as_fast
+from stickslip.electronics.charging import ChargingLimits, _mean_square, _until_as_fast
 
 FARAD = 2e-6
 
@@ -17,7 +17,7 @@ FARAD = 2e-6
 def test_mean_square(memory: float, slope: float) -> None:
     """With time constants that meet (tau = memory, tau = 2 memory), and that do not."""
     tau, bend, before, t = 1e-4, 7.0, 0.02, 1.7e-4
-    of = Limits(tau, math.inf, math.inf, 1.0, memory, FARAD)
+    of = ChargingLimits(tau, math.inf, math.inf, 1.0, memory, FARAD)
 
     def integrand(s: float) -> float:
         current = FARAD * (slope + bend / tau * math.exp(-s / tau))
@@ -28,7 +28,7 @@ def test_mean_square(memory: float, slope: float) -> None:
 
 
 def test_mean_square_of_a_line() -> None:
-    of = Limits(0.0, math.inf, math.inf, 1.0, 1e-3, FARAD)
+    of = ChargingLimits(0.0, math.inf, math.inf, 1.0, 1e-3, FARAD)
     expected = 0.02 * math.exp(-0.5) + (FARAD * 3e4) ** 2 * (1.0 - math.exp(-0.5))
     assert _mean_square(of, 5e-4, 0.02, 3e4, 0.0) == pytest.approx(expected)
 

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 import stickslip as ss
 from rotary.turning import RADIUS, SLIDES, TURNS, units
 from stickslip.cli import app
-from stickslip.control import Mover, StepTable, Walk, settling, tune
+from stickslip.control import Mover, Stepping, StepSizes, settling, tune
 from stickslip.design import (
     StepSize,
     blocking_force,
@@ -202,9 +202,9 @@ def test_hysteresis_of_what_turns(folder) -> None:
 
 def test_a_mover_says_angles() -> None:
     tuning = tune(TURNS, 20e3)
-    table = StepTable((30.0, 65.0), (1e-3, 2e-3), (1e-3, 2e-3))
-    made = Mover(Walk(), table, tuning.regulator(20e3, max_voltage=100.0), "9 urad/V", unit="rad")
+    table = StepSizes((30.0, 65.0), (1e-3, 2e-3), (1e-3, 2e-3))
+    made = Mover(Stepping(), table, tuning.regulator(20e3, max_voltage=100.0), "9 urad/V", unit="rad")
     assert made.gain == pytest.approx(9e-6)
     with pytest.raises(QuantityError, match=r"gain = '9 nm/V'"):
-        Mover(Walk(), table, tuning.regulator(20e3, max_voltage=100.0), "9 nm/V", unit="rad")
+        Mover(Stepping(), table, tuning.regulator(20e3, max_voltage=100.0), "9 nm/V", unit="rad")
     assert np.isclose(made.reach, 0.4 * 100.0 * 9e-6)

@@ -21,7 +21,7 @@ from distributed import Client
 import stickslip as ss
 import study_functions
 from stickslip import _jit
-from stickslip.study import Draws, Grid, Own, Study, StudyError, Walk
+from stickslip.study import Draws, Grid, Own, Study, StudyError, WalksFromRest
 from stickslip.study.store import Store
 
 FILE = study_functions.__file__
@@ -182,7 +182,7 @@ def test_results_are_those_of_the_ensemble(tmp_path: Path, cluster: Cluster) -> 
     model, drive = ss.load_actuator("kang2007"), ss.Sawtooth(65.0, 50.0, periods=2)
     values, amplitudes = np.linspace(1e6, 2e6, 500), [40.0, 65.0]
     points = [Draws({"sigma_0": values}), Grid({"amplitude": amplitudes})]
-    study = Study(points, Walk(model, drive), task=100)
+    study = Study(points, WalksFromRest(model, drive), task=100)
     found = ss.run_study(study, tmp_path / "s.zarr", scheduler=cluster.address)
     columns = {"sigma_0": np.repeat(values, 2), "amplitude": np.tile(amplitudes, 500)}
     bare = ss.simulate_ensemble(model, drive, parameters=columns)

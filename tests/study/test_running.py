@@ -28,7 +28,7 @@ from stickslip.study import (
     Study,
     StudyDiffers,
     StudyError,
-    Walk,
+    WalksFromRest,
     estimate_study,
     stop_study,
     task,
@@ -64,7 +64,11 @@ def walks(tmp_path_factory: pytest.TempPathFactory) -> tuple[Study, Path]:
     ranges = {"sigma_0": Range("1 N/um", "2 N/um", log=True), "coulomb_force": ("0.3 N", "0.8 N")}
     points = [Random(ranges, 50), Grid({"amplitude": ["40 V", "65 V", "-1 V"]})]
     study = Study(
-        points, Walk(KANG, SAW, sample_rate="2 kHz"), study_functions.overshoot, task=20, title="walks"
+        points,
+        WalksFromRest(KANG, SAW, sample_rate="2 kHz"),
+        study_functions.overshoot,
+        task=20,
+        title="walks",
     )
     path = tmp_path_factory.mktemp("walks") / "walks.zarr"
     ss.run_study(study, path, workers=2)
@@ -119,7 +123,9 @@ def test_another_study_is_refused_with_what_differs(walks: tuple[Study, Path]) -
     study, path = walks
     before = files(path)
     other = Study(
-        study.points, Walk(KANG.replace(gain=1.1 * KANG.gain), SAW, sample_rate="2 kHz"), study.summary
+        study.points,
+        WalksFromRest(KANG.replace(gain=1.1 * KANG.gain), SAW, sample_rate="2 kHz"),
+        study.summary,
     )
     with pytest.raises(StudyDiffers, match=r"study\.measure\.model\.gain: 1\.0.* there, 1\.1.* here"):
         ss.run_study(other, path)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from ..actuator import Actuator
-from ..design import Current, Generator, Heat, Limits, Noise, Scenario, Speed, StepSize, TipLoad
+from ..design import Current, DriveLimits, Generator, Heat, Noise, Scenario, Speed, StepSize, TipLoad
 from ..electronics import Stack
 from ..experiment.laboratory import own_file
 from ..input_file import Strict
@@ -101,22 +101,22 @@ def goal_of(given: Goal | None, model: Actuator) -> Any:
 
 
 class LimitsSpec(Strict):
-    """As `design.Limits`; or the amplifier of a `bench` into its piezo."""
+    """As `design.DriveLimits`; or the amplifier of a `bench` into its piezo."""
 
     bench: str | None = None
     slew_rate: Quantity | None = None
     current: Quantity | None = None
     capacitance: Quantity | None = None
 
-    def limits(self, folder: Path) -> Limits:
+    def limits(self, folder: Path) -> DriveLimits:
         """Raises QuantityError."""
         own = self.model_dump(exclude_none=True, exclude={"bench"})
         if self.bench is None:
-            return Limits(**own)
+            return DriveLimits(**own)
         if own:
             raise QuantityError(f"limits.{next(iter(own))} is that of limits.bench: give one of them")
         bench = load_bench(own_file(self.bench, folder, ".toml"))
-        return Limits.of_amplifier(bench.amplifier, bench.piezo_capacitance)
+        return DriveLimits.of_amplifier(bench.amplifier, bench.piezo_capacitance)
 
 
 class GeneratorSpec(Strict):

@@ -27,8 +27,8 @@ from ..control import (
     NoiseShaped,
     Requirement,
     Slip,
-    StepTable,
-    Walk,
+    Stepping,
+    StepSizes,
     export_mover,
     tune,
 )
@@ -60,7 +60,7 @@ class PositionSpec(Strict):
 
 
 class WalkSpec(Strict):
-    """How it steps and hands over; see `stickslip.control.Walk`. What is left out is its default."""
+    """How it steps and hands over; see `stickslip.control.Stepping`. What is left out is its default."""
 
     amplitude: Quantity | None = None
     frequency: Quantity | None = None
@@ -80,7 +80,7 @@ class SlipSpec(Strict):
     damping: Quantity | None = None
     order: Quantity | None = None
 
-    def slip(self, bench: Bench, walk: Walk) -> Slip:
+    def slip(self, bench: Bench, walk: Stepping) -> Slip:
         """Raises AnalysisError for a duration and a current, QuantityError for a value."""
         given = _given(self)
         current = given.pop("current", None)
@@ -186,7 +186,7 @@ def run_move(
     progress("tuning the loop", 0.0)
     wanted = Requirement(**_given(file.requirement))
     tuning = tune(model, rate, wanted, posterior=others)
-    walk = Walk(tolerance=aim.within, **_given(file.walk))
+    walk = Stepping(tolerance=aim.within, **_given(file.walk))
     low, high = max(limits.min_voltage, can.min_voltage), min(limits.max_voltage, can.max_voltage)
     if math.isfinite(limits.max_slew):
         raise AnalysisError(
@@ -196,7 +196,7 @@ def run_move(
     inverse = feedforward_of(model, rate)
     regulator = tuning.regulator(rate, **ends, **({} if inverse is None else {"feedforward": inverse}))
     slip = file.slip.slip(bench, walk)
-    table = StepTable.of_model(model.replace(piezo=None), walk.frequency, high - low, slip)
+    table = StepSizes.of_model(model.replace(piezo=None), walk.frequency, high - low, slip)
     mover = Mover(walk, table, regulator, model.gain, hold=file.hold, slip=slip, unit=aim.unit)
     if only_hold and not mover.reaches(aim.target):
         raise AnalysisError(

@@ -29,7 +29,7 @@ from ..experiment.cells import drive_of
 from ..experiment.file import PartSpec
 from ..identify.saved import load_fit
 from ..input_file import Hertz, InputFileError, Seconds, Strict, explain, load_yaml, quantity
-from ..study import Draws, Grid, Own, Random, Range, SteadySteps, Study, Walk, drawn_parameters
+from ..study import Draws, Grid, Own, Random, Range, SteadySteps, Study, WalksFromRest, drawn_parameters
 from ..study.own import own_function
 from ..study.points import Part
 from ..units import QuantityError, to_si, unit_for
@@ -93,7 +93,7 @@ class SteadySpec(Strict):
 
 
 class WalkSpec(Strict):
-    """As `Walk`."""
+    """As `WalksFromRest`."""
 
     kind: Literal["walk"]
     duration: Seconds | None = None
@@ -159,7 +159,7 @@ class StudyFile(Strict):
             return None
         return model_of_file(self, folder, "study")
 
-    def _measure(self, folder: Path, model: Any) -> SteadySteps | Walk | Own:
+    def _measure(self, folder: Path, model: Any) -> SteadySteps | WalksFromRest | Own:
         given = self.measure
         if isinstance(given, OwnSpec):
             return Own(own_function(given.function, folder), given.units)
@@ -168,7 +168,7 @@ class StudyFile(Strict):
         waveform: Waveform = drive_of([self.drive], {}, folder)
         tolerance = to_si(given.tolerance, unit_for(model, "m"), "measure.tolerance")
         own = given.model_copy(update={"tolerance": tolerance}).model_dump(exclude={"kind"})
-        return (SteadySteps if isinstance(given, SteadySpec) else Walk)(model, waveform, **own)
+        return (SteadySteps if isinstance(given, SteadySpec) else WalksFromRest)(model, waveform, **own)
 
     def _table_alone(self, folder: Path) -> dict[str, Any]:
         if self.draws is None or self.draws.file is None:

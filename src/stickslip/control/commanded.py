@@ -14,10 +14,10 @@ from .. import registry
 from ..rig.protocols import ControllerSpec
 from ..units import QuantityError, to_si, with_prefix
 from .blocks import LowPass, Notch, Pid, Regulator
-from .moving import Mover, Walk
+from .moving import Mover, Stepping
 from .quantised import NoiseShaped
 from .shaping import Slip
-from .steps import StepTable
+from .steps import StepSizes
 
 _LETTING_GO = 0.05  # s of the way to 0 V
 _MOST_STEPS, _MOST_CYCLES = 100_000, 100_000
@@ -31,7 +31,7 @@ class Commanded:
         rate: Hz, of the ticks.
         gain: m/V, of the piezo.
         step: V, of the converter.
-        walk, table, pid: fields of `Walk`, `StepTable`, `Pid`.
+        walk, table, pid: fields of `Stepping`, `StepSizes`, `Pid`.
         notches, low_pass, slip: fields of `Notch`, `LowPass` and `Slip`.
         feedforward, lead, min_voltage, max_voltage: of `Regulator`.
     """
@@ -56,8 +56,8 @@ class Commanded:
             low_pass=None if low_pass is None else LowPass(**low_pass),
             **options,
         )
-        steps = StepTable(**{name: tuple(values) for name, values in table.items()})
-        self.mover = Mover(Walk(**walk), steps, made, gain, slip=Slip(**(slip or {})))
+        steps = StepSizes(**{name: tuple(values) for name, values in table.items()})
+        self.mover = Mover(Stepping(**walk), steps, made, gain, slip=Slip(**(slip or {})))
         self._shaped = NoiseShaped(self.mover, step)
         self.target, self.done = 0.0, False
         self._wanted: float | None = None
@@ -182,8 +182,8 @@ def _number(what: dict[str, Any], name: str, unit: str, most: float) -> float:
 
 
 def commanded(
-    walk: Walk,
-    table: StepTable,
+    walk: Stepping,
+    table: StepSizes,
     regulator: Regulator,
     gain: float | str,
     step: float | str,

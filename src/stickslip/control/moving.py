@@ -22,7 +22,7 @@ from ..records import Quantity, record
 from ..units import QuantityError, with_prefix
 from .blocks import Regulator
 from .shaping import Slip
-from .steps import RISING, Steps, StepTable
+from .steps import RISING, Steps, StepSizes
 
 
 class MoveError(RuntimeError):
@@ -30,7 +30,7 @@ class MoveError(RuntimeError):
 
 
 @record
-class Walk(NamedTuple):
+class Stepping(NamedTuple):
     """How it steps and hands over: `amplitude` of full steps, their `frequency`, the `pause` after the last
     one, and the time of a `scan` to the target or of the `return` of the piezo. `margin` is the share of the
     piezo's range at each end that is not used to hold."""
@@ -68,7 +68,7 @@ class Mover:
         hold: s for which it stays at the target, then it is `done`; inf: for ever.
         learning: see `Steps`.
         slip: the edge with which steps slip, and that to the middle of the range; at once, if left out. Give
-            it to `StepTable.of_model` too.
+            it to `StepSizes.of_model` too.
         unit: of positions: m, or rad of what turns.
 
     Attributes:
@@ -81,8 +81,8 @@ class Mover:
 
     def __init__(
         self,
-        walk: Walk,
-        table: StepTable,
+        walk: Stepping,
+        table: StepSizes,
         regulator: Regulator,
         gain: float | str,
         *,
@@ -100,7 +100,8 @@ class Mover:
         low, high = regulator.low, regulator.high
         if walk.amplitude > high - low:
             raise QuantityError(
-                f"Walk.amplitude = {walk.amplitude:g} V is out of range: the piezo has {low:g} to {high:g} V"
+                f"Stepping.amplitude = {walk.amplitude:g} V is out of range: "
+                f"the piezo has {low:g} to {high:g} V"
             )
         rate = regulator.rate
         self._period, self._pause = round(rate / walk.frequency), round(walk.pause * rate)
@@ -108,14 +109,15 @@ class Mover:
         self._rise = round(RISING * self._period)
         if self._period < 8:
             raise QuantityError(
-                f"Walk.frequency = {walk.frequency:g} Hz leaves {self._period} ticks a step; 8 are needed"
+                f"Stepping.frequency = {walk.frequency:g} Hz leaves {self._period} ticks a step; 8 are needed"
             )
         # At least one tick, in which nothing is left any more.
         self.slipping = (slip or Slip()).left(rate) or (0.0,)
         rest = min(self._period - self._rise, self._pause)
         if len(self.slipping) > rest:
             raise QuantityError(
-                f"the slip edge takes {len(self.slipping)} ticks; a step's rest and Walk.pause leave {rest}"
+                f"the slip edge takes {len(self.slipping)} ticks; "
+                f"a step's rest and Stepping.pause leave {rest}"
             )
         self._middle = 0.5 * (low + high)
         self._least, self._most = low + walk.margin * (high - low), high - walk.margin * (high - low)

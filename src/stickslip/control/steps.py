@@ -29,7 +29,7 @@ _LEAST = 0.05  # of the greatest voltage
 
 
 @record
-class StepTable(NamedTuple):
+class StepSizes(NamedTuple):
     """Net steps forward (towards +x) and backward, as distances, of these voltages: a rise over `RISING` of
     the step, back at once, and rest."""
 
@@ -40,16 +40,16 @@ class StepTable(NamedTuple):
     def _check(self) -> None:
         if not len(self.voltages) == len(self.forward) == len(self.backward) > 1:
             raise QuantityError(
-                f"StepTable has {len(self.voltages)} voltages [V], {len(self.forward)} steps forward and "
+                f"StepSizes has {len(self.voltages)} voltages [V], {len(self.forward)} steps forward and "
                 f"{len(self.backward)} backward [m]: as many of each are needed, and two at least"
             )
         if list(self.voltages) != sorted(set(self.voltages)):
-            raise QuantityError(f"StepTable.voltages [V] must ascend: {list(self.voltages)}")
+            raise QuantityError(f"StepSizes.voltages [V] must ascend: {list(self.voltages)}")
 
     @classmethod
     def of_model(
         cls, model: Actuator, frequency: float | str, max_voltage: float | str, slip: Slip | None = None
-    ) -> StepTable:
+    ) -> StepSizes:
         """Of the periodic walks of a model at a frequency [Hz], up to a voltage [V].
 
         Args:
@@ -92,7 +92,7 @@ class Steps:
         learning: share of what was learnt that each step takes the place of; 0 learns nothing.
     """
 
-    def __init__(self, table: StepTable, learning: float | str = 0.05) -> None:
+    def __init__(self, table: StepSizes, learning: float | str = 0.05) -> None:
         self.learning, self.table = to_si(learning, "", "learning"), table
         if not 0.0 <= self.learning <= 1.0:
             raise QuantityError(f"learning = {self.learning:g} is out of range: it must be >= 0 and <= 1")

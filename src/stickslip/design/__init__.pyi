@@ -10,7 +10,7 @@ from .goals import Ripple as Ripple
 from .goals import Speed as Speed
 from .goals import StepSize as StepSize
 from .limits import Generator as Generator
-from .limits import Limits as Limits
+from .limits import DriveLimits as DriveLimits
 from .optimised import OptimisedWaveform as OptimisedWaveform
 from .scenarios import Scenario as Scenario
 from .vibration import Noise as Noise

@@ -14,7 +14,7 @@ from ..simulation.varied import free_names
 from ..units import QuantityError, optional_si, unit_for, with_prefix
 from .built import Built, OptimisedActuator
 from .goals import extras_of, goal_of, swings_of
-from .limits import Allowed, Limits, allowed, frequencies
+from .limits import Allowed, DriveLimits, allowed, frequencies
 from .moving import exactly, moved
 from .polygons import Array, sawtooths
 from .sawtooth import best_sawtooth
@@ -36,7 +36,7 @@ def optimise_actuator(
     max_voltage: float | str | None = None,
     min_voltage: float | str | None = None,
     frequency: tuple[float | str, float | str] | None = None,
-    limits: Limits | Mapping[str, Limits] | None = None,
+    limits: DriveLimits | Mapping[str, DriveLimits] | None = None,
     scenarios: Sequence[Scenario | Mapping[str, Any]] = (),
     uncertainty: Uncertainty | None = None,
     draws: int = 64,
@@ -109,7 +109,7 @@ def optimise_actuator(
     return OptimisedActuator.of(found, aim)
 
 
-def _of(limits: Any, name: str, models: Mapping[str, Actuator]) -> Limits | None:
+def _of(limits: Any, name: str, models: Mapping[str, Actuator]) -> DriveLimits | None:
     """Those of one model."""
     if not isinstance(limits, Mapping):
         return limits
@@ -122,7 +122,7 @@ def _allowed(
     space: Space,
     low: float | None,
     high: float | None,
-    limits: Limits | None,
+    limits: DriveLimits | None,
     frequency: tuple[float, float] | None,
 ) -> Allowed:
     """Of all models that the ranges allow: frequencies, unless given, about those of any."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..identify.recorded.drives import refuse_sampling
-from ..identify.walk.experiments import Walk
+from ..identify.walk.experiments import PlannedWalk
 from ..recording import RecordingError
 from ..rig import Limits
 from ..units import QuantityError, with_prefix
@@ -30,7 +30,7 @@ UPDATES = 20e3
 
 def sawtooths(
     limits: Limits, slew_rate: float, duration: float, sample_rate: float, noise: float
-) -> dict[str, Walk]:
+) -> dict[str, PlannedWalk]:
     """A grid of recordings: bursts of a sawtooth there and back, over voltage, frequency and rise.
 
     A burst each way brings the end-effector home; with flanks that are no jumps, such recordings tell twice
@@ -49,7 +49,7 @@ def sawtooths(
                     continue
                 name = f"{volts:.4g} V {hertz:.4g} Hz rise {fraction:.3g}"
                 drive = there_and_back(volts, hertz, fraction, duration)
-                found[name] = Walk(drive, duration, sample_rate, noise)
+                found[name] = PlannedWalk(drive, duration, sample_rate, noise)
     return found
 
 
@@ -66,11 +66,11 @@ def there_and_back(volts: float, hertz: float, rise: float, duration: float) -> 
 
 
 def walks_of(
-    candidates: Mapping[str, Walk | Waveform] | Sequence[Walk | Waveform],
+    candidates: Mapping[str, PlannedWalk | Waveform] | Sequence[PlannedWalk | Waveform],
     duration: float,
     sample_rate: float,
     noise: float,
-) -> dict[str, Walk]:
+) -> dict[str, PlannedWalk]:
     """Candidates by name; a bare waveform becomes a recording as long as the others.
 
     Raises:
@@ -82,21 +82,21 @@ def walks_of(
         else {f"recording {i}": one for i, one in enumerate(candidates, start=1)}
     )
     if not named:
-        raise QuantityError("there are no candidates: give at least one waveform or identify.Walk")
+        raise QuantityError("there are no candidates: give at least one waveform or identify.PlannedWalk")
     found = {}
     for name, one in named.items():
-        if isinstance(one, Walk):
+        if isinstance(one, PlannedWalk):
             found[str(name)] = one
         elif hasattr(one, "drive") and getattr(one, "unit", "") == "V":
-            found[str(name)] = Walk(one, duration, sample_rate, noise)
+            found[str(name)] = PlannedWalk(one, duration, sample_rate, noise)
         else:
             raise QuantityError(
-                f"candidate {name!r} is {one!r:.60}: it must be a waveform in V or an identify.Walk"
+                f"candidate {name!r} is {one!r:.60}: it must be a waveform in V or an identify.PlannedWalk"
             )
     return found
 
 
-def refused(walk: Walk, limits: Limits, name: str) -> str:
+def refused(walk: PlannedWalk, limits: Limits, name: str) -> str:
     """Why a recording cannot be made, or not be fitted; empty if it can.
 
     Args:

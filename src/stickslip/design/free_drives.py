@@ -14,7 +14,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..identify.walk.experiments import Walk
+from ..identify.walk.experiments import PlannedWalk
 from ..progress import Progress
 from ..records import Quantity, record
 from ..rig import Limits
@@ -46,13 +46,13 @@ class FreeDrives(NamedTuple):
 
 def searched(
     asked: FreeDrives,
-    begin: Walk,
+    begin: PlannedWalk,
     limits: Limits,
     slew_rate: float,
-    told: Callable[[Walk], float],
+    told: Callable[[PlannedWalk], float],
     seed: int,
     progress: Progress,
-) -> Walk:
+) -> PlannedWalk:
     """The recording that tells most.
 
     Args:
@@ -70,10 +70,10 @@ def searched(
         max(FREQUENCIES[0], (FEWEST + 0.1) / begin.duration),
         min(FREQUENCIES[-1], begin.sample_rate / SAMPLES),
         None,
-        of_search.Limits(),
+        of_search.DriveLimits(),
     )
 
-    def walk(x: Array) -> Walk:
+    def walk(x: Array) -> PlannedWalk:
         shape = knots(np.append(0.0, x)[None], allowed)
         return begin._replace(drive=there_and_back(shape, begin.duration))
 
@@ -97,7 +97,7 @@ def there_and_back(shape: Polygons, duration: float) -> Parts:
     return Parts(*((forward, back) * max(1, math.floor(duration / (2 * periods * period) + 1e-9))))
 
 
-def _polygon(walk: Walk) -> Polygons:
+def _polygon(walk: PlannedWalk) -> Polygons:
     """The sawtooth that a recording begins with."""
     saw = walk.drive.parts[0][0] if isinstance(walk.drive, Parts) else None
     if not isinstance(saw, Sawtooth):

@@ -10,7 +10,7 @@ from ..progress import Progress, unheard
 from ..units import QuantityError, optional_si
 from .front import Front, front_of
 from .goals import goal_of
-from .limits import Limits, allowed, frequencies
+from .limits import DriveLimits, allowed, frequencies
 from .scenarios import Scenario, conditions_of
 from .searched import Searched
 from .waveforms import check_counts, check_model
@@ -24,7 +24,7 @@ def waveform_front(
     max_voltage: float | str | None = None,
     min_voltage: float | str | None = None,
     frequency: tuple[float | str, float | str] | None = None,
-    limits: Limits | None = None,
+    limits: DriveLimits | None = None,
     scenarios: Sequence[Scenario | Mapping[str, Any]] = (),
     points: int = 50,
     generations: int = 80,

@@ -21,7 +21,7 @@ from ..estimate.coloured import Coloured, scores
 from ..estimate.parameter import Parameter
 from ..estimate.tied import Ties
 from ..identify.free import value_of
-from ..identify.walk.experiments import Walk
+from ..identify.walk.experiments import PlannedWalk
 from ..identify.walk.position_channel import CHANNEL
 
 # s at rest before the drive begins, by which a position is set to zero.
@@ -88,7 +88,9 @@ def stacked(several: Sequence[Seen], axis: int = 0) -> Seen:
     return Seen(*(np.stack([one[i] for one in several], axis) for i in range(len(Seen._fields))))
 
 
-def seen(model: Actuator, walk: Walk, name: str, space: Space, chain: Chain, noise: Coloured | None) -> Seen:
+def seen(
+    model: Actuator, walk: PlannedWalk, name: str, space: Space, chain: Chain, noise: Coloured | None
+) -> Seen:
     """What a recording tells, at the values of a model.
 
     Args:
@@ -127,7 +129,7 @@ def seen(model: Actuator, walk: Walk, name: str, space: Space, chain: Chain, noi
     )
 
 
-def zero_variance(walk: Walk, noise: Coloured | None) -> float:
+def zero_variance(walk: PlannedWalk, noise: Coloured | None) -> float:
     """m^2, of the mean of the samples at rest from which a recording counts; see `seen`."""
     n = BEFORE * walk.sample_rate
     if noise is None:

@@ -24,7 +24,7 @@ SLOWEST, FASTEST = 0.1, 3.0
 
 
 @record
-class Limits(NamedTuple):
+class DriveLimits(NamedTuple):
     """Of the amplifier: slope of the voltage, and peak current into a capacitance [F] (`Stack.load`). With
     the `amplifier` itself, a drive is judged by what that makes of it."""
 
@@ -38,11 +38,11 @@ class Limits(NamedTuple):
     def _check(self) -> None:
         if (math.isfinite(self.current) or self.amplifier) and self.capacitance is None:
             raise QuantityError(
-                "Limits.capacitance [F] is missing: a current limits the slope of the voltage by it"
+                "DriveLimits.capacitance [F] is missing: a current limits the slope of the voltage by it"
             )
 
     @classmethod
-    def of_amplifier(cls, amplifier: Amplifier, capacitance: float | str) -> Limits:
+    def of_amplifier(cls, amplifier: Amplifier, capacitance: float | str) -> DriveLimits:
         """Those of an amplifier into a capacitance [F]; of its currents the one that it gives for ever."""
         current = min(amplifier.max_current, amplifier.rms_current)
         return cls(amplifier.slew_rate, current, to_si(capacitance, "F", "capacitance"), amplifier)
@@ -104,7 +104,7 @@ class Allowed(NamedTuple):
     slowest: float
     fastest: float
     generator: Generator | None
-    limits: Limits
+    limits: DriveLimits
 
     @property
     def swing(self) -> float:
@@ -115,7 +115,7 @@ def allowed(
     model: Actuator,
     min_voltage: float | None,
     max_voltage: float | None,
-    limits: Limits | None,
+    limits: DriveLimits | None,
     frequency: tuple[float, float] | None,
     generator: Generator | None,
 ) -> Allowed:
@@ -126,9 +126,9 @@ def allowed(
     """
     low, high = _voltages(model, min_voltage, max_voltage)
     slowest, fastest = frequency or _usual(model, high - low)
-    limits = limits or Limits()
-    if not isinstance(limits, Limits):
-        raise QuantityError(f"limits = {limits!r:.60} must be design.Limits(slew_rate=..., current=...)")
+    limits = limits or DriveLimits()
+    if not isinstance(limits, DriveLimits):
+        raise QuantityError(f"limits = {limits!r:.60} must be design.DriveLimits(slew_rate=..., current=...)")
     if generator is not None and not isinstance(generator, Generator):
         raise QuantityError(f"generator = {generator!r:.60} must be a design.Generator")
     slope = limits.slope

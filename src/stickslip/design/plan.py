@@ -15,7 +15,7 @@ import xarray as xr
 from ..actuator import Actuator
 from ..estimate.parameter import Parameter
 from ..estimate.shown import preformatted
-from ..identify.walk.experiments import Walk
+from ..identify.walk.experiments import PlannedWalk
 from ..rig import Limits
 from ..units import to_si, with_prefix
 from ..waveform import Rest
@@ -50,7 +50,7 @@ class Plan:
         undetermined: parameters that no candidate tells, nor all of them together: the others are the goal.
     """
 
-    recordings: dict[str, Walk]
+    recordings: dict[str, PlannedWalk]
     dataset: xr.Dataset
     correlation: xr.DataArray
     goal: str
@@ -113,7 +113,7 @@ class Plan:
 
 def of_choice(
     begin: Start,
-    walks: Mapping[str, Walk],
+    walks: Mapping[str, PlannedWalk],
     every: Seen,
     taken: Sequence[int],
     default: Seen,
@@ -196,7 +196,7 @@ def _gain(every: Seen, default: Seen, goal: Goal) -> Array:
         return np.exp(usual - criterion(every, goal)[0] - 0.5 * np.log(every.duration[0]))
 
 
-def _wave(walk: Walk) -> tuple[float, float]:
+def _wave(walk: PlannedWalk) -> tuple[float, float]:
     """Voltage and frequency of a recording, NaN for those that have none."""
     drive: Any = walk.drive
     part = drive.parts[0][0] if isinstance(drive, Parts) else drive

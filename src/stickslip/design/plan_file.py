@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..actuator import Actuator, load_actuator
 from ..experiment.running import check_experiment
-from ..identify.walk.experiments import Walk
+from ..identify.walk.experiments import PlannedWalk
 from ..input_file import load_yaml, yaml_text
 from ..parameters import available_sets
 from ..parameters.writing import parameter_text, write_parameters
@@ -78,7 +78,7 @@ def save_plan(
     return path
 
 
-def _run(number: int, name: str, walk: Walk, before: float) -> dict[str, Any]:
+def _run(number: int, name: str, walk: PlannedWalk, before: float) -> dict[str, Any]:
     parts = walk.drive.parts if isinstance(walk.drive, Parts) else ((walk.drive, math.inf),)
     slug = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_")[:_LONGEST_NAME]
     return {

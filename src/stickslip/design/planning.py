@@ -12,7 +12,7 @@ from ..actuator import Actuator
 from ..chain import Chain
 from ..estimate import Fit
 from ..estimate.posterior import Posterior
-from ..identify.walk.experiments import Walk
+from ..identify.walk.experiments import PlannedWalk
 from ..progress import Progress, unheard
 from ..records import did_you_mean
 from ..rig import Limits
@@ -43,7 +43,10 @@ MOST_SEARCHED = 3
 
 def plan_experiment(
     model: Actuator | Fit,
-    candidates: Mapping[str, Walk | Waveform] | Sequence[Walk | Waveform] | FreeDrives | None = None,
+    candidates: Mapping[str, PlannedWalk | Waveform]
+    | Sequence[PlannedWalk | Waveform]
+    | FreeDrives
+    | None = None,
     *,
     free: Sequence[str] | None = None,
     goal: str | Waveform = ALL,
@@ -56,7 +59,7 @@ def plan_experiment(
     channel: Sequence[str] = ("delay", "offset"),
     draws: int | Posterior | Mapping[str, Any] | None = None,
     over: Over = "worst",
-    default: Walk | Waveform | None = None,
+    default: PlannedWalk | Waveform | None = None,
     seed: int = 0,
     progress: Progress = unheard,
 ) -> Plan:
@@ -68,9 +71,9 @@ def plan_experiment(
     Args:
         model: the actuator as far as it is known, or a fit of one by `identify_friction`, whose free
             parameters, delay, rate of samples and noise are then taken where these are left out.
-        candidates: recordings to choose from, waveforms or `identify.Walk`, by name or in a list. Left out: a
-            grid of sawtooths in bursts there and back, over voltage, frequency and rise, within the limits;
-            `design.FreeDrives()`: that grid, and a drive that is searched for.
+        candidates: recordings to choose from, waveforms or `identify.PlannedWalk`, by name or in a list. Left
+            out: a grid of sawtooths in bursts there and back, over voltage, frequency and rise, within the
+            limits; `design.FreeDrives()`: that grid, and a drive that is searched for.
         free: what is to be determined, as for `identify_friction`; the stage's "natural_frequency",
             "damping_ratio" and "gain" too.
         goal: "all" (the product of the standard errors, correlations allowed for: D-optimal), the name of
@@ -183,7 +186,7 @@ def _of_step(at: Start, waveform: Waveform) -> np.ndarray:
     return at.space.ties.follow(columns, values, at.space.names)[0] * slopes / step
 
 
-def _named(candidates: Any, begin: Start, limits: Limits, duration: float) -> dict[str, Walk]:
+def _named(candidates: Any, begin: Start, limits: Limits, duration: float) -> dict[str, PlannedWalk]:
     how = (duration, begin.sample_rate, begin.noise)
     if candidates is None or isinstance(candidates, FreeDrives):
         found = sawtooths(limits, min(begin.chain.slew_rate, limits.max_slew), *how)
@@ -205,7 +208,7 @@ def _named(candidates: Any, begin: Start, limits: Limits, duration: float) -> di
 
 
 def _simulated(
-    named: Mapping[str, Walk], starts: Sequence[Start], goal: Goal, limits: Limits, progress: Progress
+    named: Mapping[str, PlannedWalk], starts: Sequence[Start], goal: Goal, limits: Limits, progress: Progress
 ) -> tuple[dict[str, Seen], dict[str, str]]:
     """What candidates tell at all draws [draws], and why others cannot be taken.
 
@@ -236,7 +239,7 @@ def _simulated(
 
 def _follow(
     name: str,
-    walk: Walk,
+    walk: PlannedWalk,
     starts: Sequence[Start],
     limits: Limits,
     found: dict[str, Seen],
@@ -257,7 +260,7 @@ def _follow(
 
 def _search(
     asked: FreeDrives,
-    named: dict[str, Walk],
+    named: dict[str, PlannedWalk],
     found: dict[str, Seen],
     starts: Sequence[Start],
     goal: Goal,
@@ -271,7 +274,7 @@ def _search(
     some = starts[: 1 + MOST_SEARCHED]
     wanted = goal if goal.gradients is None else goal._replace(gradients=goal.gradients[: len(some)])
 
-    def told(walk: Walk) -> float:
+    def told(walk: PlannedWalk) -> float:
         of: dict[str, Seen] = {}
         if not refused(walk, limits, "free drive"):
             _follow("free drive", walk, some, limits, of, {})
@@ -323,18 +326,18 @@ def _without_unseen(every: Seen, goal: Goal, begin: Start) -> Goal:
 
 
 def _usual(
-    default: Walk | Waveform | None,
+    default: PlannedWalk | Waveform | None,
     begin: Start,
     limits: Limits,
     duration: float,
     every: Seen,
     taken: Sequence[int],
-) -> Walk:
+) -> PlannedWalk:
     """The recording to compare with, as often as it takes for equal time."""
-    if isinstance(default, Walk):
+    if isinstance(default, PlannedWalk):
         return default
     longest = max(duration, float(np.max(every.duration[0, list(taken)])))
     if default is not None:
-        return Walk(default, longest, begin.sample_rate, begin.noise)
+        return PlannedWalk(default, longest, begin.sample_rate, begin.noise)
     drive = Sawtooth(min(USUAL[0], limits.max_voltage, begin.model.max_voltage), USUAL[1])
-    return Walk(drive, max(longest, 2.0 / USUAL[1]), begin.sample_rate, begin.noise)
+    return PlannedWalk(drive, max(longest, 2.0 / USUAL[1]), begin.sample_rate, begin.noise)

@@ -11,7 +11,7 @@ from ..estimate.result import Fit
 from ..progress import Progress, unheard
 from ..units import QuantityError, optional_si, to_si, unit_for
 from .goals import goal_of
-from .limits import Generator, Limits, allowed, frequencies
+from .limits import DriveLimits, Generator, allowed, frequencies
 from .optimised import OptimisedWaveform
 from .scenarios import Scenario, Uncertainty, conditions_of
 from .searched import Searched
@@ -33,7 +33,7 @@ def optimise_waveform(
     max_voltage: float | str | None = None,
     min_voltage: float | str | None = None,
     frequency: tuple[float | str, float | str] | None = None,
-    limits: Limits | None = None,
+    limits: DriveLimits | None = None,
     generator: Generator | None = None,
     scenarios: Sequence[Scenario | Mapping[str, Any]] = (),
     uncertainty: Uncertainty | None = None,

@@ -34,7 +34,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..records import Quantity, record
 from ..units import QuantityError, to_si
-from .charging import Limits, charged, rest
+from .charging import ChargingLimits, charged, rest
 
 CAPACITANCE = Quantity("F", "C_p", "capacitance of the piezo", above=0)
 TOLERANCE = Quantity("V", "ε", "greatest error of the lines", above=0)
@@ -85,14 +85,14 @@ def small_signal_bandwidth(amplifier: Amplifier, capacitance: float | str) -> fl
     return 0.5 / (math.pi * tau) if tau > 0.0 else math.inf
 
 
-def limits(amplifier: Amplifier, farad: float) -> Limits:
+def limits(amplifier: Amplifier, farad: float) -> ChargingLimits:
     """What the kernel needs to know of an amplifier and the capacitance [F] that it charges."""
     tau = 0.5 / (math.pi * amplifier.bandwidth) + amplifier.output_resistance * farad
     peak, steady = amplifier.max_current, min(amplifier.rms_current, amplifier.max_current)
     memory = math.inf
     if steady < peak:
         memory = -amplifier.peak_duration / math.log1p(-((steady / peak) ** 2))
-    return Limits(
+    return ChargingLimits(
         tau,
         min(amplifier.slew_rate, peak / farad),
         min(amplifier.slew_rate, steady / farad),

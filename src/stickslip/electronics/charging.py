@@ -22,7 +22,7 @@ _BELOW, _SAME, _OFTEN = 1e-9, 1e-12, 1.0 / 32.0
 _ROUNDING = 1e-15
 
 
-class Limits(NamedTuple):
+class ChargingLimits(NamedTuple):
     """tau [s], greatest slopes with the peak and with the steady current [V/s], the square of the steady
     current [A²], the time over which the mean square forgets [s] (infinite: the peak lasts for ever), and the
     capacitance [F]."""

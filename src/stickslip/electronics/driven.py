@@ -22,7 +22,7 @@ from ..waveform import Sampled, Sequence
 from ..waveform.pieces import SLIVER
 from ..waveform.signal import Waveform
 from .amplifier import CAPACITANCE, TOLERANCE, Amplifier, limits
-from .charging import Limits, charged, rest
+from .charging import ChargingLimits, charged, rest
 from .lines import Lines, clipped, jumps, lines_of
 
 Array = NDArray[np.float64]
@@ -114,7 +114,7 @@ def driven_period(
     return _period(times[-1], volts[-1], period)
 
 
-def _for_lines(of: Limits, tolerance: float) -> float:
+def _for_lines(of: ChargingLimits, tolerance: float) -> float:
     """What lines may be off by, for an output within the tolerance, V."""
     return tolerance / _FINER if math.isfinite(of.memory) else tolerance
 
@@ -125,14 +125,16 @@ def _endless(waveform: Waveform) -> float | None:
     return period if period is not None and math.isinf(waveform.duration) else None
 
 
-def _follows(of: Limits, amplifier: Amplifier, waveform: Waveform) -> bool:
+def _follows(of: ChargingLimits, amplifier: Amplifier, waveform: Waveform) -> bool:
     if of.tau > 0.0 or math.isfinite(of.rate):
         return False
     low, high = waveform.range()
     return waveform.unit == "V" and amplifier.low <= low and high <= amplifier.high
 
 
-def _asked(of: Limits, amplifier: Amplifier, waveform: Waveform, duration: float, tolerance: float) -> Lines:
+def _asked(
+    of: ChargingLimits, amplifier: Amplifier, waveform: Waveform, duration: float, tolerance: float
+) -> Lines:
     """What the amplifier aims at, as lines within half of the tolerance."""
     if waveform.unit != "V":
         raise QuantityError(f"{type(waveform).__name__} is in {waveform.unit}: an amplifier gives volts")
@@ -150,7 +152,7 @@ def _asked(of: Limits, amplifier: Amplifier, waveform: Waveform, duration: float
     return asked
 
 
-def _answer(of: Limits, asked: Lines, state: Array, tolerance: float) -> tuple[Array, Array]:
+def _answer(of: ChargingLimits, asked: Lines, state: Array, tolerance: float) -> tuple[Array, Array]:
     """Times and volts of the output, from the state on, which is left as it is at the end."""
     if of.tau == 0.0 and math.isinf(of.rate):  # it does as it is told
         state[0] = asked.end
@@ -159,7 +161,7 @@ def _answer(of: Limits, asked: Lines, state: Array, tolerance: float) -> tuple[A
 
 
 def _until_it_repeats(
-    of: Limits, asked: Lines, tolerance: float, most: int, keep: bool = True
+    of: ChargingLimits, asked: Lines, tolerance: float, most: int, keep: bool = True
 ) -> tuple[list[Array], list[Array], Array, bool]:
     """Period after period, until one ends as it began: times, from the begin of the first one, and volts of
     each (of the last one only, unless they are to be kept); the state at the end; whether it repeats."""

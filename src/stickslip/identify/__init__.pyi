@@ -33,7 +33,7 @@ from .walk.compare import compare_walks as compare_walks
 from .walk.compare import walk_candidates as walk_candidates
 from .walk.conditions import Conditions as Conditions
 from .walk.conditions import identify_conditions as identify_conditions
-from .walk.experiments import Walk as Walk
+from .walk.experiments import PlannedWalk as PlannedWalk
 from .walk.experiments import expected_errors as expected_errors
 from .walk.friction import identify_friction as identify_friction
 from .walk.intervals import bootstrap as bootstrap

@@ -116,10 +116,10 @@ class Search(Map):
         common = {"knots": knots, "max_voltage": top, "scenarios": scenarios, "limits": self._limits()}
         return model, common
 
-    def _limits(self) -> design.Limits:
+    def _limits(self) -> design.DriveLimits:
         given = {name: getattr(self, name) for name in ("current", "slew_rate")}
         load = _CAPACITANCE.check(self.capacitance, "capacitance")
-        return design.Limits(capacitance=load, **{n: v for n, v in given.items() if v is not None})
+        return design.DriveLimits(capacitance=load, **{n: v for n, v in given.items() if v is not None})
 
     def generator(self) -> design.Generator | None:
         """QuantityError for a wrong value."""

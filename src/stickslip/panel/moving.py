@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..actuator import Actuator
-from ..control import LowPass, Pid, Regulator, StepTable, Tuning, Walk, check_margins, commanded, tune
+from ..control import LowPass, Pid, Regulator, Stepping, StepSizes, Tuning, check_margins, commanded, tune
 from ..control.tuning import Loop, margins, models_of, sampled_loop, step_response
 from ..experiment.cells import Cell, cells
 from ..experiment.file import ExperimentFile
@@ -117,7 +117,7 @@ class Moves:
         self._runner, self._live, self._starter, self._read = runner, live, starter, read
         self._lock, self._preparing = threading.Lock(), threading.Lock()
         self._known: tuple[str, Prepared] | None = None
-        self._tables: dict[str, StepTable] = {}
+        self._tables: dict[str, StepSizes] = {}
         self._rig: HostedRig | None = None  # while a session goes on
         self._first: dict[str, Any] | None = None  # the command that it begins with
         self.state: dict[str, Any] = {"on": False}
@@ -213,7 +213,7 @@ class Moves:
         regulator, cell = made.regulator(settings), made.cell
         check_margins(regulator, cell.actuator, posterior=made.others)
         volts = min(65.0, made.high - made.low) if settings.voltage is None else settings.voltage
-        walk = Walk(amplitude=volts, frequency=settings.frequency, tolerance=settings.tolerance)
+        walk = Stepping(amplitude=volts, frequency=settings.frequency, tolerance=settings.tolerance)
         spec = commanded(
             *(walk, self._table(made, walk.frequency), regulator),
             *(cell.actuator.gain, made.can.step),
@@ -240,11 +240,11 @@ class Moves:
             out.rmdir()
             raise
 
-    def _table(self, made: Prepared, frequency: float) -> StepTable:
+    def _table(self, made: Prepared, frequency: float) -> StepSizes:
         model = made.cell.actuator.replace(piezo=None)
         key = repr((model, frequency, made.high, made.low))
         if key not in self._tables:
-            self._tables = {key: StepTable.of_model(model, frequency, made.high - made.low)}
+            self._tables = {key: StepSizes.of_model(model, frequency, made.high - made.low)}
         return self._tables[key]
 
     def _position(self, made: Prepared, name: str) -> Channel:

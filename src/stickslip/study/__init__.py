@@ -1,10 +1,11 @@
 """Studies: many members, on one machine or many, that go on after whatever ended them.
 
 A `Study` says which members (`Grid`, `Random`, `Draws`, or several of them), what is done with each
-(`SteadySteps`, `Walk`, a function of your `Own`) and what is kept. `run_study` fills a store that xarray
-opens while it grows; docs/scaling.md says how to run one on clusters.
+(`SteadySteps`, `WalksFromRest`, a function of your `Own`) and what is kept. `run_study` fills a store that
+xarray opens while it grows; docs/scaling.md says how to run one on clusters.
 """
 
+from .._lazy import renamed as _renamed
 from .comparing import Compared as Compared
 from .comparing import Comparison as Comparison
 from .comparing import compare_studies as compare_studies
@@ -16,7 +17,7 @@ from .errors import StudyError as StudyError
 from .exports import export_study as export_study
 from .measures import Own as Own
 from .measures import SteadySteps as SteadySteps
-from .measures import Walk as Walk
+from .measures import WalksFromRest as WalksFromRest
 from .own import OwnFunction as OwnFunction
 from .points import Draws as Draws
 from .points import Grid as Grid
@@ -29,3 +30,5 @@ from .state import State as State
 from .state import stop_study as stop_study
 from .state import study_state as study_state
 from .store import open_study as open_study
+
+__getattr__ = _renamed(__name__, {"Walk": "WalksFromRest"})

@@ -29,7 +29,7 @@ class Study:
 
     Args:
         points: a `Grid`, a `Random` design, `Draws`, or several of them: all combinations.
-        measure: what is done with each member: `SteadySteps`, `Walk` or a function of your `Own`.
+        measure: what is done with each member: `SteadySteps`, `WalksFromRest` or a function of your `Own`.
         summary: a function of your own, or ``"FILE.py:NAME"``, that is given the dataset of some members (as
             `steady_steps` or `simulate_ensemble` returns it, trajectories included where they are asked for)
             and returns arrays [member] by name, or `xarray.DataArray` with units in their attributes.

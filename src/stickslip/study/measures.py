@@ -58,7 +58,7 @@ class SteadySteps:
 
 
 @dataclass(frozen=True)
-class Walk:
+class WalksFromRest:
     """A walk of each member from rest; see `stickslip.simulate_ensemble`.
 
     Args:
@@ -139,7 +139,7 @@ class Own:
         return as_dataset(self.function(columns), count, str(self.function))
 
 
-Measure = SteadySteps | Walk | Own
+Measure = SteadySteps | WalksFromRest | Own
 
 
 def one_by_one(work: Callable[[slice], xr.Dataset], count: int) -> tuple[xr.Dataset, dict[int, str]]:

@@ -10,7 +10,7 @@ from stickslip.estimate.fit import fit_least_squares
 from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.problem import Residuals
 from stickslip.friction import Coulomb, LuGre
-from stickslip.identify.walk.experiments import Walk, expected_errors
+from stickslip.identify.walk.experiments import PlannedWalk, expected_errors
 from stickslip.identify.walk.friction import identify_friction
 from stickslip.identify.walk.intervals import bootstrap, prediction_band, profile_interval
 from stickslip.simulation import simulate
@@ -61,7 +61,7 @@ def test_fast_samples_would_determine_the_bristles_damping() -> None:
         stage_reaction=False, friction=LuGre(1.399e6, 34.9, 0.0, 0.5401, 0.5401)
     )
     drive = Sawtooth(65.0, 20.0, periods=4)
-    slow, fast = Walk(drive, 0.2, 1e3, 1e-7), Walk(drive, 0.2, 8e3, 1e-7)
+    slow, fast = PlannedWalk(drive, 0.2, 1e3, 1e-7), PlannedWalk(drive, 0.2, 8e3, 1e-7)
     twice = fast._replace(repeats=4)
     errors = expected_errors(model, ["sigma_0", "sigma_1"], {"slow": slow, "fast": fast, "four": twice})
     of = errors["standard_error"].sel(parameter="sigma_1")

@@ -21,7 +21,7 @@ TOLERANCE = 1e-11
 
 
 @record
-class Walk(NamedTuple):
+class PlannedWalk(NamedTuple):
     """An experiment: the drive, how long and at what rate the position is sampled, the noise of a sample,
     and how often all is repeated."""
 
@@ -42,7 +42,9 @@ class Walk(NamedTuple):
         return Displacement(blank, self.drive, name, model, TOLERANCE)
 
 
-def expected_errors(model: Actuator, free: Sequence[str], experiments: Mapping[str, Walk]) -> xr.Dataset:
+def expected_errors(
+    model: Actuator, free: Sequence[str], experiments: Mapping[str, PlannedWalk]
+) -> xr.Dataset:
     """The standard errors that experiments can be expected to leave, by their Fisher information.
 
     White noise, values near those of the model; with the offset and the delay of the position free too, as
