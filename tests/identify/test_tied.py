@@ -231,3 +231,60 @@ def test_a_pulled_slider() -> None:
 def test_wrong_ties_are_refused_before_any_simulation(tied: dict[str, str], words: str) -> None:
     with pytest.raises(QuantityError, match=words):
         ss.identify_friction(walk(), actuator(), ["sigma_0", "coulomb_force"], drive=DRIVE, tied=tied)
+
+
+def parameters(**changes: object) -> list[ss.estimate.Parameter]:
+    own = {
+        "sigma_0": {"start": 1e6, "lower": 1e5, "upper": 1e7, "unit": "N/m"},
+        "coulomb_force": {"start": 0.7, "unit": "N"},
+        "sigma_1": {"unit": "N s/m", "tied": TIED["sigma_1"]},
+    }
+    return [ss.estimate.Parameter(name, **{**said, **changes.get(name, {})}) for name, said in own.items()]  # type: ignore[arg-type,dict-item]
+
+
+def test_a_parameter_says_in_one_what_arguments_say() -> None:
+    away = actuator(5e6, 0.2)  # the start is the Parameter's
+    fit = ss.identify_friction(walk(), away, parameters(), drive=DRIVE, channel=())
+    names, said = ["sigma_0", "coulomb_force"], {"bounds": {"sigma_0": (1e5, 1e7)}, "tied": TIED}
+    same = ss.identify_friction(walk(), actuator(1e6, 0.7), names, drive=DRIVE, channel=(), **said)
+    assert fit.values == pytest.approx(same.values, rel=1e-9)
+    assert next((p.name, p.lower, p.upper) for p in fit.parameters) == ("sigma_0", 1e5, 1e7)
+    again = ss.identify_friction(
+        walk(), away, [*fit.parameters, parameters()[2]], drive=DRIVE, channel=(), hops=0
+    )
+    assert again.values == pytest.approx(fit.values, rel=1e-6)
+
+
+def test_a_fixed_parameter_keeps_its_value() -> None:
+    one = ss.estimate.Parameter("coulomb_force", 0.54, unit="N", fixed=True)
+    late = ss.estimate.Parameter("offset", 3e-9, unit="m", fixed=True)
+    fit = ss.identify_friction(
+        walk(), actuator(1.2e6, 0.6), ["sigma_0", one, late], drive=DRIVE, noise="20 nm", channel=(), hops=0
+    )
+    assert fit.model.friction.coulomb_force == fit.values["coulomb_force"] == 0.54
+    assert fit.values["offset"] == 3e-9
+    assert [p.name for p in fit.parameters] == ["sigma_0"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "more", "reason"),
+    [
+        ({"sigma_0": {"unit": "N"}}, {}, r"sigma_0 is given in N, but is in N/m"),
+        ({"sigma_0": {"upper": np.inf}}, {}, "sigma_0 has one bound: both are needed, or none"),
+        ({}, {"bounds": {"sigma_0": (1e5, 1e6)}}, "sigma_0 is said of twice"),
+        ({}, {"tied": TIED}, "sigma_1 is said of twice"),
+        ({"coulomb_force": {"prior": (0.5, 0.1)}}, {}, "priors weigh against the noise"),
+    ],
+)
+def test_a_parameter_that_cannot_be(changes: dict, more: dict, reason: str) -> None:
+    with pytest.raises(QuantityError, match=reason):
+        ss.identify_friction(walk(), actuator(), parameters(**changes), drive=DRIVE, **more)
+
+
+def test_bounds_of_the_channel_are_taken_with_units() -> None:
+    free = ["sigma_0", "offset"]
+    bounds = {"offset": ("-20 nm", "30 nm"), "delay": ("-1 us", "1 us")}
+    fit = ss.identify_friction(walk(), actuator(), free, drive=DRIVE, bounds=bounds, channel=(), hops=0)
+    assert [(p.lower, p.upper) for p in fit.parameters if p.name == "offset"] == [(-20e-9, 30e-9)]
+    with pytest.raises(QuantityError, match=r"lower bound of offset"):
+        ss.identify_friction(walk(), actuator(), free, drive=DRIVE, bounds={"offset": ("1 s", 1.0)})

@@ -19,9 +19,9 @@ class Parameter(NamedTuple):
     """A parameter to fit: start and bounds in its (SI) unit.
 
     `log` fits its logarithm: for positive parameters whose order of magnitude is in question. With `log`, a
-    `lower` of 0 means no lower bound. `square` fits its square: for those that act by it, and may be 0.
-    With `log`, a search may go along the value (`power` 1) or its inverse (-1): where the data are nearer to
-    linear in that than in the logarithm, the valley of the sum of squares is straighter.
+    `lower` of 0, or none, means no lower bound. `square` fits its square: for those that act by it, and may
+    be 0. With `log`, a search may go along the value (`power` 1) or its inverse (-1): where the data are
+    nearer to linear in that than in the logarithm, the valley of the sum of squares is straighter.
 
     `prior` is what is known of it otherwise: its value and standard deviation, in its unit. In the coordinate
     that is fitted it is a normal distribution of that width.
@@ -52,7 +52,7 @@ class Parameter(NamedTuple):
             raise QuantityError(f"{shown} is out of range: the start must be finite and within the bounds")
         if not self.lower < self.upper:
             raise QuantityError(f"{shown} is out of range: lower must be below upper")
-        if self.log and (self.start <= 0 or self.lower < 0):
+        if self.log and (self.start <= 0 or -math.inf < self.lower < 0):
             raise QuantityError(f"{shown} is out of range: must be positive to be fitted on a log scale")
         if self.square and (self.log or self.lower < 0):
             raise QuantityError(f"{shown} is out of range: must not be negative to be fitted by its square")

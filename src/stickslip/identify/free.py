@@ -10,7 +10,7 @@ from ..estimate.parameter import Parameter
 from ..estimate.tied import names_in
 from ..records import Quantity, did_you_mean, quantities
 from ..simulation.varied import element_of, free_names, law_of, ratios_of
-from ..units import QuantityError, to_si, turned
+from ..units import QuantityError, to_si, turned, with_unit
 
 Bounds = Mapping[str, tuple[float | str, float | str]]
 
@@ -31,10 +31,10 @@ def parameter(model: Any, name: str, bounds: Bounds, turns: bool = False) -> Par
     start, quantity = value_of(model, name)
     if quantity is None:
         ratio = ratios_of(law_of(model))[name]
-        low, high = _given(bounds, name, "") or (ratio.lower, ratio.upper)
+        low, high = given_bounds(bounds, name, "") or (ratio.lower, ratio.upper)
         return Parameter(name, start, low, high, "", log=False)
     unit = turned(quantity.unit) if turns else quantity.unit
-    given = _given(bounds, name, unit)
+    given = given_bounds(bounds, name, unit)
     if given is not None:
         return Parameter(name, start, *given, unit, log=given[0] > 0)
     if not (start > 0 and math.isfinite(start)):
@@ -65,6 +65,62 @@ def value_of(model: Any, name: str) -> tuple[float, Quantity | None]:
     owner = law if element or name in law._fields else model
     quantity = quantities(type(owner))[element[0] if element else name]
     return (getattr(law, element[0])[element[1]] if element else getattr(owner, name)), quantity
+
+
+class Said(NamedTuple):
+    """What is said of the parameters of a fit: names of the `free` ones, and by name what else; `values` are
+    where those that are a `Parameter` start."""
+
+    free: list[str]
+    bounds: dict[str, tuple[float | str, float | str]]
+    priors: dict[str, tuple[float | str, float | str]]
+    tied: dict[str, str]
+    values: dict[str, float]
+
+
+def said_of(
+    free: Sequence[str | Parameter],
+    known: Known,
+    bounds: Bounds | None = None,
+    priors: Bounds | None = None,
+    tied: Mapping[str, str] | None = None,
+) -> Said:
+    """All that is said of parameters, by name or in a `Parameter`.
+
+    Raises:
+        QuantityError: a `Parameter` is in another unit than the model has it in, has one bound only, or is
+            said of beside it.
+    """
+    if isinstance(free, str):
+        raise QuantityError(f"free = {free!r} must be a list of names, of {', '.join(known.names)}")
+    said = Said([], dict(bounds or {}), dict(priors or {}), dict(tied or {}), {})
+    for one in free:
+        if isinstance(one, Parameter):
+            _say(said, one, known)
+        else:
+            said.free.append(one)
+    return said
+
+
+def _say(said: Said, p: Parameter, known: Known) -> None:
+    if p.name in known.names and p.unit and with_unit(f"1 {p.unit}") != with_unit(f"1 {known.of(p.name)[1]}"):
+        raise QuantityError(f"{p.name} is given in {p.unit}, but is in {known.of(p.name)[1] or '1'}")
+    if any(p.name in others for others in (said.bounds, said.priors, said.tied)):
+        raise QuantityError(f"{p.name} is said of twice: its Parameter has bounds, prior and tie")
+    low = -math.inf if p.log and p.lower == 0.0 else p.lower
+    if math.isfinite(low) != math.isfinite(p.upper):
+        raise QuantityError(f"{p.name} has one bound: both are needed, or none")
+    if p.tied:
+        said.tied[p.name] = p.tied
+    elif p.fixed:
+        said.tied[p.name] = f"'{p.start!r} {known.of(p.name)[1]}'"
+    else:
+        said.free.append(p.name)
+        said.values[p.name] = p.start
+        if math.isfinite(low):
+            said.bounds[p.name] = (p.lower, p.upper)
+        if p.prior is not None:
+            said.priors[p.name] = p.prior
 
 
 class Known(NamedTuple):
@@ -148,7 +204,8 @@ def check_priors(priors: Bounds, free: Sequence[str], noise: float | None, what:
         raise QuantityError(f"priors weigh against the noise: give noise {what}, too")
 
 
-def _given(bounds: Bounds, name: str, unit: str) -> tuple[float, float] | None:
+def given_bounds(bounds: Bounds, name: str, unit: str) -> tuple[float, float] | None:
+    """Those of one parameter in SI, if it has any; QuantityError unless the lower comes first."""
     if name not in bounds:
         return None
     given = bounds[name]

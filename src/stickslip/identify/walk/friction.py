@@ -26,7 +26,17 @@ from ...progress import Progress, unheard
 from ...simulation.varied import free_names, with_values
 from ...units import optional_si
 from ...waveform.signal import Waveform
-from ..free import Bounds, beside, check_motion, check_names, check_priors, known_of, parameter, with_prior
+from ..free import (
+    Bounds,
+    beside,
+    check_motion,
+    check_names,
+    check_priors,
+    known_of,
+    parameter,
+    said_of,
+    with_prior,
+)
 from ..quantised import Inexact, moved_by, said_steps, with_moved
 from ..recorded.at_rest import drift_at_rest
 from ..recorded.channels import drives_of, names_of, recordings_of, unit_of
@@ -51,7 +61,7 @@ PARTS = 3
 def identify_friction(
     recordings: xr.Dataset | Sequence[xr.Dataset],
     model: Actuator,
-    free: Sequence[str],
+    free: Sequence[str | Parameter],
     *,
     drive: Waveform | Sequence[Waveform | None] | None = None,
     slew_rate: float | str | None = None,
@@ -92,7 +102,9 @@ def identify_friction(
             second element) and of the actuator ("end_effector_mass", "gain", ...); "stiction_ratio" (stiction
             over Coulomb friction) and "breakaway_share" (of the Coulomb deflection), which are bounded where
             the fields themselves are not; and of the position channel, one for all recordings, "delay" [s]
-            and "offset" [m]. Stiction and breakaway deflection that are not free keep their ratio.
+            and "offset" [m]. Stiction and breakaway deflection that are not free keep their ratio. Each a
+            name, or a `Parameter` with its start, bounds and prior in SI, or fixed, or tied: those of
+            another fit (``fit.parameters``), say.
         drive: waveform of each recording (one: of all), in the time of the recording. Left out, or None: the
             channel drive_voltage from the recording's first sample on, with its jumps as far as the samples
             show them (see `recorded_drive`).
@@ -153,19 +165,22 @@ def identify_friction(
     tolerance = optional_si(tolerance, unit or "m", "tolerance")
     check_motion(model, unit)
     names, drives = names_of(found), drives_of(drive, found)
-    bounds, priors = bounds or {}, priors or {}
+    first = ({"delay": stage.values["delay"]} if stage is not None else {}) | (begin or {})
+    turns = unit == "rad"
+    of_chain = {"delay": (first.get("delay", 0.0), "s"), "offset": (first.get("offset", 0.0), unit)}
+    known = known_of(model, of_chain, turns)
+    free, bounds, priors, tied, starting = said_of(free, known, bounds, priors, tied)
     _check(model, free, bounds, priors, level)
+    first |= {name: starting.pop(name) for name in CHANNEL if name in starting}
+    model = with_values(model, starting) if starting else model
     measured = [walked(r, w, name) for r, w, name in zip(found, drives, names, strict=True)]
     for r, w, name in zip(found, drives, names, strict=True):
         warn_of_unseen_slips(r, model, name)
         warn_of_other_drive(r, w, name)
-    first = ({"delay": stage.values["delay"]} if stage is not None else {}) | (begin or {})
     tolerance = tolerance or (1e-10 if has_slopes(model) else 1e-12)
 
-    turns = unit == "rad"
     parameters = partial(_parameters, model, found, bounds, priors, first, turns)
-    of_chain = {"delay": (first.get("delay", 0.0), "s"), "offset": (first.get("offset", 0.0), unit)}
-    others = beside(free, tied or {}, known_of(model, of_chain, turns))
+    others = beside(free, tied, known_of(model, of_chain, turns))
     walks = Walks(
         [
             Displacement(r, w, name, model, tolerance, slew_rate)
