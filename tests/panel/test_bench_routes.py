@@ -19,6 +19,7 @@ from stickslip import open_recording, read_recording
 from stickslip.panel import create_app
 
 from .serving import client_of, heard, streaming
+from .test_stream import unpacked
 
 ME = {"X-Client": "test"}
 FAST = {"path": ["rig", "real_time"], "value": False}
@@ -50,6 +51,25 @@ def ran(client: httpx.Client, path: str, body: dict, last: str = "done") -> dict
 
 def change(client: httpx.Client, path: list, value: object) -> httpx.Response:
     return client.post("/bench/set", json={"path": path, "value": value})
+
+
+def test_what_is_shown_at_the_end_of_a_run_is_what_its_recording_ends_with(
+    client: httpx.Client, folder: Path
+) -> None:
+    ran(client, "/bench/start", {"runs": ["forward"]})
+    name = client.get("/recordings").json()[0]["name"]
+    recording = open_recording(folder / name)
+    ends = [float(one[-1]) for one in recording.data_vars.values()]
+    with streaming(client) as stream:
+        while isinstance(message := stream.recv(timeout=60.0), str):
+            pass
+    assert unpacked(message)[0]["latest"] == ends
+    shown = client.post("/recordings/show", json={"name": name, "end": 0.5, "points": 100})
+    header, arrays = unpacked(shown.content)
+    assert header["latest"] == ends, "also where less than all of it is drawn"
+    whole = unpacked(client.post("/recordings/show", json={"name": name, "points": 100}).content)[1]
+    assert arrays[0][-1] < whole[0][-1]
+    np.testing.assert_array_equal([one[-1] for one in whole[1:]], np.array(ends, np.float32))
 
 
 def test_a_run_is_seen_kept_and_exported(client: httpx.Client, folder: Path, tmp_path: Path) -> None:

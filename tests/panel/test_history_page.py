@@ -34,7 +34,9 @@ def walk(folder: Path, name: str, volts: float, before: float = 0.0, **attrs: st
         epoch=attrs.pop("epoch", "2026-01-01T10:00:00+00:00"),
     )
     more = {"outcome": "complete", "operator": "Kang", "variables": json.dumps({"voltage": f"{volts:g} V"})}
-    made.attrs |= more | {"capture": json.dumps({"pre_trigger": before})} | attrs
+    trigger = {"signal": "drive_voltage", "level": 1.0, "edge": "rising"}
+    capture = {"pre_trigger": before, "trigger": trigger}
+    made.attrs |= more | {"capture": json.dumps(capture)} | attrs
     (folder / name).parent.mkdir(parents=True, exist_ok=True)
     save_recording(made, folder / name)
 
@@ -154,7 +156,9 @@ def test_two_are_compared_on_one_clock(history: Page) -> None:
     assert answer.value.ok
     expect(history.locator(".history-run .plot-key")).to_have_count(3)
     table = history.get_by_label("What differs")
-    expect(table).to_contain_text("variables.voltage")
+    expect(table).to_contain_text("variables: voltage")
+    expect(table).to_contain_text("capture: pre trigger100 ms300 ms")
+    expect(history.locator(".history-run")).to_contain_text("Time 0 is the trigger.")
     expect(table).to_contain_text("65 V")
     expect(table).to_contain_text("70 V")
     # The first moved 65e-7 t, the second 70e-7 t (and 2 nm/V for half of the time), t from the trigger.

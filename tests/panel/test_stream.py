@@ -54,6 +54,17 @@ def test_a_window_has_few_points_and_the_same_range(count: int, points: int) -> 
     np.testing.assert_array_equal(shown.max(axis=1), values.max(axis=1))
 
 
+@given(count=st.integers(1, 3000), points=st.integers(2, 500))
+def test_a_window_begins_and_ends_with_samples_as_they_are(count: int, points: int) -> None:
+    """What a curve ends at is read off it: not the least of what lies before."""
+    values = np.random.default_rng(count).standard_normal((2, count)).astype(np.float32)
+    time = np.arange(count) * 1e-3
+    times, shown = window(time, values, points)
+    for end in (0, -1):
+        assert times[end] == time[end]
+        np.testing.assert_array_equal(shown[:, end], values[:, end])
+
+
 class Listening(Hub):
     """A hub that keeps what it was told."""
 
@@ -102,6 +113,26 @@ def test_the_live_run_is_told_in_blocks_and_again_to_who_comes_late() -> None:
     np.testing.assert_allclose(arrays[0] + 1.0, (low + np.arange(arrays[0].size)) / 1000 - 0.25, atol=1e-6)
     with pytest.raises(ValueError, match="no longer"):
         live.window(header["trace"] + 1, 0, 1, 10)
+
+
+def test_the_last_values_of_a_run_are_those_of_its_recording() -> None:
+    """More is measured than is recorded, and the end may fill no bucket: pages say what the file says."""
+    hub = Listening()
+    live = Live(hub)
+    live.begin("run", COLUMNS, 1000.0, 10_000, 250)
+    samples = np.random.default_rng(3).standard_normal((2, 9_995))
+    live.add({"a": samples[0, :9_992], "b": samples[1, :9_992]})
+    live.add({"a": samples[0, 9_992:], "b": samples[1, 9_992:]})  # no whole bucket of 8: no block
+    live.end()
+    assert json.loads(hub.told[-1])["kind"] == "latest"
+    np.testing.assert_allclose(json.loads(hub.told[-1])["values"], samples[:, -1], rtol=1e-6)
+    live.recorded({"b": 2.5, "a": 1.5})
+    assert json.loads(hub.told[-1]) == {"kind": "latest", "trace": 1, "values": [1.5, 2.5]}
+    late = [message for greet in hub.greetings for message in greet(Client("x", ""), {})]
+    assert unpacked(late[1])[0]["latest"] == [1.5, 2.5]  # type: ignore[arg-type]
+    live.begin("run", COLUMNS, 1000.0, 10_000, 250)
+    live.add({"a": samples[0], "b": samples[1]})
+    np.testing.assert_allclose(unpacked(hub.told[-1])[0]["latest"], samples[:, -1], rtol=1e-6)
 
 
 def test_blocks_wait_for_each_other_while_the_event_loop_is_behind() -> None:

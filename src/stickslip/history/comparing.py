@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 
+from ..readers.inspection import Inspection
 from ..recording import RecordingError
+
+TRIGGER, DRIVE = "trigger", "begin of the drive"  # what a clock may begin at, the better first
 
 
 def differences(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
@@ -17,10 +21,15 @@ def differences(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
 
     Settings are taken apart: ``variables.voltage``, ``capture.interval``.
     """
-    flat = [_flat({**row, "settings": json.loads(row.get("settings") or "{}")}) for row in rows]
+    flat = flat_rows(rows)
     names = dict.fromkeys(name for one in flat for name in one if name not in _ALWAYS)
     table = {name: [one.get(name) for one in flat] for name in names}
     return {name: values for name, values in table.items() if any(value != values[0] for value in values)}
+
+
+def flat_rows(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Each row with its settings taken apart."""
+    return [_flat({**row, "settings": json.loads(row.get("settings") or "{}")}) for row in rows]
 
 
 _ALWAYS = ("name", "changed", "bytes", "begun", "settings", "links")
@@ -33,6 +42,62 @@ def _flat(content: Any, name: str = "") -> dict[str, Any]:
     for key, value in content.items():
         below = f"{name}.{key}" if name and name != "settings" else str(key)
         found |= _flat(value, below)
+    return found
+
+
+class Zero(NamedTuple):
+    """Where the clock of a compared recording begins: at `time` [s] of its own, which is that of `event`; ""
+    for a recording that shows none, whose clock stays as it is."""
+
+    time: float
+    event: str
+    triggered: bool  # whether it was recorded with a trigger
+
+
+def common_zeros(recordings: Sequence[xr.Dataset]) -> list[Zero]:
+    """Where to begin the clock of each, so that what happened at one time is seen at one time.
+
+    All begin at the same event if they have one; which is that of the first that most of the others have too.
+    What is compared with the first is only what begins as it does: see `comparable`.
+    """
+    known = [_events(one) for one in recordings]
+
+    def shared(event: str) -> int:
+        return sum(event in one for one in known) if event in known[0] else -1
+
+    common = max((TRIGGER, DRIVE), key=shared)  # the first of equals
+    zeros = []
+    for one in known:
+        event = common if common in one else next(iter(one), "")
+        zeros.append(Zero(one.get(event, 0.0), event, TRIGGER in one))
+    return zeros
+
+
+def comparable(zeros: Sequence[Zero]) -> list[bool]:
+    """Of each, whether it begins as the first does: a difference between other clocks says nothing."""
+    return [zero.event != "" and zero.event == zeros[0].event for zero in zeros]
+
+
+def _events(recording: xr.Dataset) -> dict[str, float]:
+    """What a recording shows that a clock may begin at, and when [s], the better first."""
+    capture = _capture(recording)
+    before, triggered = capture.get("pre_trigger", 0.0), bool(capture.get("trigger"))
+    found = {TRIGGER: float(before)} if triggered else {}
+    begins = Inspection(Path(), "", False, [], {}, {}, recording, "").drive_begins
+    if begins is None and capture and not triggered:
+        begins = before  # by the capture's own words, see `rig.Capture`
+    if begins is None and ("model" in recording.attrs or recording.attrs.get("source") == "simulation"):
+        begins = float(recording["time"][0]) if "drive_voltage" in recording else None
+    return found if begins is None else {**found, DRIVE: float(begins)}
+
+
+def _capture(recording: xr.Dataset) -> dict[str, Any]:
+    """The capture that a rig recorded it with; nothing for somebody's own file, or where it is damaged."""
+    try:
+        found = json.loads(str(recording.attrs.get("capture") or "{}"))
+        float(found.get("pre_trigger", 0.0))
+    except (ValueError, AttributeError, TypeError):
+        return {}
     return found
 
 

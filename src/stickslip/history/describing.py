@@ -27,7 +27,8 @@ def described(recording: xr.Dataset) -> dict[str, Any]:
     """The columns of a recording, but for its name and size.
 
     `settings` is what makes it: drive, capture, limits, variables of the experiment, the actuator as the file
-    says it, and what a virtual rig says of its contact in that run.
+    says it, and what a virtual rig says of its contact in that run; of what no rig recorded, where it is
+    from, a file that was taken in by its name.
     """
     attrs = {str(name): value for name, value in recording.attrs.items()}
     time = recording["time"].values
@@ -38,6 +39,9 @@ def described(recording: xr.Dataset) -> dict[str, Any]:
     }
     if attrs.get("actuator"):
         settings["actuator"] = str(attrs["actuator"])
+    source, of_a_rig = str(attrs.get("source", "")), bool(attrs.get("capture"))
+    if source and not of_a_rig:
+        settings["source"] = source
     named = re.search(r"\bname='([\w.-]+)'", str(attrs.get("actuator", "")))
     return {
         "begun": str(attrs.get("epoch", "")),
@@ -45,7 +49,7 @@ def described(recording: xr.Dataset) -> dict[str, Any]:
         "notes": str(attrs.get("notes", "")),
         "tags": str(attrs.get("tags", "")),
         "operator": str(attrs.get("operator", "")),
-        "rig": str(attrs.get("source", "")),
+        "rig": source if of_a_rig else "",
         "parameter_set": named[1] if named else "",
         "outcome": str(attrs.get("outcome", "")),
         "seconds": float(time[-1] - time[0]),
@@ -78,15 +82,24 @@ def described_fit(path: Path) -> dict[str, Any]:
     links |= linked.get("links", {})
     return {
         "kind": str(linked.get("kind", "fit")),
-        "begun": str(results.get("created", "")),
+        "begun": str(results.get("made") or results.get("created", "")),
         "title": str(results.get("title", "")),
         "notes": str(said.get("notes") or " ".join(str(results.get("summary", "")).split())[:500]),
         "tags": str(said.get("tags", "")),
         "parameter_set": str(request.get("set", "")),
-        "outcome": str(state.get("phase", "complete")).replace("done", "complete"),
+        "outcome": _outcome(str(state.get("phase", "done")), results.get("failures", [])),
         "settings": json.dumps(results.get("numbers", {}), ensure_ascii=False),
         "links": json.dumps({name: given for name, given in links.items() if given}, ensure_ascii=False),
     }
+
+
+def _outcome(phase: str, failures: Any) -> str:
+    """Of a fit or a verification: one that ended may still say that its model does not explain the data, or
+    that a requirement is not met. The word is that of the commands, which end with an error then."""
+    if phase not in ("done", "complete"):
+        return phase
+    said = "; ".join(map(str, failures)) if isinstance(failures, list) else ""
+    return f"not as required: {said}" if said else "complete"
 
 
 def _brief(value: Any) -> Any:

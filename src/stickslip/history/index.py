@@ -17,7 +17,7 @@ from ..recording.replacing import BIN, to_bin
 from .acts import present_names, read_acts
 from .describing import NOTES, RECORDINGS, described, described_fit, described_set
 
-VERSION = 3
+VERSION = 4
 COLUMNS = (
     "name", "kind", "changed", "bytes", "begun", "title", "notes", "tags", "operator", "rig", "parameter_set",
     "outcome", "seconds", "samples", "channels", "settings", "links", "problem",

@@ -16,10 +16,11 @@ def runs(folder: str | os.PathLike[str], search: str = "", **equal: str) -> pd.D
     """The recordings and fits of a folder and of those in it, the newest first, as a table of pandas.
 
     Columns: name (the path in the folder), kind (recording or fit), changed (time), bytes, begun, title,
-    notes, tags, operator, rig, parameter_set, outcome ("complete", or why it was stopped), seconds, samples,
-    channels, settings (a dictionary: variables, capture, limits, drive, actuator; of a fit its numbers),
-    links (of a fit: the recordings fitted and verified), problem (why a file cannot be read). An index beside
-    the files (``.stickslip/runs.sqlite``) spares reading them again; it may be deleted at any time.
+    notes, tags, operator, rig, parameter_set, outcome ("complete", why it was stopped, or, of a fit, what is
+    "not as required"), seconds, samples, channels, settings (a dictionary: variables, capture, limits, drive,
+    actuator; of a fit its numbers), links (of a fit: the recordings fitted and verified), problem (why a file
+    cannot be read). An index beside the files (``.stickslip/runs.sqlite``) spares reading them again; it may
+    be deleted at any time.
 
     Args:
         folder: the lab's.

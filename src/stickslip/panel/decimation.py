@@ -24,16 +24,20 @@ def extremes(values: Float32, bucket: int) -> Float32:
 def window(time: NDArray[np.float64], values: Float32, points: int) -> tuple[NDArray[np.float64], Float32]:
     """Times [m] and values [rows, m] with at most some `points` points; all samples where there are fewer.
 
-    `time` [n] need not be regular; the pairs of a bucket stand at its first and last sample.
+    `time` [n] need not be regular. The first and the last sample stay as they are: what a curve ends at is
+    read off it. The pairs of a bucket between them stand at its first and last sample.
     """
-    bucket = max(1, -(-2 * time.size // max(points, 2)))
+    bucket = max(1, -(-2 * (time.size - 2) // max(points - 2, 2)))
     if bucket < 3:
         return time, values
-    starts = np.arange(0, time.size - 1, bucket)  # a last sample on its own joins the bucket before
-    ends = np.append(starts[1:], time.size)
+    starts = np.arange(1, time.size - 2, bucket)  # a last sample on its own joins the bucket before
+    ends = np.append(starts[1:], time.size - 1)
     edges = np.stack([starts, ends - 1], axis=1)
-    low, high = np.minimum.reduceat(values, starts, axis=1), np.maximum.reduceat(values, starts, axis=1)
-    return time[edges.ravel()], _paired(low, high, values[:, starts] > values[:, ends - 1])
+    within = values[:, :-1]
+    low, high = np.minimum.reduceat(within, starts, axis=1), np.maximum.reduceat(within, starts, axis=1)
+    pairs = _paired(low, high, values[:, starts] > values[:, ends - 1])
+    times = time[np.concatenate([[0], edges.ravel(), [time.size - 1]])]
+    return times, np.concatenate([values[:, :1], pairs, values[:, -1:]], axis=1)
 
 
 def _paired(low: Float32, high: Float32, falling: NDArray[np.bool_]) -> Float32:

@@ -256,7 +256,11 @@ def _read(folder: Folder, name: str, request: FitRequest) -> xr.Dataset:
 
 
 def _thin(values: Array) -> Array:
-    return values[:: math.ceil(values.size / SHOWN)]
+    """At most some SHOWN of them, the last one too: it is what a curve ends at."""
+    if not values.size:
+        return values
+    end = values.size - 1
+    return values[np.append(np.arange(0, end, math.ceil(values.size / SHOWN)), end)]
 
 
 def _told(fit: Fit, stage: Fit | None) -> dict[str, Any]:

@@ -113,6 +113,7 @@ def _described(recording: xr.Dataset) -> dict[str, Any]:
     missing = [name for name in (OBSERVED, "drive_voltage") if name not in recording]
     return {
         "jumps": "drive_voltage" in recording and bool(edges(recording["drive_voltage"].values).any()),
+        "bench": bool(recording.attrs.get("capture")),  # recorded by a rig, not somebody's own file
         "seconds": float(time_[-1] - time_[0]),
         "samples": int(time_.size),
         "title": str(recording.attrs.get("title", "")),

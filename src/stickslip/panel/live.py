@@ -34,6 +34,7 @@ class Live:
         self._bucket = 1
         self._rate = 1.0
         self._pre_trigger = 0.0
+        self._recorded: list[float] | None = None  # what the recording of this run ends at
         hub.greetings.append(self._so_far)
 
     def begin(
@@ -66,7 +67,7 @@ class Live:
             self._rate = rate
             self._values = np.zeros((len(columns), samples), np.float32)
             self._filled = self._sent = 0
-            self._pre_trigger = pre_trigger
+            self._pre_trigger, self._recorded = pre_trigger, None
             self._header = {
                 "kind": "trace",
                 "trace": self._number,
@@ -105,11 +106,28 @@ class Live:
             if not self._hub.behind:  # else they go with the next ones
                 self._send()
 
+    def recorded(self, last: Mapping[str, float]) -> None:
+        """The run has its recording, which ends at these values: pages say what the file says. (More is
+        measured than is recorded: the trigger might have come later.)"""
+        with self._lock:
+            if self._header is not None and self._filled:
+                self._recorded = [float(last[one["name"]]) for one in self._header["columns"]]
+                self._tell_latest()
+
     def end(self) -> None:
         """The run has ended: what is left is sent."""
         with self._lock:
-            if self._header is not None:
-                self._send()
+            if self._header is None:
+                return
+            self._send()
+            if self._filled > self._sent * self._bucket:  # less than a bucket, and so in no block
+                self._tell_latest()
+
+    def _latest(self) -> list[float]:
+        return self._recorded or self._values[:, self._filled - 1].tolist()
+
+    def _tell_latest(self) -> None:
+        self._hub.tell("latest", trace=self._number, values=self._latest())
 
     def _send(self) -> None:
         message = self._block(self._sent)
@@ -136,8 +154,8 @@ class Live:
         if last <= first:
             return None
         values = extremes(self._values[:, first * self._bucket : last * self._bucket], self._bucket)
-        latest = self._values[:, self._filled - 1].tolist()
-        return packed({"kind": "block", "trace": self._number, "bucket": first, "latest": latest}, *values)
+        header = {"kind": "block", "trace": self._number, "bucket": first, "latest": self._latest()}
+        return packed(header, *values)
 
     def _so_far(self, client: Client, said: dict[str, Any]) -> Iterable[Message]:
         with self._lock:

@@ -15,6 +15,7 @@ import numpy as np
 import xarray as xr
 from fastapi import APIRouter, Request, Response
 from fastapi.responses import FileResponse
+from numpy.typing import NDArray
 from starlette.background import BackgroundTask
 
 from ..history import note_act
@@ -106,6 +107,7 @@ def recording_routes(folder: Folder, hub: Hub, control: Control, read: Reader) -
         header |= {
             "extent": [float(time[0]), float(time[-1])],
             "title": str(recording.attrs.get("title", "")),
+            "latest": [last_of(recording[name].values) for name in names],
         }
         return Response(packed(header, times - begin, *shown), media_type="application/octet-stream")
 
@@ -143,6 +145,11 @@ def recording_routes(folder: Folder, hub: Hub, control: Control, read: Reader) -
         return FileResponse(made, filename=made.name, background=BackgroundTask(_remove, made))
 
     return routes
+
+
+def last_of(values: NDArray[np.float64]) -> float | None:
+    """The last sample, whatever part is drawn; None where it is no number, which JSON lacks."""
+    return float(values[-1]) if np.isfinite(values[-1]) else None
 
 
 def _remove(path: Path) -> None:

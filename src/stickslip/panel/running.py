@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from ..experiment.cells import Cell
@@ -229,9 +230,19 @@ class Runner:
         watch = partial(self._watched, job)
         own: dict[str, Any] = {"label": job.title, "watch": watch, "read": self._read}
         made = record_experiment(
-            job.file, job.folder, job.out, progress, rigs=self._rigs, who="the panel", **own
+            job.file,
+            job.folder,
+            job.out,
+            progress,
+            self._has_recording,
+            rigs=self._rigs,
+            who="the panel",
+            **own,
         )
         return len(made)
+
+    def _has_recording(self, cell: Cell, recording: xr.Dataset) -> None:
+        self._live.recorded({str(name): float(one[-1]) for name, one in recording.data_vars.items()})
 
     def laboratory(self, job: Job) -> Laboratory:
         """Where it is recorded."""

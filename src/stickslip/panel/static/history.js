@@ -9,7 +9,7 @@ import { uploadDialog } from "./history_upload.js";
 import { calledShortly } from "./livedata.js";
 
 const KINDS = [["", "everything"], ["recording", "recordings"], ["fit", "fits"], ["parameters", "parameter sets"], ["prediction", "predictions"], ["verification", "verifications"]];
-const OUTCOMES = [["", "any outcome"], ["complete", "complete"], ["bad", "stopped, failed, unreadable"]];
+const OUTCOMES = [["", "any outcome"], ["complete", "complete"], ["not as required", "not as required"], ["bad", "anything but complete"]];
 export const KIND = { recording: "recording", fit: "fit", parameters: "parameter set", prediction: "prediction", verification: "verification" };
 const MOST_COMPARED = 8;
 
@@ -32,7 +32,7 @@ export async function mount(element, app) {
     h("div", { class: "row" }, compare, remove, h("span", { class: "grow" }),
       h("button", { type: "button", class: "small", onclick: () => uploadDialog(app, async (name) => { await load(); open([name]); }) }, "Take in a file…"),
       h("button", { type: "button", class: "small quiet", onclick: binDialog }, "Bin…")),
-    count, h("div", { class: "history-table", tabIndex: 0, role: "group", "aria-label": "List of runs" }, h("table", {}, h("thead", {}, h("tr", {}, h("th", {}, h("span", { class: "visually-hidden" }, "Tick")), h("th", {}, "Run"), h("th", {}, "When"), h("th", {}, "Outcome"))), body)));
+    count, h("div", { class: "history-table", tabIndex: 0, role: "group", "aria-label": "List of runs" }, h("table", {}, h("thead", {}, h("tr", {}, h("th", {}, h("span", { class: "visually-hidden" }, "Tick")), h("th", {}, "Run"), h("th", { class: "number" }, "When"), h("th", {}, "Outcome"))), body)));
   const right = h("section", { class: "history-right", "aria-label": "Details" });
   element.append(h("h1", { class: "visually-hidden" }, "History"), h("div", { class: "history" }, list, right));
 
@@ -133,6 +133,7 @@ export async function mount(element, app) {
 /** "2026-11-22 12:46" of a row. */
 export function whenOf(row) {
   const told = new Date(row.begun);
-  const date = Number.isNaN(told.getTime()) ? new Date(1000 * row.changed) : told;
-  return date.toLocaleString("sv-SE", { dateStyle: "short", timeStyle: "short" });
+  return isoTime(Number.isNaN(told.getTime()) ? new Date(1000 * row.changed) : told);
 }
+/** The same of any date; timeStyle "medium" has the seconds too. Swedish is written as ISO 8601 is. */
+export const isoTime = (date, timeStyle = "short") => date.toLocaleString("sv-SE", { dateStyle: "short", timeStyle });

@@ -2,7 +2,7 @@
 
 import { exportDialog, renameDialog } from "./recordings.js";
 import { h } from "./dom.js";
-import { KIND, whenOf } from "./history.js";
+import { KIND, isoTime, whenOf } from "./history.js";
 import { calledShortly, showRecording } from "./livedata.js";
 import { pathCard } from "./path.js";
 import { makePlot } from "./plot.js";
@@ -14,7 +14,7 @@ const MADE = { fitted: "fit", verified: "verification", steps: "stage of a fit",
 export async function showRun(element, app, name, acts) {
   const run = await app.request("/history/detail", { name });
   const facts = [["Kind", KIND[run.kind] ?? run.kind], ["File", run.name], ["When", whenOf(run)], ["Outcome", run.problem || run.outcome], ["Operator", run.operator],
-    ["Rig", run.rig], ["Parameter set", run.parameter_set], ["Length", run.seconds ? `${formatQuantity(run.seconds, "s")}, ${run.samples} samples` : ""]];
+    ["Rig", run.rig], ["Source", run.settings.source], ["Parameter set", run.parameter_set], ["Length", run.seconds ? `${formatQuantity(run.seconds, "s")}, ${run.samples} samples` : ""]];
   const fact = ([label, value]) => value && h("div", {}, h("dt", {}, label), h("dd", {}, value));
   const canKeep = run.name.endsWith(".nc") || ["fit", "verification"].includes(run.kind);
   const notes = h("textarea", { id: "run-notes", rows: 3, value: run.notes, disabled: !canKeep });
@@ -45,7 +45,7 @@ export async function showRun(element, app, name, acts) {
   const link = (to, text) => h("li", {}, h("button", { type: "button", class: "link", onclick: () => acts.open(to) }, calledShortly(to)), h("span", { class: "soft" }, ` · ${text}`));
   const of = Object.entries(run.links).flatMap(([kind, names]) => names.map((to) => link(to, LINKS[kind] ?? kind)));
   const made = run.made.map((one) => link(one.name, `${KIND[one.kind] ?? one.kind}: ${MADE[one.as] ?? one.as}`));
-  const done = run.acts.map((one) => h("li", {}, `${one.act}${one.kind ? ` as ${one.kind}` : ""}${one.was ? ` from ${calledShortly(one.was)}` : ""}${one.file ? ` ${one.file}` : ""}`, h("span", { class: "soft" }, ` · ${new Date(one.time).toLocaleString([], { hourCycle: "h23" })}`)));
+  const done = run.acts.map((one) => h("li", {}, `${one.act}${one.kind ? ` as ${one.kind}` : ""}${one.was ? ` from ${calledShortly(one.was)}` : ""}${one.file ? ` ${one.file}` : ""}`, h("span", { class: "soft when-cell" }, ` · ${isoTime(new Date(one.time), "medium")}`)));
   const part = (title, items, otherwise) => h("div", {}, h("h3", {}, title), items.length ? h("ul", { class: "history-links" }, ...items) : h("p", { class: "soft small-text" }, otherwise));
   const settings = Object.entries(run.settings).map(([key, value]) => h("tr", {}, h("th", {}, key), h("td", {}, typeof value === "string" ? value : JSON.stringify(value).replace(/[{}"]/g, "").replace(/,/g, ", ").replace(/:/g, ": "))));
   const canvas = h("div", { class: "history-canvas" });
@@ -74,6 +74,7 @@ function draw(canvas, app, name) {
         plot = makePlot(canvas, { series: header.columns, label: "The recording" });
         plot.onView(() => { clearTimeout(timer); timer = setTimeout(refresh, 60); });
       }
+      plot.setPresent(header.latest);
       plot.setData([x, ...columns]);
     } catch (error) {
       app.notify(error.message, "error");

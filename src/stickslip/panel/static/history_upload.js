@@ -35,6 +35,9 @@ function preview(app, look, fault, close, taken) {
   const notes = h("input", { id: "upload-notes" });
   const rate = h("input", { id: "upload-rate", placeholder: "10 kHz", spellcheck: false });
   const drop = h("input", { type: "checkbox" });
+  const whole = h("input", { type: "checkbox" });
+  const read = look.cut ? look.complete : look.samples;
+  const samples = look.first ? `the first ${look.samples} samples are looked at here, all ${look.cut ? "complete ones can be" : "are"} taken in` : `${read} ${look.cut ? "complete " : ""}samples`;
   const timed = look.columns.some((one) => one.guess === "time");
   const clash = (select) => rows.filter((one) => one.select !== select && one.select.value && one.select.value === select.value).length;
   const rows = look.columns.map((one) => {
@@ -54,7 +57,7 @@ function preview(app, look, fault, close, taken) {
     if (look.columns.length && !chosen.some(({ select }) => select.value !== "time")) { fault.textContent = "Say of at least one column what it is."; return; }
     try {
       const { name: made } = await app.request("/history/take", {
-        token: look.token, name: name.value, notes: notes.value, sample_rate: rate.value.trim() || null, missing: drop.checked ? "drop" : "error",
+        token: look.token, name: name.value, notes: notes.value, sample_rate: rate.value.trim() || null, missing: drop.checked ? "drop" : "error", rows: whole.checked ? look.complete : null,
         columns: Object.fromEntries(chosen.map(({ one, select }) => [select.value, one.index])),
         units: Object.fromEntries(chosen.filter(({ unit }) => unit.value.trim()).map(({ select, unit }) => [select.value, unit.value.trim()])),
       });
@@ -65,9 +68,11 @@ function preview(app, look, fault, close, taken) {
     }
   }
   return h("form", { onsubmit: take, noValidate: true },
-    h("p", { class: "soft small-text" }, `${look.name}: ${look.first ? `the first ${look.samples} samples are looked at here, all are taken in` : `${look.samples} samples`}${look.columns.length ? ". Check what each column is, and its unit: guesses are marked." : ", a recording as it is."}`),
+    h("p", { class: "soft small-text" }, `${look.name}: ${samples}${look.columns.length ? ". Check what each column is, and its unit: guesses are marked." : ", a recording as it is."}`),
+    look.cut ? h("p", { class: "weak small-text" }, `${look.cut[0].toUpperCase()}${look.cut.slice(1)}.`) : null,
     look.columns.length ? h("div", { class: "history-table", tabIndex: 0, role: "group", "aria-label": "Columns of the file" }, h("table", { class: "upload" }, h("thead", {}, h("tr", {}, h("th", {}, "Column"), h("th", {}, "Values"), h("th", {}, "Is"), h("th", {}, "Unit"))), h("tbody", {}, ...rows.map(({ row }) => row)))) : null,
     timed || !look.columns.length ? null : h("div", { class: "field" }, h("label", { htmlFor: "upload-rate" }, "Sample rate, for a file without a time"), rate),
+    look.complete > 1 ? h("label", { class: "choice" }, whole, `Take only the complete rows: ${look.complete}`) : null,
     look.columns.length ? h("label", { class: "choice" }, drop, "Leave out samples without a number (empty, NaN, infinite)") : null,
     h("div", { class: "field" }, h("label", { htmlFor: "upload-name" }, "Name in the history"), name),
     h("div", { class: "field" }, h("label", { htmlFor: "upload-notes" }, "Notes"), notes),

@@ -85,8 +85,9 @@ export async function fitForm(app, choices, last, asked, start, cancel) {
       : make("p", { className: "soft", textContent: "There are no recordings in the panel's folder yet: record some on the Bench page." }));
   }
 
-  /** As a campaign does it: the newest walk, or what was asked for, with the newest clamped loops and step of that rig. */
-  function usual(found, one = found.find((each) => !each.clamped)) {
+  /** As a campaign does it: the newest walk of the bench, or what was asked for, with the newest clamped loops and step
+   * of that rig. Of somebody's own file nobody knows what it is for. */
+  function usual(found, one = found.find((each) => each.bench && !each.clamped)) {
     if (!one) return;
     for (const [use, jumps] of [["loops", false], ["step", true]]) {
       const fits = (each) => each.clamped && each.jumps === jumps;
@@ -102,6 +103,9 @@ export async function fitForm(app, choices, last, asked, start, cancel) {
     if (own) return;
     if (one.set && one.set !== state.set && choices.sets[one.set]) state = begin(choices, one.set);
     if (one.stage_reaction !== undefined) state = changed(choices, state, "model", "stage_reaction", one.stage_reaction);
+    // A file that does not say it leaves it as the other walks say.
+    const others = [...role].some(([name, use]) => use === "fit" && name !== one.name);
+    if (one.slew_rate === undefined && others) return;
     slewRate = one.slew_rate ?? null;
     slew.set(slewRate);
   }

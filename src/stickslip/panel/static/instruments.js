@@ -103,13 +103,16 @@ function plotter(bench, spec) {
   async function columns(source, view) {
     if (source !== "live") {
       const { header, x, columns: found } = await showRecording(bench.app, source, view, 2 * plot.pixels);
-      return [x, ...spec.variables.map((name) => found[header.columns.findIndex((one) => one.name === name)] ?? new Float32Array(x.length))];
+      const at = spec.variables.map((name) => header.columns.findIndex((one) => one.name === name));
+      ends.set(source, at.map((i) => header.latest[i]));
+      return [x, ...at.map((i) => found[i] ?? new Float32Array(x.length))];
     }
     const { header } = bench.live.data;
     return !header || !view || header.bucket === 1 ? bench.live.whole(spec.variables) : bench.live.window(spec.variables, view, 2 * plot.pixels);
   }
-  /** What the legend says of the live run is what the tiles say. */
-  const present = (from) => from.flatMap((source) => spec.variables.map((name) => (source === "live" ? bench.live.latest(name) : undefined)));
+  /** What the legend says of the live run is what the tiles say; of a recording, its last sample. */
+  const ends = new Map();
+  const present = (from) => from.flatMap((source) => spec.variables.map((name, v) => (source === "live" ? bench.live.latest(name) : ends.get(source)?.[v])));
   async function refresh() {
     if (busy) { again = true; return; }
     busy = true;

@@ -38,6 +38,11 @@ export function makeLiveData(app) {
       data.latest = header.latest;
       tell("block");
     }),
+    app.stream.on("latest", ({ trace, values }) => {
+      if (trace !== data.header?.trace) return;
+      data.latest = values;
+      tell("latest");
+    }),
   ];
   return {
     data,

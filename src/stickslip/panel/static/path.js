@@ -100,6 +100,7 @@ export function pathCard(app, fit) {
     plot?.destroy();
     canvas.hidden = false;
     plot = makePlot(canvas, { series: header.columns, label: "The prediction" });
+    plot.setPresent(header.latest);
     plot.setData([x, ...columns]);
   }
   enable();

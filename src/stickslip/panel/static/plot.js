@@ -160,7 +160,7 @@ export function makePlot(element, { series, time = { label: "time", unit: "s" },
     const idx = xy ? null : strip.plot.cursor.idx;
     strip.members.forEach((one, i) => {
       const column = xy ? data[one.index]?.[1] : data[one.index];
-      const value = idx == null && present[one.index] !== undefined ? present[one.index] : valueAt(column, idx ?? (column?.length ?? 0) - 1);
+      const value = idx == null && present[one.index] != null ? present[one.index] : valueAt(column, idx ?? (column?.length ?? 0) - 1);
       strip.outputs[i].children[2].textContent = xy ? "" : formatQuantity(value, one.unit);
     });
   }
@@ -298,7 +298,7 @@ export function makePlot(element, { series, time = { label: "time", unit: "s" },
       if (frozen) heldExtent = range;
       else { extent = range; later(); }
     },
-    /** What legends show of each series while no cursor is over the plot; undefined: its last point. */
+    /** What legends show of each series while no cursor is over the plot; null: its last point. */
     setPresent(values) { if (!frozen) present = values; },
     /** Other curves come: the vertical axes follow them, and what cursors had read is forgotten. */
     follow() {

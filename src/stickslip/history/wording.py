@@ -1,0 +1,54 @@
+"""What differs between runs in the words of a page: names that are read, and the units of the numbers."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ..friction import LuGre
+from ..recording import STANDARD_NAMES
+from ..records import quantities
+from ..rig.capture import Capture
+from ..rig.limits import Limits
+from .comparing import flat_rows
+
+_UNITS = {"seconds": "s"} | {
+    f"{name}.{field}": one.unit
+    for name, kind in (("capture", Capture), ("limits", Limits), ("contact", LuGre))
+    for field, one in quantities(kind).items()
+}
+
+
+def worded(found: Mapping[str, Sequence[Any]], rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """What `differences` found in rows of the index, to be shown.
+
+    Returns:
+        for each: what it is in words, the values, one a row, and their units (SI; "" where there is none).
+    """
+    flat = flat_rows(rows)
+    shown = []
+    for name, values in found.items():
+        if name.endswith(".unit"):  # it stands behind its number
+            continue
+        texts = [_plain(value) if name == "channels" else value for value in values]
+        shown.append({"what": _words(name), "values": texts, "units": [_unit(name, one) for one in flat]})
+    return shown
+
+
+def _words(name: str) -> str:
+    return "length" if name == "seconds" else _plain(name.removesuffix(".value").replace(".", ": "))
+
+
+def _plain(text: Any) -> Any:
+    """Without the underscores of a name; those before a number belong to a symbol, as in sigma_0."""
+    return re.sub(r"_(?=[a-z])", " ", text) if isinstance(text, str) else text
+
+
+def _unit(name: str, row: Mapping[str, Any]) -> str:
+    if name in _UNITS:
+        return _UNITS[name]
+    if name == "capture.trigger.level":
+        channel = STANDARD_NAMES.get(str(row.get("capture.trigger.signal")))
+        return channel.unit if channel else ""
+    return str(row.get(f"{name.rpartition('.')[0]}.unit") or "")

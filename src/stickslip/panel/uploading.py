@@ -1,0 +1,137 @@
+"""Routes for somebody's own file: looked at first, then taken into the history."""
+
+from __future__ import annotations
+
+import secrets
+import shutil
+import time
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal
+
+import xarray as xr
+from fastapi import APIRouter, Request
+from pydantic import Field
+
+from ..history import note_act
+from ..input_file import Strict
+from ..readers import read_recording
+from ..readers.process import Reader
+from ..recording import RecordingError, save_recording
+from .folder import Folder, FolderError
+from .looking import for_the_page, preview
+from .stream import Hub
+
+UPLOADS = ".uploads"
+_KEPT = 3600.0  # s that an upload waits to be taken
+_SUFFIXES = (".csv", ".txt", ".tsv", ".mat", ".npy", ".npz", ".dat", ".lvm", ".mf4", ".nc")
+
+
+class Taken(Strict):
+    """An upload that is taken: our names, each with the index of its column and its unit; what becomes of
+    samples without a number; and how many rows of it, None for all."""
+
+    token: str
+    columns: dict[str, int] = Field(default_factory=dict, max_length=100)
+    units: dict[str, str] = Field(default_factory=dict, max_length=100)
+    sample_rate: str | None = None
+    missing: Literal["error", "drop"] = "error"
+    rows: int | None = Field(default=None, ge=1)
+    name: str = Field(max_length=100)
+    notes: str = Field(default="", max_length=20_000)
+
+
+def add_uploads(routes: APIRouter, folder: Folder, hub: Hub, read: Reader) -> None:
+    """Add them to those of the history."""
+    shutil.rmtree(folder.root / UPLOADS, ignore_errors=True)
+
+    @routes.post("/upload")
+    async def upload(name: str, request: Request) -> dict[str, Any]:
+        called = Path(name.replace("\\", "/")).name
+        if Path(called).suffix.lower() not in _SUFFIXES or not called.isprintable():
+            raise FolderError(f"{called[:60]!r}: a file that can be taken ends in {', '.join(_SUFFIXES)}")
+        content = await request.body()
+        from starlette.concurrency import run_in_threadpool
+
+        return await run_in_threadpool(_looked_at, folder, read, called, content)
+
+    @routes.post("/take")
+    def take(asked: Taken) -> dict[str, str]:
+        source = _upload(folder, asked.token)
+        target = _free(folder, asked.name)
+        recording = _read(source, asked, folder, read)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        save_recording(recording, target)
+        shutil.rmtree(source.parent, ignore_errors=True)
+        note_act(folder.root, "taken from a file", folder.name(target), file=source.name)
+        hub.tell("recordings")
+        return {"name": folder.name(target)}
+
+
+def _read(source: Path, asked: Taken, folder: Folder, read: Reader) -> xr.Dataset:
+    if source.suffix.lower() == ".nc":
+        return read(source)
+    how = partial(
+        read_recording,
+        columns=asked.columns or None,
+        units=asked.units or None,
+        sample_rate=asked.sample_rate,
+        rows=(0, asked.rows),
+        title=Path(asked.name).name,
+        notes=asked.notes,
+        missing=asked.missing,
+    )
+    try:
+        return read.apply(how, source)
+    except RecordingError as error:
+        raise RecordingError(for_the_page(_by_name(str(error), source, folder))) from None
+
+
+def _by_name(text: str, path: Path, folder: Folder) -> str:
+    """What is said of a file, without the folders that it lies in."""
+    for one in (str(path), str(path.relative_to(folder.root))):
+        text = text.replace(one, path.name)
+    return text
+
+
+def _looked_at(folder: Folder, read: Reader, name: str, content: bytes) -> dict[str, Any]:
+    """Keep an upload aside, and look into it in the process that can be ended."""
+    root = folder.root / UPLOADS
+    for old in root.glob("*"):
+        if time.time() - old.stat().st_mtime > _KEPT:
+            shutil.rmtree(old, ignore_errors=True)
+    token = secrets.token_hex(8)
+    path = root / token / name
+    path.parent.mkdir(parents=True)
+    path.write_bytes(content)
+    try:
+        if path.suffix.lower() == ".nc":
+            found = {"reader": "nc", **read(path, _counted), "columns": []}
+        else:
+            found = read.apply(preview, path)
+    except (RecordingError, OSError) as error:
+        shutil.rmtree(path.parent, ignore_errors=True)
+        said = _by_name(str(error), path, folder)
+        raise RecordingError(said if name in said else f"{name}: {said}") from None
+    return {"token": token, "name": name, **found}
+
+
+def _counted(recording: xr.Dataset) -> dict[str, Any]:
+    return {"samples": int(recording.sizes["time"])}
+
+
+def _upload(folder: Folder, token: str) -> Path:
+    found = list((folder.root / UPLOADS / token).glob("*")) if token.isalnum() else []
+    if not found:
+        raise FolderError("that file is no longer here: choose it again")
+    return found[0]
+
+
+def _free(folder: Folder, name: str) -> Path:
+    """Where an upload of that name goes, which is nobody else's place."""
+    path = folder.path(f"uploads/{name.removesuffix('.nc')}.nc")
+    number = 1
+    while path.exists():
+        number += 1
+        path = folder.path(f"uploads/{name.removesuffix('.nc')}_{number}.nc")
+    return path

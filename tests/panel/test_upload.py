@@ -1,0 +1,94 @@
+"""Somebody's own file without a browser: what the look at it says, and how it is taken."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+
+from stickslip.panel import create_app
+from stickslip.panel.looking import for_the_page
+from stickslip.recording import open_recording
+
+from .serving import client_of
+
+ROWS = [f"{0.25 * i:.5f},{1e-3 * i:.5f},{0.1 * i:.5f}" for i in range(100)]
+CUT = "\n".join(["t [ms],x [um],u [V]", *ROWS, "25.00000,"])
+GERMAN = "\n".join(["Zeit in ms;Weg in µm;Spannung in V", *(one.replace(",", ";") for one in ROWS), ""])
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("uploads")
+
+
+@pytest.fixture(scope="module")
+def client(folder: Path) -> Iterator[httpx.Client]:
+    with client_of(create_app(folder), **{"X-Client": "test"}) as made:
+        yield made
+
+
+def looked_at(client: httpx.Client, name: str, text: str) -> dict[str, Any]:
+    answer = client.post("/history/upload", params={"name": name}, content=text.encode())
+    answer.raise_for_status()
+    return answer.json()
+
+
+def taken(client: httpx.Client, look: dict[str, Any], **more: Any) -> httpx.Response:
+    columns = {one["guess"]: one["index"] for one in look["columns"] if one["guess"]}
+    asked = {"token": look["token"], "name": Path(look["name"]).stem, "columns": columns, **more}
+    return client.post("/history/take", json=asked)
+
+
+def test_a_file_that_is_cut_off_says_so_before_it_is_taken(client: httpx.Client, folder: Path) -> None:
+    look = looked_at(client, "cut.csv", CUT)
+    assert look["complete"] == 100
+    assert look["cut"] == "the last line '25.00000,' has 2 of 3 fields: the file is cut off"
+    refused = taken(client, look)
+    assert refused.status_code == 400
+    said = refused.json()["error"]
+    assert said.endswith("the file is cut off. Tick “Take only the complete rows” to go on without it.")
+    assert "rows=" not in said
+    assert "YAML" not in said
+    taken(client, look, rows=look["complete"]).raise_for_status()
+    recording = open_recording(folder / "uploads" / "cut.nc")
+    np.testing.assert_allclose(recording["time"], 0.25e-3 * np.arange(100), atol=1e-12)
+    assert float(recording["drive_voltage"][-1]) == pytest.approx(9.9)
+
+
+def test_one_that_is_cut_off_beyond_what_is_looked_at(client: httpx.Client) -> None:
+    many = "\n".join(["t [ms],x [um],u [V]", *(f"{0.25 * i},1,2" for i in range(25_000)), "6250,1"])
+    look = looked_at(client, "long.csv", many)
+    assert (look["samples"], look["first"], look["complete"]) == (20_000, True, 25_000)
+    whole = looked_at(client, "whole.csv", many + ",2\n")
+    assert not {"cut", "complete"} & whole.keys()
+
+
+def test_the_time_is_what_the_reader_takes_as_the_time(client: httpx.Client, folder: Path) -> None:
+    look = looked_at(client, "german.csv", GERMAN)
+    assert [(one["guess"], one["unit"]) for one in look["columns"]] == [
+        ("time", "ms"),
+        ("end_effector_position", "um"),
+        ("drive_voltage", "V"),
+    ]
+    taken(client, look).raise_for_status()
+    recording = open_recording(folder / "uploads" / "german.nc")
+    np.testing.assert_allclose(recording["time"], 0.25e-3 * np.arange(100), atol=1e-12)
+
+
+def test_where_two_columns_may_be_the_time_none_is_chosen(client: httpx.Client) -> None:
+    text = "\n".join(["first in ms;second in ms;Weg in µm", *(one.replace(",", ";") for one in ROWS), ""])
+    assert [one["guess"] for one in looked_at(client, "two.csv", text)["columns"]] == [
+        "",
+        "",
+        "end_effector_position",
+    ]
+
+
+def test_what_readers_say_is_left_alone_where_it_advises_nothing() -> None:
+    said = "line 500, column 'x [um]': 'abc' is not a number"
+    assert for_the_page(said) == said
