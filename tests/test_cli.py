@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 from stickslip import __version__
 from stickslip.actuator import load_actuator
 from stickslip.cli import app
-from stickslip.cli.frame import progress_bar
+from stickslip.cli.frame import check_output, progress_bar
 from stickslip.recording import open_recording, save_recording
 from stickslip.simulation import simulate
 from stickslip.waveform.periodic import Sawtooth
@@ -65,6 +65,12 @@ def test_version_and_help() -> None:
         ("list la", ["laws"]),
         ("new camp", ["campaign"]),
         ("verif", ["verify"]),
+        ("simulate --set end", ["end_effector_mass="]),
+        ("simulate --set friction.st", ["friction.stiction_force=", "friction.stribeck_velocity="]),
+        ("simulate --law Dahl --set friction.e", ["friction.exponent="]),
+        ("simulate --waveform ramp --set waveform.rat", ["waveform.rate="]),
+        ("simulate pohl1987 --set stage_r", ["stage_reaction="]),
+        ("simulate nowhere --set e", []),
     ],
 )
 def test_the_shell_completes_commands_and_names(words: str, found: list[str]) -> None:
@@ -202,6 +208,11 @@ def test_a_slider_pulled_by_a_user_s_own_set(tmp_path: Path) -> None:
         ([*THESIS, "--periods", "1e12"], "samples; a trajectory has up to 10,000,000"),
         ([*THESIS, "--set", "end_effector_mass"], "--set end_effector_mass: write FIELD=VALUE"),
         ([*THESIS, "--set", "stage.mass=1"], "--set stage.mass=1: write FIELD=VALUE"),
+        ([*THESIS, "--set", "friction=Dahl"], "--set friction=Dahl: another law is --law Dahl; a value of"),
+        ([*THESIS, "--set", "friction.law=Dahl"], "--set friction.law=Dahl: another law is --law Dahl"),
+        ([*THESIS, "--set", "name=pohl1987"], "the name is that of the parameter set, which comes first: "),
+        ([*THESIS, "--set", "waveform=step"], "--set waveform=step: another drive is --waveform step"),
+        ([*THESIS, "--set", "frequency=5 Hz"], "--set frequency=5 Hz: of the drive it is --frequency '5 Hz'"),
         (
             [*THESIS, "--set", "stage_reaction=maybe"],
             "Actuator.stage_reaction = 'maybe' must be True or False",
@@ -403,3 +414,75 @@ def test_an_interval_of_a_number_without_unit_is_printed() -> None:
     assert _shown(Number(0.95, "", 0.91, 0.9999935)) == "0.9500 (95 %: 0.9100 to 0.9999935)"
     assert _shown(Number(0.9999935, "")) == "0.9999935"
     assert _shown(Number(0.5353, "N", 0.53, 0.5407)) == "535.3 mN (95 %: 530 mN to 540.7 mN)"
+
+
+def test_a_new_folder_that_another_command_tries_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each looks whether it can write, and clears up after itself alone."""
+    out, other = tmp_path / "a" / "out", tmp_path / "a" / "out" / ".room.1.part"
+    synced = os.fsync
+
+    def while_another_looks(number: int) -> None:
+        other.touch()
+        synced(number)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "fsync", while_another_looks)
+        check_output(out)
+    assert contents(tmp_path).keys() == {"a/out/.room.1.part"}
+    other.unlink()
+    out.rmdir()
+    made, gone = Path.mkdir, []
+
+    def removed_at_once(folder: Path, *arguments, **how) -> None:
+        made(folder, *arguments, **how)
+        if folder == out and not gone:
+            gone.append(folder)
+            folder.rmdir()
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "mkdir", removed_at_once)
+        check_output(out)
+    assert gone
+    assert [*tmp_path.rglob("*")] == [tmp_path / "a"]
+
+
+def test_a_picture_goes_into_a_new_folder(tmp_path: Path) -> None:
+    rows = [f"{k / 1e3},{k % 7}" for k in range(40)]
+    (tmp_path / "a.csv").write_text("\n".join(["t [s],x [m]", *rows]))
+    done = run("inspect", str(tmp_path / "a.csv"), "--picture", str(tmp_path / "new" / "er" / "a.svg"))
+    assert done.exit_code == 0, done.stderr
+    assert (tmp_path / "new" / "er" / "a.svg").read_bytes().startswith(b"<svg")
+    done = run("inspect", str(tmp_path / "a.csv"), "--picture", str(tmp_path / "a.csv" / "a.svg"))
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert "a.csv is a file, not a folder" in done.stderr
+
+
+def test_runs_are_compared_and_moved_all_or_none(tmp_path: Path) -> None:
+    (tmp_path / "one.csv").write_text("t [s],x [m]\n0,0\n1,1\n")
+    for wrong, words in (
+        (["--compare", "one.csv"], "--compare one.csv: with what?"),
+        (["--to-bin", "one.csv", "--to-bin", "two.csv"], "--to-bin two.csv: there is no such run in"),
+        (["--to-bin", "one.csv", "--to-bin", "one.csv"], "--to-bin one.csv: it is named twice"),
+    ):
+        done = run("runs", str(tmp_path), *wrong)
+        assert (done.exit_code, done.stdout) == (2, "")
+        assert words in done.stderr
+        assert (tmp_path / "one.csv").is_file()
+
+
+@pytest.mark.parametrize(
+    ("text", "encoding", "mark"),
+    [
+        ("title: Größe\n", "utf-16", "UTF-16"),
+        ("title: Größe\n", "latin-1", ""),
+        ("a: 1\n", "utf-16-le", "UTF-16"),
+    ],
+)
+def test_a_file_in_another_encoding_is_said(text: str, encoding: str, mark: str, tmp_path: Path) -> None:
+    (tmp_path / "job.yaml").write_bytes(text.encode(encoding))
+    done = run("run", str(tmp_path / "job.yaml"), "--out", str(tmp_path / "out"))
+    assert done.exit_code == 2
+    assert done.stderr.startswith(f"Error: {tmp_path}/job.yaml: ")
+    assert mark in done.stderr
+    assert "save it as UTF-8" in done.stderr
+    assert "codec" not in done.stderr

@@ -294,3 +294,21 @@ def test_ctrl_c_in_a_text_that_a_library_executes_is_exit_code_130(tmp_path: Pat
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
     assert done.returncode == 130
     assert done.stderr == "Error: interrupted; what was finished is kept\n"
+
+
+@pytest.mark.parametrize(
+    ("at", "words", "code"),
+    [
+        ("127.0.0.1:abc", "--at 127.0.0.1:abc: 'abc' is no port", 2),
+        ("127.0.0.1:70000", "'70000' is no port", 2),
+        ("nowhere.invalid", "--at nowhere.invalid: there is no host 'nowhere.invalid'", 2),
+        ("127.0.0.1:PORT", "127.0.0.1:PORT: no controller that is known answers there", 1),
+    ],
+)
+def test_an_address_that_cannot_be_asked(at: str, words: str, code: int) -> None:
+    with socket.socket() as free:  # bound, and nobody listens
+        free.bind(("127.0.0.1", 0))
+        port = str(free.getsockname()[1])
+        done = run("rigs", "--at", at.replace("PORT", port))
+    assert done.exit_code == code
+    assert words.replace("PORT", port) in done.stderr

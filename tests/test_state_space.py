@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import control
 import numpy as np
 import pytest
@@ -55,5 +57,6 @@ def test_a_modal_model_is_the_same_system(seed: int) -> None:
 
 
 def test_no_delay_needs_an_order() -> None:
-    with pytest.raises(QuantityError, match="order = 0 is out of range"):
-        modal_model(0).state_space().to_control(order=0)
+    for order in (0, 2.5, math.nan, True, "3"):
+        with pytest.raises(QuantityError, match=f"order = {order!r} is out of range: .* whole order >= 1"):
+            modal_model(0).state_space().to_control(order=order)

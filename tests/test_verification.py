@@ -137,8 +137,8 @@ def test_a_residual_that_is_mostly_an_offset_is_said_to_be() -> None:
 
 def test_requirements() -> None:
     found = verify(fitted(), [line(2.0, 12, "same"), line(3.0, 15, "steeper")])
-    wanted = [Requirement.parse(text) for text in ("r_squared > 0.9", "rmse <= 100 mm", "rmse < 10")]
-    assert wanted[1:] == [Requirement("rmse", "<=", 0.1, "m"), Requirement("rmse", "<", 10.0)]
+    wanted = [Requirement.parse(text) for text in ("r_squared > 0.9", "rmse <= 100 mm", "rmse < 10 m")]
+    assert wanted[1:] == [Requirement("rmse", "<=", 0.1, "m"), Requirement("rmse", "<", 10.0, "m")]
     assert [s.split(" is ")[0] for s in found.unmet(wanted)] == ["steeper: r_squared", "steeper: rmse"]
     assert Requirement.parse("r_squared > 0.9999999").broken(0.9999959) == (
         "r_squared is 0.9999959, which is not > 0.9999999"
@@ -155,6 +155,8 @@ def test_requirements() -> None:
         ("r_sqared > 0.9", "did you mean 'r_squared'"),
         ("rmse < 1 V", "no m"),
         ("rmse < 1 %", "no m"),
+        ("rmse < 100", "'rmse < 100' has no unit: .* as in rmse < 100 nm"),
+        ("largest_error <= 1e-6", "has no unit"),
     ):
         with pytest.raises(QuantityError, match=words):
             Requirement.parse(text)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import codecs
+import io
 import os
 import re
 from collections.abc import Sequence
@@ -17,6 +19,7 @@ from .units import QuantityError, to_si
 
 LARGEST = 1_000_000  # bytes
 MOST_VALUES = 1_000_000
+_LOOKED_AT = 1000  # bytes, for what text has none of
 _UNKNOWN = "unknown_field"
 _TAG = ("union_tag_invalid", "union_tag_not_found")
 _NAMED = (_UNKNOWN, *_TAG)  # errors that name the key themselves
@@ -86,12 +89,23 @@ def load_yaml(path: str | os.PathLike[str]) -> dict[str, Any]:
             raise InputFileError(f"{path}: no plain file")
         if path.stat().st_size > LARGEST:
             raise InputFileError(f"{path}: {path.stat().st_size / 1e6:.1f} MB; an input file has up to 1 MB")
-        text = path.read_text(encoding="utf-8")
+        raw = path.read_bytes()
     except OSError as error:
         raise InputFileError(f"{path}: {error.strerror or error}") from error
+    return yaml_mapping(_text(raw, path), str(path))
+
+
+def _text(raw: bytes, path: Path) -> str:
+    """What the bytes of a file say; raises InputFileError for what is no UTF-8."""
+    if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) or b"\0" in raw[:_LOOKED_AT]:
+        raise InputFileError(f"{path}: it is in UTF-16, or no text at all; save it as UTF-8")
+    try:
+        return io.TextIOWrapper(io.BytesIO(raw), encoding="utf-8").read()  # with any line ends
     except UnicodeDecodeError as error:
-        raise InputFileError(f"{path}: {error}") from error
-    return yaml_mapping(text, str(path))
+        line = raw[: error.start].count(b"\n") + 1
+        raise InputFileError(
+            f"{path}: line {line} has a letter that is not in UTF-8, of Latin-1 say; save it as UTF-8"
+        ) from error
 
 
 def yaml_mapping(text: str, source: str) -> dict[str, Any]:

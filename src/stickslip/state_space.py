@@ -44,7 +44,7 @@ class StateSpace(NamedTuple):
             order: of that approximation.
 
         Raises:
-            QuantityError: python-control is not installed, or the order is below 1.
+            QuantityError: python-control is not installed, or the order is no whole number >= 1.
         """
         try:
             control: Any = import_module("control")
@@ -53,8 +53,10 @@ class StateSpace(NamedTuple):
         made = control.ss(self.a, self.b, self.c, self.d)
         if self.delay <= 0.0:
             return made
-        if order < 1:
-            raise QuantityError(f"order = {order} is out of range: a Padé approximation has an order >= 1")
+        if isinstance(order, bool) or not isinstance(order, int | np.integer) or order < 1:
+            raise QuantityError(
+                f"order = {order!r:.60} is out of range: a Padé approximation has a whole order >= 1"
+            )
         late = control.ss(*control.ssdata(control.tf(*control.pade(self.delay, order))))
         inputs = self.b.shape[1]
         return made * (control.append(*[late] * inputs) if inputs > 1 else late)

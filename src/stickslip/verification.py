@@ -17,9 +17,10 @@ from .estimate.goodness import Goodness, goodness, pooled_r_squared, pooled_rmse
 from .estimate.lack import Lack, lack_of_fit
 from .estimate.result import Fit
 from .estimate.shown import preformatted
+from .identify.loops.missing import MEASURED
 from .identify.recorded.channels import channel, drives_of, names_of, recordings_of, same_number
 from .identify.recorded.drives import periodic_part
-from .identify.recorded.known_noise import known_noise, said_unjudged
+from .identify.recorded.known_noise import known_noise, more_than_white, white_noise
 from .identify.walk.prediction import Predictor
 from .recording import RecordingError, make_recording
 from .records import did_you_mean, same
@@ -40,7 +41,7 @@ class Requirement(NamedTuple):
         """From words such as "r_squared > 0.99", "rmse <= 100 nm", "net_step_error < 2 %".
 
         Raises:
-            QuantityError: it has another form, or the unit is not that of the figure.
+            QuantityError: it has another form, or the unit is not that of the figure, or is missing.
         """
         found = re.fullmatch(r"\s*([a-z_]+)\s*(>=|<=|>|<)\s*(.+?)\s*", text)
         if not found:
@@ -52,10 +53,14 @@ class Requirement(NamedTuple):
         if figure == "net_step_error" and limit.endswith("%"):
             return cls(figure, relation, to_si(limit[:-1], "", figure) / 100.0)
         unit = FIGURES[figure]
+        if unit and _is_bare(limit):  # 100 would be 100 m, which is always met
+            raise QuantityError(
+                f"{text.strip()!r} has no unit: write one behind the number, as in {figure} {relation} 100 "
+                f"nm (of what turns, {figure} {relation} 5 urad)"
+            )
         if unit and limit.endswith("rad"):
             unit = turned(unit)
-        value = to_si(limit, unit, figure)
-        return cls(figure, relation, value, unit if limit[-1].isalpha() else None)
+        return cls(figure, relation, to_si(limit, unit, figure), unit or None)
 
     def met(self, value: float) -> bool:
         """Whether a value fulfils it; NaN does not."""
@@ -72,6 +77,15 @@ class Requirement(NamedTuple):
         if self.figure == "net_step_error":
             return f"{100.0 * value:.{digits - 2}g} %"
         return with_prefix(value, unit, digits)
+
+
+def _is_bare(limit: str) -> bool:
+    """Whether a limit is a number and nothing else."""
+    try:
+        float(limit)
+    except ValueError:
+        return False
+    return True
 
 
 _RELATIONS: dict[str, Callable[[float, float], bool]] = {
@@ -106,6 +120,8 @@ class Verification:
         predictions: for each a recording with measured, predicted and residual (predicted minus measured).
         lacks: what each says of the model, by the noise that it shows besides: see `lack_of_fit`.
         remarks: sentences on recordings that show no noise besides, and on those that differ by a constant.
+        unexplained: sentences on recordings that show no noise besides, of which more is left than their
+            white noise where the fit has doubts, or more than measured loops leave (`loops.missing`).
     """
 
     observed: str
@@ -115,6 +131,7 @@ class Verification:
     steps: tuple[tuple[float, float], ...]
     lacks: tuple[Lack, ...] = ()
     remarks: tuple[str, ...] = ()
+    unexplained: tuple[str, ...] = ()
 
     def __eq__(self, other: object) -> bool:
         return same(self, other)
@@ -122,7 +139,7 @@ class Verification:
     @property
     def statements(self) -> tuple[str, ...]:
         """A sentence for each recording that the model, with these values, does not explain."""
-        return tuple(one.statement for one in self.lacks if one.seen)
+        return (*(one.statement for one in self.lacks if one.seen), *self.unexplained)
 
     @property
     def r_squared(self) -> float:
@@ -261,6 +278,32 @@ def net_step(time: NDArray[np.float64], position: NDArray[np.float64], drive: An
     return (mean(begin + (count - 1) * period) - mean(begin + first * period)) / (count - 1 - first)
 
 
+# What values of a unit are called.
+_KINDS = {"m": "positions", "rad": "positions", "N": "forces", "N m": "torques"}
+
+
+def _unjudged(
+    lacks: Sequence[Lack],
+    goods: Sequence[Goodness],
+    measured: Sequence[NDArray[np.float64]],
+    doubts: Sequence[str],
+) -> tuple[list[str], list[str]]:
+    """Remarks on recordings that show their noise neither at rest nor between periods, of which more than
+    their white noise is left; and what says besides that the model does not explain them."""
+    remarks, unexplained = [], []
+    for lack, good, x in zip(lacks, goods, measured, strict=True):
+        words = (good.name, good.unit, _KINDS.get(good.unit, "values"), "the model does not explain it")
+        said = "" if lack.against else more_than_white(good.rmse, white_noise(x), x, words)
+        if not said:
+            continue
+        remarks.append(said)
+        if good.unit in ("N", "N m") and good.rmse > MEASURED * float(np.ptp(x)) > 0.0:
+            share = 100.0 * good.rmse / float(np.ptp(x))
+            unexplained.append(f"the model does not explain {good.name}: {share:.2g} % of its range is left")
+        unexplained += [f"the model does not explain {good.name}: {doubt}" for doubt in doubts]
+    return remarks, unexplained
+
+
 def _said_offsets(goods: Sequence[Goodness], left: Sequence[NDArray[np.float64]]) -> list[str]:
     """A sentence on each recording that differs from the model mostly by a constant."""
     said = []
@@ -318,7 +361,15 @@ def verify(
         steps.append((net_step(time, measured, repeated), net_step(time, predicted, repeated)))
         predictions.append(make_recording(time, {k: (v, unit) for k, v in variables.items()}, title=name))
     left, seen = ([p[key].values for p in predictions] for key in ("residual", "measured"))
-    remarks = (*said_unjudged(lacks, left, seen, goods[0].unit), *_said_offsets(goods, left))
+    doubts = fit.doubts if isinstance(fit, Fit) else ()
+    remarks, unexplained = _unjudged(lacks, goods, seen, doubts)
     return Verification(
-        fit.observed, goods[0].unit, tuple(goods), tuple(predictions), tuple(steps), tuple(lacks), remarks
+        fit.observed,
+        goods[0].unit,
+        tuple(goods),
+        tuple(predictions),
+        tuple(steps),
+        tuple(lacks),
+        (*remarks, *_said_offsets(goods, left)),
+        tuple(unexplained),
     )

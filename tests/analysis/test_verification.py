@@ -208,3 +208,18 @@ def test_a_saved_fit_predicts_like_the_fit_itself(folder: Path) -> None:
     done = run(str(folder / "loose.json"), str(folder / "walk.nc"))
     assert done.exit_code != 0
     assert "it is a saved fit, but of no walk" in done.stderr
+
+
+def test_a_limit_without_its_unit_is_refused_before_anything_is_read(folder: Path) -> None:
+    """In SI 100 would be 100 m, which every recording meets."""
+    said = "'rmse < 100' has no unit: write one behind the number, as in rmse < 100 nm"
+    done = run(str(folder / "check.yaml"), "--require", "rmse < 100", "--out", str(folder / "bare"))
+    assert done.exit_code == 2
+    assert f"Error: --require: {said}" in done.stderr
+    content = yaml.safe_load((folder / "check.yaml").read_text("utf-8"))
+    content |= {"require": ["rmse < 100"], "recordings": [{"file": "gone.nc"}]}
+    (folder / "bare.yaml").write_text(yaml.safe_dump(content), "utf-8")
+    done = run(str(folder / "bare.yaml"), "--out", str(folder / "bare"))
+    assert done.exit_code == 2
+    assert f"Error: {folder}/bare.yaml: require: {said}" in done.stderr
+    assert not (folder / "bare").exists()

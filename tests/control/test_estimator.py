@@ -98,6 +98,28 @@ def test_the_steps_of_a_model_and_their_slope_over_the_load() -> None:
     assert made.scatter == 30e-9
 
 
+@pytest.mark.parametrize("scale", [1.0, 16.0, 100.0])
+@pytest.mark.parametrize("rotary", [False, True])
+def test_the_slope_over_the_load_is_that_of_the_actuator_s_own_size(scale: float, rotary: bool) -> None:
+    """With all masses and forces so many times smaller the steps are the same, and the slope is larger."""
+    of = KANG.friction
+    law = of._replace(
+        sigma_0=of.sigma_0 / scale,
+        sigma_1=of.sigma_1 / scale,
+        coulomb_force=of.coulomb_force / scale,
+        stiction_force=of.stiction_force / scale,
+    )
+    small = KANG.replace(
+        stage_mass=KANG.stage_mass / scale,
+        end_effector_mass=KANG.end_effector_mass / scale,
+        friction=law,
+        rotary=rotary,
+    )
+    made, walk, force = StepModel.of_model(small, 65.0, 100.0), Sawtooth(65.0, 100.0), 1e-3 / scale
+    high, low = (steady_step(small.replace(external_force=f), walk) for f in (force, -force))
+    assert made.per_load == pytest.approx((high - low) / (2.0 * force), rel=2e-3)
+
+
 def test_what_is_refused() -> None:
     one = Estimator(KNOWN)
     for call, words in (

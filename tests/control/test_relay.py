@@ -64,7 +64,7 @@ def test_on_the_rig_it_finds_what_its_chain_adds() -> None:
 
 
 def test_what_is_no_relay() -> None:
-    with pytest.raises(QuantityError, match="above 0"):
+    with pytest.raises(QuantityError, match="must be > 0 V/s"):
         Relay(0.0, RATE, 40.0)
     relay = Relay(1e3, RATE, 40.0, reach="1 V")
     with pytest.raises(QuantityError, match="not oscillated"):

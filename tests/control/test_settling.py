@@ -33,12 +33,18 @@ def test_a_simulated_position_is_not_averaged() -> None:
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"windows": [-1e-9]}, r"windows > 0 m: \[-1e-09\]"),
-        ({"windows": [math.nan]}, "windows > 0 m"),
-        ({"average": -1.0}, "average = -1 s must be >= 0 s"),
+        ({"windows": [-1e-9]}, r"windows must be > 0 m: \[-1e-09\]"),
+        ({"windows": [math.nan]}, "windows must be > 0 m"),
+        ({"average": -1.0}, "average = -1 s .*must be >= 0 s"),
         ({"average": math.nan}, "average = nan s"),
+        ({"average": math.inf}, "average = inf s"),
+        ({"hold": "-1 s"}, "hold = '-1 s' is out of range"),
+        ({"hold": math.nan}, "hold = nan s is not finite"),
+        ({"hold": 1.0}, "hold = 1 s is longer"),
+        ({"target": math.nan}, "target = nan m is not finite"),
+        ({"target": math.inf}, "target = inf m is not finite"),
     ],
 )
 def test_no_window_no_mean(given: dict, said: str) -> None:
     with pytest.raises(QuantityError, match=said):
-        settling(make_recording(TIME, {"end_effector_position": RINGING}), "1 um", **given)
+        settling(make_recording(TIME, {"end_effector_position": RINGING}), **({"target": "1 um"} | given))

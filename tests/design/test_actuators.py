@@ -120,6 +120,18 @@ REFUSED = [
     ({"free": {"load": (0.5, 2.0)}, "limits": {"a": DriveLimits()}}, "limits are of a"),
     ({"free": {"external_force": (-0.1, 0.1)}, "scenarios": [{"external_force": 0.1}]}, "leave out one"),
     ({"free": {"load": (0.5, 2.0)}, "budget": 0}, "budget"),
+    ({"free": {"load": (0.5, 2.0)}, "holding_force": math.nan}, "holding_force = nan N is not finite"),
+    ({"free": {"load": (0.5, 2.0)}, "holding_force": math.inf}, "holding_force = inf N is not finite"),
+    ({"free": {"load": (0.5, 2.0)}, "holding_force": "-1 N"}, "holding_force = '-1 N' is out of range"),
+    ({"free": {"load": (0.5, 2.0)}, "minimum_speed": math.nan}, "minimum_speed = nan m/s is not finite"),
+    ({"free": {"load": (0.5, 2.0)}, "max_voltage": math.nan}, "max_voltage"),
+    ({"free": {"load": (0.5, 2.0)}, "min_voltage": math.nan}, "voltage"),
+    ({"free": {"load": (0.5, 2.0)}, "frequency": (1.0, math.nan)}, "frequency"),
+    ({"free": {"load": (0.5, math.inf)}}, r"free\['load'\]"),
+    (
+        {"free": {"load": (0.5, 2.0)}, "scenarios": [{"load": math.inf}]},
+        r"Scenario\.load = inf is not finite",
+    ),
 ]
 
 

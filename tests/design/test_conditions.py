@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import partial
 
 import numpy as np
@@ -75,6 +76,24 @@ def test_robust_over_draws_is_worse_nowhere():
     )
     loaded = KANG.replace(friction=law, external_force=column["external_force"])
     assert found.value == pytest.approx(exact(loaded, found.waveform) * found.frequency, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"load": math.inf}, r"Scenario\.load = inf is not finite: it must be > 0"),
+        ({"load": math.nan}, r"Scenario\.load = nan is not finite"),
+        ({"drive_scale": math.inf}, r"Scenario\.drive_scale = inf is not finite"),
+        ({"drive_scale": 0.0}, r"Scenario\.drive_scale = 0 is out of range: it must be > 0"),
+        ({"factors": {"load": math.inf}}, r"Scenario\.factors\['load'\] = inf is not finite"),
+        ({"factors": {"natural_frequency": math.inf}}, r"factors\['natural_frequency'\] = inf"),
+        ({"factors": {"gain": math.nan}}, r"factors\['gain'\] = nan"),
+        ({"external_force": math.inf}, r"external_force"),
+    ],
+)
+def test_a_scenario_is_of_finite_numbers(given, said):
+    with pytest.raises(ss.units.QuantityError, match=said):
+        conditions_of(ss.load_actuator("kang2007"), [Scenario(**given)], None, 1, 0)
 
 
 def test_an_uncertainty_of_another_model_is_refused():

@@ -19,6 +19,7 @@ from stickslip.cli import app
 from stickslip.experiment import running
 from stickslip.input_file import InputFileError
 from stickslip.job.file import json_schema, read_job
+from stickslip.recording import RecordingWarning
 
 KANG = ss.load_actuator("kang2007").replace(stage_reaction=False)
 TRUTH = {"sigma_0": 1.399e6, "coulomb_force": 0.5401}
@@ -353,3 +354,100 @@ def test_ctrl_c_in_a_recording_is_heard_before_the_next_step(
     assert not (tmp_path / "out" / "steps").exists()
     for kind in ("nc", "csv"):
         assert len(list((tmp_path / "out" / "recordings").glob(f"*.{kind}"))) == 8
+
+
+def recorded(folder: Path, *more: dict[str, Any]) -> Path:
+    """A job that records walk_55V_50Hz and walk_65V_50Hz, and goes on."""
+    content = copy.deepcopy(SMALL)
+    content["runs"][0] |= {"matrix": {"voltage": ["55 V", "65 V"], "frequency": ["50 Hz"]}, "repeats": 1}
+    return written(folder, {"title": "Recorded", "steps": [{"record": content}, *more]})
+
+
+@pytest.mark.parametrize(
+    ("step", "words"),
+    [
+        (
+            {"verify": {"model": "kang2007", "recordings": [{"file": "recordings/walk_66V_50Hz.nc"}]}},
+            "steps.1.verify.recordings.0: recordings/walk_66V_50Hz.nc: there is no such file, and no step "
+            "before makes it (did you mean 'recordings/walk_65V_50Hz.nc'?)",
+        ),
+        (
+            {"verify": {"model": "kang2007", "recordings": [{"file": "gone.csv"}]}},
+            "steps.1.verify.recordings.0: gone.csv: there is no such file",
+        ),
+        (
+            {"verify": {"fit": "gone.json", "recordings": [{"file": "recordings/walk_65V_50Hz.nc"}]}},
+            "steps.1.verify.fit: gone.json: there is no such file",
+        ),
+        (
+            {"verify": {"model": "kang207", "recordings": [{"file": "recordings/walk_65V_50Hz.nc"}]}},
+            "steps.1.verify.model: there is no parameter set 'kang207' (did you mean 'kang2007'?)",
+        ),
+        (
+            {
+                "verify": {
+                    "model": "kang2007",
+                    "recordings": [{"file": "recordings/walk_65V_50Hz.nc"}],
+                    "require": ["r_squared > 0.9", "rmse < 100"],
+                }
+            },
+            "steps.1.verify.require.1: 'rmse < 100' has no unit",
+        ),
+        (
+            {
+                "identify": {
+                    "recordings": [
+                        {"cells": "walk_55V*", "use": "fit"},
+                        {"cells": "walk_5*", "use": "verify"},
+                    ]
+                }
+            },
+            "steps.1.identify.recordings.1: no cell that is left fits 'walk_5*'; left are walk_65V_50Hz",
+        ),
+        ({"export": {"model": "kang207"}}, "steps.1.export.model: there is no parameter set 'kang207'"),
+    ],
+)  # fmt: skip
+def test_what_a_later_step_lacks_is_said_before_the_first(
+    tmp_path: Path, step: dict[str, Any], words: str
+) -> None:
+    path = recorded(tmp_path, step)
+    done = CliRunner().invoke(app, ["run", str(path), "--out", str(tmp_path / "out")], prog_name="stickslip")
+    assert done.exit_code == 2
+    assert f"Error: {path}: {words}" in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_steps_before_one_that_fails_have_their_report(tmp_path: Path) -> None:
+    (tmp_path / "damaged.nc").write_bytes(b"no recording")
+    check = {"model": "kang2007", "recordings": [{"file": "damaged.nc"}]}
+    path = recorded(tmp_path, {"verify": check}, {"export": {"model": "kang2007"}})
+    done = CliRunner().invoke(app, ["run", str(path), "--out", str(tmp_path / "out")], prog_name="stickslip")
+    assert done.exit_code != 0
+    last = done.stderr.splitlines()[-1]
+    assert last.startswith("Error: ")
+    assert "damaged.nc" in last
+    assert "that was in step 2 of 3, verify; the report is of those before it" in last
+    results = json.loads((tmp_path / "out" / "results.json").read_bytes())
+    assert [one.startswith("step 2 of 3, verify, failed: ") for one in results["failures"]] == [True]
+    assert "damaged.nc" in results["failures"][0]
+    (kept,) = results["numbers"].values()
+    assert set(kept) >= {"walk_55V_50Hz", "walk_65V_50Hz"}
+    assert "Step 2 of 3, verify, failed" in (tmp_path / "out" / "report.html").read_text("utf-8")
+    assert "Not begun: export" in results["summary"]
+
+
+@pytest.mark.filterwarnings("default")
+def test_a_job_that_runs_again_puts_its_code_under_the_same_names(tmp_path: Path) -> None:
+    """Two exports of one job have two names; what an earlier run wrote goes to the bin."""
+    exports = [{"export": {"model": name}} for name in ("kang2007", "pohl1987")]
+    path, out = written(tmp_path, {"title": "Code", "steps": exports}), tmp_path / "out"
+    ss.run_job(path, out)
+    before = {name: (out / name / "stickslip_parameters.c").read_text("utf-8") for name in ("c", "c_2")}
+    assert before["c"] != before["c_2"]
+    (out / "c" / "mine.txt").write_text("a note", "utf-8")
+    with pytest.warns(RecordingWarning, match=r"an earlier run had put there is in .*\.bin"):
+        ss.run_job(path, out)
+    assert {p.name for p in out.iterdir()} == {"c", "c_2", ".bin"}
+    assert {name: (out / name / "stickslip_parameters.c").read_text("utf-8") for name in before} == before
+    assert (out / ".bin" / "c" / "mine.txt").is_file()
+    assert not (out / "c" / "mine.txt").exists()

@@ -28,7 +28,8 @@ def test_the_set_has_what_it_says() -> None:
         if volts == 150.0:
             plain = ss.load_actuator("kang2007")
             assert actuator.gain * (up[-1] - up[0]) == pytest.approx(plain.gain * volts, rel=2e-3)
-    assert actuator.piezo.creep.per_decade == pytest.approx(0.015)
+    # its time constants have three digits
+    assert actuator.piezo.creep.per_decade == pytest.approx(0.015, rel=5e-4)
     assert {"piezo.hysteresis.weights", "piezo.creep.shares"} <= set(actuator.assumptions)
 
 

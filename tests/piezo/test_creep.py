@@ -48,6 +48,25 @@ def test_time_constants_are_spread_over_the_decades() -> None:
     np.testing.assert_allclose(spread(0.1, 10.0), 10.0 ** np.array([-0.75, -0.25, 0.25, 0.75]))
 
 
+@pytest.mark.parametrize(
+    ("begin", "end"), [(0.1, 60.0), (0.5, 3.0), (0.01, 1.7e4), (0.1, 0.15), (0.1, 100.0)]
+)
+def test_creep_per_decade_is_that_of_any_span(begin: float, end: float) -> None:
+    """However many decades it has: in all by them, and between 1 s and 10 s where both are well inside."""
+    creep = Creep.logarithmic(0.015, begin, end)
+    assert sum(creep.shares) == pytest.approx(0.015 * np.log10(end / begin))
+    assert creep.per_decade == pytest.approx(0.015)
+    if begin < 0.05 and end > 1e3:
+        tau, shares = np.array(creep.time_constants), np.array(creep.shares)
+        crept = [float(shares @ -np.expm1(-t / tau)) for t in (1.0, 10.0)]
+        assert crept[1] - crept[0] == pytest.approx(0.015, rel=0.03)
+
+
+def test_shares_of_ones_own_are_per_decade_by_their_distance() -> None:
+    assert Creep((1.0, 10.0, 100.0), (0.01, 0.02, 0.03)).per_decade == pytest.approx(0.02)
+    assert Creep((3.0,), (0.01,)).per_decade == pytest.approx(0.02)  # by convention: half a decade
+
+
 def test_what_creeps_into_a_motion_is_found() -> None:
     random = np.random.default_rng(5)
     creep, times = Creep.logarithmic(0.02, 0.1, 50.0), np.arange(0.0, 20.0, 0.05)

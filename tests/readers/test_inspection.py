@@ -148,3 +148,17 @@ def test_the_command_says_what_keeps_a_file_from_being_read(tmp_path: Path) -> N
     result = CliRunner().invoke(app, ["inspect", str(tmp_path / "a.csv")])
     assert result.exit_code == 2
     assert "a.csv: line 3" in result.output
+
+
+def test_a_time_that_only_its_unit_tells(tmp_path: Path) -> None:
+    rows = [f"{k / 4:.2f};{k % 7},5;{k % 3},0" for k in range(40)]
+    text = "\n".join(["Zeit in ms;Weg in µm;Spannung in V", *rows]).replace(".", ",")
+    (tmp_path / "german.csv").write_text(text, encoding="utf-8")
+    found = ss.inspect_file(tmp_path / "german.csv")
+    (row,) = [line for line in str(found).splitlines() if line.startswith("  Zeit in ms ")]
+    assert row.split()[-1] == "time"
+    (entry,) = yaml.safe_load(found.yaml)
+    assert entry["columns"]["time"] == "Zeit in ms"
+    again = ss.read_recording(tmp_path / "german.csv", entry["columns"])
+    assert found.recording is not None
+    assert again.equals(found.recording)

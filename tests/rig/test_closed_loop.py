@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from stickslip.rig import Channel, LimitError, Limits, RigError, VirtualRig, reg
 from stickslip.rig.samples import recover
 from stickslip.units import QuantityError
 from stickslip.waveform import Sine
+from stickslip.waveform.drive import Drive
 
 from rig.laboratory import ACTUATOR, BENCH, CHANNELS, IDEAL  # isort: skip
 
@@ -47,6 +49,41 @@ class Integrating:
         self.volts += 0.01 * (target - measured) / ACTUATOR.gain
         self.done = tick >= 2400
         return self.volts
+
+
+class Lost:
+    """A waveform that ends in what is no number."""
+
+    unit = "m"
+
+    def drive(self, duration: float) -> Drive:
+        table = Sine(1e-6, 10.0, unit="m").drive(duration)
+        return table._replace(polynomial=np.full_like(table.polynomial, math.nan))
+
+
+@pytest.mark.parametrize("target", [math.nan, math.inf, "nan m", "-inf m", Lost()])
+def test_a_target_that_is_no_number_puts_nothing_out(target: Any) -> None:
+    rig, asking = VirtualRig(ACTUATOR, BENCH), Asking(lambda tick: 5.0)
+    with pytest.raises(QuantityError, match=r"target = .* is not finite at every tick"):
+        regulate(rig, asking, target, LASER, Limits(), 0.01)
+    assert not asking.seen
+
+
+def test_a_target_of_a_controller_that_is_lost_ends_the_run_with_its_recording() -> None:
+    class Wandering(Asking):
+        target = 0.0
+
+        def step(self, measured: float, target: float, tick: int) -> float:
+            self.target = math.nan if tick == 100 else 1e-6
+            return super().step(measured, target, tick)
+
+    rig = VirtualRig(ACTUATOR, BENCH)
+    with pytest.raises(LimitError, match="the target is nan at update 100: stopped") as caught:
+        regulate(rig, Wandering(lambda tick: 5.0), 0.0, LASER, Limits(), 0.05)
+    recording = caught.value.recording  # type: ignore[attr-defined]
+    assert recording.sizes["time"] == 100
+    assert np.all(recording["target_position"].values == 1e-6)
+    assert at_rest(rig)
 
 
 def at_rest(rig: VirtualRig) -> bool:

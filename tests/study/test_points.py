@@ -11,6 +11,7 @@ from scipy.stats import qmc
 import stickslip as ss
 import study_functions
 from stickslip.study import Draws, Grid, Own, Random, Range, SteadySteps, Study
+from stickslip.study.description import described, differences, identity
 from stickslip.study.layout import Layout, Variable, cut, usual
 from stickslip.units import QuantityError
 
@@ -66,6 +67,27 @@ def test_designs_and_draws_are_multiplied() -> None:
     part = study.columns({"member": slice(2, 3), "draw": slice(1, 2), "frequency": slice(0, 2)})
     for name, column in found.items():
         np.testing.assert_array_equal(part[name], column[10:12])
+
+
+RANGES = {"coulomb_force": (0.3, 0.8), "gain": (0.9e-7, 1.1e-7)}
+VALUES = {"amplitude": [40.0, 65.0], "frequency": [5.0, 10.0, 20.0]}
+
+
+@pytest.mark.parametrize(
+    ("part", "same"),
+    [
+        (lambda how: Random(how(RANGES), 8), False),
+        (lambda how: Grid(how(VALUES)), False),
+        (lambda how: Draws(how({name: [1.0, 2.0] for name in RANGES})), True),
+    ],
+)
+def test_another_order_of_names_is_another_study_where_it_is_other_members(part, same: bool) -> None:
+    one, other = (Study([part(how)], STEADY) for how in (dict, lambda names: dict(reversed(names.items()))))
+    alike = all(np.array_equal(whole(one)[name], whole(other)[name]) for name in whole(one))
+    assert alike == same
+    assert (identity(described(one)) == identity(described(other))) == same
+    told = differences(described(one), described(other))
+    assert any(line.startswith("order: ") for line in told) != same
 
 
 @pytest.mark.parametrize(

@@ -129,19 +129,23 @@ class MoveFile(Analysis):
     at_most: Seconds = 60.0
     interval: Seconds | None = None
 
-    @field_validator("hold", "at_most")
+    @field_validator("hold", "at_most", "interval")
     @classmethod
-    def _positive(cls, value: float, info: Any) -> float:
-        if not 0.0 < value < math.inf:
+    def _positive(cls, value: float | None, info: Any) -> float | None:
+        if value is not None and not 0.0 < value < math.inf:
             raise ValueError(f"{info.field_name} must be > 0 and finite")
         return value
 
     def aim(self, unit: str) -> Aim:
         """In m, or rad of what turns; raises AnalysisError for what is no length, or no window."""
         within, rms = to_si(self.within, unit, "within"), optional_si(self.hold_within, unit, "hold_within")
-        if not 0.0 < within < math.inf:
-            raise AnalysisError("within must be > 0 and finite")
-        return Aim(unit, to_si(self.target, unit, "target"), within, rms)
+        for name, value in (("within", within), ("hold_within", rms)):
+            if value is not None and not 0.0 < value < math.inf:
+                raise AnalysisError(f"{name} must be > 0 and finite")
+        target = to_si(self.target, unit, "target")
+        if not math.isfinite(target):
+            raise AnalysisError("target must be finite")
+        return Aim(unit, target, within, rms)
 
 
 def read_move(path: str | os.PathLike[str]) -> tuple[MoveFile, Path]:

@@ -26,7 +26,7 @@ from ..recording.drive import named_drive
 from ..records import did_you_mean
 from ..report import Column, Document, Number, Picture, Section, Table
 from ..report.origin import origin_of
-from ..units import near_one, with_prefix
+from ..units import QuantityError, near_one, with_prefix
 from ..verification import Requirement, Verification, verify
 from ..waveform.signal import Waveform
 from .alignment import POSITION, aligned, on_level
@@ -210,10 +210,12 @@ def verification_analysis(
             `inspect_file` finds it, and said in the report.
 
     Raises:
-        AnalysisError: the file is not as it must be, or recordings are named twice or not at all.
+        AnalysisError: the file, or a requirement, is not as it must be, or recordings are named twice or not
+            at all.
         RecordingError: a recording cannot be read.
     """
     path = Path(path)
+    _check_limits("--require", require)
     if path.suffix == ".json":
         if not recordings:
             raise AnalysisError(
@@ -240,7 +242,17 @@ def verification_analysis(
         analysis = VerificationAnalysis.model_validate(content)
     except ValidationError as error:
         raise explain(path, error, content=content) from error
+    _check_limits(f"{path}: require", analysis.require)
     return analysis.model_copy(update={"require": [*analysis.require, *require]}), path.parent
+
+
+def _check_limits(where: str, require: Sequence[str]) -> None:
+    """Before anything is read: raises AnalysisError."""
+    for text in require:
+        try:
+            Requirement.parse(text)
+        except QuantityError as error:
+            raise AnalysisError(f"{where}: {error}") from error
 
 
 def _pairs(option: str, given: Sequence[str]) -> dict[str, str]:

@@ -26,12 +26,12 @@ from ..report.recordings import recorded_assumptions
 from ..units import near_one, with_prefix
 from .additional_sections import additional_numbers, additional_sections
 from .bands import walk_bands
-from .budget import freed
 from .evaluation import Found
 from .features import feature_numbers, features_section
 from .file import CampaignFile
 from .hysteresis_section import hysteresis_section
 from .stage import stage_section, unit_of
+from .stage_source import band_words, stage_heading, stage_words
 
 _ROLE = {"piezo": "hysteresis and creep", "step": "stage", "fit": "friction, fitted", "verify": "predicted"}
 
@@ -79,7 +79,7 @@ def campaign_document(
         *_hysteresis(found, figures),
         *([stage_section(file, found, figures)] if found.stage is not None else []),
         features_section(found.features),
-        _friction(found, bands),
+        _friction(file, found, bands),
         _verification(file, found, bands),
         *additional_sections(found, figures=figures),
     ]
@@ -231,9 +231,8 @@ def _bands(file: CampaignFile, found: Found) -> Bands:
     return {} if bands is None else dict(zip(names, bands, strict=True))
 
 
-def _friction(found: Found, bands: Bands | None) -> Section:
+def _friction(file: CampaignFile, found: Found, bands: Bands | None) -> Section:
     fit, parts = found.friction, found.budget
-    taken = "free as far as they leave it open" if freed(fit) else "and its errors are part of the intervals"
     names = list(parts.total)
     rows = [
         (
@@ -248,7 +247,7 @@ def _friction(found: Found, bands: Bands | None) -> Section:
         (
             Column("parameter"),
             Column("estimate [95 % interval]"),
-            *(Column(source) for source in parts.sources),
+            *(Column(stage_heading(file, found, source)) for source in parts.sources),
         ),
         rows,
         notes=" ".join(fit.undetermined),
@@ -257,6 +256,7 @@ def _friction(found: Found, bands: Bands | None) -> Section:
     if bands is not None:
         pictures = [
             _walks_picture(
+                file,
                 found,
                 bands,
                 [one for one in found.walks if one.use == "fit"],
@@ -268,8 +268,8 @@ def _friction(found: Found, bands: Bands | None) -> Section:
     return Section(
         "Friction, from a walk",
         paragraphs=(
-            "Least squares over simulations of the whole walk, all raw samples; the stage is that of the "
-            f"steps, {taken}.",
+            "Least squares over simulations of the whole walk, all raw samples.",
+            stage_words(file, found),
         ),
         tables=(table, parameter_table("The fit itself, with delay and offset of the sensor.", fit)),
         figures=pictures,
@@ -316,7 +316,9 @@ def _verification(file: CampaignFile, found: Found, bands: Bands | None) -> Sect
                 groups.setdefault(one.name.rpartition("_")[0] or "walks", []).append(one)
         for i, (name, group) in enumerate(groups.items()):
             said = f"{name.replace('_', ' ')}: predicted, not fitted, and measured"
-            pictures.append(_walks_picture(found, bands, group[:4], f"campaign-predicted-{i + 1}", said))
+            pictures.append(
+                _walks_picture(file, found, bands, group[:4], f"campaign-predicted-{i + 1}", said)
+            )
     return Section(
         "Verification",
         paragraphs=("What was fitted predicts the other walks; nothing is fitted again.",),
@@ -335,7 +337,14 @@ def _verification(file: CampaignFile, found: Found, bands: Bands | None) -> Sect
 
 
 def _walks_picture(
-    found: Found, bands: Bands, shown: Sequence[Aligned], name: str, said: str, *, whole: bool = False
+    file: CampaignFile,
+    found: Found,
+    bands: Bands,
+    shown: Sequence[Aligned],
+    name: str,
+    said: str,
+    *,
+    whole: bool = False,
 ) -> Picture:
     """Of the forward walk only, unless `whole`."""
     traces = {}
@@ -353,8 +362,8 @@ def _walks_picture(
         )
     return Picture(
         name,
-        f"{said}; below, the residuals, and where 95 % of the model and of new samples should be by the "
-        "errors of all parameters, those of the stage too, and the fit's noise.",
+        f"{said}; below, the residuals, and where 95 % of the model and of new samples should be by "
+        f"{band_words(file, found, drawn=bool(bands))}.",
         svg(walks(traces, found.verification.unit)),
         "Position over time, measured under the model, and the residuals below",
     )

@@ -13,6 +13,7 @@ from ..parameters import ParameterSetError
 from ..progress import Progress, unheard, within
 from ..report import Document
 from ..units import QuantityError
+from ..verification import Requirement
 from .document import campaign_document
 from .evaluation import evaluate
 from .file import CampaignFile, read_campaign
@@ -62,6 +63,8 @@ def campaign_of(
     """
     # What is wrong is said before anything is recorded.
     model = changed(folder, file.model, file.change, file.friction)
+    for text in file.require:
+        Requirement.parse(text)
     gathered, recorded = gather(file, folder, out, partial(within, progress, 0.0, 0.4), experiment)
     found = evaluate(file, model, gathered, partial(within, progress, 0.4, 0.4), folder)
     progress("drawing" if figures else "writing", 0.8)

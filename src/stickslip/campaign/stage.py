@@ -13,8 +13,8 @@ from .evaluation import Found
 from .file import CampaignFile
 from .gathering import POSITION
 
-# s before the step from which on it is shown.
-_BEFORE = 2e-3
+# What is shown before the step, of what was fitted after it: the scale of time is the stage's.
+_BEFORE = 0.225
 
 
 def unit_of(fit: Fit, name: str) -> str:
@@ -32,9 +32,9 @@ def stage_section(file: CampaignFile, found: Found, figures: bool) -> Section:
     if figures:
         traces = {}
         for i, (one, (samples, band)) in enumerate(zip(steps, step_bands(stage, steps), strict=True), 1):
-            shown = one.recording["time"].values[samples] > one.begin - _BEFORE
-            samples, band = samples[shown], band[shown]
             since = one.recording["time"].values[samples] - one.begin
+            shown = since > -_BEFORE * since[-1]
+            samples, band, since = samples[shown], band[shown], since[shown]
             traces[one.name.replace("_", " ")] = Trace(
                 since,
                 one.recording[POSITION].values[samples],

@@ -5,22 +5,31 @@ from __future__ import annotations
 import math
 import time
 import warnings
+from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from . import completion
-from .frame import Out, Traceback, app, check_output, errors_in_one_line, progress_bar, write
+from .changes import OPTIONS, changed_model, drive_of, parts_of
+from .frame import (
+    Out,
+    RequirementError,
+    Traceback,
+    app,
+    check_output,
+    errors_in_one_line,
+    progress_bar,
+    write,
+)
 
 if TYPE_CHECKING:
     from ..actuator import Actuator, PulledSlider
-    from ..report import Number
+    from ..report import Document, Number
     from ..waveform.signal import Waveform
 
 
-# Fields of waveforms that have an option of their own; the others are given with --set.
-OPTIONS = ("amplitude", "frequency", "periods")
 MOST_SAMPLES = 10_000_000
 
 
@@ -65,6 +74,7 @@ def simulate(
         typer.Option(
             "--set",
             metavar="FIELD=VALUE",
+            autocompletion=completion.changes,
             help="Change a field: end_effector_mass=0.1kg, friction.sigma_0='1.4 N/um', waveform.offset=5V.",
         ),
     ] = [],  # noqa: B006  # typer copies it
@@ -82,10 +92,10 @@ def simulate(
         from ..simulation import simulate as simulated
         from ..units import to_si
 
-        parts = _parts(changes)
-        model = _model(parameters, parts["model"], parts["friction"], law)
+        parts = parts_of(changes)
+        model = changed_model(parameters, parts["model"], parts["friction"], law)
         given = dict(zip(OPTIONS, (amplitude, frequency, periods), strict=True))
-        drive = _drive(waveform, model, {k: v for k, v in given.items() if v} | parts["waveform"])
+        drive = drive_of(waveform, model, {k: v for k, v in given.items() if v} | parts["waveform"])
         seconds = to_si(duration, "s", "--duration") if duration else None
         rate = to_si(sample_rate, "Hz", "--sample-rate")
         metres = to_si(tolerance, "m", "--tolerance")
@@ -115,70 +125,6 @@ def _check_samples(seconds: float, rate: float) -> None:
             f"--duration of {seconds:g} s at --sample-rate of {rate:g} Hz: {count:.3g} samples; "
             f"a trajectory has up to {MOST_SAMPLES:,}"
         )
-
-
-def _parts(changes: list[str]) -> dict[str, dict[str, str]]:
-    """The values of --set by what they belong to: model, friction or waveform."""
-    parts: dict[str, dict[str, str]] = {"model": {}, "friction": {}, "waveform": {}}
-    for change in changes:
-        path, equals, value = change.partition("=")
-        owner, dot, field = path.strip().rpartition(".")
-        if not equals or not field or not value.strip() or (dot and owner not in ("friction", "waveform")):
-            raise ValueError(
-                f"--set {change}: write FIELD=VALUE, friction.FIELD=VALUE or waveform.FIELD=VALUE"
-            )
-        parts[owner or "model"][field] = value.strip()
-    return parts
-
-
-def _model(
-    parameters: str, changes: dict[str, str], friction: dict[str, str], law_name: str = ""
-) -> Actuator | PulledSlider:
-    from .. import registry
-    from ..actuator import load_actuator, load_pulled_slider
-    from ..parameters import load_set
-
-    kind = load_set(parameters).kind
-    model = load_pulled_slider(parameters) if kind == "pulled_slider" else load_actuator(parameters)
-    given = {field: _read(text, model.friction, field) for field, text in friction.items()}
-    if law_name:
-        kind = registry.laws.find(law_name)
-        kept = {field: value for field, value in model.friction._asdict().items() if field in kind._fields}
-        law = kind(**kept | given)
-    else:
-        law = model.friction._replace(**given)
-    return model.replace(
-        **{field: _read(text, model, field) for field, text in changes.items()}, friction=law
-    )
-
-
-def _read(text: str, record: Any, field: str) -> Any:
-    """The text as the field's record takes it, which then checks it."""
-    now = getattr(record, field, None)
-    if isinstance(now, bool):
-        return {"true": True, "yes": True, "false": False, "no": False}.get(text.lower(), text)
-    return text.split(",") if isinstance(now, tuple) else text
-
-
-def _drive(name: str, model: Actuator | PulledSlider, fields: dict[str, str]) -> Waveform:
-    from ..actuator import Actuator
-    from ..records import quantities, sequences
-    from ..registry import own_path
-    from ..waveform.signal import shape
-
-    if name.islower() and not own_path(name)[0]:  # as on command lines: "reverse-sawtooth"
-        made = shape("".join(word.capitalize() for word in name.split("-")))
-    else:
-        made = shape(name)
-    unit = "V" if isinstance(model, Actuator) else "m"
-    for field, quantity in quantities(made).items():
-        if field not in fields and field not in made._field_defaults:
-            option = f"--{field}" if field in OPTIONS else f"--set waveform.{field}=..."
-            what = f"{quantity.meaning} of the {name}, in {quantity.unit.replace('V', unit)}"
-            raise ValueError(f"{option} is missing: {what}")
-    many = sequences(made)
-    given = {key: text.split(",") if key in many else text for key, text in fields.items()}
-    return made(**given, unit=unit)
 
 
 def _steady_step(model: Actuator | PulledSlider, drive: Waveform) -> Number | None:
@@ -215,9 +161,13 @@ def run(
         from ..rig.hosted import stop_all
         from .interruption import Interruption
 
+        def keep(finished: Document) -> None:  # what failed is said when the error arrives here
+            with suppress(RequirementError):
+                write(finished, out, begun)
+
         with Interruption(at_once=stop_all) as interruption:
             with progress_bar() as progress:
-                document = run_job(file, out, interruption.ending(progress), figures=figures)
+                document = run_job(file, out, interruption.ending(progress), figures=figures, kept=keep)
             write(document, out, begun)  # what a step has kept of it too, where somebody has asked to end
 
 

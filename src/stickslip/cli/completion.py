@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable
+from contextlib import suppress
+
+import typer
 
 
 def _completing(names: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
@@ -72,6 +75,18 @@ def _skeletons() -> Iterable[str]:
     from ..skeletons import KINDS
 
     return KINDS
+
+
+def changes(context: typer.Context, incomplete: str) -> list[str]:
+    """What --set takes, "NAME=", for the parameter set, law and waveform that the line names before it."""
+    from .changes import names_to_set
+
+    given = context.params
+    name = (*context.args, given["parameters"])[0]  # an option without its value leaves arguments unread
+    with suppress(ValueError):  # a name that nobody knows: the command itself says so
+        names = names_to_set(name, given["law"], given["waveform"])
+        return [f"{name}=" for name in names if name.startswith(incomplete)]
+    return []
 
 
 sets = _completing(_sets)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shlex
 import sys
@@ -9,7 +10,7 @@ import time
 import traceback
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -36,6 +37,7 @@ app = typer.Typer(
 
 
 ROOM = 4_000_000  # bytes that must be there for a report before any work is done
+_TRIES = 5  # again, where other commands make and remove the same folder
 
 Out = Annotated[
     Path, typer.Option(help="Folder for results.json and report.html; other files in it are kept.")
@@ -134,21 +136,42 @@ def check_output(out: Path) -> None:
     existing = next(folder for folder in (out, *out.absolute().parents) if folder.exists())
     if not existing.is_dir():
         raise ValueError(f"--out {out}: {existing} is a file, not a folder")
-    probe = out / f".room.{os.getpid()}.part"
-    new = [folder for folder in (out, *out.parents) if not folder.exists()]
-    try:
-        out.mkdir(parents=True, exist_ok=True)
+    for tries_left in range(_TRIES, -1, -1):
         try:
-            with probe.open("wb") as file:  # what the system says of permissions is not what it then does
-                file.write(bytes(ROOM))
-                file.flush()
-                os.fsync(file.fileno())
-        finally:
-            probe.unlink(missing_ok=True)
-            for folder in new:  # nothing is there before there is something to keep
-                folder.rmdir()
-    except OSError as error:
-        raise OSError(error.errno, error.strerror, f"--out {out}") from None
+            return _try_to_write(out)
+        except FileNotFoundError as error:  # another command has tried the same new folder, and cleared up
+            if not tries_left:
+                raise OSError(error.errno, error.strerror, f"--out {out}") from None
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, f"--out {out}") from None
+
+
+def _try_to_write(out: Path) -> None:
+    """A file with room for a report, in the folder, and away again with the folders made for it."""
+    probe = out / f".room.{os.getpid()}.part"
+    made: list[Path] = []
+    try:
+        for folder in reversed((out, *out.parents)):
+            with suppress(FileExistsError):  # what another command makes meanwhile is not ours to remove
+                if not folder.exists():
+                    folder.mkdir()
+                    made.insert(0, folder)
+        with probe.open("wb") as file:  # what the system says of permissions is not what it then does
+            file.write(bytes(ROOM))
+            file.flush()
+            os.fsync(file.fileno())
+    finally:
+        probe.unlink(missing_ok=True)
+        for folder in made:  # nothing is there before there is something to keep
+            _remove_if_empty(folder)
+
+
+def _remove_if_empty(folder: Path) -> None:
+    try:
+        folder.rmdir()
+    except OSError as error:  # another command has begun to use it, or has removed it
+        if error.errno not in (errno.ENOTEMPTY, errno.EEXIST, errno.ENOENT):
+            raise
 
 
 class RequirementError(Exception):

@@ -34,7 +34,10 @@ def runs(
         from ..history import Index, differences
         from ..history.describing import annotate
 
+        if len(compare) == 1:
+            raise ValueError(f"--compare {compare[0]}: with what? Give --compare twice, or more often")
         with Index(folder) as index:
+            _check_present(index.folder, to_bin)
             for name in to_bin:
                 typer.echo(f"{name} -> {index.to_bin(name).relative_to(index.folder)}")
             for text, what in ((notes, "notes"), (tags, "tags")):
@@ -62,6 +65,15 @@ def runs(
         for row in found:
             typer.echo(_line(row))
         typer.echo(f"{len(found)} in {folder}")
+
+
+def _check_present(folder: Path, names: list[str]) -> None:
+    """That all are there, and each is named once, before the first is moved."""
+    for name in names:
+        if name.startswith(".") or not (folder / name).exists():
+            raise ValueError(f"--to-bin {name}: there is no such run in {folder}; nothing is moved")
+        if names.count(name) > 1:
+            raise ValueError(f"--to-bin {name}: it is named twice; nothing is moved")
 
 
 def _pair(text: str) -> tuple[str, str]:

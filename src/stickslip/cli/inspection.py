@@ -37,6 +37,7 @@ def inspect(
         from ..figures.style import svg
 
         drawn = svg(recordings_together({file.name: found.recording}))
+        target.parent.mkdir(parents=True, exist_ok=True)
         with replaced_whole(target) as temporary:
             temporary.write_text(drawn, encoding="utf-8")
         typer.echo(f"\n{target}")
@@ -46,6 +47,9 @@ def _check_picture(target: Path) -> None:
     """That it can be replaced: only a picture as this command writes them is, and never what is looked at."""
     if target.suffix != ".svg":
         raise ValueError(f"--picture {target}: the name of a picture ends in .svg")
+    above = next(one for one in target.absolute().parents if one.exists())
+    if not above.is_dir():
+        raise ValueError(f"--picture {target}: {above} is a file, not a folder")
     if target.exists():
         with target.open("rb") as there:
             if there.read(4) != b"<svg":

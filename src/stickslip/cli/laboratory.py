@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import signal
+import socket
 import threading
 import time
 from enum import StrEnum
@@ -66,6 +67,7 @@ def rigs(
     with errors_in_one_line(show_traceback):
         from ..attached import attached_devices, known_devices, probe
 
+        addresses = [_address(where) for where in at]
         for one in known_devices():
             about = one.about
             typer.echo(f"{one.name} ({one.kind}): {about.device}; {about.does}")
@@ -73,15 +75,36 @@ def rigs(
                 typer.echo(f"    samples {about.samples}; safe state: {about.safe_state}")
             typer.echo(f"    verified against: {about.verified}")
         found = attached_devices()
-        for where in at:
-            host, colon, port = where.rpartition(":")
-            answers = probe(host, int(port)) if colon and port.isdecimal() else probe(where)
+        silent = []
+        for where, address in zip(at, addresses, strict=True):
+            answers = probe(*address)
             if not answers:
+                silent.append(where)
                 typer.echo(f"{where}: no controller that is known answers there", err=True)
             found += answers
         typer.echo("connected:" if found else "connected: nothing that can be seen from here")
         for one in found:
             typer.echo(f"    {one.where}: {one.says}" + (f", {one.name}" if one.name else ""))
+    if silent:
+        raise typer.Exit(1)
+
+
+def _address(text: str) -> tuple[str, int | None]:
+    """Host and port of HOST[:PORT], [IPv6]:PORT or IPv6; raises ValueError for what is no address."""
+    host, colon, port = text.rpartition(":")
+    if not colon or (":" in host and not host.startswith("[")) or text.endswith("]"):
+        host, port = text, ""
+    elif not port.isdecimal() or not 0 < int(port) < 65536:
+        raise ValueError(
+            f"--at {text}: {port!r} is no port; write HOST or HOST:PORT, with a port from 1 to 65535"
+        )
+    host = host.strip("[]")
+    try:
+        socket.getaddrinfo(host or "?", None)
+    except (OSError, UnicodeError) as error:
+        said = getattr(error, "strerror", None) or error
+        raise ValueError(f"--at {text}: there is no host {host!r}: {said}") from None
+    return host, int(port) if port else None
 
 
 class TwinName(StrEnum):

@@ -19,13 +19,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..records import Quantity, record
 from ..units import QuantityError, to_si, with_prefix
+from .inverse import RATE as RATE
 from .inverse import PiezoInverse
 
 Array = NDArray[np.float64]
 Coefficients = tuple[float, float, float, float, float]
 
-# Of whatever goes by ticks.
-RATE = Quantity("Hz", "f_s", "the rate of the ticks", above=0)
 _LEAD = Quantity("s", "", "the time that the feedforward is ahead", minimum=0)
 _FEEDFORWARD = Quantity("V/m", "K_f", "the voltage per wanted position")
 

@@ -23,16 +23,20 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from ..actuator import Actuator
+from ..friction import breakaway, element, elements, rate
 from ..records import Quantity, record
 from ..simulation.steady import steady_step
-from ..units import QuantityError, to_si
+from ..simulation.strain import strained
+from ..units import QuantityError, to_si, unit_for
 from ..waveform import ReverseSawtooth, Sawtooth
 from .blocks import whole_number
 
 Array = NDArray[np.float64]
 
 _POSITION, _FORWARD, _BACKWARD, _LOAD = range(4)
-_PROBE = 1e-2  # N, for the slope over the load
+# Of what the contact holds: the force of the first slope over the load. It is halved until the slope stays
+# within a share, or within the error of a step [m].
+_PROBE, _HALVINGS, _AGREES, _STEP_ERROR = 0.01, 6, 0.01, 1e-10
 # Of a measured position, in standard deviations: further off is told.
 _SURPRISE = 5.0
 _AT = Quantity("m", "x", "it")
@@ -68,12 +72,41 @@ class StepModel(NamedTuple):
 
         Raises:
             NotPeriodicError: it does not walk so.
+            QuantityError: a number is out of range, or a step does not change evenly with a small force.
         """
         volts, hertz = to_si(amplitude, "V", "amplitude"), to_si(frequency, "Hz", "frequency")
-        pushed = [model.replace(external_force=model.external_force + f) for f in (-_PROBE, _PROBE)]
-        low, high = (steady_step(one, Sawtooth(volts, hertz)) for one in pushed)
         forward, backward = (steady_step(model, shape(volts, hertz)) for shape in (Sawtooth, ReverseSawtooth))
-        return cls(forward, -backward, (high - low) / (2.0 * _PROBE), **unknown)  # type: ignore[arg-type]
+        slope = _slope(model, Sawtooth(volts, hertz))
+        return cls(forward, -backward, slope, **unknown)  # type: ignore[arg-type]
+
+
+def _slope(model: Actuator, walk: Sawtooth) -> float:
+    """How a step changes with a force along x, m/N."""
+    probe, unit = _PROBE * _held(model), unit_for(model, "N")
+    if not probe > 0.0:
+        raise QuantityError(f"the contact of {model.name or 'the actuator'} holds no force [{unit}]")
+
+    def over(force: float) -> float:
+        low, high = (
+            steady_step(model.replace(external_force=model.external_force + f), walk) for f in (-force, force)
+        )
+        return (high - low) / (2.0 * force)
+
+    found = over(probe)
+    for _ in range(_HALVINGS):
+        probe, before = 0.5 * probe, found
+        found = over(probe)
+        if abs(found - before) <= max(_AGREES * abs(found), _STEP_ERROR / probe):
+            return found
+    raise QuantityError(f"the step does not change evenly with a force of {probe:.3g} {unit} and twice that")
+
+
+def _held(model: Actuator) -> float:
+    """What the contact at rest holds at most, N."""
+    law = model.friction
+    if not elements(law):
+        return float(breakaway(law))
+    return sum(rate(element(law, i), 0.0, z)[0] for i, z in enumerate(strained(law, math.inf)))
 
 
 class Estimator:

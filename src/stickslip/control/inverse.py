@@ -13,7 +13,12 @@ from ..actuator import Actuator
 from ..piezo import Creep, PrandtlIshlinskii
 from ..piezo.creep import Lags, before_creep, relaxed
 from ..piezo.operators import inverse, response
-from ..units import QuantityError, to_si
+from ..records import Quantity
+from ..units import QuantityError
+
+# Of whatever goes by ticks.
+RATE = Quantity("Hz", "f_s", "the rate of the ticks", above=0)
+_REST = Quantity("V", "", "the voltage of rest")
 
 
 class PiezoInverse:
@@ -25,11 +30,11 @@ class PiezoInverse:
         voltage: V, under which it has rested for long, reached from 0 V.
 
     Raises:
-        QuantityError: the model has no piezo, or one whose inverse is not known.
+        QuantityError: the model has no piezo, or one whose inverse is not known; a number is out of range.
     """
 
     def __init__(self, model: Actuator, rate: float | str, voltage: float | str = 0.0) -> None:
-        hertz, rest = to_si(rate, "Hz", "rate"), to_si(voltage, "V", "voltage")
+        hertz, rest = RATE.check(rate, "rate"), _REST.check(voltage, "voltage")
         piezo = getattr(model, "piezo", None)
         if piezo is None or not isinstance(piezo.hysteresis, PrandtlIshlinskii):
             raise QuantityError(

@@ -26,11 +26,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import binom
 
-from ..units import QuantityError, to_si
-from .blocks import Regulator
-from .tuning import Loop, grid
+from ..records import Quantity
+from ..units import QuantityError
+from .blocks import Regulator, whole_number
+from .loops import Loop
 
 Array = NDArray[np.float64]
+
+_GAIN = Quantity("", "λ", "the share of an error that is learnt", minimum=0, maximum=1)
 
 
 class Learnt:
@@ -45,6 +48,9 @@ class Learnt:
         periodic: repetitive control: it learns by itself after each period, and its loop must have come to
             rest within one. Else `learn` is to be called after each run, and the regulator's `begin` before
             the next.
+
+    Raises:
+        QuantityError: a number is out of range, or no whole one.
     """
 
     def __init__(
@@ -57,10 +63,13 @@ class Learnt:
         taps: int = 21,
         periodic: bool = False,
     ) -> None:
-        self._gain = to_si(gain, "", "gain")
-        if taps % 2 != 1 or not taps > 0 or not ticks > taps + lead or lead < 0:
+        self._gain = _GAIN.check(gain, "gain")
+        ticks, taps, lead = (
+            whole_number(value, field) for field, value in (("ticks", ticks), ("taps", taps), ("lead", lead))
+        )
+        if taps % 2 != 1 or not ticks > taps + lead:
             raise QuantityError(
-                f"taps = {taps} must be odd, and {ticks} ticks more than those and lead = {lead} >= 0"
+                f"taps = {taps} must be odd, and {ticks} ticks more than those and lead = {lead}"
             )
         self.regulator, self.periodic = regulator, periodic
         self._lead, self._q = lead, _binomial(taps)
@@ -99,7 +108,7 @@ class Learnt:
             loop: of `control.tuning.sampled_loop`.
             frequencies: Hz.
         """
-        known = grid(loop.rate)
+        known = loop.frequencies
         angle, control = 2.0 * math.pi * known / loop.rate, self.regulator.response(known)
         own = self.regulator
         ahead = own.feedforward * (1.0 + own.lead_ticks * (1.0 - np.exp(-1j * angle)))

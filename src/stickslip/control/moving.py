@@ -91,6 +91,8 @@ class Mover:
         slip: Slip | None = None,
         unit: str = "m",
     ) -> None:
+        if unit not in ("m", "rad"):
+            raise QuantityError(f"Mover.unit = {unit!r:.60}: it is 'm' or 'rad'")
         self._unit = unit
         stroke = Quantity(
             f"{unit}/V", "C", "the stroke per volt, in the direction of a step forward,", above=0

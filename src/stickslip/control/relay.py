@@ -17,11 +17,16 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from ..records import Quantity
 from ..units import QuantityError, to_si
-from .blocks import Pid
+from .blocks import RATE, Pid, whole_number
 
 _FORGOTTEN = 4  # periods until the oscillation is steady
 _RAMP, _REST = 0.1, 0.05  # s of the way to the middle, and of rest there
+_SLOPE = Quantity("V/s", "s", "the slope of the voltage", above=0)
+_MIDDLE = Quantity("V", "", "the voltage where it oscillates")
+_BAND = Quantity("m", "", "how far the position must have passed", minimum=0)
+_REACH = Quantity("V", "", "how far it may go to each side", above=0)
 
 
 class Oscillation(NamedTuple):
@@ -35,8 +40,8 @@ class Oscillation(NamedTuple):
     def pid(self, gain_margin: float | str = 2.5) -> Pid:
         """The integral controller with this gain margin."""
         margin = to_si(gain_margin, "", "gain_margin")
-        if not margin > 1.0:
-            raise QuantityError(f"gain_margin = {margin:g} must be > 1")
+        if not 1.0 < margin < math.inf:
+            raise QuantityError(f"gain_margin = {margin:g} must be > 1 and finite")
         return Pid(self.ultimate / margin)
 
 
@@ -51,7 +56,10 @@ class Relay:
         band: m, by which the position must have passed the middle before the relay turns; several times the
             noise of the sensor, and small against the amplitude.
         reach: V, as far as it may go to each side.
-        periods: that are measured.
+        periods: that are measured, a whole number above 0.
+
+    Raises:
+        QuantityError: a number is out of range.
     """
 
     def __init__(
@@ -64,12 +72,12 @@ class Relay:
         reach: float | str = 10.0,
         periods: int = 20,
     ) -> None:
-        self._slope, self._rate = to_si(slope, "V/s", "slope"), to_si(rate, "Hz", "rate")
-        self._middle, self._reach = to_si(voltage, "V", "voltage"), to_si(reach, "V", "reach")
-        self._band = to_si(band, "m", "band")
-        if not (self._slope > 0.0 and self._reach > 0.0 and self._band >= 0.0 and periods >= 1):
-            raise QuantityError("a relay has a slope [V/s], a reach [V] and a number of periods above 0")
-        self._volts, self._periods = 0.0, periods
+        self._slope, self._rate = _SLOPE.check(slope, "slope"), RATE.check(rate, "rate")
+        self._middle, self._reach = _MIDDLE.check(voltage, "voltage"), _REACH.check(reach, "reach")
+        self._band, self._periods = _BAND.check(band, "band"), whole_number(periods, "periods")
+        if not self._periods:
+            raise QuantityError("periods = 0: a relay measures one at least")
+        self._volts = 0.0
         self._ramp, self._rest = round(_RAMP * self._rate), round(_REST * self._rate)
         self._sums: list[float] = []  # positions while it rests
         self._at, self._sign, self._count = 0.0, 1.0, 0

@@ -13,9 +13,11 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from ..records import Quantity
 from ..units import QuantityError, to_si
 
 WINDOWS = (1e-6, 100e-9, 30e-9, 10e-9, 3e-9)  # m (rad)
+_TIME = Quantity("s", "", "it", minimum=0)
 _MEAN = 1e-3  # s over which a position is averaged before it is compared with a window
 
 
@@ -51,15 +53,16 @@ def settling(
             (beside `measured_position`), which has no noise.
 
     Raises:
-        QuantityError: the hold is longer than the recording, a window is not > 0, a mean not >= 0.
+        QuantityError: the target is no finite number, the hold is longer than the recording or below 0, a
+            window is not > 0, a mean not >= 0.
     """
     unit = recording["end_effector_position"].attrs.get("units", "m")
-    goal, span = to_si(target, unit, "target"), to_si(hold, "s", "hold")
+    goal, span = Quantity(unit, "", "it").check(target, "target"), _TIME.check(hold, "hold")
     wide = 0.0 if "measured_position" in recording else _MEAN
-    wide = wide if average is None else to_si(average, "s", "average")
+    wide = wide if average is None else _TIME.check(average, "average")
     sizes = tuple(to_si(one, unit, "windows") for one in windows)
-    if not wide >= 0.0 or not all(one > 0.0 for one in sizes):
-        raise QuantityError(f"average = {wide:g} s must be >= 0 s, and windows > 0 {unit}: {windows!r:.60}")
+    if not all(one > 0.0 for one in sizes):
+        raise QuantityError(f"windows must be > 0 {unit}: {windows!r:.60}")
     time = recording["time"].values
     between = float(time[1] - time[0])
     if span > time[-1] - time[0]:

@@ -59,8 +59,11 @@ class Shaper(NamedTuple):
         return found[: np.flatnonzero(found)[-1] + 1]
 
     def shaped(self, values: ArrayLike, rate: float | str) -> Array:
-        """Samples [n] at a rate [Hz], shaped; before the first they were like it."""
+        """Samples [n] at a rate [Hz], shaped; before the first they were like it. Raises QuantityError for
+        what is no such list, and as `taps`."""
         given, taps = np.asarray(values, dtype=float), self.taps(rate)
+        if given.ndim != 1 or not given.size:
+            raise QuantityError(f"values of the shape {given.shape} must be samples [n], one at least")
         return np.convolve(np.append(np.full(taps.size - 1, given[0]), given), taps, mode="valid")
 
 
@@ -82,8 +85,8 @@ class Slip(NamedTuple):
     def within(cls, current: float | str, capacitance: float | str, voltage: float | str) -> Slip:
         """Of a voltage [V] into a capacitance [F] with a current [A]."""
         ampere, farad = to_si(current, "A", "current"), to_si(capacitance, "F", "capacitance")
-        if not ampere > 0.0:
-            raise QuantityError(f"current = {ampere:g} A must be > 0 A")
+        if not 0.0 < ampere < math.inf:
+            raise QuantityError(f"current = {ampere:g} A must be > 0 A and finite")
         return cls(farad * abs(to_si(voltage, "V", "voltage")) / ampere)
 
     def _check(self) -> None:

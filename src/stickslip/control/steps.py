@@ -31,11 +31,11 @@ _LEAST = 0.05  # of the greatest voltage
 @record
 class StepSizes(NamedTuple):
     """Net steps forward (towards +x) and backward, as distances, of these voltages: a rise over `RISING` of
-    the step, back at once, and rest."""
+    the step, back at once, and rest. They do not become less with the voltage."""
 
     voltages: Annotated[tuple[float, ...], Quantity("V", "A", "amplitudes, ascending", above=0)]
-    forward: Annotated[tuple[float, ...], Quantity("m", "s₊", "step forward")]
-    backward: Annotated[tuple[float, ...], Quantity("m", "s₋", "step backward")]
+    forward: Annotated[tuple[float, ...], Quantity("m", "s₊", "step forward", minimum=0)]
+    backward: Annotated[tuple[float, ...], Quantity("m", "s₋", "step backward", minimum=0)]
 
     def _check(self) -> None:
         if not len(self.voltages) == len(self.forward) == len(self.backward) > 1:
@@ -45,6 +45,11 @@ class StepSizes(NamedTuple):
             )
         if list(self.voltages) != sorted(set(self.voltages)):
             raise QuantityError(f"StepSizes.voltages [V] must ascend: {list(self.voltages)}")
+        for name, steps in (("forward", self.forward), ("backward", self.backward)):
+            if list(steps) != sorted(steps):  # a voltage is looked up by its step
+                raise QuantityError(
+                    f"StepSizes.{name} [m] must not become less with the voltage: {list(steps)}"
+                )
 
     @classmethod
     def of_model(

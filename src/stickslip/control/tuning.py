@@ -7,8 +7,9 @@ the regulator. With the loop's response L, the greatest sensitivity tells the di
 .. math:: M_S = \max_\omega \left|\frac{1}{1 + L(i\omega)}\right|, \qquad
           g_m \ge \frac{M_S}{M_S - 1}, \qquad \varphi_m \ge 2 \arcsin\frac{1}{2 M_S}
 
-Whether the closed loop is stable is told by the poles of its discrete system, not by its margins. Friction
-that slides, hysteresis and creep are not in these models.
+Whether the closed loop is stable is told by the poles of its discrete system, or with a long delay by how
+often its response turns about -1 (`loops`), not by its margins. Friction that slides, hysteresis and creep
+are not in these models.
 """
 
 from __future__ import annotations
@@ -18,19 +19,20 @@ from collections.abc import Iterable, Sequence
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from ..actuator import Actuator
 from ..estimate.posterior import Posterior
 from ..records import Quantity, record
 from ..simulation.sticking import sticking
 from ..units import unit_for, with_prefix
-from .blocks import RATE, LowPass, Notch, Pid, Regulator, whole_number
+from .blocks import RATE, LowPass, Notch, Pid, Regulator
+from .loops import Loop as Loop
+from .loops import OpenLoop, crossings
+from .loops import closed_loop as closed_loop
+from .loops import grid as grid
+from .loops import sampled_loop as sampled_loop
+from .loops import step_response as step_response
 
-Array = NDArray[np.float64]
-
-_POINTS = 1200  # frequencies at which margins are looked for
 _MEMBERS = 40  # of a posterior
 
 
@@ -88,49 +90,6 @@ class Tuning(NamedTuple):
         return Regulator(self.pid, rate, **own | options)
 
 
-class Loop(NamedTuple):
-    """An actuator that sticks, sampled: state transition (n, n), input (n,), output (n,), rate [Hz], and its
-    response [m/V] at the frequencies of `grid`."""
-
-    a: Array
-    b: Array
-    c: Array
-    rate: float
-    response: NDArray[np.complex128]
-
-
-def grid(rate: float) -> Array:
-    """Frequencies [Hz] at which margins are looked for, at a rate [Hz]."""
-    return np.geomspace(1.0, 0.499 * rate, _POINTS)
-
-
-def sampled_loop(model: Actuator, rate: float | str, *, delay: int = 1) -> Loop:
-    """The sticking actuator under voltages held for a tick, with `delay` whole ticks between a measured
-    position and its voltage (0: put out at once). Raises QuantityError for a rate or a delay out of range,
-    and as `simulation.sticking`."""
-    hertz, delay, linear = RATE.check(rate, "rate"), whole_number(delay, "delay"), sticking(model)
-    n = linear.b.size
-    whole = np.zeros((n + 1, n + 1))
-    whole[:n, :n], whole[:n, n] = linear.a / hertz, linear.b / hertz
-    step = expm(whole)
-    a, b, c = step[:n, :n], step[:n, n], linear.c
-    size = n + delay
-    late, into = np.zeros((size, size)), np.zeros(size)
-    late[:n, :n] = a
-    late[:n, n : n + 1] = b[:, None] if delay else late[:n, n : n + 1]
-    late[n:, n:] = np.eye(delay, k=1)  # what was put out, on its way
-    if delay:
-        into[-1] = 1.0
-    else:
-        into[:] = b
-    out = np.append(c, np.zeros(delay))
-    z = np.exp(2j * math.pi * grid(hertz) / hertz)
-    # Of the plant without its delay: that has no eigenvectors of its own.
-    poles, vectors = np.linalg.eig(a)
-    shares = (c @ vectors) * np.linalg.solve(vectors, b)
-    return Loop(late, into, out, hertz, (shares / (z[:, None] - poles)).sum(axis=1) / z**delay)
-
-
 def models_of(
     model: Actuator, posterior: Posterior | Sequence[Actuator] | None, members: int = _MEMBERS
 ) -> list[Actuator]:
@@ -152,8 +111,7 @@ def models_of(
 
 def margins(regulator: Regulator, loops: Iterable[Loop]) -> Margins:
     """The worst over the loops, whose rate is the regulator's."""
-    control = regulator.response(grid(regulator.rate))
-    return _worst([_margins(regulator, control, loop) for loop in loops])
+    return _worst([_margins(OpenLoop.of(regulator, loop)) for loop in loops])
 
 
 def _worst(found: list[Margins]) -> Margins:
@@ -166,52 +124,24 @@ def _worst(found: list[Margins]) -> Margins:
     )
 
 
-def _margins(regulator: Regulator, control: NDArray[np.complex128], loop: Loop) -> Margins:
-    open_loop = control * loop.response
-    sensitivity = float(np.max(1.0 / np.abs(1.0 + open_loop)))
-    phase, size = np.unwrap(np.angle(open_loop)), np.abs(open_loop)
-    at = [s for turns in (1.0, 3.0) for _, s in _crossings(phase + turns * math.pi, size)]
+def _margins(opened: OpenLoop, factor: float = 1.0) -> Margins:
+    """With the gain of the regulator so many times as large."""
+    found = _from_curve(opened, factor)
+    return found._replace(stable=opened.stable(factor), sensitivity=opened.sensitivity(factor))
+
+
+def _from_curve(opened: OpenLoop, factor: float) -> Margins:
+    """What the frequencies tell that are at hand; whether it is stable is not among it."""
+    level = opened.level + math.log(factor)
+    least = float(np.abs(1.0 + factor * opened.curve).min())
+    at = [factor * one for one in opened.turned]
     # Where it is below 1 from the first frequency on, it crossed before, with the phase that it has there.
-    crossed = [p for _, p in _crossings(np.log(size), phase)] or [float(phase[0])]
+    crossed = [p for _, p in crossings(level, opened.phase)] or [float(opened.phase[0])]
     turned = min(abs(math.remainder(p + math.pi, 2.0 * math.pi)) for p in crossed)
-    first = int(np.argmax(size < 1.0))
+    first = int(np.argmax(level < 0.0))
+    sensitivity = 1.0 / least if least else math.inf
     gain = 1.0 / max(at) if at else math.inf
-    return Margins(_stable(regulator, loop), sensitivity, gain, turned, float(grid(loop.rate)[first]))
-
-
-def _crossings(values: Array, others: Array) -> list[tuple[int, float]]:
-    """Where the values change sign, and the others there."""
-    at = np.flatnonzero(np.sign(values[1:]) != np.sign(values[:-1]))
-    share = values[at] / (values[at] - values[at + 1])
-    return list(zip(at.tolist(), (others[at] + share * (others[at + 1] - others[at])).tolist(), strict=True))
-
-
-def step_response(regulator: Regulator, loop: Loop, ticks: int) -> Array:
-    """Where the actuator is, as a share of a target that jumps at tick 0, at so many ticks; by the feedback
-    alone."""
-    closed, into = closed_loop(regulator, loop)
-    x, found, n = np.zeros(into.size), np.empty(ticks), loop.b.size
-    for k in range(ticks):
-        found[k] = loop.c @ x[:n]
-        x = closed @ x + into
-    return found
-
-
-def _stable(regulator: Regulator, loop: Loop) -> bool:
-    """Whether all poles of the closed loop are within the unit circle."""
-    return bool(np.abs(np.linalg.eigvals(closed_loop(regulator, loop)[0])).max() < 1.0 - 1e-12)
-
-
-def closed_loop(regulator: Regulator, loop: Loop) -> tuple[Array, Array]:
-    """State transition and input, the target, of a loop that is closed; the states of the loop come first."""
-    a, b, c, d = regulator.state_space()
-    n, m = loop.b.size, b.size
-    closed = np.zeros((n + m, n + m))
-    closed[:n, :n] = loop.a - d * np.outer(loop.b, loop.c)
-    closed[:n, n:] = np.outer(loop.b, c)
-    closed[n:, :n] = -np.outer(b, loop.c)
-    closed[n:, n:] = a
-    return closed, np.append(d * loop.b, b)
+    return Margins(True, sensitivity, gain, turned, float(opened.frequencies[first]))
 
 
 def check_margins(
@@ -283,7 +213,9 @@ def tune(
     resonances = sorted({float(abs(p)) / (2.0 * math.pi) for p in poles if p.imag > 0.0})
     filters: list[tuple[Notch, ...]] = [()]
     filters += [(Notch(f, width),) for f in resonances if f < 0.4 * hertz for width in (0.4, 0.8)]
-    corners = [None, *(c for c in np.geomspace(0.3 * min(resonances, default=1e3), 0.2 * hertz, 5))]
+    least, most = 0.3 * min(resonances, default=1e3), 0.2 * hertz
+    # A loop that is slow against the stage has no place for a low-pass, and needs none.
+    corners = [None, *(np.geomspace(least, most, 5) if least < most else ())]
     best: tuple[float, Any] = (0.0, None)
     for notches in filters:
         for corner in corners:
@@ -295,7 +227,7 @@ def tune(
         raise MarginError("no integral gain keeps the margins that are required")
     gain, (notches, low_pass) = best
     pid = Pid(gain)
-    lag = -float(np.angle(loops[0].response[0])) / (2.0 * math.pi * grid(hertz)[0])
+    lag = -float(np.angle(loops[0].response[0])) / (2.0 * math.pi * float(loops[0].frequencies[0]))
     made = Regulator(pid, hertz, notches=notches, low_pass=low_pass)
     return Tuning(pid, notches, low_pass, margins(made, loops), 1.0 / model.gain, lag, len(models))
 
@@ -309,13 +241,20 @@ def _greatest(
     requirement: Requirement,
 ) -> float:
     """The greatest integral gain, V/(m s), that keeps the margins; 0 if none does."""
+    unit = Regulator(Pid(1.0), rate, notches=notches, low_pass=low_pass)
+    opened = [OpenLoop.of(unit, loop) for loop in loops]
     low, high = 0.0, 2.0 * math.pi * 0.1 * rate / model.gain
     for _ in range(12):
         middle = 0.5 * (low + high) if low else 0.25 * high
-        made = Regulator(Pid(middle), rate, notches=notches, low_pass=low_pass)
-        control = made.response(grid(rate))
-        if any(_wrong(_margins(made, control, loop), requirement) for loop in loops):
-            high = middle
-        else:
+        if all(_keeps(one, middle, requirement) for one in opened):
             low = middle
+        else:
+            high = middle
     return low
+
+
+def _keeps(opened: OpenLoop, gain: float, requirement: Requirement) -> bool:
+    """Whether a loop does with so much gain; most that do not are told by the response that is at hand."""
+    if _wrong(_from_curve(opened, gain), requirement):
+        return False
+    return not _wrong(_margins(opened, gain), requirement)

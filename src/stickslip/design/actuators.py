@@ -10,6 +10,7 @@ import numpy as np
 
 from ..actuator import Actuator
 from ..progress import Progress, unheard, within
+from ..records import Quantity
 from ..simulation.varied import free_names
 from ..units import QuantityError, optional_si, unit_for, with_prefix
 from .built import Built, OptimisedActuator
@@ -79,8 +80,8 @@ def optimise_actuator(
     first, *others = models.values()
     if any(one.rotary != first.rotary for one in others):
         raise QuantityError("model: some turn (rotary = true) and some slide: search each kind alone")
-    speed = optional_si(minimum_speed, unit_for(first, "m/s"), "minimum_speed") or 0.0
-    hold = optional_si(holding_force, unit_for(first, "N"), "holding_force") or 0.0
+    speed = _least(minimum_speed, unit_for(first, "m/s"), "minimum_speed")
+    hold = _least(holding_force, unit_for(first, "N"), "holding_force")
     low, high = optional_si(min_voltage, "V", "min_voltage"), optional_si(max_voltage, "V", "max_voltage")
     hertz, aim = frequencies(frequency), goal_of(goal)
     check_counts(budget=budget, draws=draws)
@@ -107,6 +108,11 @@ def optimise_actuator(
             )
         )
     return OptimisedActuator.of(found, aim)
+
+
+def _least(value: float | str | None, unit: str, field: str) -> float:
+    """What must be reached at least; 0 where nothing is asked for."""
+    return 0.0 if value is None else Quantity(unit, "", "it", minimum=0).check(value, field)
 
 
 def _of(limits: Any, name: str, models: Mapping[str, Actuator]) -> DriveLimits | None:

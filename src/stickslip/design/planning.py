@@ -14,11 +14,11 @@ from ..estimate import Fit
 from ..estimate.posterior import Posterior
 from ..identify.walk.experiments import PlannedWalk
 from ..progress import Progress, unheard
-from ..records import did_you_mean
+from ..records import Quantity, did_you_mean
 from ..rig import Limits
 from ..simulation.steady import steady_step
 from ..simulation.steady_derivatives import steady_step_derivatives
-from ..units import QuantityError, optional_si, to_si, unit_for, with_prefix
+from ..units import QuantityError, unit_for, with_prefix
 from ..waveform import Sawtooth
 from ..waveform.signal import Waveform
 from .candidates import beyond, refused, sawtooths, walks_of
@@ -37,6 +37,8 @@ LEAST_STEP = 1e-9
 LOST = 5.0
 # Candidates that are followed at the draws too, where there are more.
 MOST_FOLLOWED = 24
+_DURATION = Quantity("s", "", "the time of a recording", above=0)
+_SAMPLE_RATE = Quantity("Hz", "", "the samples of a recording in a second", above=0)
 # Draws, beside the values of the model, that a free drive is searched for at.
 MOST_SEARCHED = 3
 
@@ -110,8 +112,8 @@ def plan_experiment(
             so), or draws of another model.
     """
     limits = limits or _limits_of(model)
-    duration = to_si(duration, "s", "duration")
-    sample_rate = optional_si(sample_rate, "Hz", "sample_rate")
+    duration = _DURATION.check(duration, "duration")
+    sample_rate = None if sample_rate is None else _SAMPLE_RATE.check(sample_rate, "sample_rate")
     if isinstance(recordings, bool) or not 1 <= recordings <= 1000 or recordings % 1:
         raise QuantityError(
             f"recordings = {recordings!r} is out of range: it must be a whole number, 1 to 1000"

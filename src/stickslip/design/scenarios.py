@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..actuator import Actuator
 from ..estimate.posterior import Posterior
 from ..estimate.result import Fit
-from ..records import did_you_mean, quantities_within
+from ..records import Quantity, did_you_mean, quantities_within
 from ..simulation.members import SCALES
 from ..simulation.varied import element_of, free_names, law_of, with_values
 from ..study.drawn import NOT_OF_ACTUATOR
@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 # What says how uncertain an actuator is: draws, a fit's covariance, or arrays by name, row by row.
 Uncertainty = Posterior | Fit | Mapping[str, Any]
 NOMINAL = "nominal"
+_FACTOR = Quantity("", "", "a factor")
+_SCALE = Quantity("", "", "it", above=0)
 
 
 @dataclass(frozen=True, init=False, repr=False)
@@ -125,10 +127,9 @@ def _changes(model: Actuator, case: Scenario) -> dict[str, float]:
             quantity.check(value, f"Scenario.{name}") if quantity else to_si(value, "", f"Scenario.{name}")
         )
     for name, factor in case.factors.items():
-        changed[name] = own(model, name) * to_si(factor, "", f"Scenario.factors[{name!r}]")
+        changed[name] = own(model, name) * _FACTOR.check(factor, f"Scenario.factors[{name!r}]")
     for name in SCALES:
-        if not changed.get(name, 1.0) > 0.0:
-            raise QuantityError(f"Scenario.{name} = {changed[name]:g} is out of range: it must be > 0")
+        _SCALE.check(changed.get(name, 1.0), f"Scenario.{name}")
     return changed
 
 

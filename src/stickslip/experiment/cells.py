@@ -109,8 +109,7 @@ def _cell(
     read: Read,
     repeats: Repeats,
 ) -> Cell:
-    parts = [run.name, *(_in_name(value) for value in axes.values())]
-    name = "_".join(parts + ([str(repeat)] if run.repeats > 1 else []))
+    name = _name(run, axes, repeat)
     seed = (repeats.series + getattr(file.rig, "first_run", 0) << 32) + zlib.crc32(name.encode())
     named = {k: v for k, v in file.variables.items() if not isinstance(v, bool)} | axes
     actuator = _actuator(file, run, named, folder)
@@ -140,6 +139,23 @@ def _cell(
         bench=str(own_file(file.rig.bench, folder, ".toml")) if isinstance(file.rig, VirtualRigSpec) else "",
         key=key,
     )
+
+
+def cell_names(file: ExperimentFile) -> list[str]:
+    """Names of the recordings that a file asks for, in order, without a look at rig, actuator or drives; of
+    more than `MOST_CELLS`, which `cells` refuses, the first."""
+    names = (
+        _name(run, dict(zip(run.matrix, values, strict=True)), repeat)
+        for run in file.runs
+        for values in itertools.product(*run.matrix.values())
+        for repeat in range(1, run.repeats + 1)
+    )
+    return list(itertools.islice(names, MOST_CELLS))
+
+
+def _name(run: RunSpec, axes: Mapping[str, float | str], repeat: int) -> str:
+    parts = [run.name, *(_in_name(value) for value in axes.values())]
+    return "_".join(parts + ([str(repeat)] if run.repeats > 1 else []))
 
 
 def _repeats(file: ExperimentFile) -> Repeats:

@@ -28,7 +28,7 @@ from .file import ExperimentFile
 from .laboratory import Laboratory, open_laboratory
 
 Watch = Callable[[Cell, Rig], Rig]
-_EXPORTS = {"mat": ".mat", "controldesk": "_controldesk.mat", "csv": ".csv"}
+EXPORTS = {"mat": ".mat", "controldesk": "_controldesk.mat", "csv": ".csv"}
 
 
 class Recorded(NamedTuple):
@@ -187,7 +187,7 @@ def _recorded(
     progress("", 0.0)
     recording = _finished(path, cell.key)
     kept = recording is not None
-    exports = {kind: out / f"{cell.name}{_EXPORTS[kind]}" for kind in file.save_as}
+    exports = {kind: out / f"{cell.name}{EXPORTS[kind]}" for kind in file.save_as}
     if recording is None:
         _make_room(out, [path, *exports.values()], log)
         begun = time.perf_counter()

@@ -94,11 +94,13 @@ class JobFile(Strict):
 
 
 class Step(NamedTuple):
-    """One step: what to do, what the file says of it, and the file that says it."""
+    """One step: what to do, what the file says of it, and the file that says it; `inside`, where in it,
+    "steps.0.record.", or "" of a file that is one step."""
 
     kind: str
     content: Content
     path: Path
+    inside: str = ""
 
 
 class Job(NamedTuple):
@@ -133,7 +135,7 @@ def read_job(path: Path) -> Job:
         raise InputFileError(f"{path}: steps: a list of at least one step")
     steps = tuple(_step(i, one, path) for i, one in enumerate(content["steps"]))
     for i, step in enumerate(steps):
-        spec = checked(step, f"steps.{i}.{step.kind}." if step.path == path else "")
+        spec = checked(step, step.inside)
         _refuse_missing(spec, {one.kind for one in steps[:i]}, f"{path}: steps.{i}.{step.kind}")
     return Job(str(content.get("title", "")), str(content.get("notes", "")), steps)
 
@@ -159,7 +161,8 @@ def _step(number: int, said: Any, path: Path) -> Step:
         return Step(kind, load_yaml(other), other)
     if not isinstance(content, dict):
         raise InputFileError(f"{path}: steps.{number}.{kind}: a file, or what it would say")
-    return Step(kind, {"title": kind, **content} if kind != "export" else content, path)
+    titled = {"title": kind, **content} if kind != "export" else content
+    return Step(kind, titled, path, f"steps.{number}.{kind}.")
 
 
 def _kind_of(content: Content, path: Path) -> str:

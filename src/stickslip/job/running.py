@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+import warnings
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -17,14 +18,16 @@ from ..export import export_c, export_fmu
 from ..input_file import InputFileError
 from ..parameters import ParameterSetError
 from ..progress import Progress, unheard, within
-from ..recording.replacing import replaced_whole
+from ..recording import RecordingWarning
+from ..recording.replacing import replaced_whole, to_bin
 from ..report import Document, Section
 from ..report.circumstances import circumstances
 from ..report.recordings import recordings_document
 from ..report.results import results_json
 from ..rig import load_bench
 from ..units import QuantityError
-from .file import Content, ExportSpec, Step, checked, read_job
+from .checking import check_job
+from .file import Content, ExportSpec, Job, Step, checked, read_job
 
 
 def run_job(
@@ -33,29 +36,39 @@ def run_job(
     progress: Progress = unheard,
     *,
     figures: bool = True,
+    kept: Callable[[Document], object] | None = None,
 ) -> Document:
     """Record, identify, verify, compare, export and map, as a file says.
 
     Args:
         path: a job file, or an experiment, campaign, identification, verification, design or move file.
         out: the folder; recordings go into its `recordings`, results of single steps into its `steps`, and
-            what is exported beside them. Recordings that are there are kept.
+            what is exported beside them. Recordings that are there are kept; of an earlier run, what has the
+            name of an export or a move goes to `.bin` there, with a RecordingWarning.
         progress: called with what is being done and how much of all is done, from 0 to 1.
         figures: draw those of campaigns.
+        kept: called with the report of the steps before it where one fails, or is interrupted; the error then
+            goes on.
 
     Raises:
-        InputFileError: the file is not as it must be, before anything is done; names the file and the field.
+        InputFileError: the file is not as it must be, or names files and models that are not there, before
+            anything is done; names the file and the field.
         RecordingError, FitError, RigError, ExportError: a step cannot be done; what was done before is kept.
     """
     job, out = read_job(Path(path)), Path(out)
+    check_job(job, out)
     running = _Running(out, figures)
-    documents = []
+    documents: list[Document] = []
     for i, step in enumerate(job.steps):
         part = partial(within, progress, i / len(job.steps), 1.0 / len(job.steps))
         try:
-            documents.append(running.do(i + 1, step, part))
-        except (QuantityError, ParameterSetError) as error:
-            raise InputFileError(f"{step.path}: {error}") from error
+            documents.append(_done(running, i + 1, step, part))
+        except (Exception, KeyboardInterrupt) as error:
+            if documents and kept is not None:
+                kept(_until(job, documents, error))
+                where = f"step {i + 1} of {len(job.steps)}, {step.kind}"
+                error.add_note(f"that was in {where}; the report is of those before it")
+            raise
         if documents[-1].interrupted:
             break
     if len(documents) == 1:
@@ -63,11 +76,35 @@ def run_job(
     return joined(job.title, job.notes, documents)
 
 
+def _done(running: _Running, number: int, step: Step, progress: Progress) -> Document:
+    try:
+        return running.do(number, step, progress)
+    except (QuantityError, ParameterSetError) as error:
+        raise InputFileError(f"{step.path}: {error}") from error
+
+
+def _until(job: Job, documents: Sequence[Document], error: BaseException) -> Document:
+    """The report of the steps before the one that failed, which it names."""
+    at, count = len(documents), len(job.steps)
+    interrupted = isinstance(error, KeyboardInterrupt)
+    said = "was interrupted" if interrupted else f"failed: {' '.join(str(error).split())}"
+    whole = joined(job.title, job.notes, documents)
+    failure = f"step {at + 1} of {count}, {job.steps[at].kind}, {said}"
+    later = [step.kind for step in job.steps[at + 1 :]]
+    left = f" Not begun: {', '.join(later)}." if later else ""
+    return replace(
+        whole,
+        summary=f"{failure[0].upper()}{failure[1:]}.{left} {whole.summary}",
+        failures=(*whole.failures, failure),
+    )
+
+
 class _Running:
     """What the steps so far have made."""
 
     def __init__(self, out: Path, figures: bool) -> None:
         self.out, self.figures = out, figures
+        self.used: set[str] = set()
         self.experiment: tuple[Any, Path] | None = None
         self.results: Path | None = None
 
@@ -79,7 +116,7 @@ class _Running:
             self.experiment = (spec, folder)
             return recordings_document(spec.title, recorded, self.out / "recordings" / "experiment.log")
         if step.kind == "move":
-            return run_move(spec, folder, _unused(self.out / "move"), progress)
+            return run_move(spec, folder, self._room("move"), progress)
         if step.kind == "export":
             return self._exported(spec, folder, progress)
         if step.kind in ("verify", "design") and spec.fit is None and spec.model is None:
@@ -95,6 +132,21 @@ class _Running:
                 temporary.write_text(results_json(document, circumstances()), encoding="utf-8")
         return document
 
+    def _room(self, name: str) -> Path:
+        """The folder of that name, with a number behind it where a step of this run has it already.
+
+        What an earlier run has left there goes to the bin, or the old code would have the obvious name.
+        """
+        number, found = 2, name
+        while found in self.used:
+            found, number = f"{name}_{number}", number + 1
+        self.used.add(found)
+        if os.path.lexists(self.out / found):
+            moved = to_bin(self.out, found)
+            said = f"{self.out / found}: what an earlier run had put there is in {moved}"
+            warnings.warn(said, RecordingWarning, stacklevel=2)
+        return self.out / found
+
     def _exported(self, spec: ExportSpec, folder: Path, progress: Progress) -> Document:
         progress("exporting", 0.0)
         source: Any = spec.model or self.results
@@ -104,7 +156,7 @@ class _Running:
         amplifier: dict[str, Any] = {}
         if bench is not None:
             amplifier = {"amplifier": bench.amplifier, "piezo_capacitance": bench.piezo_capacitance}
-        target = _unused(self.out / spec.format)
+        target = self._room(spec.format)
         if spec.format == "c":
             made = export_c(source, target, step=spec.step, **amplifier)
         else:
@@ -112,15 +164,6 @@ class _Running:
             made = export_fmu(source, target, step=spec.step, **more, **amplifier)
         said = f"The model as {'C99' if spec.format == 'c' else 'an FMU'}: {made}."
         return Document(f"Export: {spec.format}", said, [Section("Files", paragraphs=(said,))])
-
-
-def _unused(path: Path) -> Path:
-    """The path, or with a number behind it: what was exported before is left alone."""
-    number = 2
-    found = path
-    while found.exists():
-        found, number = path.with_name(f"{path.name}_{number}"), number + 1
-    return found
 
 
 def _found(content: Content, folder: Path, out: Path) -> Content:

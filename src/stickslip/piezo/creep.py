@@ -3,15 +3,15 @@ law.
 
 .. math:: y = C \Bigl( h + \sum_k a_k x_k \Bigr), \qquad \tau_k \dot x_k = h - x_k
 
-h [V] is the hysteresis' output. Of a step at t = 0, terms of equal share spread over the decades creep as
-:math:`1 + g \log_{10}(t/t_0)` between the first and the last time constant, with g = a per decade: 0.01 to
-0.02 for PZT stacks [pi2009]. Time constants beyond the length of a recording are not determined by
-it.
+h [V] is the hysteresis' output. Of a step at t = 0, terms of equal share a that are d decades apart creep as
+:math:`1 + g \log_{10}(t/t_0)` between the first and the last time constant, with g = a/d: 0.01 to 0.02 for
+PZT stacks [pi2009]. Time constants beyond the length of a recording are not determined by it.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -24,8 +24,9 @@ from ..units import QuantityError, to_si
 
 Array = NDArray[np.float64]
 
-# Terms per decade of the logarithmic law: it then deviates from a straight line by 0.02 of g.
+# Terms per decade of the logarithmic law, about: it then deviates from a straight line by 0.02 of g.
 PER_DECADE = 2
+FEWEST = 2  # terms, for it takes two to show how far apart they are
 
 
 @registry.piezos.add
@@ -49,21 +50,30 @@ class Creep(NamedTuple):
     def logarithmic(cls, per_decade: float, begin: float | str = 0.1, end: float | str = 100.0) -> Creep:
         """Logarithmic creep by `per_decade` (a share) from `begin` to `end`, s."""
         times = spread(to_si(begin, "s", "begin"), to_si(end, "s", "end"))
-        share = to_si(per_decade, "", "per_decade") / PER_DECADE
+        share = to_si(per_decade, "", "per_decade") * distance(times)
         return cls(tuple(times.tolist()), (share,) * times.size)
 
     @property
     def per_decade(self) -> float:
-        """The shares of all terms, over the decades that they cover."""
-        return sum(self.shares) * PER_DECADE / len(self.shares)
+        """The mean share over the distance of the terms in decades: what `logarithmic` takes. A single term
+        is taken to stand for half a decade."""
+        return sum(self.shares) / len(self.shares) / distance(self.time_constants)
 
 
 def spread(begin: float, end: float) -> Array:
     """Time constants [s], evenly over the decades between two times."""
     if not 0.0 < begin < end:
         raise QuantityError(f"creep from {begin:g} s to {end:g} s is out of range: 0 s < begin < end")
-    count = max(1, round(PER_DECADE * float(np.log10(end / begin))))
+    count = max(FEWEST, round(PER_DECADE * float(np.log10(end / begin))))
     return begin * 10 ** ((np.arange(count) + 0.5) * np.log10(end / begin) / count)
+
+
+def distance(times: Sequence[float] | Array) -> float:
+    """How many decades time constants [s] are apart, in the mean: what a term of the logarithmic law stands
+    for. Their number is whole, so that it is 1/`PER_DECADE` of few spans only."""
+    if len(times) < FEWEST:
+        return 1.0 / PER_DECADE
+    return float(np.log10(times[-1] / times[0])) / (len(times) - 1)
 
 
 class Lags(NamedTuple):

@@ -13,7 +13,7 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
-from ..recording.conversion import is_unit
+from .file_units import is_unit
 
 
 class Counting(NamedTuple):

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from ..recording.conversion import is_unit
+from .file_units import is_unit
 from .source import FileChannel, is_clock, is_seconds
 
 _UNIT_LINE = re.compile(r"(?P<axis>vertical|horizontal|x|y)[ _]units?([ _]label)?:?", re.IGNORECASE)
@@ -26,8 +26,14 @@ _ENDS |= {
     "ma": "mA",
     "ua": "uA",
     "micron": "um",
+    "uinch": "uin",
+    "microinch": "uin",
+    "mils": "mil",
+    "inch": "in",
+    "inches": "in",
 }
 _ENDS |= {one: one for one in ("ms", "us", "ns", "pm", "nm", "um", "mm", "cm", "rad", "mrad", "urad", "deg")}
+_ENDS |= {one: one for one in ("uin", "mil", "thou")}
 _ENDS |= {f"{one}_{per}": f"{one}/s" for one in ("nm", "um", "mm", "m") for per in ("s", "per_s")}
 _ENDS |= {"s": "s", "m": "m", "n": "N"}
 # The shortest name comes first, so that "v_m_s" ends with m_s, not with s.

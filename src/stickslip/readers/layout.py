@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ..recording import RecordingError
-from ..recording.conversion import is_unit, to_si_unit
 from .counted import Counting, counted
+from .file_units import is_unit, is_unit_of, to_si_unit
 from .headers import said_units, with_said_units
 from .source import FileChannel, is_clock
 
@@ -317,7 +317,9 @@ def _channel(header: str) -> FileChannel:
     unit = (found["square"] or found["round"] or found["slash"] or "").strip()
     certain = found["square"] is not None
     return (
-        FileChannel(found["name"], unit, header=header) if certain or is_unit(unit) else FileChannel(header)
+        FileChannel(found["name"], unit, header=header)
+        if certain or is_unit_of(found["name"], unit)
+        else FileChannel(header)
     )
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from .. import registry
 from .csv import read_csv
+from .file_units import of_its_name
 from .headers import named_unit
 from .source import FileContent
 
@@ -24,4 +25,4 @@ def source_of(
         source = read_csv(path, delimiter, decimal, skip)
     else:
         source = registry.readers.find(kind).read(path)
-    return source._replace(channels=tuple(map(named_unit, source.channels)))
+    return source._replace(channels=tuple(of_its_name(named_unit(one)) for one in source.channels))

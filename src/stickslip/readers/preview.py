@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from ..recording import STANDARD_NAMES, RecordingError, fits_name
-from ..recording.conversion import to_si_unit
 from ..units import QuantityError
+from .file_units import to_si_unit
 from .formats import find_format
 from .opening import source_of
 from .source import FileChannel, Rows, is_clock

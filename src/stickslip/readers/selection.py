@@ -7,8 +7,9 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from ..recording import STANDARD_NAMES, RecordingError
-from ..recording.conversion import Conversion, is_number, is_unit, to_si_scale, to_si_unit
+from ..recording.conversion import Conversion, is_number
 from ..units import QuantityError, turned
+from .file_units import is_unit, to_si_scale, to_si_unit
 from .headers import ends_in_m
 from .source import Column, FileChannel, find_channel, is_clock, listing
 

@@ -170,10 +170,14 @@ def _looped(
 def targets(target: Waveform | float | str, count: int, rate: float, unit: str) -> list[float]:
     """The wanted position at each of so many ticks at a rate [Hz], m (rad); raises QuantityError."""
     if isinstance(target, float | int | str):
-        return [to_si(target, unit, "target")] * count
-    if getattr(target, "unit", None) != unit:
+        found = [to_si(target, unit, "target")] * count
+    elif getattr(target, "unit", None) != unit:
         raise QuantityError(f"target = {target!r:.60} must be a position [{unit}] or a waveform in {unit}")
-    return value_at(target, np.arange(count) / rate).tolist()
+    else:
+        found = value_at(target, np.arange(count) / rate).tolist()
+    if not np.all(np.isfinite(found)):
+        raise QuantityError(f"target = {target!r:.60} is not finite at every tick")
+    return found
 
 
 class _Loop:

@@ -166,8 +166,10 @@ class LoopRig:
             self.heard = time.monotonic()
             if self._left:
                 return
-            given = guard.allowed(wish, given, tick)
-            row = [*readings, measured, getattr(controller, "target", target), wish]
+            given, goal = guard.allowed(wish, given, tick), getattr(controller, "target", target)
+            if not math.isfinite(goal):
+                raise LimitError(f"the target is {goal} at update {tick}: stopped")
+            row = [*readings, measured, goal, wish]
             self._rows.append([row[k] for k in self._picks])
             self.count += 1
             if getattr(controller, "done", False) or self.count == self._samples:

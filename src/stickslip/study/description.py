@@ -14,6 +14,7 @@ from .. import _jit
 from .._version import __version__
 from ..registry import origin
 from .own import OwnFunction, content_hash
+from .points import Grid
 
 # Longer lists are said by their hash.
 SHOWN = 64
@@ -24,10 +25,22 @@ def described(study: Any) -> dict[str, Any]:
     """A study, the package and its compiled physics, and the user's own files, as JSON knows it."""
     return {
         "study": {key: _plain(getattr(study, key)) for key in ("points", "measure", "summary", "keep")},
+        "order": _order(study.points),
         "package": __version__,
         # Kernels are kept under a hash of all that they are compiled from.
         "kernels": _jit._package_cache().name,
     }
+
+
+def _order(points: Any) -> list[list[str]]:
+    """The names of each part in their order: that of a grid's dimensions, and of the columns that a random
+    design is dealt to. `identity` sorts what is by name, and would take another order for the same study."""
+    parts = [points] if is_dataclass(points) else points
+    return [list(by_name) for part in parts if (by_name := _ordered(part))]
+
+
+def _ordered(part: Any) -> Mapping[str, Any]:
+    return getattr(part, "ranges", None) or (part.values if isinstance(part, Grid) else {})
 
 
 def identity(description: Mapping[str, Any]) -> str:

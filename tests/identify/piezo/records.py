@@ -67,7 +67,8 @@ def recording(
     late = lagged(late, of.lag, float(volts[0]))
     stroke = reference.prandtl_ishlinskii(of.piezo.hysteresis, late, float(volts[0]))
     first = stroke[0]
-    crept = sum(lagged(stroke, tau, first) for tau in spread(0.1, time[-1])) / 2.0
+    taus = spread(0.1, time[-1])
+    crept = sum(lagged(stroke, tau, first) for tau in taus) * np.log10(time[-1] / 0.1) / taus.size
     shown = of.gain * (stroke + of.creep * crept) + level
     shown = shown + noise * np.random.default_rng(seed).standard_normal(time.size)
     return ss.make_recording(time, {"drive_voltage": (volts, "V"), "stage_position": (shown, "m")})

@@ -28,7 +28,6 @@ from ...estimate.fit import fit_least_squares
 from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import Problem, Residuals
 from ...estimate.result import Fit
-from ...estimate.score import ASKED, gain, step
 from ...estimate.several import ENOUGH, followed, from_several, lowest
 from ...friction import elements
 from ...progress import Progress, unheard
@@ -40,7 +39,7 @@ from ...units import optional_si, to_si, turned
 from ..free import Bounds, beside, check_names, check_priors, known_of, parameter, with_prior
 from ..quantised import Inexact, moved_by, said_steps, with_moved
 from ..recorded.channels import channel, names_of, recordings_of, refuse_clipped, unit_of
-from ..recorded.known_noise import more_than_white, white_noise
+from .missing import Slope, left_over, missing, viscous_slope
 from .starts import loop_starts
 
 OBSERVED = "friction_force"
@@ -55,7 +54,7 @@ CHANNEL = {
 }
 # Of the reference, below which a normal force carries nothing: the contact begins relaxed.
 UNLOADED = 0.02
-# What is noticed where it is not free, and how it is said of a share or a force.
+# What is noticed where it is not free.
 NOTICED = ("drift", "asymmetry", "contact_offset")
 LOAD_EXPONENTS = (0.2, 2.0)
 # Relative; the response to it is far above the error of a simulation at 1e-9 m.
@@ -159,23 +158,19 @@ def identify_loops(
         problem, [{p.name: p.start for p in parameters}, *begins], starts, seed, max_evaluations, progress
     )
     fit, left_by = _with_inexact(fit, found, measured, model, settings)
-    noticed = [_noticed(fit, name, responses, model, reach) for name in _unasked({*free, *(tied or {})})]
+    asked = _unasked({*free, *(tied or {})})
+    beside_it = [Slope(name, reach[name], _slope(fit, name, responses, model, reach)) for name in asked]
+    noticed, doubts = missing(fit, model, viscous_slope(found, turns), beside_it)
     if noise is None:
-        noticed += [
-            more_than_white(
-                g.rmse,
-                math.hypot(white_noise(force), left),
-                force,
-                (g.name, g.unit, "forces", "the contact follows another law"),
-            )
-            for g, force, left in zip(fit.recordings, measured, left_by, strict=True)
-        ]
+        said, beyond = left_over(fit, measured, left_by)
+        noticed, doubts = [*noticed, *said], [*doubts, *beyond]
     return replace(
         fit,
         model=with_values(model, _own(fit.values)),
         observed=OBSERVED,
         predict=LoopPrediction(model, fit.values, *settings).predict,
-        remarks=(*fit.remarks, *filter(None, noticed)),
+        doubts=(*fit.doubts, *doubts),
+        remarks=(*fit.remarks, *noticed),
     )
 
 
@@ -298,30 +293,15 @@ class LoopPrediction(NamedTuple):
         return _response(recording, names_of([recording])[0], *self[2:])(self.law, self.values)
 
 
-def _noticed(
-    fit: Fit,
-    name: str,
-    responses: Sequence[Callable[..., Any]],
-    model: Any,
-    reach: Mapping[str, float],
-) -> str:
-    """A sentence where a modifier that is not free would lower the sum of squares by more than noise does."""
+def _slope(
+    fit: Fit, name: str, responses: Sequence[Callable[..., Any]], model: Any, reach: Mapping[str, float]
+) -> NDArray[np.float64]:
+    """Derivatives of all forces by a modifier that is not free."""
     h = DIFFERENCE_STEP * reach[name]
     sides = [
         np.concatenate([response(model, {**fit.values, name: x}) for response in responses]) for x in (h, -h)
     ]
-    slopes = (sides[0] - sides[1]) / (2.0 * h)
-    if gain(fit, slopes) <= ASKED:
-        return ""
-    found = step(fit, slopes)
-    unit = fit.recordings[0].unit
-    percent = abs(100.0 * found / reach[name])
-    said = {
-        "drift": f"friction {'rose' if found > 0 else 'fell'} by {percent:.2g} % during the recordings",
-        "asymmetry": f"friction differs forward and backward by {abs(200.0 * found):.2g} %",
-        "contact_offset": f"{abs(found):.3g} {unit} of the force do not turn with the motion",
-    }[name]
-    return f"{said}, which the model does not have: {name} can be free"
+    return (sides[0] - sides[1]) / (2.0 * h)
 
 
 def _own(values: Values) -> Values:

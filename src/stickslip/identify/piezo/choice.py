@@ -9,9 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
+from ...piezo.creep import spread
 from ...units import QuantityError
 from .columns import CREEP_BEGINS, Columns, Grid, Observed, columns
-from .linear import cross_validated
+from .linear import cross_validated, residuals, solved
 from .timing import Lateness
 
 # Plays that are tried; more than the last predict no better on any data that were looked at.
@@ -19,6 +20,8 @@ PLAYS = (1, 2, 4, 6, 8, 12, 16)
 FOLDS = 6
 # What a smaller model may predict worse than the best, relative.
 ENOUGH = 0.02
+# Of the recordings' length, to which creep may go on: real stacks creep for hours.
+BEYOND = 10.0
 # A recording shows creep if it is so many times longer than where creep begins.
 LONG_ENOUGH = 20.0
 SAMPLES_PER_PLAY = 10
@@ -120,7 +123,34 @@ def chosen(
             "stand for hysteresis that the plays do not describe, and what it predicts of a voltage held is "
             "not tested; record one, or leave it out (creep=False)"
         )
-    return Choice(grid, late, score, tuple(remarks))
+    made = Choice(grid, late, score, tuple(remarks))
+    return _lasting(observed, made, lasts) if grid.times.size and not time_constants else made
+
+
+def left_of_all(observed: Sequence[Observed], late: Lateness, grid: Grid) -> tuple[float, float]:
+    """Standard deviation of what a grid leaves of all samples, m, and the creep per decade that it has."""
+    parts = [columns(one, late.timing, grid) for one in observed]
+    positions = [one.position for one in observed]
+    found = solved(parts, positions, grid)
+    return float(np.std(residuals(parts, positions, found))), found.creep
+
+
+def _lasting(observed: Sequence[Observed], choice: Choice, lasts: float) -> Choice:
+    """With creep that ends with the recordings of so many s, or goes on: whichever leaves less, for both have
+    as many numbers. Taken to end, creep that goes on is found greater by a sixth."""
+    beyond = choice.grid._replace(times=spread(CREEP_BEGINS, BEYOND * lasts))
+    tried = [
+        (*left_of_all(observed, choice.late, grid), end, grid)
+        for grid, end in ((choice.grid, lasts), (beyond, BEYOND * lasts))
+    ]
+    (_, _, end, grid), (_, creep, other, _) = sorted(tried, key=lambda one: one[0])
+    said = (
+        f"creep is by terms from {CREEP_BEGINS:g} s to {end:.3g} s; by those to {other:.3g} s, which leave "
+        f"more, it would be {creep:.3g} per decade, and the interval is not for that"
+    )
+    parts = [columns(one, choice.late.timing, grid) for one in observed]
+    score = cross_validated(parts, [one.position for one in observed], grid, FOLDS)
+    return choice._replace(grid=grid, score=score, remarks=(*choice.remarks, said))
 
 
 def _rests(one: Observed) -> bool:

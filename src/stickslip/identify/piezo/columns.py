@@ -3,7 +3,7 @@ r"""Columns of a piezo's design: answers to a recorded drive, which its coeffici
 .. math:: y = y_0 + S + g\,L[S], \qquad S = \sum_i w_i P_{r_i}[u + a\,B(u) - a\,B(0)] + \kappa\,B(u)
 
 u is the voltage at the piezo: the recorded one, late and lagging. P are plays, B is the square of the voltage
-above its least, drawn with dead zones, a the skew, and L the logarithmic creep of one share per decade. See
+above its least, drawn with dead zones, a the skew, and L the logarithmic creep of one per decade. See
 `piezo`.
 """
 
@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ...piezo.creep import PER_DECADE, Lags, relaxed, spread
+from ...piezo.creep import Lags, distance, relaxed, spread
 from ...piezo.operators import Operators, skewed, states
 from ...piezo.prandtl_ishlinskii import rested
 from ...recording import RecordingError
@@ -212,5 +212,5 @@ def columns(observed: Observed, timing: Timing, grid: Grid) -> Columns:
     if grid.times.size:
         for i in range(first.size):
             terms = lagged(observed.time, at_once[:, i], grid.times, float(first[i]))
-            crept[:, i] = terms.sum(axis=1) / PER_DECADE
+            crept[:, i] = terms.sum(axis=1) * distance(grid.times)
     return Columns(at_once, crept)

@@ -17,12 +17,13 @@ from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import Problem, Residuals
 from ...estimate.result import Fit
 from ...piezo import Creep, Piezo, PrandtlIshlinskii
-from ...piezo.creep import PER_DECADE
+from ...piezo.creep import distance
+from ...recording import RecordingError
 from ...units import QuantityError, optional_si, to_si
 from ..recorded.channels import names_of, recordings_of, refuse_clipped, unit_of
 from ..recorded.known_noise import first_change, more_than_white, resolution, white_noise
 from ..recorded.levels import converter_step
-from .choice import ENOUGH, Choice, Shape, chosen, range_of
+from .choice import ENOUGH, Choice, Shape, chosen, left_of_all, range_of
 from .columns import (
     Columns,
     Grid,
@@ -40,6 +41,14 @@ from .shapes import first_model, lagging_shape, skewed_shape
 from .timing import Edges, Lateness, edges_of, lateness
 
 OBSERVED = "stage_position"
+NOT_LATE = Lateness(
+    Timing(),
+    ("delay and lag are taken as 0 s: what the edges of the drive show of them predicts no better",),
+    Edges((), ()),
+)
+# What is left of a recording that is not explained: over its white noise, and over the standard deviation of
+# its positions, of which a straight line leaves 10 to 15 % and fits of measured stacks 1 %.
+MANY, TOO_LITTLE = 3.0, 0.05
 # Relative: what a lag must explain of parts left out, where no edge tells it.
 LATE = 0.1
 # Of its range: a drive further from its first value has moved.
@@ -71,14 +80,14 @@ def identify_piezo(
               S = \sum_i w_i P_{r_i}[u + a\,B(u) - a\,B(0)] + \kappa\,B(u)
 
     Slow against the stage's resonance, free of contact: the recorded displacement is the piezo's. Thresholds
-    are spread evenly over half the range of the drive, and creep is logarithmic from 0.1 s to the length of
-    the recording: wider plays and slower creep are not determined. How many plays, and whether the square
-    B(u) and creep are there, is chosen by cross-validation: the smallest model that predicts parts of the
-    recordings that it was not fitted to about as well as the best one. Where that leaves more than noise, so
-    is the skew a of what the plays see, by which loops are wider at one end. Delay and lag are those seen
-    after edges of the drive; without edges, a lag is hardly told from hysteresis, and only one that predicts
-    clearly better is taken. A recording begins after a rest, or amid the motion with which it goes on,
-    whichever explains it better.
+    are spread evenly over half the range of the drive: wider plays are not determined. Creep is logarithmic
+    from 0.1 s to the length of the recordings, or to ten times that where it leaves less. How many plays, and
+    whether the square B(u) and creep are there, is chosen by cross-validation: the smallest model that
+    predicts parts of the recordings that it was not fitted to about as well as the best one. Where that
+    leaves more than noise, so is the skew a of what the plays see, by which loops are wider at one end. Delay
+    and lag are those seen after edges of the drive, unless the model explains as much without; without edges,
+    a lag is hardly told from hysteresis, and only one that predicts clearly better is taken. A recording
+    begins after a rest, or amid the motion with which it goes on, whichever explains it better.
 
     Args:
         recordings: with drive_voltage [V] and stage_position [m].
@@ -86,8 +95,7 @@ def identify_piezo(
         operators: number of plays; left out, chosen.
         asymmetric: whether B(u) is there, and a may be; left out, chosen.
         creep: whether creep is there; left out, chosen.
-        time_constants: s, of creep, with equal shares; left out, two to the decade from 0.1 s to the length
-            of the recordings.
+        time_constants: s, of creep, with equal shares; left out, two to the decade from 0.1 s on.
         delay: s, of the voltage at the piezo; left out, seen after edges.
         lag: s, of the voltage at the piezo, of first order: amplifier, capacitance and sensor; likewise.
         rest_voltage: V at which the piezo rested before each recording, reached from 0 V; left out, that
@@ -98,11 +106,12 @@ def identify_piezo(
         A fit of weight_1, ... [m/V] of the plays, curvature κ [m/V²], skew a [1/V], creep g (share per
         decade), and the offset of each recording [m]; beside them gain, their sum, delay and lag [s].
         `predict(recording)` is the position, m: its level is that of the recording's own positions, where it
-        has any. `model` is the actuator given, or a `Piezo`.
+        has any. `model` is the actuator given, or a `Piezo`. `failures` name recordings of which much of the
+        motion is left; a remark is enough where it is little, but more than noise.
 
     Raises:
         RecordingError: a channel is missing, too short, not finite, clipped, constant, or falls where the
-            voltage rises; or the drive never turns back.
+            voltage rises; or the drive never turns back; or the fit is no piezo.
         QuantityError: a number out of range.
         FitError: see `fit_least_squares`.
     """
@@ -123,8 +132,12 @@ def identify_piezo(
             break
         seen = begun
         late = _lateness(seen, *given)
-    shapes = [Shape(bent, 0.0, late) for bent in (False, True) if asymmetric in (None, bent)]
-    choice = chosen(seen, shapes, operators, creep, taus)
+    bends = [bent for bent in (False, True) if asymmetric in (None, bent)]
+    choice = chosen(seen, [Shape(bent, 0.0, late) for bent in bends], operators, creep, taus)
+    if late.edges.number:
+        other = chosen(seen, [Shape(bent, 0.0, NOT_LATE) for bent in bends], operators, creep, taus)
+        if not _explains_more(seen, choice, other):
+            choice, late = other, NOT_LATE
     fit, remarks = _fitted(seen, choice, unit)
     if asymmetric is not False and not _only_noise(fit, seen):
         skewed = skewed_shape(seen, late, fixed=given != (None, None))
@@ -140,15 +153,24 @@ def identify_piezo(
         if other.score < (1.0 - LATE) * choice.score:
             fit, remarks = _fitted(seen, choice := other, unit)
     timing = Timing(fit.values["delay"], fit.values["lag"])
-    prediction = prediction_of(fit.values, choice.grid, timing, seen, observed)
+    prediction = _predicting(fit, choice.grid, timing, seen, observed)
     gain, piezo = prediction.gain, prediction.piezo
     return replace(
         fit,
         model=model.replace(gain=gain, piezo=piezo) if model else piezo,
         observed=observed,
         predict=prediction.predict,
+        doubts=tuple(_unexplained(fit, seen)),
         remarks=(*choice.remarks, *remarks, *_left(fit, seen)),
     )
+
+
+def _explains_more(seen: Sequence[Observed], choice: Choice, other: Choice) -> bool:
+    """Whether a choice leaves less of all samples than another, and loses no more than that of parts left
+    out: the mean over the parts hides what a lag does after a single edge, and all samples alone would let a
+    lag in that stands for hysteresis."""
+    less = left_of_all(seen, choice.late, choice.grid)[0] / left_of_all(seen, other.late, other.grid)[0]
+    return less < 1.0 and less * choice.score < other.score
 
 
 def _fitted(seen: Sequence[Observed], choice: Choice, unit: str) -> tuple[Fit, tuple[str, ...]]:
@@ -180,11 +202,29 @@ def _left(fit: Fit, seen: Sequence[Observed]) -> tuple[str, ...]:
     return tuple(filter(None, said))
 
 
+def _unexplained(fit: Fit, seen: Sequence[Observed]) -> list[str]:
+    """A sentence on each recording of which a model leaves many times the noise, and too much of the motion
+    for hysteresis to be told: real piezos are off by more than the noise of good sensors, and that alone is a
+    remark."""
+    lacking, said = {one.name for one in fit.lack if one.seen}, []
+    for g, one in zip(fit.recordings, seen, strict=True):
+        white, moved = white_noise(one.position), float(np.std(one.position))
+        if g.name not in lacking and g.rmse > max(MANY * white, TOO_LITTLE * moved):
+            said.append(
+                f"the model does not explain {g.name}: it leaves {100.0 * g.rmse / moved:.3g} % of its "
+                f"standard deviation, {g.rmse / white:.3g} x the white noise of its positions"
+            )
+    return said
+
+
 def _begun(seen: Sequence[Observed], timing: Timing, assumed: float | None) -> list[Observed]:
     """The recordings with what was before each, by a first model without creep. Where they rested, but not as
     it was taken, that `assumed` [V], if any: the model has yet to learn how late the voltage is."""
     grid, _, solution = first_model(seen, timing)
-    first = prediction_of(named(solution, grid), grid, timing, seen, "")
+    try:
+        first = prediction_of(named(solution, grid), grid, timing, seen, "")
+    except QuantityError:  # noise outweighs the hysteresis: so rough a model tells no past
+        return list(seen)
     found = [first.begun(one) for one in seen]
     if assumed is None:
         return found
@@ -315,6 +355,21 @@ def _known(observed: Observed) -> KnownNoise:
     return KnownNoise(None, at_rest, repeated(u), resolution(observed.position))
 
 
+def _predicting(
+    fit: Fit, grid: Grid, timing: Timing, seen: Sequence[Observed], observed: str
+) -> PiezoPrediction:
+    """`prediction_of` a fit; where that is no piezo, what to change is said."""
+    try:
+        return prediction_of(fit.values, grid, timing, seen, observed)
+    except QuantityError as error:
+        raise RecordingError(
+            f"{observed} of {', '.join(one.name for one in seen)} does not follow drive_voltage [V] as a "
+            f"piezo does: with delay {timing.delay:.3g} s and lag {timing.lag:.3g} s the fit has no inverse "
+            f"({error}). Check that both channels are of the same moments, leave delay and lag to the "
+            "recordings, or set asymmetric=False or fewer operators"
+        ) from error
+
+
 def prediction_of(
     values: Values, grid: Grid, timing: Timing, seen: Sequence[Observed], observed: str
 ) -> PiezoPrediction:
@@ -328,7 +383,7 @@ def prediction_of(
     hysteresis = PrandtlIshlinskii(*(tuple(row.tolist()) for row in rows))
     creep = None
     if grid.times.size:
-        shares = (values["creep"] / PER_DECADE,) * grid.times.size
+        shares = (values["creep"] * distance(grid.times),) * grid.times.size
         creep = Creep(tuple(grid.times.tolist()), shares)
     offset = float(np.mean([values[f"offset_{i}"] for i in range(1, count + 1)]))
     return PiezoPrediction(Piezo(hysteresis, creep), gain, offset, *timing, *ends, observed)

@@ -53,7 +53,7 @@ class PiezoPrediction(NamedTuple):
             voltage = channel(recording, "drive_voltage", name)
             time = recording["time"].values - float(recording["time"].values[0])
             return self.position(Observed(name, time, voltage, voltage, float(voltage[0]))) + self.offset
-        one = self.begun(observe(recording, name, self.observed, None))
+        one = self._nearer(self.begun(observe(recording, name, self.observed, None)))
         shown = self.position(one)
         return shown + float(np.mean(one.position - shown))
 
@@ -69,6 +69,17 @@ class PiezoPrediction(NamedTuple):
         cycled = observed._replace(rest=float(observed.drive[0]), cycled=True)
         left = [float(np.std(one.position - self.position(one))) for one in (rested, cycled)]
         return cycled if left[1] < (1.0 - CLEARLY) * left[0] else rested
+
+    def _nearer(self, observed: Observed) -> Observed:
+        """With the rest at which the first position is, where that leaves clearly less: a few volts beside
+        it, slow creep goes on for the whole recording."""
+        if observed.cycled:
+            return observed
+        left = observed.position - self.position(observed)
+        rest = self.piezo.resting_at(float(observed.position[0] - np.median(left)) / self.gain)
+        other = observed._replace(rest=rest)
+        less = float(np.std(other.position - self.position(other)))
+        return other if less < (1.0 - CLEARLY) * float(np.std(left)) else observed
 
     def _rest_shown(self, observed: Observed) -> float:
         """The voltage at which the piezo rested before, V: that assumed, or 0 V, or else the one at which it

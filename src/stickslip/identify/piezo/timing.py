@@ -24,6 +24,8 @@ EDGE, UNUSUAL = 0.05, 8.0
 # Of an edge's height, what is left of it when it is over; how much longer than that it is looked at; and
 # samples of a window, at least and at most.
 OVER, LONGER, FEWEST, MOST = 0.05, 1.5, 8, 400
+# Of the samples until the next edge, those of a window at most: the others show the hysteresis.
+AFTER = 0.5
 EDGES = 40  # that are looked at, evenly chosen
 # Where the search begins: delays in samples, lags over the length of the windows.
 DELAYS, LAGS = (0.2, 0.8, 1.4, 2.2), (0.1, 0.2, 0.4)
@@ -65,10 +67,11 @@ def edges_of(observed: Sequence[Observed], still: Sequence[Array]) -> Edges:
         range_ = float(np.ptp(one.drive))
         found = np.flatnonzero(change > max(EDGE * range_, UNUSUAL * usual)).tolist()
         ends = [*found[1:], one.time.size][: len(found)]
+        left = np.abs(one.position - shown)
         made = [
-            (first, _until(one.position, shown, first, end))
+            (first, _until(left, first, end))
             for first, end in zip(found, ends, strict=True)
-            if end - first >= FEWEST
+            if AFTER * (end - first) >= FEWEST
         ]
         mask = np.ones(one.time.size, dtype=bool)
         for first, end in made:
@@ -79,12 +82,14 @@ def edges_of(observed: Sequence[Observed], still: Sequence[Array]) -> Edges:
     return Edges(tuple(windows), tuple(masks))
 
 
-def _until(position: Array, shown: Array, first: int, end: int) -> int:
-    """The sample until which an edge is looked at: a model without lag is off by its height at first, and by
-    little once it is over."""
-    left = np.abs(position[first:end] - shown[first:end])[:MOST]
-    high = np.flatnonzero(left > OVER * left.max())
-    return first + int(np.clip(LONGER * (high[-1] + 1), FEWEST, left.size))
+def _until(left: Array, first: int, end: int) -> int:
+    """The sample until which an edge is looked at: a model without lag is off [m] by its height at first, and
+    by no more than elsewhere once it is over."""
+    most = min(MOST, int(AFTER * (end - first)))
+    after = left[first : first + most]
+    high = np.flatnonzero(after > max(OVER * float(after.max()), float(np.median(left))))
+    lasts = int(high[-1]) + 1 if high.size else 0
+    return first + int(np.clip(LONGER * lasts, FEWEST, most))
 
 
 def lateness(observed: Sequence[Observed], grid: Grid, edges: Edges, near: Timing | None = None) -> Lateness:

@@ -29,11 +29,16 @@ from ..recorded.channels import recordings_of, unit_of
 from ..recorded.known_noise import resolution
 from .at_piezo import check_known
 from .at_piezo import response as piezo_response
-from .formulas import POSITION, THESIS, StepTest, Timing, classical, second_order, step_tests
+from .first_look import Look, Response, common_look, first_look, plain
+from .formulas import Timing, classical, own_timing, second_order, timing_of
 from .linear import filter_zeros_poles, second_order_poles
+from .recorded_step import POSITION, StepTest, step_tests
 
-# The window, in peak times before and after the step: what comes later only says how the sensor drifts.
-WINDOW = 8.0
+# The window, in peak times or in decays before and after the step, the longer of both: what comes later only
+# says how the sensor drifts.
+WINDOW, DECAYS = 8.0, 3.0
+# The damping ratio is at least that of a good tuning fork; at most, that of two poles a thousand times apart.
+DAMPING_RATIOS = (1e-4, 30.0)
 # Of the response time, below which a lag is none.
 LEAST_LAG = 1e-6
 # Of its standard error: a greater drift before the step is taken off.
@@ -55,7 +60,7 @@ def identify_step(
     slew_rate: float | str | None = None,
     lag: bool = True,
     window: float | str | None = None,
-    timing: Timing = THESIS,
+    timing: Timing | None = None,
     observed: str = POSITION,
     tied: Mapping[str, str] | None = None,
 ) -> Fit:
@@ -76,8 +81,9 @@ def identify_step(
         slew_rate: V/s that the amplifier rises at, if it is known: the current limit into the piezo. Unknown,
             the step is taken as one.
         lag: fit a first-order lag of the sensor.
-        window: s before and after the step that are fitted; left out, eight peak times.
-        timing: for the classical numbers, from which the fit starts.
+        window: s before and after the step that are fitted; left out, eight peak times, or three decays.
+        timing: for the classical numbers, from which the fit then starts; left out, times and start are
+            those of the second-order response that a recording looks most like.
         observed: name of the position channel.
         tied: parameters that follow from others, as for `identify_friction`.
 
@@ -102,10 +108,11 @@ def identify_step(
         test if drift is None else test._replace(position=test.position - drift.at(test.time))
         for test, drift in zip(recorded, drifts, strict=True)
     ]
-    first = [classical(test, timing) for test in tests]
-    reach = WINDOW * float(np.mean([row["peak_time"] for row in first])) if window is None else window
-    kept, shown = ([_within(test, -reach, reach) for test in those] for those in (tests, recorded))
     response = _response(filter, slew_rate, piezo)
+    known = filter is not None or bool(slew_rate) or piezo is not None
+    first, look = _begun(tests, timing, _seen(response) if known else None)
+    reach = _reach(first, look) if window is None else window
+    kept, shown = ([_within(test, -reach, reach) for test in those] for those in (tests, recorded))
 
     def residuals(test: StepTest, number: int) -> Callable[[Values], Array]:
         def of(values: Values) -> Array:
@@ -120,7 +127,7 @@ def identify_step(
         Residuals(residuals(test, i), test.position, None, test.name, unit, _known(one), test.time)
         for i, (test, one) in enumerate(zip(kept, shown, strict=True), start=1)
     ]
-    fit = fit_least_squares(parts, with_ties(_parameters(first, lag, unit), tied))
+    fit = fit_least_squares(parts, with_ties(_parameters(first, look, lag, unit), tied))
     # What is before the window says as much about the noise as what is in it.
     until = [_within(test, -np.inf, reach) for test in tests]
     left = [residuals(test, i)(fit.values) for i, test in enumerate(until, start=1)]
@@ -190,17 +197,49 @@ def _within(test: StepTest, first: float, last: float) -> StepTest:
     return test._replace(time=test.time[kept], position=test.position[kept])
 
 
-def _parameters(first: Sequence[dict[str, float]], lag: bool, unit: str) -> list[Parameter]:
-    mean = {name: float(np.mean([row[name] for row in first])) for name in first[0]}
-    zeta, omega = mean["damping_ratio"], mean["natural_frequency"]
+def _begun(
+    tests: Sequence[StepTest], timing: Timing | None, seen: Response | None
+) -> tuple[list[dict[str, float]], Look]:
+    """The classical numbers of each step, and where the fit starts; `seen`: through what is known besides the
+    stage, None where nothing is."""
+    if timing is not None:
+        first = [classical(test, timing) for test in tests]
+        return first, _by_formulas(first)
+    looks = [first_look(test) for test in tests]
+    first = [classical(test, timing_of(test, look)) for test, look in zip(tests, looks, strict=True)]
+    if seen is not None:
+        looks = [first_look(test, seen) for test in tests]
+    return first, common_look(tests, looks, seen or plain)
+
+
+def _by_formulas(first: Sequence[dict[str, float]]) -> Look:
+    """What the classical numbers say, on average."""
+    names = ("natural_frequency", "damping_ratio", "delay", "peak_time")
+    omega, zeta, delay, peak = (float(np.mean([row[name] for row in first])) for name in names)
     if not np.isfinite(zeta):  # no overshoot: the peak is where the noise put it
-        zeta, omega = 1.0, 5.0 / mean["peak_time"]
-    length = mean["peak_time"]
+        return Look(5.0 / peak, 1.0, delay)
+    return Look(omega, zeta, delay)
+
+
+def _seen(response: Callable[[StepTest, Values], Array]) -> Response:
+    """What is seen of a step by a look, for a gain of 1."""
+    return lambda test, look: response(test, {**look._asdict(), "gain": 1.0})
+
+
+def _reach(first: Sequence[dict[str, float]], look: Look) -> float:
+    """s before and after the step that are fitted."""
+    return max(WINDOW * float(np.mean([row["peak_time"] for row in first])), look.delay + DECAYS / look.decay)
+
+
+def _parameters(first: Sequence[dict[str, float]], look: Look, lag: bool, unit: str) -> list[Parameter]:
+    omega, zeta, delay = look
+    length, gain = (float(np.mean([row[name] for row in first])) for name in ("peak_time", "gain"))
+    least, most = DAMPING_RATIOS
     found = [
-        Parameter("damping_ratio", zeta, zeta / 30, zeta * 30, ""),
+        Parameter("damping_ratio", max(zeta, 2.0 * least), least, max(most, 2.0 * zeta), ""),
         Parameter("natural_frequency", omega, omega / 30, omega * 30, "rad/s"),
-        Parameter("gain", mean["gain"], -np.inf, np.inf, f"{unit}/V", log=False),
-        Parameter("delay", mean["delay"], mean["delay"] - length, mean["delay"] + length, "s", log=False),
+        Parameter("gain", gain, -np.inf, np.inf, f"{unit}/V", log=False),
+        Parameter("delay", delay, delay - length, delay + length, "s", log=False),
     ]
     if lag:
         found.append(Parameter("lag", 0.05 / omega, 0.0, 2.0 / omega, "s", log=False, square=True))
@@ -232,7 +271,7 @@ def step_formula_errors(
     *,
     voltages: Sequence[float | str] | None = None,
     start: float | str | None = None,
-    timing: Timing = THESIS,
+    timing: Timing | None = None,
     n: int = 200,
     seed: int = 0,
 ) -> xr.Dataset:
@@ -246,7 +285,7 @@ def step_formula_errors(
     Args:
         fit: of `identify_step`.
         recordings: those of the fit.
-        voltages, start, timing: as for the fit.
+        voltages, start, timing: as for the fit; each recording's own timing is kept for its repetitions.
         n: noisy repetitions.
         seed: of them.
 
@@ -256,17 +295,18 @@ def step_formula_errors(
         the formulas read anything, NaN where there are none.
     """
     tests = step_tests(recordings, voltages, start, observed=fit.observed)
+    timings = [timing or own_timing(test) for test in tests]
     assert fit.predict is not None  # identify_step always gives it
     clean = [fit.predict(r) for r in recordings_of(recordings)]
     random = np.random.default_rng(seed)
 
     def read(noisy: bool) -> list[float]:
         rows = []
-        for test, x in zip(tests, clean, strict=True):
+        for test, x, one in zip(tests, clean, timings, strict=True):
             noise = test.position - x
             moved = np.roll(noise - noise.mean(), int(random.integers(noise.size))) if noisy else 0.0
             try:
-                rows.append(classical(test._replace(position=x + moved), timing))
+                rows.append(classical(test._replace(position=x + moved), one))
             except RecordingError:  # noise makes a peak where none is
                 return [np.nan] * len(STAGE_PARAMETERS)
         mean = {key: float(np.mean([row[key] for row in rows])) for key in rows[0]}

@@ -12,26 +12,17 @@ from numpy.typing import NDArray
 
 from ...recording import RecordingError
 from ...records import Quantity, record
-from ...units import optional_si, to_si
-from ..recorded.channels import channel, names_of, recordings_of, refuse_clipped, same_number, unit_of
+from ...units import optional_si
+from ..recorded.channels import recordings_of, unit_of
+from .first_look import Look, first_look
+from .recorded_step import POSITION, StepTest, step_tests
 
-POSITION = "end_effector_position"
 # Samples from the rise to the peak below which neither can be told.
 FEWEST_TO_PEAK = 6
 # Samples until it has settled, below which there is no rise to look at: two or three natural periods.
 FEWEST_IN_RISE = 8
 
 Array = NDArray[np.float64]
-
-
-class StepTest(NamedTuple):
-    """One recording of a step: the step itself, and the samples."""
-
-    name: str
-    time: Array  # s, from the step on
-    position: Array  # m
-    voltage: float  # V, height of the step
-    rest: float = 0.0  # V, before it, where the drive is recorded
 
 
 @record
@@ -47,67 +38,42 @@ class Timing(NamedTuple):
     peak_within: Annotated[
         float, Quantity("s", "", "time after the rise in which the peak is", above=0.0)
     ] = 5e-3
+    rise_at: Annotated[
+        float, Quantity("s", "", "time from the step until the rise, where it is longer than the motion")
+    ] = 0.0
 
 
 THESIS = Timing()
+# Times of the decay until a response has settled (0.1 %).
+SETTLED = 7.0
 
 
-def step_tests(
-    recordings: xr.Dataset | Sequence[xr.Dataset],
-    voltages: Sequence[float | str] | None = None,
-    start: float | str | None = None,
-    observed: str = POSITION,
-) -> list[StepTest]:
-    """The steps of recordings: height and instant from drive_voltage [V], unless they are given.
+def timing_of(test: StepTest, look: Look) -> Timing:
+    """Where the classical numbers of a recording are read: the peak within a period, the level over a period
+    once it has settled, or over the last that is recorded."""
+    lasts = float(test.time[-1]) - look.delay
+    over = min(look.period, 0.5 * lasts)
+    after = min(SETTLED / look.decay, (1.0 - 1e-6) * (lasts - over))
+    return Timing(after, over, look.period, look.delay)
+
+
+def own_timing(test: StepTest) -> Timing:
+    """As `timing_of`, by what the recording looks like.
 
     Raises:
-        RecordingError: a channel is missing, too short, constant or clipped, or its drive is no single step.
-        QuantityError: a voltage or the start is no number, or in another unit.
+        RecordingError: see `first_look`.
     """
-    start = optional_si(start, "s", "start")
-    if voltages is not None:
-        voltages = [to_si(volts, "V", "voltages") for volts in voltages]
-    found = recordings_of(recordings)
-    tests = []
-    for recording, name, volts in zip(
-        found, names_of(found), same_number(voltages, found, "voltages"), strict=True
-    ):
-        position = channel(recording, observed, name, varies=True)
-        refuse_clipped(position, observed, name)
-        time = recording["time"].values
-        rest = 0.0
-        if volts is None or start is None:
-            drive = channel(recording, "drive_voltage", name, varies=True)
-            instant, height = _step_of(drive, time, name)
-            volts, rest = height if volts is None else volts, float(np.median(drive[time < instant]))
-        else:
-            instant = start
-        if not volts:
-            raise RecordingError(f"the step of {name} has the height 0 V")
-        if not time[0] < instant < time[-1]:
-            raise RecordingError(f"the step of {name}, at {instant:g} s, is not within the recording")
-        tests.append(StepTest(name, time - instant, position, float(volts), rest))
-    return tests
-
-
-def _step_of(u: Array, time: Array, where: str) -> tuple[float, float]:
-    """Instant (the sample after it: a converter holds its value) [s] and height [V] of the one step."""
-    at = int(np.argmax(np.abs(np.diff(u)))) + 1
-    before, after = u[:at], u[at:]
-    height = float(np.median(after) - np.median(before))
-    rest = max(float(np.ptp(before)), float(np.percentile(np.abs(after - np.median(after)), 95)))
-    if rest > 0.2 * abs(height):
-        raise RecordingError(f"drive_voltage [V] of {where} is not one step from one level to another")
-    return float(time[at]), height
+    return timing_of(test, first_look(test))
 
 
 def classical(test: StepTest, timing: Timing, delay: float | None = None) -> dict[str, float]:
     """Delay, bias, steady value, peak time, overshoot and what follows; NaN without overshoot."""
     t, x = test.time, test.position
-    if t[-1] < timing.steady_after + timing.steady_over:
+    needed = timing.rise_at + timing.steady_after + timing.steady_over
+    if t[-1] < needed:
         raise RecordingError(
             f"end_effector_position [m] of {test.name} is too short: it ends {t[-1]:g} s after "
-            f"its step; {timing.steady_after + timing.steady_over:g} s are needed for the steady value"
+            f"its step; {needed:g} s are needed for the steady value"
         )
     interval = float(np.median(np.diff(t)))
     if timing.steady_after < FEWEST_IN_RISE * interval:
@@ -162,7 +128,8 @@ def second_order(overshoot: float, peak_time: float) -> tuple[float, float]:
 def _onset(t: Array, x: Array, where: str, timing: Timing) -> float:
     """When the rise begins: it is first a parabola, so the times to 5 and 20 % are as 1 to 2."""
     before = x[t <= 0.0]
-    level = x[(t >= timing.steady_after) & (t <= timing.steady_after + timing.steady_over)]
+    settled = t - timing.rise_at - timing.steady_after
+    level = x[(settled >= 0.0) & (settled <= timing.steady_over)]
     if not before.size or not level.size:
         raise RecordingError(f"{where} has no samples before its step, or none where it has settled")
     rest, least = float(before.mean()), 4.0 * float(before.std())
@@ -189,7 +156,7 @@ def step_features(
     voltages: Sequence[float | str] | None = None,
     start: float | str | None = None,
     delay: float | str | None = None,
-    timing: Timing = THESIS,
+    timing: Timing | None = None,
     observed: str = POSITION,
 ) -> xr.Dataset:
     """Delay, bias, steady value, peak time and overshoot of steps, and the second-order system they make.
@@ -201,7 +168,8 @@ def step_features(
         voltages: height of each step, V.
         start: instant of the step in the time of the recordings, s.
         delay: of the sensor, s; left out, each recording's own, from its rise.
-        timing: where the numbers are read.
+        timing: where the numbers are read; left out, the peak within a period of each recording's own, the
+            level over one once it has settled. `Timing()` has the times of the thesis.
         observed: name of the position channel.
 
     Returns:
@@ -214,7 +182,8 @@ def step_features(
     """
     delay = optional_si(delay, "s", "delay")
     tests = step_tests(recordings, voltages, start, observed)
-    rows = [classical(test, timing, delay) for test in tests]
+    timings = [timing or own_timing(test) for test in tests]
+    rows = [classical(test, one, delay) for test, one in zip(tests, timings, strict=True)]
     unit = unit_of(recordings_of(recordings), observed) or "m"
     units = {
         "voltage": "V",
@@ -233,11 +202,13 @@ def step_features(
     )
     zeta, omega = second_order(float(table["overshoot"].mean()), float(table["peak_time"].mean()))
     own = [
-        _r_squared(test, row, row["damping_ratio"], row["natural_frequency"], timing)
-        for test, row in zip(tests, rows, strict=True)
+        _r_squared(test, row, row["damping_ratio"], row["natural_frequency"], one)
+        for test, row, one in zip(tests, rows, timings, strict=True)
     ]
     table["r_squared"] = ("recording", own, {"units": ""})
-    averaged = [_r_squared(test, row, zeta, omega, timing) for test, row in zip(tests, rows, strict=True)]
+    averaged = [
+        _r_squared(test, row, zeta, omega, one) for test, row, one in zip(tests, rows, timings, strict=True)
+    ]
     table.attrs = {
         "damping_ratio": zeta,
         "natural_frequency": omega,

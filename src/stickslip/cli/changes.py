@@ -1,0 +1,122 @@
+"""What --set and its fellows make of a parameter set and of a waveform."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ..actuator import Actuator, PulledSlider
+    from ..waveform.signal import Waveform
+
+# Fields of waveforms that have an option of their own; the others are given with --set.
+OPTIONS = ("amplitude", "frequency", "periods")
+_OWNERS = ("friction", "waveform")
+_LAW = "another law is --law {value}; a value of the law, --set friction.FIELD=VALUE"
+# What is no value of the model, and where it is said instead.
+_ELSEWHERE = {
+    "friction": _LAW,
+    "law": _LAW,
+    "friction.law": _LAW,
+    "name": "the name is that of the parameter set, which comes first: stickslip simulate {value}",
+    "waveform": "another drive is --waveform {value}; a field of it, --set waveform.FIELD=VALUE",
+    **{name: f"of the drive it is --{name} '{{value}}'" for name in OPTIONS},
+}
+
+
+def parts_of(changes: list[str]) -> dict[str, dict[str, str]]:
+    """The values of --set by what they belong to: model, friction or waveform."""
+    parts: dict[str, dict[str, str]] = {"model": {}, **{owner: {} for owner in _OWNERS}}
+    for change in changes:
+        path, equals, value = (one.strip() for one in change.partition("="))
+        owner, dot, field = path.rpartition(".")
+        if not equals or not field or not value or (dot and owner not in _OWNERS):
+            raise ValueError(
+                f"--set {change}: write FIELD=VALUE, friction.FIELD=VALUE or waveform.FIELD=VALUE"
+            )
+        if path in _ELSEWHERE:
+            raise ValueError(f"--set {change}: {_ELSEWHERE[path].format(value=value)}")
+        parts[owner or "model"][field] = value
+    return parts
+
+
+def model_of(name: str) -> Actuator | PulledSlider:
+    """That of a parameter set, by its name or file."""
+    from ..actuator import load_actuator, load_pulled_slider
+    from ..parameters import load_set
+
+    return load_pulled_slider(name) if load_set(name).kind == "pulled_slider" else load_actuator(name)
+
+
+def changed_model(
+    parameters: str, changes: dict[str, str], friction: dict[str, str], law_name: str = ""
+) -> Actuator | PulledSlider:
+    """The model with the changes; another law keeps the values that both have."""
+    from .. import registry
+
+    model = model_of(parameters)
+    given = {field: _read(text, model.friction, field) for field, text in friction.items()}
+    if law_name:
+        kind = registry.laws.find(law_name)
+        kept = {field: value for field, value in model.friction._asdict().items() if field in kind._fields}
+        law = kind(**kept | given)
+    else:
+        law = model.friction._replace(**given)
+    return model.replace(
+        **{field: _read(text, model, field) for field, text in changes.items()}, friction=law
+    )
+
+
+def _read(text: str, record: Any, field: str) -> Any:
+    """The text as the field's record takes it, which then checks it."""
+    now = getattr(record, field, None)
+    if isinstance(now, bool):
+        return {"true": True, "yes": True, "false": False, "no": False}.get(text.lower(), text)
+    return text.split(",") if isinstance(now, tuple) else text
+
+
+def shape_of(name: str) -> Any:
+    """The waveform of a name as it is written on command lines, "reverse-sawtooth", or of a user's file."""
+    from ..registry import own_path
+    from ..waveform.signal import shape
+
+    if name.islower() and not own_path(name)[0]:
+        return shape("".join(word.capitalize() for word in name.split("-")))
+    return shape(name)
+
+
+def drive_of(name: str, model: Actuator | PulledSlider, fields: dict[str, str]) -> Waveform:
+    """The waveform with its fields; says the option of one that is missing."""
+    from ..actuator import Actuator
+    from ..records import quantities, sequences
+
+    made = shape_of(name)
+    unit = "V" if isinstance(model, Actuator) else "m"
+    for field, quantity in quantities(made).items():
+        if field not in fields and field not in made._field_defaults:
+            option = f"--{field}" if field in OPTIONS else f"--set waveform.{field}=..."
+            what = f"{quantity.meaning} of the {name}, in {quantity.unit.replace('V', unit)}"
+            raise ValueError(f"{option} is missing: {what}")
+    many = sequences(made)
+    given = {key: text.split(",") if key in many else text for key, text in fields.items()}
+    return made(**given, unit=unit)
+
+
+def names_to_set(parameters: str, law_name: str, waveform: str) -> list[str]:
+    """What --set takes of such a model, law and drive."""
+    from .. import registry
+    from ..records import quantities
+
+    model = model_of(parameters)
+    law = registry.laws.find(law_name) if law_name else type(model.friction)
+    drive = quantities(shape_of(waveform))
+    return [
+        *(name for name, value in model._asdict().items() if _is_settable(model, name, value)),
+        *(f"friction.{name}" for name in quantities(law)),
+        *(f"waveform.{name}" for name in drive if name not in OPTIONS),
+    ]
+
+
+def _is_settable(model: Any, name: str, value: Any) -> bool:
+    from ..records import quantities
+
+    return name in quantities(type(model)) or isinstance(value, bool)

@@ -1,0 +1,252 @@
+r"""Loops of an actuator that sticks: sampled, their responses, and whether they are stable when closed.
+
+A resonance is as narrow as its damping, and a loop may pass -1 on its flank alone. So responses are known at
+frequencies that are evenly spaced on a logarithmic scale, and about each pole and zero p of the loop at
+
+.. math:: \omega = \omega_p \pm \sigma_p \sinh(k h), \qquad \sigma_p = -\ln|p| / T, \quad
+          \omega_p = |\arg p| / T
+
+with which a resonance is passed in steps of h, however narrow it is [astrom2006].
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import eigvals, expm
+
+from ..actuator import Actuator
+from ..simulation.sticking import sticking
+from .blocks import RATE, Regulator, whole_number
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+StateSpace = tuple[Array, Array, Array, float]
+
+_POINTS = 1200  # frequencies of the logarithmic scale
+_STEP, _TURN = 0.025, 0.1  # h, and rad of a delay's phase, from one frequency to the next
+_WIDE = 0.2  # damping over frequency, above which the logarithmic scale is dense enough
+_NARROW = 1e-9  # and what an undamped mode counts as
+_STATES = 48  # of a closed loop whose poles are computed; of more, the turns of its response are counted
+_FINER, _ROUNDS = 13, 6  # frequencies between two, where the sensitivity is greatest, and how often
+_EVEN = 1e-4  # of the sensitivity: less is not looked for between two frequencies
+
+
+class Loop(NamedTuple):
+    """An actuator that sticks, sampled: state transition (n, n), input (n,), output (n,), rate [Hz], ticks of
+    delay; its poles without the delay and their residues [m/V]; the zeros; and its response [m/V] at
+    `frequencies` [Hz], below half the rate."""
+
+    a: Array
+    b: Array
+    c: Array
+    rate: float
+    delay: int
+    poles: Complex
+    residues: Complex
+    zeros: Complex
+    frequencies: Array
+    response: Complex
+
+    def at(self, frequencies: ArrayLike) -> Complex:
+        """The response [m/V] at frequencies [Hz] (n,)."""
+        return _response(self.poles, self.residues, np.asarray(frequencies, float), self.rate, self.delay)
+
+
+def _response(poles: Any, residues: Any, frequencies: Array, rate: float, delay: int) -> Complex:
+    z = np.exp(2j * math.pi / rate * frequencies)
+    return (residues / (z[:, None] - poles)).sum(axis=1) / z**delay
+
+
+def grid(rate: float, delay: int = 0) -> Array:
+    """Frequencies [Hz], evenly on a logarithmic scale, for a rate [Hz] and ticks of delay: from where next to
+    nothing has turned yet."""
+    first = min(1.0, 1e-4 * rate, 0.01 * rate / (2.0 * math.pi * (delay + 1)))
+    return np.geomspace(first, 0.499 * rate, _POINTS)
+
+
+def _about(roots: Iterable[complex], rate: float, ends: Array) -> list[Array]:
+    """Frequencies [Hz] about those of poles and zeros, dense in units of their damping."""
+    found = []
+    for root in roots:
+        if abs(root.imag) < 1e-6 * abs(root):  # no resonance
+            continue
+        turn = abs(float(np.angle(root)))
+        fading = max(abs(math.log(max(abs(root), 1e-300))), _NARROW * turn)
+        if not 0.0 < fading < _WIDE * turn:
+            continue
+        # Half a step beside the root, not upon it: there an undamped one has no response.
+        off = fading * np.sinh(np.arange(0.5 * _STEP, math.asinh(_WIDE * turn / fading), _STEP))
+        both = np.concatenate([turn - off, turn + off]) * (rate / (2.0 * math.pi))
+        found.append(both[(both > ends[0]) & (both < ends[-1])])
+    return found
+
+
+def _frequencies(rate: float, delay: int, roots: Iterable[complex]) -> Array:
+    known = grid(rate, delay)
+    parts = [known, *_about(roots, rate, known)]
+    if delay:  # its phase grows evenly: the logarithmic scale becomes too coarse for a long one
+        apart = _TURN * rate / (2.0 * math.pi * delay)
+        first = apart / (known[1] / known[0] - 1.0)
+        parts.append(np.arange(first, known[-1], apart))
+    return np.unique(np.concatenate(parts))
+
+
+def sampled_loop(model: Actuator, rate: float | str, *, delay: int = 1) -> Loop:
+    """The sticking actuator under voltages held for a tick, with `delay` whole ticks between a measured
+    position and its voltage (0: put out at once). Raises QuantityError for a rate or a delay out of range,
+    and as `simulation.sticking`."""
+    hertz, delay, linear = RATE.check(rate, "rate"), whole_number(delay, "delay"), sticking(model)
+    n = linear.b.size
+    whole = np.zeros((n + 1, n + 1))
+    whole[:n, :n], whole[:n, n] = linear.a / hertz, linear.b / hertz
+    step = expm(whole)
+    a, b, c = step[:n, :n], step[:n, n], linear.c
+    size = n + delay
+    late, into = np.zeros((size, size)), np.zeros(size)
+    late[:n, :n] = a
+    late[:n, n : n + 1] = b[:, None] if delay else late[:n, n : n + 1]
+    late[n:, n:] = np.eye(delay, k=1)  # what was put out, on its way
+    if delay:
+        into[-1] = 1.0
+    else:
+        into[:] = b
+    out = np.append(c, np.zeros(delay))
+    # Of the plant without its delay: that has no eigenvectors of its own.
+    roots: Any = np.linalg.eig(a)
+    poles, vectors = roots
+    residues = (c @ vectors) * np.linalg.solve(vectors, b)
+    zeros = _zeros(a, b, c)
+    known = _frequencies(hertz, delay, [*poles, *zeros])
+    response = _response(poles, residues, known, hertz, delay)
+    return Loop(late, into, out, hertz, delay, poles, residues, zeros, known, response)
+
+
+def _zeros(a: Any, b: Any, c: Array) -> Complex:
+    """Where c (z - a)⁻¹ b is 0."""
+    n = b.size
+    left, right = np.zeros((n + 1, n + 1)), np.zeros((n + 1, n + 1))
+    left[:n, :n], left[:n, n], left[n, :n] = a, b / (np.abs(b).max() or 1.0), c
+    right[:n, :n] = np.eye(n)
+    found: Any = eigvals(left, right)
+    return found[np.isfinite(found) & (np.abs(found) < 1e3)]
+
+
+def crossings(values: Array, others: Array) -> list[tuple[int, float]]:
+    """Where the values change sign, and the others there."""
+    above = values > 0.0
+    at = np.flatnonzero(above[1:] != above[:-1])
+    share = values[at] / (values[at] - values[at + 1])
+    return list(zip(at.tolist(), (others[at] + share * (others[at + 1] - others[at])).tolist(), strict=True))
+
+
+class OpenLoop(NamedTuple):
+    """A regulator before a loop: the response from an error to the position at `frequencies` [Hz], the
+    logarithm of its size, its phase, at half the rate, where it is `real`, and how large it is where it turns
+    against the error (`turned`)."""
+
+    regulator: Regulator
+    loop: Loop
+    own: StateSpace
+    frequencies: Array
+    curve: Complex
+    level: Array
+    phase: Array
+    real: float
+    turned: list[float]
+
+    @classmethod
+    def of(cls, regulator: Regulator, loop: Loop) -> OpenLoop:
+        """The loop is of the regulator's rate."""
+        own = regulator.state_space()
+        a, b, c, d = own
+        roots = [*np.linalg.eigvals(a), *(np.linalg.eigvals(a - np.outer(b, c) / d) if d else ())]
+        known, response = loop.frequencies, loop.response
+        if more := _about(roots, loop.rate, known):
+            known = np.union1d(known, np.concatenate(more))
+            response = loop.at(known)
+        curve = regulator.response(known) * response
+        last = np.array([0.5 * loop.rate])
+        real = float((regulator.response(last) * loop.at(last))[0].real)
+        size = np.maximum(np.abs(curve), 1e-300)
+        across = crossings(curve.imag / size, size)
+        turned = [s for k, s in across if curve[k].real < 0.0] + ([-real] if real < 0.0 else [])
+        return cls(regulator, loop, own, known, curve, np.log(size), np.unwrap(np.angle(curve)), real, turned)
+
+    def at(self, frequencies: Array) -> Complex:
+        """The response at other frequencies [Hz]."""
+        return self.regulator.response(frequencies) * self.loop.at(frequencies)
+
+    def sensitivity(self, factor: float = 1.0) -> float:
+        """The greatest, with the regulator's gain so many times as large."""
+        known, curve = self.frequencies, factor * self.curve
+        away = np.abs(1.0 + curve)
+        k, least = int(np.argmin(away)), min(float(away.min()), abs(1.0 + factor * self.real))
+        for _ in range(_ROUNDS):
+            low, high = max(k - 1, 0), min(k + 1, known.size - 1)
+            if float(np.abs(np.diff(curve[low : high + 1])).max()) ** 2 < 8.0 * _EVEN * least**2:
+                break
+            known = np.linspace(known[low], known[high], _FINER)
+            curve = factor * self.at(known)
+            away = np.abs(1.0 + curve)
+            k, least = int(np.argmin(away)), min(float(away.min()), least)
+        return 1.0 / least if least else math.inf
+
+    def stable(self, factor: float = 1.0) -> bool:
+        """Whether all poles of the closed loop are within the unit circle."""
+        a, b, c, d = self.own
+        if self.loop.b.size + b.size > _STATES:
+            return self._turns(factor)
+        closed, _ = _closed((a, b, factor * c, factor * d), self.loop)
+        if not self.regulator.per_tick:  # an integral that nothing changes is no part of the loop
+            keep = np.arange(len(closed)) != len(closed) - 3
+            closed = closed[np.ix_(keep, keep)]
+        return bool(np.abs(np.linalg.eigvals(closed)).max() < 1.0 - 1e-12)
+
+    def _turns(self, factor: float) -> bool:
+        """By the principle of the argument: 1 + L, times its open loop's poles that are not within the unit
+        circle, has as many zeros beyond that as half its way around 0 has half turns. A loop that passes -1
+        too near to be counted is far from any margin."""
+        rate, known = self.loop.rate, np.append(self.frequencies, 0.5 * self.loop.rate)
+        later = np.exp(-2j * math.pi / rate * known)
+        value = 1.0 + factor * np.append(self.curve, self.real)
+        undamped = self.loop.poles[np.abs(self.loop.poles) > 1.0 - _NARROW]
+        for pole in [*([1.0] if self.regulator.per_tick else []), *undamped]:
+            value = value * (1.0 - pole * later)
+        turned = float(np.unwrap(np.angle(value))[-1])
+        # It begins above 0, at rest; what goes the wrong way there is unstable.
+        stroke = float((self.loop.residues / (1.0 - self.loop.poles)).sum().real)
+        pid = self.regulator.pid
+        begins = stroke if pid.integral else 1.0 + factor * pid.proportional * stroke
+        return begins > 0.0 and round(turned / math.pi) == 0
+
+
+def step_response(regulator: Regulator, loop: Loop, ticks: int) -> Array:
+    """Where the actuator is, as a share of a target that jumps at tick 0, at so many ticks; by the feedback
+    alone."""
+    closed, into = closed_loop(regulator, loop)
+    x, found, n = np.zeros(into.size), np.empty(ticks), loop.b.size
+    for k in range(ticks):
+        found[k] = loop.c @ x[:n]
+        x = closed @ x + into
+    return found
+
+
+def closed_loop(regulator: Regulator, loop: Loop) -> tuple[Array, Array]:
+    """State transition and input, the target, of a loop that is closed; the states of the loop come first."""
+    return _closed(regulator.state_space(), loop)
+
+
+def _closed(own: StateSpace, loop: Loop) -> tuple[Array, Array]:
+    a, b, c, d = own
+    n, m = loop.b.size, b.size
+    closed = np.zeros((n + m, n + m))
+    closed[:n, :n] = loop.a - d * np.outer(loop.b, loop.c)
+    closed[:n, n:] = np.outer(loop.b, c)
+    closed[n:, :n] = -np.outer(b, loop.c)
+    closed[n:, n:] = a
+    return closed, np.append(d * loop.b, b)

@@ -1,0 +1,118 @@
+"""What a fit of friction loops leaves, and which term that the model does not have would explain it.
+
+Loops that are measured leave more than their white noise whatever the law: two Maxwell elements leave 75
+times as much of the tribometer's [christopherson2021], 1.4 % of the range of its force, Dahl's law 5 %. So no
+factor over the noise tells a wrong law from a measured loop, and what is left is a remark: beyond `MEASURED`
+of the range, or where one term explains most of it, something is wrong that can be put right, and it is a
+doubt.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ...estimate.result import Fit
+from ...estimate.score import ASKED, gain, step
+from ...units import turned, with_prefix
+from ..recorded.known_noise import more_than_white, white_noise
+
+# Of the range of the force: what the simplest law with presliding leaves of measured loops; more is a doubt.
+MEASURED = 0.05
+# Of the sum of squares: a term that explains more of it is what the law lacks.
+MOST = 0.5
+
+Array = NDArray[np.float64]
+
+
+class Slope(NamedTuple):
+    """A term that is not free: derivatives of all forces by it, and how far from 0 it may be."""
+
+    name: str
+    reach: float
+    by: Array
+
+
+def viscous_slope(recordings: Sequence[xr.Dataset], turns: bool) -> Slope:
+    """That of viscous friction, a force in proportion to the velocity."""
+    velocity = [
+        np.gradient(one["position"].values.astype(float), one["time"].values, edge_order=2)
+        for one in recordings
+    ]
+    return Slope(turned("N s/m") if turns else "N s/m", math.inf, np.concatenate(velocity))
+
+
+def missing(fit: Fit, model: Any, viscous: Slope, others: Sequence[Slope]) -> tuple[list[str], list[str]]:
+    """Remarks and doubts on terms that would lower the sum of squares by more than noise does.
+
+    A speed that changes looks like a drift to a law without viscous friction: what explains more is said, and
+    the others only where they explain something beside it.
+    """
+    asked = [one for one in others if gain(fit, one.by) > ASKED]
+    share = _explained(fit, viscous)
+    if gain(fit, viscous.by) <= ASKED or share <= max([_explained(fit, one) for one in asked], default=0.0):
+        return [_said(fit, one) for one in asked], []
+    said = _said_viscous(fit, model, viscous, share)
+    if share > MOST:
+        return [], [f"{said}; its values are not to be trusted"]
+    beside = _with(fit, viscous)
+    return [said, *(_said(beside, one) for one in asked if gain(beside, one.by) > ASKED)], []
+
+
+def left_over(fit: Fit, measured: Sequence[Array], inexact: Sequence[float]) -> tuple[list[str], list[str]]:
+    """Remarks and doubts on recordings of which more is left than the white noise of their forces, and than
+    what noise of position and load leaves (`inexact`, root mean squares)."""
+    remarks, doubts = [], []
+    for g, force, left in zip(fit.recordings, measured, inexact, strict=True):
+        words = (g.name, g.unit, "forces", "the contact follows another law")
+        said = more_than_white(g.rmse, math.hypot(white_noise(force), left), force, words)
+        if said:
+            (doubts if g.rmse > MEASURED * float(np.ptp(force)) else remarks).append(said)
+    return remarks, doubts
+
+
+def _explained(fit: Fit, one: Slope) -> float:
+    """The share of the sum of squares that a term would take away, linearised."""
+    left = sum(float(r @ r) for r in _with(fit, one).residuals)
+    whole = sum(float(r @ r) for r in fit.residuals)
+    return 1.0 - left / whole if whole > 0.0 else 0.0
+
+
+def _with(fit: Fit, one: Slope) -> Fit:
+    """The fit with a term, linearised."""
+    assert fit.jacobian is not None
+    r = np.concatenate(fit.residuals)
+    columns = np.column_stack([fit.jacobian, one.by])
+    norms = np.linalg.norm(columns, axis=0)
+    q, _ = np.linalg.qr(columns[:, norms > 0.0] / norms[norms > 0.0])
+    left = np.split(r - q @ (q.T @ r), np.cumsum([part.size for part in fit.residuals])[:-1])
+    return replace(fit, jacobian=columns, residuals=tuple(left))
+
+
+def _said_viscous(fit: Fit, model: Any, viscous: Slope, share: float) -> str:
+    has = hasattr(model, "sigma_2")
+    put_right = "sigma_2 can be free, with bounds" if has else "a law with sigma_2 has it, such as LuGre"
+    force = with_prefix(step(fit, viscous.by), viscous.name, 3)
+    return (
+        f"viscous friction of {force} more would explain {100.0 * share:.0f} % of the squares that are left: "
+        f"{put_right}"
+    )
+
+
+def _said(fit: Fit, one: Slope) -> str:
+    """A sentence on a modifier that is not free."""
+    found = step(fit, one.by)
+    unit = fit.recordings[0].unit
+    percent = abs(100.0 * found / one.reach)
+    said = {
+        "drift": f"friction {'rose' if found > 0 else 'fell'} by {percent:.2g} % during the recordings",
+        "asymmetry": f"friction differs forward and backward by {abs(200.0 * found):.2g} %",
+        "contact_offset": f"{abs(found):.3g} {unit} of the force do not turn with the motion",
+    }[one.name]
+    return f"{said}, which the model does not have: {one.name} can be free"

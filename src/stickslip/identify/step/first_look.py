@@ -1,0 +1,184 @@
+"""What a step response looks like before it is fitted: frequency, damping and delay, and the times they make.
+
+Nothing is known of the stage. The time in which the response crosses its middle half says roughly how fast it
+is, its spectrum where it rings; of second-order responses about there, the nearest is taken.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.signal import find_peaks
+
+from ...recording import RecordingError
+from .linear import second_order_poles, step_response
+from .recorded_step import StepTest
+
+# Angular frequency times the time in which a response goes from a quarter to three quarters: 0.6 without
+# damping, 1.7 with a critical one.
+CROSSED = 0.9
+# Of that first frequency: tried ones, for a slow amplifier or sensor may hide how fast the stage is.
+FACTORS = np.geomspace(0.3, 8.0, 13)
+DAMPINGS = np.geomspace(2e-3, 2.5, 12)
+# Peaks of the spectrum that are tried, and how far from the first frequency they may be.
+PEAKS, ABOUT = 3, (0.2, 12.0)
+# Periods of the first frequency that are looked at, and samples at most: for the choice, and for its polish.
+PERIODS, CHOSEN_BY, POLISHED_BY = 60.0, 1200, 5000
+# The largest damping ratio whose period shows.
+LARGEST_RINGING = 0.8
+# Periods that a recording lasts after its rise at least: to the peak and half back.
+LEAST_AFTER = 0.75
+# Standard deviations of the rest below which a rise is none.
+SEEN = 4.0
+
+Array = NDArray[np.float64]
+
+
+class Look(NamedTuple):
+    """A second-order response: rad/s, its damping ratio, and s after the step."""
+
+    natural_frequency: float
+    damping_ratio: float
+    delay: float
+
+    @property
+    def decay(self) -> float:
+        """1/s, of what decays last."""
+        zeta = self.damping_ratio
+        return self.natural_frequency * (zeta if zeta < 1.0 else 1.0 / (zeta + math.sqrt(zeta**2 - 1.0)))
+
+    @property
+    def period(self) -> float:
+        """s; where it does not ring, of a ring that can just be seen."""
+        zeta = min(self.damping_ratio, LARGEST_RINGING)
+        return 2.0 * math.pi / (self.natural_frequency * math.sqrt(1.0 - zeta**2))
+
+
+# What is seen of a step by a look, for a gain of 1.
+Response = Callable[[StepTest, Look], Array]
+
+
+def plain(test: StepTest, look: Look) -> Array:
+    """What is seen without piezo, amplifier and filter."""
+    poles = second_order_poles(look.damping_ratio, look.natural_frequency)
+    return test.voltage * step_response(test.time - look.delay, poles)
+
+
+def first_look(test: StepTest, response: Response = plain) -> Look:
+    """The second-order response that is nearest to a recorded one.
+
+    Raises:
+        RecordingError: it has no rest before the step, does not rise out of its noise, or ends amid the rise.
+    """
+    crossed, half, rise = _crossing(test)
+    angular = CROSSED / crossed
+    kept = test.time <= half + PERIODS * 2.0 * math.pi / angular
+    shown = test._replace(time=test.time[kept], position=test.position[kept] - rise[0])
+    coarse = _thinned(shown, CHOSEN_BY)
+
+    tried = [*_rings(test, half, rise[1], angular), *(angular * FACTORS)]
+    looks = [_aligned(Look(w, zeta, 0.0), coarse, half, response) for w, zeta in product(tried, DAMPINGS)]
+    left = [float(np.sum(_left(look, coarse, response) ** 2)) for look in looks]
+    found = _polished(looks[int(np.argmin(left))], _thinned(shown, POLISHED_BY), rise[1], response)
+    needed = found.delay + LEAST_AFTER * found.period
+    if test.time[-1] < needed:
+        raise RecordingError(
+            f"end_effector_position [m] of {test.name} is too short: it ends {test.time[-1]:g} s after its "
+            f"step, amid its motion; {needed:.3g} s are needed"
+        )
+    return found
+
+
+def common_look(tests: Sequence[StepTest], looks: Sequence[Look], response: Response) -> Look:
+    """Of the looks of several recordings of a stage the one that leaves least of all."""
+    levels = [_crossing(test)[2] for test in tests]
+    shown = [
+        _thinned(test._replace(position=(test.position - rest) / rise), CHOSEN_BY)
+        for test, (rest, rise) in zip(tests, levels, strict=True)
+    ]
+
+    def left(look: Look) -> float:
+        return sum(float(np.mean(_left(look, one, response) ** 2)) for one in shown)
+
+    return min(looks, key=left) if len(looks) > 1 else looks[0]
+
+
+def _crossing(test: StepTest) -> tuple[float, float, tuple[float, float]]:
+    """How long the middle half of the rise lasts, and when it is half over [s]; the rest, and the rise."""
+    t, x = test.time, test.position
+    before, after = x[t <= 0.0], x[t > 0.0]
+    if before.size < 2 or after.size < 2:
+        raise RecordingError(f"{test.name} has no samples before its step, or none after it")
+    rest, noise = float(before.mean()), float(before.std())
+    rise = float(after[after.size // 2 :].mean()) - rest
+    if abs(rise) < SEEN * noise or rise == 0.0:
+        raise RecordingError(f"{test.name}: the rise of {rise:g} m drowns in the noise, {noise:g} m")
+    since, share = np.append(0.0, t[t > 0.0]), np.append(0.0, (after - rest) / rise)
+    half = int(np.flatnonzero(share >= 0.5)[0])
+    low = int(np.flatnonzero(share[:half] < 0.25)[-1])
+    high = half + int(np.flatnonzero(share[half:] >= 0.75)[0])
+    begin, middle, end = (
+        float(np.interp(part, share[i - 1 : i + 1], since[i - 1 : i + 1]))
+        for part, i in ((0.25, low + 1), (0.5, half), (0.75, high))
+    )
+    crossed = max(end - begin, 1e-3 * float(np.median(np.diff(t))))
+    return crossed, middle, (rest, rise)
+
+
+def _rings(test: StepTest, half: float, rise: float, angular: float) -> list[float]:
+    """Angular frequencies of the highest peaks of the spectrum of what follows the rise, rad/s."""
+    x = test.position[test.time > half]
+    interval = float(np.median(np.diff(test.time)))
+    x = x[: max(int(4.0 * PERIODS * 2.0 * math.pi / (angular * interval)), 16)] - x[x.size // 2 :].mean()
+    padded = 4 * x.size
+    spectrum = np.abs(np.fft.rfft(x / rise, padded))
+    frequency = 2.0 * math.pi * np.fft.rfftfreq(padded, interval)
+    peaks = find_peaks(spectrum)[0]
+    peaks = peaks[(frequency[peaks] > ABOUT[0] * angular) & (frequency[peaks] < ABOUT[1] * angular)]
+    return list(frequency[peaks[np.argsort(spectrum[peaks])[::-1][:PEAKS]]])
+
+
+def _thinned(test: StepTest, most: int) -> StepTest:
+    """The samples from the step on, every so many of them."""
+    every = np.flatnonzero(test.time >= 0.0)
+    every = every[:: max(every.size // most, 1)]
+    return test._replace(time=test.time[every], position=test.position[every])
+
+
+def _aligned(look: Look, test: StepTest, half: float, response: Response) -> Look:
+    """With the delay at which it is half risen when the recorded one is."""
+    slow = 2.0 / look.natural_frequency * (1.0 + 2.0 * look.damping_ratio)
+    since = np.append(np.linspace(0.0, max(slow, 2.0 * half), 200), 1e3 / look.decay)
+    shape = np.abs(response(test._replace(time=since), look))
+    beyond = np.flatnonzero(shape >= 0.5 * shape[-1])
+    return look._replace(delay=half - float(since[beyond[0]]))
+
+
+def _left(look: Look, test: StepTest, response: Response) -> Array:
+    """What the response with the best gain leaves."""
+    shape = response(test, look)
+    power = float(shape @ shape)
+    return test.position - (float(shape @ test.position) / power if power > 0.0 else 0.0) * shape
+
+
+def _polished(look: Look, test: StepTest, rise: float, response: Response) -> Look:
+    """The nearest response about a look."""
+    w, zeta, delay = look
+
+    def of(q: Array) -> Look:
+        return Look(w * math.exp(q[0]), zeta * math.exp(q[1]), delay + q[2] / w)
+
+    found = least_squares(
+        lambda q: _left(of(q), test, response) / rise,
+        np.zeros(3),
+        bounds=([-0.7, -3.0, -3.0], [0.7, 3.0, 3.0]),
+        x_scale=[0.1, 0.3, 0.1],
+        diff_step=1e-5,
+    )
+    return of(found.x)

@@ -1,0 +1,77 @@
+"""The step of a recording: its height, its instant, and the samples about it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ...recording import RecordingError
+from ...units import optional_si, to_si
+from ..recorded.channels import channel, names_of, recordings_of, refuse_clipped, same_number
+
+POSITION = "end_effector_position"
+
+Array = NDArray[np.float64]
+
+
+class StepTest(NamedTuple):
+    """One recording of a step: the step itself, and the samples."""
+
+    name: str
+    time: Array  # s, from the step on
+    position: Array  # m
+    voltage: float  # V, height of the step
+    rest: float = 0.0  # V, before it, where the drive is recorded
+
+
+def step_tests(
+    recordings: xr.Dataset | Sequence[xr.Dataset],
+    voltages: Sequence[float | str] | None = None,
+    start: float | str | None = None,
+    observed: str = POSITION,
+) -> list[StepTest]:
+    """The steps of recordings: height and instant from drive_voltage [V], unless they are given.
+
+    Raises:
+        RecordingError: a channel is missing, too short, constant or clipped, or its drive is no single step.
+        QuantityError: a voltage or the start is no number, or in another unit.
+    """
+    start = optional_si(start, "s", "start")
+    if voltages is not None:
+        voltages = [to_si(volts, "V", "voltages") for volts in voltages]
+    found = recordings_of(recordings)
+    tests = []
+    for recording, name, volts in zip(
+        found, names_of(found), same_number(voltages, found, "voltages"), strict=True
+    ):
+        position = channel(recording, observed, name, varies=True)
+        refuse_clipped(position, observed, name)
+        time = recording["time"].values
+        rest = 0.0
+        if volts is None or start is None:
+            drive = channel(recording, "drive_voltage", name, varies=True)
+            instant, height = _step_of(drive, time, name)
+            volts, rest = height if volts is None else volts, float(np.median(drive[time < instant]))
+        else:
+            instant = start
+        if not volts:
+            raise RecordingError(f"the step of {name} has the height 0 V")
+        if not time[0] < instant < time[-1]:
+            raise RecordingError(f"the step of {name}, at {instant:g} s, is not within the recording")
+        tests.append(StepTest(name, time - instant, position, float(volts), rest))
+    return tests
+
+
+def _step_of(u: Array, time: Array, where: str) -> tuple[float, float]:
+    """Instant (the sample after it: a converter holds its value) [s] and height [V] of the one step."""
+    at = int(np.argmax(np.abs(np.diff(u)))) + 1
+    before, after = u[:at], u[at:]
+    height = float(np.median(after) - np.median(before))
+    rest = max(float(np.ptp(before)), float(np.percentile(np.abs(after - np.median(after)), 95)))
+    if rest > 0.2 * abs(height):
+        raise RecordingError(f"drive_voltage [V] of {where} is not one step from one level to another")
+    return float(time[at]), height
