@@ -152,6 +152,21 @@ def test_loops() -> None:
     assert fit.values["strength_2"] == 0.5 * fit.values["strength_1"]
     assert fit.standard_errors["strength_2"] == pytest.approx(0.5 * fit.standard_errors["strength_1"])
     assert ss.verify(fit, made_loops((4e4, 2e4), (1.2, 0.6), noise=0.01, seed=1)).r_squared > 0.999
+    whole = [
+        "stiffness_1",
+        ss.estimate.Parameter("stiffness_2", 2e4, 1e3, 1e6, "N/m"),
+        ss.estimate.Parameter("strength_1", 0.8, unit="N"),
+        ss.estimate.Parameter("strength_2", unit="N", tied="0.5 * strength_1"),
+        ss.estimate.Parameter("bias", 0.0, -0.1, 0.1, "N", log=False),
+    ]
+    same = ss.identify_loops(train, start, whole, reference_normal_force=5.0, correlated=False)
+    assert {p.name: (p.lower, p.upper) for p in same.parameters}["bias"] == (-0.1, 0.1)
+    assert same.model.strength == pytest.approx(fit.model.strength, rel=2e-3)
+    bounds = {"bias": ("-1 mN", "1 mN")}
+    near = ss.identify_loops(
+        train, start, [*free, "bias"], tied=tied, bounds=bounds, reference_normal_force=5.0
+    )
+    assert -1e-3 <= near.values["bias"] <= 1e-3
 
 
 def test_steps() -> None:

@@ -11,7 +11,6 @@ from typing import Any
 from ..readers.formats import find_format
 from ..readers.opening import source_of
 from ..readers.preview import LOOKED_AT, look
-from ..readers.selection import select
 from ..readers.source import FileContent, Rows
 from ..recording import RecordingError
 
@@ -37,22 +36,8 @@ def preview(path: Path) -> dict[str, Any]:
     """
     found = look(path)
     source = source_of(path, find_format(path))
-    _mark_time(source, found["columns"])
     numeric = [one["index"] for one in found["columns"] if one["numeric"]]
     return {**found, "first": found["samples"] >= LOOKED_AT, **_cut(source, numeric[:1])}
-
-
-def _mark_time(source: FileContent, columns: list[dict[str, Any]]) -> None:
-    """The column that the reader takes as the time is the time here too, also where only its unit says so."""
-    if any(one["guess"] == "time" for one in columns):
-        return
-    try:
-        clocks = select(source.channels, {}, {}, {}, equally_spaced=False).clocks
-    except RecordingError:  # it has none, or two that may be it: the page asks
-        return
-    for one in columns:
-        if one["index"] in clocks:
-            one["guess"], one["guessed_unit"] = "time", ""
 
 
 def _cut(source: FileContent, columns: list[int]) -> dict[str, Any]:

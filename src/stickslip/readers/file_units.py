@@ -15,7 +15,7 @@ from ..units import QuantityError
 from .source import FileChannel
 
 # What files mean by a unit, as the parser spells it.
-_MEANT = {"mil": "thou", "mils": "thou", "Mil": "thou", "MIL": "thou", "Mils": "thou", "pct": "percent"}
+_MEANT = {"Mil": "thou", "MIL": "thou", "Mils": "thou", "pct": "percent"}
 _MEANT |= {"rev": "turn", "revs": "turn", "gon": "grad", "cycle": "", "cycles": ""}
 _MIL = re.compile(r"\b[mM]ils?\b")
 # What files do not agree about, with what it may be.
@@ -31,23 +31,9 @@ _UNSURE = {
     "cps": "counts per second, or cycles",
 }
 # Names of parts, channels and levels that the parser takes for units.
-_WORDS = {
-    "hand",
-    "rod",
-    "pole",
-    "perch",
-    "link",
-    "chain",
-    "point",
-    "pica",
-    "act",
-    "ch",
-    "b",
-    "B",
-    "c",
-    "D",
-    "e",
-}
+_WORDS = frozenset(
+    ["hand", "rod", "pole", "perch", "link", "chain", "point", "pica", "act", "ch", "b", "B", "c", "D", "e"]
+)
 # By what a column is called: a unit of one letter is that of another quantity.
 _BY_NAME = (
     ("g", re.compile(r"acc|beschl", re.IGNORECASE), "standard_gravity"),

@@ -11,7 +11,6 @@ import numpy as np
 import xarray as xr
 
 from ..recording import RecordingError
-from ..recording.conversion import is_unit, to_si_unit
 from ..units import with_prefix
 from .formats import find_format
 from .preview import LOOKED_AT, look
@@ -158,20 +157,8 @@ def inspect_file(path: str | Path) -> Inspection:
         recording, problem = read_recording(path, named, units), ""
     except RecordingError as error:
         recording, problem = None, str(error).removeprefix(f"{path}: ")
-    if recording is not None and "time" not in named:
-        named = _clock(found["columns"], named) | named
     cut = found["samples"] >= LOOKED_AT
     return Inspection(path, found["reader"], cut, found["columns"], named, units, recording, problem)
-
-
-def _clock(columns: list[dict[str, Any]], named: dict[str, str]) -> dict[str, str]:
-    """The one column that is read as time for its unit alone: "Zeit in ms"."""
-    found = [
-        one["name"]
-        for one in columns
-        if one["numeric"] and is_unit(one["unit"]) and to_si_unit(one["unit"]).unit == "s"
-    ]
-    return {"time": found[0]} if len(found) == 1 and found[0] not in named.values() else {}
 
 
 def _table(rows: list[list[str]]) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from ..units import QuantityError
 from .file_units import to_si_unit
 from .formats import find_format
 from .opening import source_of
+from .selection import common_clock
 from .source import FileChannel, Rows, is_clock
 
 SHOWN = 8  # values of a column
@@ -52,7 +54,10 @@ def look(path: Path) -> dict[str, Any]:
         raise RecordingError(f"{path.name} has no columns of numbers")
     read = zip(numeric, source.read(numeric, Rows(0, LOOKED_AT)), strict=True)
     arrays = {i: values + source.channels[i].epoch for i, values in read}
-    columns = [_described(i, one, arrays.get(i)) for i, one in enumerate(source.channels[:MOST_COLUMNS])]
+    clock = _clock(source.channels)
+    columns = [
+        _described(i, one, arrays.get(i), clock) for i, one in enumerate(source.channels[:MOST_COLUMNS])
+    ]
     taken: set[str] = set()
     for one in columns:  # a name is given once
         if one["guess"] in taken:
@@ -82,12 +87,20 @@ def _as_of_a_contact(columns: list[dict[str, Any]]) -> None:
         moved["guess"] = "position"
 
 
-def _described(i: int, channel: FileChannel, values: np.ndarray | None) -> dict[str, Any]:
+def _clock(channels: Sequence[FileChannel]) -> int | None:
+    """The column that is read as the time; None where there is none, or could be several."""
+    try:
+        return common_clock(channels, {}, {c.name: i for i, c in enumerate(channels) if c.numeric}, {})
+    except RecordingError:
+        return None
+
+
+def _described(i: int, channel: FileChannel, values: np.ndarray | None, clock: int | None) -> dict[str, Any]:
     found: dict[str, Any] = {
         "index": i, "name": channel.shown, "numeric": channel.numeric, "unit": channel.unit, "guess": "",
         "guessed_unit": "", "first": [], "low": None, "high": None,
     }  # fmt: skip
-    found["clock"] = clock = is_clock(channel) or channel.clock == i
+    found["clock"] = times = i == clock or is_clock(channel) or channel.clock == i
     if values is None or not values.size:
         return found
     real = values[np.isfinite(values)]
@@ -95,7 +108,7 @@ def _described(i: int, channel: FileChannel, values: np.ndarray | None) -> dict[
     if not real.size:
         return found
     found["low"], found["high"] = float(real.min()), float(real.max())
-    name = "time" if clock else _meaning(channel)
+    name = "time" if times else _meaning(channel)
     found["guess"] = name
     if not channel.unit:
         found["guessed_unit"] = likely_unit(name, real)

@@ -61,7 +61,7 @@ def select(
     own = {name: find_channel(channels, column) for name, column in clocks.items()}
     if equally_spaced and ("time" in columns or own):
         raise RecordingError("say sample_rate or a time column, not both")
-    common = None if equally_spaced else _common_clock(channels, columns, named, own)
+    common = None if equally_spaced else common_clock(channels, columns, named, own)
 
     variables = []
     for name, i in named.items():
@@ -136,12 +136,17 @@ def _all(channels: Sequence[FileChannel]) -> dict[str, int]:
     return result
 
 
-def _common_clock(
+def common_clock(
     channels: Sequence[FileChannel],
     columns: Mapping[str, Column],
     named: Mapping[str, int],
     own_clocks: Mapping[str, int],
 ) -> int:
+    """The channel that is the time, be it for its unit alone ("Zeit in ms").
+
+    Raises:
+        RecordingError: there is none, or more than one may be it.
+    """
     if "time" in columns:
         return find_channel(channels, columns["time"])
     by_layout = [clock for i in named.values() if (clock := channels[i].clock) is not None]

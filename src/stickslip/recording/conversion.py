@@ -17,7 +17,7 @@ SI_UNITS = (*_MECHANICAL.split(","), *_ELECTRICAL.split(","), "K", "Hz", "rad", 
 
 # Spellings in headers that the unit parser takes for something else ("Nm" for nautical miles) or not at all.
 _SPELLINGS = {"Nm": "N m", "Nmm": "N mm", "mNm": "mN m", "-": "", "1": "", "°": "deg"}
-_SPELLINGS |= {"Ohm": "ohm", "kOhm": "kohm", "MOhm": "Mohm"}
+_SPELLINGS |= {"Ohm": "ohm", "kOhm": "kohm", "MOhm": "Mohm", "mil": "thou", "mils": "thou"}
 
 
 # A number, and a unit that does not begin with one.

@@ -36,7 +36,17 @@ from ...simulation import SimulationError, friction_response
 from ...simulation.varied import free_names, with_values
 from ...solve.prescribed import forces_at
 from ...units import optional_si, to_si, turned
-from ..free import Bounds, beside, check_names, check_priors, known_of, parameter, with_prior
+from ..free import (
+    Bounds,
+    beside,
+    check_names,
+    check_priors,
+    given_bounds,
+    known_of,
+    parameter,
+    said_of,
+    with_prior,
+)
 from ..quantised import Inexact, moved_by, said_steps, with_moved
 from ..recorded.channels import channel, names_of, recordings_of, refuse_clipped, unit_of
 from .missing import Slope, left_over, missing, viscous_slope
@@ -64,7 +74,7 @@ DIFFERENCE_STEP = 1e-3
 def identify_loops(
     recordings: xr.Dataset | Sequence[xr.Dataset],
     model: Any,
-    free: Sequence[str],
+    free: Sequence[str | Parameter],
     *,
     reference_normal_force: float | str | None = None,
     bounds: Bounds | None = None,
@@ -90,7 +100,8 @@ def identify_loops(
         model: law record; its values are the start, and its forces hold at `reference_normal_force`.
         free: what to fit: scalar fields of the law, elements ("stiffness_2"), "stiction_ratio" and
             "breakaway_share" (see `identify_friction`), and "bias", "contact_offset", "asymmetry",
-            "curvature", "drift" and "load_exponent" (see above).
+            "curvature", "drift" and "load_exponent" (see above). Each a name or a `Parameter`, as for
+            `identify_friction`.
         reference_normal_force: N; the recordings then have normal_force [N], and the law's forces follow it,
             in proportion unless load_exponent is free. Left out, the normal force is taken as constant.
         bounds: of free parameters, in SI or as strings, else a factor 30 either side of the start and of
@@ -120,7 +131,10 @@ def identify_loops(
     names, turns = names_of(found), _turns(found)
     units = {name: turned(unit) if turns else unit for name, unit in CHANNEL.items()}
     noise = optional_si(noise, units["bias"], "noise")
-    bounds, priors = bounds or {}, priors or {}
+    neutral = {name: (1.0 if name == "load_exponent" else 0.0, unit) for name, unit in units.items()}
+    free, bounds, priors, tied, starting = said_of(
+        free, known_of(model, neutral, turns), bounds, priors, tied
+    )
     check_names(free, [*free_names(model), *CHANNEL], bounds)
     check_priors(priors, free, noise, "[N], the force's deviation")
     measured = [channel(r, OBSERVED, name, varies=True) for r, name in zip(found, names, strict=True)]
@@ -129,17 +143,17 @@ def identify_loops(
     origin = float(found[0]["time"].values[0])
     settings = (reference, origin, tolerance)
     responses = [_response(r, name, *settings) for r, name in zip(found, names, strict=True)]
+    model = with_values(model, _own(starting)) if starting else model
     reach = _reach(found, measured, origin)
     parameters = [
-        _of_channel(name, units[name], reach.get(name, 0.0), bounds)
+        _of_channel(name, units[name], starting.get(name, neutral[name][0]), reach.get(name, 0.0), bounds)
         if name in CHANNEL
         else parameter(model, name, bounds, turns)
         for name in free
     ]
     parameters = [with_prior(p, priors) for p in parameters]
     parameters, begins = loop_starts(parameters, found, measured, bounds)
-    neutral = {name: (1.0 if name == "load_exponent" else 0.0, unit) for name, unit in units.items()}
-    others = beside(free, tied or {}, known_of(model, neutral, turns))
+    others = beside(free, tied, known_of(model, neutral, turns))
 
     problem = Problem(
         [
@@ -158,7 +172,7 @@ def identify_loops(
         problem, [{p.name: p.start for p in parameters}, *begins], starts, seed, max_evaluations, progress
     )
     fit, left_by = _with_inexact(fit, found, measured, model, settings)
-    asked = _unasked({*free, *(tied or {})})
+    asked = _unasked({*free, *tied})
     beside_it = [Slope(name, reach[name], _slope(fit, name, responses, model, reach)) for name in asked]
     noticed, doubts = missing(fit, model, viscous_slope(found, turns), beside_it)
     if noise is None:
@@ -308,12 +322,10 @@ def _own(values: Values) -> Values:
     return {name: value for name, value in values.items() if name not in CHANNEL}
 
 
-def _of_channel(name: str, unit: str, reach: float, bounds: Bounds) -> Parameter:
-    if name == "load_exponent":
-        low, high = (float(limit) for limit in bounds.get(name, LOAD_EXPONENTS))
-        return Parameter(name, min(max(1.0, low), high), low, high, "", log=False)
-    low, high = (float(limit) for limit in bounds.get(name, (-reach, reach)))
-    return Parameter(name, min(max(0.0, low), high), low, high, unit, log=False)
+def _of_channel(name: str, unit: str, start: float, reach: float, bounds: Bounds) -> Parameter:
+    low, high = LOAD_EXPONENTS if name == "load_exponent" else (-reach, reach)
+    low, high = given_bounds(bounds, name, unit) or (low, high)
+    return Parameter(name, min(max(start, low), high), low, high, unit, log=False)
 
 
 def _response(
