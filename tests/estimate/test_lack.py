@@ -11,7 +11,15 @@ from scipy import stats
 from scipy.signal import butter, lfilter
 
 from stickslip.estimate.fit import fit_least_squares
-from stickslip.estimate.lack import FALSE_ALARM, KnownNoise, independent, lack_of_fit, left_over
+from stickslip.estimate.lack import (
+    FALSE_ALARM,
+    KnownNoise,
+    Lack,
+    independent,
+    lack_of_fit,
+    left_over,
+    said,
+)
 from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.problem import Residuals
 
@@ -210,3 +218,9 @@ def test_so_short_a_rest_accuses_no_more_right_models_than_it_says() -> None:
         lack_of_fit(random.standard_normal(1450), KnownNoise(at_rest=50), "", 5).chance for _ in range(2000)
     ]
     assert np.mean(np.array(found) < FALSE_ALARM) <= FALSE_ALARM
+
+
+def test_of_two_fits_to_a_recording_one_thing_is_said() -> None:
+    own, other = Lack("walk", 3.6, 1e-9, "before it moves"), Lack("walk", 3.2, 1e-9, "before it moves")
+    third = Lack("other", 2.0, 1e-9, "before it moves")
+    assert said([own, other, Lack("fine", 1.0, 0.5, ""), third]) == (own.sentence, third.sentence)

@@ -309,5 +309,10 @@ def left_over(name: str, left: float, least: Array, more: int, fitted: int) -> L
 
 
 def said(lacks: Sequence[Lack]) -> tuple[str, ...]:
-    """The sentences of those that are seen."""
-    return tuple(one.sentence for one in lacks if one.seen)
+    """The sentences of those that are seen; of several on one recording, as of more than one fit, the
+    first."""
+    seen: dict[str, Lack] = {}
+    for one in lacks:
+        if one.seen:
+            seen.setdefault(one.name, one)
+    return tuple(one.sentence for one in seen.values())
