@@ -29,7 +29,12 @@ def prepare(folder: Path, **rig: object) -> None:
     }
     content["limits"]["max_position"] = "200 mrad"
     content["panel"] = [
-        {"kind": "display", "variables": ["end_effector_position", "position"], "width": 6},
-        {"kind": "plotter", "variables": ["drive_voltage", "end_effector_position"], "height": 6},
+        {"kind": "display", "variables": ["end_effector_position", "position"], "width": 12},
+        {
+            "kind": "plotter",
+            "variables": ["drive_voltage", "end_effector_position"],
+            "width": 12,
+            "height": 6,
+        },
     ]
     (folder / EXPERIMENT).write_text(yaml.safe_dump(content), encoding="utf-8")
