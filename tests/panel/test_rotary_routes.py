@@ -183,6 +183,13 @@ def test_from_the_bench_to_a_fit(client: httpx.Client, folder: Path, choices: di
     ]
     assert RADIUS * ends[0] == pytest.approx(ends[1], rel=0.05)  # no run has the contact of another
 
+    names = {"names": [turned["name"], straight["name"]]}
+    differing = client.post("/history/differences", json=names).json()["differences"]
+    known = {one["what"]: one["units"] for one in differing}
+    assert known["contact: coulomb force"] == ["N m", "N"]
+    answer = client.post("/history/overlay", json=names | {"channel": "end_effector_position"})
+    assert "end_effector_position is in rad and in m: it cannot be compared" in answer.text
+
     said: dict[str, Any] = {}
     asked = model_of(choices, SET)
     asked["model"] = asked["model"] | {"stage_reaction": turned["stage_reaction"]}
