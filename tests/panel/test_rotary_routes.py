@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -149,13 +150,14 @@ def test_a_bench_of_angles_wants_what_turns(client: httpx.Client) -> None:
     assert "gives rad: it is for an actuator with rotary = true" in answer.text
 
 
-def walked(client: httpx.Client) -> dict[str, Any]:
+def walked(client: httpx.Client, path: str = "/bench/start", last: str = "done") -> dict[str, Any]:
     """Walk forward on the bench, to the end; what pages are told of the experiment."""
     with streaming(client) as stream:
         experiment = heard(stream, "experiment")
         heard(stream, "run")  # of before
-        client.post("/bench/start", json={"runs": ["forward"]}).raise_for_status()
-        while heard(stream, "run", 300.0)["phase"] != "done":
+        asked = {"runs": ["forward"]} if path == "/bench/start" else {}
+        client.post(path, json=asked).raise_for_status()
+        while heard(stream, "run", 300.0)["phase"] != last:
             pass
     return experiment
 
@@ -200,3 +202,19 @@ def test_from_the_bench_to_a_fit(client: httpx.Client, folder: Path, choices: di
     found = said["fit"]["parameters"]
     assert (found["coulomb_force"]["unit"], found["offset"]["unit"]) == ("N m", "rad")
     assert found["coulomb_force"]["value"] == pytest.approx(TURNS.friction.coulomb_force, rel=0.05)
+
+
+@pytest.mark.compiled
+def test_the_way_home_and_the_end_stop_are_angles(client: httpx.Client) -> None:
+    """After the walk of the test before, or of its own."""
+    client.post("/bench/load", json={"name": EXPERIMENT}).raise_for_status()
+    walked(client)
+    walked(client, "/bench/home")
+    stop = {"path": ["limits", "max_position"]}
+    assert "no rad" in client.post("/bench/set", json=stop | {"value": "1 mm"}).json()["error"]
+    client.post("/bench/set", json=stop | {"value": "1 mrad"}).raise_for_status()
+    walked(client, last="failed")
+    with streaming(client) as stream:
+        said = " ".join(entry["text"] for entry in heard(stream, "log")["entries"])
+    assert re.search(r"Home: home, to -?[\d.]+ [nµm]?rad, after", said)
+    assert re.search(r"is at 1(\.\d+)? mrad from home, beyond the end stop at 1 mrad", said)
