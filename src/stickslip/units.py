@@ -227,12 +227,3 @@ def labelled_for(model: Any, made: Dataset) -> Dataset:
         if "units" in variable.attrs:
             variable.attrs["units"] = turned(variable.attrs["units"])
     return made
-
-
-def refuse_rotary(model: Any, what: str) -> None:
-    """Raise QuantityError where something that speaks of metres would say them of angles."""
-    if getattr(model, "rotary", False):
-        raise QuantityError(
-            f"{what} in m, N and kg, and takes no actuator that turns (rotary = true): without it the same "
-            "numbers do, whose labels are then of what slides"
-        )

@@ -89,7 +89,7 @@ def explore(page: Page) -> None:
 def design(page: Page) -> None:
     page.click("text=Design")
     page.locator(".design[data-old]").wait_for(timeout=SLOW)
-    put(page, "The load may differ by ±", "0.1 N")
+    put(page, "Spread of the load, ±", "0.1 N")
     press(page, "Find the fastest drive")
     page.locator(".design-results table").wait_for(timeout=SLOW)
     press(page, "Find the front")

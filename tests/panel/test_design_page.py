@@ -85,8 +85,8 @@ def test_sliders_move_the_map(opened: Page) -> None:
 
 
 def test_from_a_search_to_the_bench(panel: Panel, opened: Page) -> None:
-    opened.get_by_label("The load may differ by ±").first.fill("0.1 N")
-    opened.get_by_label("The load may differ by ±").first.press("Enter")
+    opened.get_by_label("Spread of the load, ±").first.fill("0.1 N")
+    opened.get_by_label("Spread of the load, ±").first.press("Enter")
     for name, value in (("Load", "0 N"), ("Greatest voltage", "100 V")):
         opened.get_by_label(name).first.fill(value)
         opened.get_by_label(name).first.press("Enter")

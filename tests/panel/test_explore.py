@@ -44,11 +44,12 @@ def state(name: str = "kang2007", law: str = "", shape: str = "Sawtooth", **chan
 def test_choices_are_strict_json_and_name_every_law_and_field() -> None:
     text = json.dumps(CHOICES, allow_nan=False)
     assert len(text) < 30_000
-    assert set(CHOICES["laws"]) == {law.__name__ for law in ss.LAWS}
+    (kind,) = CHOICES["by_unit"].values()  # of the sets that come with the package, none turns
+    assert set(kind["laws"]) == {law.__name__ for law in ss.LAWS}
     assert set(CHOICES["sets"]) == {"changli1999", "kang2007", "kang2007-hysteresis", "pohl1987"}
     for law in ss.LAWS:
-        assert [field["name"] for field in CHOICES["laws"][law.__name__]] == list(law._fields)
-    for field in [*CHOICES["model"], *(f for fields in CHOICES["shapes"].values() for f in fields)]:
+        assert [field["name"] for field in kind["laws"][law.__name__]] == list(law._fields)
+    for field in [*kind["model"], *(f for fields in CHOICES["shapes"].values() for f in fields)]:
         assert field["meaning"]
         assert field.get("switch") or field["low"] < field["high"]
 

@@ -11,7 +11,7 @@ import yaml
 from typer.testing import CliRunner
 
 import stickslip as ss
-from rotary.turning import RADIUS, SLIDES, TURNS, units
+from rotary.turning import BENCH, RADIUS, SLIDES, TURNS, units
 from stickslip.cli import app
 from stickslip.control import Mover, Stepping, StepSizes, settling, tune
 from stickslip.design import (
@@ -28,19 +28,6 @@ from stickslip.design import (
 from stickslip.parameters.writing import parameter_text, write_parameters
 from stickslip.recording import open_recording
 from stickslip.units import QuantityError
-
-BENCH = """
-kind = "bench"
-title = "An encoder of 50 nrad in place of the sensors"
-base = "kang2007-bench"
-[sensor.encoder]
-type = "Encoder"
-on = "end_effector"
-[sensor.encoder.resolution]
-value = 50
-unit = "nrad"
-source = "its datasheet"
-"""
 
 
 @pytest.fixture

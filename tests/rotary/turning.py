@@ -31,6 +31,19 @@ def on_radius(model: ss.Actuator) -> ss.Actuator:
 
 TURNS = on_radius(SLIDES)
 
+BENCH = """
+kind = "bench"
+title = "An encoder of 50 nrad in place of the sensors"
+base = "kang2007-bench"
+[sensor.encoder]
+type = "Encoder"
+on = "end_effector"
+[sensor.encoder.resolution]
+value = 50
+unit = "nrad"
+source = "its datasheet"
+"""
+
 
 def units(made) -> dict[str, str]:
     return {name: v.attrs["units"] for name, v in made.variables.items() if "units" in v.attrs}

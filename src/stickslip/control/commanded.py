@@ -21,11 +21,12 @@ from .steps import StepSizes
 
 _LETTING_GO = 0.05  # s of the way to 0 V
 _MOST_STEPS, _MOST_CYCLES = 100_000, 100_000
+_FARTHEST = {"m": 1.0, "rad": 1e3}
 
 
 @registry.controllers.add
 class Commanded:
-    """See the module; `target` is where the end-effector should be, m.
+    """See the module; `target` is where the end-effector should be, in the `unit` of positions.
 
     Args:
         rate: Hz, of the ticks.
@@ -33,6 +34,7 @@ class Commanded:
         step: V, of the converter.
         walk, table, pid: fields of `Stepping`, `StepSizes`, `Pid`.
         notches, low_pass, slip: fields of `Notch`, `LowPass` and `Slip`.
+        unit: of positions: m, or rad of what turns.
         feedforward, lead, min_voltage, max_voltage: of `Regulator`.
     """
 
@@ -47,9 +49,10 @@ class Commanded:
         notches: Sequence[dict[str, Any]] = (),
         low_pass: dict[str, Any] | None = None,
         slip: dict[str, Any] | None = None,
+        unit: str = "m",
         **options: float | str,
     ) -> None:
-        rate, gain, step = to_si(rate, "Hz", "rate"), to_si(gain, "m/V", "gain"), to_si(step, "V", "step")
+        rate, step = to_si(rate, "Hz", "rate"), to_si(step, "V", "step")
         made = Regulator(
             *(Pid(**pid), rate),
             notches=tuple(Notch(**one) for one in notches),
@@ -57,7 +60,8 @@ class Commanded:
             **options,
         )
         steps = StepSizes(**{name: tuple(values) for name, values in table.items()})
-        self.mover = Mover(Stepping(**walk), steps, made, gain, slip=Slip(**(slip or {})))
+        self.mover = Mover(Stepping(**walk), steps, made, gain, slip=Slip(**(slip or {})), unit=unit)
+        self._unit = unit
         self._shaped = NoiseShaped(self.mover, step)
         self.target, self.done = 0.0, False
         self._wanted: float | None = None
@@ -70,7 +74,7 @@ class Commanded:
     def command(self, do: str, **what: Any) -> None:
         """Take a command up at the next tick.
 
-        "go" has `to` [m from home]; "steps" a `count`, backward where it is negative; "scan" a `range` [m], a
+        "go" has `to`, from home; "steps" a `count`, backward where it is negative; "scan" a `range`, a
         `frequency` [Hz] and `cycles`, about where it holds, after a step or two where the piezo has no room;
         "release" takes the output to 0 V and ends the loop.
 
@@ -78,9 +82,9 @@ class Commanded:
             QuantityError: it is none of these, or cannot be done from where it is.
         """
         if do == "go":
-            self._wanted, self._scan = _number(what, "to", "m", 1.0), None
+            self._wanted, self._scan = _number(what, "to", self._unit), None
         elif do == "steps":
-            count = _number(what, "count", "", _MOST_STEPS)
+            count = _number(what, "count", most=_MOST_STEPS)
             if count % 1 or not count:
                 raise QuantityError(f"count = {count:g} must be a whole number of steps, and not 0")
             self._scan = self._wanted = None
@@ -93,22 +97,24 @@ class Commanded:
             raise QuantityError(f"{do!r:.40} is no command: go, steps, scan or release")
 
     def _begin_scan(self, what: dict[str, Any]) -> None:
-        span, hertz = _number(what, "range", "m", 1.0), _number(what, "frequency", "Hz", 1e4)
-        cycles = _number(what, "cycles", "", _MOST_CYCLES)
+        span, hertz = _number(what, "range", self._unit), _number(what, "frequency", "Hz", 1e4)
+        cycles, unit = _number(what, "cycles", most=_MOST_CYCLES), self._unit
         if not (span > 0.0 and hertz > 0.0 and cycles >= 1.0):
-            raise QuantityError("a scan has a range [m], a frequency [Hz] and a number of cycles above 0")
+            raise QuantityError(
+                f"a scan has a range [{unit}], a frequency [Hz] and a number of cycles above 0"
+            )
         if self.mover.phase != "hold" or self._scan is not None:
             raise QuantityError("a scan begins where it holds: go there first")
         if 0.5 * span > 0.8 * self.mover.reach:
-            most = with_prefix(1.6 * self.mover.reach, "m")
+            most = with_prefix(1.6 * self.mover.reach, unit)
             raise QuantityError(
-                f"range = {with_prefix(span, 'm')} is more than the piezo has for a scan, {most}"
+                f"range = {with_prefix(span, unit)} is more than the piezo has for a scan, {most}"
             )
         fastest = self.mover.fastest
         if math.pi * span * hertz > fastest:
             raise QuantityError(
-                f"a scan of {with_prefix(span, 'm')} at {with_prefix(hertz, 'Hz')} is faster than "
-                f"{with_prefix(fastest, 'm/s')}, which the piezo follows here"
+                f"a scan of {with_prefix(span, unit)} at {with_prefix(hertz, 'Hz')} is faster than "
+                f"{with_prefix(fastest, f'{unit}/s')}, which the piezo follows here"
             )
         self._scanned = 0
         self.mover.centre_wanted = 0.5 * span > min(self.mover.room)
@@ -174,8 +180,8 @@ WORDS = {
 }
 
 
-def _number(what: dict[str, Any], name: str, unit: str, most: float) -> float:
-    value = what.get(name)
+def _number(what: dict[str, Any], name: str, unit: str = "", most: float | None = None) -> float:
+    value, most = what.get(name), _FARTHEST[unit] if most is None else most
     if isinstance(value, bool) or not isinstance(value, float | int) or not abs(value) <= most:
         raise QuantityError(f"{name} = {value!r:.40} must be a number{f' in {unit}' if unit else ''}")
     return float(value)
@@ -188,17 +194,18 @@ def commanded(
     gain: float | str,
     step: float | str,
     slip: Slip | None = None,
+    unit: str = "m",
 ) -> ControllerSpec:
     """What a rig's process makes a `Commanded` of.
 
     Args:
-        walk, table, regulator, gain, slip: as for `Mover`.
+        walk, table, regulator, gain, slip, unit: as for `Mover`.
         step: V, of the converter.
 
     Raises:
         QuantityError: the regulator has a `PiezoInverse`.
     """
-    gain, step = to_si(gain, "m/V", "gain"), to_si(step, "V", "step")
+    gain, step = to_si(gain, f"{unit}/V", "gain"), to_si(step, "V", "step")
     if regulator.inverse is not None:
         raise QuantityError("a Commanded has a feedforward in V/m, not a PiezoInverse")
     low_pass = regulator.low_pass
@@ -212,6 +219,7 @@ def commanded(
         "notches": [one._asdict() for one in regulator.notches],
         "low_pass": None if low_pass is None else low_pass._asdict(),
         "slip": (slip or Slip())._asdict(),
+        "unit": unit,
         "feedforward": regulator.feedforward,
         "lead": regulator.lead_ticks / regulator.rate,
         "min_voltage": regulator.low,

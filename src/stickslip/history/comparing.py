@@ -108,11 +108,14 @@ def on_one_clock(recordings: Sequence[xr.Dataset], channel: str) -> xr.Dataset:
         over "time" [s] and "run": the channel, and `difference` of each from the first, in its unit.
 
     Raises:
-        RecordingError: one has no such channel, or they have no time in common.
+        RecordingError: one has no such channel, or it has another unit, or they have no time in common.
     """
     for one in recordings:
         if channel not in one:
             raise RecordingError(f"{one.attrs.get('title') or 'a recording'} has no channel {channel}")
+    units = dict.fromkeys(str(one[channel].attrs.get("units", "")) for one in recordings)
+    if len(units) > 1:
+        raise RecordingError(f"{channel} is in {' and in '.join(units)}: it cannot be compared")
     begin = max(float(one["time"][0]) for one in recordings)
     end = min(float(one["time"][-1]) for one in recordings)
     time = recordings[0]["time"].values

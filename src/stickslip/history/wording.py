@@ -11,6 +11,7 @@ from ..recording import STANDARD_NAMES
 from ..records import quantities
 from ..rig.capture import Capture
 from ..rig.limits import Limits
+from ..units import turned
 from .comparing import flat_rows
 
 _UNITS = {"seconds": "s"} | {
@@ -47,7 +48,7 @@ def _plain(text: Any) -> Any:
 
 def _unit(name: str, row: Mapping[str, Any]) -> str:
     if name in _UNITS:
-        return _UNITS[name]
+        return turned(_UNITS[name]) if "rotary=True" in str(row.get("actuator")) else _UNITS[name]
     if name == "capture.trigger.level":
         channel = STANDARD_NAMES.get(str(row.get("capture.trigger.signal")))
         return channel.unit if channel else ""

@@ -81,6 +81,10 @@ def design_routes(
         except (QuantityError, SimulationError, ArithmeticError) as error:
             return refused(error)
 
+    @routes.get("/fields")
+    def fields() -> dict[str, Any]:
+        return {"m": of.fields(rotary=False), "rad": of.fields(rotary=True)}
+
     @routes.post("/map")
     def step_map(asked: of.Map) -> Response:
         return answered(lambda: binary({}, of.step_map(asked, sets)))

@@ -15,11 +15,12 @@ from ..design.optimised import motion_by
 from ..input_file import Strict
 from ..progress import Progress
 from ..records import Quantity
-from ..units import QuantityError
+from ..units import QuantityError, unit_for
 from ..waveform import PeriodicKnots
 from ..waveform.signal import Waveform, shape
 from .exploration import Model, Value
 from .sets import Sets
+from .sliders import Slider, shown, sized
 
 Array = NDArray[np.float64]
 
@@ -37,25 +38,47 @@ FIELDS = ("amplitude", "frequency", "rise_fraction", "offset")  # of a sawtooth
 WANTED = ("sigma_0", "sigma_1", "coulomb_force", "natural_frequency", "damping_ratio")
 
 _LOAD = Quantity("N", "F", "load", minimum=-1e3, maximum=1e3)
-_SPREAD = Quantity("N", "", "spread of the load", minimum=0.0, maximum=1e3)
+_SPREAD = Quantity("N", "", "spread of the load, ±", minimum=0.0, maximum=1e3)
 _VOLTAGE = Quantity("V", "", "greatest voltage", above=0.0, maximum=1e4)
-_CAPACITANCE = Quantity("F", "C", "capacitance", above=0.0, maximum=1.0)
+_CAPACITANCE = Quantity("F", "C", "capacitance of the piezo", above=0.0, maximum=1.0)
 _KNOTS = Quantity("", "", "knots", minimum=2, maximum=32)
 _UPDATE = Quantity("s", "", "update time", above=0.0, maximum=1.0)
 _POINTS = Quantity("", "", "points of a period", minimum=4.0, maximum=1e7)
-_NOISE = Quantity("m", "", "noise of a sample", above=0.0, maximum=1e-3)
+_NOISE = Quantity("m", "", "noise of a position sample", above=0.0, maximum=1e-3)
 _TYPED = dict(load=_LOAD, voltage=_VOLTAGE, spread=_SPREAD, capacitance=_CAPACITANCE, noise=_NOISE)
+# Where the page begins, and the range of its slider: of what slides.
+_SLIDERS = {
+    "load": (0.0, Slider(-1.0, 1.0, "linear")),
+    "voltage": (100.0, Slider(5.0, 150.0, "linear")),
+    "spread": (0.1, Slider(0.0, 0.5, "linear")),
+    "capacitance": (1.8e-6, Slider(1e-8, 1e-4)),
+    "noise": (1e-7, Slider(1e-10, 1e-5)),
+}
+
+
+def fields(rotary: bool) -> list[dict[str, Any]]:
+    """The page's fields for what slides, or for what turns, each with the value at which it `starts`."""
+    return [
+        shown(name, of, _SLIDERS[name][1], rotary) | {"starts": sized(_SLIDERS[name][0], of.unit, rotary)}
+        for name, of in _TYPED.items()
+    ]
+
+
+def _checked(model: Actuator, name: str, value: Any) -> float:
+    """In the unit of what the model does; QuantityError for a wrong value."""
+    quantity = _TYPED[name]
+    return (quantity.turned() if model.rotary else quantity).check(value, name)
 
 
 class Loaded(Model):
-    """An actuator under a load [N], external force on the end-effector, positive towards +x."""
+    """An actuator under a load, external force (or torque) on the end-effector, positive towards +x."""
 
     load: Value = 0.0
 
     def loaded(self, sets: Sets) -> Actuator:
         """QuantityError for a wrong value."""
         model = self.actuator(sets)
-        return model.replace(external_force=model.external_force + _LOAD.check(self.load, "load"))
+        return model.replace(external_force=model.external_force + _checked(model, "load", self.load))
 
 
 class Map(Loaded):
@@ -65,7 +88,7 @@ class Map(Loaded):
 
     def top(self, model: Actuator) -> float:
         """The greatest voltage [V]; QuantityError where the actuator does not take it."""
-        return _taken(model, _VOLTAGE.check(self.voltage, "voltage"))
+        return _taken(model, _checked(model, "voltage", self.voltage))
 
 
 class Typed(Loaded):
@@ -76,9 +99,10 @@ class Typed(Loaded):
 
     def check(self, sets: Sets) -> None:
         """QuantityError for a wrong value."""
-        value = _TYPED[self.name].check(self.value, self.name)
+        model = self.actuator(sets)
+        value = _checked(model, self.name, self.value)
         if self.name == "voltage":
-            _taken(self.actuator(sets), value)
+            _taken(model, value)
 
 
 def _taken(model: Actuator, volts: float) -> float:
@@ -105,9 +129,9 @@ class Search(Map):
     def asked(self, sets: Sets) -> tuple[Actuator, dict[str, Any]]:
         """The model, and what searches share."""
         model = self.loaded(sets)
-        spread = _SPREAD.check(self.spread, "spread")
+        spread, unit = _checked(model, "spread", self.spread), unit_for(model, "N")
         scenarios = [
-            design.Scenario(f"{sign}{spread:.4g} N", external_force=model.external_force + change)
+            design.Scenario(f"{sign}{spread:.4g} {unit}", external_force=model.external_force + change)
             for sign, change in (("-", -spread), ("+", spread))
             if spread
         ]
@@ -160,14 +184,14 @@ class Driven(Loaded):
 
 
 class Telling(Driven):
-    """`noise` [m] of a sample of the recording."""
+    """`noise` [m, rad] of a sample of the recording."""
 
     noise: Value = 1e-7
 
 
 def step_map(asked: Map, sets: Sets) -> dict[str, Array]:
-    """voltage [V], frequency [Hz], net_step [m, over both, row by row of the voltage] and status (0: there is
-    one)."""
+    """voltage [V], frequency [Hz], net_step [m, rad; over both, row by row of the voltage] and status (0:
+    there is one)."""
     model = asked.loaded(sets)
     top = asked.top(model)
     last = FASTEST if model.static else min(model.natural_frequency / math.pi, 1e4)
@@ -215,6 +239,7 @@ def front(asked: Front, sets: Sets, progress: Progress) -> dict[str, Any]:
     _, second = (name for name in found.table if name != "frequency")
     return {
         "speed": found.table.speed.values.tolist(),
+        "speed_unit": str(found.table.speed.attrs["units"]),
         "other": found.table[second].values.tolist(),
         "label": str(found.table[second].attrs["long_name"]),
         "unit": str(found.table[second].attrs["units"]),
@@ -233,8 +258,8 @@ def described(waveform: Waveform) -> dict[str, Any]:
 
 
 def motion(asked: Driven, sets: Sets) -> tuple[float, dict[str, Array]]:
-    """The speed [m/s], and over two periods time [s], drive_voltage [V] and end_effector_position [m], once
-    the motion repeats."""
+    """The speed [m/s, rad/s], and over two periods time [s], drive_voltage [V] and end_effector_position
+    [m, rad], once the motion repeats."""
     moved = motion_by(asked.loaded(sets), {"": asked.drive.waveform()}).isel(drive=0)
     volts = np.round(moved.drive_voltage.values, 6)  # at the end of a period rounding is no voltage
     period, x = float(moved.period), moved.end_effector_position.values
@@ -256,7 +281,7 @@ def told(asked: Telling, sets: Sets) -> dict[str, Any]:
         model,
         {"this drive": waveform},
         free=[name for name in WANTED if name in has],
-        noise=_NOISE.check(asked.noise, "noise"),
+        noise=_checked(model, "noise", asked.noise),
         duration=RECORDED,
         sample_rate=max(SAMPLED, PER_PERIOD / waveform.period),
         recordings=1,

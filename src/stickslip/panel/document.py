@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import itertools
 import math
+import re
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,11 +21,11 @@ from ..input_file import load_yaml, yaml_text
 from ..readers.process import Reader
 from ..recording import STANDARD_NAMES
 from ..recording.replacing import replaced_whole
-from ..records import quantities
+from ..records import quantities, quantities_of
 from ..registry import check_used
 from ..rig import Capabilities, Limits
 from ..rig.measurement import channel_units
-from ..units import QuantityError, to_si
+from ..units import QuantityError, to_si, turned, unit_for
 from .folder import Folder
 from .rigs import asked_rig, facts, fitted
 from .sets import check_own
@@ -43,6 +44,11 @@ class Checked(NamedTuple):
     units: dict[str, str]
     can: Capabilities
     limits: Limits
+
+    @property
+    def unit(self) -> str:
+        """Of positions from home: m, or rad where the actuator turns."""
+        return unit_for(self.cells[0].actuator, "m")
 
 
 class BenchDocument:
@@ -164,7 +170,7 @@ class BenchDocument:
         virtual = isinstance(file.rig, VirtualRigSpec)
         back_end = None if virtual else registry.rigs.find(file.rig.kind, self._folder.root)
         return {
-            "rig": facts(can, limits, getattr(back_end, "about", None)),
+            "rig": facts(can, limits, getattr(back_end, "about", None), self.checked.unit),
             "name": self.name,
             "content": content,
             "panel": [one.model_dump() for one in file.panel],
@@ -182,12 +188,12 @@ class BenchDocument:
             if unit is not None and not isinstance(value, bool):
                 yield _variable(name, to_si(value, unit, name), unit, "", ["variables", name], "experiment")
         actuator: Actuator = found[0].actuator
-        for name, quantity in quantities(type(actuator)).items():
+        for name, quantity in quantities_of(actuator).items():
             value = getattr(actuator, name)
             if isinstance(value, float) and math.isfinite(value):
                 place = ["actuator", "change", name]
                 yield _variable(name, value, quantity.unit, quantity.meaning, place, "actuator")
-        for name, quantity in quantities(type(actuator.friction)).items():
+        for name, quantity in quantities_of(actuator.friction, actuator).items():
             value = getattr(actuator.friction, name)
             if isinstance(value, float) and math.isfinite(value):
                 place = ["actuator", "friction", name]
@@ -227,11 +233,17 @@ def _variable(
     return {"name": name, "value": value, "unit": unit, "label": label, "path": place, "kind": kind}
 
 
+_SLIDING = ("V", "Hz", "s", "m", "N", "kg", "", "N/m", "V/s", "m/s", "N s/m")
+_VARIABLES = tuple(dict.fromkeys([*_SLIDING, *map(turned, _SLIDING)]))
+
+
 def _unit_of(name: str, value: Any) -> str | None:
     """The SI unit in which a variable of an experiment file is given; None for a text that is no quantity."""
     if isinstance(value, int | float):
         return ""
-    for unit in ("V", "Hz", "s", "m", "N", "kg", "", "N/m", "V/s", "m/s", "N s/m"):
+    # To units a radian is a plain number: 5 mN m would be a stiffness too, and 3 % an angle.
+    turns = re.search("rad|deg", value) is not None
+    for unit in (one for one in _VARIABLES if ("rad" in one) == turns):
         try:
             to_si(value, unit, name)
         except QuantityError:

@@ -15,10 +15,10 @@ from pydantic import Field
 from .. import registry
 from ..actuator import Actuator
 from ..input_file import Strict
-from ..records import Quantity
+from ..records import Quantity, quantities
 from ..simulation import SimulationError, steady_step
 from ..simulation.trajectory import COMPLETE, follow_model
-from ..units import QuantityError
+from ..units import QuantityError, unit_for
 from ..waveform.drive import evaluate
 from ..waveform.signal import Waveform
 from . import piezo_sliders
@@ -32,7 +32,7 @@ RING_TIME = 40.0  # over the stage's natural frequency [rad/s]: some six of its 
 MOST_RINGS = 50
 MOST_PERIODS = 10_000
 LONGEST = 100.0  # s
-TOLERANCE = 1e-9  # m
+TOLERANCE = 1e-9  # m, rad of what turns
 MOST_STEPS = 500_000  # of the solver: about a second
 CURVE_POINTS = 25
 CURVE_SECONDS = 1.0  # after which the rest of a curve is left out
@@ -65,16 +65,21 @@ class Model(Strict):
         own = piezo_sliders.values(base.piezo)
         own |= {field: changes.pop(field) for field in own if field in changes}
         piezo = piezo_sliders.with_values(base.piezo, **own)
-        return base.replace(**changes, piezo=piezo, friction=self._friction())
+        return base.replace(**changes, piezo=piezo, friction=self._friction(base.rotary))
 
-    def _friction(self) -> Any:
+    def _friction(self, rotary: bool) -> Any:
         law = _known(law_types(), self.law, "law")
         fields: dict[str, Any] = {}
         elements: dict[str, dict[int, Value]] = {}
-        for name, value in self.friction.items():
+        known = quantities(law)
+        for name, given in self.friction.items():
             element = re.fullmatch(r"(stiffness|strength)_(\d{1,3})", name)
+            field, value = element[1] if element else name, given
+            if field in known:  # a law alone does not know whether it turns
+                quantity = known[field].turned() if rotary else known[field]
+                value = quantity.check(given, f"{self.law}.{name}")
             if element:
-                elements.setdefault(element[1], {})[int(element[2])] = value
+                elements.setdefault(field, {})[int(element[2])] = value
             else:
                 fields[name] = value
         fields |= {name: [v for _, v in sorted(values.items())] for name, values in elements.items()}
@@ -141,7 +146,8 @@ def sample_times(actuator: Actuator, waveform: Waveform, duration: float) -> tup
 class Motion(NamedTuple):
     """A trajectory: arrays [times]; `problem` says why it ends early, if it does.
 
-    `loop`: from and to which sample the last period (the whole, of a drive without) goes.
+    `loop`: from and to which sample the last period (the whole, of a drive without) goes; `unit`: m, or rad
+    of what turns.
     """
 
     time: Array
@@ -151,10 +157,11 @@ class Motion(NamedTuple):
     friction_force: Array
     loop: tuple[int, int]
     problem: str
+    unit: str
 
     @property
     def sliding_displacement(self) -> Array:
-        """m"""
+        """In `unit`."""
         return self.stage_position - self.end_effector_position
 
 
@@ -170,11 +177,12 @@ def motion(state: State, sets: Sets = PACKAGE) -> Motion:
     y, _, x, _, force = found.samples[:, :5].T
     drive = evaluate(waveform.drive(duration), found.times)[0]  # before hysteresis and creep of the piezo
     problem = "" if found.outcome == COMPLETE else found.outcome
-    return Motion(found.times, drive, y, x, force, (int(first), int(after)), problem)
+    loop, unit = (int(first), int(after)), unit_for(actuator, "m")
+    return Motion(found.times, drive, y, x, force, loop, problem, unit)
 
 
 def mean_speed(state: State, found: Motion, sets: Sets = PACKAGE) -> float | None:
-    """From the end of the first period to that of the last whole one, m/s; None where there are not two.
+    """From the end of the first period to that of the last whole one, per s; None where there are not two.
 
     Both are at the same phase of the drive, so that what springs back by the end does not count. Of a drive
     that does not repeat, from begin to end.
@@ -191,7 +199,7 @@ def mean_speed(state: State, found: Motion, sets: Sets = PACKAGE) -> float | Non
 
 
 def step_curves(state: State, sets: Sets = PACKAGE) -> dict[str, Array]:
-    """The steady step per period [m] over the amplitude [V] and over the frequency [Hz] of the drive.
+    """The steady step per period [m, or rad] over the amplitude [V] and over the frequency [Hz] of the drive.
 
     Keys: amplitude, step_over_amplitude, frequency, step_over_frequency, step (one value: at the present
     drive) and in_time (1; 0 where the rest is left out, for it takes too long). NaN where there is no steady
@@ -270,7 +278,8 @@ def python(state: State, sets: Sets = PACKAGE) -> str:
         f"trajectory = ss.simulate(actuator, drive, duration={duration!r}, sample_rate=10e3)",
     ]
     if _period(waveform) is not None:
-        lines.append("step = ss.steady_step(actuator, drive)  # m per period")
+        unit = unit_for(actuator, "m")
+        lines.append(f"step = ss.steady_step(actuator, drive)  # {unit} per period")
     return "\n".join(lines) + "\n"
 
 

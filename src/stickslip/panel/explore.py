@@ -48,8 +48,8 @@ def explore_routes(sets: Sets) -> APIRouter:
             return refused(error)
         net = float(found.end_effector_position[-1] - found.end_effector_position[0])
         numbers = {
-            "net_displacement": {"value": net, "unit": "m"},
-            "mean_speed": {"value": mean_speed(state, found, sets), "unit": "m/s"},
+            "net_displacement": {"value": net, "unit": found.unit},
+            "mean_speed": {"value": mean_speed(state, found, sets), "unit": f"{found.unit}/s"},
         }
         header = {"loop": found.loop, "problem": found.problem, "numbers": numbers}
         return binary(header, {name: getattr(found, name) for name in SHOWN})

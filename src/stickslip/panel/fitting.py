@@ -42,7 +42,7 @@ from .sets import Sets
 PAUSE = 0.12  # s between two pictures of a fit in motion
 SHOWN = 2000  # samples of a recording in a picture
 STEP_SHOWN = 0.02  # s of a step response in a picture
-_DRAFT = 1e-10  # m, tolerance of what is only looked at
+_DRAFT = 1e-10  # m, rad of what turns: tolerance of what is only looked at
 
 Array = NDArray[np.float64]
 # What is told: a kind, its fields, and arrays that belong to them.
@@ -212,7 +212,8 @@ class _Drafts:
             for r, name in zip(self._recordings, names, strict=True)
         ]
         traces = [r[k].values for r in self._recordings for k in ("time", OBSERVED)]
-        self._say("recordings", {"names": names}, [_thin(one) for one in traces])
+        unit = str(self._recordings[0][OBSERVED].attrs["units"])
+        self._say("recordings", {"names": names, "unit": unit}, [_thin(one) for one in traces])
         self.draw({})  # where it starts
 
     def __call__(self, state: SearchState) -> None:
@@ -251,7 +252,7 @@ def _read(folder: Folder, name: str, request: FitRequest) -> xr.Dataset:
     if part.sizes["time"] < 2:
         raise QuantityError(f"begin = {request.begin} s and end = {request.end} s leave nothing of {name}")
     if OBSERVED not in part:
-        raise RecordingError(f"{name} has no channel {OBSERVED} [m], which is what is fitted")
+        raise RecordingError(f"{name} has no channel {OBSERVED}, which is what is fitted")
     return part.assign_attrs(title=name)
 
 

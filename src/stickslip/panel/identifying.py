@@ -116,6 +116,7 @@ def _described(recording: xr.Dataset) -> dict[str, Any]:
         "bench": bool(recording.attrs.get("capture")),  # recorded by a rig, not somebody's own file
         "seconds": float(time_[-1] - time_[0]),
         "samples": int(time_.size),
+        "unit": "" if OBSERVED in missing else str(recording[OBSERVED].attrs["units"]),
         "title": str(recording.attrs.get("title", "")),
         "problem": f"no channel {' and '.join(missing)}" if missing else "",
         **_told_of_the_rig(recording.attrs),

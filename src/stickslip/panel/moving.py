@@ -25,7 +25,7 @@ from ..progress import Progress
 from ..readers.process import Reader
 from ..rig import Capabilities, Channel, HostedRig, RigError, regulate
 from ..rig.measurement import DRIVE, POSITION
-from ..units import QuantityError
+from ..units import QuantityError, unit_for
 from .control import Control
 from .document import BenchDocument
 from .folder import Folder
@@ -40,15 +40,11 @@ _INTERVAL = 0.25e-3  # s between samples that are kept
 _TOLD = 0.05  # s between words of how it goes
 _SPREAD = 0.05  # of the natural frequency, at both ends of which the loop must keep its margins
 _SHOWN = 0.03  # s of a predicted response
-COLUMNS = [
-    {"name": "drive_voltage", "unit": "V", "label": "drive"},
-    {"name": POSITION, "unit": "m", "label": "end-effector"},
-    {"name": "target_position", "unit": "m", "label": "target"},
-]
+COLUMNS = {"drive_voltage": "drive", POSITION: "end-effector", "target_position": "target"}
 
 
 class Settings(Strict):
-    """How the loop is closed. `input` is the sensor, "" the first that reads in metres; `bandwidth` [Hz] and
+    """How the loop is closed. `input` is the sensor, "" the first of positions; `bandwidth` [Hz] and
     `proportional` are the gains times that of the piezo, K_i gain / (2 pi) and K_p gain; what is null is as
     tuned."""
 
@@ -80,6 +76,25 @@ class Prepared(NamedTuple):
     tuning: Tuning
     loops: Sequence[Loop]
     others: Sequence[Actuator]
+
+    @property
+    def unit(self) -> str:
+        """Of positions: m, or rad where the actuator turns."""
+        return unit_for(self.cell.actuator, "m")
+
+    @property
+    def sensors(self) -> list[str]:
+        """Inputs that read in that unit."""
+        return [name for name, unit in self.can.inputs.items() if unit == self.unit]
+
+    @property
+    def columns(self) -> list[dict[str, str]]:
+        """What is recorded."""
+        units = {"drive_voltage": "V"}
+        return [
+            {"name": name, "unit": units.get(name, self.unit), "label": label}
+            for name, label in COLUMNS.items()
+        ]
 
     def regulator(self, asked: Settings) -> Regulator:
         """With the gains that were asked for."""
@@ -159,10 +174,10 @@ class Moves:
         """What the page offers: sensors, ranges, what was tuned."""
         made = self.prepared()
         own, model, rate = made.tuning, made.cell.actuator, made.can.update_rate
-        sensors = [name for name, unit in made.can.inputs.items() if unit == "m"]
-        known = made.cell.channels.get(POSITION)
+        sensors, known = made.sensors, made.cell.channels.get(POSITION)
         return {
             "actuator": model.name,
+            "unit": made.unit,
             "inputs": [*sensors, *([] if known is None or known.input in sensors else [known.input])],
             "voltage": [0.2 * (made.high - made.low), made.high - made.low],
             "walk": min(65.0, made.high - made.low),
@@ -217,13 +232,14 @@ class Moves:
         spec = commanded(
             *(walk, self._table(made, walk.frequency), regulator),
             *(cell.actuator.gain, made.can.step),
+            unit=made.unit,
         )
         spec.made().command(**asked.what)  # what is refused is refused before a volt
         position = self._position(made, settings.input)
         content = counted_on(made.content, self._folder.root)
         out = new_folder(self._folder, "move")
         file = check_experiment(content)
-        job = Job("Move", file, self._folder.root, out, COLUMNS)
+        job = Job("Move", file, self._folder.root, out, made.columns)
 
         def loop(progress: Progress) -> None:
             self._run(job, made, spec, position, progress)
@@ -248,14 +264,13 @@ class Moves:
         return self._tables[key]
 
     def _position(self, made: Prepared, name: str) -> Channel:
-        """The sensor: one that reads in metres, or the experiment's own with its calibration."""
-        own = made.cell.channels.get(POSITION)
-        sensors = [one for one, unit in made.can.inputs.items() if unit == "m"]
+        """The sensor: one of positions, or the experiment's own with its calibration."""
+        own, sensors = made.cell.channels.get(POSITION), made.sensors
         name = name or (sensors or [own.input if own else ""])[0]
         if own is not None and own.input == name:
             return Channel(name, own.calibration)
         if name not in sensors:
-            raise QuantityError(f"there is no input {name!r:.40} that shows the position in metres")
+            raise QuantityError(f"there is no input {name!r:.40} that shows the position in {made.unit}")
         return Channel(name)
 
     def _run(self, job: Job, made: Prepared, spec: Any, position: Channel, progress: Progress) -> None:
@@ -267,7 +282,7 @@ class Moves:
             if not isinstance(rig, HostedRig):
                 raise RigError("moves need a rig in a process of its own")
             rig.waiting = self._runner.need_going
-            self._live.begin("Move", COLUMNS, rate, round(AT_MOST * rate), 0)
+            self._live.begin("Move", made.columns, rate, round(AT_MOST * rate), 0)
             regulate(
                 *(rig, spec, 0.0, {"drive_voltage": Channel(DRIVE), POSITION: position}),
                 *(cell.limits._replace(max_duty=1.0), AT_MOST),
@@ -292,7 +307,7 @@ class Moves:
         if first is not None:
             self._rig = rig
             rig.command(**first)
-        self._live.add({one["name"]: block[one["name"]] for one in COLUMNS})
+        self._live.add({name: block[name] for name in COLUMNS})
         position = float(block[POSITION][-1])
         self._runner.seen(position)
         now = time.monotonic()

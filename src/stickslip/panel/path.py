@@ -26,7 +26,7 @@ from ..readers.process import Reader
 from ..recording import make_recording, save_recording
 from ..registry import used_files
 from ..simulation import simulate, steady_step
-from ..units import QuantityError, with_prefix
+from ..units import QuantityError, unit_for, with_prefix
 from ..waveform.signal import shape
 from .control import Control
 from .document import BenchDocument
@@ -232,7 +232,8 @@ def _predicted(actuator: Actuator, asked: Prediction) -> tuple[Any, dict[str, An
     made.attrs["outcome"] = "complete"
     position = moved["end_effector_position"].values
     step = steady_step(actuator, forever)
-    return made, {"net_displacement": float(position[-1] - position[0]), "steady_step": step}
+    net, unit = float(position[-1] - position[0]), unit_for(actuator, "m")
+    return made, {"net_displacement": net, "steady_step": step, "unit": unit}
 
 
 def _run(prediction: str, drive: Drive, runs: list[dict[str, Any]]) -> dict[str, Any]:

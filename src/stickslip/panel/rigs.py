@@ -89,7 +89,7 @@ def fitted(
     kept = {name: one for name, one in content["channels"].items() if one["input"] in can.inputs}
     for name, unit in can.inputs.items():
         if name not in {one["input"] for one in kept.values()}:
-            wanted = "drive_voltage" if name == DRIVE else POSITION if unit == "m" else name
+            wanted = "drive_voltage" if name == DRIVE else POSITION if unit in ("m", "rad") else name
             if wanted not in kept:
                 kept[wanted] = {"input": name}
     content["channels"] = kept if said else content["channels"]
@@ -110,10 +110,12 @@ def fitted(
     return {**content, "panel": panel}, said
 
 
-def facts(can: Capabilities, limits: Limits, about: About | None) -> dict[str, Any]:
-    """The rig on the bench: what it can do, and the experiment's limits, in SI; infinite ones left out."""
+def facts(can: Capabilities, limits: Limits, about: About | None, unit: str) -> dict[str, Any]:
+    """The rig on the bench: what it can do, the unit of positions from home, and the experiment's limits, in
+    SI; infinite ones left out."""
     return {
         **can._asdict(),
+        "unit": unit,
         "limits": {name: value for name, value in limits._asdict().items() if math.isfinite(value)},
         "safe_state": "ramp to 0 V" if about is None else about.safe_state,
         "verified": "" if about is None else about.verified,

@@ -13,7 +13,7 @@ from ..history.index import SETS
 from ..input_file import LARGEST
 from ..parameters import ParameterSetError, available_sets, load_set, read_toml
 from ..registry import check_used
-from ..units import QuantityError, refuse_rotary
+from ..units import QuantityError
 from .folder import Folder, FolderError
 
 MOST = 50  # saved ones that are offered, the newest
@@ -102,9 +102,7 @@ def _published(name: str) -> tuple[str, Actuator]:
 @lru_cache(maxsize=2 * MOST)
 def _of_file(path: Path, changed: tuple[int, int]) -> tuple[str, Actuator]:
     del changed  # part of the key
-    found = load_actuator(path)
-    refuse_rotary(found, "the panel is")
-    return load_set(os.fspath(path)).title, found
+    return load_set(os.fspath(path)).title, load_actuator(path)
 
 
 PACKAGE = Sets()

@@ -1,7 +1,8 @@
 """Fields of the Explore page: each with its unit, meaning and the range of its slider.
 
 Units, symbols, meanings and what is allowed come from the records themselves. Only the range that a slider
-sweeps is chosen here, from what such actuators have; a typed value may lie outside of it.
+sweeps is chosen here, from what such actuators have; a typed value may lie outside of it. What turns has the
+ranges of what slides at a radius of `ARM`.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from ..actuator import Actuator
 from ..comparison.laws import example_laws
 from ..friction import LuGre
 from ..records import Quantity, quantities, sequences
-from ..units import QuantityError
+from ..units import QuantityError, turned, unit_for
 from . import piezo_sliders
 from .sets import PACKAGE, Sets
 
@@ -86,6 +87,11 @@ _BY_UNIT = {
     "m": Slider(1e-9, 1e-4, zero=True),
     "m/s": Slider(1e-6, 1.0),
 }
+# What the page says in units of its own: those of what slides.
+_UNITS = {"position": "m", "speed": "m/s", "force": "N"}
+ARM = 0.01  # m
+_POWERS = {"m": -1, "N": 1, "kg": 2}  # of the radius, in the same quantity of what turns
+_STRIBECK_VELOCITY = 1e-3  # m/s, of a contact without one
 _NO_SLIDERS = ("Constant", "Rest")  # waveforms that move nothing
 _ELEMENTS = ("stiffness", "strength")  # fields of several values that have a slider each
 # Fields that follow others of the same law, as powers of them, so that the law stays whole: as in fits,
@@ -134,6 +140,15 @@ def law_types() -> dict[str, Any]:
     }
 
 
+def sized(value: float, unit: str, rotary: bool) -> float:
+    """A number of what slides, or the same of what turns, at `ARM`."""
+    over, _, under = unit.partition("/")
+    power = sum(_POWERS.get(one, 0) for one in over.split()) - sum(
+        _POWERS.get(one, 0) for one in under.split()
+    )
+    return float(f"{value * ARM**power:.12g}") if rotary and power else value
+
+
 def _slider(quantity: Quantity, own: Slider | None) -> Slider:
     if own is not None:
         return own
@@ -161,23 +176,24 @@ def _around(quantity: Quantity, value: float) -> Slider:
 def choices(offered: Sets = PACKAGE) -> dict[str, Any]:
     """Everything that the page offers, as JSON can hold it (infinity is "inf").
 
-    By "sets" (title, model, sliders of its own "piezo", law, and values of each law for that contact), "laws"
-    and "shapes" (fields), "model" (fields), "start" (values of each shape), "tied" (see `TIED`) and
-    "duration" (a field).
+    By "sets" (title, unit of its position, model, sliders of its own "piezo", law, and values of each law for
+    that contact), "by_unit" (see `_kind`), "shapes" (fields), "start" (values of each shape), "tied" (see
+    `TIED`) and "duration" (a field).
     """
     sets, known, drives = {}, law_types(), shapes()
     for name, (title, actuator) in offered.offered().items():
         law = type(actuator.friction).__name__
         if law not in known:  # somebody's own that has no sliders
             continue
-        laws = laws_like(actuator.friction, known)
+        laws = laws_like(actuator.friction, known, actuator.rotary)
         laws[law] = actuator.friction
         bent = piezo_sliders.values(actuator.piezo)
         sets[name] = {
             "title": title,
-            "model": {field: plain(getattr(actuator, field)) for field in _MODEL} | bent,
+            "unit": unit_for(actuator, "m"),
+            "model": {field: plain(getattr(actuator, field)) for field in _model(actuator.rotary)} | bent,
             "piezo": [
-                _shown(f, q, _around(q, bent[f])) for f, q in piezo_sliders.own_fields(actuator.piezo).items()
+                shown(f, q, _around(q, bent[f])) for f, q in piezo_sliders.own_fields(actuator.piezo).items()
             ],
             "law": law,
             "friction": {kind: values_of(example) for kind, example in laws.items()},
@@ -194,13 +210,8 @@ def choices(offered: Sets = PACKAGE) -> dict[str, Any]:
         start[swinging] |= {"offset": 75.0}
     return {
         "sets": sets,
-        "model": [
-            *(_described(Actuator, field, slider) for field, slider in _MODEL.items()),
-            *(_shown(field, piezo_sliders.FIELDS[field], slider) for field, slider in _PIEZO.items()),
-        ],
-        "laws": {
-            name: [_described(law, f, _slider(q, _FRICTION.get(f))) for f, q in quantities(law).items()]
-            for name, law in known.items()
+        "by_unit": {
+            unit: _kind(known, unit == "rad") for unit in {one["unit"]: None for one in sets.values()}
         },
         "shapes": {
             name: [
@@ -221,25 +232,50 @@ def choices(offered: Sets = PACKAGE) -> dict[str, Any]:
     }
 
 
-def laws_like(law: Any, known: dict[str, Any]) -> dict[str, Any]:
+def _model(rotary: bool) -> dict[str, Slider]:
+    """Of the actuator; what turns has no incline."""
+    return {field: slider for field, slider in _MODEL.items() if not (rotary and field == "incline")}
+
+
+def _kind(known: dict[str, Any], rotary: bool) -> dict[str, Any]:
+    """Of what slides, or of what turns: "units" (see `_UNITS`), "model" (fields) and "laws" (fields)."""
+    return {
+        "units": {name: turned(unit) if rotary else unit for name, unit in _UNITS.items()},
+        "model": [
+            *(_described(Actuator, field, slider, rotary) for field, slider in _model(rotary).items()),
+            *(shown(field, piezo_sliders.FIELDS[field], slider) for field, slider in _PIEZO.items()),
+        ],
+        "laws": {
+            name: [
+                _described(law, f, _slider(q, _FRICTION.get(f)), rotary) for f, q in quantities(law).items()
+            ]
+            for name, law in known.items()
+        },
+    }
+
+
+def laws_like(law: Any, known: dict[str, Any], rotary: bool = False) -> dict[str, Any]:
     """A law of each of the known types for the same contact, whatever law that is described by."""
     contact = law
     if not isinstance(law, LuGre):
-        force = getattr(law, "coulomb_force", 0.5)
-        contact = LuGre(getattr(law, "sigma_0", 1.4e6), getattr(law, "sigma_1", 35.0), 0.0, force, force)
-    found = {type(one).__name__: one for one in example_laws(contact, sigma_2=0.0).values()}
+        force = getattr(law, "coulomb_force", sized(0.5, "N", rotary))
+        stiffness = getattr(law, "sigma_0", sized(1.4e6, "N/m", rotary))
+        contact = LuGre(stiffness, getattr(law, "sigma_1", sized(35.0, "N s/m", rotary)), 0.0, force, force)
+    speed = sized(_STRIBECK_VELOCITY, "m/s", rotary)
+    examples = example_laws(contact, stribeck_velocity=speed, sigma_2=0.0)
+    found = {type(one).__name__: one for one in examples.values()}
     for name, kind in known.items():
         if name not in found:
             with suppress(QuantityError, TypeError):  # what is in the middle of its sliders is refused
-                found[name] = kind(**_values_like(kind, contact))
+                found[name] = kind(**_values_like(kind, contact, rotary))
     return found
 
 
-def _values_like(kind: Any, contact: LuGre) -> dict[str, Any]:
+def _values_like(kind: Any, contact: LuGre, rotary: bool) -> dict[str, Any]:
     """Of somebody's own law: those that the contact has too, else defaults, else the middle of a slider."""
     shared = {f: value for f, value in contact._asdict().items() if f in kind._fields}
     return {
-        f: kind._field_defaults.get(f, _middle(_slider(q, _FRICTION.get(f))))
+        f: kind._field_defaults.get(f, sized(_middle(_slider(q, _FRICTION.get(f))), q.unit, rotary))
         for f, q in quantities(kind).items()
     } | shared
 
@@ -260,7 +296,7 @@ def plain(value: Any) -> Any:
     return str(value) if isinstance(value, float) and math.isinf(value) else value
 
 
-def _described(record: Any, field: str, slider: Slider) -> dict[str, Any]:
+def _described(record: Any, field: str, slider: Slider, rotary: bool = False) -> dict[str, Any]:
     quantity = quantities(record).get(field)
     if quantity is None:
         meaning = {
@@ -268,14 +304,16 @@ def _described(record: Any, field: str, slider: Slider) -> dict[str, Any]:
             "clamped": "end-effector fixed to the stage",
         }[field]
         return {"name": field, "switch": True, "meaning": meaning}
-    return _shown(field, quantity, slider)
+    return shown(field, quantity, slider, rotary)
 
 
-def _shown(field: str, quantity: Quantity, slider: Slider) -> dict[str, Any]:
+def shown(field: str, quantity: Quantity, slider: Slider, rotary: bool = False) -> dict[str, Any]:
+    """A field as pages read it; quantity and slider are those of what slides."""
+    ends = {name: sized(getattr(slider, name), quantity.unit, rotary) for name in ("low", "high")}
     return {
         "name": field,
-        "unit": quantity.unit,
+        "unit": turned(quantity.unit) if rotary else quantity.unit,
         "symbol": quantity.symbol,
         "meaning": quantity.meaning,
-        **slider._asdict(),
+        **slider._replace(**ends)._asdict(),
     }

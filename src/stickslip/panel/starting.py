@@ -186,6 +186,7 @@ def homing(folder: Folder, document: BenchDocument, position: float) -> Job:
         raise QuantityError(
             f"the way home needs the variables {', '.join(sorted(walk))} and the channel {POSITION}"
         )
+    unit = units[POSITION]
     shape, voltage = (
         ("ReverseSawtooth", "$reverse_voltage") if position > 0 else ("Sawtooth", "$forward_voltage")
     )
@@ -201,7 +202,7 @@ def homing(folder: Folder, document: BenchDocument, position: float) -> Job:
             at = at[np.abs(volts) < 0.03 * max(float(np.abs(volts).max()), 1.0)]
         if at.size and (float(at[-1]) <= 0.0 if position > 0 else float(at[-1]) >= 0.0):
             raise Arrived(
-                f"home, to {with_prefix(float(at[-1]), 'm', 2)}, after {time.monotonic() - begun:.1f} s"
+                f"home, to {with_prefix(float(at[-1]), unit, 2)}, after {time.monotonic() - begun:.1f} s"
             )
 
     shown = document.described()["channels"]
@@ -211,7 +212,7 @@ def homing(folder: Folder, document: BenchDocument, position: float) -> Job:
     limits = dict(content.get("limits", {}))
     for name, sign in (("max_position", 1.0), ("min_position", -1.0)):
         if limits.get(name) is not None and sign * position > 0.0:
-            limits[name] = sign * max(sign * to_si(limits[name], "m", name), stroke)
+            limits[name] = sign * max(sign * to_si(limits[name], unit, name), stroke)
     made = check_experiment({**content, "runs": [run], "save_as": [], "limits": limits})
     out = folder.root / ".rig" / "home"  # nobody wants a recording of it
     remove = partial(shutil.rmtree, out, ignore_errors=True)

@@ -51,7 +51,7 @@ class Statistics:
 
     A step is how much farther the end-effector is each time the drive rises through the middle of its swing:
     the same phase, so that what is elastic does not count. The drift is the slope of a straight line through
-    the last steps, m per step.
+    the last steps, per step. Positions and steps are in the unit of the channel of the position.
     """
 
     def __init__(self, hub: Hub, journal: Journal, folder: Path) -> None:
@@ -68,6 +68,7 @@ class Statistics:
         """A run begins; `drive` is the name of the channel that shows it, "" for none."""
         with self._lock:
             self._columns, self._drive = columns, drive
+            self._unit = next((one["unit"] for one in columns if one["name"] == POSITION), "m")
             self._sums = {one["name"]: np.zeros(3) for one in columns}
             self._ends = {one["name"]: [math.inf, -math.inf] for one in columns}
             self._low, self._high = math.inf, -math.inf
@@ -79,7 +80,7 @@ class Statistics:
             self._raised, self._next = set(), 0.0
 
     def add(self, block: Mapping[str, NDArray[np.float64]], position: float) -> str:
-        """The next samples, and where the end-effector is [m from home]; why the run is to be stopped, ""
+        """The next samples, and where the end-effector is from home; why the run is to be stopped, ""
         for not."""
         with self._lock:
             for name, values in block.items():
@@ -122,15 +123,15 @@ class Statistics:
             self._at = float(at[i])
 
     def _tell(self, position: float) -> str:
-        made: dict[str, dict[str, Any]] = {"position": _value("position from home", position, "m")}
+        made: dict[str, dict[str, Any]] = {"position": _value("position from home", position, self._unit)}
         if self._steps:
             steps = np.array(self._steps)
             made["steps"] = _value("steps so far", self._count, "")
-            made["step"] = _value("last step", float(steps[-1]), "m")
-            made["mean step"] = _value("mean step", float(steps.mean()), "m")
+            made["step"] = _value("last step", float(steps[-1]), self._unit)
+            made["mean step"] = _value("mean step", float(steps.mean()), self._unit)
             if steps.size > 2:
                 slope = float(np.polyfit(np.arange(steps.size), steps, 1)[0])
-                made["drift of the step"] = _value("drift of the step, a step", slope, "m")
+                made["drift of the step"] = _value("drift of the step, a step", slope, self._unit)
         for one in self._columns:
             name, (count, total, squares) = one["name"], self._sums[one["name"]]
             if not count:

@@ -4,20 +4,13 @@
 import { h } from "./dom.js";
 import { styled } from "./elements.js";
 import { makeFront, makeMap } from "./design_pictures.js";
-import { begin, wire } from "./explore_state.js";
+import { begin, kindOf, wire } from "./explore_state.js";
 import { latestWins } from "./latest.js";
 import { makePlot } from "./plot.js";
 import { formatQuantity, needAccepted } from "./quantity.js";
 import { makeChoice, makeSlider } from "./sliders.js";
 import { unpack } from "./stream.js";
 
-const FIELDS = [
-  { name: "load", unit: "N", meaning: "load", symbol: "F", low: -1, high: 1, scale: "linear" },
-  { name: "voltage", unit: "V", meaning: "greatest voltage", symbol: "", low: 5, high: 150, scale: "linear" },
-  { name: "spread", unit: "N", meaning: "the load may differ by ±", symbol: "", low: 0, high: 0.5, scale: "linear" },
-  { name: "capacitance", unit: "F", meaning: "capacitance of the piezo", symbol: "C", low: 1e-8, high: 1e-4, scale: "log" },
-  { name: "noise", unit: "m", meaning: "noise of a position sample", symbol: "", low: 1e-10, high: 1e-5, scale: "log" },
-];
 const ON_MAP = ["load", "voltage"];
 // Typed, and left empty for what has no limit.
 const TYPED = [
@@ -27,7 +20,7 @@ const TYPED = [
 ];
 const AGAINST = [["current", "peak current"], ["ripple", "ripple of the motion"]];
 // What was set and found stays while other pages are looked at.
-const kept = { set: "kang2007", values: { load: 0, voltage: 100, spread: 0.1, capacitance: 1.8e-6, noise: 1e-7 }, typed: { knots: "8" }, found: null, front: null, designed: null };
+const kept = { set: "kang2007", unit: "", values: {}, typed: { knots: "8" }, found: null, front: null, designed: null };
 
 const named = (answer) => {
   const { header, arrays } = unpack(answer);
@@ -37,8 +30,9 @@ const named = (answer) => {
 export async function mount(element, app) {
   await styled("./explore.css");
   await styled("./design.css");
-  const choices = await app.request("/api/explore/choices");
+  const [choices, fields] = await Promise.all([app.request("/api/explore/choices"), app.request("/api/design/fields")]);
   if (!(kept.set in choices.sets)) kept.set = "kang2007";
+  const units = () => kindOf(choices, kept.set).units;
   const asked = () => {
     const { set, model, law, friction } = wire(begin(choices, kept.set));
     return { set, model, law, friction, load: kept.values.load };
@@ -53,20 +47,29 @@ export async function mount(element, app) {
   const stop = h("button", { type: "button", disabled: true, title: "The best until then stays", onclick: () => app.request("/api/design/stop", {}).catch(say) }, "Stop");
   const against = makeChoice("Speed against", AGAINST, "current", () => {});
   const goFront = h("button", { type: "button", onclick: () => run("Searching for the front", "/api/design/front", () => ({ ...search(), against: against.select.value }), fronted) }, "Find the front");
-  const sliders = new Map(FIELDS.map((field) => [field.name, makeSlider(field, kept.values[field.name], {
+  let sliders = new Map();
+  const sliderOf = (field) => makeSlider(field, kept.values[field.name], {
     app, drag: (value) => changed(field.name, value), settle() {},
     async type(value) {
       await app.request("/api/design/check", { ...asked(), name: field.name, value });
       changed(field.name, value);
     },
-  })]));
+  });
   const sets = Object.entries(choices.sets).map(([name, one]) => [name, `${name}: ${one.title}`]);
-  const panel = h("section", { class: "card explore-sliders", "aria-label": "What is given" },
-    makeChoice("Parameter set", sets, kept.set, (set) => { kept.set = set; forget(); maps.want(1); }).element,
-    ...[...sliders.values()].map((one) => one.element),
-    h("details", {}, h("summary", {}, "Knots, generator, amplifier"), h("div", { class: "design-typed" }, ...TYPED.map(([name, label, hint]) => h("label", { class: "field" }, h("span", {}, label),
-      h("input", { type: "text", value: kept.typed[name] ?? "", placeholder: hint, onchange: (event) => { kept.typed[name] = event.target.value.trim(); } }))))),
-    h("div", { class: "row" }, go, stop), h("div", { class: "design-choose" }, against.element, goFront), bar, said, fault);
+  const chosen = makeChoice("Parameter set", sets, kept.set, (set) => { kept.set = set; settle(); forget(); maps.want(1); });
+  const limits = h("details", {}, h("summary", {}, "Knots, generator, amplifier"), h("div", { class: "design-typed" }, ...TYPED.map(([name, label, hint]) => h("label", { class: "field" }, h("span", {}, label),
+      h("input", { type: "text", value: kept.typed[name] ?? "", placeholder: hint, onchange: (event) => { kept.typed[name] = event.target.value.trim(); } })))));
+  const panel = h("section", { class: "card explore-sliders", "aria-label": "What is given" });
+  /** What is given, and the motions, in the units of the set; what was given in others is forgotten. */
+  function settle() {
+    const { unit } = choices.sets[kept.set];
+    if (panel.firstChild && unit === kept.unit) return;
+    if (unit !== kept.unit) Object.assign(kept, { unit, values: Object.fromEntries(fields[unit].map(({ name, starts }) => [name, starts])) });
+    sliders = new Map(fields[unit].map((field) => [field.name, sliderOf(field)]));
+    panel.replaceChildren(chosen.element, ...[...sliders.values()].map((one) => one.element), limits,
+      h("div", { class: "row" }, go, stop), h("div", { class: "design-choose" }, against.element, goFront), bar, said, fault);
+    for (const one of Object.values(sides)) one.begin();
+  }
   const numbers = h("dl", { class: "explore-numbers" });
   const shown = {};
   for (const name of ["Voltage", "Frequency", "Net step", "Speed"]) {
@@ -86,7 +89,7 @@ export async function mount(element, app) {
       card("map", "Step over voltage and frequency", numbers, mapPlace, key), card("front", "Front", empty, frontPlace),
       sides.old.element, sides.fresh.element, results, telling)));
 
-  for (const one of Object.values(sides)) one.begin(); // plots have the fonts of the page that they stand on
+  settle(); // plots have the fonts of the page that they stand on
 
   function side(name, heading) {
     let plot = null;
@@ -96,20 +99,23 @@ export async function mount(element, app) {
     const act = (text, does) => h("button", { type: "button", class: "small", disabled: true, onclick: () => does(of).catch(say) }, text);
     const acts = [act("Send to the bench", send), act("What would this recording tell?", tell)];
     const empty = name === "fresh" ? "Find the fastest drive, or point at the front." : "";
-    const series = [{ label: "drive", unit: "V", color: "--series-6" }, { label: "end-effector", unit: "m", color: "--series-1" }];
     const motions = latestWins({
       ask: (drive) => app.request("/api/design/motion", { ...asked(), drive }),
       take(answer) {
         const moved = named(answer);
         plot.setData([moved.time, moved.drive_voltage, moved.end_effector_position]);
-        speed.textContent = `${formatQuantity(moved.speed, "m/s")}, ${formatQuantity(1 / period(of.drive), "Hz")}`;
+        speed.textContent = `${formatQuantity(moved.speed, units().speed)}, ${formatQuantity(1 / period(of.drive), "Hz")}`;
         root().dataset[name] = String(moved.speed);
       },
       refuse: (error) => { speed.textContent = error.message; },
     });
     return {
       element: h("section", { class: `card design-${name}`, "aria-label": heading }, title, speed, canvas, h("div", { class: "row" }, ...acts)),
-      begin() { plot = makePlot(canvas, { label: heading, tools: "save", empty, series }); },
+      begin() {
+        plot?.destroy();
+        plot = makePlot(canvas, { label: heading, tools: "save", empty, series: [
+          { label: "drive", unit: "V", color: "--series-6" }, { label: "end-effector", unit: units().position, color: "--series-1" }] });
+      },
       show(drive, text) {
         of.drive = drive;
         title.textContent = text;
@@ -130,7 +136,7 @@ export async function mount(element, app) {
   // --- map
   let best = false; // whether the old drive is the best sawtooth
   const map = makeMap(mapPlace, { moved(volts, hertz, step, pointed) {
-    const tell = { Voltage: [volts, "V"], Frequency: [hertz, "Hz"], "Net step": [step, "m"], Speed: [step * hertz, "m/s"] };
+    const tell = { Voltage: [volts, "V"], Frequency: [hertz, "Hz"], "Net step": [step, units().position], Speed: [step * hertz, units().speed] };
     for (const [name, [value, unit]] of Object.entries(tell)) shown[name].textContent = formatQuantity(value, unit);
     best &&= !pointed;
     if (best) sides.old.again();
@@ -143,7 +149,7 @@ export async function mount(element, app) {
       fault.textContent = "";
       const found = named(answer);
       map.setData(found);
-      key.querySelector("output").textContent = formatQuantity(Math.max(...found.net_step.map((one) => (Number.isFinite(one) ? Math.abs(one) : 0))), "m");
+      key.querySelector("output").textContent = formatQuantity(Math.max(...found.net_step.map((one) => (Number.isFinite(one) ? Math.abs(one) : 0))), units().position);
       root().dataset.maps = String(Number(root().dataset.maps ?? 0) + 1);
     },
     refuse: say,
@@ -180,13 +186,13 @@ export async function mount(element, app) {
   }
   function found(answer) {
     kept.found = answer;
-    const [value, saw] = [answer.value, answer.sawtooth_value].map((one) => formatQuantity(one, "m/s"));
+    const [value, saw] = [answer.value, answer.sawtooth_value].map((one) => formatQuantity(one, units().speed));
     const where = answer.conditions.length > 1 ? ` in the worst of ${answer.conditions.length} conditions` : "";
     said.textContent = `${value}${where}; the best sawtooth ${saw}. ${answer.fell_back ? "None was found that is worse than it nowhere: this is the sawtooth." : ""}${answer.interrupted ? "Stopped: the best until then." : ""}`;
     design(answer.drive, "Fastest drive");
     best = true;
     sides.old.show(answer.sawtooth, "Best sawtooth");
-    tabled(results, ["condition", "drive", "best sawtooth"], answer.conditions.map((one) => [one.name, formatQuantity(one.value, "m/s"), formatQuantity(one.sawtooth, "m/s")]));
+    tabled(results, ["condition", "drive", "best sawtooth"], answer.conditions.map((one) => [one.name, formatQuantity(one.value, units().speed), formatQuantity(one.sawtooth, units().speed)]));
   }
   function fronted(answer) {
     kept.front = answer;

@@ -89,13 +89,13 @@ export function makeMap(element, { moved }) {
   };
 }
 
-/** The front: `setData({ speed, other, label, unit })`; `chosen(i)` of its points. */
+/** The front: `setData({ speed, speed_unit, other, label, unit })`; `chosen(i)` of its points. */
 export function makeFront(element, { chosen }) {
   let data = null, at = -1;
-  const axis = { label: "", unit: "" };
+  const speed = { label: "speed in the worst condition", unit: "" }, axis = { label: "", unit: "" };
   const picture = makePicture(element, {
     label: "Front of drives, speed against what it costs",
-    x: { label: "speed in the worst condition", unit: "m/s" }, y: axis,
+    x: speed, y: axis,
     draw(context, to, css) {
       if (!data) return;
       const dot = (i, radius, colour) => {
@@ -124,6 +124,7 @@ export function makeFront(element, { chosen }) {
     setData(next) {
       data = next;
       at = -1;
+      speed.unit = next.speed_unit;
       Object.assign(axis, { label: next.label, unit: next.unit });
       const wide = (values) => [Math.min(0, ...values), 1.05 * Math.max(...values)];
       picture.setRange({ x: wide(next.speed), y: wide(next.other) });

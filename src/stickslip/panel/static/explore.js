@@ -1,6 +1,6 @@
 // The Explore page: every slider redraws the motion, the friction loop and the step curves while it moves.
 
-import { begin, changed, fromLink, makeHistory, modelFields, toLink, wire, withLaw, withShape } from "./explore_state.js";
+import { begin, changed, finite, fromLink, kindOf, loopOf, makeHistory, modelFields, resampled, toLink, wire, withLaw, withShape } from "./explore_state.js";
 import { latestWins } from "./latest.js";
 import { makePlot } from "./plot.js";
 import { formatQuantity } from "./quantity.js";
@@ -70,7 +70,7 @@ export async function mount(element, app) {
       return details;
     };
     const sliders = (key, fields) => fields.map((field) => control(key, field));
-    const lawFields = choices.laws[state.law].flatMap((field) => elementsOf(field, state.friction));
+    const lawFields = kindOf(choices, state.set).laws[state.law].flatMap((field) => elementsOf(field, state.friction));
     const sets = Object.entries(choices.sets).map(([name, set]) => [name, `${name}: ${set.title}`]);
     const plain = (names) => names.map((name) => [name, name.replace(/(?<=[a-z])(?=[A-Z][a-z]{3})/g, " ")]);
     panel.replaceChildren(
@@ -78,12 +78,15 @@ export async function mount(element, app) {
         makeChoice("Waveform", plain(Object.keys(choices.shapes)), state.shape, (shape) => choose(withShape(choices, state, shape))).element,
         ...sliders("waveform", choices.shapes[state.shape]), control("duration", choices.duration)),
       section("friction", "Friction",
-        makeChoice("Law", plain(Object.keys(choices.laws)), state.law, (law) => choose(withLaw(choices, state, law))).element,
+        makeChoice("Law", plain(Object.keys(kindOf(choices, state.set).laws)), state.law, (law) => choose(withLaw(choices, state, law))).element,
         ...sliders("friction", lawFields)),
       section("model", "Actuator",
         makeChoice("Parameter set", sets, state.set, (set) => choose(begin(choices, set, state))).element,
         ...sliders("model", modelFields(choices, state.set))),
     );
+    if (!plots || units() === drawn) return;
+    [motion, steps, pins] = [null, null, []]; // of what slides, where this turns
+    pinsChanged();
   }
   function elementsOf(field, values) {
     if (field.name in values) return [field];
@@ -159,6 +162,8 @@ export async function mount(element, app) {
   }
 
   // --- answers
+  /** Of what slides, or of what turns. */
+  const units = () => kindOf(choices, state.set).units;
   const motions = latestWins({
     abreast: 2,
     async ask(wish) {
@@ -174,7 +179,7 @@ export async function mount(element, app) {
         clearTimeout(slow);
       }
     },
-    take: (answer, wish) => show(named(answer), wish),
+    take: (answer, wish) => drawnIn(wish) && show(named(answer), wish),
     refuse(error) {
       const one = controls.get(error.field);
       clear();
@@ -186,10 +191,11 @@ export async function mount(element, app) {
   const curves = latestWins({
     ask: (wish) => app.request("/api/explore/steps", wire(wish)),
     take(answer, wish) {
+      if (!drawnIn(wish)) return;
       steps = { ...named(answer), now: wish.waveform };
       of.steps = wish;
       const step = steps.step.length ? steps.step[0] : NaN;
-      shownNumbers.step.textContent = steps.step.length ? (Number.isFinite(step) ? formatQuantity(step, "m") : "none") : "–";
+      shownNumbers.step.textContent = steps.step.length ? (Number.isFinite(step) ? formatQuantity(step, drawn.position) : "none") : "–";
       drawSteps();
       tellStale();
     },
@@ -220,8 +226,11 @@ export async function mount(element, app) {
   }
 
   // --- plots
-  let plots = null;
+  let plots = null, drawn = null; // and their units
+  const drawnIn = ({ set }) => kindOf(choices, set).units === drawn;
   function buildPlots() {
+    drawn = units();
+    const { position, force } = drawn;
     for (const one of Object.values(plots ?? {})) one.destroy();
     stage.replaceChildren();
     const place = (name, heading) => {
@@ -232,20 +241,20 @@ export async function mount(element, app) {
       return inside;
     };
     const extra = (unit) => pins.map((one, i) => ({ label: one.label, unit, color: PIN_COLOURS[i], dash: [7, 4] }));
-    const step = (at) => [{ label: "step", unit: "m", color: "--series-1" }, { label: at, unit: "m", color: "--series-2", dash: [3, 3] }, ...extra("m")];
+    const step = (at) => [{ label: "step", unit: position, color: "--series-1" }, { label: at, unit: position, color: "--series-2", dash: [3, 3] }, ...extra(position)];
     plots = {
       motion: makePlot(place("motion", "Motion"), {
         label: "Motion", tools: true,
         series: [
           { label: "drive", unit: "V", color: "--series-6" },
-          { label: "stage", unit: "m", color: "--series-2" },
-          { label: "end-effector", unit: "m", color: "--series-1" },
-          ...extra("m"),
+          { label: "stage", unit: position, color: "--series-2" },
+          { label: "end-effector", unit: position, color: "--series-1" },
+          ...extra(position),
         ],
       }),
       loop: makePlot(place("loop", "Friction loop"), {
-        label: "Friction force over sliding displacement", xy: true, tools: "save", time: { label: "sliding displacement", unit: "m" },
-        series: [{ label: "friction force", unit: "N", color: "--series-3" }, ...extra("N")],
+        label: "Friction force over sliding displacement", xy: true, tools: "save", time: { label: "sliding displacement", unit: position },
+        series: [{ label: "friction force", unit: force, color: "--series-3" }, ...extra(force)],
       }),
       amplitude: makePlot(place("amplitude", "Step over voltage"), {
         label: "Step over voltage", xy: true, tools: "save", time: { label: "amplitude", unit: "V" }, series: step("this drive"),
@@ -288,7 +297,7 @@ export async function mount(element, app) {
     const [section, name] = key.split(".");
     const value = section === "duration" ? state.duration : state[section]?.[name];
     if (value === undefined || typeof value === "boolean") return state.law;
-    const fields = section === "duration" ? [choices.duration] : section === "model" ? modelFields(choices, state.set) : section === "friction" ? choices.laws[state.law] : choices.shapes[state.shape];
+    const fields = section === "duration" ? [choices.duration] : section === "model" ? modelFields(choices, state.set) : section === "friction" ? kindOf(choices, state.set).laws[state.law] : choices.shapes[state.shape];
     const field = fields.find((one) => one.name === name);
     return field ? `${field.symbol} = ${formatQuantity(value, field.unit)}` : state.law;
   }
@@ -308,7 +317,7 @@ export async function mount(element, app) {
     settled();
   }
   async function restorePins(found) {
-    pins = await Promise.all(found.map(async (one) => {
+    pins = await Promise.all(found.filter((one) => drawnIn(one.state)).map(async (one) => {
       const ask = async (path) => named(await app.request(path, wire(one.state)));
       const [moved, curve] = await Promise.all([ask("/api/explore/motion"), ask("/api/explore/steps")].map((answer) => answer.catch(() => null)));
       return { ...one, motion: moved, steps: curve };
@@ -375,25 +384,4 @@ export async function mount(element, app) {
     ending.forEach((end) => end());
     for (const one of Object.values(plots)) one.destroy();
   };
-}
-
-const loopOf = (found) => (found ? [found.sliding_displacement.subarray(...found.loop), found.friction_force.subarray(...found.loop)] : [[], []]);
-
-/** Only the points that exist. */
-function finite(x, y) {
-  const kept = [...x.keys()].filter((i) => Number.isFinite(y[i]));
-  return [kept.map((i) => x[i]), kept.map((i) => y[i])];
-}
-
-/** Values at other times, by straight lines; nothing beyond the ends. */
-function resampled(from, values, to) {
-  const found = new Float32Array(to.length);
-  let i = 0;
-  for (let k = 0; k < to.length; k++) {
-    const t = to[k];
-    while (i + 2 < from.length && from[i + 1] < t) i++;
-    const part = (t - from[i]) / (from[i + 1] - from[i] || 1);
-    found[k] = t > from[from.length - 1] ? NaN : values[i] + part * (values[i + 1] - values[i]);
-  }
-  return found;
 }

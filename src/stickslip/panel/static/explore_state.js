@@ -26,10 +26,13 @@ export function begin(choices, asked = "kang2007", drive = null) {
   };
 }
 
+/** Whether a set slides or turns: its fields of "model" and of "laws", and "units" of position, speed and force. */
+export const kindOf = (choices, set) => choices.by_unit[choices.sets[set].unit];
+
 /** The actuator's fields of a set: hysteresis that is not made of plays has sliders of its own. */
 export function modelFields(choices, set) {
-  const own = choices.sets[set]?.piezo ?? [];
-  return own.length ? [...choices.model.filter((one) => one.name !== "hysteresis"), ...own] : choices.model;
+  const { piezo: own } = choices.sets[set], { model } = kindOf(choices, set);
+  return own.length ? [...model.filter((one) => one.name !== "hysteresis"), ...own] : model;
 }
 
 /** The state with one value changed, and those that follow it; see TIED on the server. */
@@ -80,7 +83,7 @@ export function fromLink(choices, text) {
   const query = new URLSearchParams(text);
   if (![...query.keys()].length) return null;
   const start = begin(choices, query.get("set") ?? undefined);
-  const law = query.get("law") in choices.laws ? query.get("law") : start.law;
+  const law = query.get("law") in kindOf(choices, start.set).laws ? query.get("law") : start.law;
   const shape = query.get("shape") in choices.shapes ? query.get("shape") : "Sawtooth";
   let state = withShape(choices, start, shape);
   state = { ...state, law, friction: read(choices.sets[start.set].friction[law]), duration: value(query.get("T"), 1) };
@@ -118,4 +121,26 @@ export function makeHistory(first) {
     get canUndo() { return at > 0; },
     get canRedo() { return at < states.length - 1; },
   };
+}
+
+/** The friction loop of a motion. */
+export const loopOf = (found) => (found ? [found.sliding_displacement.subarray(...found.loop), found.friction_force.subarray(...found.loop)] : [[], []]);
+
+/** Only the points that exist. */
+export function finite(x, y) {
+  const kept = [...x.keys()].filter((i) => Number.isFinite(y[i]));
+  return [kept.map((i) => x[i]), kept.map((i) => y[i])];
+}
+
+/** Values at other times, by straight lines; nothing beyond the ends. */
+export function resampled(from, values, to) {
+  const found = new Float32Array(to.length);
+  let i = 0;
+  for (let k = 0; k < to.length; k++) {
+    const t = to[k];
+    while (i + 2 < from.length && from[i + 1] < t) i++;
+    const part = (t - from[i]) / (from[i + 1] - from[i] || 1);
+    found[k] = t > from[from.length - 1] ? NaN : values[i] + part * (values[i + 1] - values[i]);
+  }
+  return found;
 }

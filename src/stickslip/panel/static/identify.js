@@ -48,14 +48,23 @@ export async function mount(element, app) {
   const right = make("div", { className: "identify-right" },
     make("section", { className: "card identify-picture" }, head, fault, live, canvas), first, results, next);
   element.append(make("h1", { className: "visually-hidden", textContent: "Identify" }), make("div", { className: "identify" }, form.element, right));
-  const plot = makePlot(canvas, {
-    label: "Measured position, the model, and the residuals",
-    series: [
-      { label: "measured", unit: "m", color: "--series-6", width: 3 },
-      { label: "model", unit: "m", color: "--series-1" },
-      { label: "residual (model − measured)", unit: "m", strip: "residual", color: "--series-2", width: 1.2 },
-    ],
-  });
+  let plot = null, unit = ""; // of the position
+  /** A plot in the unit of the recordings; until a fit has said it, in that of before. */
+  function picture() {
+    const now = state.unit ?? (unit || "m");
+    if (now === unit) return;
+    unit = now;
+    plot?.destroy();
+    plot = makePlot(canvas, {
+      label: "Measured position, the model, and the residuals",
+      series: [
+        { label: "measured", unit, color: "--series-6", width: 3 },
+        { label: "model", unit, color: "--series-1" },
+        { label: "residual (model − measured)", unit, strip: "residual", color: "--series-2", width: 1.2 },
+      ],
+    });
+  }
+  picture();
 
   async function start(request) {
     fault.textContent = "";
@@ -92,6 +101,7 @@ export async function mount(element, app) {
 
   // --- what is said
   function tell() {
+    picture();
     const running = state.phase === "running";
     form.running(running);
     bar.hidden = !running;
@@ -125,7 +135,7 @@ export async function mount(element, app) {
   }
   function liveNumbers(step) {
     if (!step) return [];
-    const pairs = step.rmse === undefined ? [] : [["rms residual", formatQuantity(step.rmse, "m")]];
+    const pairs = step.rmse === undefined ? [] : [["rms residual", formatQuantity(step.rmse, unit)]];
     for (const [name, value] of Object.entries(step.values ?? {})) pairs.push([form.labelOf(name), formatQuantity(value, form.unitOf(name))]);
     return pairs.map(([name, value]) => make("div", {}, make("dt", {}, ...[name].flat()), make("dd", { textContent: value })));
   }
@@ -152,7 +162,7 @@ export async function mount(element, app) {
       ...(state.stage ? [table("The stage, from the clamped steps", heads, estimates(state.stage))] : []),
       ...(state.hysteresis ? [make("p", { textContent: `${state.hysteresis_said[0].toUpperCase()}${state.hysteresis_said.slice(1)}.` }),
         make("details", {}, make("summary", { textContent: "Hysteresis and creep, from the loops" }), table("Plays by ascending threshold, creep per decade", heads, estimates(state.hysteresis)))] : []));
-    const goodness = (recordings, role) => Object.entries(recordings).map(([name, g]) => [calledShortly(name), role, g.r_squared === null ? "–" : g.r_squared.toFixed(5), formatQuantity(g.rmse, "m"), String(g.n_data)]);
+    const goodness = (recordings, role) => Object.entries(recordings).map(([name, g]) => [calledShortly(name), role, g.r_squared === null ? "–" : g.r_squared.toFixed(5), formatQuantity(g.rmse, unit), String(g.n_data)]);
     const seen = [...goodness(state.hysteresis?.recordings ?? {}, "loops"), ...goodness(state.stage?.recordings ?? {}, "step"), ...goodness(fit.recordings, "fitted"), ...goodness(state.verification?.recordings ?? {}, "predicted")];
     const links = make("p", { className: "identify-links" });
     if (state.report) {

@@ -1,14 +1,14 @@
 // The form of the Identify page: recordings, model, what is free, how hard to look.
 
 import { button, make } from "./elements.js";
-import { begin, changed, withLaw } from "./explore_state.js";
+import { begin, changed, kindOf, withLaw } from "./explore_state.js";
 import { calledShortly } from "./livedata.js";
 import { makeQuantity, needAccepted } from "./quantity.js";
 import { makeChoice, makeSwitch, symbolOf } from "./sliders.js";
 
-const CHANNEL = [
+const channelOf = ({ position }) => [
   { name: "delay", unit: "s", symbol: "t_d", meaning: "delay of the sensor" },
-  { name: "offset", unit: "m", symbol: "x₀", meaning: "offset of the sensor" },
+  { name: "offset", unit: position, symbol: "x₀", meaning: "offset of the sensor" },
 ];
 // The gain too: a stage that nobody measured is wrong by some percent, and friction would make up for it.
 const USUAL = ["gain", "sigma_0", "sigma_1", "coulomb_force", "stiffness_1", "stiffness_2", "stiffness_3", "strength_1", "strength_2", "strength_3", "delay", "offset"];
@@ -101,7 +101,9 @@ export async function fitForm(app, choices, last, asked, start, cancel) {
   /** What a recording says of its rig holds for the model, until somebody chooses otherwise. */
   function follow(one) {
     if (own) return;
-    if (one.set && one.set !== state.set && choices.sets[one.set]) state = begin(choices, one.set);
+    // Of somebody's own file only the unit is known: of a set that slides, or of one that turns.
+    const set = [one.set, state.set, ...Object.keys(choices.sets)].find((name) => choices.sets[name]?.unit === one.unit);
+    if (set && set !== state.set) state = begin(choices, set);
     if (one.stage_reaction !== undefined) state = changed(choices, state, "model", "stage_reaction", one.stage_reaction);
     // A file that does not say it leaves it as the other walks say.
     const others = [...role].some(([name, use]) => use === "fit" && name !== one.name);
@@ -114,17 +116,17 @@ export async function fitForm(app, choices, last, asked, start, cancel) {
   const boxes = [];
   function build() {
     boxes.length = 0;
-    const values = [...Object.keys(state.friction)];
+    const values = [...Object.keys(state.friction)], kind = kindOf(choices, state.set), channel = channelOf(kind.units);
     const field = (name) => {
-      const described = choices.laws[state.law].find((one) => one.name === name || one.name === name.replace(/_\d+$/, ""));
+      const described = kind.laws[state.law].find((one) => one.name === name || one.name === name.replace(/_\d+$/, ""));
       return { ...described, name, meaning: described.meaning.replace("each element", `element ${name.match(/\d+$/)?.[0]}`) };
     };
     const law = values.map(field);
-    const stage = choices.model.filter((one) => !one.switch && !GIVEN.includes(one.name));
-    known = new Map([...law, ...stage, ...CHANNEL].map((one) => [one.name, one]));
-    const plain = Object.keys(choices.laws).map((name) => [name, name.replace(/(?<=[a-z])(?=[A-Z][a-z]{3})/g, " ")]);
+    const stage = kind.model.filter((one) => !one.switch && !GIVEN.includes(one.name));
+    known = new Map([...law, ...stage, ...channel].map((one) => [one.name, one]));
+    const plain = Object.keys(kind.laws).map((name) => [name, name.replace(/(?<=[a-z])(?=[A-Z][a-z]{3})/g, " ")]);
     const sets = Object.entries(choices.sets).map(([name, set]) => [name, `${name}: ${set.title}`]);
-    const reaction = makeSwitch(choices.model.find((one) => one.name === "stage_reaction"), state.model.stage_reaction, {
+    const reaction = makeSwitch(kind.model.find((one) => one.name === "stage_reaction"), state.model.stage_reaction, {
       drag(on) { own = true; state = changed(choices, state, "model", "stage_reaction", on); }, settle() {},
     });
     const open = model.querySelector("details")?.open ?? stage.some((one) => free.has(one.name));
@@ -134,7 +136,7 @@ export async function fitForm(app, choices, last, asked, start, cancel) {
       makeChoice("Parameter set", sets, state.set, (set) => { own = true; state = begin(choices, set); build(); }).element,
       makeChoice("Friction law", plain, state.law, (name) => { state = withLaw(choices, state, name); build(); prepare(); }).element,
       make("p", { className: "soft small-text", textContent: "Tick what is to be fitted; the numbers are where it starts, the others stay as they are." }),
-      ...law.map((one) => row("friction", one)), ...CHANNEL.map((one) => row("", one)), more, reaction.element,
+      ...law.map((one) => row("friction", one)), ...channel.map((one) => row("", one)), more, reaction.element,
     );
   }
   function row(section, one) {
@@ -161,9 +163,10 @@ export async function fitForm(app, choices, last, asked, start, cancel) {
 
   /** Sets that were saved meanwhile can be chosen too. */
   async function offered() {
-    const { sets } = await app.request("/api/explore/choices");
+    const { sets, by_unit: kinds } = await app.request("/api/explore/choices");
     if (Object.keys(sets).join("\n") === Object.keys(choices.sets).join("\n")) return;
     choices.sets = sets[state.set] ? sets : { ...sets, [state.set]: choices.sets[state.set] };
+    Object.assign(choices.by_unit, kinds);
     build();
   }
 

@@ -5,14 +5,12 @@ import { shortName, showRecording } from "./livedata.js";
 import { joined, makePlot } from "./plot.js";
 import { formatQuantity, makeQuantity } from "./quantity.js";
 
-const POSITION = { name: "position", unit: "m", label: "position from home" };
-
 /** What a name is bound to: a channel, the position, or a variable of the experiment. */
 export function bound(bench, name) {
-  const { channels, variables } = bench.experiment;
+  const { channels, rig, variables } = bench.experiment;
   const channel = channels.find((one) => one.name === name);
   if (channel) return { ...channel, kind: "channel", value: () => bench.live.latest(name) };
-  if (name === "position") return { ...POSITION, kind: "channel", value: () => bench.run.position };
+  if (name === "position") return { name, unit: rig.unit, label: "position from home", kind: "channel", value: () => bench.run.position };
   const variable = variables.find((one) => one.name === name);
   if (variable) return { ...variable, kind: "variable", value: () => bench.experiment.variables.find((one) => one.name === name)?.value };
   return { name, unit: "", label: `${name} (is gone)`, kind: "gone", value: () => undefined };

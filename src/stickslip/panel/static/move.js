@@ -14,7 +14,8 @@ const SPANS = [["1", "1 s"], ["5", "5 s"], ["30", "30 s"], ["120", "all"]];
 const AGAIN = 150; // ms between pictures
 const NAMES = ["end_effector_position", "target_position", "drive_voltage"];
 // What was typed stays while other pages are looked at.
-const kept = { to: 20e-6, count: 3, range: 2e-6, hertz: 10, cycles: 10, input: "", voltage: null, frequency: 100, tolerance: 10e-9, gains: {}, span: "5" };
+const kept = { unit: "", count: 3, hertz: 10, cycles: 10, input: "", voltage: null, frequency: 100, gains: {}, span: "5" };
+const USUAL = { m: { to: 20e-6, range: 2e-6, tolerance: 10e-9 }, rad: { to: 2e-3, range: 0.2e-3, tolerance: 1e-6 } }; // by the unit of positions
 
 export async function mount(element, app) {
   await Promise.all([styled("./explore.css"), styled("./move.css")]);
@@ -46,10 +47,7 @@ export async function mount(element, app) {
   const forth = doing("Forward ▸", "So many full steps forward, then hold there", () => ({ do: "steps", count: kept.count }));
   const scan = doing("Scan", "About where it holds, by the piezo alone", () => ({ do: "scan", range: kept.range, frequency: kept.hertz, cycles: kept.cycles }));
   const release = button("Let go", "The output goes to 0 V; the recording is kept", () => act(() => ({ do: "release" })));
-  const deeds = h("fieldset", { class: "bare" },
-    h("div", { class: "move-line" }, field("to", "Position from home", "m"), go),
-    h("div", { class: "move-line" }, field("count", "Steps", "", whole), back, forth),
-    h("div", { class: "move-line" }, field("range", "Scan range", "m"), field("hertz", "Frequency", "Hz"), field("cycles", "Cycles", ""), scan), release);
+  const deeds = h("fieldset", { class: "bare" });
   const sensor = makeChoice("Sensor", [], "", (name) => { kept.input = name; });
   const setup = h("fieldset", { class: "bare inputs" }, sensor.element);
   const watching = h("p", { class: "watching", hidden: true }, "Another page is in control: ask it at the top. Emergency stop works from here too.");
@@ -76,10 +74,22 @@ export async function mount(element, app) {
     h("div", { class: "move-loop" }, h("div", {}, sliders, told), responses));
   element.append(h("h1", { class: "visually-hidden" }, "Move"), h("div", { class: "move" }, panel, h("div", { class: "move-right" }, now, loop)));
 
-  const plot = makePlot(canvas, { label: "Position and drive", empty: "Go somewhere: the position is drawn here.", series: [
-    { label: "end-effector", unit: "m", color: "--series-1", strip: "m" }, { label: "target", unit: "m", color: "--series-2", strip: "m" },
-    { label: "band", unit: "m", color: "--series-3", strip: "m", dash: [4, 4] }, { label: "band", unit: "m", color: "--series-3", strip: "m", dash: [4, 4] },
-    { label: "drive", unit: "V", color: "--series-6" }] });
+  let plot = null;
+  /** Fields and plot of positions in m, or in rad of what turns. */
+  function positionsIn(unit) {
+    if (plot && unit === kept.unit) return;
+    if (unit !== kept.unit) Object.assign(kept, { unit }, USUAL[unit]);
+    deeds.replaceChildren(
+      h("div", { class: "move-line" }, field("to", "Position from home", unit), go),
+      h("div", { class: "move-line" }, field("count", "Steps", "", whole), back, forth),
+      h("div", { class: "move-line" }, field("range", "Scan range", unit), field("hertz", "Frequency", "Hz"), field("cycles", "Cycles", ""), scan), release);
+    plot?.destroy();
+    plot = makePlot(canvas, { label: "Position and drive", empty: "Go somewhere: the position is drawn here.", series: [
+      { label: "end-effector", unit, color: "--series-1" }, { label: "target", unit, color: "--series-2" },
+      { label: "band", unit, color: "--series-3", dash: [4, 4] }, { label: "band", unit, color: "--series-3", dash: [4, 4] },
+      { label: "drive", unit: "V", color: "--series-6" }] });
+  }
+  positionsIn(kept.unit || "m");
   const answer = makePlot(responses, { label: "Predicted response", tools: "save", series: [
     { label: "predicted", unit: "", color: "--series-1" }, { label: "least", unit: "", color: "--series-4", dash: [4, 4] }, { label: "greatest", unit: "", color: "--series-4", dash: [4, 4] }] });
 
@@ -134,10 +144,10 @@ export async function mount(element, app) {
     const going = ["preparing", "running", "stopping"].includes(run.phase), other = Boolean(app.control.holder) && !app.control.mine;
     const { on } = state, begins = going && run.title === "Move" && !on, ends = begins && run.phase !== "preparing";
     const put = (name, value, unit) => { shown[name].textContent = formatQuantity(value, unit, 6); };
-    put("Position", on ? state.position : run.position, "m");
+    put("Position", on ? state.position : run.position, kept.unit);
     older.hidden = on || !run.before_ramp;
-    put("Target", on ? state.target : undefined, "m");
-    put("Missing", on ? state.target - state.position : undefined, "m");
+    put("Target", on ? state.target : undefined, kept.unit);
+    put("Missing", on ? state.target - state.position : undefined, kept.unit);
     shown["Steps made"].textContent = state.steps === undefined ? "–" : `${state.steps}${state.lost ? `, ${state.lost} lost` : ""}`;
     words.textContent = on ? state.words + (state.settled ? ": there" : "") : ends ? "Keeping the recording" : begins ? "Preparing" : going ? `${run.title} is running` : "At rest: the output is at 0 V";
     words.dataset.phase = on ? state.phase : "off";
@@ -164,12 +174,13 @@ export async function mount(element, app) {
       return;
     }
     fault.textContent = "";
+    positionsIn(choices.unit);
     if (!choices.inputs.includes(kept.input)) kept.input = choices.inputs[0];
     kept.voltage ??= choices.walk;
     sensor.select.replaceChildren(...choices.inputs.map((one) => new Option(one, one)));
     sensor.set(kept.input);
-    setup.replaceChildren(sensor.element, field("voltage", "Steps of", "V"), field("frequency", "a second", "Hz"), field("tolerance", "There within ±", "m"));
-    how.textContent = `${choices.actuator}, whose piezo reaches ${formatQuantity(choices.stroke, "m", 3)}. It holds until you let go, ${choices.at_most} s at most; sensor and gains are those with which it began. Steps made counts also those that bring the piezo back to mid-range.`;
+    setup.replaceChildren(sensor.element, field("voltage", "Steps of", "V"), field("frequency", "a second", "Hz"), field("tolerance", "There within ±", choices.unit));
+    how.textContent = `${choices.actuator}, whose piezo reaches ${formatQuantity(choices.stroke, choices.unit, 3)}. It holds until you let go, ${choices.at_most} s at most; sensor and gains are those with which it began. Steps made counts also those that bring the piezo back to mid-range.`;
     gains();
     show();
   }

@@ -53,7 +53,8 @@ export function pathCard(app, fit) {
     step("Predict", set, shape, amplitude, frequency, periods, act("Predict", async () => {
       const made = await app.request("/path/predict", { parameters: set.value, shape: shape.value, amplitude: amplitude.value, frequency: frequency.value, periods: Number(periods.value) });
       await load(made.name);
-      return `Predicted: ${formatQuantity(made.numbers.net_displacement, "m")} in all, ${formatQuantity(made.numbers.steady_step, "m")} a period once it is steady.`;
+      const { net_displacement: net, steady_step: one, unit } = made.numbers;
+      return `Predicted: ${formatQuantity(net, unit)} in all, ${formatQuantity(one, unit)} a period once it is steady.`;
     })),
     step("Try it", prediction, act("Send this drive to the bench", async () => {
       await app.request("/path/send", { prediction: prediction.value });

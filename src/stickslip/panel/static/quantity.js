@@ -2,8 +2,8 @@
 
 const PREFIXES = { p: -12, n: -9, u: -6, "µ": -6, "μ": -6, m: -3, c: -2, d: -1, k: 3, M: 6, G: 9 };
 const SHOWN = { "-12": "p", "-9": "n", "-6": "µ", "-3": "m", 0: "", 3: "k", 6: "M", 9: "G" };
-const PREFIXED = /^(?:m|s|V|A|N|Hz|W|J|C|F)(?:[ /]|$)/;
-const EXAMPLE = { V: "65 V", m: "20 µm", s: "50 ms", Hz: "100 Hz", N: "0.5 N", F: "1.8 µF", kg: "5 g", "V/s": "300 kV/s" }; // as they are met here
+const PREFIXED = /^(?:m|s|V|A|N|Hz|W|J|C|F|rad(?!\/s))(?:[ /]|$)/;
+const EXAMPLE = { V: "65 V", m: "20 µm", s: "50 ms", Hz: "100 Hz", N: "0.5 N", F: "1.8 µF", kg: "5 g", rad: "1 mrad", "N m": "5 mN m", "kg m^2": "20 g cm^2", "V/s": "300 kV/s" }; // as they are met here
 const NUMBER = /^\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*$/;
 
 /** Power of ten by which one factor of a unit ("um") is another ("m"); null if it is not of its kind. */
