@@ -25,13 +25,14 @@ CHANNELS = ["drive_voltage", "end_effector_position"]
 
 
 def save(path: Path, actuator: ss.Actuator, drive: Any, rate: float, seed: int) -> None:
-    """A simulated recording with noise on the position."""
+    """A simulated recording with noise on the position, and with what a rig says of its own."""
     run = ss.simulate(actuator, drive, sample_rate=rate)
     noise = np.random.default_rng(seed).normal(0.0, NOISE, run.sizes["time"])
     run["end_effector_position"] = run["end_effector_position"].copy(
         data=run["end_effector_position"] + noise
     )
-    ss.save_recording(run[CHANNELS].assign_attrs(actuator=repr(actuator)), path)
+    told = {"actuator": repr(actuator), "capture": json.dumps({"interval": 1.0 / rate})}
+    ss.save_recording(run[CHANNELS].assign_attrs(told), path)
 
 
 @pytest.fixture(scope="module")
