@@ -227,7 +227,7 @@ def test_own_things_are_listed_and_have_sliders(folder: Path) -> None:
     assert (sliders["rest"]["low"], sliders["rest"]["high"], sliders["rest"]["unit"]) == (0.0, 0.9, "")
     begin = offered["start"]["Plateau"]
     assert begin == {"amplitude": 65.0, "frequency": 5.0, "rest": 0.45}
-    wear = offered["laws"]["ViscousDahl"][2]
+    wear = offered["by_unit"]["m"]["laws"]["ViscousDahl"][2]
     assert (wear["unit"], wear["scale"]) == ("N s/m", "log")
     friction = offered["sets"]["kang2007"]["friction"]["ViscousDahl"]
     assert friction["sigma_0"] == KANG.friction.sigma_0
@@ -439,7 +439,7 @@ def test_one_file_in_the_package_adds_one(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.delitem(sys.modules, "stickslip.friction.viscous_dahl", raising=False)
     assert list(registry.laws.packaged())[-1] == "ViscousDahl"
     assert "ViscousDahl" in ss.catalogue("laws")["laws"]
-    assert "ViscousDahl" in choices()["laws"]
+    assert "ViscousDahl" in choices()["by_unit"]["m"]["laws"]
 
 
 def test_an_edited_file_is_run_again_and_another_is_not(folder: Path) -> None:

@@ -322,8 +322,9 @@ def test_exported_code_turns(tmp_path) -> None:
     assert not {*variables.values()} & {"m", "N", "kg", "m/s", "m/V", "N/m"}
 
 
-def test_the_panel_refuses_it(tmp_path) -> None:
+def test_the_panel_takes_it(tmp_path) -> None:
     name = "parameters/rotary.toml"
     write_parameters(tmp_path / name, parameter_text(TURNS, "a rotary stage", "measured"))
-    with pytest.raises(QuantityError, match=r"the panel is in m, N and kg.*rotary"):
-        Sets(Folder(tmp_path)).actuator(name)
+    found = Sets(Folder(tmp_path)).actuator(name)
+    assert found.rotary
+    assert found.gain == pytest.approx(TURNS.gain, rel=1e-12)

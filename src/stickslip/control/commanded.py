@@ -53,6 +53,7 @@ class Commanded:
         **options: float | str,
     ) -> None:
         rate, step = to_si(rate, "Hz", "rate"), to_si(step, "V", "step")
+        gain = to_si(gain, f"{unit}/V", "gain")
         made = Regulator(
             *(Pid(**pid), rate),
             notches=tuple(Notch(**one) for one in notches),
