@@ -19,8 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.actuator import Actuator
+from stickslip.control.loops import Loop, sampled_loop
 from stickslip.control.moving import _smooth
-from stickslip.control.tuning import Loop, Tuning, sampled_loop
+from stickslip.control.tuning import Tuning
 
 from .control_bench import RATE, TOP, loop, ours
 from .session import PEERS, ROOT

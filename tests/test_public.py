@@ -49,8 +49,10 @@ def test_a_name_that_stood_at_the_top_says_where_it_is(name: str, room: str) -> 
 )
 def test_a_name_that_a_room_had_before_says_what_it_is(room: str, former: str, now: str) -> None:
     module = getattr(ss, room)
-    with pytest.warns(DeprecationWarning, match=rf"stickslip\.{room}\.{former} is stickslip\.{room}\.{now}"):
+    said = rf"stickslip\.{room}\.{former} is stickslip\.{room}\.{now}"
+    with pytest.warns(DeprecationWarning, match=said) as warned:
         assert getattr(module, former) is getattr(module, now)
+    assert {one.filename for one in warned} == {__file__}, "it is of who asks"
     with pytest.raises(AttributeError, match="Wal"):
         _ = module.Wal
 

@@ -18,8 +18,6 @@ def attach(
     imported, names, listed = lazy_loader.attach_stub(package, file)
 
     def found(name: str) -> Any:
-        if former and name in former:
-            return renamed(package, former)(name)
         try:
             return imported(name)
         except ModuleNotFoundError as missing:
@@ -29,16 +27,20 @@ def attach(
             needs = f"{package}.{name} needs {lacking}, which is not installed"
             raise ModuleNotFoundError(f'{needs}: pip install "stickslip[all]"', name=lacking) from None
 
-    return found, names, listed
+    return renamed(package, former or {}, found), names, listed
 
 
-def renamed(package: str, former: Mapping[str, str]) -> Callable[[str], Any]:
-    """`__getattr__` of a package for names that it had before; to be removed with 0.2."""
+def renamed(
+    package: str, former: Mapping[str, str], imported: Callable[[str], Any] | None = None
+) -> Callable[[str], Any]:
+    """`__getattr__` of a package for names that it had before, until 0.2; others are `imported`."""
 
     def found(name: str) -> Any:
-        if name not in former:
+        if name in former:
+            warn(f"{package}.{name} is {package}.{former[name]}", DeprecationWarning, stacklevel=2)
+            return getattr(sys.modules[package], former[name])
+        if imported is None:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        warn(f"{package}.{name} is {package}.{former[name]}", DeprecationWarning, stacklevel=3)
-        return getattr(sys.modules[package], former[name])
+        return imported(name)
 
     return found

@@ -23,6 +23,7 @@ from .identify.recorded.drives import periodic_part
 from .identify.recorded.known_noise import known_noise, more_than_white, white_noise
 from .identify.walk.prediction import Predictor
 from .recording import RecordingError, make_recording
+from .recording.conversion import is_number
 from .records import did_you_mean, same
 from .units import QuantityError, to_si, turned, with_prefix
 
@@ -53,7 +54,7 @@ class Requirement(NamedTuple):
         if figure == "net_step_error" and limit.endswith("%"):
             return cls(figure, relation, to_si(limit[:-1], "", figure) / 100.0)
         unit = FIGURES[figure]
-        if unit and _is_bare(limit):  # 100 would be 100 m, which is always met
+        if unit and is_number(limit):  # 100 would be 100 m, which is always met
             raise QuantityError(
                 f"{text.strip()!r} has no unit: write one behind the number, as in {figure} {relation} 100 "
                 f"nm (of what turns, {figure} {relation} 5 urad)"
@@ -77,15 +78,6 @@ class Requirement(NamedTuple):
         if self.figure == "net_step_error":
             return f"{100.0 * value:.{digits - 2}g} %"
         return with_prefix(value, unit, digits)
-
-
-def _is_bare(limit: str) -> bool:
-    """Whether a limit is a number and nothing else."""
-    try:
-        float(limit)
-    except ValueError:
-        return False
-    return True
 
 
 _RELATIONS: dict[str, Callable[[float, float], bool]] = {

@@ -20,7 +20,7 @@ from stickslip.control import (
     tune,
 )
 from stickslip.control.commanded import WORDS
-from stickslip.control.tuning import sampled_loop, step_response
+from stickslip.control.loops import sampled_loop, step_response
 from stickslip.simulation import steady_step
 from stickslip.units import QuantityError
 from stickslip.waveform import PeriodicKnots

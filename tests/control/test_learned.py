@@ -7,7 +7,7 @@ import pytest
 
 from stickslip.actuator import load_actuator
 from stickslip.control import Learnt, Regulator, simulate_control, tune
-from stickslip.control.tuning import Loop, sampled_loop
+from stickslip.control.loops import Loop, sampled_loop
 from stickslip.units import QuantityError
 from stickslip.waveform import Sampled
 

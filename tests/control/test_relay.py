@@ -7,7 +7,8 @@ import pytest
 
 from stickslip.actuator import load_actuator
 from stickslip.control import Oscillation, Pid, Regulator, Relay, simulate_control
-from stickslip.control.tuning import grid, margins, sampled_loop
+from stickslip.control.loops import grid, sampled_loop
+from stickslip.control.tuning import margins
 from stickslip.rig import Channel, Limits, VirtualRig, load_bench, regulate
 from stickslip.units import QuantityError
 

@@ -22,7 +22,8 @@ from stickslip.control import (
     simulate_control,
     tune,
 )
-from stickslip.control.tuning import margins, models_of, sampled_loop
+from stickslip.control.loops import sampled_loop
+from stickslip.control.tuning import margins, models_of
 from stickslip.estimate.posterior import Posterior
 from stickslip.friction import Coulomb
 from stickslip.simulation.sticking import sticking

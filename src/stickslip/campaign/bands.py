@@ -18,7 +18,7 @@ from ..estimate.quantiles import reach
 from ..estimate.result import Fit
 from ..identify.piezo.left_out import spread
 from ..identify.step.fit import STAGE_PARAMETERS
-from ..identify.step.formulas import step_tests
+from ..identify.step.recorded_step import step_tests
 from ..identify.walk.displacement import Displacement, has_slopes
 from ..identify.walk.other_stages import moved_by
 from ..identify.walk.walks import by_coordinates, by_values, columns_of

@@ -1,4 +1,4 @@
-"""Where the stage of a campaign is from, in words: from steps, from the fit, or taken as known."""
+"""The origin of a campaign's stage in words: steps, the fit of the friction, or taken as known."""
 
 from __future__ import annotations
 

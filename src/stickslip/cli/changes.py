@@ -1,4 +1,4 @@
-"""What --set and its fellows make of a parameter set and of a waveform."""
+"""A parameter set and a waveform with the changes of --set and its fellows."""
 
 from __future__ import annotations
 

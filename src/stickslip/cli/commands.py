@@ -32,6 +32,16 @@ if TYPE_CHECKING:
 
 MOST_SAMPLES = 10_000_000
 
+Changes = Annotated[
+    list[str],
+    typer.Option(
+        "--set",
+        metavar="FIELD=VALUE",
+        autocompletion=completion.changes,
+        help="Change a field: end_effector_mass=0.1kg, friction.sigma_0='1.4 N/um', waveform.offset=5V.",
+    ),
+]
+
 
 @app.command()
 def simulate(
@@ -69,15 +79,7 @@ def simulate(
             help="Stack that the drive charges: adds current, charge, power, temperature.",
         ),
     ] = "",
-    changes: Annotated[
-        list[str],
-        typer.Option(
-            "--set",
-            metavar="FIELD=VALUE",
-            autocompletion=completion.changes,
-            help="Change a field: end_effector_mass=0.1kg, friction.sigma_0='1.4 N/um', waveform.offset=5V.",
-        ),
-    ] = [],  # noqa: B006  # typer copies it
+    changes: Changes = [],  # noqa: B006  # typer copies it
     out: Out = Path("out/simulate"),
     show_traceback: Traceback = False,
 ) -> None:

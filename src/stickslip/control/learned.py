@@ -105,7 +105,7 @@ class Learnt:
         rate): see the module. It converges where the greatest is below 1.
 
         Args:
-            loop: of `control.tuning.sampled_loop`.
+            loop: of `control.loops.sampled_loop`.
             frequencies: Hz.
         """
         known = loop.frequencies

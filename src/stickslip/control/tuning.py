@@ -26,12 +26,7 @@ from ..records import Quantity, record
 from ..simulation.sticking import sticking
 from ..units import unit_for, with_prefix
 from .blocks import RATE, LowPass, Notch, Pid, Regulator
-from .loops import Loop as Loop
-from .loops import OpenLoop, crossings
-from .loops import closed_loop as closed_loop
-from .loops import grid as grid
-from .loops import sampled_loop as sampled_loop
-from .loops import step_response as step_response
+from .loops import Loop, OpenLoop, crossings, sampled_loop
 
 _MEMBERS = 40  # of a posterior
 

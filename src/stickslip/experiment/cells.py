@@ -7,7 +7,7 @@ import itertools
 import json
 import re
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -80,22 +80,25 @@ def cells(
             count *= len(values)
         if count + len(found) > MOST_CELLS:
             raise QuantityError(f"{run.name}: the matrix has more than {MOST_CELLS} recordings")
-        for values in itertools.product(*run.matrix.values()):
-            axes = dict(zip(run.matrix, values, strict=True))
-            for repeat in range(1, run.repeats + 1):
-                try:
-                    cell = _cell(file, run, axes, repeat, channels, folder, laboratory, read, repeats)
-                except (ValueError, RigError) as error:
-                    shown = "".join(f", {axis} = {value}" for axis, value in axes.items())
-                    kind = type(error) if isinstance(error, RigError) else QuantityError
-                    raise kind(f"run {run.name!r}{shown}: {error}") from None
-                if cell.name in found:
-                    raise QuantityError(
-                        f"two recordings would be called {cell.name}: give the runs other names"
-                    )
-                found[cell.name] = cell
-                repeats = repeats._replace(number=repeats.number + int(cell.capture.average))
+        for axes, repeat in _asked(run):
+            try:
+                cell = _cell(file, run, axes, repeat, channels, folder, laboratory, read, repeats)
+            except (ValueError, RigError) as error:
+                shown = "".join(f", {axis} = {value}" for axis, value in axes.items())
+                kind = type(error) if isinstance(error, RigError) else QuantityError
+                raise kind(f"run {run.name!r}{shown}: {error}") from None
+            if cell.name in found:
+                raise QuantityError(f"two recordings would be called {cell.name}: give the runs other names")
+            found[cell.name] = cell
+            repeats = repeats._replace(number=repeats.number + int(cell.capture.average))
     return list(found.values())
+
+
+def _asked(run: RunSpec) -> Iterator[tuple[dict[str, float | str], int]]:
+    """The values and the number of each recording of a run, in order."""
+    for values in itertools.product(*run.matrix.values()):
+        for repeat in range(1, run.repeats + 1):
+            yield dict(zip(run.matrix, values, strict=True)), repeat
 
 
 def _cell(
@@ -144,12 +147,7 @@ def _cell(
 def cell_names(file: ExperimentFile) -> list[str]:
     """Names of the recordings that a file asks for, in order, without a look at rig, actuator or drives; of
     more than `MOST_CELLS`, which `cells` refuses, the first."""
-    names = (
-        _name(run, dict(zip(run.matrix, values, strict=True)), repeat)
-        for run in file.runs
-        for values in itertools.product(*run.matrix.values())
-        for repeat in range(1, run.repeats + 1)
-    )
+    names = (_name(run, axes, repeat) for run in file.runs for axes, repeat in _asked(run))
     return list(itertools.islice(names, MOST_CELLS))
 
 

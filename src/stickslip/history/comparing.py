@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 
-from ..readers.inspection import Inspection
+from ..readers.inspection import drive_begins
 from ..recording import RecordingError
 
 TRIGGER, DRIVE = "trigger", "begin of the drive"  # what a clock may begin at, the better first
@@ -83,7 +82,7 @@ def _events(recording: xr.Dataset) -> dict[str, float]:
     capture = _capture(recording)
     before, triggered = capture.get("pre_trigger", 0.0), bool(capture.get("trigger"))
     found = {TRIGGER: float(before)} if triggered else {}
-    begins = Inspection(Path(), "", False, [], {}, {}, recording, "").drive_begins
+    begins = drive_begins(recording)
     if begins is None and capture and not triggered:
         begins = before  # by the capture's own words, see `rig.Capture`
     if begins is None and ("model" in recording.attrs or recording.attrs.get("source") == "simulation"):

@@ -1,4 +1,4 @@
-"""What differs between runs in the words of a page: names that are read, and the units of the numbers."""
+"""Differences between runs in the words of a page: names that are read, and the units of the numbers."""
 
 from __future__ import annotations
 

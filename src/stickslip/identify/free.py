@@ -91,8 +91,7 @@ def said_of(
         QuantityError: a `Parameter` is in another unit than the model has it in, has one bound only, or is
             said of beside it.
     """
-    if isinstance(free, str):
-        raise QuantityError(f"free = {free!r} must be a list of names, of {', '.join(known.names)}")
+    _check_list(free, known.names)
     said = Said([], dict(bounds or {}), dict(priors or {}), dict(tied or {}), {})
     for one in free:
         if isinstance(one, Parameter):
@@ -219,8 +218,7 @@ def given_bounds(bounds: Bounds, name: str, unit: str) -> tuple[float, float] | 
 
 def check_names(free: Sequence[str], known: Sequence[str], bounds: Bounds) -> None:
     """Raise `QuantityError` unless every free name is known and there once, and every bound is of one."""
-    if not free or isinstance(free, str):
-        raise QuantityError(f"free = {free!r} must be a list of names, of {', '.join(known)}")
+    _check_list(free, known)
     for name in free:
         if name not in known:
             hint = did_you_mean(name, known)
@@ -230,3 +228,8 @@ def check_names(free: Sequence[str], known: Sequence[str], bounds: Bounds) -> No
     for name in bounds:
         if name not in free:
             raise QuantityError(f"there are bounds for {name!r}, which is not free{did_you_mean(name, free)}")
+
+
+def _check_list(free: Sequence[str | Parameter], known: Sequence[str]) -> None:
+    if not free or isinstance(free, str):
+        raise QuantityError(f"free = {free!r} must be a list of names, of {', '.join(known)}")

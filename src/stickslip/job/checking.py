@@ -1,4 +1,4 @@
-"""What a job needs besides its own words: files that are there or will be made, models, limits with units."""
+"""Checks of a job beforehand: files that are there or will be made, models, limits with units."""
 
 from __future__ import annotations
 

@@ -22,9 +22,8 @@ _ADVICE = (
     ),
     (re.compile(r"[^.:]*\brows=.*", re.DOTALL), " Tick “Take only the complete rows” to go on without it."),
 )
-_ALL = (
-    2**40
-)  # rows, more than any file has: with an end, a reader takes what is there of a file that is cut off
+# Rows, more than any file has: with an end, a reader takes what is there of a file that is cut off.
+_ALL = 2**40
 
 
 def preview(path: Path) -> dict[str, Any]:

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from ..actuator import Actuator
 from ..control import LowPass, Pid, Regulator, Stepping, StepSizes, Tuning, check_margins, commanded, tune
-from ..control.tuning import Loop, margins, models_of, sampled_loop, step_response
+from ..control.loops import Loop, sampled_loop, step_response
+from ..control.tuning import margins, models_of
 from ..experiment.cells import Cell, cells
 from ..experiment.file import ExperimentFile
 from ..experiment.laboratory import PlanningLaboratory

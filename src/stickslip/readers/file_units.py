@@ -15,7 +15,7 @@ from ..units import QuantityError
 from .source import FileChannel
 
 # What files mean by a unit, as the parser spells it.
-_MEANT = {"Mil": "thou", "MIL": "thou", "Mils": "thou", "pct": "percent"}
+_MEANT = {"MIL": "thou", "pct": "percent"}
 _MEANT |= {"rev": "turn", "revs": "turn", "gon": "grad", "cycle": "", "cycles": ""}
 _MIL = re.compile(r"\b[mM]ils?\b")
 # What files do not agree about, with what it may be.
@@ -66,11 +66,7 @@ def to_si_scale(text: str) -> Conversion:
 
 def is_unit(text: str) -> bool:
     """Whether `to_si_unit` knows the unit."""
-    try:
-        to_si_unit(text)
-    except QuantityError:
-        return False
-    return True
+    return conversion.is_unit(text, to_si_unit)
 
 
 def is_unit_of(name: str, text: str) -> bool:

@@ -24,6 +24,23 @@ MOVED, STILL = 0.02, 1e-4
 ROUNDED = 1e-6  # of an interval: what a time may be off by rounding
 
 
+def drive_begins(recording: xr.Dataset) -> float | None:
+    """Time of the last sample before the drive of a recording changes, s; None without a drive, or where it
+    never does."""
+    if "drive_voltage" not in recording:
+        return None
+    drive = recording["drive_voltage"].values
+    moved = np.flatnonzero(np.abs(drive - drive[0]) > MOVED * np.ptp(drive))
+    if not moved.size or moved[0] < 2:
+        return None
+    rest = drive[: moved[0] // 2 + 1]
+    if np.ptp(rest) > MOVED / 4 * np.ptp(drive):  # it moved from the start
+        return None
+    noise = max(6.0 * float(np.std(rest)), STILL * float(np.ptp(drive)))
+    still = np.flatnonzero(np.abs(drive[: moved[0]] - np.mean(rest)) <= noise)
+    return float(recording["time"].values[still[-1]]) if still.size else None
+
+
 class Inspection(NamedTuple):
     """What `inspect_file` found.
 
@@ -59,18 +76,7 @@ class Inspection(NamedTuple):
     def drive_begins(self) -> float | None:
         """Time of the last sample before the drive changes, s; None without a drive, or where it never
         does."""
-        if self.recording is None or "drive_voltage" not in self.recording:
-            return None
-        drive = self.recording["drive_voltage"].values
-        moved = np.flatnonzero(np.abs(drive - drive[0]) > MOVED * np.ptp(drive))
-        if not moved.size or moved[0] < 2:
-            return None
-        rest = drive[: moved[0] // 2 + 1]
-        if np.ptp(rest) > MOVED / 4 * np.ptp(drive):  # it moved from the start
-            return None
-        noise = max(6.0 * float(np.std(rest)), STILL * float(np.ptp(drive)))
-        still = np.flatnonzero(np.abs(drive[: moved[0]] - np.mean(rest)) <= noise)
-        return float(self.recording["time"].values[still[-1]]) if still.size else None
+        return None if self.recording is None else drive_begins(self.recording)
 
     def noise(self, name: str) -> float:
         """Standard deviation of a channel before the drive begins, in its unit; NaN for fewer than 20

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from functools import cache
 from typing import NamedTuple
 
@@ -91,10 +92,10 @@ def _targets(unit: str) -> tuple[str, ...]:
     return tuple(target for target in SI_UNITS if target not in ("Hz", "rad"))
 
 
-def is_unit(text: str) -> bool:
-    """Whether `to_si_unit` knows the unit."""
+def is_unit(text: str, convert: Callable[[str], Conversion] = to_si_unit) -> bool:
+    """Whether `to_si_unit`, or what else converts, knows the unit."""
     try:
-        to_si_unit(text)
+        convert(text)
     except QuantityError:
         return False
     return True

@@ -1,4 +1,4 @@
-"""Whether this program drives a rig just now: then it must not be torn out of what it does."""
+"""A mark that this program drives a rig just now: then it must not be torn out of what it does."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a file that is written says of recordings: their entries, with columns and units."""
+"""Entries of recordings in a file that is written, with columns and units."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from .. import _jit
 from .._version import __version__
 from ..registry import origin
 from .own import OwnFunction, content_hash
-from .points import Grid
+from .points import Grid, Part, Random
 
 # Longer lists are said by their hash.
 SHOWN = 64
@@ -35,12 +35,9 @@ def described(study: Any) -> dict[str, Any]:
 def _order(points: Any) -> list[list[str]]:
     """The names of each part in their order: that of a grid's dimensions, and of the columns that a random
     design is dealt to. `identity` sorts what is by name, and would take another order for the same study."""
-    parts = [points] if is_dataclass(points) else points
-    return [list(by_name) for part in parts if (by_name := _ordered(part))]
-
-
-def _ordered(part: Any) -> Mapping[str, Any]:
-    return getattr(part, "ranges", None) or (part.values if isinstance(part, Grid) else {})
+    parts = [points] if isinstance(points, Part) else points
+    ordered = [part for part in parts if isinstance(part, Grid | Random)]
+    return [list(part.values if isinstance(part, Grid) else part.ranges) for part in ordered]
 
 
 def identity(description: Mapping[str, Any]) -> str:

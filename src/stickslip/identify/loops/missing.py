@@ -1,4 +1,4 @@
-"""What a fit of friction loops leaves, and which term that the model does not have would explain it.
+"""Residuals of a fit of friction loops, and the missing term of the model that would explain them.
 
 Loops that are measured leave more than their white noise whatever the law: two Maxwell elements leave 75
 times as much of the tribometer's [christopherson2021], 1.4 % of the range of its force, Dahl's law 5 %. So no

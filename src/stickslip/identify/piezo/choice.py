@@ -148,9 +148,13 @@ def _lasting(observed: Sequence[Observed], choice: Choice, lasts: float) -> Choi
         f"creep is by terms from {CREEP_BEGINS:g} s to {end:.3g} s; by those to {other:.3g} s, which leave "
         f"more, it would be {creep:.3g} per decade, and the interval is not for that"
     )
+    choice = choice._replace(remarks=(*choice.remarks, said))
+    if grid is choice.grid:
+        return choice
     parts = [columns(one, choice.late.timing, grid) for one in observed]
-    score = cross_validated(parts, [one.position for one in observed], grid, FOLDS)
-    return choice._replace(grid=grid, score=score, remarks=(*choice.remarks, said))
+    return choice._replace(
+        grid=grid, score=cross_validated(parts, [one.position for one in observed], grid, FOLDS)
+    )
 
 
 def _rests(one: Observed) -> bool:

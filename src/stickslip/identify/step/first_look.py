@@ -1,4 +1,4 @@
-"""What a step response looks like before it is fitted: frequency, damping and delay, and the times they make.
+"""A first estimate of a step response before it is fitted: frequency, damping and delay.
 
 Nothing is known of the stage. The time in which the response crosses its middle half says roughly how fast it
 is, its spectrum where it rings; of second-order responses about there, the nearest is taken.
