@@ -74,9 +74,7 @@ def test_a_wrong_law_is_noticed_and_the_right_one_is_named(tmp_path: Path) -> No
     law = KANG.friction
     f, k = law.coulomb_force, law.sigma_0
     true = ss.Elastoplastic(0.5 * k, law.sigma_1, 0.0, f, f, 1.4 * f / k)
-    done, results = run(
-        tmp_path, KANG.replace(friction=true), model_choice=["LuGre", "Dahl", "Elastoplastic"]
-    )
+    done, results = run(tmp_path, KANG.replace(friction=true), model_choice=["LuGre", "Elastoplastic"])
     assert done.exit_code == 1
     assert "the model does not explain walk_" in done.stderr
     assert "x the noise" in done.stderr
@@ -89,7 +87,8 @@ def test_a_wrong_law_is_noticed_and_the_right_one_is_named(tmp_path: Path) -> No
 def test_a_contact_that_cannot_slide_fails(tmp_path: Path) -> None:
     """Whatever damping its bristle has."""
     friction = {"coulomb_force": 20.0, "stiction_force": 20.0}
-    done, results = run(tmp_path, KANG, hops=0, free=["sigma_1"], friction=friction)
+    few = ["LuGre", "Dahl"]  # no law explains it: to compare all of them takes long
+    done, results = run(tmp_path, KANG, hops=0, free=["sigma_1"], friction=friction, model_choice=few)
     assert results["numbers"]["friction"]["r_squared"]["value"] < 0.5
     assert done.exit_code == 1
     assert results["failures"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -112,7 +112,7 @@ def moved(
     contact: Contact = REFERENCE,
     waveform: Waveform | None = None,
     end: float = 0.0,
-    slipping: Iterable[int] = (),
+    slipping: Collection[int] = (),
     settled: bool = False,
 ) -> Moved:
     """Neighbours of a model in the state given; with `before`, each rests under that drive by itself. With a
@@ -152,11 +152,15 @@ def moved(
             step = DIFFERENCE * (abs(value) or 1.0)
             # Unchecked, for it may step over a bound of its field by a millionth.
             fields, changed = changed_fields(model, {name: value + step})
-            changed["friction"] = tuple.__new__(type(model.friction), fields.values())
-            other = contact.system(tuple.__new__(Actuator, (model._asdict() | changed).values()))
+            law = tuple.__new__(type(model.friction), fields.values())
+            if changed:
+                changed = {**model._asdict(), **changed, "friction": law}
+                other = contact.system(tuple.__new__(Actuator, changed.values()))
+            elif not of.clamped:
+                other = _with_law(of, law)
             if before is not None:
                 own = contact.rest(other, before)
-            for row, one in internal(other):
+            for row, one in internal(other) if slipping else ():
                 if row in slipping:
                     own[row] = project(one, 1e3 * own[row])
         values.append(values_of(other.plant)[0])
@@ -178,6 +182,12 @@ def moved(
         breaks,
         itself,
     )
+
+
+def _with_law(of: System, law: Any) -> System:
+    """The same with another law of its type in the contact."""
+    contact, *others = of.plant.elements
+    return of._replace(plant=of.plant._replace(elements=(contact._replace(law=law), *others)))
 
 
 def follow_moved(
