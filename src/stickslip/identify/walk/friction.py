@@ -45,6 +45,7 @@ from ..recorded.known_noise import known_noise, said_unjudged
 from .displacement import Displacement, has_slopes
 from .first_guess import beginning, first_guess
 from .needed import asked_for, said_free, said_kept, shown_at_rest
+from .phases import with_other_phases
 from .position_channel import CHANNEL, OBSERVED, of_channel, walked, warn_of_unseen_slips
 from .prediction import Predictor
 from .reaction import with_reaction_asked
@@ -310,10 +311,11 @@ def _searched(
     if hops and not (_white(fit) and not any(one.seen for one in fit.lack)):
         parameters, guesses = guessed(found[most], PARTS)  # the beginning may not tell minima apart
         fit = lowest([fit, from_points(walks, parameters, guesses, bounds, max_evaluations)])
-    parameters = list(fit.parameters)
+    fit = with_other_phases(fit, walks, max_evaluations) if hops else fit
     if starts > 1 or (hops and not _white(fit)):
-        straight = straightened(parameters, fit.values)
+        straight = straightened(fit.parameters, fit.values)
         fit = lowest([fit, walks.fit(straight, max_evaluations=max_evaluations, starts=starts, hops=hops)])
+        fit = with_other_phases(fit, walks, max_evaluations) if hops else fit
     return fit
 
 

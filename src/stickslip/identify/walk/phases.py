@@ -1,0 +1,113 @@
+r"""Searches at the stiffnesses beside that of a fit at which the contact rings on alike.
+
+Between two jumps of the drive the contact rings at f = sqrt(k / m) / (2 pi), for n cycles:
+
+.. math:: n = \min\left(f T, \; \frac{R}{2 \pi \zeta_c}\right), \qquad
+    \zeta_c = \frac{\sigma_1 + \sigma_2}{2 \sqrt{k m}}
+
+(k the contact's stiffness, m the end-effector's mass, T from jump to jump). A model that rings one cycle more
+or less meets the next jump in the same phase, and nearly the same velocity: of a contact that is hardly
+damped the sum of squares has a local minimum every 2 / n of its stiffness, as a periodogram has lines.
+Searches from afar end in any of them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...actuator import Actuator
+from ...estimate.minima import still_fits
+from ...estimate.result import Fit
+from ...estimate.several import lowest
+from ...units import turned
+from ...waveform.drive import evaluate
+from ..free import value_of
+from ..recorded.channels import edges
+from .displacement import Displacement
+from .several import straightened
+from .walks import Walks
+
+# Of the amplitude, the part of a decay that noise lets see, as a power of e; with fewer cycles, minima are so
+# far apart that the searches from several points find them all.
+SEEN, FEWEST = 3.0, 4.0
+# Searches stand half a minimum apart, up to so many on each side and to this logarithm of the stiffness, and
+# take few evaluations; anew where one led lower, at most so often.
+RUNGS, REACH, LOOK, CLIMBS = 12, 0.5, 5, 4
+# Of what they found, so many are searched to their ends: chi-squared may fall by so much on the way.
+FOLLOWED, LEADS = 2, 20.0
+STIFFNESS = ("N/m", turned("N/m"))
+
+
+def cycles(model: Actuator, stiffness: float, motions: Sequence[Displacement]) -> float:
+    """How often the contact rings between two jumps of the drive, as far as one sees it; 0 without jumps."""
+    gaps = []
+    for motion in motions:
+        jumps = np.flatnonzero(np.diff(edges(evaluate(motion.drive, motion.time)[0]).astype(int)) == 1)
+        gaps.extend(np.diff(motion.time[jumps]))
+    if not gaps:
+        return 0.0
+    omega = math.sqrt(stiffness / model.end_effector_mass)
+    law = model.friction
+    damping = sum(getattr(law, name, 0.0) for name in ("sigma_1", "sigma_2"))
+    decay = damping / (2.0 * model.end_effector_mass * omega)
+    whole = omega * float(np.median(gaps)) / (2.0 * math.pi)
+    return whole if decay * whole * 2.0 * math.pi < SEEN else SEEN / (2.0 * math.pi * decay)
+
+
+def with_other_phases(fit: Fit, walks: Walks, max_evaluations: int) -> Fit:
+    """The fit, or the one with the lowest sum of squares whose contact rings some cycles more or less; those
+    that the noise does not reject are among its minima.
+
+    Args:
+        fit: of the walks.
+        walks: the recordings.
+        max_evaluations: of a search to its end.
+    """
+    for _ in range(CLIMBS):
+        free = [p.name for p in fit.parameters if p.unit in STIFFNESS]
+        model = walks.varied(fit.values)
+        n = cycles(model, sum(value_of(model, name)[0] for name in free), walks.motions) if free else 0.0
+        if n < FEWEST:
+            break
+        looks = _looks(fit, walks, free, n)
+        apart = [one for one in looks if _far(one, fit, free, 0.5 / n) and _likely(one, fit)]
+        near = sorted(apart, key=lambda one: one.cost)[:FOLLOWED]
+        ends = [
+            walks.fit(straightened(fit.parameters, one.values), max_evaluations=max_evaluations)
+            for one in near
+        ]
+        found = lowest([fit, *ends])
+        moved = _far(found, fit, free, 0.5 / n)
+        fit = found
+        if not moved:
+            break
+    return fit
+
+
+def _looks(fit: Fit, walks: Walks, stiffnesses: Sequence[str], n: float) -> list[Fit]:
+    """Short searches at other stiffnesses, from half a minimum away to `REACH`."""
+    begun = straightened(fit.parameters, fit.values)
+    rungs = range(1, min(RUNGS, math.ceil(REACH * n)) + 1)
+    found = []
+    for factor in (math.exp(sign * k / n) for k in rungs for sign in (1, -1)):
+        there = [
+            p._replace(start=min(max(p.start * factor, p.lower), p.upper)) if p.name in stiffnesses else p
+            for p in begun
+        ]
+        found.append(walks.searched(there, max_evaluations=LOOK))
+    return found
+
+
+def _far(one: Fit, other: Fit, stiffnesses: Sequence[str], least: float) -> bool:
+    """Whether two stiffnesses differ by more than this [logarithm]."""
+    sums = [sum(fit.values[name] for name in stiffnesses) for fit in (one, other)]
+    return abs(math.log(sums[0] / sums[1])) > least
+
+
+def _likely(look: Fit, fit: Fit) -> bool:
+    """Whether a search that has begun may end where the noise does not reject it."""
+    variance = 1.0 if fit.noise_known else fit.cost / fit.degrees_of_freedom
+    return variance > 0.0 and still_fits((look.cost - fit.cost) / variance - LEADS, len(fit.parameters))
