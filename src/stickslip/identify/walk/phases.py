@@ -1,14 +1,13 @@
 r"""Searches at the stiffnesses beside that of a fit at which the contact rings on alike.
 
-Between two jumps of the drive the contact rings at f = sqrt(k / m) / (2 pi), for n cycles:
+From one jump of the drive to the next, T later, the contact rings for n cycles, and decays:
 
-.. math:: n = \min\left(f T, \; \frac{R}{2 \pi \zeta_c}\right), \qquad
-    \zeta_c = \frac{\sigma_1 + \sigma_2}{2 \sqrt{k m}}
+.. math:: n = \frac{T}{2 \pi} \sqrt{k / m}, \qquad
+    \exp(-2 \pi \zeta_c n), \quad \zeta_c = \frac{\sigma_1 + \sigma_2}{2 \sqrt{k m}}
 
-(k the contact's stiffness, m the end-effector's mass, T from jump to jump). A model that rings one cycle more
-or less meets the next jump in the same phase, and nearly the same velocity: of a contact that is hardly
-damped the sum of squares has a local minimum every 2 / n of its stiffness, as a periodogram has lines.
-Searches from afar end in any of them.
+(k the contact's stiffness, m the end-effector's mass). Where it still rings, a model with one cycle more
+or less meets the jump in the same phase: the sum of squares has a local minimum every 2 / n of the stiffness,
+as a periodogram has lines, and searches from afar end in any of them.
 """
 
 from __future__ import annotations
@@ -30,9 +29,9 @@ from .displacement import Displacement
 from .several import straightened
 from .walks import Walks
 
-# Of the amplitude, the part of a decay that noise lets see, as a power of e; with fewer cycles, minima are so
-# far apart that the searches from several points find them all.
-SEEN, FEWEST = 3.0, 4.0
+# A decay by this power of e leaves no phase for the next jump to meet; with fewer cycles, minima are so far
+# apart that the searches from several points find them all.
+GONE, FEWEST = 3.0, 4.0
 # Searches stand half a minimum apart, up to so many on each side and to this logarithm of the stiffness, and
 # take few evaluations; anew where one led lower, at most so often.
 RUNGS, REACH, LOOK, CLIMBS = 12, 0.5, 5, 4
@@ -42,19 +41,17 @@ STIFFNESS = ("N/m", turned("N/m"))
 
 
 def cycles(model: Actuator, stiffness: float, motions: Sequence[Displacement]) -> float:
-    """How often the contact rings between two jumps of the drive, as far as one sees it; 0 without jumps."""
+    """How often the contact rings from jump to jump of the drive; 0 where it rings down before, or never."""
     gaps = []
     for motion in motions:
         jumps = np.flatnonzero(np.diff(edges(evaluate(motion.drive, motion.time)[0]).astype(int)) == 1)
         gaps.extend(np.diff(motion.time[jumps]))
     if not gaps:
         return 0.0
-    omega = math.sqrt(stiffness / model.end_effector_mass)
-    law = model.friction
+    gap, law = float(np.median(gaps)), model.friction
     damping = sum(getattr(law, name, 0.0) for name in ("sigma_1", "sigma_2"))
-    decay = damping / (2.0 * model.end_effector_mass * omega)
-    whole = omega * float(np.median(gaps)) / (2.0 * math.pi)
-    return whole if decay * whole * 2.0 * math.pi < SEEN else SEEN / (2.0 * math.pi * decay)
+    rings_down = 0.5 * damping / model.end_effector_mass * gap > GONE
+    return 0.0 if rings_down else gap * math.sqrt(stiffness / model.end_effector_mass) / (2.0 * math.pi)
 
 
 def with_other_phases(fit: Fit, walks: Walks, max_evaluations: int) -> Fit:
