@@ -153,7 +153,8 @@ def check_margins(
         MarginError: the loop is unstable on one of them, or keeps less than is required.
         QuantityError: an argument is of another kind; see `simulation.sticking`.
     """
-    of_kind(regulator, Regulator, "regulator"), of_kind(requirement, Requirement, "requirement")
+    of_kind(regulator, Regulator, "regulator")
+    of_kind(requirement, Requirement, "requirement")
     loops = [sampled_loop(one, regulator.rate, delay=delay) for one in models_of(model, posterior)]
     found = margins(regulator, loops)
     wrong = _wrong(found, requirement)
