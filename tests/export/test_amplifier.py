@@ -38,10 +38,11 @@ class Driven(NamedTuple):
         return (volts - self.amplifier.offset) / self.amplifier.gain
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_walk_begins_and_goes_as_the_solvers(seed: int, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("seed", "bandwidth"), [(0, None), (1, None), (2, None), (3, np.inf)])
+def test_walk_begins_and_goes_as_the_solvers(seed: int, bandwidth: float | None, tmp_path: Path) -> None:
     """From a voltage at the piezo that is not the input's number; within 1 % of the walk, in float, too."""
     of, random = Driven.of(seed), np.random.default_rng(seed)
+    of = of._replace(amplifier=of.amplifier._replace(bandwidth=bandwidth or of.amplifier.bandwidth))
     base, height = random.uniform(0.0, 25.0), random.uniform(30.0, 60.0)
     asked = ss.Sawtooth(height, 20.0, periods=4, offset=base)
     given = ss.Sawtooth(height / of.amplifier.gain, 20.0, periods=4, offset=of.input(base))

@@ -29,7 +29,7 @@ def amplifier_after(amplifier, capacitance, wanted, now, h):
     if abs(gap) > slew * tau:
         ramp = min((abs(gap) - slew * tau) / slew, h)
         gap -= math.copysign(slew * ramp, gap)
-    return target - gap * math.exp((ramp - h) / tau)
+    return target - gap * (math.exp((ramp - h) / tau) if ramp < h else 1.0)  # tau may be 0
 
 
 def sensor_after(sensor, position, now, h):
