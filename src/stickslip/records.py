@@ -132,6 +132,15 @@ def sequences(record_type: type) -> frozenset[str]:
     return frozenset(name for name, field in _fields_with_quantity(record_type).items() if field.sequence)
 
 
+def of_kind(value: Any, kind: Any, field: str) -> Any:
+    """The value; raises QuantityError, which names the field, where it is of none of the kinds: a type, or
+    several (``LowPass | None``)."""
+    if isinstance(value, kind):
+        return value
+    names = ["None" if one is NoneType else one.__name__ for one in get_args(kind) or (kind,)]
+    raise QuantityError(f"{field} = {value!r:.60} must be {' or '.join(names)}")
+
+
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """A hint at the end of an error about an unknown name; empty where nothing known looks like it."""
     close = get_close_matches(word, list(known), n=1)

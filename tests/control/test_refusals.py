@@ -8,12 +8,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from stickslip.actuator import load_actuator
 from stickslip.control import (
+    Estimator,
     Learnt,
     Mover,
     NoiseShaped,
+    Notch,
     Oscillation,
     Pid,
     PiezoInverse,
@@ -21,15 +24,21 @@ from stickslip.control import (
     Relay,
     Shaper,
     Slip,
+    StepModel,
     Stepping,
     StepSizes,
+    check_margins,
+    settling,
     simulate_control,
+    tune,
 )
 from stickslip.units import QuantityError
 
 KANG, BENT = load_actuator("kang2007"), load_actuator("kang2007-hysteresis")
 RATE = 20e3
 MADE = Regulator(Pid(1e7), RATE)
+UNLIMITED = Regulator(Pid(1e7), RATE, min_voltage=-math.inf, max_voltage=math.inf)
+STEPS = StepModel(1e-6, 1e-6, scatter=1e-8)
 TABLE = StepSizes((30.0, 65.0), (1e-6, 3e-6), (1e-6, 3e-6))
 
 
@@ -66,11 +75,45 @@ def relay(**how: Any) -> Relay:
         (lambda: Mover(Stepping(), TABLE, MADE, KANG.gain, unit="mm"), r"Mover\.unit = 'mm'"),
         (lambda: NoiseShaped(MADE, math.inf), "step = inf V is not finite"),
         (lambda: NoiseShaped(MADE, math.nan), "step = nan V is not finite"),
+        (lambda: tune(KANG, RATE, {"phase_margin": 1.0}), "requirement = .* must be Requirement"),  # type: ignore[arg-type]
+        (lambda: check_margins(5.0, KANG), r"regulator = 5\.0 must be Regulator"),  # type: ignore[arg-type]
+        (lambda: check_margins(MADE, KANG, 5.0), r"requirement = 5\.0 must be Requirement"),  # type: ignore[arg-type]
+        (lambda: Regulator(5.0, RATE), r"Regulator\.pid = 5\.0 must be Pid"),  # type: ignore[arg-type]
+        (lambda: Regulator(Pid(1.0), RATE, notches=Notch(500.0)), r"notches\[0\] = 500\.0 must be Notch"),  # type: ignore[arg-type]
+        (lambda: Regulator(Pid(1.0), RATE, notches=500.0), r"notches = 500\.0 must be tuple or list"),  # type: ignore[arg-type]
+        (lambda: Regulator(Pid(1.0), RATE, low_pass=500.0), r"low_pass = 500\.0 must be LowPass or None"),  # type: ignore[arg-type]
+        (lambda: Mover(65.0, TABLE, MADE, KANG.gain), r"Mover\.walk = 65\.0 must be Stepping"),  # type: ignore[arg-type]
+        (lambda: Mover(Stepping(), [1.0], MADE, KANG.gain), r"Mover\.table = \[1\.0\] must be StepSizes"),  # type: ignore[arg-type]
+        (
+            lambda: Mover(Stepping(), TABLE, tune(KANG, RATE), KANG.gain),
+            r"Mover\.regulator = .*\n?.* must be Regulator",
+        ),  # type: ignore[arg-type]
+        (lambda: Mover(Stepping(), TABLE, MADE, KANG.gain, slip=3), r"Mover\.slip = 3 must be Slip or None"),  # type: ignore[arg-type]
+        (
+            lambda: Mover(Stepping(), TABLE, UNLIMITED, KANG.gain),
+            "from -inf V to inf V: the piezo's range is finite",
+        ),
+        (lambda: simulate_control(KANG, None, "1 um", "1 ms"), "controller = None must have step"),  # type: ignore[arg-type]
+        (lambda: simulate_control(KANG, MADE, "1 um", "1e12 s"), "duration = 1e.12 s .* at most 100000000"),
+        (lambda: Estimator(KANG), r"Estimator\.model = .* must be StepModel"),  # type: ignore[arg-type]
+        (lambda: Estimator(STEPS).band("95 nm"), "level = '95 nm' has the unit 'nm'"),
+        (lambda: Learnt(5, 100), r"Learnt\.regulator = 5 must be Regulator"),  # type: ignore[arg-type]
+        (lambda: PiezoInverse(BENT, RATE).follow(math.nan), "volts = nan V is not finite"),
+        (
+            lambda: settling(xr.Dataset({"drive_voltage": ("time", [0.0])}), 0.0),
+            "no end_effector_position; it has drive",
+        ),
     ],
 )
 def test_refused(make: Callable[[], Any], said: str) -> None:
     with pytest.raises(QuantityError, match=said):
         make()
+
+
+def test_a_probability_in_percent_will_do() -> None:
+    one = Estimator(STEPS)
+    one.stepped(1, 100)
+    assert one.band("95 %") == one.band(0.95) != one.band(0.9)
 
 
 def test_whole_numbers_of_numpy_will_do() -> None:

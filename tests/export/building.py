@@ -12,7 +12,9 @@ import numpy as np
 
 from stickslip.export import export_c
 
-WARNINGS = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror"]
+WARNINGS = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wsign-conversion", "-Wshadow"]
+WARNINGS += ["-Wdouble-promotion", "-Werror"]
+SANITIZED = ["-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
 # gcc must be there; what else is there is used too.
 COMPILERS = ["gcc", *filter(shutil.which, ["clang"])]
 ARM_COMPILERS = [*filter(shutil.which, ["arm-none-eabi-gcc"])]
@@ -50,6 +52,15 @@ def output(program: Path, *arguments: str, text: str = "") -> str:
 
 def walk(source: Any, folder: Path, *flags: str, **options: Any) -> np.ndarray:
     """The walk of the example program, as columns by name."""
+    return _example("walk", source, folder, *flags, **options)
+
+
+def scan(source: Any, folder: Path, *flags: str, **options: Any) -> np.ndarray:
+    """The wanted motion and that of the example program of the feedforward, as columns by name."""
+    return _example("scan", source, folder, *flags, **options)
+
+
+def _example(name: str, source: Any, folder: Path, *flags: str, **options: Any) -> np.ndarray:
     export_c(source, folder, **options)
-    program = compiled(folder, folder / "host" / "walk.c", *(flags or ("-O2",)))
+    program = compiled(folder, folder / "host" / f"{name}.c", *(flags or ("-O2",)))
     return np.genfromtxt(io.StringIO(output(program)), delimiter=",", names=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from stickslip import load_actuator
@@ -35,9 +36,18 @@ def test_arguments_of_another_kind(given: dict[str, Any], said: str, tmp_path: P
     assert not list(tmp_path.iterdir())
 
 
-def test_a_motion_that_is_no_waveform(tmp_path: Path) -> None:
-    with pytest.raises(QuantityError, match="the wanted motion is in m; motion = 3 is not"):
-        export_c(KANG, tmp_path / "c", motion=3)  # type: ignore[arg-type]
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"motion": 3}, "the wanted motion is in m; motion = 3 is not"),
+        ({"motion": np.zeros(4)}, "the wanted motion is in m; motion = array"),
+        ({"waveform": 3}, "waveform = 3 is no waveform, such as Sawtooth"),
+        ({"waveform": np.zeros(4)}, "waveform = array.* is no waveform"),
+    ],
+)
+def test_what_is_no_waveform(given: dict[str, Any], said: str, tmp_path: Path) -> None:
+    with pytest.raises(QuantityError, match=said):
+        export_c(KANG, tmp_path / "c", **given)
     assert not list(tmp_path.iterdir())
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 from typing import Any
 
@@ -11,10 +10,11 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from export.building import compiled, output, walk
-from stickslip.export import ExportError, export_c, export_fmu
+from export.building import SANITIZED, scan, walk
+from stickslip.electronics import Amplifier
+from stickslip.export import ExportError, export_fmu
 from stickslip.identify.results import model_numbers
-from stickslip.piezo import BoucWen, Creep, Piezo, PrandtlIshlinskii
+from stickslip.piezo import BoucWen, Creep, MaxwellCapacitor, Piezo, PrandtlIshlinskii
 
 BENT = ss.load_actuator("kang2007-hysteresis")
 DRIVE = ss.Sawtooth(65.0, 20.0, periods=4)
@@ -60,16 +60,61 @@ def test_creep_goes_on_in_single_precision(tmp_path: Any) -> None:
 def test_feedforward_undoes_it(tmp_path: Any) -> None:
     """The example that scans a sine: off by less than a tenth of what the voltage of a line leaves."""
     motion = ss.Sine(2e-6, 10.0, offset=5e-6, periods=3, unit="m")
-    folder = export_c(BENT, tmp_path / "c", motion=motion)
-    columns = np.genfromtxt(
-        io.StringIO(output(compiled(folder, folder / "host" / "scan.c"))), delimiter=",", names=True
-    )
+    columns = scan(BENT, tmp_path / "c", motion=motion)
     error = columns["end_effector_position"] - columns["wanted_position"]
     later = slice(columns.size // 3, None)
     assert np.std(error[later]) < 5e-9
     wanted, volts = columns["wanted_position"][later], columns["voltage"][later]
     line = np.polynomial.Polynomial.fit(wanted, volts, 1)(wanted)
     assert BENT.gain * np.std(volts - line) > 5e-8
+
+
+def _scanned(seed: int) -> tuple[ss.Actuator, float]:
+    """An actuator with a random piezo, and its stroke at rest at the greatest voltage, m."""
+    random = np.random.default_rng(seed)
+    thresholds, weights = (0.0, *np.sort(random.uniform(2.0, 60.0, 3))), random.uniform(0.05, 0.2, 3)
+    bent = (
+        PrandtlIshlinskii(thresholds, (random.uniform(0.8, 1.0), *weights)),
+        BoucWen(random.uniform(0.1, 0.3), random.uniform(0.01, 0.05), random.uniform(-0.009, 0.009)),
+        None,
+        MaxwellCapacitor.of_plays(
+            PrandtlIshlinskii(thresholds, (0.7, 0.1, 0.1, 0.1)), 1e-6, BENT.gain, BENT.stage_stiffness
+        ),
+    )[seed % 4]
+    creep = None if seed % 4 == 3 else Creep.logarithmic(random.uniform(0.01, 0.03), 0.01, 100.0)
+    model = BENT.replace(piezo=Piezo(bent, creep), max_voltage=random.uniform(100.0, 150.0))
+    rest = ss.simulate(model, ss.Constant(model.max_voltage), 1e-3).stage_position.values
+    return model, float(rest[0])
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_feedforward_begins_at_rest_and_reaches_as_far(seed: int, tmp_path: Any) -> None:
+    """At 90 % of what the greatest voltage reaches, from the first row on; behind an amplifier the same."""
+    model, stroke = _scanned(seed)
+    motion = ss.Sine(0.02 * stroke, 2.0, -np.pi / 2, offset=0.9 * stroke, periods=1, unit="m")
+    found = scan(model, tmp_path / "c", *SANITIZED, motion=motion, step=1e-4)
+    wanted, volts = found["wanted_position"], found["voltage"]
+    assert found["bits"].max() == 0
+    assert np.max(np.abs(found["end_effector_position"] - wanted)) < 2e-3 * np.ptp(wanted)
+    drive = ss.Sampled(found["time"], volts)
+    truth = ss.simulate(model, drive, times=found["time"][:-1], tolerance=1e-10).end_effector_position.values
+    assert np.max(np.abs(truth - wanted[:-1])) < 2e-2 * np.ptp(wanted)  # lines of 5 ms
+    single = scan(model, tmp_path / "f", "-O1", "-DSTICKSLIP_FLOAT", motion=motion, step=1e-4)
+    np.testing.assert_allclose(single["voltage"], volts, rtol=2e-3)
+    amplifier = Amplifier(12.5, -5.0, 1e6, 1e9, 10.0, -20.0, 200.0)
+    behind = scan(
+        model, tmp_path / "a", motion=motion, step=1e-4, amplifier=amplifier, piezo_capacitance=1e-9
+    )
+    np.testing.assert_allclose(12.5 * behind["voltage"] - 5.0, volts, rtol=1e-3)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_feedforward_beyond_reach_is_cut_and_said(seed: int, tmp_path: Any) -> None:
+    model, stroke = _scanned(seed)
+    motion = ss.Sine(0.05 * stroke, 2.0, -np.pi / 2, offset=stroke, periods=1, unit="m")
+    found = scan(model, tmp_path / "c", motion=motion, step=1e-4)
+    assert found["voltage"].max() == pytest.approx(model.max_voltage, rel=1e-8)  # nine digits
+    assert (found["bits"][0], found["bits"][-1]) == (0, 1)
 
 
 def test_it_comes_from_results_and_goes_into_an_fmu(tmp_path: Any) -> None:

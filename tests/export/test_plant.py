@@ -8,7 +8,7 @@ import subprocess
 import numpy as np
 import pytest
 
-from export.building import ARM_COMPILERS, COMPILERS, C, compiled, output, walk
+from export.building import ARM_COMPILERS, COMPILERS, SANITIZED, C, compiled, output, walk
 from friction.samples import ALL, name
 from stickslip import PulledSlider, load_actuator, simulate
 from stickslip.electronics import StrainGauge, amplifier_output
@@ -132,8 +132,7 @@ def test_no_warnings(compiler, real, tmp_path) -> None:
 @pytest.mark.parametrize("real", ["double", "float"])
 def test_sanitizers(real, tmp_path) -> None:
     export_c(KANG, tmp_path / "c", waveform=Sawtooth(65, 20, periods=2))
-    flags = ["-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
-    flags += ["-DSTICKSLIP_FLOAT"] if real == "float" else []
+    flags = SANITIZED + (["-DSTICKSLIP_FLOAT"] if real == "float" else [])
     for program in ("walk", "observe", "scan"):
         made = compiled(tmp_path / "c", tmp_path / "c" / "host" / f"{program}.c", *flags)
         assert len(output(made).splitlines()) > 50

@@ -17,7 +17,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..records import Quantity, record
+from ..records import Quantity, of_kind, record
 from ..units import QuantityError, to_si, with_prefix
 from .inverse import RATE as RATE
 from .inverse import PiezoInverse
@@ -133,7 +133,8 @@ class Regulator:
         min_voltage, max_voltage: V.
 
     Raises:
-        QuantityError: a number is out of range, or a filter's frequency beyond half the rate.
+        QuantityError: a number is out of range, a filter's frequency beyond half the rate, or one of them of
+            another kind.
     """
 
     def __init__(
@@ -148,8 +149,11 @@ class Regulator:
         min_voltage: float | str = 0.0,
         max_voltage: float | str = 100.0,
     ) -> None:
-        self.pid, self.rate = pid, RATE.check(rate, "Regulator.rate")
-        self.notches, self.low_pass = tuple(notches), low_pass
+        self.pid = of_kind(pid, Pid, "Regulator.pid")
+        self.rate = RATE.check(rate, "Regulator.rate")
+        listed = enumerate(of_kind(notches, tuple | list, "Regulator.notches"))
+        self.notches = tuple(of_kind(one, Notch, f"Regulator.notches[{i}]") for i, one in listed)
+        self.low_pass = of_kind(low_pass, LowPass | None, "Regulator.low_pass")
         own = isinstance(feedforward, PiezoInverse)
         self.inverse = feedforward if own else None
         self.feedforward = 0.0 if own else _FEEDFORWARD.check(feedforward, "Regulator.feedforward")

@@ -24,7 +24,7 @@ from scipy.stats import norm
 
 from ..actuator import Actuator
 from ..friction import breakaway, element, elements, rate
-from ..records import Quantity, record
+from ..records import Quantity, of_kind, record
 from ..simulation.steady import steady_step
 from ..simulation.strain import strained
 from ..units import QuantityError, to_si, unit_for
@@ -41,6 +41,7 @@ _PROBE, _HALVINGS, _AGREES, _STEP_ERROR = 0.01, 6, 0.01, 1e-10
 _SURPRISE = 5.0
 _AT = Quantity("m", "x", "it")
 _ERROR = Quantity("m", "", "the standard deviation of the position", minimum=0)
+_LEVEL = Quantity("", "", "the probability", above=0, below=1)
 _NOISE = Quantity("m", "", "the standard deviation of what was measured", above=0)
 
 
@@ -121,7 +122,7 @@ class Estimator:
     """
 
     def __init__(self, model: StepModel, position: float | str = 0.0, error: float | str = 0.0) -> None:
-        self.model = model
+        self.model: StepModel = of_kind(model, StepModel, "Estimator.model")
         start, known = _AT.check(position, "position"), _ERROR.check(error, "error")
         self._x = np.array([start, model.forward, model.backward, model.load])
         self._p = np.diag([known**2, model.size_error**2, model.size_error**2, model.load_error**2])
@@ -153,11 +154,9 @@ class Estimator:
         """Standard deviation of the position, m."""
         return math.sqrt(self._p[_POSITION, _POSITION])
 
-    def band(self, level: float = 0.95) -> tuple[float, float]:
-        """Where the position is with a probability, m."""
-        if not 0.0 < level < 1.0:
-            raise QuantityError(f"level = {level:g} must be a share between 0 and 1")
-        half = float(norm.ppf(0.5 + 0.5 * level)) * self.error
+    def band(self, level: float | str = 0.95) -> tuple[float, float]:
+        """Where the position is with a probability, m; raises QuantityError unless that is > 0 and < 1."""
+        half = float(norm.ppf(0.5 + 0.5 * _LEVEL.check(level, "level"))) * self.error
         return self.position - half, self.position + half
 
     def stepped(self, direction: int, count: int = 1) -> None:

@@ -19,6 +19,7 @@ from ..units import QuantityError
 # Of whatever goes by ticks.
 RATE = Quantity("Hz", "f_s", "the rate of the ticks", above=0)
 _REST = Quantity("V", "", "the voltage of rest")
+_PUT_OUT = Quantity("V", "", "the voltage that was put out")
 
 
 class PiezoInverse:
@@ -65,7 +66,9 @@ class PiezoInverse:
         return self._volts
 
     def follow(self, volts: float) -> None:
-        """A tick in which another voltage was put out than `step` gave: the state goes along."""
+        """A tick in which another voltage [V] was put out than `step` gave: the state goes along. Raises
+        QuantityError for one that is not finite."""
+        volts = _PUT_OUT.check(volts, "volts")
         self._given[0], self._given[1] = self._volts, volts
         response(self._operators, self._given, self._plays, self._levels)
         self._volts, moved = volts, float(self._levels[1])

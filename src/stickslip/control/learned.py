@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import binom
 
-from ..records import Quantity
+from ..records import Quantity, of_kind
 from ..units import QuantityError
 from .blocks import Regulator, whole_number
 from .loops import Loop
@@ -50,7 +50,7 @@ class Learnt:
             the next.
 
     Raises:
-        QuantityError: a number is out of range, or no whole one.
+        QuantityError: a number is out of range, or no whole one, or `regulator` is none.
     """
 
     def __init__(
@@ -71,7 +71,8 @@ class Learnt:
             raise QuantityError(
                 f"taps = {taps} must be odd, and {ticks} ticks more than those and lead = {lead}"
             )
-        self.regulator, self.periodic = regulator, periodic
+        self.regulator: Regulator = of_kind(regulator, Regulator, "Learnt.regulator")
+        self.periodic = periodic
         self._lead, self._q = lead, _binomial(taps)
         self.correction: Array = np.zeros(ticks)  # m
         self._errors: Array = np.zeros(ticks)

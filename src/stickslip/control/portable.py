@@ -7,6 +7,7 @@ That holds where doubles are IEEE 754 and products and sums are rounded one by o
 
 from __future__ import annotations
 
+import math
 import os
 from pathlib import Path
 
@@ -20,6 +21,8 @@ _SOURCE = """\
    regulator_begin once, at rest, then regulator_step at each update. SI: V, m (rad). */
 #ifndef STICKSLIP_REGULATOR_H
 #define STICKSLIP_REGULATOR_H
+
+#include <math.h>
 
 typedef struct {{
     double sections[{size}][2]; /* what notches and low-pass keep */
@@ -77,20 +80,25 @@ _DERIVATIVE = """\
 """
 
 
+def _number(value: float) -> str:
+    """As C takes it, to the bit: where there is no limit, infinity."""
+    return float(value).hex() if math.isfinite(value) else f"({'-' if value < 0.0 else ''}INFINITY)"
+
+
 def regulator_source(regulator: Regulator) -> str:
     """The header; raises QuantityError for a regulator with the inverse of a piezo."""
     if regulator.inverse is not None:
         raise QuantityError("a regulator with a PiezoInverse is not translated to C: give it a gain in V/m")
     sections = [section.coefficients for section in regulator.sections]
-    rows = [f"    {{{', '.join(map(float.hex, one))}}}" for one in sections or [(0.0,) * 5]]
+    rows = [f"    {{{', '.join(map(_number, one))}}}" for one in sections or [(0.0,) * 5]]
     pid, fading = regulator.pid, regulator.fading
     derivative = ""
     if pid.derivative:
         derivative = _DERIVATIVE.format(
-            fading=fading.hex(),
-            fresh=(1.0 - fading).hex(),
-            rate=regulator.rate.hex(),
-            kd=float(pid.derivative).hex(),
+            fading=_number(fading),
+            fresh=_number(1.0 - fading),
+            rate=_number(regulator.rate),
+            kd=_number(pid.derivative),
         )
     return _SOURCE.format(
         version=__version__,
@@ -100,13 +108,13 @@ def regulator_source(regulator: Regulator) -> str:
         size=max(len(sections), 1),
         count=len(sections),
         rows=",\n".join(rows),
-        ki=regulator.per_tick.hex(),
-        lead=regulator.lead_ticks.hex(),
-        kp=float(pid.proportional).hex(),
-        feedforward=regulator.feedforward.hex(),
+        ki=_number(regulator.per_tick),
+        lead=_number(regulator.lead_ticks),
+        kp=_number(pid.proportional),
+        feedforward=_number(regulator.feedforward),
         derivative=derivative,
-        c_low=regulator.low.hex(),
-        c_high=regulator.high.hex(),
+        c_low=_number(regulator.low),
+        c_high=_number(regulator.high),
     )
 
 
@@ -143,9 +151,9 @@ def mover_source(mover: Mover) -> str:
     for one whose regulator has the inverse of a piezo."""
     table, learnt = mover.steps_of.table, mover.steps_of.learnt
     constants = "\n".join(
-        f"#define MOVER_{name.upper()} {value.hex() if isinstance(value, float) else f'{value}L'}"
+        f"#define MOVER_{name.upper()} {_number(value) if isinstance(value, float) else f'{value}L'}"
         for name, value in mover.constants().items()
-    ).replace(" inf", " INFINITY")
+    )
     rows = {
         "volts": (0.0, *table.voltages),
         "forward": (0.0, *table.forward),
@@ -157,7 +165,7 @@ def mover_source(mover: Mover) -> str:
     head = _MOVER.format(
         version=__version__,
         constants=constants,
-        **{name: ", ".join(float(one).hex() for one in row) for name, row in rows.items()},
+        **{name: ", ".join(_number(one) for one in row) for name, row in rows.items()},
     )
     body = (Path(__file__).parent / "c" / "mover.h").read_text(encoding="ascii")
     return regulator_source(mover.regulator) + head + body

@@ -53,9 +53,13 @@ def settling(
             (beside `measured_position`), which has no noise.
 
     Raises:
-        QuantityError: the target is no finite number, the hold is longer than the recording or below 0, a
-            window is not > 0, a mean not >= 0.
+        QuantityError: there is no such channel, the target is no finite number, the hold is longer than the
+            recording or below 0, a window is not > 0, a mean not >= 0.
     """
+    if "end_effector_position" not in recording:
+        raise QuantityError(
+            f"the recording has no end_effector_position; it has {', '.join(map(str, recording))}"
+        )
     unit = recording["end_effector_position"].attrs.get("units", "m")
     goal, span = Quantity(unit, "", "it").check(target, "target"), _TIME.check(hold, "hold")
     wide = 0.0 if "measured_position" in recording else _MEAN

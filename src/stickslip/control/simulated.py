@@ -19,6 +19,7 @@ from ..waveform.signal import Waveform
 from .blocks import whole_number
 
 _TOLD = 2000  # ticks between two calls of progress
+_MOST_TICKS = 100_000_000  # of a trajectory that fits into memory
 
 
 def simulate_control(
@@ -58,19 +59,21 @@ def simulate_control(
         Dataset over "time": end_effector_position, measured_position, target_position (m), drive_voltage (V).
 
     Raises:
-        QuantityError: a number is out of range, the target is no position, the controller is made for
-            another rate, or asks for what is no finite number or outside the actuator's voltages, or a static
-            stage would jump with it.
+        QuantityError: a number is out of range, the target is no position, the controller is none, is made
+            for another rate, or asks for what is no finite number or outside the actuator's voltages, or a
+            static stage would jump with it.
         SimulationError: the motion could not be followed.
     """
     unit = unit_for(model, "m")
     hertz, seconds = to_si(rate, "Hz", "rate"), to_si(duration, "s", "duration")
     sigma, ticks = to_si(noise, unit, "noise"), seconds * hertz
-    if not 1.0 < ticks < math.inf or not hertz > 0.0:
+    if not 1.0 < ticks <= _MOST_TICKS or not hertz > 0.0:
         raise QuantityError(
             f"duration = {seconds:g} s and rate = {hertz:g} Hz are out of range: both > 0, finite, "
-            "and at least two ticks"
+            f"and at least two ticks, at most {_MOST_TICKS}"
         )
+    if not callable(getattr(controller, "step", None)):
+        raise QuantityError(f"controller = {controller!r:.60} must have step(measured, target, tick)")
     if not 0.0 <= sigma < math.inf:
         raise QuantityError(f"noise = {sigma:g} {unit} is out of range: it must be >= 0 {unit} and finite")
     delay, seed = whole_number(delay, "delay"), whole_number(seed, "seed")

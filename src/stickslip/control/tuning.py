@@ -22,7 +22,7 @@ import numpy as np
 
 from ..actuator import Actuator
 from ..estimate.posterior import Posterior
-from ..records import Quantity, record
+from ..records import Quantity, of_kind, record
 from ..simulation.sticking import sticking
 from ..units import unit_for, with_prefix
 from .blocks import RATE, LowPass, Notch, Pid, Regulator
@@ -151,8 +151,10 @@ def check_margins(
 
     Raises:
         MarginError: the loop is unstable on one of them, or keeps less than is required.
-        QuantityError: see `simulation.sticking`.
+        QuantityError: an argument is of another kind; see `simulation.sticking`.
     """
+    of_kind(regulator, Regulator, "regulator")
+    of_kind(requirement, Requirement, "requirement")
     loops = [sampled_loop(one, regulator.rate, delay=delay) for one in models_of(model, posterior)]
     found = margins(regulator, loops)
     wrong = _wrong(found, requirement)
@@ -198,8 +200,9 @@ def tune(
     Raises:
         MarginError: no gain keeps them.
         QuantityError: rate or delay is out of range, the actuator's gain is not above 0 (those of a `Pid` are
-            not below); see `simulation.sticking`.
+            not below), or the requirement none; see `simulation.sticking`.
     """
+    of_kind(requirement, Requirement, "requirement")
     hertz, models = RATE.check(rate, "rate"), models_of(model, posterior)
     loops = [sampled_loop(one, hertz, delay=delay) for one in models]
     stroke = Quantity(unit_for(model, "m/V"), "C", "the stroke per volt of what is tuned", above=0)

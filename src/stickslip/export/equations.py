@@ -19,7 +19,14 @@ from ..simulation.models import mechanism
 from ..units import QuantityError
 from .modes import modes_c
 from .piezo import piezo_c, two_port_c, two_port_checks
-from .signal_chain import amplifier_after, channel_output, sensor_after, sensor_output
+from .signal_chain import (
+    amplifier_after,
+    amplifier_input,
+    amplifier_settled,
+    channel_output,
+    sensor_after,
+    sensor_output,
+)
 from .subset import BOOL, INT, REAL, Array, Record, TranslationError, real, record_type
 from .translation import Translation
 
@@ -177,6 +184,12 @@ def _chain(made: Translation, chain: SignalChain, step: float) -> list[str]:
             "const stickslip_signal_chain *chain, real_t wanted, real_t now, real_t h",
             f"return {name}(&chain->amplifier, chain->capacitance, wanted, now, h);",
         ))  # fmt: skip
+        for own, function in (("settled", amplifier_settled), ("input", amplifier_input)):
+            name, _ = made.function(function, (fields["amplifier"], REAL))
+            lines.append(_calls(
+                f"real_t stickslip_amplifier_{own}", "const stickslip_signal_chain *chain, real_t volts",
+                f"return {name}(&chain->amplifier, volts);",
+            ))  # fmt: skip
     if isinstance(chain.sensor, Chain):
         output, _ = made.function(channel_output, (fields["sensor"], REAL))
     elif chain.sensor is not None:

@@ -91,7 +91,7 @@ def export_fmu(
     files = core_files(found, parts, h, noise)
     name = re.sub(r"\W", "_", Path(found.model.name).stem) or type(found.model).__name__.lower()
     identifier = f"{name}_{mode}" if name[0].isalpha() else f"model_{name}_{mode}"
-    rest = float(default_waveform(found.model).drive(h).before)
+    rest = float(default_waveform(found.model, parts.amplifier).drive(h).before)
     everything = "".join(files[key] for key in sorted(files)) + identifier + str(fmi)
     token = "{" + hashlib.sha256(everything.encode()).hexdigest()[:32] + "}"
     all_of = variables(found, parts, mode, h, rest)

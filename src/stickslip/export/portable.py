@@ -15,6 +15,7 @@ from .._version import __version__
 from ..actuator import Actuator
 from ..chain import Chain
 from ..electronics import Amplifier, StrainGauge
+from ..records import of_kind
 from ..simulation.models import checked_drive
 from ..units import QuantityError, optional_si, to_si, unit_for
 from ..waveform.periodic import Sawtooth, Sine
@@ -83,7 +84,9 @@ def export_c(
     noise = checked_noise(measurement_noise, found.model)
     parts = signal_chain(found, amplifier, farad, sensor, chain)
     amplifier = parts.amplifier
-    drive = waveform or default_waveform(found.model, amplifier)
+    if waveform is not None and not hasattr(waveform, "drive"):
+        raise QuantityError(f"waveform = {waveform!r:.60} is no waveform, such as Sawtooth('65 V', '5 Hz')")
+    drive = default_waveform(found.model, amplifier) if waveform is None else waveform
     if amplifier is None:  # behind one, what is out of range is cut
         checked_drive(found.model, drive, h, periodic=False)
     elif drive.unit != "V":
@@ -95,7 +98,7 @@ def export_c(
     files["stickslip_waveform.h"] = table.replace("\n#endif\n", f"\n{rest}\n{noise_line}\n\n#endif\n")
     examples = ["walk.c"]
     if isinstance(found.model, Actuator):
-        wanted = motion or _default_motion(found.model)
+        wanted = _default_motion(found.model) if motion is None else motion
         unit = unit_for(found.model, "m")
         if getattr(wanted, "unit", None) != unit:
             raise QuantityError(f"the wanted motion is in {unit}; motion = {wanted!r:.60} is not")
@@ -181,8 +184,7 @@ def signal_chain(
     """Amplifier and sensor, or what stands for them in a chain, checked; raises QuantityError."""
     parts = (("amplifier", amplifier, Amplifier), ("sensor", sensor, StrainGauge), ("chain", chain, Chain))
     for name, part, kind in parts:
-        if part is not None and not isinstance(part, kind):
-            raise QuantityError(f"{name} = {part!r:.60} must be {kind.__name__} with its values, or None")
+        of_kind(part, kind | None, name)
     if farad is not None and not 0.0 < farad < math.inf:
         raise QuantityError(f"piezo_capacitance = {farad:g} F must be > 0 F and finite")
     if chain is None and found.chain is not None:

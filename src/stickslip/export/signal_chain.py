@@ -9,9 +9,19 @@ from __future__ import annotations
 import math
 
 
+def amplifier_settled(amplifier, wanted):
+    """Output at a constant input."""
+    return min(max(amplifier.gain * wanted + amplifier.offset, amplifier.low), amplifier.high)
+
+
+def amplifier_input(amplifier, output):
+    """The constant input at which it comes to an output within its range."""
+    return (output - amplifier.offset) / amplifier.gain
+
+
 def amplifier_after(amplifier, capacitance, wanted, now, h):
     """Output after h seconds: a ramp at the slew rate, then an exponential towards the target."""
-    target = min(max(amplifier.gain * wanted + amplifier.offset, amplifier.low), amplifier.high)
+    target = amplifier_settled(amplifier, wanted)
     tau = 0.5 / (math.pi * amplifier.bandwidth) + amplifier.output_resistance * capacitance
     slew = min(amplifier.slew_rate, amplifier.max_current / capacitance)
     gap = target - now
@@ -19,7 +29,7 @@ def amplifier_after(amplifier, capacitance, wanted, now, h):
     if abs(gap) > slew * tau:
         ramp = min((abs(gap) - slew * tau) / slew, h)
         gap -= math.copysign(slew * ramp, gap)
-    return target - gap * math.exp((ramp - h) / tau)
+    return target - gap * (math.exp((ramp - h) / tau) if ramp < h else 1.0)  # tau may be 0
 
 
 def sensor_after(sensor, position, now, h):

@@ -452,6 +452,10 @@ const char *stickslip_init(stickslip_plant *plant, const stickslip_parameters *p
     }
     made.low = r_max(stickslip_input_low(&parameters->model), R(-LIMIT));
     made.high = r_min(stickslip_input_high(&parameters->model), R(LIMIT));
+#if STICKSLIP_HAS_AMPLIFIER
+    made.low = r_max(made.low, made.chain.amplifier.low);
+    made.high = r_min(made.high, made.chain.amplifier.high);
+#endif
     made.breakaway = stickslip_law_breakaway(&parameters->model.friction);
     made.stiffness = R(0.0);
     real_t damping = R(0.0);
@@ -550,12 +554,46 @@ static real_t held_at_rest(const stickslip_plant *plant, stickslip_state *state)
 #endif
 }
 
+/* Cut an input to its limits, or keep the last one. */
+static int admitted(const stickslip_plant *plant, real_t last, real_t low, real_t high, real_t *input)
+{
+    (void)plant;
+    if (!r_isfinite(*input)) {
+        *input = last;
+        return STICKSLIP_INPUT_NOT_FINITE;
+    }
+    if ((*input < low) || (*input > high)) {
+        *input = r_min(r_max(*input, low), high);
+        return STICKSLIP_INPUT_CLIPPED;
+    }
+    return STICKSLIP_OK;
+}
+
+/* The input at which the actuator comes to have a voltage; kept, where that is not finite. */
+static int input_for(const stickslip_plant *plant, real_t volts, real_t *input)
+{
+    const int bits = admitted(plant, R(0.0), plant->low, plant->high, &volts);
+    if ((bits & STICKSLIP_INPUT_NOT_FINITE) == 0) {
+#if STICKSLIP_HAS_AMPLIFIER
+        volts = stickslip_amplifier_input(&plant->chain, volts);
+#endif
+        *input = volts;
+    }
+    return bits;
+}
+
 void stickslip_rest(const stickslip_plant *plant, stickslip_state *state, real_t input)
 {
     const ss_Mechanism *mech = &plant->mechanism;
     const stickslip_state empty = {0};
     *state = empty;
     const real_t held = held_at_rest(plant, state);
+#if STICKSLIP_HAS_AMPLIFIER
+    (void)admitted(plant, R(0.0), R(-LIMIT), R(LIMIT), &input);
+    state->asked = input;
+    input = stickslip_amplifier_settled(&plant->chain, input);
+#endif
+    (void)admitted(plant, r_min(r_max(R(0.0), plant->low), plant->high), plant->low, plant->high, &input);
     state->input = input;
 #if STICKSLIP_PIEZO /* reached from 0 V, long ago */
 #if !STICKSLIP_TWO_PORT
@@ -618,28 +656,14 @@ int stickslip_step(const stickslip_plant *plant, stickslip_state *state, real_t 
     return stickslip_step_ramp(plant, state, input, input);
 }
 
-/* Cut an input to its limits, or keep the last one. */
-static int admitted(const stickslip_plant *plant, real_t last, real_t low, real_t high, real_t *input)
-{
-    (void)plant;
-    if (!r_isfinite(*input)) {
-        *input = last;
-        return STICKSLIP_INPUT_NOT_FINITE;
-    }
-    if ((*input < low) || (*input > high)) {
-        *input = r_min(r_max(*input, low), high);
-        return STICKSLIP_INPUT_CLIPPED;
-    }
-    return STICKSLIP_OK;
-}
-
 int stickslip_step_ramp(const stickslip_plant *plant, stickslip_state *state, real_t begin, real_t end)
 {
     int bits = STICKSLIP_OK;
 #if STICKSLIP_HAS_AMPLIFIER
     /* The amplifier follows the middle of its own input, which it has until the end of the step. */
     real_t wanted = R(0.5) * (begin + end);
-    bits |= admitted(plant, R(0.0), R(-LIMIT), R(LIMIT), &wanted);
+    bits |= admitted(plant, state->asked, R(-LIMIT), R(LIMIT), &wanted);
+    state->asked = wanted;
     begin = state->input;
     end = stickslip_amplifier_after(&plant->chain, wanted, begin, plant->h);
 #endif
@@ -826,17 +850,29 @@ int stickslip_feedforward(
         made = (acceleration - ss_stage_acceleration(&one, R(0.0), stage, velocity, R(0.0))) / one.stage_drive;
     }
 #endif
-    bits |= admitted(plant, R(0.0), plant->low, plant->high, &made);
+#if STICKSLIP_PIEZO /* of its own limits: stickslip_piezo_inverse */
+    if (!r_isfinite(made)) {
+        return bits | STICKSLIP_INPUT_NOT_FINITE;
+    }
     *input = made;
     return bits;
+#else
+    return bits | input_for(plant, made, input);
+#endif
 }
 
 #if STICKSLIP_PIEZO
-real_t stickslip_piezo_inverse(const stickslip_plant *plant, const stickslip_state *state, real_t wanted)
+int stickslip_piezo_inverse(
+    const stickslip_plant *plant, const stickslip_state *state, real_t wanted, real_t *input)
 {
     const real_t missing = wanted - crept(plant, state);
     real_t low = plant->low, high = plant->high;
     stickslip_state tried = *state;
+    if (!r_isfinite(missing)) {
+        return STICKSLIP_INPUT_NOT_FINITE;
+    }
+    const bool beyond = (after_hysteresis(plant, state, &tried, state->input, low) > missing)
+        || (after_hysteresis(plant, state, &tried, state->input, high) < missing);
     for (int k = 0; k < SUBSTEPS_AT_REST; ++k) {
         const real_t middle = R(0.5) * (low + high);
         if (after_hysteresis(plant, state, &tried, state->input, middle) < missing) {
@@ -845,6 +881,33 @@ real_t stickslip_piezo_inverse(const stickslip_plant *plant, const stickslip_sta
             high = middle;
         }
     }
-    return R(0.5) * (low + high);
+    return (beyond ? STICKSLIP_INPUT_CLIPPED : STICKSLIP_OK) | input_for(plant, R(0.5) * (low + high), input);
+}
+
+/* What hysteresis and creep give at rest, V, where the actuator has a voltage; sets the state and the input. */
+static real_t given_at_rest(const stickslip_plant *plant, stickslip_state *state, real_t volts, real_t *input)
+{
+    (void)input_for(plant, volts, input);
+    stickslip_rest(plant, state, *input);
+    stickslip_state tried = *state;
+    return after_hysteresis(plant, state, &tried, state->input, state->input) + crept(plant, state);
+}
+
+int stickslip_piezo_rest(const stickslip_plant *plant, stickslip_state *state, real_t wanted, real_t *input)
+{
+    real_t low = plant->low, high = plant->high;
+    int bits = admitted(plant, R(0.0), R(-LIMIT), R(LIMIT), &wanted);
+    if ((given_at_rest(plant, state, low, input) > wanted) || (given_at_rest(plant, state, high, input) < wanted)) {
+        bits |= STICKSLIP_INPUT_CLIPPED;
+    }
+    for (int k = 0; k < SUBSTEPS_AT_REST; ++k) {
+        const real_t middle = R(0.5) * (low + high);
+        if (given_at_rest(plant, state, middle, input) < wanted) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    return bits;
 }
 #endif

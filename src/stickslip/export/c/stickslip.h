@@ -49,7 +49,7 @@ typedef struct {
 #endif
     real_t observer_gain[STICKSLIP_GAINS];
     real_t breakaway;      /* N, of a static law */
-    real_t low, high;      /* limits of the input */
+    real_t low, high;      /* V, limits at the actuator: its own, and those of the amplifier */
     real_t h;              /* s, the step */
     real_t per_h;          /* 1/s */
     /* Change over a step of (y, w, x, s, further modes) by the same, u, the change of u, and 1. */
@@ -76,6 +76,9 @@ typedef struct {
     real_t sliding_velocity;       /* m/s, mean of the last step */
     real_t friction_force;         /* N, mean of the last step */
     real_t input;                  /* the last input of the actuator, V */
+#if STICKSLIP_HAS_AMPLIFIER
+    real_t asked;                  /* V, the last input of the amplifier */
+#endif
     real_t lost[2];                /* m, what rounding took from the two positions */
 #if STICKSLIP_HYSTERESIS
     real_t hysteresis[STICKSLIP_HYSTERESIS]; /* V, of its plays, or h of Bouc-Wen */
@@ -112,7 +115,8 @@ stickslip_parameters stickslip_default_parameters(void);
 /* Prepare steps of h seconds. Returns NULL, or what is wrong with the parameters; the plant is then unchanged. */
 const char *stickslip_init(stickslip_plant *plant, const stickslip_parameters *parameters, double h);
 
-/* The state at rest under a constant input; the contact carries what it can of the external force. */
+/* The state at rest under a constant input, to which the amplifier, if there is one, has come; the contact carries
+ * what it can of the external force. */
 void stickslip_rest(const stickslip_plant *plant, stickslip_state *state, real_t input);
 
 /* One step with the input held, as a converter holds it. Returns bits. */
@@ -127,15 +131,23 @@ stickslip_outputs stickslip_read(const stickslip_plant *plant, const stickslip_s
 /* Observer: move the state towards a measured end-effector position (m), after the step to that instant. */
 void stickslip_correct(const stickslip_plant *plant, stickslip_state *state, real_t measured);
 
-/* Feedforward: the input for a wanted position, velocity and acceleration of a sticking end-effector. With
- * hysteresis or creep of the piezo it is what these are to give: see stickslip_piezo_inverse. For a stage of several
- * modes it is right to the second derivative: for motions that are slow against its lowest one. */
+/* Feedforward: the input for a wanted position, velocity and acceleration of a sticking end-effector; that of the
+ * amplifier, if there is one, whose lag is not made up for. Cut to the limits of both; left as it was where a number
+ * is not finite. Returns bits. With hysteresis or creep of the piezo it is what these are to give, V, which is not
+ * cut: see stickslip_piezo_inverse. For a stage of several modes it is right to the second derivative: for motions
+ * that are slow against its lowest one. */
 int stickslip_feedforward(
     const stickslip_plant *plant, real_t position, real_t velocity, real_t acceleration, real_t *input);
 
 #if STICKSLIP_PIEZO
-/* The input at which, from this state on, hysteresis and creep give what is wanted (V), by bisection. */
-real_t stickslip_piezo_inverse(const stickslip_plant *plant, const stickslip_state *state, real_t wanted);
+/* The input at which, from this state on, hysteresis and creep give what is wanted (V), by bisection; that of the
+ * amplifier, if there is one. Cut to the limits of both, or left as it was. Returns bits. */
+int stickslip_piezo_inverse(
+    const stickslip_plant *plant, const stickslip_state *state, real_t wanted, real_t *input);
+
+/* The state at rest, reached from 0 V long ago, where hysteresis and creep give what is wanted (V), and its input: where
+ * stickslip_piezo_inverse goes on from. Returns bits. */
+int stickslip_piezo_rest(const stickslip_plant *plant, stickslip_state *state, real_t wanted, real_t *input);
 #endif
 
 #endif

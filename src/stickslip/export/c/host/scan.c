@@ -20,12 +20,12 @@ int main(void)
     }
     (void)stickslip_play(&player, &now, &next);
     origin = now;
-    (void)stickslip_feedforward(&plant, now, R(0.0), R(0.0), &voltage);
+    bits |= stickslip_feedforward(&plant, now, R(0.0), R(0.0), &voltage);
 #if STICKSLIP_PIEZO
-    stickslip_rest(&plant, &state, R(0.0));
-    voltage = stickslip_piezo_inverse(&plant, &state, voltage);
-#endif
+    bits |= stickslip_piezo_rest(&plant, &state, voltage, &voltage);
+#else
     stickslip_rest(&plant, &state, voltage);
+#endif
     origin -= state.end_effector_position;
     last = now;
     puts("time,wanted_position,end_effector_position,voltage,bits");
@@ -35,7 +35,7 @@ int main(void)
         const real_t acceleration = (next - R(2.0) * now + last) * per_h * per_h;
         bits |= stickslip_feedforward(&plant, now, velocity, acceleration, &voltage);
 #if STICKSLIP_PIEZO
-        voltage = stickslip_piezo_inverse(&plant, &state, voltage);
+        bits |= stickslip_piezo_inverse(&plant, &state, voltage, &voltage);
 #endif
         if (step > 0) {
             (void)stickslip_step_ramp(&plant, &state, before, voltage);
