@@ -162,6 +162,19 @@ def test_random_input_stays_bounded(case, real, tmp_path) -> None:
     assert stage < 3 * KANG.gain * 150
 
 
+@pytest.mark.parametrize("real", ["double", "float"])
+def test_a_long_rest_ends_in_no_nan(real, tmp_path) -> None:
+    """Speeds fall until they are too small for their numbers."""
+    law = LuGre(2.4e6, 101.5, 0.0, 0.067, 0.067)
+    model = KANG.replace(natural_frequency=3481.0, damping_ratio=0.345, end_effector_mass=9e-3, friction=law)
+    drive = Sine(34.0, 14.3, offset=48.0, periods=4)
+    flags = ["-O2", "-DSTICKSLIP_FLOAT"] if real == "float" else ["-O2"]
+    found = walk(model, tmp_path / "c", *flags, waveform=drive, duration=2.0, step=2e-4)
+    late = found["end_effector_position"][found["time"] > 1.0]
+    assert np.ptp(late) < 1e-9
+    assert abs(late[0]) > 1e-6
+
+
 HOST = """
 gcc -std=c99 -O2 -ffreestanding -ffunction-sections -DSTICKSLIP_FLOAT -I. -r -o bare.o stickslip.c \
     stickslip_parameters.c && size bare.o

@@ -12,6 +12,8 @@ from ..friction import elements
 from .linear import Method, S, W, X, Y, Z, contacts
 
 Matrix = NDArray[np.float64]
+# By how much a deviation grows in a step where the contact does not stay: on the steep side of a Stribeck curve.
+_LEFT_AT_ONCE = 2.0
 
 
 def observer_gain(model: Any, h: float, noise: float) -> Matrix | None:
@@ -19,7 +21,7 @@ def observer_gain(model: Any, h: float, noise: float) -> Matrix | None:
     position and velocity of each further mode follow a measured position of the end-effector, shape (5 + 2
     further modes,); None if there is no gain at which the error stays bounded in every state of the contact.
 
-    The step method is taken as linear about each state in which the contact can be (`contacts`). The Kalman
+    The step method is taken as linear about each state in which the contact can stay (`contacts`). The Kalman
     filter of each is tried in all, and that is taken whose greatest stationary error is smallest. What the
     model does not know is taken as white forces of a tenth of the friction on both bodies. The bristle and
     the stage of a contact without presliding, and a stage that follows the input, are not corrected.
@@ -44,6 +46,7 @@ def observer_gain(model: Any, h: float, noise: float) -> Matrix | None:
     push = method.forces * (0.1 * friction * h) / scale[:, None]
     noises = push @ push.T
     steps = [method.after(state) * scale / scale[:, None] for state in states]
+    steps = [step for step in steps if np.max(np.abs(np.linalg.eigvals(step))) < _LEFT_AT_ONCE]
     # What is not corrected has errors of its own, but for what is known exactly.
     whole = wanted if method.clamped or method.kinematic else list(range(method.size))
     whole = [i for i in whole if i != Z or elements(law)]

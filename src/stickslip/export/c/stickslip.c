@@ -179,7 +179,7 @@ static real_t bristle(const stickslip_plant *plant, const stickslip_element *ele
     const real_t start = stickslip_law_rate(element, v, z).dz;
     real_t span = plant->h * v; /* of the secant */
     real_t there = stickslip_law_rate(element, v, z + span).dz;
-    if ((v == R(0.0)) || (start == R(0.0))) {
+    if ((span == R(0.0)) || (start == R(0.0))) { /* also where a speed is too small for its numbers */
         *mean = R(0.0);
         return R(0.0);
     }
