@@ -15,9 +15,10 @@ from ..simulation.sticking import slopes
 
 Matrix = NDArray[np.float64]
 
-# Of a state: position and velocity of the stage (of its first mode) and of the end-effector, the bristles as one,
-# then position and velocity of each further mode of the stage.
+# Of a state: position and velocity of the stage (of its first mode) and of the end-effector, the bristles as
+# one, then position and velocity of each further mode of the stage.
 Y, W, X, S, Z, MORE = range(6)
+
 
 class Contact(NamedTuple):
     """Slopes of a contact, its bristles taken as one: F = force_z z + force_v v, dz/dt = a v + b z.
@@ -33,7 +34,12 @@ class Contact(NamedTuple):
 
 
 class Method:
-    """The linear motion over a step of `h` seconds, with what the friction force does to it."""
+    """The step method: the linear motion over a step, and what the friction force does to it.
+
+    Args:
+        model: actuator or pulled slider.
+        h: s, the step.
+    """
 
     def __init__(self, model: Any, h: float) -> None:
         mech = mechanism(model)
@@ -60,8 +66,8 @@ class Method:
         self.forces[S, 1] = mech.mobility
         whole = np.zeros((self.size + 1, self.size + 1))
         whole[:-1, :-1], whole[:-1, -1] = a * h, push * h
-        whole = expm(whole)
-        self.free, self.push = whole[:-1, :-1], whole[:-1, -1]
+        over = np.asarray(expm(whole), np.float64)
+        self.free, self.push = over[:-1, :-1], over[:-1, -1]
         self.sliding, self.speed = np.zeros(self.size), np.zeros(self.size)
         self.sliding[self.stage], self.sliding[X] = 1.0, -1.0
         self.speed[[i + 1 for i in self.stage]], self.speed[S] = 1.0, -1.0
@@ -73,26 +79,25 @@ class Method:
 
     def after(self, contact: Contact) -> Matrix:
         """What becomes of a small error of the state within a step, shape (size, size)."""
-        h, implicit, made = self.h, self.implicit, self.free.copy()
-        mean = (self.sliding @ self.free - self.sliding) / h
+        h, implicit, made, same = self.h, self.implicit, self.free.copy(), np.eye(self.size)
         if self.clamped or contact.rests:  # the end-effector goes as the stage does
             if not self.clamped:
-                made += np.outer(self.push, self.speed @ self.free / -(self.speed @ self.push))
-            made[X] = np.eye(self.size)[X] + (self.sliding + np.eye(self.size)[X]) @ (made - np.eye(self.size))
-            made[S] = (self.speed + np.eye(self.size)[S]) @ made
+                made -= np.outer(self.push, self.speed @ self.free) / (self.speed @ self.push)
+            made[X] = same[X] + (self.sliding + same[X]) @ (made - same)
+            made[S] = (self.speed + same[S]) @ made
             return made
-        free = (1.0 - implicit) * mean + implicit * (self.speed @ self.free)
-        mobility = -(1.0 - implicit) * (self.sliding @ self.push) / h - implicit * (self.speed @ self.push)
+        # Of V, as of the bristle, the mean over the step and its end, weighted: V + mobility F = V_free.
+        v_free = (1.0 - implicit) / h * (self.sliding @ (self.free - same))
+        v_free += implicit * (self.speed @ self.free)
+        mobility = -((1.0 - implicit) / h * self.sliding + implicit * self.speed) @ self.push
         x = max(h * contact.b, -1e9)
-        whole = h * (1.0 - 0.5 * x) / (1.0 - x + 0.5 * x**2)
-        at = implicit * whole + (1.0 - implicit) * h * (0.5 - 0.5 * x) / (1.0 - x + 0.5 * x**2)
-        bristle = np.eye(self.size)[Z]
-        # The sliding velocity V of the step, from V + mobility F = V_free.
-        held = contact.force_z * (1.0 + at * contact.b) * bristle
-        slope = contact.force_v + contact.force_z * at * contact.a
-        v = (free - mobility * held) / (1.0 + mobility * slope)
-        made += np.outer(self.push, held + slope * v)
-        made[Z] = bristle * (1.0 + whole * contact.b) + whole * contact.a * v
+        whole, mean = h * np.array([1.0 - 0.5 * x, 0.5 - 0.5 * x]) / (1.0 - x + 0.5 * x**2)
+        at = implicit * whole + (1.0 - implicit) * mean
+        force = contact.force_z * (1.0 + at * contact.b) * same[Z]
+        by_v = contact.force_v + contact.force_z * at * contact.a
+        v = (v_free - mobility * force) / (1.0 + mobility * by_v)
+        made += np.outer(self.push, force + by_v * v)
+        made[Z] = (1.0 + whole * contact.b) * same[Z] + whole * contact.a * v
         return made
 
 
@@ -140,7 +145,8 @@ def _slopes(parts: list[Any], at: list[float], v: float, rest: bool) -> Contact:
     for one, z in zip(parts, at, strict=True):
         d, other = 1e-6 * max(at) + 1e-15, 0.0 if rest else 0.999 * v
         force, dz = rate(one, v, z)
-        stiffness = (rate(one, 0.0 if rest else v, z + d)[0] - rate(one, 0.0 if rest else v, z)[0]) / d
+        still = 0.0 if rest else v
+        stiffness = (rate(one, still, z + d)[0] - rate(one, still, z)[0]) / d
         force_z += stiffness
         force_v += (force - rate(one, other, z)[0]) / (v - other)
         taken += stiffness * (dz - rate(one, other, z)[1]) / (v - other)

@@ -760,11 +760,29 @@ stickslip_outputs stickslip_read(const stickslip_plant *plant, const stickslip_s
     return out;
 }
 
-void stickslip_correct(const stickslip_plant *plant, stickslip_state *state, real_t measured)
+/* Begin the estimate again: at rest under the last input, where the end-effector was measured. */
+static void begin_again(const stickslip_plant *plant, stickslip_state *state, real_t measured)
+{
+    stickslip_rest(plant, state, r_isfinite(state->input) ? state->input : R(0.0));
+    state->end_effector_position = measured;
+    state->sensor = measured;
+#if STICKSLIP_LATE
+    for (int i = 0; i < STICKSLIP_LATE; ++i) {
+        state->late[i] = measured;
+    }
+#endif
+}
+
+int stickslip_correct(const stickslip_plant *plant, stickslip_state *state, real_t measured)
 {
     const real_t error = measured - state->end_effector_position;
-    if (!r_isfinite(error)) {
-        return;
+    const real_t reach = plant->mechanism.gain * (plant->high - plant->low); /* of the stage */
+    if (!r_isfinite(measured)) {
+        return STICKSLIP_INPUT_NOT_FINITE;
+    }
+    if (!r_isfinite(error) || ((reach != R(0.0)) && !(r_abs(error) <= r_abs(reach)))) {
+        begin_again(plant, state, measured);
+        return STICKSLIP_ESTIMATE_LOST;
     }
     state->stage_position += plant->observer_gain[0] * error;
     state->stage_velocity += plant->observer_gain[1] * error;
@@ -781,6 +799,7 @@ void stickslip_correct(const stickslip_plant *plant, stickslip_state *state, rea
             stickslip_law_project(&plant->element[i], state->internal[i] + plant->observer_gain[4] * error);
     }
 #endif
+    return STICKSLIP_OK;
 }
 
 #if STICKSLIP_FURTHER
