@@ -116,3 +116,34 @@ def test_a_lost_estimate_is_a_warning(fmi: int, tmp_path: Any) -> None:
         made.doStep(currentCommunicationPoint=k * 20e-6, communicationStepSize=20e-6)
     assert ["the estimate was lost" in text for text in said] == [True]
     assert got("end_effector_position") == pytest.approx(1e-3)
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("delay", [0.0, 4e-6, 30e-6, 35e-6])
+def test_a_late_channel_in_steps_of_any_length(fmi: int, delay: float, tmp_path: Any) -> None:
+    """Shorter and longer than the internal step, equal and not; within what a line between 10 us leaves."""
+    chain = ss.chain.Chain(delay=delay, offset=1e-6, scale=1.02)
+    fmu = export_fmu(KANG, tmp_path / "fmu", fmi=fmi, chain=chain)
+    random = np.random.default_rng(3)
+    for k, lengths in enumerate(
+        (
+            *(np.full(round(0.05 / h), h) for h in (1e-5, 20e-6, 60e-6)),
+            np.full(20000, 1e-6),
+            np.full(50, 1e-3),
+            random.uniform(11e-6, 60e-6, 1500),
+            random.choice([3e-6, 20e-6, 90e-6], 1500),
+        )
+    ):
+        made, put, got = instance(fmu, tmp_path / f"{k}", fmi, [])
+        made.exitInitializationMode()
+        times, positions, seen = [0.0], [got("end_effector_position")], [got("sensor_output")]
+        for h in lengths:
+            put("voltage", 30.0 * (1.0 - np.cos(2.0 * np.pi * 20.0 * times[-1])))
+            made.doStep(currentCommunicationPoint=times[-1], communicationStepSize=float(h))
+            times.append(times[-1] + float(h))
+            positions.append(got("end_effector_position"))
+            seen.append(got("sensor_output"))
+        expected = 1.02 * np.interp(np.array(times) - delay, times, positions) + 1e-6
+        # In steps of 1 ms the delay is a part of one, and lines over them are not the motion.
+        most = 0.5e-9 if np.max(lengths) < 1e-4 else 30e-9
+        assert np.max(np.abs(np.array(seen) - expected)) < most

@@ -70,10 +70,9 @@ def observer_gain(model: Any, h: float, noise: float) -> Matrix | None:
 
 def _corrected(method: Method, static: bool) -> list[int]:
     """Which parts of the state are."""
-    further = [j for i in method.stage[1:] for j in (i, i + 1)]
+    stage = [j for i in method.stage if i != Y or not method.kinematic for j in (i, i + 1)]
     if method.clamped:
-        return further if method.kinematic else [Y, W, *further]
-    stage = further if method.kinematic else [Y, W, *further]
+        return stage
     return [X, S, *stage] if static else [X, S, Z, *stage]
 
 

@@ -79,10 +79,11 @@ class Method:
 
     def after(self, contact: Contact) -> Matrix:
         """What becomes of a small error of the state within a step, shape (size, size)."""
-        h, implicit, made, same = self.h, self.implicit, self.free.copy(), np.eye(self.size)
+        h, implicit, same = self.h, self.implicit, np.eye(self.size)
+        made: Matrix = self.free.copy()
         if self.clamped or contact.rests:  # the end-effector goes as the stage does
             if not self.clamped:
-                made -= np.outer(self.push, self.speed @ self.free) / (self.speed @ self.push)
+                made -= self.push[:, None] * (self.speed @ self.free) / (self.speed @ self.push)
             made[X] = same[X] + (self.sliding + same[X]) @ (made - same)
             made[S] = (self.speed + same[S]) @ made
             return made
@@ -96,7 +97,7 @@ class Method:
         force = contact.force_z * (1.0 + at * contact.b) * same[Z]
         by_v = contact.force_v + contact.force_z * at * contact.a
         v = (v_free - mobility * force) / (1.0 + mobility * by_v)
-        made += np.outer(self.push, force + by_v * v)
+        made += self.push[:, None] * (force + by_v * v)
         made[Z] = (1.0 + whole * contact.b) * same[Z] + whole * contact.a * v
         return made
 

@@ -426,8 +426,8 @@ const char *stickslip_init(stickslip_plant *plant, const stickslip_parameters *p
     }
 #if STICKSLIP_LATE
     if (!((parameters->chain.sensor.delay >= R(0.0)) &&
-          ((double)parameters->chain.sensor.delay <= h * (STICKSLIP_LATE - 2) * (1.0 + 1e-6)))) {
-        return "the channel's delay is longer than what is kept at this step: export with this step";
+          ((double)parameters->chain.sensor.delay <= STICKSLIP_LATE_SPACING * (STICKSLIP_LATE - 2) * (1.0 + 1e-6)))) {
+        return "the channel's delay is longer than what is kept of the past: export with this delay";
     }
 #endif
     made.mechanism = ss_mechanism(&parameters->model);
@@ -599,14 +599,25 @@ void stickslip_rest(const stickslip_plant *plant, stickslip_state *state, real_t
 }
 
 #if STICKSLIP_LATE
-/* The end-effector as a channel sees it that is late, between two steps along a line. */
-static real_t seen_late(const stickslip_plant *plant, stickslip_state *state)
+/* The end-effector as a channel sees it that is late, after a step over which it went by `change`. Its positions are
+ * kept at even times, whatever the steps are; it goes in lines between them, and from the newest of them to now. */
+static real_t seen_late(const stickslip_plant *plant, stickslip_state *state, real_t change)
 {
-    const real_t steps = plant->chain.sensor.delay * plant->per_h;
+    const real_t spacing = (real_t)STICKSLIP_LATE_SPACING, delay = plant->chain.sensor.delay;
+    const real_t now = state->end_effector_position;
+    real_t age = r_min(state->age + plant->h, spacing * R(STICKSLIP_LATE)); /* a longer step fills them all */
+    while (age >= spacing * R(0.999999)) {
+        age = r_max(age - spacing, R(0.0));
+        state->newest = (state->newest + 1) % STICKSLIP_LATE;
+        state->late[state->newest] = now - change * (age * plant->per_h);
+    }
+    state->age = age;
+    if (delay < age) {
+        return now + (state->late[state->newest] - now) * (delay / age);
+    }
+    const real_t steps = (delay - age) / spacing;
     const int whole = (int)steps;
     const real_t part = steps - (real_t)whole;
-    state->newest = (state->newest + 1) % STICKSLIP_LATE;
-    state->late[state->newest] = state->end_effector_position;
     const int later = (state->newest - whole + STICKSLIP_LATE) % STICKSLIP_LATE;
     const int earlier = (later - 1 + STICKSLIP_LATE) % STICKSLIP_LATE;
     return state->late[later] + part * (state->late[earlier] - state->late[later]);
@@ -732,7 +743,7 @@ int stickslip_step_ramp(const stickslip_plant *plant, stickslip_state *state, re
 #endif
     state->input = last;
 #if STICKSLIP_LATE
-    state->sensor = seen_late(plant, state);
+    state->sensor = seen_late(plant, state, change[X]);
 #elif STICKSLIP_HAS_SENSOR
     state->sensor = stickslip_sensor_after(&plant->chain, state->end_effector_position, state->sensor, plant->h);
 #else

@@ -92,7 +92,8 @@ typedef struct {
 #endif
     real_t sensor;                 /* m, the end-effector as the sensor sees it */
 #if STICKSLIP_LATE
-    real_t late[STICKSLIP_LATE];   /* m, the end-effector at the last steps, for a channel that is late */
+    real_t late[STICKSLIP_LATE];   /* m, the end-effector at even times, for a channel that is late */
+    real_t age;                    /* s, of the newest of them */
     int newest;
 #endif
 } stickslip_state;
