@@ -12,7 +12,8 @@ import numpy as np
 
 from stickslip.export import export_c
 
-WARNINGS = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror"]
+WARNINGS = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion"]
+WARNINGS += ["-Wsign-conversion", "-Wshadow", "-Wdouble-promotion", "-Werror"]
 # gcc must be there; what else is there is used too.
 COMPILERS = ["gcc", *filter(shutil.which, ["clang"])]
 ARM_COMPILERS = [*filter(shutil.which, ["arm-none-eabi-gcc"])]
