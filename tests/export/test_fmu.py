@@ -180,7 +180,7 @@ def test_observer_and_feedforward(tmp_path) -> None:
     expected = (total * 0.5 + a.stage_damping * 1e-4 + a.stage_stiffness * y) / a.drive_force_per_volt
     assert got("voltage") == pytest.approx(expected, rel=1e-12)
 
-    fmu = export_fmu(KANG.replace(friction=Coulomb(0.54)), tmp_path / "observer", mode="observer")
+    fmu = export_fmu(KANG.replace(friction=Coulomb(0.54)), tmp_path / "observer", mode="observer", step=1e-4)
     made, put, got = instance(fmu, tmp_path / "unzipped2", 2, [])
     made.exitInitializationMode()
     put("measured_position", 1e-6)

@@ -11,6 +11,7 @@ import pytest
 from export.building import ARM_COMPILERS, COMPILERS, SANITIZED, C, compiled, output, walk
 from friction.samples import ALL, name
 from stickslip import PulledSlider, load_actuator, simulate
+from stickslip.chain import Chain
 from stickslip.electronics import StrainGauge, amplifier_output
 from stickslip.export import export_c
 from stickslip.export.signal_chain import amplifier_after, sensor_after, sensor_output
@@ -159,6 +160,68 @@ def test_random_input_stays_bounded(case, real, tmp_path) -> None:
     assert 0.01 < force < 60.0
     assert velocity < 2.0
     assert stage < 3 * KANG.gain * 150
+
+
+@pytest.mark.parametrize("real", ["double", "float"])
+def test_a_long_rest_ends_in_no_nan(real, tmp_path) -> None:
+    """Speeds fall until they are too small for their numbers."""
+    law = LuGre(2.4e6, 101.5, 0.0, 0.067, 0.067)
+    model = KANG.replace(natural_frequency=3481.0, damping_ratio=0.345, end_effector_mass=9e-3, friction=law)
+    drive = Sine(34.0, 14.3, offset=48.0, periods=4)
+    flags = ["-O2", "-DSTICKSLIP_FLOAT"] if real == "float" else ["-O2"]
+    found = walk(model, tmp_path / "c", *flags, waveform=drive, duration=2.0, step=2e-4)
+    late = found["end_effector_position"][found["time"] > 1.0]
+    assert np.ptp(late) < 1e-9
+    assert abs(late[0]) > 1e-6
+
+
+@pytest.mark.parametrize("real", ["double", "float"])
+def test_a_late_channel(real, tmp_path) -> None:
+    """Within its steps; a delay that was made longer than what is kept is refused."""
+    chain = Chain(delay=45e-6, scale=1.02)
+    export_c(KANG, tmp_path / "c", waveform=Sine(30.0, 20.0, offset=30.0, periods=2), chain=chain)
+    main = tmp_path / "main.c"
+    main.write_text(LATE, encoding="ascii")
+    flags = ["-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+    flags += ["-DSTICKSLIP_FLOAT"] if real == "float" else []
+    program = compiled(tmp_path / "c", main, *flags)
+    for h in (1e-6, 10e-6, 20e-6, 45e-6, 1e-4):
+        off, moved = map(float, output(program, repr(h), "45e-6").split())
+        assert off < 1e-9 < 1e-7 < moved
+    assert output(program, "1e-2", "45e-6").split()[0] != "nan"
+    assert "export with this delay" in output(program, "20e-6", "61e-6")
+
+
+# The channel after a long ramp of the input, which the end-effector follows at constant speed.
+LATE = """
+#include <stdio.h>
+#include <stdlib.h>
+#include "stickslip.h"
+int main(int count, char **arguments)
+{
+    stickslip_parameters parameters = stickslip_default_parameters();
+    stickslip_plant plant;
+    stickslip_state state;
+    const double h = atof(arguments[count - 2]), rate = 1000.0;
+    parameters.chain.sensor.delay = (real_t)atof(arguments[count - 1]);
+    const char *wrong = stickslip_init(&plant, &parameters, h);
+    if (wrong != NULL) {
+        puts(wrong);
+        return 0;
+    }
+    stickslip_rest(&plant, &state, R(0.0));
+    const long steps = (long)(0.05 / h);
+    for (long k = 0; k < steps; ++k) {
+        const double begin = rate * h * (double)k, end = begin + rate * h;
+        (void)stickslip_step_ramp(&plant, &state, (real_t)begin, (real_t)end);
+    }
+    const stickslip_outputs out = stickslip_read(&plant, &state);
+    const double speed = rate * (double)parameters.model.gain;
+    const double expected = 1.02 * ((double)out.end_effector_position - speed * 45e-6);
+    printf("%.9g %.9g\\n", fabs((double)out.sensor_output - expected), (double)out.end_effector_position);
+    return 0;
+}
+"""
 
 
 HOST = """

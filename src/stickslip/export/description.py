@@ -8,7 +8,7 @@ from typing import Any
 from xml.etree import ElementTree as xml
 
 from .._version import __version__
-from .variables import Variable
+from .variables import MEASURED, Variable
 
 # Base units of what occurs; a unit without them is only a name.
 _BASE = {
@@ -42,7 +42,9 @@ def model_description(
         "version": __version__, "generationTool": f"stickslip {__version__}", "generationDateAndTime": made,
         "variableNamingConvention": "structured", "license": "BSD-3-Clause",
     })  # fmt: skip
-    can = {"modelIdentifier": identifier, "canHandleVariableCommunicationStepSize": "true"}
+    # The gain of an observer is for one step.
+    varied = "false" if any(v.name == MEASURED for v in found) else "true"
+    can = {"modelIdentifier": identifier, "canHandleVariableCommunicationStepSize": varied}
     if version == 2:
         can |= {
             "canGetAndSetFMUstate": "true",
@@ -56,10 +58,9 @@ def model_description(
         can |= {"canGetAndSetFMUState": "true", "canSerializeFMUState": "true"}
         xml.SubElement(root, "CoSimulation", can)
     _units(root, found)
-    if version == 2:
-        xml.SubElement(xml.SubElement(root, "LogCategories"), "Category", {"name": "logStatusError"})
-    else:
-        xml.SubElement(xml.SubElement(root, "LogCategories"), "Category", {"name": "logStatusError"})
+    log = xml.SubElement(root, "LogCategories")
+    for category in ("logStatusWarning", "logStatusError"):
+        xml.SubElement(log, "Category", {"name": category})
     xml.SubElement(root, "DefaultExperiment", {"startTime": "0", "stopTime": "1.6", "stepSize": repr(step)})
     names = xml.SubElement(root, "ModelVariables")
     if version == 3:

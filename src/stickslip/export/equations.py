@@ -171,11 +171,12 @@ def _chain(made: Translation, chain: SignalChain, step: float) -> list[str]:
     delay = chain.sensor.delay if isinstance(chain.sensor, Chain) else None
     if delay is not None and delay < 0.0:
         raise QuantityError(f"Chain.delay = {delay:g} s is out of range: what is exported cannot be early")
-    # Positions that are kept for a channel that is late, also at half the step: one on either side of what
-    # it shows.
+    # Positions that are kept for a channel that is late, each half step: one on either side of what it shows.
     kept = 0 if delay is None else 2 * math.ceil(delay / step * (1.0 - 1e-9)) + 2
     output = ""
-    lines = [*flags, f"#define STICKSLIP_LATE {kept}", struct, ""]
+    spacing = f"#define STICKSLIP_LATE_SPACING {0.5 * step!r} /* s, of these positions */"
+    late = f"#define STICKSLIP_LATE {kept} /* positions of the past that are kept */"
+    lines = [*flags, late, *([spacing] if kept else []), struct, ""]
     fields = dict(kind.fields)
     if chain.amplifier is not None:
         name, _ = made.function(amplifier_after, (fields["amplifier"], REAL, REAL, REAL, REAL))

@@ -1,89 +1,109 @@
-"""The observer's gain: that of the stationary Kalman filter of the sticking model in steps."""
+"""The observer's gain: of the Kalman filters of the contact's states, the one that serves all of them."""
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm, solve_discrete_are
+from scipy.linalg import LinAlgError, LinAlgWarning, solve_discrete_are, solve_discrete_lyapunov
 
-from ..friction import breakaway, element, elements, rate
-from ..mechanism import slider_acceleration, stage_acceleration
-from ..simulation.models import mechanism
-from ..simulation.sticking import slopes
+from ..friction import elements
+from .linear import Method, S, W, X, Y, Z, contacts
 
-_DEFLECTION, _VELOCITY = 1e-9, 1e-6  # m and m/s, small against presliding
+Matrix = NDArray[np.float64]
+# By how much an error grows in a step where the contact does not stay: where friction falls with the speed.
+_RUNS_AWAY = 1.001
 
 
-def observer_gain(model: Any, h: float, noise: float) -> NDArray[np.float64]:
+def observer_gain(model: Any, h: float, noise: float) -> Matrix | None:
     """How stage position and velocity (of its first mode), end-effector position and velocity, bristles, and
     position and velocity of each further mode follow a measured position of the end-effector, shape (5 + 2
-    further modes,).
+    further modes,); None if there is no gain at which the error stays bounded wherever the contact stays.
 
-    What the model does not know is taken as white forces of a tenth of the friction on both bodies. A contact
-    without presliding, and a stage that follows the input, are not corrected.
+    The step method is taken as linear about each state in which the contact can be (`contacts`). The Kalman
+    filter of each is tried in all, and that is taken whose greatest stationary error is smallest. Where the
+    contact passes through, for friction falls with the speed and the model alone runs away, the error may
+    grow if it must. What the
+    model does not know is taken as white forces of a tenth of the friction on both bodies. A stage that
+    follows the input is not corrected.
 
     Args:
         model: actuator or pulled slider.
         h: s, the step.
         noise: m, standard deviation of a measured position.
     """
-    mech, law = mechanism(model), model.friction
-    slopes = _slopes(law)
-    friction = breakaway(law) or slopes[2]
-    further = getattr(model, "further_modes", None)
-    modes = further.rows if further is not None else []
-    size = 5 + 2 * len(modes)
-    a, pushes = np.zeros((size, size)), np.zeros((size, 2))
-    a[0, 1] = a[2, 3] = 1.0
-    sliding = np.zeros(size)  # stage velocity less that of the end-effector
-    sliding[[1, 3]] = 1.0, -1.0
-    sliding[6::2] = 1.0
-    zero = np.zeros(3)
-    for row, accelerate, first in ((1, stage_acceleration, 0), (3, slider_acceleration, 2)):
-        rest = accelerate(mech, *zero, 0.0)
-        a[row, first] = accelerate(mech, 0.0, 1.0, 0.0, 0.0) - rest
-        a[row, first + 1] = accelerate(mech, 0.0, 0.0, 1.0, 0.0) - rest
-        by_force = accelerate(mech, *zero, 1.0) - rest
-        a[row] += by_force * slopes[1] * sliding
-        a[row, 4] += by_force * slopes[0]
-        pushes[row, 0 if row == 1 else 1] = abs(by_force) or mech.mobility
-    a[1, 0] *= getattr(model, "stiffening", 1.0)
-    for row, (_, omega, zeta, mass) in zip(range(6, size, 2), modes, strict=True):
-        by_force = -1.0 / mass if mech.reaction else 0.0
-        a[row - 1, row], a[row, row - 1], a[row, row] = 1.0, -(omega**2), -2.0 * zeta * omega
-        a[row] += by_force * slopes[1] * sliding
-        a[row, 4] += by_force * slopes[0]
-        pushes[row, 0] = abs(by_force) or mech.mobility
-    a[4] = sliding
-    stage = [0, 1, *range(5, size)]
-    keep = [2, 3] if elements(law) == 0 or mech.kinematic else stage if mech.clamped else list(range(size))
-    if elements(law) == 0 or mech.kinematic:
-        a[3] = 0.0  # the friction of a sliding contact is a constant
+    method, law = Method(model, h), model.friction
+    states, friction = contacts(law, h, method.push[S] / h)
+    wanted = _corrected(method, elements(law) == 0)
+    seen = method.stage if method.clamped else [X]
+    gain = np.zeros(method.size)
+    if not wanted:
+        return gain
     # Scaled, for positions and velocities are far apart.
-    scale = noise * np.array([1.0, 1.0 / h, 1.0, 1.0 / h, 1.0, *[1.0, 1.0 / h] * len(modes)])[keep]
-    part = expm(a[np.ix_(keep, keep)] * h) * scale / scale[:, None]
-    q = (pushes * 0.1 * friction * h) @ (pushes * 0.1 * friction * h).T
-    q = q[np.ix_(keep, keep)] / np.outer(scale, scale) + 1e-8 * np.eye(len(keep))
-    c = np.zeros((1, len(keep)))
-    for shown in stage[::2] if mech.clamped else [2]:
-        c[0, keep.index(shown)] = 1.0
-    p = solve_discrete_are(part.T, c.T, q, np.eye(1))
-    gain = np.zeros(size)
-    gain[keep] = (p @ c.T / (c @ p @ c.T + 1.0))[:, 0] * scale / noise
-    if mech.clamped:
-        gain[2], gain[3] = gain[stage[::2]].sum(), gain[stage[1::2]].sum()
+    scale = np.full(method.size, noise)
+    scale[[W, S, *(i + 1 for i in method.stage)]] /= h
+    c = np.zeros((1, method.size))
+    c[0, seen] = 1.0
+    push = method.forces * (0.1 * friction * h) / scale[:, None]
+    noises = push @ push.T
+    steps = [method.after(state) * scale / scale[:, None] for state in states]
+    stays = [bool(np.max(np.abs(np.linalg.eigvals(step))) < _RUNS_AWAY) for step in steps]
+    # What is not corrected has errors of its own, but for what is known exactly.
+    whole = wanted if method.clamped or method.kinematic else list(range(method.size))
+    whole = [i for i in whole if i != Z or elements(law)]
+    best, least = None, (np.inf, np.inf)
+    for one in (_filter(step, c, noises, wanted) for step in steps):
+        errors = [_error(step, c, noises, one, whole) for step in steps]
+        grows = [stay for error, stay in zip(errors, stays, strict=True) if not np.isfinite(error)]
+        rank = (len(grows), max((error for error in errors if np.isfinite(error)), default=np.inf))
+        if not any(grows) and rank < least:
+            best, least = one, rank
+    if best is None:
+        return None
+    gain = best * scale / noise
+    if method.clamped:
+        gain[X], gain[S] = gain[method.stage].sum(), gain[[i + 1 for i in method.stage]].sum()
     return gain
 
 
-def _slopes(law: Any) -> tuple[float, float, float]:
-    """∂F/∂z [N/m] and ∂F/∂v [N s/m] of the contact at rest, and about the force it slides at [N]."""
-    stiffness, damping = slopes(law)
-    force = 0.0
-    for i in range(elements(law)):
-        one, z = element(law, i), 0.0
-        for _ in range(200):  # drawn slowly, in steps of a nanometre
-            z += _DEFLECTION / _VELOCITY * max(rate(one, _VELOCITY, z)[1], 0.0)
-        force += rate(one, _VELOCITY, z)[0]
-    return stiffness, damping, max(force, 1e-6)
+def _corrected(method: Method, static: bool) -> list[int]:
+    """Which parts of the state are."""
+    stage = [j for i in method.stage if i != Y or not method.kinematic for j in (i, i + 1)]
+    if method.clamped:
+        return stage
+    return [X, S, *stage] if static else [X, S, Z, *stage]
+
+
+def _filter(step: Matrix, c: Matrix, noises: Matrix, of: list[int]) -> Matrix:
+    """The gain of the Kalman filter of some parts of the state; NaN where the others leave it none."""
+    gain, part = np.zeros(len(step)), np.ix_(of, of)
+    seen = c[:, of]
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", LinAlgWarning)
+            p = solve_discrete_are(step[part].T, seen.T, noises[part] + 1e-8 * np.eye(len(of)), np.eye(1))
+    except (LinAlgError, LinAlgWarning):
+        return np.full(len(step), np.nan)
+    gain[of] = (p @ seen.T / (seen @ p @ seen.T + 1.0))[:, 0]
+    return gain
+
+
+def _error(step: Matrix, c: Matrix, noises: Matrix, gain: Matrix, of: list[int]) -> float:
+    """The standard deviation of the corrected position over that of a measured one; infinite if it grows."""
+    part, k, seen = np.ix_(of, of), gain[of, None], c[:, of]
+    if not np.all(np.isfinite(k)):
+        return np.inf
+    left = np.eye(len(of)) - k @ seen
+    after = left @ step[part]
+    if not np.max(np.abs(np.linalg.eigvals(after))) < 1.0 - 1e-9:
+        return np.inf
+    noise = left @ noises[part] @ left.T + k @ k.T
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", LinAlgWarning)
+            p = solve_discrete_lyapunov(after, noise, method="direct")
+    except (LinAlgError, LinAlgWarning):
+        return np.inf
+    return float(np.sqrt(max((seen @ p @ seen.T)[0, 0], 0.0)))

@@ -60,7 +60,8 @@ def export_fmu(
         fmi: 2 or 3.
         mode: "plant" (voltage in, displacement out), "observer" (voltage and measured displacement in, states
             out) or "feedforward" (wanted motion in, voltage out).
-        step: s, the longest internal step; a parameter of the FMU.
+        step: s, the longest internal step, a parameter of the FMU; of an observer, which has one gain, the
+            communication step.
         compiler: command for the binary; "" leaves it out, and the importer compiles the sources.
 
     Returns:

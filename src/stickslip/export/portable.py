@@ -128,17 +128,28 @@ def core_files(found: Exported, chain: SignalChain, h: float, noise: float) -> d
 
 
 def _observing(model: Any, h: float, noise: float) -> NDArray[np.float64]:
-    """The observer's gain; raises ExportError where the numbers are too far from each other to have one."""
+    """The observer's gain; raises ExportError where there is none."""
+    does, why = None, "none is stable"
     try:
         with np.errstate(over="raise", divide="raise", invalid="raise"):
-            return observer_gain(model, h, noise)
+            gain = observer_gain(model, h, noise)
+            if gain is not None:
+                return gain
+            shorter = (h / 2**k for k in range(1, 24) if h / 2**k >= 1e-9)
+            does = next((one for one in shorter if observer_gain(model, one, noise) is not None), None)
     except (ArithmeticError, ValueError) as error:  # SciPy's: no solution, or what BLAS made infinite
-        name = "end_effector_mass" if isinstance(model, Actuator) else "mass"
-        mass, kilogram = getattr(model, name), unit_for(model, "kg")
+        why = str(error)
+    if does is not None:
         raise ExportError(
-            f"the observer has no gain at step = {h:g} s, {name} = {mass:g} {kilogram} and measurement_noise "
-            f"= {noise:g} {unit_for(model, 'm')}: one of them is too small for the others ({error})"
-        ) from error
+            f"the observer has no gain at step = {h:g} s that is stable in every state of the contact: "
+            f"step = {does:g} s does"
+        )
+    name = "end_effector_mass" if isinstance(model, Actuator) else "mass"
+    mass, kilogram = getattr(model, name), unit_for(model, "kg")
+    raise ExportError(
+        f"the observer has no gain at step = {h:g} s, {name} = {mass:g} {kilogram} and measurement_noise = "
+        f"{noise:g} {unit_for(model, 'm')}: one of them is too small for the others ({why})"
+    )
 
 
 def heading(found: Exported) -> str:

@@ -12,6 +12,7 @@ from .subset import KEYWORDS
 from .values import plain
 
 Mode = Literal["plant", "observer", "feedforward"]
+MEASURED = "measured_position"  # what an observer, and nothing else, takes
 
 
 class Variable(NamedTuple):
@@ -48,16 +49,26 @@ _INPUTS, _FIRST_OUTPUT, _FIRST_PARAMETER = 1, 100, 1000
 
 def variables(found: Exported, chain: SignalChain, mode: Mode, step: float, rest: float) -> list[Variable]:
     """All variables of a mode; references 1.. are inputs, 100.. outputs, 1000.. parameters."""
-    made = [*_inputs(found.model, mode, rest), *_outputs(found.model, chain, mode), *_parameters(found, step)]
+    made = [*_inputs(found.model, mode, step, rest), *_outputs(found.model, chain, mode)]
+    # The gain of an observer is for its step, which therefore cannot be set.
+    made += [one for one in _parameters(found, step) if mode != "observer" or one.name != "step"]
     return [one._replace(unit=unit_for(found.model, one.unit)) for one in made]
 
 
-def _inputs(model: Any, mode: Mode, rest: float) -> list[Variable]:
+def _inputs(model: Any, mode: Mode, step: float, rest: float) -> list[Variable]:
     drive = ("voltage", "V", "Drive voltage") if isinstance(model, Actuator) else (
         "spring_end", "m", "Position of the spring's far end")  # fmt: skip
     wanted = {
         "plant": [drive],
-        "observer": [drive, ("measured_position", "m", "Measured position of the end-effector")],
+        "observer": [
+            drive,
+            (
+                MEASURED,
+                "m",
+                f"Measured position of the end-effector at the begin of a communication step of {step:g} s, "
+                "which the observer's gain is for",
+            ),
+        ],
         "feedforward": [
             ("wanted_position", "m", "Wanted position of the end-effector"),
             ("wanted_velocity", "m/s", "Its first derivative"),

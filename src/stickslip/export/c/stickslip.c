@@ -179,7 +179,7 @@ static real_t bristle(const stickslip_plant *plant, const stickslip_element *ele
     const real_t start = stickslip_law_rate(element, v, z).dz;
     real_t span = plant->h * v; /* of the secant */
     real_t there = stickslip_law_rate(element, v, z + span).dz;
-    if ((v == R(0.0)) || (start == R(0.0))) {
+    if ((span == R(0.0)) || (start == R(0.0))) { /* also where a speed is too small for its numbers */
         *mean = R(0.0);
         return R(0.0);
     }
@@ -426,8 +426,8 @@ const char *stickslip_init(stickslip_plant *plant, const stickslip_parameters *p
     }
 #if STICKSLIP_LATE
     if (!((parameters->chain.sensor.delay >= R(0.0)) &&
-          ((double)parameters->chain.sensor.delay <= h * (STICKSLIP_LATE - 2) * (1.0 + 1e-6)))) {
-        return "the channel's delay is longer than what is kept at this step: export with this step";
+          ((double)parameters->chain.sensor.delay <= STICKSLIP_LATE_SPACING * (STICKSLIP_LATE - 2) * (1.0 + 1e-6)))) {
+        return "the channel's delay is longer than what is kept of the past: export with this delay";
     }
 #endif
     made.mechanism = ss_mechanism(&parameters->model);
@@ -637,14 +637,25 @@ void stickslip_rest(const stickslip_plant *plant, stickslip_state *state, real_t
 }
 
 #if STICKSLIP_LATE
-/* The end-effector as a channel sees it that is late, between two steps along a line. */
-static real_t seen_late(const stickslip_plant *plant, stickslip_state *state)
+/* The end-effector as a channel sees it that is late, after a step over which it went by `change`. Its positions are
+ * kept at even times, whatever the steps are; it goes in lines between them, and from the newest of them to now. */
+static real_t seen_late(const stickslip_plant *plant, stickslip_state *state, real_t change)
 {
-    const real_t steps = plant->chain.sensor.delay * plant->per_h;
+    const real_t spacing = (real_t)STICKSLIP_LATE_SPACING, delay = plant->chain.sensor.delay;
+    const real_t now = state->end_effector_position;
+    real_t age = r_min(state->age + plant->h, spacing * R(STICKSLIP_LATE)); /* a longer step fills them all */
+    while (age >= spacing * R(0.999999)) {
+        age = r_max(age - spacing, R(0.0));
+        state->newest = (state->newest + 1) % STICKSLIP_LATE;
+        state->late[state->newest] = now - change * (age * plant->per_h);
+    }
+    state->age = age;
+    if (delay < age) {
+        return now + (state->late[state->newest] - now) * (delay / age);
+    }
+    const real_t steps = (delay - age) / spacing;
     const int whole = (int)steps;
     const real_t part = steps - (real_t)whole;
-    state->newest = (state->newest + 1) % STICKSLIP_LATE;
-    state->late[state->newest] = state->end_effector_position;
     const int later = (state->newest - whole + STICKSLIP_LATE) % STICKSLIP_LATE;
     const int earlier = (later - 1 + STICKSLIP_LATE) % STICKSLIP_LATE;
     return state->late[later] + part * (state->late[earlier] - state->late[later]);
@@ -756,7 +767,7 @@ int stickslip_step_ramp(const stickslip_plant *plant, stickslip_state *state, re
 #endif
     state->input = last;
 #if STICKSLIP_LATE
-    state->sensor = seen_late(plant, state);
+    state->sensor = seen_late(plant, state, change[X]);
 #elif STICKSLIP_HAS_SENSOR
     state->sensor = stickslip_sensor_after(&plant->chain, state->end_effector_position, state->sensor, plant->h);
 #else
@@ -784,11 +795,29 @@ stickslip_outputs stickslip_read(const stickslip_plant *plant, const stickslip_s
     return out;
 }
 
-void stickslip_correct(const stickslip_plant *plant, stickslip_state *state, real_t measured)
+/* Begin the estimate again: at rest under the last input, where the end-effector was measured. */
+static void begin_again(const stickslip_plant *plant, stickslip_state *state, real_t measured)
+{
+    stickslip_rest(plant, state, r_isfinite(state->input) ? state->input : R(0.0));
+    state->end_effector_position = measured;
+    state->sensor = measured;
+#if STICKSLIP_LATE
+    for (int i = 0; i < STICKSLIP_LATE; ++i) {
+        state->late[i] = measured;
+    }
+#endif
+}
+
+int stickslip_correct(const stickslip_plant *plant, stickslip_state *state, real_t measured)
 {
     const real_t error = measured - state->end_effector_position;
-    if (!r_isfinite(error)) {
-        return;
+    const real_t reach = plant->mechanism.gain * (plant->high - plant->low); /* of the stage */
+    if (!r_isfinite(measured)) {
+        return STICKSLIP_INPUT_NOT_FINITE;
+    }
+    if (!r_isfinite(error) || ((reach != R(0.0)) && !(r_abs(error) <= r_abs(reach)))) {
+        begin_again(plant, state, measured);
+        return STICKSLIP_ESTIMATE_LOST;
     }
     state->stage_position += plant->observer_gain[0] * error;
     state->stage_velocity += plant->observer_gain[1] * error;
@@ -805,6 +834,7 @@ void stickslip_correct(const stickslip_plant *plant, stickslip_state *state, rea
             stickslip_law_project(&plant->element[i], state->internal[i] + plant->observer_gain[4] * error);
     }
 #endif
+    return STICKSLIP_OK;
 }
 
 #if STICKSLIP_FURTHER

@@ -15,12 +15,14 @@
 
 #include "stickslip_equations.h"
 
-/* Bits that a step returns. */
+/* Bits that a step, a correction or a feedforward returns. */
 enum {
     STICKSLIP_OK = 0,
     STICKSLIP_INPUT_CLIPPED = 1,   /* the input was outside its limits and was cut to them */
-    STICKSLIP_INPUT_NOT_FINITE = 2, /* the input was NaN or infinite: the last one was kept */
-    STICKSLIP_WOULD_SLIDE = 4      /* feedforward: the wanted motion needs more than friction holds */
+    STICKSLIP_INPUT_NOT_FINITE = 2, /* the input was NaN or infinite: the last one was kept; no correction by it */
+    STICKSLIP_WOULD_SLIDE = 4,     /* feedforward: the wanted motion needs more than friction holds */
+    STICKSLIP_ESTIMATE_LOST = 8    /* observer: not finite, or farther from the measured position than the stage can
+                                    * go; begun again at rest where that is */
 };
 
 #define STICKSLIP_MOVING (4 + 2 * STICKSLIP_FURTHER) /* positions and velocities of the modes and the end-effector */
@@ -93,7 +95,8 @@ typedef struct {
 #endif
     real_t sensor;                 /* m, the end-effector as the sensor sees it */
 #if STICKSLIP_LATE
-    real_t late[STICKSLIP_LATE];   /* m, the end-effector at the last steps, for a channel that is late */
+    real_t late[STICKSLIP_LATE];   /* m, the end-effector at even times, for a channel that is late */
+    real_t age;                    /* s, of the newest of them */
     int newest;
 #endif
 } stickslip_state;
@@ -128,8 +131,9 @@ int stickslip_step_ramp(const stickslip_plant *plant, stickslip_state *state, re
 /* What can be seen of a state. */
 stickslip_outputs stickslip_read(const stickslip_plant *plant, const stickslip_state *state);
 
-/* Observer: move the state towards a measured end-effector position (m), after the step to that instant. */
-void stickslip_correct(const stickslip_plant *plant, stickslip_state *state, real_t measured);
+/* Observer: move the state towards a measured end-effector position (m), after the step to that instant. The gain
+ * is for a correction after each step of the export. Returns bits. */
+int stickslip_correct(const stickslip_plant *plant, stickslip_state *state, real_t measured);
 
 /* Feedforward: the input for a wanted position, velocity and acceleration of a sticking end-effector; that of the
  * amplifier, if there is one, whose lag is not made up for. Cut to the limits of both; left as it was where a number

@@ -10,13 +10,15 @@ typedef struct {
     char name[64];
 } component;
 
-static fmi2Status failed(const component *c, const char *text)
+static fmi2Status said(const component *c, fmi2Status status, const char *category, const char *text)
 {
     if (c->log != NULL) {
-        c->log(c->environment, c->name, fmi2Error, "logStatusError", text); /* no text has a % */
+        c->log(c->environment, c->name, status, category, text); /* no text has a % */
     }
-    return fmi2Error;
+    return status;
 }
+
+static fmi2Status failed(const component *c, const char *text) { return said(c, fmi2Error, "logStatusError", text); }
 
 const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
 
@@ -101,20 +103,22 @@ fmi2Status fmi2DoStep(fmi2Component i, fmi2Real point, fmi2Real length, fmi2Bool
     if (c->data.phase != STEPPING) {
         return failed(c, "a step before the end of the initialisation");
     }
-    const char *wrong = fmi_advance(&c->data, length);
-    return (wrong != NULL) ? failed(c, wrong) : fmi2OK;
+    const char *warning = NULL;
+    const char *wrong = fmi_advance(&c->data, length, &warning);
+    if (wrong != NULL) {
+        return failed(c, wrong);
+    }
+    return (warning != NULL) ? said(c, fmi2Warning, "logStatusWarning", warning) : fmi2OK;
 }
 
 fmi2Status fmi2GetReal(fmi2Component i, const fmi2ValueReference vr[], size_t n, fmi2Real value[])
 {
     component *c = (component *)i;
-    if (MODE == FEEDFORWARD && c->data.phase == STEPPING) {
-        fmi_refresh(&c->data);
-    }
     for (size_t k = 0; k < n; ++k) {
         const real_t *found = fmi_real(&c->data, vr[k]);
-        if (found == NULL) {
-            return failed(c, "no such Real variable");
+        const char *wrong = (found == NULL) ? "no such Real variable" : fmi_before_get(&c->data, vr[k]);
+        if (wrong != NULL) {
+            return failed(c, wrong);
         }
         value[k] = (fmi2Real)*found;
     }
@@ -140,8 +144,9 @@ fmi2Status fmi2GetBoolean(fmi2Component i, const fmi2ValueReference vr[], size_t
     component *c = (component *)i;
     for (size_t k = 0; k < n; ++k) {
         const bool *found = fmi_boolean(&c->data, vr[k]);
-        if (found == NULL) {
-            return failed(c, "no such Boolean variable");
+        const char *wrong = (found == NULL) ? "no such Boolean variable" : fmi_before_get(&c->data, vr[k]);
+        if (wrong != NULL) {
+            return failed(c, wrong);
         }
         value[k] = *found ? fmi2True : fmi2False;
     }

@@ -9,13 +9,15 @@ typedef struct {
     fmi3InstanceEnvironment environment;
 } component;
 
-static fmi3Status failed(const component *c, const char *text)
+static fmi3Status said(const component *c, fmi3Status status, const char *category, const char *text)
 {
     if (c->log != NULL) {
-        c->log(c->environment, fmi3Error, "logStatusError", text);
+        c->log(c->environment, status, category, text);
     }
-    return fmi3Error;
+    return status;
 }
+
+static fmi3Status failed(const component *c, const char *text) { return said(c, fmi3Error, "logStatusError", text); }
 
 const char *fmi3GetVersion(void) { return fmi3Version; }
 
@@ -106,9 +108,13 @@ fmi3Status fmi3DoStep(
     if (c->data.phase != STEPPING) {
         return failed(c, "a step before the end of the initialisation");
     }
-    const char *wrong = fmi_advance(&c->data, length);
+    const char *warning = NULL;
+    const char *wrong = fmi_advance(&c->data, length, &warning);
     *last = c->data.time;
-    return (wrong != NULL) ? failed(c, wrong) : fmi3OK;
+    if (wrong != NULL) {
+        return failed(c, wrong);
+    }
+    return (warning != NULL) ? said(c, fmi3Warning, "logStatusWarning", warning) : fmi3OK;
 }
 
 fmi3Status fmi3GetFloat64(
@@ -116,18 +122,17 @@ fmi3Status fmi3GetFloat64(
 {
     component *c = (component *)i;
     (void)values;
-    if (MODE == FEEDFORWARD && c->data.phase == STEPPING) {
-        fmi_refresh(&c->data);
-    }
     for (size_t k = 0; k < n; ++k) {
         const real_t *found = fmi_real(&c->data, vr[k]);
         if (vr[k] == 0U) {
             value[k] = c->data.time;
-        } else if (found == NULL) {
-            return failed(c, "no such Float64 variable");
-        } else {
-            value[k] = (fmi3Float64)*found;
+            continue;
         }
+        const char *wrong = (found == NULL) ? "no such Float64 variable" : fmi_before_get(&c->data, vr[k]);
+        if (wrong != NULL) {
+            return failed(c, wrong);
+        }
+        value[k] = (fmi3Float64)*found;
     }
     return fmi3OK;
 }
@@ -155,8 +160,9 @@ fmi3Status fmi3GetBoolean(
     (void)values;
     for (size_t k = 0; k < n; ++k) {
         const bool *found = fmi_boolean(&c->data, vr[k]);
-        if (found == NULL) {
-            return failed(c, "no such Boolean variable");
+        const char *wrong = (found == NULL) ? "no such Boolean variable" : fmi_before_get(&c->data, vr[k]);
+        if (wrong != NULL) {
+            return failed(c, wrong);
         }
         value[k] = *found;
     }

@@ -25,6 +25,7 @@ typedef struct {
     bool would_slide;
     real_t step; /* s, longest internal step */
     double time;
+    double uncorrected; /* s, since the observer was corrected */
     int phase;
 } fmi_data;
 
@@ -51,8 +52,8 @@ static void fmi_refresh(fmi_data *data)
     }
 }
 
-/* End of the initialisation. NULL, or what is wrong with the parameters. */
-static const char *fmi_begin(fmi_data *data)
+/* The state and the outputs at the start. NULL, or what is wrong with the parameters. */
+static const char *fmi_initial(fmi_data *data)
 {
     const char *wrong = stickslip_init(&data->plant, &data->parameters, (double)data->step);
     if (wrong != NULL) {
@@ -63,17 +64,62 @@ static const char *fmi_begin(fmi_data *data)
         const real_t there = data->input[1] - data->state.end_effector_position;
         data->state.end_effector_position += (data->input[1] - data->input[1] == R(0.0)) ? there : R(0.0);
     }
+    data->uncorrected = (double)data->step;
     fmi_refresh(data);
-    data->phase = STEPPING;
     return NULL;
 }
 
-/* A communication step: as many internal steps of one length as it takes. */
-static const char *fmi_advance(fmi_data *data, double length)
+/* End of the initialisation. NULL, or what is wrong with the parameters. */
+static const char *fmi_begin(fmi_data *data)
+{
+    const char *wrong = fmi_initial(data);
+    if (wrong == NULL) {
+        data->phase = STEPPING;
+    }
+    return wrong;
+}
+
+/* Before a variable is read: an output is that of what was set. NULL, or what is wrong with the parameters. */
+static const char *fmi_before_get(fmi_data *data, unsigned int reference)
+{
+    if (is_parameter(reference) || is_input(reference)) {
+        return NULL;
+    }
+    if (data->phase == INITIALIZING) {
+        return fmi_initial(data);
+    }
+    if (MODE == FEEDFORWARD && data->phase == STEPPING) {
+        fmi_refresh(data);
+    }
+    return NULL;
+}
+
+/* Correct the observer, once within each step that its gain is for. NULL, or a warning. */
+static const char *fmi_observe(fmi_data *data)
+{
+    const double step = (double)data->step, since = data->uncorrected;
+    if (since < step * (1.0 - 1e-6)) {
+        return NULL;
+    }
+    data->uncorrected = 0.0;
+    if ((stickslip_correct(&data->plant, &data->state, data->input[1]) & STICKSLIP_ESTIMATE_LOST) != 0) {
+        return "the estimate was lost: it was not finite, or farther from the measured position than the stage can go; "
+               "it begins again at rest where that is";
+    }
+    return (since <= step * (1.0 + 1e-6))
+        ? NULL : "the time since the last correction is longer than the step that the observer's gain is for";
+}
+
+/* A communication step: as many internal steps of one length as it takes. NULL, or what is wrong; a warning apart. */
+static const char *fmi_advance(fmi_data *data, double length, const char **warning)
 {
     const double count = ceil(length / (double)data->step - 1e-6);
     if (!(length > 0.0) || !(count <= MOST_STEPS)) {
         return "the communication step is out of range: it must be > 0 s and at most 1e7 internal steps";
+    }
+    if (MODE == OBSERVER && length > (double)data->step * (1.0 + 1e-6)) {
+        return "the communication step is longer than the step that the observer's gain is for: take that of the default "
+               "experiment, or export the observer with the communication step as its step";
     }
     const long steps = (count < 1.0) ? 1L : (long)count;
     const double h = length / (double)steps;
@@ -84,7 +130,8 @@ static const char *fmi_advance(fmi_data *data, double length)
         }
     }
     if (MODE == OBSERVER) {
-        stickslip_correct(&data->plant, &data->state, data->input[1]);
+        *warning = fmi_observe(data);
+        data->uncorrected += length;
     }
     if (MODE != FEEDFORWARD) {
         for (long k = 0; k < steps; ++k) {
@@ -95,6 +142,9 @@ static const char *fmi_advance(fmi_data *data, double length)
     }
     data->time += length;
     fmi_refresh(data);
+    if (!r_isfinite(data->outputs.end_effector_position)) {
+        return "the motion is not finite: the parameters or the step are too extreme";
+    }
     return NULL;
 }
 

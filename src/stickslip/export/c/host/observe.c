@@ -35,7 +35,10 @@ int main(void)
             random = (1103515245UL * random + 12345UL) % 2147483648UL;
             noise += (real_t)random / R(2147483648.0) - R(0.5);
         }
-        stickslip_correct(&model, &observed, truth.end_effector_position + STICKSLIP_MEASUREMENT_NOISE * noise);
+        if (stickslip_correct(
+                &model, &observed, truth.end_effector_position + STICKSLIP_MEASUREMENT_NOISE * noise) != STICKSLIP_OK) {
+            fprintf(stderr, "%g s: the estimate was lost and begun again\n", (double)(step + 1) * STICKSLIP_WAVEFORM_STEP);
+        }
         if (step % 50 == 0) {
             printf("%.9g,%.12g,%.12g,%.12g,%.9g,%.9g\n", (double)(step + 1) * STICKSLIP_WAVEFORM_STEP,
                    (double)truth.end_effector_position, (double)alone.end_effector_position,
