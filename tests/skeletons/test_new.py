@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import shlex
 from pathlib import Path
 from typing import Any
@@ -326,20 +327,30 @@ def test_what_cannot_be_written_is_said(
     ids=repr,
 )
 @pytest.mark.parametrize("late", [0.0, 0.3, 0.7])
-def test_the_drive_that_a_channel_shows(drive: Any, late: float, tmp_path: Path) -> None:
+def test_the_drive_that_a_channel_shows(drive: Any, late: float) -> None:
     time = np.arange(4000) * 0.5e-3
     volts = ss.waveform.Sequence(
         ss.waveform.Rest(0.1 + late * 0.5e-3, level=drive.offset), (drive, 1.8)
     ).value(time)
     volts += 0.01 * np.random.default_rng(7).standard_normal(time.size)
-    recording = ss.make_recording(time, {"drive_voltage": (volts, "V")})
-    ss.save_recording(recording, tmp_path / "one.nc")
-    assert shown_drive(ss.inspect_file(tmp_path / "one.nc")) == drive
+    found = shown_drive(ss.make_recording(time, {"drive_voltage": (volts, "V")}))
+    assert found is not None
+    begins, waveform = found
+    assert waveform == drive
+    assert begins == pytest.approx(0.1 + late * 0.5e-3, abs=1.5e-3)
 
 
-def test_a_drive_that_is_none_of_the_usual_ones_is_not_named(tmp_path: Path) -> None:
+@pytest.mark.parametrize("drive", [ss.Sawtooth(65.0, 20.0, periods=8), ss.Sine(30.0, 12.5, offset=40.0)])
+def test_a_drive_that_begins_with_the_first_sample(drive: Any) -> None:
+    time = 0.3 + np.arange(2000) * 0.5e-3
+    recording = ss.make_recording(time, {"drive_voltage": (drive.value(time - 0.3), "V")})
+    begins, waveform = shown_drive(recording) or (math.nan, None)
+    assert begins == 0.3
+    assert type(waveform) is type(drive)
+    assert waveform == drive._replace(periods=waveform.periods)
+
+
+def test_a_drive_that_is_none_of_the_usual_ones_is_not_named() -> None:
     time = np.arange(2000) * 1e-3
     rounded = np.minimum(65.0 * np.abs(np.sin(2 * np.pi * 2 * np.maximum(time - 0.1, 0.0))), 40.0)
-    recording = ss.make_recording(time, {"drive_voltage": (rounded, "V")})
-    ss.save_recording(recording, tmp_path / "one.nc")
-    assert shown_drive(ss.inspect_file(tmp_path / "one.nc")) is None
+    assert shown_drive(ss.make_recording(time, {"drive_voltage": (rounded, "V")})) is None

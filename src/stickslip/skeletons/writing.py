@@ -14,7 +14,7 @@ from ..recording.replacing import replaced_whole
 from ..records import did_you_mean
 from ..units import QuantityError
 from ..waveform.shapes import Step
-from .drives import Drive
+from .drives import flow
 from .entries import MOVED, Inspected, angles, entry_of, listed, looked_at, shown_value
 from .examples import example_files, write_examples
 from .measured import LOOPS, PIEZO, STAGE, WALK, loops, measured_kind, piezo
@@ -124,7 +124,7 @@ def _identified(seen: list[Inspected], folder: Path, steps: bool) -> tuple[dict[
         fitted = fitted or not step
         entry, lacking = entry_of(one, folder, use)
         if steps and one.drive is not None:
-            entry.append(f"waveform: [{_flow(one.drive)}]")
+            entry.append(f"waveform: [{flow(one.drive)}]")
         lines.append(listed(entry))
         missing += lacking
     if not fitted:  # steps alone: one of them is a walk, or there is nothing to fit
@@ -166,13 +166,6 @@ def _turning(gain: float | None, source: str) -> dict[str, str]:
         "force": "N m",
         "unit": "rad",
     }
-
-
-def _flow(drive: Drive) -> str:
-    units = {"amplitude": " V", "offset": " V", "frequency": " Hz", "periods": ""}
-    fields = {name: getattr(drive, name) for name in units if name in drive._fields}
-    said = {name: f"{value:g}{units[name]}" for name, value in fields.items() if value}
-    return f"{{shape: {type(drive).__name__}, fields: {{{', '.join(f'{k}: {v}' for k, v in said.items())}}}}}"
 
 
 def _gain(seen: list[Inspected]) -> tuple[float | None, str]:
@@ -257,7 +250,7 @@ def _experiment(seen: list[Inspected], folder: Path) -> tuple[dict[str, str], li
         interval = max(round(one.found.interval / _TICK), 1) * _TICK
         runs.append(
             _run(
-                f"run_{number}", _flow(one.drive), length, interval, before, f" # as in {one.found.path.name}"
+                f"run_{number}", flow(one.drive), length, interval, before, f" # as in {one.found.path.name}"
             )
         )
     if not runs:
