@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import shlex
 from pathlib import Path
 from typing import Any
@@ -195,6 +196,40 @@ def test_friction_loops(tmp_path: Path, flip: float) -> None:
     found = numbers(tmp_path / "out")["Dahl"]
     assert found["parameters"]["sigma_0"]["value"] == pytest.approx(1e5, rel=0.02)
     assert found["r_squared_predicted"]["value"] > 0.999
+
+
+def test_an_inverted_sensor_is_said_and_put_right(tmp_path: Path) -> None:
+    """The gain was left out without a word, and the campaign ended without naming a file."""
+    hidden = ss.load_actuator("kang2007")
+    random = np.random.default_rng(4)
+    runs = [
+        ("step", hidden.replace(clamped=True), ss.Step(50.0)),
+        ("walk", hidden, ss.Sawtooth(65.0, 20.0, periods=4)),
+    ]
+    for name, model, drive in runs:
+        whole = ss.waveform.Sequence(ss.waveform.Rest(0.05), (drive, 0.25))
+        walk = ss.simulate(model, whole, times=np.arange(3000) * 1e-4)
+        position = -1e6 * (walk.end_effector_position.values + 1e-8 * random.standard_normal(3000))
+        table = np.column_stack([walk.time, position, walk.drive_voltage])
+        np.savetxt(tmp_path / f"{name}.csv", table, "%.8g", ",", header="time [s],x [um],u [V]", comments="")
+    target = tmp_path / "c.yaml"
+    columns = [tmp_path / "step.csv", tmp_path / "walk.csv"]
+    made = run("new", "campaign", *columns, "--out", target)
+    said = "step.csv: end_effector_position goes down where drive_voltage goes up: the sensor is inverted"
+    units = 'units: {end_effector_position: "-1 um"}'
+    assert f"{said}; say so in each file of it, {units}" in made.stderr
+    text = target.read_text("utf-8")
+    assert f"# gain: 0.1 um/V # {said}" in text
+    refused = run("campaign", target, "--out", tmp_path / "out")
+    assert refused.exit_code == 2
+    last = refused.stderr.splitlines()[-1]
+    assert "end_effector_position [m] of step, walk goes down where drive_voltage [V] goes up" in last
+    assert units in last
+    target.write_text(re.sub("(?m)^    columns:", f"    {units}\n    columns:", text), "utf-8")
+    done = run("campaign", target, "--out", tmp_path / "out")
+    assert done.exit_code == 0, done.stderr
+    found = numbers(tmp_path / "out")["stage"]["parameters"]["gain"]
+    assert found["value"] == pytest.approx(hidden.gain, rel=1e-3)
 
 
 def test_of_several_friction_loops_the_first_is_fitted(tmp_path: Path) -> None:

@@ -129,7 +129,9 @@ def _identified(seen: list[Inspected], folder: Path, steps: bool) -> tuple[dict[
         missing += lacking
     if not fitted:  # steps alone: one of them is a walk, or there is nothing to fit
         lines[-1] = lines[-1].replace("use: step", "use: fit")
-    start = _turning(*_gain(seen)) if angles(seen) else _sliding(*_gain(seen))
+    gain, source = _gain(seen)
+    missing += [source] if source and gain is None else []
+    start = _turning(gain, source) if angles(seen) else _sliding(gain, source)
     return {"recordings": "\n".join(lines), **start, "model": "kang2007"}, missing
 
 
@@ -137,7 +139,7 @@ def _sliding(gain: float | None, source: str) -> dict[str, str]:
     """Where a fit starts, what moves along a line."""
     known = f"  gain: {shown_value(gain, 'm/V')} # {source}" if gain else ""
     return {
-        "gain": known or "  # gain: 0.1 um/V # stroke of the piezo per volt",
+        "gain": known or f"  # gain: 0.1 um/V # {source or 'stroke of the piezo per volt'}",
         "masses": "  # stage_mass: 100 g # effective, of piezo and stage\n"
         f"  # end_effector_mass: 100 g # the mass that moves; {_IN_PROPORTION}",
         "friction": "{sigma_0: 1 N/um, sigma_1: 30 N s/m, coulomb_force: 0.8 N, stiction_force: 0.8 N}",
@@ -169,7 +171,8 @@ def _turning(gain: float | None, source: str) -> dict[str, str]:
 
 
 def _gain(seen: list[Inspected]) -> tuple[float | None, str]:
-    """Of a recording that shows the stage, or a step with the end-effector clamped: way over volts."""
+    """Of a recording that shows the stage, or a step with the end-effector clamped: way over volts, and where
+    that is from; None and what to do where it goes down as the volts go up."""
     for one in seen:
         recording: Any = one.found.recording
         shown = next((name for name in STAGE if name in recording), None)
@@ -189,6 +192,14 @@ def _gain(seen: list[Inspected]) -> tuple[float | None, str]:
             )
         if math.isfinite(rise) and rise > 0:
             return float(rise), f"{one.found.path.name}: {shown} over drive_voltage"
+        if rise < 0:
+            unit = next((c["unit"] for c in one.found.columns if c["name"] == one.found.named.get(shown)), "")
+            unit = one.found.units.get(shown) or unit or recording[shown].attrs["units"]
+            turned = f'{{{shown}: "-1 {unit}"}}'
+            return None, (
+                f"{one.found.path.name}: {shown} goes down where drive_voltage goes up: the sensor is "
+                f"inverted; say so in each file of it, units: {turned}"
+            )
     return None, ""
 
 
@@ -232,7 +243,7 @@ def _actuator(seen: list[Inspected], folder: Path) -> tuple[dict[str, str], list
         "low": f"{low:g}",
         "high": f"{high:g}",
         "voltages": voltages,
-    }, []
+    }, [source] if source and gain is None else []
 
 
 def _experiment(seen: list[Inspected], folder: Path) -> tuple[dict[str, str], list[str]]:
