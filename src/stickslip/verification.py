@@ -95,7 +95,8 @@ FIGURES = {
 MOSTLY = 0.5
 _WHY_NOT = {
     "r_squared": "what was measured is constant",
-    "net_step_error": "the drive is not known as a waveform with periods",
+    "net_step_error": "the drive is not known as a waveform of two periods or more: name it, as drive of the "
+    "recording in a verification file, or of verify",
     "residual_over_noise": "nothing is recorded at rest, and nothing repeats, that shows the noise",
 }
 

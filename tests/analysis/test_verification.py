@@ -18,12 +18,16 @@ from stickslip.friction import MaxwellSlip
 from stickslip.identify.results import model_numbers, model_of
 from stickslip.identify.saved import save_fit
 from stickslip.identify.walk.friction import identify_friction
+from stickslip.readers import inspect_file, read_recording
 from stickslip.recording import open_recording, save_recording
 from stickslip.report import Document, Number, write_report
 from stickslip.simulation import simulate
 from stickslip.units import QuantityError
-from stickslip.verification import verify
+from stickslip.verification import net_step, verify
 from stickslip.waveform.periodic import Sawtooth
+from stickslip.waveform.sampled import Sampled
+from stickslip.waveform.sequence import Sequence
+from stickslip.waveform.shapes import Rest
 
 DRIVE = {"shape": "Sawtooth", "fields": {"amplitude": 65.0, "frequency": 100.0, "periods": 2}}
 MODEL = load_actuator("kang2007").replace(stage_reaction=False)
@@ -223,3 +227,61 @@ def test_a_limit_without_its_unit_is_refused_before_anything_is_read(folder: Pat
     assert done.exit_code == 2
     assert f"Error: {folder}/bare.yaml: require: {said}" in done.stderr
     assert not (folder / "bare").exists()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_net_step_of_a_drive_that_is_only_sampled(folder: Path, seed: int) -> None:
+    """Recordings made from tables name no waveform: the command of docs/verify.md could only fail."""
+    random = np.random.default_rng([11, seed])
+    drive = Sawtooth(round(random.uniform(50.0, 90.0)), round(random.uniform(10.0, 40.0)), periods=5)
+    rest, trigger = random.uniform(0.02, 0.05), random.choice([0.0, 0.03])
+    time = np.arange(0.0, rest + 5.2 / drive.frequency, 1e-4)
+    whole = Sequence(Rest(rest), drive)
+    noise = 1e-8 * random.standard_normal(time.size)
+    table = {
+        "time [ms]": 1e3 * (time - trigger),
+        "position [um]": 1e6 * (simulate(MODEL, whole, times=time).end_effector_position.values + noise),
+        "drive [V]": whole.value(time),
+    }
+    file = folder / f"sampled{seed}.csv"
+    np.savetxt(file, np.column_stack([*table.values()]), "%.7g", ",", header=",".join(table), comments="")
+    found = inspect_file(file)
+    save_recording(read_recording(file, found.named, found.units), folder / f"new{seed}.nc")
+    write_report(Document("A fit", "Made.", [], numbers={"model": model_numbers(MODEL)}), folder / "a-fit")
+    steps = []
+    for name in (f"new{seed}.nc", file.name):
+        wanted = ["--require", "r_squared > 0.99", "--require", "net_step_error < 2 %"]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            done = run(
+                str(folder / "a-fit" / "results.json"),
+                str(folder / name),
+                *wanted,
+                "--out",
+                str(folder / "s"),
+            )
+        assert done.exit_code == 0, done.stderr
+        assert "All of the 2 requirements met" in done.stdout
+        said = f"amplitude: {drive.amplitude:g} V, frequency: {drive.frequency:g} Hz, periods: 5"
+        page = (folder / "s" / "report.html").read_text("utf-8")
+        assert f"per period of what its drive_voltage shows: {{shape: Sawtooth, fields: {{{said}}}}}" in page
+        numbers = json.loads((folder / "s" / "results.json").read_bytes())["numbers"]
+        (told,), (one,) = numbers["periods"], numbers["verification"].values()
+        assert said in told
+        steps.append(one["net_step"]["value"])
+    expected = net_step(time, 1e-6 * table["position [um]"], whole)
+    assert steps == pytest.approx([expected] * 2, rel=0.01)
+
+
+def test_a_sampled_drive_without_a_waveform_says_what_to_do(folder: Path) -> None:
+    time = np.arange(0.0, 0.2, 1e-4)
+    volts = 75.0 + np.cumsum(np.random.default_rng(5).standard_normal(time.size)) * (time > 0.02)
+    walk = simulate(MODEL, Sampled(time, volts), times=time)
+    save_recording(walk.drop_attrs(deep=False), folder / "wild.nc")
+    write_report(Document("A fit", "Made.", [], numbers={"model": model_numbers(MODEL)}), folder / "a-fit")
+    results, wild = str(folder / "a-fit" / "results.json"), str(folder / "wild.nc")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        done = run(results, wild, "--require", "net_step_error < 2 %", "--out", str(folder / "w"))
+    assert done.exit_code == 1
+    assert "name it, as drive of the recording in a verification file" in done.stderr.splitlines()[-1]

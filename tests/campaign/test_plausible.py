@@ -11,13 +11,13 @@ import pytest
 
 from stickslip.actuator import load_actuator
 from stickslip.analysis.alignment import Aligned, aligned, on_level, said_to_drift, without_drift
-from stickslip.campaign.plausible import check_walk
+from stickslip.campaign.plausible import check_walk, refuse_inverted
 from stickslip.identify.walk.prediction import Predictor
 from stickslip.recording import RecordingError, RecordingWarning, make_recording
 from stickslip.simulation import simulate
 from stickslip.waveform.periodic import ReverseSawtooth, Sawtooth
 from stickslip.waveform.sequence import Sequence as Parts
-from stickslip.waveform.shapes import Rest
+from stickslip.waveform.shapes import Rest, Step
 from stickslip.waveform.signal import value_at
 
 MODEL = load_actuator("kang2007")
@@ -41,6 +41,28 @@ def test_a_walk_as_it_should_be(known: bool) -> None:
         check_walk(walk(known=known), MODEL)
         check_walk(walk(drive=ReverseSawtooth(60.0, 10.0, periods=5), known=known), MODEL)
         check_walk(walk(-1.0, known=known), MODEL.replace(gain=-MODEL.gain))
+
+
+def step(sign: float, seed: int) -> Aligned:
+    """A ringing stage, clamped, with noise."""
+    time, random = np.arange(0.0, 0.2, 1e-4), np.random.default_rng(seed)
+    drive, since = Step(random.uniform(5.0, 80.0)), time - random.uniform(0.01, 0.15)
+    u = np.where(since >= 0.0, drive.amplitude, 0.0)
+    ring = 1.0 - np.exp(-np.maximum(since, 0.0) / 5e-3) * np.cos(3e3 * since)
+    x = sign * 1e-7 * u * ring + 2e-8 * random.standard_normal(time.size)
+    recording = make_recording(time, {"end_effector_position": x, "drive_voltage": u})
+    return Aligned(f"step{seed}", recording, 0.0, 1e-9, None, None, use="step")
+
+
+def test_steps_against_their_drive_are_refused_with_all_that_are_inverted() -> None:
+    """It ended in "gain starts at -1.2e-07 m/V: a parameter ... needs bounds of its own", without a file."""
+    back, forth = walk(-1.0)._replace(name="back", use="fit"), walk()._replace(name="forth", use="verify")
+    for seed in range(20):
+        refuse_inverted([step(1.0, seed), back, forth], MODEL)
+        with pytest.raises(RecordingError) as refused:
+            refuse_inverted([step(1.0, 100), step(-1.0, seed), forth, back], MODEL)
+        assert f"[m] of step{seed}, back goes down where drive_voltage [V] goes up" in str(refused.value)
+        assert 'units: {end_effector_position: "-1 um"}' in str(refused.value)
 
 
 @pytest.mark.parametrize("known", [True, False])

@@ -120,6 +120,54 @@ def test_a_header_that_looks_like_units(tmp_path: Path) -> None:
     np.testing.assert_array_equal(recording["drive_voltage"], [1.0, 2.0])
 
 
+@pytest.mark.parametrize(
+    "row",
+    [
+        "ms,um,V",
+        "[ms],[um],[V]",
+        "[ ms ],[µm],[V]",
+        "(ms),(um),(V)",
+        "<ms>,<um>,<V>",
+        "{ms},{um},{V}",
+        "in ms,in um,in V",
+        "'ms','um','V'",
+        '"[ms]","[um]","[V]"',
+        "ms,[um],(V)",
+        "(ms),(um),(A)*(ohm)",
+        "[Milliseconds],[Microns],[Volts]",
+    ],
+)
+@pytest.mark.parametrize("delimiter", [",", ";", "\t"])
+def test_a_row_of_units_in_brackets(row: str, delimiter: str, tmp_path: Path) -> None:
+    """Both rows were lost: there was no column called "time", and no unit."""
+    text = f"time,position,drive\n{row}\n0.0,1.0,-1.5\n10.5,2.0,0.5\n20.0,3.5,2.0\n"
+    (tmp_path / "a.csv").write_text(text.replace(",", delimiter), "utf-8")
+    read = {"time": "time", "displacement": "position", "drive_voltage": "drive"}
+    recording = read_recording(tmp_path / "a.csv", read)
+    np.testing.assert_allclose(recording["time"], [0.0, 10.5e-3, 20e-3])
+    np.testing.assert_allclose(recording["displacement"], MICRO)
+    np.testing.assert_allclose(recording["drive_voltage"], [-1.5, 0.5, 2.0])
+
+
+def test_a_row_of_bracketed_units_with_some_missing(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(
+        "time,position,ratio,mode\n[ms],[um],[-],[]\n0,1,2,3\n10,2,3,3\n20,3.5,1,3\n"
+    )
+    recording = read_recording(
+        tmp_path / "a.csv", {"time": "time", "displacement": "position", "ratio": "ratio"}
+    )
+    np.testing.assert_allclose(recording["displacement"], MICRO)
+    assert recording["ratio"].attrs["units"] == ""
+
+
+def test_a_row_of_bracketed_words_is_no_row_of_units(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("one,two\n[left],[right]\n0,1e-6\n1,2e-6\n2,5e-6\n")
+    recording = read_recording(
+        tmp_path / "a.csv", {"time": "[left]", "displacement": "[right]"}, {"time": "s"}
+    )
+    np.testing.assert_allclose(recording["time"], [0.0, 1.0, 2.0])
+
+
 def test_one_column(tmp_path: Path) -> None:
     (tmp_path / "a.txt").write_text("displacement\n1.5\n2.5\n")
     recording = read_recording(tmp_path / "a.txt", sample_rate="1 kHz", units={"displacement": "um"})

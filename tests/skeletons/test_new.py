@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import math
+import re
 import shlex
 from pathlib import Path
 from typing import Any
@@ -196,6 +198,40 @@ def test_friction_loops(tmp_path: Path, flip: float) -> None:
     assert found["r_squared_predicted"]["value"] > 0.999
 
 
+def test_an_inverted_sensor_is_said_and_put_right(tmp_path: Path) -> None:
+    """The gain was left out without a word, and the campaign ended without naming a file."""
+    hidden = ss.load_actuator("kang2007")
+    random = np.random.default_rng(4)
+    runs = [
+        ("step", hidden.replace(clamped=True), ss.Step(50.0)),
+        ("walk", hidden, ss.Sawtooth(65.0, 20.0, periods=4)),
+    ]
+    for name, model, drive in runs:
+        whole = ss.waveform.Sequence(ss.waveform.Rest(0.05), (drive, 0.25))
+        walk = ss.simulate(model, whole, times=np.arange(3000) * 1e-4)
+        position = -1e6 * (walk.end_effector_position.values + 1e-8 * random.standard_normal(3000))
+        table = np.column_stack([walk.time, position, walk.drive_voltage])
+        np.savetxt(tmp_path / f"{name}.csv", table, "%.8g", ",", header="time [s],x [um],u [V]", comments="")
+    target = tmp_path / "c.yaml"
+    columns = [tmp_path / "step.csv", tmp_path / "walk.csv"]
+    made = run("new", "campaign", *columns, "--out", target)
+    said = "step.csv: end_effector_position goes down where drive_voltage goes up: the sensor is inverted"
+    units = 'units: {end_effector_position: "-1 um"}'
+    assert f"{said}; say so in each file of it, {units}" in made.stderr
+    text = target.read_text("utf-8")
+    assert f"# gain: 0.1 um/V # {said}" in text
+    refused = run("campaign", target, "--out", tmp_path / "out")
+    assert refused.exit_code == 2
+    last = refused.stderr.splitlines()[-1]
+    assert "end_effector_position [m] of step, walk goes down where drive_voltage [V] goes up" in last
+    assert units in last
+    target.write_text(re.sub("(?m)^    columns:", f"    {units}\n    columns:", text), "utf-8")
+    done = run("campaign", target, "--out", tmp_path / "out")
+    assert done.exit_code == 0, done.stderr
+    found = numbers(tmp_path / "out")["stage"]["parameters"]["gain"]
+    assert found["value"] == pytest.approx(hidden.gain, rel=1e-3)
+
+
 def test_of_several_friction_loops_the_first_is_fitted(tmp_path: Path) -> None:
     header = "t [s],angle [urad],friction [N m]"
     files = [loops(tmp_path / f"{seed}.csv", header, length=1.0, seed=seed) for seed in range(3)]
@@ -326,20 +362,30 @@ def test_what_cannot_be_written_is_said(
     ids=repr,
 )
 @pytest.mark.parametrize("late", [0.0, 0.3, 0.7])
-def test_the_drive_that_a_channel_shows(drive: Any, late: float, tmp_path: Path) -> None:
+def test_the_drive_that_a_channel_shows(drive: Any, late: float) -> None:
     time = np.arange(4000) * 0.5e-3
     volts = ss.waveform.Sequence(
         ss.waveform.Rest(0.1 + late * 0.5e-3, level=drive.offset), (drive, 1.8)
     ).value(time)
     volts += 0.01 * np.random.default_rng(7).standard_normal(time.size)
-    recording = ss.make_recording(time, {"drive_voltage": (volts, "V")})
-    ss.save_recording(recording, tmp_path / "one.nc")
-    assert shown_drive(ss.inspect_file(tmp_path / "one.nc")) == drive
+    found = shown_drive(ss.make_recording(time, {"drive_voltage": (volts, "V")}))
+    assert found is not None
+    begins, waveform = found
+    assert waveform == drive
+    assert begins == pytest.approx(0.1 + late * 0.5e-3, abs=1.5e-3)
 
 
-def test_a_drive_that_is_none_of_the_usual_ones_is_not_named(tmp_path: Path) -> None:
+@pytest.mark.parametrize("drive", [ss.Sawtooth(65.0, 20.0, periods=8), ss.Sine(30.0, 12.5, offset=40.0)])
+def test_a_drive_that_begins_with_the_first_sample(drive: Any) -> None:
+    time = 0.3 + np.arange(2000) * 0.5e-3
+    recording = ss.make_recording(time, {"drive_voltage": (drive.value(time - 0.3), "V")})
+    begins, waveform = shown_drive(recording) or (math.nan, None)
+    assert begins == 0.3
+    assert type(waveform) is type(drive)
+    assert waveform == drive._replace(periods=waveform.periods)
+
+
+def test_a_drive_that_is_none_of_the_usual_ones_is_not_named() -> None:
     time = np.arange(2000) * 1e-3
     rounded = np.minimum(65.0 * np.abs(np.sin(2 * np.pi * 2 * np.maximum(time - 0.1, 0.0))), 40.0)
-    recording = ss.make_recording(time, {"drive_voltage": (rounded, "V")})
-    ss.save_recording(recording, tmp_path / "one.nc")
-    assert shown_drive(ss.inspect_file(tmp_path / "one.nc")) is None
+    assert shown_drive(ss.make_recording(time, {"drive_voltage": (rounded, "V")})) is None

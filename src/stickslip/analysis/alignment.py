@@ -15,6 +15,7 @@ from ..identify.recorded.channels import channel, refuse_clipped
 from ..identify.recorded.drives import Slewed, begin_of, refuse_sampling
 from ..recording import RecordingError
 from ..simulation.models import Contact, checked_drive
+from ..skeletons.drives import Drive, flow, shown_drive
 from ..units import with_prefix
 from ..waveform.sequence import Sequence
 from ..waveform.shapes import Rest
@@ -112,6 +113,31 @@ def aligned(
     parts = drive.parts if isinstance(drive, Sequence) else ()
     forward = begin + parts[0][1] if len(parts) > 1 else None
     return Aligned(name, moved, begin, noise, wanted, given, forward)
+
+
+class Shown(NamedTuple):
+    """A recording, in time from 0 s on where it began before, and the waveform with periods that its channel
+    drive_voltage shows: from its own begin on, and in the time of the recording."""
+
+    recording: xr.Dataset
+    waveform: Drive
+    drive: Waveform
+
+    @classmethod
+    def of(cls, recording: xr.Dataset) -> Shown | None:
+        """None where the channel is not beyond doubt one of the usual waveforms (see `shown_drive`)."""
+        time = recording["time"]
+        if time.values[0] < 0.0:
+            recording = recording.assign_coords(time=("time", time.values - time.values[0], time.attrs))
+        shown = shown_drive(recording)
+        if shown is None or shown[1].period is None:
+            return None
+        begin, waveform = shown
+        return cls(recording, waveform, Sequence(Rest(begin), waveform) if begin > 0.0 else waveform)
+
+    def said(self, name: str) -> str:
+        """A sentence."""
+        return f"the net step of {name} is per period of what its drive_voltage shows: {flow(self.waveform)}"
 
 
 def with_position(recording: xr.Dataset, position: np.ndarray) -> xr.Dataset:

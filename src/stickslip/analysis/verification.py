@@ -29,7 +29,7 @@ from ..report.origin import origin_of
 from ..units import QuantityError, near_one, with_prefix
 from ..verification import Requirement, Verification, verify
 from ..waveform.signal import Waveform
-from .alignment import POSITION, aligned, on_level
+from .alignment import POSITION, Shown, aligned, on_level
 from .file import Analysis, AnalysisError, read_parts
 from .walk import WalkRecording, changed, with_changes
 
@@ -65,11 +65,21 @@ class VerificationAnalysis(Analysis):
                     f"it has {', '.join(map(str, part.data_vars))}"
                 )
         drives = [r.waveform(folder) for r in self.recordings]
-        progress("predicting", 0.2)
         if chain.zeroed:
-            found = _verified(predictor, chain, parts, drives)
+            drives = [named_drive(p) if d is None else d for p, d in zip(parts.values(), drives, strict=True)]
+        progress("predicting", 0.2)
+        shown = {
+            name: one
+            for (name, part), drive in zip(parts.items(), drives, strict=True)
+            if drive is None and (one := Shown.of(part))
+        }
+        parts |= {name: one.recording for name, one in shown.items()}
+        repeating = [shown[name].drive if name in shown else d for name, d in zip(parts, drives, strict=True)]
+        if chain.zeroed:
+            found = _verified(predictor, chain, parts, drives, repeating)
         else:
-            found = verify(predictor, list(parts.values()), drive=drives)
+            found = verify(predictor, list(parts.values()), drive=drives, steps_of=repeating)
+        periods = [one.said(name) for name, one in shown.items()]
         failures = found.unmet(requirements)
         least = min(found.table["r_squared"].values)
         said = (
@@ -90,7 +100,7 @@ class VerificationAnalysis(Analysis):
                 Section(
                     "Recordings",
                     paragraphs=(self.notes,) if self.notes else (),
-                    points=[f"required: {text}" for text in self.require],
+                    points=[*(f"required: {text}" for text in self.require), *periods],
                     tables=(verification_table(found),),
                     figures=prediction_pictures(found),
                 )
@@ -103,6 +113,7 @@ class VerificationAnalysis(Analysis):
                 "verification": verification_numbers(found),
                 "model": model_numbers(predictor.model),
                 "required": list(self.require),
+                "periods": periods,
             },
             assumptions=origin.assumptions,
             citations=origin.citations,
@@ -174,14 +185,14 @@ def _verified(
     chain: Chain,
     parts: Mapping[str, xr.Dataset],
     drives: Sequence[Waveform | None],
+    steps_of: Sequence[Waveform | None],
 ) -> Verification:
     """As the campaign that found the chain predicts: the same cut, bias, scale and drive at the piezo.
 
-    A drive that is not given is the one that the recording's attributes name, else its channel.
+    A drive that is not given is the channel; its net step is of the periods of `steps_of`.
     """
     found = []
-    for (name, part), given in zip(parts.items(), drives, strict=True):
-        drive = named_drive(part) if given is None else given
+    for (name, part), drive in zip(parts.items(), drives, strict=True):
         known = None if drive is None or DRIVE in part else float(part["time"][0])
         one = aligned(part, drive, name, chain.slew_rate, chain.scale, known)
         found.append(on_level(one, predictor.model))
@@ -189,7 +200,9 @@ def _verified(
         predictor,
         [one.recording for one in found],
         drive=[one.drive for one in found],
-        steps_of=[one.wanted for one in found],
+        steps_of=[
+            other if one.wanted is None else one.wanted for one, other in zip(found, steps_of, strict=True)
+        ],
     )
 
 

@@ -31,7 +31,7 @@ from .features import features_of
 from .file import CampaignFile
 from .gathering import Scale, scale_of, scaled
 from .hysteresis import Hysteresis, hysteresis_of
-from .plausible import check_walk
+from .plausible import check_walk, refuse_inverted
 
 WALKS = ("fit", "verify")
 # Of the steps' formulas with other noise.
@@ -101,6 +101,7 @@ def evaluate(
         scale = scale_of(steps, file.reference, file.settling)
         recordings = [scaled(one, scale.value) for one in recordings]
     recordings = [without_drift(one) if one.use in WALKS else one for one in recordings]
+    refuse_inverted(recordings, model)
     hysteresis, stage, formulas, model = _stage(file, recordings, model, progress)
     progress("identifying the friction", 0.2)
     walks = [on_level(one, model) for one in recordings if one.use in WALKS]

@@ -53,6 +53,8 @@ _NAME_AND_UNIT = re.compile(
 _TIGHT = re.compile(
     r"(?P<name>[^/,]*[^/,\s])\s*[/,]\s*(?P<unit>[pnuµμmckMG]?(?:[smVNAWJ]|Hz|Pa|rad)(?:/s)?|sec|deg)\s*"
 )
+# As a row below the names has it: "[ms]", "(ms)", "<ms>", "{ms}", "'ms'", "in ms".
+_UNIT_ALONE = re.compile(r"\[([^\[\]]*)\]|\(([^()]*)\)|<([^<>]*)>|\{([^{}]*)\}|'([^']*)'|in\s+(.+)")
 _HEADER_WORD = re.compile(r"[^\s\[(]+(?:\s*(?:\[[^\]]*\]|\([^)]*\)))?")  # "Time [s]" is one word
 
 
@@ -297,13 +299,19 @@ def _header(
         return [FileChannel(str(k)) for k in range(len(kinds))]
     columns = [_channel(field) for field in rows[header]]
     names = rows.get(header - 1, [])  # a row of names, a row of units
-    if any("s" in _kind(name, decimal) for name in names) and _all_units(rows[header], columns):
-        columns = [FileChannel(name, unit) for name, unit in zip(names, rows[header], strict=True)]
+    units = [_unit_alone(field) for field in rows[header]]
+    if any("s" in _kind(name, decimal) for name in names) and _all_units(units, columns):
+        columns = [FileChannel(name, unit) for name, unit in zip(names, units, strict=True)]
     return _distinct(columns)
 
 
-def _all_units(fields: Sequence[str], columns: Sequence[FileChannel]) -> bool:
-    return all(map(is_unit, fields)) and not any(map(is_clock, columns))
+def _unit_alone(field: str) -> str:
+    found = _UNIT_ALONE.fullmatch(field)
+    return found[found.lastindex or 0].strip() if found else field
+
+
+def _all_units(units: Sequence[str], columns: Sequence[FileChannel]) -> bool:
+    return all(map(is_unit, units)) and not any(map(is_clock, columns))
 
 
 def _channel(header: str) -> FileChannel:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
-from ..readers.inspection import Inspection
+from ..readers.inspection import drive_begins
 from ..waveform.periodic import ReverseSawtooth, Sawtooth, Sine, Triangle
 from ..waveform.shapes import Step
 
@@ -19,21 +20,31 @@ _NEAR, _OFTEN = 0.01, 0.05
 _ROUND = 0.003
 
 
-def shown_drive(found: Inspection) -> Drive | None:
-    """The waveform that the drive of a recording is, begun where it begins; None where none of the usual ones
-    is it."""
-    begins = found.drive_begins
-    if found.recording is None or begins is None:
+def shown_drive(recording: xr.Dataset) -> tuple[float, Drive] | None:
+    """When [s] the drive of a recording begins, and the waveform that it is from then on: with the first
+    sample where it never rests. None where none of the usual ones is it."""
+    if "drive_voltage" not in recording:
         return None
-    time = found.recording["time"].values - begins
-    volts = found.recording["drive_voltage"].values
+    begins = drive_begins(recording)
+    if begins is None:
+        begins = float(recording["time"].values[0])
+    time = recording["time"].values - begins
+    volts = recording["drive_voltage"].values
     rest = float(np.mean(volts[time <= 0.0]))
     moved = volts - rest
     if np.ptp(moved) == 0.0:
         return None
     fitted = [_fitted(one, time, moved, rest) for one in _candidates(time, moved)]
     fitting = [one for one in fitted if one is not None]
-    return min(fitting, key=lambda one: one[1])[0] if fitting else None
+    return (begins, min(fitting, key=lambda one: one[1])[0]) if fitting else None
+
+
+def flow(drive: Drive) -> str:
+    """The waveform as files name it."""
+    units = {"amplitude": " V", "offset": " V", "frequency": " Hz", "periods": ""}
+    fields = {name: getattr(drive, name) for name in units if name in drive._fields}
+    said = {name: f"{value:g}{units[name]}" for name, value in fields.items() if value}
+    return f"{{shape: {type(drive).__name__}, fields: {{{', '.join(f'{k}: {v}' for k, v in said.items())}}}}}"
 
 
 def _candidates(time: Array, moved: Array) -> list[Drive]:

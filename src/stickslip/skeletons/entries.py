@@ -28,7 +28,8 @@ def looked_at(file: Path) -> Inspected:
     found = inspect_file(file)
     if found.recording is None:
         raise RecordingError(f"{file}: {found.problem}")
-    return Inspected(found, shown_drive(found))
+    shown = shown_drive(found.recording)
+    return Inspected(found, shown[1] if shown else None)
 
 
 def angles(seen: list[Inspected]) -> bool:

@@ -14,7 +14,7 @@ from ..recording.replacing import replaced_whole
 from ..records import did_you_mean
 from ..units import QuantityError
 from ..waveform.shapes import Step
-from .drives import Drive
+from .drives import flow
 from .entries import MOVED, Inspected, angles, entry_of, listed, looked_at, shown_value
 from .examples import example_files, write_examples
 from .measured import LOOPS, PIEZO, STAGE, WALK, loops, measured_kind, piezo
@@ -124,12 +124,14 @@ def _identified(seen: list[Inspected], folder: Path, steps: bool) -> tuple[dict[
         fitted = fitted or not step
         entry, lacking = entry_of(one, folder, use)
         if steps and one.drive is not None:
-            entry.append(f"waveform: [{_flow(one.drive)}]")
+            entry.append(f"waveform: [{flow(one.drive)}]")
         lines.append(listed(entry))
         missing += lacking
     if not fitted:  # steps alone: one of them is a walk, or there is nothing to fit
         lines[-1] = lines[-1].replace("use: step", "use: fit")
-    start = _turning(*_gain(seen)) if angles(seen) else _sliding(*_gain(seen))
+    gain, source = _gain(seen)
+    missing += [source] if source and gain is None else []
+    start = _turning(gain, source) if angles(seen) else _sliding(gain, source)
     return {"recordings": "\n".join(lines), **start, "model": "kang2007"}, missing
 
 
@@ -137,7 +139,7 @@ def _sliding(gain: float | None, source: str) -> dict[str, str]:
     """Where a fit starts, what moves along a line."""
     known = f"  gain: {shown_value(gain, 'm/V')} # {source}" if gain else ""
     return {
-        "gain": known or "  # gain: 0.1 um/V # stroke of the piezo per volt",
+        "gain": known or f"  # gain: 0.1 um/V # {source or 'stroke of the piezo per volt'}",
         "masses": "  # stage_mass: 100 g # effective, of piezo and stage\n"
         f"  # end_effector_mass: 100 g # the mass that moves; {_IN_PROPORTION}",
         "friction": "{sigma_0: 1 N/um, sigma_1: 30 N s/m, coulomb_force: 0.8 N, stiction_force: 0.8 N}",
@@ -168,15 +170,9 @@ def _turning(gain: float | None, source: str) -> dict[str, str]:
     }
 
 
-def _flow(drive: Drive) -> str:
-    units = {"amplitude": " V", "offset": " V", "frequency": " Hz", "periods": ""}
-    fields = {name: getattr(drive, name) for name in units if name in drive._fields}
-    said = {name: f"{value:g}{units[name]}" for name, value in fields.items() if value}
-    return f"{{shape: {type(drive).__name__}, fields: {{{', '.join(f'{k}: {v}' for k, v in said.items())}}}}}"
-
-
 def _gain(seen: list[Inspected]) -> tuple[float | None, str]:
-    """Of a recording that shows the stage, or a step with the end-effector clamped: way over volts."""
+    """Of a recording that shows the stage, or a step with the end-effector clamped: way over volts, and where
+    that is from; None and what to do where it goes down as the volts go up."""
     for one in seen:
         recording: Any = one.found.recording
         shown = next((name for name in STAGE if name in recording), None)
@@ -196,6 +192,14 @@ def _gain(seen: list[Inspected]) -> tuple[float | None, str]:
             )
         if math.isfinite(rise) and rise > 0:
             return float(rise), f"{one.found.path.name}: {shown} over drive_voltage"
+        if rise < 0:
+            unit = next((c["unit"] for c in one.found.columns if c["name"] == one.found.named.get(shown)), "")
+            unit = one.found.units.get(shown) or unit or recording[shown].attrs["units"]
+            turned = f'{{{shown}: "-1 {unit}"}}'
+            return None, (
+                f"{one.found.path.name}: {shown} goes down where drive_voltage goes up: the sensor is "
+                f"inverted; say so in each file of it, units: {turned}"
+            )
     return None, ""
 
 
@@ -239,7 +243,7 @@ def _actuator(seen: list[Inspected], folder: Path) -> tuple[dict[str, str], list
         "low": f"{low:g}",
         "high": f"{high:g}",
         "voltages": voltages,
-    }, []
+    }, [source] if source and gain is None else []
 
 
 def _experiment(seen: list[Inspected], folder: Path) -> tuple[dict[str, str], list[str]]:
@@ -257,7 +261,7 @@ def _experiment(seen: list[Inspected], folder: Path) -> tuple[dict[str, str], li
         interval = max(round(one.found.interval / _TICK), 1) * _TICK
         runs.append(
             _run(
-                f"run_{number}", _flow(one.drive), length, interval, before, f" # as in {one.found.path.name}"
+                f"run_{number}", flow(one.drive), length, interval, before, f" # as in {one.found.path.name}"
             )
         )
     if not runs:

@@ -24,6 +24,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from ...estimate.coloured import noise_of, with_coloured_noise
 from ...estimate.fit import fit_least_squares
 from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import Problem, Residuals
@@ -114,7 +115,8 @@ def identify_loops(
         noise: standard deviation of the force, N; left out, it is estimated from the residuals.
         starts, seed, max_evaluations, progress: as `identify_friction`.
         tolerance: m, on the deflections.
-        correlated: allow for residuals correlated in time in the uncertainty: here they are model error.
+        correlated: allow for residuals correlated in time in the uncertainty: here they are model error. As
+            for `identify_friction`, by the noise that they show; with a given `noise` by a window over lags.
 
     Returns:
         A fit whose `model` is the law with the values put in, and whose ``predict(recording)`` is the force
@@ -164,13 +166,15 @@ def identify_loops(
         ],
         [*parameters, *others],
         noise_known=noise is not None,
-        correlated=correlated,
+        correlated=correlated and noise is not None,
         difference_step=DIFFERENCE_STEP,
     )
 
     fit = _searched(
         problem, [{p.name: p.start for p in parameters}, *begins], starts, seed, max_evaluations, progress
     )
+    if correlated and noise is None:
+        fit = with_coloured_noise(fit, noise_of(fit))
     fit, left_by = _with_inexact(fit, found, measured, model, settings)
     asked = _unasked({*free, *tied})
     beside_it = [Slope(name, reach[name], _slope(fit, name, responses, model, reach)) for name in asked]
