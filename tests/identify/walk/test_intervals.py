@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -38,6 +40,37 @@ def test_profile_and_bootstrap_agree_with_the_covariance_where_all_is_nearly_lin
     spread = float(samples["coulomb_force"].std())
     assert spread == pytest.approx(fit.standard_errors["coulomb_force"], rel=0.6)
     assert samples["offset"].attrs["units"] == "m"
+
+
+def test_a_prior_holds_the_interval_where_the_stage_is_uncertain() -> None:
+    """The stage is known to 5 %: that alone leaves the force open to as much."""
+    random = np.random.default_rng(11)
+    model, recording = walk()
+    stage = fit_least_squares(
+        [Residuals(lambda v: np.array([v["gain"] - 1.0, v["natural_frequency"] - 1.0]) / 0.05, noise=1.0)]
+        * 2,
+        [Parameter("gain", 1.0, 0.3, 3.0), Parameter("natural_frequency", 1.0, 0.3, 3.0)],
+        noise_known=True,
+    )
+    names = ("gain", "natural_frequency")
+    stage = replace(
+        stage,
+        parameters=tuple(p._replace(start=1.0, lower=1e-12, upper=1e12) for p in stage.parameters),
+        values={"delay": 0.0, **{name: getattr(model, name) for name in names}},
+    )
+    prior = (0.5, random.uniform(0.5e-3, 1.5e-3))
+    known = {"drive": DRIVE, "noise": 30e-9, "channel": (), "hops": 0}
+    errors = {}
+    for of, priors in (("free", None), ("held", {"coulomb_force": prior})):
+        for stages in (None, stage):
+            fit = identify_friction(recording, model, ["coulomb_force"], priors=priors, stage=stages, **known)
+            errors[of, stages is not None] = fit.standard_errors["coulomb_force"]
+    assert errors["free", True] > 5.0 * prior[1] > 5.0 * errors["held", False]
+    # The data move the estimate by their share of what says where it is.
+    share = errors["held", False] ** 2 / errors["free", False] ** 2
+    passed_on = share * np.sqrt(errors["free", True] ** 2 - errors["free", False] ** 2)
+    assert errors["held", True] == pytest.approx(np.hypot(errors["held", False], passed_on), rel=0.05)
+    assert share < 0.5
 
 
 def test_prediction_band_of_a_line() -> None:
