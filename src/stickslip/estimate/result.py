@@ -58,6 +58,7 @@ class Fit:
         beside: parameters that are fixed or tied to others.
         noise: standard deviation that each recording's data were weighted with, one number or shape (n,), in
             their unit; empty where none was given.
+        loss, loss_scale: see `Problem`.
     """
 
     parameters: tuple[Parameter, ...]
@@ -87,6 +88,8 @@ class Fit:
     predict: Callable[..., np.ndarray] | None = None
     beside: tuple[Parameter, ...] = ()
     noise: tuple[float | np.ndarray, ...] = ()
+    loss: str = "linear"
+    loss_scale: float = 1.0
 
     def __eq__(self, other: object) -> bool:
         return same(self, other)
