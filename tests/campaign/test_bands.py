@@ -14,6 +14,7 @@ from stickslip.campaign.budget import inherited
 from stickslip.estimate.fit import fit_least_squares
 from stickslip.estimate.parameter import Parameter
 from stickslip.estimate.problem import Residuals
+from stickslip.estimate.result import Fit
 from stickslip.friction import Coulomb
 from stickslip.identify.walk.friction import identify_friction
 from stickslip.simulation import simulate
@@ -69,6 +70,37 @@ def test_the_band_has_the_errors_of_the_fit_and_of_the_stage_that_it_took() -> N
     passed_on = t**2 * np.sum(whole**2, axis=1)
     np.testing.assert_allclose(both**2, expected**2 + passed_on, rtol=0.1, atol=0.05 * both.max() ** 2)
     assert both.max() > 1.2 * alone.max()
+
+
+def test_a_prior_holds_the_estimate_against_errors_of_the_stage() -> None:
+    """By fits with another gain, which the budget linearises."""
+    random = np.random.default_rng(1)
+    recording = position().to_dataset()
+    recording["end_effector_position"] += 2e-8 * random.standard_normal(TIMES.size)
+    prior = {"coulomb_force": (MODEL.friction.coulomb_force, random.uniform(0.5e-3, 1.5e-3))}
+
+    def refitted(share: float, priors: dict | None) -> Fit:
+        return identify_friction(
+            recording,
+            MODEL.replace(gain=MODEL.gain * (1.0 + share)),
+            ["coulomb_force"],
+            drive=DRIVE,
+            noise=2e-8,
+            priors=priors,
+            channel=(),
+            hops=0,
+        )
+
+    walk = Aligned("walk", recording, 0.0, 1e-8, DRIVE, DRIVE, use="fit")
+    moved = []
+    for priors in (None, prior):
+        fit, up, down = (refitted(share, priors) for share in (0.0, 1e-3, -1e-3))
+        by = (up.values["coulomb_force"] - down.values["coulomb_force"]) / (2e-3 * MODEL.gain)
+        taken = inherited(fit, [walk], None, None)
+        assert taken is not None
+        moved.append(taken.moved["gain"][0] * fit.values["coulomb_force"])
+        np.testing.assert_allclose(moved[-1], by, rtol=0.05)
+    assert abs(moved[1]) < 0.7 * abs(moved[0])
 
 
 def test_a_law_without_derivatives_has_no_band() -> None:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import html
 import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 import yaml
 from typer.testing import CliRunner
 
 import stickslip as ss
+from stickslip.campaign import additional
 from stickslip.cli import app
 
 KANG = ss.load_actuator("kang2007").replace(stage_reaction=False)
@@ -93,3 +96,46 @@ def test_a_contact_that_cannot_slide_fails(tmp_path: Path) -> None:
     assert done.exit_code == 1
     assert results["failures"]
     assert results["numbers"]["friction"]["failures"]
+
+
+def test_an_analysis_besides_that_fails_loses_no_fit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def profile(fit: ss.estimate.Fit, recordings: object, name: str, **known: object) -> tuple[float, float]:
+        if name == "sigma_0":
+            raise ss.estimate.FitError("no refit\n  ended")
+        return 0.9 * fit.values[name], 1.1 * fit.values[name]
+
+    def nothing(*given: object, **known: object) -> None:
+        raise KeyError("left out")
+
+    monkeypatch.setattr(additional, "profile_interval", profile)
+    monkeypatch.setattr(additional, "posterior", nothing)
+    done, results = run(
+        tmp_path, KANG, profiles=True, posterior=True, hops=0, free=["sigma_0", "coulomb_force"]
+    )
+    said = [
+        "the profile of sigma_0 failed: no refit ended",
+        "the posterior failed: KeyError('left out')",
+    ]
+    assert results["failures"] == said
+    assert done.exit_code == 1
+    page = html.unescape((tmp_path / "out" / "report.html").read_text("utf-8"))
+    for sentence in said:
+        assert sentence in done.stderr
+        assert f"{sentence[0].upper()}{sentence[1:]}." in results["summary"]
+        assert sentence[1:] in page
+    found = results["numbers"]["friction"]["parameters"]["coulomb_force"]["value"]
+    assert found == pytest.approx(KANG.friction.coulomb_force, rel=0.01)
+    assert list(results["numbers"]["profiles"]) == ["coulomb_force"]
+    assert "posterior" not in results["numbers"]
+
+
+def test_profiles_of_a_campaign_whose_stiction_is_tied(tmp_path: Path) -> None:
+    tied = {"stiction_force": "coulomb_force"}
+    done, results = run(tmp_path, KANG, profiles=True, tied=tied, hops=0, free=["sigma_0", "coulomb_force"])
+    assert done.exit_code == 0, done.stderr
+    for name, found in results["numbers"]["profiles"].items():
+        linear = results["numbers"]["friction"]["parameters"][name]
+        for end in ("low", "high"):
+            near = pytest.approx(linear[end], abs=0.2 * (linear["high"] - linear["low"]))
+            assert found[end] == near, name
+    assert set(results["numbers"]["profiles"]) == {"sigma_0", "coulomb_force"}

@@ -23,6 +23,7 @@ from .stops import made_loops
 DRIVE = ss.Sawtooth(65.0, 20.0, periods=3)
 NOISE = 20e-9
 # The contact's damping ratio is that of the published law.
+EQUAL = {"stiction_force": "coulomb_force"}
 TIED = {"sigma_1": "2 * 0.05 * sqrt(sigma_0 * end_effector_mass)"}
 
 
@@ -120,6 +121,20 @@ def test_a_profile_a_posterior_and_a_look_at_all_walks_keep_the_tie(tied_walk: s
     both = explained(fit, [walk(), walk(seed=1)], [DRIVE, DRIVE], ["sigma_0", "coulomb_force"])
     assert both.free.tied == both.known.tied == TIED
     assert not any(one.seen for one in both.lacks)
+
+
+def test_a_profile_holds_a_value_that_bounds_what_is_tied_to_it() -> None:
+    """No law has less stiction than Coulomb friction, on the way of the profile either."""
+    random = np.random.default_rng(4)
+    start = actuator(*random.uniform(0.7, 1.4, 2) * (1.4e6, 0.54))
+    fit = ss.identify_friction(
+        walk(), start, ["sigma_0", "coulomb_force", "offset"], drive=DRIVE, tied=EQUAL, channel=()
+    )
+    for name, linear in fit.confidence_intervals().items():
+        if name not in EQUAL:
+            found = ss.identify.profile_interval(fit, walk(), name, drive=DRIVE)
+            width = linear[1] - linear[0]
+            assert found == pytest.approx(linear, abs=0.1 * width)
 
 
 def test_a_law_without_derivatives_has_ties_too() -> None:

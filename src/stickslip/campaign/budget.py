@@ -1,9 +1,10 @@
 """Uncertainty budget of the friction parameters: the stage's and the sensor's scale are not exact either.
 
 The fit takes the stage's values as they were identified before. What their errors do to it is linearised:
-a change g of what was taken as known moves the estimate by -(JᵀJ)⁻¹ Jᵀ G g, with J and G the derivatives of
-the position by what was fitted and by what was taken. Hysteresis and creep have no such derivatives: there
-G g is what other stages make of the position, each identified without a part of the recordings.
+a change g of what was taken as known moves the estimate by -(JᵀJ + P)⁻¹ Jᵀ G g, with J and G the derivatives
+of the position by what was fitted and by what was taken, and P what priors hold the estimate with. Hysteresis
+and creep have no such derivatives: there G g is what other stages make of the position, each identified
+without a part of the recordings.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from ..actuator import Actuator
 from ..analysis.alignment import POSITION, Aligned
 from ..estimate.drift import off_by_drifts
+from ..estimate.moves import noise_of_data, of_priors
 from ..estimate.result import Fit
 from ..identify.piezo.left_out import spread
 from ..identify.step.fit import STAGE_PARAMETERS
@@ -131,6 +133,7 @@ def inherited(
         own = [[p.name for p in stage.parameters].index(fit.parameters[i].name) for i in freed(fit)]
         known = stage.uncertainty.covariance[np.ix_(own, own)]
         held[:, freed(fit)] = fit.rmse * np.linalg.cholesky(np.linalg.inv(known)).T
+    held = np.concatenate([held, noise_of_data(fit)[0] * of_priors(fit)])
     jacobian = np.concatenate([jacobian, held])
     size = np.linalg.norm(jacobian, axis=0)
 

@@ -93,7 +93,7 @@ def campaign_document(
     lacking = [*dict.fromkeys(said((*friction.lack, *found.everything.lacks)))]
     if lacking and found.additional.choice is not None:
         lacking.append(f"of the models compared, {found.additional.choice.best} predicts unseen walks best")
-    lacking += said_to_drift(found.walks)
+    lacking += [*said_to_drift(found.walks), *found.additional.failures]
     document = Document(
         title=file.title,
         summary=(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -25,7 +26,7 @@ from ..input_file import InputFileError
 from ..progress import Progress
 from ..records import did_you_mean
 from ..verification import Requirement, Verification, verify
-from .additional import Additional, additional
+from .additional import Additional, additional, attempted
 from .budget import Budget, Inherited, budget, inherited
 from .features import features_of
 from .file import CampaignFile
@@ -132,6 +133,10 @@ def evaluate(
     lacking = dict.fromkeys(said((*friction.lack, *everything.lacks)))
     also = stage or scale or stages or any(one.drift for one in fitted)
     taken = inherited(friction, fitted, widened, rate, stages) if also else None
+    more = additional(file, alone, walks, stage, bool(lacking), folder, progress)
+    failed = [*more.failures]
+    influence = partial(_influence, file, fitted, model, stage, alone)
+    priors = attempted("the fit without priors", influence, failed)
     return Found(
         recordings,
         scale,
@@ -150,9 +155,10 @@ def evaluate(
         [
             *verification.unmet(requirements),
             *dict.fromkeys([*(stage.failures if stage else ()), *friction.failures, *lacking]),
+            *failed,
         ],
-        additional(file, alone, walks, stage, bool(lacking), folder, progress),
-        _influence(file, fitted, model, stage, alone),
+        more._replace(failures=tuple(failed)),
+        priors or (),
     )
 
 

@@ -6,6 +6,7 @@ import os
 from functools import partial
 from pathlib import Path
 
+from ..analysis.comparison import candidates_of, named
 from ..analysis.walk import changed
 from ..experiment.file import ExperimentFile
 from ..input_file import InputFileError
@@ -65,6 +66,7 @@ def campaign_of(
     model = changed(folder, file.model, file.change, file.friction)
     for text in file.require:
         Requirement.parse(text)
+    named(candidates_of(model), file.model_choice, folder=folder)
     gathered, recorded = gather(file, folder, out, partial(within, progress, 0.0, 0.4), experiment)
     found = evaluate(file, model, gathered, partial(within, progress, 0.4, 0.4), folder)
     progress("drawing" if figures else "writing", 0.8)

@@ -23,6 +23,7 @@ from scipy.signal import fftconvolve, lfilter
 from .covariance import decomposed
 from .drift import LEAST_WALK, MOST_WALK, sine_powers, walk_and_white
 from .minima import Minimum
+from .moves import moves, noise_of_data, tangent
 from .result import Fit
 
 MOST_ORDER = 20
@@ -152,9 +153,11 @@ def with_coloured_noise(fit: Fit, noise: Coloured) -> Fit:
     """
     assert fit.jacobian is not None
     ends = np.cumsum([g.n_data for g in fit.recordings])[:-1]
-    directions, root, lost = decomposed(fit.jacobian)
-    spread = root @ scores(np.split(directions, ends), noise) @ root.T
-    spread *= fit.n_data / fit.degrees_of_freedom  # exact for white noise: residuals are smaller than noise
+    directions, root, lost = decomposed(tangent(fit))
+    of_data, of_priors = np.split(directions, [fit.n_data])
+    power = scores(np.split(of_data / noise_of_data(fit)[:, None], ends), noise)
+    power *= fit.n_data / fit.degrees_of_freedom  # exact for white noise: residuals are smaller than noise
+    spread = root @ (power + of_priors.T @ of_priors) @ root.T
     spread[lost, :] = spread[:, lost] = 0.0
     spread[lost, lost] = np.inf
     bounded = fit.uncertainty.bounded != 0
@@ -192,10 +195,8 @@ def with_inherited(fit: Fit, jacobian: Array, covariance: Array) -> Fit:
         jacobian: derivatives of its residuals by those quantities, shape (n, m).
         covariance: of those quantities, shape (m, m).
     """
-    assert fit.jacobian is not None
-    directions, root, _ = decomposed(fit.jacobian)
-    moves = root @ (directions.T @ jacobian)
-    added = moves @ covariance @ moves.T
+    moved = moves(fit, jacobian)
+    added = moved @ covariance @ moved.T
     known = fit.uncertainty
     released = np.where(known.bounded != 0, known.released + np.diag(added), known.released)
     return replace(fit, uncertainty=known._replace(covariance=known.covariance + added, released=released))
@@ -205,10 +206,12 @@ def inflation(fit: Fit, place: int) -> float:
     """By how much coloured noise makes the variance of the value greater than white noise would."""
     if fit.jacobian is None or not fit.correlated or fit.uncertainty.bounded[place]:
         return 1.0
-    norms = np.linalg.norm(fit.jacobian, axis=0)
+    j = tangent(fit)
+    norms = np.linalg.norm(j, axis=0)
     scale = norms[place]
     if not scale > 0.0:
         return 1.0
-    j = fit.jacobian / np.where(norms > 0.0, norms, 1.0)
-    white = np.linalg.pinv(j.T @ j)[place, place] / scale**2 * fit.reduced_chi_squared
+    j = j / np.where(norms > 0.0, norms, 1.0)
+    white = np.linalg.pinv(j.T @ j)[place, place] / scale**2
+    white *= 1.0 if fit.noise_known else fit.reduced_chi_squared
     return max(1.0, float(fit.uncertainty.covariance[place, place]) / float(white))

@@ -113,6 +113,9 @@ def _described(searches: Searches) -> Fit:
         measured=tuple(np.asarray([] if r.measured is None else r.measured) for r in problem.recordings),
         times=tuple(np.asarray([] if r.time is None else r.time) for r in problem.recordings),
         jacobian=tangent[:n] * problem.noise[:, None],
+        noise=problem.given,
+        loss=problem.loss,
+        loss_scale=problem.loss_scale,
         known=tuple(
             r.known._replace(given=r.noise if assumed.known and gaussian else None)
             for r in problem.recordings

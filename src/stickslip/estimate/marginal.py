@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from .coloured import inflation
 from .covariance import Uncertainty
+from .moves import tangent
 from .parameter import Parameter, Values
 from .problem import FitError
 from .result import Fit
@@ -218,13 +219,13 @@ class _Path:
 
     def _tangent(self, fit: Fit, place: int) -> Array:
         """How the others follow the fixed one, at the estimate."""
-        assert fit.jacobian is not None
         at = [p.to_search(p.coordinate(fit.values[p.name])) for p in fit.parameters]
         slopes = [p.search_slope(x) for p, x in zip(fit.parameters, at, strict=True)]
-        j = np.delete(fit.jacobian * slopes, place, axis=1)
+        whole = tangent(fit) * slopes
+        j = np.delete(whole, place, axis=1)
         size = np.linalg.norm(j, axis=0)
         size[size == 0.0] = 1.0
-        return -np.linalg.lstsq(j / size, fit.jacobian[:, place] * slopes[place], rcond=None)[0] / size
+        return -np.linalg.lstsq(j / size, whole[:, place], rcond=None)[0] / size
 
 
 def _values(parameters: Sequence[Parameter], coordinates: Array) -> Values:

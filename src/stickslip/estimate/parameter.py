@@ -79,6 +79,18 @@ class Parameter(NamedTuple):
             )
 
     @property
+    def expected(self) -> tuple[float, float]:
+        """Mean and standard deviation of the prior, in the coordinate q.
+
+        Raises:
+            QuantityError: there is no prior.
+        """
+        if self.prior is None:
+            raise QuantityError(f"{self.name} has no prior")
+        value, deviation = self.prior
+        return self.coordinate(value), deviation / self.slope(value)
+
+    @property
     def state(self) -> str:
         """How it is no free one, in brackets; empty for a free one."""
         return "(fixed)" if self.fixed else f"(tied: {self.tied})" if self.tied else ""

@@ -128,13 +128,19 @@ class Problem:
         self.degrees_of_freedom = self.noise.size - n_parameters
         if self.degrees_of_freedom < 1:
             raise FitError(f"{self.noise.size} data cannot determine {n_parameters} parameters")
-        known = [(i, p, p.prior) for i, p in enumerate(parameters) if p.prior is not None]
+        known = [(i, *p.expected) for i, p in enumerate(parameters) if p.prior is not None]
         if known and not noise_known:
             raise FitError("a prior weighs against the noise, which must be known too")
         self._known = np.array([i for i, _, _ in known], dtype=int)
-        self._expected = np.array([p.coordinate(value) for _, p, (value, _) in known])
-        self._spread = np.array([deviation / p.slope(value) for _, p, (value, deviation) in known])
+        self._expected = np.array([mean for _, mean, _ in known])
+        self._spread = np.array([deviation for *_, deviation in known])
         self.degrees_of_freedom += self._known.size
+
+    @property
+    def given(self) -> tuple[float | np.ndarray, ...]:
+        """The noise of each recording; empty where none is given."""
+        found = [np.asarray(r.noise, dtype=float) for r in self.recordings if r.noise is not None]
+        return tuple(noise if noise.ndim else float(noise) for noise in found)
 
     def _check(self, names: Sequence[str]) -> None:
         if len({*names}) < len(names) or not self.parameters:

@@ -56,6 +56,9 @@ class Fit:
         doubts: sentences on what other checks have against the values; `failures` tells them.
         predict: from any recording, seen or not, to the values of that channel by the model, shape (n,).
         beside: parameters that are fixed or tied to others.
+        noise: standard deviation that each recording's data were weighted with, one number or shape (n,), in
+            their unit; empty where none was given.
+        loss, loss_scale: see `Problem`.
     """
 
     parameters: tuple[Parameter, ...]
@@ -84,6 +87,9 @@ class Fit:
     doubts: tuple[str, ...] = ()
     predict: Callable[..., np.ndarray] | None = None
     beside: tuple[Parameter, ...] = ()
+    noise: tuple[float | np.ndarray, ...] = ()
+    loss: str = "linear"
+    loss_scale: float = 1.0
 
     def __eq__(self, other: object) -> bool:
         return same(self, other)

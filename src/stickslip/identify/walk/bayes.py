@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from ...actuator import Actuator
 from ...estimate.bent import Mixture, straight
 from ...estimate.coloured import noise_of, scores
+from ...estimate.moves import over_noise, tangent
 from ...estimate.parameter import Parameter
 from ...estimate.posterior import Posterior, sample
 from ...estimate.problem import FitError
@@ -198,11 +199,10 @@ def _begin(of: _Space, motions: Sequence[Displacement]) -> Mixture:
         if m.values.keys() == fit.values.keys():
             centres.append(np.array([p.coordinate(m.values[p.name]) for p in fit.parameters]))
     if stage is not None:
-        assert fit.jacobian is not None
         names = [stage.parameters[i].name for i in of.kept]
         by = position_slopes(motions, fit, names)
         by = by * [stage.parameters[i].slope(stage.values[n]) for i, n in zip(of.kept, names, strict=True)]
-        follows = -np.linalg.lstsq(fit.jacobian, by, rcond=1e-8)[0]
+        follows = -np.linalg.lstsq(tangent(fit), over_noise(fit, by), rcond=1e-8)[0]
     whole = np.zeros((len(of.parameters),) * 2)
     whole[:size, :size] = bend @ (_start(fit) + follows @ covariance @ follows.T) @ bend.T
     whole[:size, size:] = bend @ follows @ covariance

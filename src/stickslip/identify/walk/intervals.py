@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from ...actuator import Actuator
 from ...estimate import quantiles
 from ...estimate.coloured import inflation
+from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import FitError
 from ...estimate.result import Fit
-from ...simulation.varied import with_values
 from ..recorded.channels import recordings_of
 from .friction import identify_friction
-from .position_channel import CHANNEL, OBSERVED
+from .position_channel import OBSERVED
+from .prediction import Predictor
 
 # Refits at most on either side of the estimate.
 MOST_STEPS = 10
@@ -38,46 +39,58 @@ def profile_interval(
 
     Right where linearised intervals are not: when another value is hardly determined, as sigma_1 is by slow
     samples, for the curvature at the estimate then says little. Autocorrelated noise counts as in the fit.
+    By Student's t; or, if the noise is known, by chi-squared.
 
     Args:
-        fit: of `identify_friction`.
+        fit: of `identify_friction`, without a robust loss. It carries its parameters, with bounds, priors and
+            ties, and the noise that it was given: these count, whatever `options` say.
         recordings: those of the fit.
         name: of the value.
         level: of confidence.
-        options: those of `identify_friction` that the fit was made with: drive, slew_rate, bounds.
+        options: others of `identify_friction` that the fit was made with: drive, and a recording of noise.
 
     Returns:
-        Both ends, cut at the bounds of the fit.
+        Both ends, in the unit of the value, cut at the bounds of the fit. They take the stage as exact.
 
     Raises:
-        FitError: the fit is not one of an actuator by `identify_friction`, or too few refits succeed.
+        FitError: the fit is not one of an actuator by `identify_friction`, has a robust loss or no other
+            value, or cannot be made again.
     """
     names = [p.name for p in fit.parameters]
     if name not in names:
         raise FitError(
             f"a profile is of a free parameter, and {name!r} is none: there are {', '.join(names)}"
         )
+    if fit.loss != "linear" or len(names) < 2:
+        raise FitError("a profile needs a fit without a robust loss, with another value to fit again")
     place = names.index(name)
-    p, estimate = fit.parameters[place], fit.values[name]
-    t = quantiles.reach(level, fit.degrees_of_freedom)
-    sse = sum(g.sse for g in fit.recordings)
-    unit = sse / fit.degrees_of_freedom * inflation(fit, place)
+    p, settings = fit.parameters[place], _settings(fit, options) | {"averaged": False}
+    own = [*fit.parameters, *fit.beside]
+    # The lowest: a value that is hardly determined is given at its mean.
+    coloured = None if fit.correlated and not fit.noise_known else fit.correlated
+    best = _again(fit, recordings, own, fit.values, settings | {"correlated": coloured})
+    t = quantiles.reach(level, None if fit.noise_known else fit.degrees_of_freedom)
+    unit = (1.0 if fit.noise_known else best.reduced_chi_squared) * inflation(best, place)
     deviation = (
-        math.sqrt(fit.uncertainty.covariance[place, place]) if not fit.uncertainty.bounded[place] else 0.0
+        math.sqrt(best.uncertainty.covariance[place, place]) if not best.uncertainty.bounded[place] else 0.0
     )
-    q, reach = (
-        p.coordinate(estimate),
-        deviation if 0.0 < deviation < math.inf else 0.1 * abs(p.coordinate(estimate)),
-    )
+    q = p.coordinate(best.values[name])
+    reach = deviation if 0.0 < deviation < math.inf else 0.1 * abs(q)
 
     def distance(at: float, begin: Fit) -> tuple[float, Fit]:
         """How far from the best fit, in standard errors, where the value is fixed."""
-        moved = _held(begin, recordings, name, p.value(at), options)
-        return math.sqrt(max(sum(g.sse for g in moved.recordings) - sse, 0.0) / unit), moved
+        held = [
+            one._replace(start=p.value(at), fixed=True, prior=None) if one.name == name else one
+            for one in own
+        ]
+        moved = _again(begin, recordings, held, begin.values, settings)
+        mean, spread = (0.0, math.inf) if p.prior is None else p.expected
+        cost = moved.cost + ((at - mean) / spread) ** 2
+        return math.sqrt(max(cost - best.cost, 0.0) / unit), moved
 
     ends = []
     for side, bound in ((-1.0, p.coordinate(p.lower)), (1.0, p.coordinate(p.upper))):
-        ends.append(p.value(_end(q, side, reach, bound, t, distance, fit)))
+        ends.append(p.value(_end(q, side, reach, bound, t, distance, best)))
     return ends[0], ends[1]
 
 
@@ -104,34 +117,28 @@ def _end(q: float, side: float, reach: float, bound: float, t: float, distance: 
     return at
 
 
-def _held(fit: Fit, recordings: Any, name: str, value: float, options: dict[str, Any]) -> Fit:
-    """All other values fitted again, from those of a fit."""
+def _again(
+    fit: Fit, recordings: Any, parameters: Sequence[Parameter], begin: Values, settings: dict[str, Any]
+) -> Fit:
+    """The model of a fit to recordings with these parameters, from these values."""
     if not isinstance(fit.model, Actuator):
-        raise FitError("a profile needs the fit of an actuator by identify_friction")
-    free = [p.name for p in fit.parameters if p.name != name]
-    own = {n: v for n, v in fit.values.items() if n not in CHANNEL}
-    if name not in CHANNEL:
-        own[name] = value
-    bounds = dict(options.get("bounds") or {})
-    for p in fit.parameters:
-        bounds.setdefault(p.name, (p.lower, p.upper))
-    fixed = {n: b for n, b in bounds.items() if n in free}
-    if name in CHANNEL:
-        width = 1e-9 * (abs(value) or 1.0)
-        free, fixed = [*free, name], fixed | {name: (value - width, value + width)}
-    settings = _settings(fit, options)
-    begin = {n: fit.values[n] for n in free if n in CHANNEL and n != name}
-    return identify_friction(
-        recordings,
-        with_values(fit.model, own),
-        free,
-        bounds=fixed,
-        hops=0,
-        correlated=False,
-        channel=(),
-        begin=begin,
-        **settings,
-    )
+        raise FitError("profile and bootstrap need the fit of an actuator by identify_friction")
+    free = [p if p.fixed or p.tied else p._replace(start=begin[p.name]) for p in parameters]
+    return identify_friction(recordings, fit.model, free, **settings)
+
+
+def _settings(fit: Fit, options: dict[str, Any]) -> dict[str, Any]:
+    """Those of `identify_friction` with which to fit again: what the fit has in it is taken from there."""
+    if fit.noise_known and not fit.noise:
+        raise FitError("the fit does not say what noise it was given: make it again")
+    predictor, told = getattr(fit.predict, "__self__", None), options.get("noise")
+    own: dict[str, Any] = {"bounds": None, "priors": None, "tied": None, "begin": None, "channel": ()}
+    own |= {"starts": 1, "hops": 0, "stage": None, "correlated": False}
+    own |= {"noise": fit.noise[0] if fit.noise else told if isinstance(told, xr.Dataset) else None}
+    own |= {"loss": fit.loss, "loss_scale": fit.loss_scale}
+    if isinstance(predictor, Predictor):
+        own |= {"slew_rate": predictor.chain.known_slew_rate, "tolerance": predictor.tolerance}
+    return {**options, **own}
 
 
 def bootstrap(
@@ -139,39 +146,38 @@ def bootstrap(
 ) -> xr.Dataset:
     """Values of fits to the model with resampled residuals, in blocks, which keep their autocorrelation.
 
+    A noise that was given, and does not count as correlated, is that of the resampled residuals too. What is
+    known of a parameter otherwise is a datum like others: the centre of its prior is drawn anew about the
+    estimate with the prior's deviation, as by [bardsley2014]. With it kept, values would scatter less than
+    their standard errors say.
+
     Args:
-        fit: of `identify_friction`.
+        fit: of `identify_friction`. It carries its parameters, with their bounds, priors and ties, its loss,
+            and the noise that it was given: these count, whatever `options` say.
         recordings: those of the fit.
         n: how often.
         seed: of the resampling.
-        options: those of `identify_friction` that the fit was made with.
+        options: others of `identify_friction` that the fit was made with: drive.
 
     Returns:
-        Over "sample", one variable for each value; quantiles of them are the intervals.
+        Over "sample", one variable for each value, in its unit; quantiles of them are the intervals.
+
+    Raises:
+        FitError: the fit is not one of an actuator by `identify_friction`, or cannot be made again.
     """
-    found = recordings_of(recordings)
+    found, settings = recordings_of(recordings), _settings(fit, options)
     random = np.random.default_rng(seed)
     lists: dict[str, list[float]] = {name: [] for name in fit.values}
-    bounds: dict[str, Any] = {p.name: (p.lower, p.upper) for p in fit.parameters}
-    settings = _settings(fit, options)
-    begin = {name: fit.values[name] for name in bounds if name in CHANNEL}
     for _ in range(n):
         drawn = []
-        for recording, r in zip(found, fit.residuals, strict=True):
+        for i, (recording, r) in enumerate(zip(found, fit.residuals, strict=True)):
             clean = recording[OBSERVED].values + r
             noise = _resampled(r - r.mean(), random)
+            if fit.noise and not fit.correlated:
+                noise *= fit.noise[i] / (math.sqrt(float(np.mean((r - r.mean()) ** 2))) or 1.0)
             drawn.append(recording.assign({OBSERVED: recording[OBSERVED].copy(data=clean - noise)}))
-        one = identify_friction(
-            drawn,
-            fit.model,
-            list(bounds),
-            bounds=bounds,
-            hops=0,
-            correlated=False,
-            channel=(),
-            begin=begin,
-            **settings,
-        )
+        own = [_drawn(p, fit.values[p.name], random) for p in fit.parameters]
+        one = _again(fit, drawn, [*own, *fit.beside], fit.values, settings)
         for name, value in one.values.items():
             lists[name].append(value)
     return xr.Dataset(
@@ -180,10 +186,13 @@ def bootstrap(
     )
 
 
-def _settings(fit: Fit, options: dict[str, Any]) -> dict[str, Any]:
-    """Options with which to fit again: what is tied stays so."""
-    own = {k: v for k, v in options.items() if k not in ("bounds", "hops", "stage", "correlated")}
-    return {"tied": fit.tied, **own}
+def _drawn(p: Parameter, value: float, random: np.random.Generator) -> Parameter:
+    """The parameter with the centre of its prior, if it has one, drawn about a value; within its bounds."""
+    if p.prior is None:
+        return p
+    spread = p.expected[1]
+    centre = min(max(p.value(random.normal(p.coordinate(value), spread)), p.lower), p.upper)
+    return p._replace(prior=(centre, spread * p.slope(centre)))
 
 
 def _resampled(r: NDArray[np.float64], random: np.random.Generator) -> NDArray[np.float64]:

@@ -182,5 +182,5 @@ def log_prior(p: Parameter | None, q: Array) -> Array | float:
     """Of what is known of a parameter otherwise, at coordinates, up to a constant."""
     if p is None or p.prior is None:
         return 0.0
-    value, deviation = p.prior
-    return -0.5 * ((q - p.coordinate(value)) * p.slope(value) / deviation) ** 2
+    mean, deviation = p.expected
+    return -0.5 * ((q - mean) / deviation) ** 2
