@@ -105,8 +105,8 @@ def kinks(plant, q, beyond):
 
 
 @compiled
-def stopped(plant, q, u, e):
-    return generated.stopped(plant, q, u, e)
+def brought(plant, q, u, e, speed):
+    return generated.brought(plant, q, u, e, speed)
 
 
 @compiled
@@ -252,11 +252,12 @@ def test_kinks(case: Case) -> None:
     np.testing.assert_allclose(kinks(case.plant, tuple(q), 2e-3), expected or [0.0], rtol=1e-12)
 
 
-def test_contact_stops_by_an_impulse_of_its_own(case: Case) -> None:
+@pytest.mark.parametrize("speed", [0.0, -2e-3])
+def test_contact_is_brought_to_a_speed_by_an_impulse_of_its_own(case: Case, speed: float) -> None:
     plant, q = case.plant, state_of(case)
     for e, element in enumerate(plant.elements):
         push, along = entries(element.push, len(plant.modes)), entries(element.velocity, len(plant.modes))
-        after = np.array(stopped(plant, tuple(q), U, e))
+        after = np.array(brought(plant, tuple(q), U, e, speed))
         bodies = 2 * len(plant.modes)
         np.testing.assert_array_equal(after[:bodies:2], q[:bodies:2])
         np.testing.assert_array_equal(after[bodies:], q[bodies:])
@@ -264,9 +265,10 @@ def test_contact_stops_by_an_impulse_of_its_own(case: Case) -> None:
         if isinstance(element.law, Lag) or not np.any(push * along):
             assert not np.any(change)
             continue
-        assert input_of(element, after[:bodies], U, [0.0] * e) == pytest.approx(0.0, abs=1e-12)
+        assert input_of(element, after[:bodies], U, [0.0] * e) == pytest.approx(speed, abs=1e-12)
         impulse = change @ push / (push @ push)
-        assert push @ along * impulse == pytest.approx(-input_of(element, q[:bodies], U, [0.0] * e), rel=1e-9)
+        missing = speed - input_of(element, q[:bodies], U, [0.0] * e)
+        assert push @ along * impulse == pytest.approx(missing, rel=1e-9)
         np.testing.assert_allclose(change, impulse * push, rtol=1e-9, atol=1e-15)
 
 
@@ -304,7 +306,7 @@ def test_rest_is_exact() -> None:
     q = tuple(state_of(case))
     dq, _ = slope(case.plant, (0.0, 1.0), q, U, RISING)
     assert dq[1] == dq[3]
-    after = stopped(case.plant, q, U, 0)
+    after = brought(case.plant, q, U, 0, 0.0)
     assert after[1] == after[3]
     x = factor_and_solved(case.plant, (0.0, 1.0), q, U, RISING, PER_G, dq)[0]
     assert x[1] == x[3]
@@ -316,7 +318,7 @@ def test_rest_is_exact() -> None:
 def test_contact_that_moves_nothing_cannot_stop() -> None:
     weightless = Plant((STAGE,), (Element(LUGRE, (1.0,), (0.0,)),), RATE)
     q = (1e-6, 3e-3, 1e-7)
-    assert stopped(weightless, q, U, 0) == q
+    assert brought(weightless, q, U, 0, 0.0) == q
 
 
 @pytest.mark.parametrize("towards", [1.0, -1.0])

@@ -13,6 +13,7 @@ from .writing import (
     holding,
     loaded_share,
     normal_of,
+    own_push,
     padded,
     pin,
     place_of,
@@ -92,7 +93,7 @@ def _linearised(layout: Layout, e: int, shape: Shape) -> list[str]:
     if shape.static:
         lines += [
             f"if sides[{e}] != 0.0:",
-            f"    f{e}, phi{e}, _, _, _ = law_slopes({own}.law, s{e}, sides[{e}], sides[{e}])",
+            f"    f{e}, phi{e} = static_slope({own}.law, s{e}, sides[{e}])",
             f"    ft{e} = phi{e} * st{e}",
         ]
     for i, (law, z) in enumerate(states_of(layout, e)):
@@ -120,6 +121,8 @@ def _linearised(layout: Layout, e: int, shape: Shape) -> list[str]:
     else:
         lines.append(f"ft{e} *= n{e}")
     lines += [f"phi{e} *= n{e}", f"f{e} *= n{e}"]
+    if shape.static:
+        lines.append(f"fast{e} = min(-({own_push(shape, e)}) * phi{e}, 0.0)")
     return lines + (_placed(e, shape) if shape.along else [])
 
 

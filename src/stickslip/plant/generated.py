@@ -32,6 +32,7 @@ from ..friction.law import (
     with_branch,
 )
 from ..friction.normal_force import along, kept, softening, uniform
+from ..friction.static import static_slope
 from . import dynamics, kinematics, lanes
 from .system import Layout, layout_of
 
@@ -52,6 +53,7 @@ _NAMES = {
     "element": element,
     "smooth_rate": smooth_rate,
     "law_slopes": law_slopes,
+    "static_slope": static_slope,
     "reversal_kink": reversal_kink,
     "bounded": bounded,
     "bounded_alike": bounded_alike,
@@ -151,8 +153,8 @@ def kinks(plant: Any, q: Any, beyond: Any) -> Any:
 
 
 @_generated
-def stopped(plant: Any, q: Any, u: Any, e: Any) -> Any:
-    """The state with the input of contact e brought to zero by an impulse of its own."""
+def brought(plant: Any, q: Any, u: Any, e: Any, speed: Any) -> Any:
+    """The state with the input of contact e brought to this speed by an impulse of its own."""
 
 
 @_generated

@@ -10,6 +10,7 @@ from .writing import (
     along_terms,
     drive_terms,
     normal_of,
+    own_push,
     padded,
     pin,
     present,
@@ -85,7 +86,7 @@ def kinks(layout: Layout) -> Text:
     return Text(lines, padded(f"k{e}" for e in range(len(layout.elements))))
 
 
-def stopped(layout: Layout) -> Text:
+def brought(layout: Layout) -> Text:
     changes: list[list[str]] = [[] for _ in range(layout.modes)]
     lines = []
     for e, shape in enumerate(layout.elements):
@@ -100,14 +101,14 @@ def stopped(layout: Layout) -> Text:
                 *drive_terms(shape, e),
             ]
         )
-        gives = sum_of(f"{own}.velocity[{m}] * {own}.push[{m}]" for m in shared)
-        lines += [f"if e == {e} and {gives} != 0.0:", f"    j{e} = -({speed}) / ({gives})"]
+        gives = own_push(shape, e)
+        lines += [f"if e == {e} and {gives} != 0.0:", f"    j{e} = (speed - ({speed})) / ({gives})"]
         for m in present(shape.push):
             changes[m].append(f"{own}.push[{m}] * j{e}")
     lines += [f"w{m} = {sum_of([f'q[{2 * m + 1}]', *changes[m]])}" for m in range(layout.modes)]
     for e, shape in enumerate(layout.elements):
         if shape.static:
-            pinned = pin(layout, e, "w", f"-({sum_of(drive_terms(shape, e))})")
+            pinned = pin(layout, e, "w", f"speed - ({sum_of(drive_terms(shape, e))})")
             lines += [line.replace(f"sides[{e}] == 0.0", f"e == {e}") for line in pinned]
     entries = [entry for m in range(layout.modes) for entry in (f"q[{2 * m}]", f"w{m}")]
     entries += [f"q[{c}]" for c in range(2 * layout.modes, layout.first[-1])]
@@ -255,8 +256,7 @@ def decay(layout: Layout) -> Text:
         own, shared = f"plant.elements[{e}]", [m for m in present(shape.velocity) if shape.push[m]]
         if shape.smooth or not shape.states or not shared:
             continue
-        mobility = sum_of(f"{own}.velocity[{m}] * {own}.push[{m}]" for m in shared)
-        lines += [f"p = -({mobility}) * {own}.normal", "k = 0.0", "c = 0.0"]
+        lines += [f"p = -({own_push(shape, e)}) * {own}.normal", "k = 0.0", "c = 0.0"]
         soft = f" * softening({own}.along, {own}.normal)" if shape.along else ""
         for law, _ in states_of(layout, e):
             lines += [
@@ -298,7 +298,7 @@ SOURCES: dict[str, Callable[[Layout], Text]] = {
         settled,
         settled_alike,
         kinks,
-        stopped,
+        brought,
         riding,
         breakaways,
         statics,

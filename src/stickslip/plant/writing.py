@@ -79,6 +79,12 @@ def normal_of(e: int, shape: Shape) -> str:
     return f"{own} * normal[0]" if shape.loaded else own
 
 
+def own_push(shape: Shape, e: int) -> str:
+    """What the output of an element does to the rate of its own input, through the bodies that it pushes."""
+    own, shared = f"plant.elements[{e}]", [m for m in present(shape.velocity) if shape.push[m]]
+    return sum_of(f"{own}.velocity[{m}] * {own}.push[{m}]" for m in shared)
+
+
 def place_of(shape: Shape) -> int:
     """The mode along whose position the normal force changes: the last that it pushes."""
     return max(present(shape.push))

@@ -19,6 +19,7 @@ from ..plant.generated import (
     lane_plant,
     lane_state,
     lane_step,
+    plus,
     put_state,
     put_step,
     room_size,
@@ -32,7 +33,7 @@ from ..plant.lanes import LANES
 from ..waveform.members import member_of
 from .channels import at_nodes, segment_of
 from .log import _sides_of, logged_step
-from .run import END, FRACTION, LENGTH, START, load_ratio
+from .run import END, FRACTION, LAUNCHED, LENGTH, START, load_ratio
 from .step import at, take
 
 
@@ -106,7 +107,7 @@ def _replay(plant, drive, load, log, rows, local, near, drives, first, room):
             room[room.size + (k - near.values.shape[1]) * LANES + p] = near.values[m, k]
         put_state(plant, room, p, state_of(plant, states[m]))
     for row in range(rows):
-        t, h, fraction = log[row, START], log[row, LENGTH], log[row, FRACTION]
+        t, h, fraction = log[row, START], log[row, LENGTH], min(log[row, FRACTION], 1.0)
         sides = _sides_of(plant, log, row)
         while i + 1 < drive.start.size and drive.start[i + 1] <= t:
             i += 1
@@ -133,6 +134,8 @@ def _replay(plant, drive, load, log, rows, local, near, drives, first, room):
         for p in range(count):
             own, q = lane_plant(plant, room, p), lane_state(plant, room, p)
             new, dense = lane_step(plant, room, p)
+            if log[row, FRACTION] == LAUNCHED:
+                new, dense = plus(plus(q, 1.0, whole), -1.0, begun), between
             trace = traces[first + p, row]
             trace[0], trace[1] = q[c], new[c]
             trace[2], trace[3], trace[4] = dense[0][c], dense[1][c], dense[2][c]

@@ -15,6 +15,7 @@ from ..plant.generated import (
     branched,
     branches_hold,
     breakaways,
+    brought,
     contacts,
     jolt,
     kinks,
@@ -28,16 +29,16 @@ from ..plant.generated import (
     slope,
     speeds,
     statics,
-    stopped,
     ticked,
+    times,
     unloaded,
-    unrest,
 )
 from . import channels
 from .channels import at_nodes, next_break, segment_of
 from .outcome import DONE, LOG_FULL, STEP_TOO_SMALL, TOO_MANY_STEPS
 from .resume import INFLUENCED, store
 from .reversal import least, most, polynomial, reached, speed_at
+from .starting import LONGEST, MOMENT, STILL, launched, letting_go, started
 from .step import at, take
 
 # Local error allowed in each step, as a fraction of the tolerance (docs/decisions/integrator.md).
@@ -52,61 +53,49 @@ STIFF, SLOWED = 5.0, 0.5
 # this many times in which a bristle relaxes is taken anew, shorter: rounding would grow, and be all that
 # the small differences of neighbours show (see `solve.neighbours`).
 UNSTABLE = 2.0
-# Slower is rounding in the slopes of the drive, and no sliding, m/s.
-STILL = 1e-12
 # Over what a jump of the drive's slope adds within 1/rate: less is rounding of its value, and no jump.
 ROUNDED = 1e-3
-# What has let go is not held again for rounding.
-LETS_GO = 1.0 - 1e-9
+# What has let go is not held again for rounding; it is where it cannot slide, up to a little more.
+LETS_GO, HOLDS, FORCED = 1.0 - 1e-9, 1.0 + 1e-9, 1.0 + 1e-8
 # How often within a step the force of a held contact, and the branches, are looked at.
 CHECKS = 8
 # What ends a step early.
 NOTHING, SLOWS, STOPS, BREAKS = 0, 1, 2, 3
 # Columns of the log: a step's start, its length, where it ends, the fraction of it that counts; then the
-# sides of the contacts, the states at both ends and the continuous extension.
+# sides of the contacts, the states at both ends and the continuous extension. LAUNCHED instead of the
+# fraction: no step but the first moment of a slip.
 START, LENGTH, END, FRACTION, SIDES = 0, 1, 2, 3, 4
+LAUNCHED = 2.0
 
 
 @fused
-def started(plant, q, u, n, share):
-    """Sides of the contacts at an instant: each slides as its speed says, or begins to as its acceleration
-    says; a set-valued one at rest is held if it can be by this `share` of its breakaway. Returns the sides,
-    and a measure of how fast things change [m/s²] with the largest speed [m/s]."""
-    v, set_valued, limit = speeds(plant, q, u), statics(plant), breakaways(plant, q, n)
-    sides, fastest = no_sides(plant), 0.0
-    for e in range(len(v)):
-        fastest = max(fastest, abs(v[e]) if contacts(plant)[e] != 0.0 else 0.0)
-        if abs(v[e]) > STILL:
-            sides = replaced(sides, e, math.copysign(1.0, v[e]))
-        elif set_valued[e] == 0.0:
-            sides = replaced(sides, e, 1.0)
-    dq, forces = slope(plant, sides, q, u, n)
-    for _ in range(len(v)):  # one after the other, those lets go that is asked for most
-        most, loose = 0.0, -1
-        for e in range(len(v)):
-            if set_valued[e] != 0.0 and sides[e] == 0.0 and abs(forces[e]) - share * limit[e] > most:
-                most, loose = abs(forces[e]) - share * limit[e], e
-        if loose < 0:
-            break
-        sides = replaced(sides, loose, math.copysign(1.0, forces[loose]))
-        dq, forces = slope(plant, sides, q, u, n)
-    dv = speeds(plant, dq, (u[1], u[2], u[3]))
-    for e in range(len(v)):
-        if set_valued[e] == 0.0 and not abs(v[e]) > STILL:
-            sides = replaced(sides, e, -1.0 if dv[e] < 0.0 else 1.0)
-    return sides, unrest(plant, dq, u), fastest
-
-
-@fused
-def _overloaded(plant, drive, i, load, j, t, theta, h, sides, q, new, rows):
-    """Whether a held contact would have to carry more than its breakaway at a fraction of the step."""
+def _overloaded(plant, drive, i, load, j, t, theta, h, sides, q, new, rows, share):
+    """Whether a held contact would have to carry more than this share of its breakaway at a fraction of the
+    step."""
     n = channels.at(load, j, t + theta * h)
     there = at(theta, q, new, rows)
     forces = slope(plant, sides, there, channels.at(drive, i, t + theta * h), n)[1]
     limit, over = breakaways(plant, there, n), False
     for e in range(len(limit)):
-        over = over or (statics(plant)[e] != 0.0 and sides[e] == 0.0 and abs(forces[e]) > limit[e])
+        over = over or (statics(plant)[e] != 0.0 and sides[e] == 0.0 and abs(forces[e]) > share * limit[e])
     return over
+
+
+@fused
+def _holds(plant, sides, e, q, u, n):
+    """Whether contact e can be held."""
+    force = slope(plant, replaced(sides, e, 0.0), q, u, n)[1][e]
+    return abs(force) <= HOLDS * breakaways(plant, q, n)[e]
+
+
+@fused
+def _grown(fast):
+    """How many times within a step what friction that falls with speed makes grow does so, e-fold. Beyond 1/γ
+    the linear system of the step has the wrong sign: it would slide the other way."""
+    most = 0.0
+    for e in range(len(fast)):
+        most = max(most, -fast[e])
+    return most
 
 
 @fused
@@ -181,16 +170,17 @@ def _branches_hold(plant, drive, i, load, j, t, theta, h, sides, q, new, rows):
 
 @fused
 def _ended(plant, drive, i, load, j, t, theta, h, sides, q, new, rows, held):
-    """Whether the held contacts (`held`), or the branches, have ended at a fraction of the step."""
-    if held:
-        return _overloaded(plant, drive, i, load, j, t, theta, h, sides, q, new, rows)
+    """Whether the held contacts (`held`, the share of their breakaway), or the branches (0), have ended at a
+    fraction of the step."""
+    if held > 0.0:
+        return _overloaded(plant, drive, i, load, j, t, theta, h, sides, q, new, rows, held)
     return not _branches_hold(plant, drive, i, load, j, t, theta, h, sides, q, new, rows)
 
 
 @fused
 def _first_end(plant, drive, i, load, j, t, h, sides, q, new, rows, held, most):
-    """Fraction of the step, up to `most`, at which the first held contact lets go (`held`), or the first law
-    leaves its branch; 2 if none does."""
+    """Fraction of the step, up to `most`, at which the first held contact lets go, or the first law leaves
+    its branch; 2 if none does. `held`: see `_ended`."""
     low, high = 0.0, 2.0
     for c in range(1, CHECKS + 1):
         theta = c * most / CHECKS
@@ -268,7 +258,7 @@ def run(plant, drive, load, state, sides, t, h, fresh, t_end, local, max_steps, 
     i, j = segment_of(drive, t), segment_of(load, t)
     accepted, rejected, logged = 0, 0, 0
     outcome = DONE
-    turned, refused, forced, share = 0, False, -1, 1.0
+    turned, refused, forced, share, launch, moment = 0, False, -1, 1.0, -1, 0.0
     while t < t_end:
         if fresh:
             u0, n0 = channels.at(drive, i, t), channels.at(load, j, t)
@@ -278,21 +268,45 @@ def run(plant, drive, load, state, sides, t, h, fresh, t_end, local, max_steps, 
                 h = min(h, 1e-2 / plant.rate)
             h = min(h, _first_step(plant, drive, i, load, j, t, u0, change, speed, local))
             turned, fresh, share = 0, False, 1.0
+            launch = letting_go(plant, sides, state, u0)
+            moment = MOMENT * local / max(change / plant.rate + speed, 1e-300)
         t_break = min(next_break(drive, i, t_end), next_break(load, j, t_end), next_tick(plant, t))
         left = t_break - t
         last = h >= left
         if resume is not None and resume.size > 0 and t_break == t_end and h > 0.1 * left:
-            if resume[INFLUENCED] != t_end and turned == 0 and forced < 0 and not refused:
+            if resume[INFLUENCED] != t_end and turned == 0 and forced < 0 and launch < 0 and not refused:
                 store(resume, t, h, False, False, sides, state, state)
             if h > 0.5 * left:
                 resume[INFLUENCED] = t_end
         h_now = left if last else min(h, 0.5 * left) if h > 0.5 * left else h
 
+        leapt, new = 0.0, state
+        if launch >= 0:
+            longest = min(LONGEST / plant.rate, 0.1 * left)
+            new, leapt = launched(plant, drive, i, load, j, t, sides, launch, state, moment, longest)
+        if leapt > 0.0:
+            h_now, last = leapt, False
         u, n = at_nodes(drive, i, t, h_now), at_nodes(load, j, t, h_now)
         if branched(plant):
             sides = _branched(plant, sides, state, u[0], n[0])
-        new, rows, error, fast = take(plant, sides, h_now, state, u, n)
-        error /= local
+        if leapt > 0.0:
+            line = times(0.0, state)
+            rows, error, fast = (line, line, line), 0.0, no_sides(plant)
+        else:
+            new, rows, error, fast = take(plant, sides, h_now, state, u, n)
+            error, grown = error / local, _grown(fast) ** 5
+            error = grown if grown > error else error
+        cut, which, why, stuck = 1.0, 0, NOTHING, False
+        if error <= 1.0:
+            cut, which, why = _cut(plant, h_now, sides, state, new, rows, u, fast, local)
+            stuck = cut < 0.0 and statics(plant)[which] != 0.0  # it stops where it began
+        if stuck:
+            state = brought(plant, state, u[0], which, 0.0)
+            if _holds(plant, sides, which, state, u[0], n[0]):  # the force sits at breakaway
+                forced, fresh = which, True
+                rejected += 1
+                continue
+            error = 1e10  # it slides, by shorter steps
         if not error <= 1.0:
             rejected += 1
             refused = True
@@ -305,12 +319,6 @@ def run(plant, drive, load, state, sides, t, h, fresh, t_end, local, max_steps, 
                 break
             continue
 
-        cut, which, why = _cut(plant, h_now, sides, state, new, rows, u, fast, local)
-        if cut < 0.0 and statics(plant)[which] != 0.0:  # it stops where it began: the force sits at breakaway
-            forced, fresh = which, True
-            state = stopped(plant, state, u[0], which)
-            rejected += 1
-            continue
         if cut < 0.0 and turned < len(sides):
             turned += 1
             sides = replaced(sides, which, -sides[which])
@@ -322,15 +330,15 @@ def run(plant, drive, load, state, sides, t, h, fresh, t_end, local, max_steps, 
             h = 1.5 * cut * h_now
             continue
         slows = why == SLOWS
-        if forced < 0:
-            for e in range(len(sides)):
-                if statics(plant)[e] != 0.0 and sides[e] == 0.0:
-                    theta = _first_end(plant, drive, i, load, j, t, h_now, sides, state, new, rows, True, 1.0)
-                    if theta < cut:
-                        cut, why = theta, BREAKS
-                    break
+        for e in range(len(sides)):
+            if statics(plant)[e] != 0.0 and sides[e] == 0.0:
+                bound = FORCED if forced >= 0 else 1.0
+                theta = _first_end(plant, drive, i, load, j, t, h_now, sides, state, new, rows, bound, 1.0)
+                if theta < cut:
+                    cut, why = theta, BREAKS
+                break
         if branched(plant):
-            theta = _first_end(plant, drive, i, load, j, t, h_now, sides, state, new, rows, False, cut)
+            theta = _first_end(plant, drive, i, load, j, t, h_now, sides, state, new, rows, 0.0, cut)
             if theta < cut:
                 cut, why, slows = theta, SLOWS, False
         accepted += 1
@@ -340,12 +348,12 @@ def run(plant, drive, load, state, sides, t, h, fresh, t_end, local, max_steps, 
             t_new = t + cut * h_now
             end, u_end = at(cut, state, new, rows), channels.at(drive, i, t_new)
             if why == STOPS:
-                end = stopped(plant, end, u_end, which)
+                end = brought(plant, end, u_end, which, 0.0)
         end = settled(plant, riding(plant, sides, end, u_end, state, u[0]), u_end, local)
         if log.shape[0] > 0:
-            _record(log, logged, t, h_now, t_new, cut, sides, state, new, rows)
+            _record(log, logged, t, h_now, t_new, LAUNCHED if leapt > 0.0 else cut, sides, state, new, rows)
             logged += 1
-        turned, forced = 0, -1
+        turned, forced, launch = 0, -1, -1
         if why == STOPS and statics(plant)[which] == 0.0:
             sides = replaced(sides, which, -sides[which])
         elif why != NOTHING and why != SLOWS:
