@@ -95,7 +95,8 @@ def step_map(
             name (``prior.draws(500)`` of a contact): how far its uncertainty lets the step be off, by `draws`
             of its parameters at every point, the same for all.
         draws, seed: of the fit.
-        normal_load: normal force over its reference, for all points.
+        normal_load: normal force over its reference, for all points: a number, or a waveform as for
+            `steady_orbit`, into whose period it has to fit.
         tolerance: m, on the net step.
         threads: how many; all processors if left out. With a `store`, processes.
         store: folder in which the points are kept as studies (see `run_study`), ``steps.zarr`` and, with a

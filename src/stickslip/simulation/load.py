@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from numbers import Real
 
-from ..units import QuantityError
+from ..units import QuantityError, with_prefix
 from ..waveform.signal import Waveform
+
+# How far a number of periods may be from a whole one, relative: rounding of 1/frequency, and no more.
+_WHOLE = 1e-9
 
 
 def load_range(load: Waveform | float) -> tuple[float, float]:
@@ -23,3 +27,26 @@ def load_range(load: Waveform | float) -> tuple[float, float]:
             "An external force is a field of the actuator, external_force"
         )
     return found()
+
+
+def refuse_other_period(load: Waveform | float, period: float | None) -> None:
+    """Raise QuantityError unless the load is the same in each period [s] of the drive (None: where that is
+    not known yet, in each of some period): else no motion has the drive's."""
+    low, high = load_range(load)
+    if low == high:
+        return
+    name, own, end = type(load).__name__, getattr(load, "period", None), getattr(load, "duration", math.inf)
+    instead = "follow the motion itself with `simulate`"
+    drive = "the drive's period" if period is None else f"the drive's period of {with_prefix(period, 's', 9)}"
+    if own is None or math.isfinite(end):
+        what = "has no period" if own is None else f"ends after {with_prefix(end, 's', 9)}"
+        raise QuantityError(
+            f"load: a steady step needs one that repeats within {drive} for ever, and this {name} {what}: "
+            f"give what it is in the end as a number, or {instead}"
+        )
+    periods = 1.0 if period is None else period / own
+    if periods < 0.5 or abs(periods - round(periods)) > _WHOLE * periods:
+        raise QuantityError(
+            f"load: the period of this {name}, {with_prefix(own, 's', 9)}, is no whole part of {drive}, so "
+            f"that no step is as the one before: give it that period, a half, a third, ..., or {instead}"
+        )

@@ -14,6 +14,7 @@ from ..units import QuantityError, to_si, unit_for, with_prefix
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
 from .errors import NotPeriodicError, SimulationError, SimulationWarning
+from .load import refuse_other_period
 from .models import checked_drive, contact_load
 from .trajectory import not_within
 
@@ -30,14 +31,17 @@ def steady_orbit(
         model: an actuator.
         waveform: periodic (one with a `period`).
         tolerance: m, on the net step.
+        load: normal force over its reference: a number, or a waveform whose period is that of the drive, or
+            a whole part of it. Under any other the motion has not the drive's period.
 
     Raises:
-        QuantityError: the waveform has no period, or see `simulate`.
+        QuantityError: the waveform has no period, the load another one, or see `simulate`.
         SimulationError: the motion could not be followed over one period.
     """
     tolerance = to_si(tolerance, unit_for(model, "m"), "tolerance")
     period, table = periodic_drive(model, waveform)
     contact = contact_load(load, period)
+    refuse_other_period(load, period)
     of = contact.system(model)
     start = contact.rest(of, table.before)
     try:

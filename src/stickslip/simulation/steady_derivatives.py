@@ -84,6 +84,11 @@ def steady_step_derivatives(
     rows = [row for row in range(state.size) if row != whole.slider]
     free = [k for k, row in enumerate(rows) if row not in slipping]
     of, n = neighbours_of(state, [*parameters, *(f"{BY_ROW}{rows[k]}" for k in free)]), len(parameters)
+    if contact.table is not None and of.periods is not None and np.any(of.periods[:n] != period):
+        raise QuantityError(
+            "the load keeps its period, which fits into that of the drive alone: there is no steady step "
+            f"beside it, and no derivative by {parameters[int(np.argmax(of.periods[:n] != period))]!r}"
+        )
 
     def derivatives(tolerance: float) -> tuple[Array, Array]:
         last, by = last_states(of, state, tolerance)

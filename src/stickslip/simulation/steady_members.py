@@ -20,6 +20,7 @@ from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
 from .demand import labelled_demand
 from .errors import SimulationWarning
+from .load import refuse_other_period
 from .members import (
     Columns,
     Members,
@@ -80,7 +81,8 @@ def steady_steps(
         waveform: periodic (one with a `period`), V.
         parameters: one array per name, all [members], SI, as for `simulate_ensemble`.
         tolerance: m, on the net step.
-        load: normal force over its reference, for all members.
+        load: normal force over its reference, for all members: a number, or a waveform as for `steady_orbit`;
+            members into whose own period it does not fit are refused.
         stack: that each periodic drive charges; then there are also peak_current and rms_current (A),
             energy_per_step (J, per period), heat (W) and temperature_rise (K), see `demand`.
         threads: how many; all processors if left out.
@@ -135,12 +137,23 @@ def orbit_blocks(
     if not tolerance > 0.0:
         raise QuantityError(f"tolerance = {tolerance} m must be > 0 m")
     contact_load(load, period)  # what is wrong with it is said at once
+    refuse_other_period(load, _common_period(period, columns))
     refuse_places(model)
     own = own_tables(model, waveform, columns)
     drive = None if own else checked_drive(model, waveform, period, periodic=True)
     task = _Task(model, waveform, drive, load, tolerance, beside)
     size = block_size(model, waveform, columns, period, BLOCK)
     return in_blocks(lambda part: _block(task, part), columns, size, threads)
+
+
+def _common_period(period: float, columns: Mapping[str, NDArray[np.float64]]) -> float | None:
+    """Of all members of a drive with this period, s; None where it may differ, or be none."""
+    if not any(name.startswith(("frequency", "period")) for name in columns):
+        return period
+    own = columns.get("frequency", columns.get("period", np.zeros(1)))
+    if not (own[0] > 0.0 and np.all(own == own[0])):
+        return None
+    return float(1.0 / own[0] if "frequency" in columns else own[0])
 
 
 def _block(task: _Task, columns: Mapping[str, NDArray[np.float64]]) -> OrbitBlock:

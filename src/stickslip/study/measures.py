@@ -31,7 +31,7 @@ class SteadySteps:
     Args:
         model, waveform: what the members vary, in all fields that `steady_steps` takes.
         tolerance: m (rad), on the net step.
-        load: normal force over its reference, for all members.
+        load: normal force over its reference, for all members, as for `steady_steps`.
     """
 
     model: Actuator
