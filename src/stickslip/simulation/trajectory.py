@@ -84,10 +84,12 @@ def simulate(
     Returns:
         Dataset over "time" (s) with end_effector_position, stage_position, sliding_displacement (m),
         friction_force (N, on the end-effector), drive_voltage or spring_position, velocities (m/s), bristle
-        deflections (m). attrs["final_state"]: see `final_state`. attrs["error_estimate"] (m): how far the
-        end-effector's position may be off; where that is above the tolerance after all, a
-        `SimulationWarning` says so. If the motion could not be followed to the end: a `SimulationWarning`,
-        the part until then, and the reason in attrs["outcome"].
+        deflections (m). A sample at a jump of drive or load holds what is after it: the drive, the force
+        under it, and the deflection with newly pressed contact in it, which carries no force yet.
+        attrs["final_state"]: see `final_state`. attrs["error_estimate"] (m): how far the end-effector's
+        position may be off; where that is above the tolerance after all, a `SimulationWarning` says so. If
+        the motion could not be followed to the end: a `SimulationWarning`, the part until then, and the
+        reason in attrs["outcome"].
 
     Raises:
         QuantityError: a drive outside the actuator's voltage range, wrong unit, bad times, tolerance or rate;

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from .._jit import fused, inlined
-from ..plant.generated import no_sides, replaced, riding, slope, speeds, state_of
+from .._jit import compiled, fused, inlined
+from ..plant.generated import branched, no_sides, replaced, riding, slope, speeds, state_of, unloaded
 from . import channels
-from .run import END, LENGTH, SIDES, START
+from .run import END, LENGTH, SIDES, START, _branched, load_ratio
+from .starting import started
 
 # Running integrals of the account, see `add_work`.
 TERMS = 4
@@ -57,11 +58,19 @@ def state_at(plant, log, row, theta, out):
         out[c] = rest * log[row, at] + theta * (log[row, at + n] + rest * inner)
 
 
+@compiled
+def _begun(plant, q, u, normal):
+    """The sides of the contacts where a segment of the drive or the load begins."""
+    sides = started(plant, q, u, normal, 1.0)[0]
+    return _branched(plant, sides, q, u, normal) if branched(plant) else sides
+
+
 @fused
 def read_samples(plant, drive, load, log, rows, shift, move, times, k, t_end, samples):
     """Fill the samples (states, then outputs of the elements) up to `t_end` from the log, `shift` [s] later
-    and `move` further on; returns the index of the first sample not filled."""
-    row, n, i, j, own = 0, len(move), 0, 0, 0
+    and `move` further on; where drive or load break, those after it. Returns the index of the first sample
+    not filled."""
+    row, n, i, j, own, loaded = 0, len(move), 0, 0, 0, 0
     while k < times.size and times[k] <= t_end:
         t = times[k] - shift
         while row + 1 < rows and t > log[row, END]:
@@ -71,18 +80,24 @@ def read_samples(plant, drive, load, log, rows, shift, move, times, k, t_end, sa
             i += 1
         while j + 1 < load.start.size and load.start[j + 1] <= times[k]:
             j += 1
-        # Of the segment in which the step lies: a sample at its end may be of the next one.
+        # Of the segments in which the step lies: a sample at its end may be of the next ones.
         inside = 0.5 * (log[row, START] + log[row, END]) + shift
         while own + 1 < drive.start.size and drive.start[own + 1] <= inside:
             own += 1
-        sides, u, normal = (
-            _sides_of(plant, log, row),
-            channels.at(drive, i, times[k]),
-            channels.at(load, j, times[k]),
+        while loaded + 1 < load.start.size and load.start[loaded + 1] <= inside:
+            loaded += 1
+        sides = _sides_of(plant, log, row)
+        begun, u_begun = (
+            state_of(plant, log[row, SIDES + len(sides) :]),
+            channels.at(drive, own, log[row, START] + shift),
         )
-        begun = state_of(plant, log[row, SIDES + len(sides) :])
-        u_begun = channels.at(drive, own, log[row, START] + shift)
-        q = riding(plant, sides, state_of(plant, samples[k]), u, begun, u_begun)
+        ends = channels.at(drive, own, times[k])
+        q = riding(plant, sides, state_of(plant, samples[k]), ends, begun, u_begun)
+        u, normal = channels.at(drive, i, times[k]), channels.at(load, j, times[k])
+        if j > loaded:
+            q = unloaded(plant, q, load_ratio(load, j, times[k]))
+        if i != own or j != loaded:
+            sides = _begun(plant, q, u, normal)
         forces = slope(plant, sides, q, u, normal)[1]
         for e in range(len(forces)):
             samples[k, n + e] = forces[e]
