@@ -285,6 +285,44 @@ def test_a_parameter_says_in_one_what_arguments_say() -> None:
     assert again.values == pytest.approx(fit.values, rel=1e-6)
 
 
+def test_a_scale_that_is_linear_stays_so_and_so_does_the_prior_on_it() -> None:
+    """By a line through the fit, and a normal distribution of the force itself."""
+    random, names = np.random.default_rng(6), ["sigma_0", "coulomb_force"]
+    prior = (0.54, float(random.uniform(1e-4, 3e-4)))
+    told = {"drive": DRIVE, "noise": NOISE, "channel": (), "hops": 0}
+    linear = [
+        ss.estimate.Parameter("sigma_0", 1.3e6, unit="N/m", log=False),
+        ss.estimate.Parameter("coulomb_force", 0.55, 0.2, 0.9, "N", log=False, prior=prior),
+    ]
+    fit = ss.identify_friction(walk(), actuator(), linear, **told)
+    assert [(p.name, p.log) for p in fit.parameters] == [(name, False) for name in names]
+    limits = [end for p in fit.parameters for end in (p.lower, p.upper)]
+    assert limits == pytest.approx([1.3e6 / 30, 1.3e6 * 30, 0.2, 0.9])
+    for name, (low, high) in fit.confidence_intervals().items():
+        assert low + high == pytest.approx(2.0 * fit.values[name], rel=1e-12)
+    alone = ss.identify_friction(walk(), actuator(), [p._replace(prior=None) for p in linear], **told)
+    precision = np.linalg.inv(alone.covariance)
+    held = precision + np.diag([0.0, prior[1] ** -2])
+    own = [alone.values[name] for name in names]
+    expected = np.linalg.solve(held, precision @ own + [0.0, prior[0] / prior[1] ** 2])
+    errors = np.sqrt(np.diag(np.linalg.inv(held)))
+    for name, value, error in zip(names, expected, errors, strict=True):
+        assert fit.values[name] == pytest.approx(value, abs=0.1 * error)
+        assert fit.standard_errors[name] == pytest.approx(error, rel=0.05)
+    again = ss.identify_friction(walk(), fit.model, fit.parameters, **told)
+    for one, other in zip(again.parameters, fit.parameters, strict=True):
+        assert one._replace(start=other.start) == other
+
+
+def test_the_scale_of_loops_is_as_said() -> None:
+    random = np.random.default_rng(8)
+    train = made_loops((4e4, 2e4), (1.2, 0.6), noise=0.01)
+    start = ss.MaxwellSlip((3.5e4, 2.2e4), tuple(random.uniform(0.9, 1.1, 2) * (1.2, 0.6)))
+    free = ["stiffness_1", ss.estimate.Parameter("strength_1", 1.1, 0.5, 3.0, "N", log=False), "strength_2"]
+    fit = ss.identify_loops(train, start, free, reference_normal_force=5.0)
+    assert [p.log for p in fit.parameters] == [True, False, True]
+
+
 def test_a_fixed_parameter_keeps_its_value() -> None:
     one = ss.estimate.Parameter("coulomb_force", 0.54, unit="N", fixed=True)
     late = ss.estimate.Parameter("offset", 3e-9, unit="m", fixed=True)

@@ -18,7 +18,8 @@ Values = dict[str, float]
 class Parameter(NamedTuple):
     """A parameter to fit: start and bounds in its (SI) unit.
 
-    `log` fits its logarithm: for positive parameters whose order of magnitude is in question. With `log`, a
+    `log` fits its logarithm: for positive parameters whose order of magnitude is in question. False
+    is kept to by all fits; what is linear by its nature, as an offset, stays so. With `log`, a
     `lower` of 0, or none, means no lower bound. `square` fits its square: for those that act by it, and may
     be 0. With `log`, a search may go along the value (`power` 1) or its inverse (-1): where the data are
     nearer to linear in that than in the logarithm, the valley of the sum of squares is straighter.

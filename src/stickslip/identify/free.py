@@ -18,12 +18,20 @@ Bounds = Mapping[str, tuple[float | str, float | str]]
 REACH = 30.0
 
 
+class Linear(NamedTuple):
+    """Bounds of a parameter that is searched for on a linear scale, positive ones too; without both, it has
+    its usual ones."""
+
+    lower: float = -math.inf
+    upper: float = math.inf
+
+
 def parameter(model: Any, name: str, bounds: Bounds, turns: bool = False) -> Parameter:
     """The parameter of that name (one of `free_names`), starting at the model's value; of a body that turns,
     in the units of that.
 
-    On a logarithmic scale and within a factor `REACH` of the start, unless bounds that reach down to zero or
-    below are given.
+    Within a factor `REACH` of the start, unless bounds are given; on a logarithmic scale, unless these reach
+    down to zero or below, or are `Linear`.
 
     Raises:
         QuantityError: it starts at zero without bounds, or the bounds are wrong.
@@ -34,9 +42,9 @@ def parameter(model: Any, name: str, bounds: Bounds, turns: bool = False) -> Par
         low, high = given_bounds(bounds, name, "") or (ratio.lower, ratio.upper)
         return Parameter(name, start, low, high, "", log=False)
     unit = turned(quantity.unit) if turns else quantity.unit
-    given = given_bounds(bounds, name, unit)
+    given, linear = given_bounds(bounds, name, unit), isinstance(bounds.get(name), Linear)
     if given is not None:
-        return Parameter(name, start, *given, unit, log=given[0] > 0)
+        return Parameter(name, start, *given, unit, log=given[0] > 0 and not linear)
     if not (start > 0 and math.isfinite(start)):
         raise QuantityError(
             f"{name} starts at {start:g} {unit}".rstrip()
@@ -44,7 +52,7 @@ def parameter(model: Any, name: str, bounds: Bounds, turns: bool = False) -> Par
         )
     least = max(quantity.minimum or 0.0, quantity.above or 0.0)
     most = math.inf if quantity.maximum is None else quantity.maximum
-    return Parameter(name, start, max(start / REACH, least), min(start * REACH, most), unit)
+    return Parameter(name, start, max(start / REACH, least), min(start * REACH, most), unit, log=not linear)
 
 
 def check_motion(model: Any, unit: str) -> None:
@@ -116,7 +124,9 @@ def _say(said: Said, p: Parameter, known: Known) -> None:
     else:
         said.free.append(p.name)
         said.values[p.name] = p.start
-        if math.isfinite(low):
+        if not p.log:
+            said.bounds[p.name] = Linear(p.lower, p.upper)
+        elif math.isfinite(low):
             said.bounds[p.name] = (p.lower, p.upper)
         if p.prior is not None:
             said.priors[p.name] = p.prior
@@ -205,9 +215,9 @@ def check_priors(priors: Bounds, free: Sequence[str], noise: float | None, what:
 
 def given_bounds(bounds: Bounds, name: str, unit: str) -> tuple[float, float] | None:
     """Those of one parameter in SI, if it has any; QuantityError unless the lower comes first."""
-    if name not in bounds:
+    given = bounds.get(name)
+    if given is None or (isinstance(given, Linear) and given == Linear()):
         return None
-    given = bounds[name]
     low, high = (
         to_si(x, unit, f"{end} bound of {name}") for x, end in zip(given, ("lower", "upper"), strict=True)
     )
