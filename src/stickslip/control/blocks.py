@@ -149,11 +149,7 @@ class Regulator:
         min_voltage: float | str = 0.0,
         max_voltage: float | str = 100.0,
     ) -> None:
-        self.pid = of_kind(pid, Pid, "Regulator.pid")
         self.rate = RATE.check(rate, "Regulator.rate")
-        listed = enumerate(of_kind(notches, tuple | list, "Regulator.notches"))
-        self.notches = tuple(of_kind(one, Notch, f"Regulator.notches[{i}]") for i, one in listed)
-        self.low_pass = of_kind(low_pass, LowPass | None, "Regulator.low_pass")
         own = isinstance(feedforward, PiezoInverse)
         self.inverse = feedforward if own else None
         self.feedforward = 0.0 if own else _FEEDFORWARD.check(feedforward, "Regulator.feedforward")
@@ -162,6 +158,10 @@ class Regulator:
             to_si(min_voltage, "V", "min_voltage"),
             to_si(max_voltage, "V", "max_voltage"),
         )
+        self.pid = of_kind(pid, Pid, "Regulator.pid")
+        listed = enumerate(of_kind(notches, tuple | list, "Regulator.notches"))
+        self.notches = tuple(of_kind(one, Notch, f"Regulator.notches[{i}]") for i, one in listed)
+        self.low_pass = of_kind(low_pass, LowPass | None, "Regulator.low_pass")
         if not self.low < self.high:
             raise QuantityError(f"min_voltage = {self.low:g} V must be < max_voltage = {self.high:g} V")
         parts: list[Any] = [*self.notches, *([] if low_pass is None else [low_pass])]

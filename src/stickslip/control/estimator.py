@@ -122,8 +122,8 @@ class Estimator:
     """
 
     def __init__(self, model: StepModel, position: float | str = 0.0, error: float | str = 0.0) -> None:
-        self.model: StepModel = of_kind(model, StepModel, "Estimator.model")
         start, known = _AT.check(position, "position"), _ERROR.check(error, "error")
+        self.model: StepModel = of_kind(model, StepModel, "Estimator.model")
         self._x = np.array([start, model.forward, model.backward, model.load])
         self._p = np.diag([known**2, model.size_error**2, model.size_error**2, model.load_error**2])
         self._wander = np.diag([0.0, model.size_drift**2, model.size_drift**2, model.load_drift**2])

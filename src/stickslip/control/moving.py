@@ -19,7 +19,7 @@ import math
 from typing import Annotated, NamedTuple
 
 from ..records import Quantity, of_kind, record
-from ..units import QuantityError, with_prefix
+from ..units import QuantityError, to_si, with_prefix
 from .blocks import Regulator
 from .shaping import Slip
 from .steps import RISING, Steps, StepSizes
@@ -94,13 +94,14 @@ class Mover:
         if unit not in ("m", "rad"):
             raise QuantityError(f"Mover.unit = {unit!r:.60}: it is 'm' or 'rad'")
         self._unit = unit
-        parts = ("walk", walk, Stepping), ("table", table, StepSizes), ("regulator", regulator, Regulator)
-        for name, part, kind in (*parts, ("slip", slip, Slip | None)):
-            of_kind(part, kind, f"Mover.{name}")
         stroke = Quantity(
             f"{unit}/V", "C", "the stroke per volt, in the direction of a step forward,", above=0
         )
         self.gain, self._hold = stroke.check(gain, "Mover.gain"), _HOLD.check(hold, "Mover.hold")
+        learning = to_si(learning, "", "learning")
+        parts = ("walk", walk, Stepping), ("table", table, StepSizes), ("regulator", regulator, Regulator)
+        for name, part, kind in (*parts, ("slip", slip, Slip | None)):
+            of_kind(part, kind, f"Mover.{name}")
         self.walk, self.steps_of, self.regulator = walk, Steps(table, learning), regulator
         low, high = regulator.low, regulator.high
         if not math.isfinite(high - low):

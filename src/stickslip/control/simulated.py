@@ -72,15 +72,15 @@ def simulate_control(
             f"duration = {seconds:g} s and rate = {hertz:g} Hz are out of range: both > 0, finite, "
             f"and at least two ticks, at most {_MOST_TICKS}"
         )
-    if not callable(getattr(controller, "step", None)):
-        raise QuantityError(f"controller = {controller!r:.60} must have step(measured, target, tick)")
     if not 0.0 <= sigma < math.inf:
         raise QuantityError(f"noise = {sigma:g} {unit} is out of range: it must be >= 0 {unit} and finite")
     delay, seed = whole_number(delay, "delay"), whole_number(seed, "seed")
-    check_rate(controller, hertz)
     count = math.ceil(ticks)
     wanted = targets(target, count, hertz, unit)
     motion = Motion(model, tolerance=tolerance)
+    if not callable(getattr(controller, "step", None)):
+        raise QuantityError(f"controller = {controller!r:.60} must have step(measured, target, tick)")
+    check_rate(controller, hertz)
     read = sigma * np.random.default_rng(seed).standard_normal(count)
     found = np.empty((3, count))
     late = [0.0] * delay
