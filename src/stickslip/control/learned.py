@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.stats import binom
 
 from ..records import Quantity
-from ..units import QuantityError
+from ..units import QuantityError, array_si
 from .blocks import Regulator, whole_number
 from .loops import Loop
 
@@ -116,7 +116,11 @@ class Learnt:
         offsets = np.arange(self._q.size) - self._q.size // 2
         q = np.cos(np.outer(angle, offsets)) @ self._q
         found = np.abs(q * (1.0 - self._gain * np.exp(1j * angle * self._lead) * inner))
-        return found if frequencies is None else np.interp(np.asarray(frequencies, float), known, found)
+        return (
+            found
+            if frequencies is None
+            else np.interp(array_si(frequencies, "Hz", "frequencies"), known, found)
+        )
 
 
 def _binomial(taps: int) -> Array:
