@@ -12,9 +12,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+import xarray as xr
 from public_names import everything
 
 import stickslip as ss
+from stickslip.control.loops import sampled_loop
 from stickslip.progress import Progress, unheard
 
 # Plain numbers: shares, ratios, a scale in multiples of the noise, the relative steps of `estimate`.
@@ -136,3 +138,207 @@ def test_units_in_lists_of_members() -> None:
     assert with_units.identical(ss.simulate_ensemble(model, drive, 0.02, parameters=plain))
     with pytest.raises(ValueError, match=r"sigma_0.*'1 V'.*N/m"):
         ss.simulate_ensemble(model, drive, 0.02, parameters={"sigma_0": ["1 V"]})
+
+
+SAW = ss.Sawtooth(65.0, 50.0)
+LINE = ss.calibration.Calibration("line", (0.0, 2e-6), "V", "m", 0.0, 10.0)
+FITTED = ss.calibration.fit_calibration([1.0, 2.0, 4.0], [1e-6, 2e-6, 4.1e-6], 1)
+TABLE = ss.design.StepTable(*(np.array([a, b]) for a, b in ((10.0, 100.0), *[(0.0, 1e-6)] * 3)), 0.0, "", "")
+REGULATOR = ss.control.Regulator(ss.control.Pid(1e6), "10 kHz")
+SPREAD = ss.study.SteadySteps(KANG, SAW)
+POSITION = 1e-6 * np.concatenate([np.linspace(-1.0, 1.0, 200), np.linspace(1.0, -1.0, 200)])
+FORCE = np.concatenate(
+    [1.0 - 2.0 * np.exp(-5e6 * (POSITION[:200] + 1e-6)), 2.0 * np.exp(-5e6 * (1e-6 - POSITION[200:])) - 1.0]
+)
+NO_FIT: Any = SimpleNamespace()
+# Of each array argument: its unit, values of it, and what is to be called with them.
+ARRAYS: dict[str, tuple[str, Any, Callable[[Any], Any]]] = {
+    "simulate-times": ("s", [0.0, 0.02, 0.04], lambda v: ss.simulate(KANG, SAW, times=v)),
+    "simulate_ensemble-times": (
+        "s",
+        [0.0, 0.01, 0.02],
+        lambda v: ss.simulate_ensemble(KANG, SAW, parameters={"sigma_0": [1.4e6]}, times=v),
+    ),
+    "simulate_ensemble-parameters": (
+        "N",
+        [0.5, 0.4],
+        lambda v: ss.simulate_ensemble(KANG, SAW, 0.02, parameters={"coulomb_force": v}),
+    ),
+    "sensitivities-times": (
+        "s",
+        [0.0, 0.01, 0.02],
+        lambda v: ss.sensitivities(KANG, SAW, parameters=["coulomb_force"], times=v),
+    ),
+    "steady_steps-parameters": (
+        "V",
+        [50.0, 60.0],
+        lambda v: ss.steady_steps(KANG, SAW, parameters={"amplitude": v}),
+    ),
+    "step_map-voltage": ("V", [50.0, 60.0], lambda v: ss.step_map(KANG, SAW, voltage=v)),
+    "step_map-frequency": ("Hz", [50.0, 60.0], lambda v: ss.step_map(KANG, SAW, frequency=v)),
+    "step_map-load": ("N", [0.0, 0.1], lambda v: ss.step_map(KANG, SAW, load=v)),
+    "step_map-direction": ("", [1.0, -1.0], lambda v: ss.step_map(KANG, SAW, direction=v)),
+    "step_map-parameters": (
+        "N",
+        [0.5, 0.4],
+        lambda v: ss.step_map(KANG, SAW, parameters={"coulomb_force": v}),
+    ),
+    "step_map-fit": (
+        "N",
+        [0.5] * 39 + [0.4],
+        lambda v: ss.step_map(KANG, SAW, load=0.0, fit={"coulomb_force": v}, draws=40),
+    ),
+    "design.load_speed_curve-loads": ("N", [0.0, 0.1], lambda v: ss.design.load_speed_curve(KANG, SAW, v)),
+    "design.step_at-voltage": ("V", [20.0, 50.0], lambda v: ss.design.step_at(TABLE, v)),
+    "simulation.friction_response-time": (
+        "s",
+        [0.0, 0.1],
+        lambda v: ss.simulation.friction_response(KANG.friction, v, [0.0, 1e-6]),
+    ),
+    "simulation.friction_response-position": (
+        "m",
+        [0.0, 1e-6],
+        lambda v: ss.simulation.friction_response(KANG.friction, [0.0, 0.1], v),
+    ),
+    "simulation.friction_response-normal_force": (
+        "N",
+        [1.0, 1.2],
+        lambda v: ss.simulation.friction_response(KANG.friction, [0.0, 0.1], [0.0, 1e-6], normal_force=v),
+    ),
+    "study.drawn_parameters-source": (
+        "N",
+        [0.5, 0.4],
+        lambda v: ss.study.drawn_parameters({"coulomb_force": v}, KANG, 2, 0),
+    ),
+    "study.SteadySteps.read-values": ("N", [0.5, 0.4], lambda v: SPREAD.read("coulomb_force", v)),
+    "study.WalksFromRest.read-values": (
+        "N",
+        [0.5, 0.4],
+        lambda v: ss.study.WalksFromRest(KANG, SAW).read("coulomb_force", v),
+    ),
+    "study.Own.read-values": (
+        "N",
+        [0.5, 0.4],
+        lambda v: ss.study.Own(np.sin, {"force": "N"}).read("force", v),
+    ),
+    "control.Regulator.response-frequencies": ("Hz", [10.0, 20.0], REGULATOR.response),
+    "calibration.Calibration.__call__-x": ("V", [1.0, 2.0], LINE),
+    "calibration.Calibration.slope-x": ("V", [1.0, 2.0], LINE.slope),
+    "calibration.Calibration.inverse-y": ("m", [1e-6, 2e-6], LINE.inverse),
+    "calibration.Calibration.prediction_band-x": ("V", [1.0, 2.0], lambda v: FITTED.prediction_band(v)),
+    "calibration.fit_calibration-x": (
+        "V",
+        [1.0, 2.0, 4.0],
+        lambda v: ss.calibration.fit_calibration(v, [1e-6, 2e-6, 4.1e-6], 1).coefficients,
+    ),
+    "calibration.fit_calibration-y": (
+        "m",
+        [1e-6, 2e-6, 4.1e-6],
+        lambda v: ss.calibration.fit_calibration([1.0, 2.0, 4.0], v, 1).coefficients,
+    ),
+    "contact.measured-heights": ("m", 1e-9 * np.sin(np.arange(20.0)), lambda v: ss.contact.measured(v, 1e-8)),
+    "contact.sliding_path-sliding_displacement": ("m", [0.0, 1e-3, 0.0], ss.contact.sliding_path),
+    "contact.of_backbone-displacement": (
+        "m",
+        [1e-7, 3e-7, 6e-7],
+        lambda v: ss.contact.of_backbone(v, [0.2, 0.4, 0.5]),
+    ),
+    "contact.of_backbone-force": (
+        "N",
+        [0.2, 0.4, 0.5],
+        lambda v: ss.contact.of_backbone([1e-7, 3e-7, 6e-7], v),
+    ),
+    "contact.of_loop-position": ("m", POSITION, lambda v: ss.contact.of_loop(v, FORCE).law),
+    "contact.of_loop-force": ("N", FORCE, lambda v: ss.contact.of_loop(POSITION, v).law),
+    "contact.backbone-displacement": (
+        "m",
+        [0.0, 1e-8],
+        lambda v: ss.contact.backbone(
+            lambda a: 1e6 * a, 1e-7, v, friction_coefficient=0.2, stiffness_ratio=0.8
+        ),
+    ),
+    "control.Learnt.contraction-frequencies": (
+        "Hz",
+        [10.0, 20.0],
+        lambda v: ss.control.Learnt(REGULATOR, 100).contraction(sampled_loop(KANG, 1e4), v),
+    ),
+    "contact.Ageing.stiction_ratio-rest": ("s", [1.0, 10.0], ss.contact.Ageing(0.02).stiction_ratio),
+}
+# Of these a wrong unit is tried only: the right one needs a fit.
+REFUSED_ONLY: dict[str, tuple[str, Callable[[Any], Any]]] = {
+    "inverse_drive-times": ("times", lambda v: ss.inverse_drive(NO_FIT, v, [0.0, 1e-6])),
+    "inverse_drive-positions": ("positions", lambda v: ss.inverse_drive(NO_FIT, [0.0, 1.0], v)),
+    "identify.inverse_residual-positions": (
+        "positions",
+        lambda v: ss.identify.inverse_residual(NO_FIT, NO_FIT, v),
+    ),
+}
+
+
+def labelled(values: Any, unit: str) -> xr.DataArray:
+    """In thousandths of the unit."""
+    return xr.DataArray(1e3 * np.asarray(values), dims="x", attrs={"units": f"m{unit}"})
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("name", ARRAYS)
+def test_an_array_may_have_its_unit(name: str) -> None:
+    """Of xarray, and strings in lists and in arrays: as the same numbers in SI."""
+    unit, values, call = ARRAYS[name]
+    expected = call(np.asarray(values))
+    texts = [f"{1e3 * value:.12g} m{unit}" if unit else f"{value:g}" for value in values]
+    given = [texts, np.array(texts), np.array(texts, dtype=object)]
+    for one in [*given, labelled(values, unit)] if unit else given:
+        alike(call(one), expected)
+
+
+def alike(found: Any, expected: Any) -> None:
+    if isinstance(expected, xr.Dataset):
+        xr.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-12)
+    elif isinstance(expected, dict):
+        assert found.keys() == expected.keys()
+        alike(tuple(found.values()), tuple(expected.values()))
+    elif isinstance(expected, tuple):
+        for one, other in zip(found, expected, strict=True):
+            alike(one, other)
+    elif isinstance(expected, str):
+        assert found == expected
+    else:
+        np.testing.assert_allclose(found, expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize("name", [*ARRAYS, *REFUSED_ONLY])
+def test_an_array_in_another_unit_is_refused(name: str) -> None:
+    call, field = (ARRAYS[name][2], "") if name in ARRAYS else REFUSED_ONLY[name][::-1]
+    for given in (xr.DataArray([3.0, 4.0], attrs={"units": "cd"}), ["3 cd", "4 cd"], np.array(["3 cd"])):
+        with pytest.raises(ss.units.QuantityError, match=f"{field}.*'[13] cd'.*'cd'"):
+            call(given)
+
+
+# What counts in units that are given beside, or in those of its results; and what is made with the kernels.
+COUNTS_OTHERWISE = (
+    "estimate.",
+    "calibration.cross_validation",
+    "contact.backbone-load",
+    "identify.",
+    "make_recording",
+    "electronics.",
+    "piezo.",
+    "waveform.",
+    "Sampled.",
+)
+
+
+def test_all_arrays_are_looked_at() -> None:
+    found = []
+    for name, one in everything().items():
+        made = [(name, one)] if inspect.isfunction(one) else []
+        if inspect.isclass(one):
+            made = [(f"{name}.{n}", f) for n, f in vars(one).items() if inspect.isfunction(f)]
+        for label, call in made:
+            for p in inspect.signature(call).parameters.values():
+                if "ArrayLike" in str(p.annotation) and p.name != "self":
+                    found.append(f"{label}-{p.name}")
+    public = [name for name in found if "._" not in name or ".__call__" in name]
+    missed = {name for name in public if not name.startswith(COUNTS_OTHERWISE)} - {*ARRAYS, *REFUSED_ONLY}
+    assert not missed

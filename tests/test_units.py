@@ -17,7 +17,7 @@ import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stickslip.units import QuantityError, near_one, to_si, with_prefix
+from stickslip.units import QuantityError, array_si, near_one, to_si, with_prefix
 
 READ = [
     ("65 V", "V", 65.0),
@@ -88,6 +88,56 @@ def test_plain_numbers_are_si(number: object) -> None:
 
 def test_a_fraction_is_a_number() -> None:
     assert to_si(Fraction(1, 8), "V") == 0.125  # type: ignore[arg-type]
+
+
+ARRAYS = {
+    "numbers": [20.0, 40],
+    "strings": ["20 ms", "0.04 s"],
+    "both": ["20 ms", 0.04e3],
+    "array of strings": np.array(["20 ms", "40 ms"]),
+    "objects": np.array(["20 ms", 40.0], dtype=object),
+    "labelled": xr.DataArray([20.0, 40.0], attrs={"units": "ms"}),
+    "labelled integers": xr.DataArray([20, 40], attrs={"units": "ms"}),
+    "labelled strings": xr.DataArray(np.array(["20 ms", "40"], dtype=object), attrs={"units": "ms"}),
+    "pint": pint.UnitRegistry().Quantity(np.array([20.0, 40.0]), "ms"),
+    "labelled one by one": [xr.DataArray(20.0, attrs={"units": "ms"}), xr.DataArray(0.04)],
+}
+
+
+@pytest.mark.parametrize("name", ARRAYS)
+def test_arrays_have_units_as_single_numbers_do(name: str) -> None:
+    found = array_si(ARRAYS[name], "s", "times")
+    expected = {"numbers": [20.0, 40.0], "both": [0.02, 40.0], "objects": [0.02, 40.0]}.get(
+        name, [0.02, 0.04]
+    )
+    assert found.dtype == np.float64
+    assert found.tolist() == expected
+
+
+def test_arrays_keep_their_shape() -> None:
+    assert array_si([["1 mV", 2.0], [3, "4 V"]], "V").tolist() == [[1e-3, 2.0], [3.0, 4.0]]
+    assert array_si("65 mV", "V").shape == ()
+    assert array_si([], "V").shape == (0,)
+    warm = xr.DataArray([[20.0], [-273.15]], attrs={"units": "degC"})
+    assert array_si(warm, "K") == pytest.approx(np.array([[293.15], [0.0]]))
+
+
+@pytest.mark.parametrize(
+    ("values", "reason"),
+    [
+        (xr.DataArray([1.0], attrs={"units": "mV"}), "'1 mV' has the unit 'mV', which is no N"),
+        (["1 N", "1 mV"], "'1 mV' has the unit 'mV', which is no N"),
+        (np.array(["1 N", "much"]), "'much' does not begin with a number"),
+        (np.array([True]), "is not of numbers but bool"),
+        (np.array([1j]), "is not of numbers but complex"),
+        (np.array([1], dtype="timedelta64[ns]"), "is not of numbers but timedelta64"),
+        ([None, 1.0], "None is not a number"),
+        ([[1.0], [1.0, 2.0]], "rows of different lengths"),
+    ],
+)
+def test_arrays_that_are_refused(values: object, reason: str) -> None:
+    with pytest.raises(QuantityError, match=f"^force.*{re.escape(reason)}"):
+        array_si(values, "N", "force")
 
 
 REFUSED = [

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .units import QuantityError
+from .units import QuantityError, array_si
 
 Array = NDArray[np.float64]
 
@@ -28,7 +28,7 @@ class StateSpace(NamedTuple):
 
     def response(self, frequency: ArrayLike) -> NDArray[np.complex128]:
         """C (jω - A)⁻¹ B + D, delayed, at frequencies [Hz] (n,): shape (n, outputs, inputs), m/V."""
-        s = 2j * np.pi * np.atleast_1d(np.asarray(frequency, dtype=float))
+        s = 2j * np.pi * np.atleast_1d(array_si(frequency, "Hz", "frequency"))
         found = np.broadcast_to(self.d.astype(complex), (s.size, *self.d.shape)).copy()
         if self.a.size:
             inverse = np.linalg.solve(s[:, None, None] * np.eye(len(self.a)) - self.a, self.b.astype(complex))

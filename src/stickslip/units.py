@@ -13,6 +13,9 @@ from functools import cache, lru_cache
 from numbers import Real
 from typing import Any, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 Dataset = TypeVar("Dataset")
 
 
@@ -130,7 +133,7 @@ def to_si(value: float | str, unit: str, field: str = "value") -> float:
             return _parse(value.strip(), unit)
         except QuantityError as error:
             raise QuantityError(f"{field} = {_shortened(value)} {error} {expected}") from None
-    if said := _own_unit(value):
+    if getattr(value, "ndim", None) == 0 and (said := own_unit(value)):
         own: Any = value
         return to_si(f"{float(getattr(own, 'magnitude', own))!r} {said}", unit, field)
     number = value.item() if getattr(value, "ndim", None) == 0 else value  # type: ignore[union-attr]
@@ -142,10 +145,47 @@ def to_si(value: float | str, unit: str, field: str = "value") -> float:
         raise QuantityError(f"{field} is too large for a number {expected}") from None
 
 
-def _own_unit(value: Any) -> str:
-    """The unit that one number of xarray or pint brings with it; empty without one."""
-    if getattr(value, "ndim", None) != 0:
-        return ""
+def array_si(values: Any, unit: str, field: str = "values") -> NDArray[np.float64]:
+    """The values as an array of floats in `unit` (an SI unit), of their shape.
+
+    Args:
+        values: numbers, taken to be in `unit` already; an array with a unit of its own, of xarray (the
+            attribute `units`) or pint; or strings with units, numbers among them, in lists or arrays.
+        unit: the SI unit of the field, "" for plain numbers.
+        field: what to call the values in an error.
+
+    Raises:
+        QuantityError: as `to_si`, of any of them; lists in the list are not of one length.
+    """
+    own = own_unit(values)
+    given: Any = getattr(values, "magnitude", values)
+    if isinstance(given, list | tuple):
+        rows: list[Any] = [
+            array_si(one, unit, field)
+            if isinstance(one, list | tuple) or getattr(one, "ndim", 0)
+            else to_si(one, unit, field)
+            for one in given
+        ]
+        if len({np.shape(row) for row in rows}) > 1:
+            raise QuantityError(f"{field} holds rows of different lengths")
+        return np.array(rows, dtype=float)
+    array = np.asarray(given)
+    if array.dtype.kind not in "iufOU":
+        raise QuantityError(
+            f"{field} is not of numbers but {array.dtype} (expected {unit or 'plain numbers'})"
+        )
+    if array.dtype.kind in "OU":  # strings among them
+        read = [to_si(one, own or unit, field) for one in array.ravel().tolist()]
+        array = np.array(read, dtype=float).reshape(array.shape)
+    array = array.astype(float)
+    if not own:
+        return array
+    one, zero = to_si(f"1 {own}", unit, field), to_si(f"0 {own}", unit, field)
+    return array * (one - zero) + zero
+
+
+def own_unit(value: Any) -> str:
+    """The unit that numbers of xarray or pint bring with them; empty without one."""
     return str(getattr(value, "attrs", {}).get("units", "")) or str(getattr(value, "units", ""))
 
 

@@ -386,3 +386,17 @@ def test_what_cannot_be(tmp_path: Path, call, message: str) -> None:
     with pytest.raises((ValueError, StudyError), match=message):
         call(tmp_path / "s.zarr")
     assert not (tmp_path / "s.zarr").exists()
+
+
+@pytest.mark.compiled
+def test_a_grid_may_have_its_unit(tmp_path: Path) -> None:
+    """An array of xarray, in millinewtons; another is another study."""
+    given = xr.DataArray([540.0, 400.0], dims="x", attrs={"units": "mN"})
+    study = Study(Grid({"coulomb_force": given}), WalksFromRest(KANG, SAW))
+    found = ss.run_study(study, tmp_path / "store", workers=1).load()
+    assert found["coulomb_force"].values.tolist() == [0.54, 0.4]
+    alone = ss.simulate_ensemble(KANG, SAW, parameters={"coulomb_force": [0.54, 0.4]})
+    assert found["net_displacement"].values == pytest.approx(alone["net_displacement"].values, abs=1e-12)
+    other = Study(Grid({"coulomb_force": given.copy(data=[541.0, 400.0])}), WalksFromRest(KANG, SAW))
+    with pytest.raises(StudyDiffers):
+        ss.run_study(other, tmp_path / "store", workers=1)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..estimate.quantiles import reach
+from ..units import array_si
 
 Array = NDArray[np.float64]
 
@@ -56,12 +57,12 @@ class Calibration:
 
     def __call__(self, x: ArrayLike) -> Array:
         """y at x, of the same shape."""
-        return _polynomial(self.coefficients, x)
+        return _polynomial(self.coefficients, array_si(x, self.x_unit, "x"))
 
     def slope(self, x: ArrayLike) -> Array:
         """dy/dx at x, of the same shape."""
         derivative = np.polynomial.polynomial.polyder(self.coefficients)
-        return _polynomial(derivative, x)
+        return _polynomial(derivative, array_si(x, self.x_unit, "x"))
 
     def prediction_band(self, x: ArrayLike, level: float = 0.95) -> Array:
         """Half the width of the band in which a new mean reading lies with the probability `level`.
@@ -71,7 +72,7 @@ class Calibration:
         """
         if self.covariance is None or not self.degrees_of_freedom or self.residual_deviation is None:
             raise CalibrationError(f"the calibration {self.name!r} says nothing of its uncertainty")
-        x = np.asarray(x, dtype=float)
+        x = array_si(x, self.x_unit, "x")
         # The covariance of powers of x is badly scaled: work in x over its largest value.
         scale = max(abs(self.low), abs(self.high), 1e-300)
         units = scale ** np.arange(self.order + 1.0)
@@ -92,7 +93,7 @@ class Calibration:
         real = turns[np.abs(turns.imag) < 1e-9 * (self.high - self.low)].real
         if np.any((real > self.low) & (real < self.high)):
             raise CalibrationError(f"the calibration {self.name!r} turns around within its range")
-        values, y = self(grid), np.asarray(y, dtype=float)
+        values, y = self(grid), array_si(y, self.y_unit, "y")
         if values[-1] < values[0]:
             grid, values = grid[::-1], values[::-1]
         margin = 1e-9 * (values[-1] - values[0])
@@ -128,9 +129,10 @@ def fit_calibration(
         x_unit, y_unit: SI units.
 
     Raises:
+        QuantityError: values with another unit.
         CalibrationError: arrays that do not fit, values that are no numbers, too few points for the order.
     """
-    readings, y = _checked(x, y)
+    readings, y = _checked(array_si(x, x_unit, "x"), array_si(y, y_unit, "y"))
     means = readings.mean(axis=1)
     _check_order(order, means)
     scale = np.abs(means).max() or 1.0

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..records import Quantity, record
-from ..units import QuantityError, to_si
+from ..units import QuantityError, array_si, to_si
 
 # Relative humidity below which oxides do not age, between which they do strongly.
 DRY, DAMP, WET = 0.01, 0.10, 0.40
@@ -35,7 +35,7 @@ class Ageing(NamedTuple):
 
     def stiction_ratio(self, rest: ArrayLike) -> NDArray[np.float64]:
         """F_S/F_C after a rest [s]."""
-        time = np.asarray(rest, float)
+        time = array_si(rest, "s", "rest")
         if not np.all(time >= 0.0):
             raise QuantityError("rest [s] is out of range: it must be >= 0 s")
         return 1.0 + self.rate * np.log1p(time / self.cut_off)

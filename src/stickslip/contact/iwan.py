@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import nnls
 
 from ..friction import MaxwellSlip
-from ..units import QuantityError, to_si
+from ..units import QuantityError, array_si, to_si
 from .mindlin import Mindlin
 from .partial_slip import ExponentialContact
 
@@ -83,7 +83,7 @@ def of_backbone(displacement: ArrayLike, force: ArrayLike) -> MaxwellSlip:
     Raises:
         QuantityError: it does not; names where.
     """
-    x, q = np.asarray(displacement, float), np.asarray(force, float)
+    x, q = array_si(displacement, "m", "displacement"), array_si(force, "N", "force")
     if x.shape != q.shape or x.ndim != 1 or not x.size or not np.all(np.isfinite(x) & np.isfinite(q)):
         raise QuantityError("displacement [m] and force [N] must be one finite value each per point")
     steps = np.diff(x, prepend=0.0)
@@ -133,7 +133,7 @@ def of_loop(position: ArrayLike, force: ArrayLike, elements: int = 12) -> LoopEl
     Raises:
         QuantityError: too few samples, no turn, or no force that follows the position.
     """
-    x, q = np.asarray(position, float), np.asarray(force, float)
+    x, q = array_si(position, "m", "position"), array_si(force, "N", "force")
     if x.shape != q.shape or x.ndim != 1 or not np.all(np.isfinite(x) & np.isfinite(q)):
         raise QuantityError("position [m] and force [N] must be one finite value each per sample")
     moved, carried = _branches(x, q)

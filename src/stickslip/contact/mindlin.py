@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..records import Quantity, record
-from ..units import QuantityError, to_si
+from ..units import QuantityError, array_si, to_si
 from .hertz import Hertz, Load, Modulus, Radius
 
 Array = NDArray[np.float64]
@@ -64,7 +64,7 @@ class Mindlin(NamedTuple):
 
     def force(self, displacement: ArrayLike) -> Array:
         """Q [N] at a displacement [m] that grows from 0."""
-        share = np.asarray(displacement, float) / self.presliding_distance
+        share = array_si(displacement, "m", "displacement") / self.presliding_distance
         rest = np.maximum(1.0 - np.abs(share), 0.0)
         return self.slip_force * np.sign(share) * (1.0 - rest**1.5)
 
@@ -86,7 +86,7 @@ class Mindlin(NamedTuple):
         return 4.8 * self.slip_force * self.presliding_distance * shape
 
     def _share(self, force: ArrayLike) -> Array:
-        q = np.asarray(force, float) / self.slip_force
+        q = array_si(force, "N", "force") / self.slip_force
         if not np.all(np.abs(q) <= 1.0 + 1e-12):
             raise QuantityError(f"force is out of range: beyond {self.slip_force:g} N all of it slides")
         return np.clip(q, -1.0, 1.0)

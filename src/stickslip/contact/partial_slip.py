@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..records import Quantity, record
-from ..units import to_si
+from ..units import array_si, to_si
 from .hertz import Load
 from .mindlin import Coefficient
 
@@ -56,7 +56,7 @@ def backbone(
     approach = to_si(approach, "m", "approach")
     coefficient = to_si(friction_coefficient, "", "friction_coefficient")
     ratio = to_si(stiffness_ratio, "", "stiffness_ratio")
-    back = approach - ratio * np.asarray(displacement, float) / coefficient
+    back = approach - ratio * array_si(displacement, "m", "displacement") / coefficient
     return coefficient * (np.asarray(load(np.array([approach])), float) - np.asarray(load(back), float))
 
 
@@ -91,5 +91,5 @@ class ExponentialContact(NamedTuple):
 
     def force(self, displacement: ArrayLike) -> Array:
         """Q [N] at a displacement [m] that grows from 0."""
-        x = np.asarray(displacement, float) / self.presliding_distance
+        x = array_si(displacement, "m", "displacement") / self.presliding_distance
         return -self.slip_force * np.sign(x) * np.expm1(-np.abs(x))

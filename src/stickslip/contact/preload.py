@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..friction import NormalForce
 from ..records import Quantity, record
-from ..units import QuantityError, to_si
+from ..units import QuantityError, array_si, to_si
 from .hertz import Load
 
 MU_0 = 4e-7 * math.pi  # V s/(A m)
@@ -41,7 +41,7 @@ class PreloadSpring(NamedTuple):
         Raises:
             QuantityError: there it has lifted off.
         """
-        return _pressing(self.force + self.stiffness * np.asarray(rise, float))
+        return _pressing(self.force + self.stiffness * array_si(rise, "m", "rise"))
 
     def along(self, rise: float | str, stiffness_exponent: float = 1.0) -> NormalForce:
         """What an actuator takes: over a stroke along which the seat rises by so much [m] per metre (a wedge,
@@ -64,7 +64,7 @@ class PreloadMagnet(NamedTuple):
 
     def normal_force(self, gap: ArrayLike) -> Array:
         """P [N] over an air gap [m]."""
-        gap = np.asarray(gap, float)
+        gap = array_si(gap, "m", "gap")
         if not np.all(gap >= 0.0):
             raise QuantityError("gap [m] is out of range: it must be >= 0 m")
         return self.flux_density**2 * self.area / (2.0 * MU_0) / (1.0 + gap / self.length) ** 2

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..records import Quantity, record
-from ..units import QuantityError, optional_si, to_si
+from ..units import QuantityError, array_si, optional_si, to_si
 
 Array = NDArray[np.float64]
 
@@ -126,7 +126,7 @@ def measured(heights: ArrayLike, spacing: float | str | tuple[float | str, ...])
             "wavelength follow from it, so no contact does; give a topography with its spacing, or a "
             "spectrum (self_affine)"
         )
-    z = np.asarray(heights, float)
+    z = array_si(heights, "m", "heights")
     if z.ndim > 2 or min(z.shape) < FEWEST or not np.all(np.isfinite(z)):
         raise QuantityError(
             f"heights of the shape {z.shape} are not the line or map of finite values [m] that is needed, "

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..records import Quantity, record
-from ..units import QuantityError, to_si
+from ..units import QuantityError, array_si, to_si
 
 
 @record
@@ -29,7 +29,7 @@ class RunningIn(NamedTuple):
 
     def force(self, slid: ArrayLike) -> NDArray[np.float64]:
         """F [N] after a path [m] of sliding."""
-        return self.last + (self.first - self.last) * np.exp(-np.asarray(slid, float) / self.path)
+        return self.last + (self.first - self.last) * np.exp(-array_si(slid, "m", "slid") / self.path)
 
 
 def worn_depth(
@@ -62,4 +62,4 @@ def worn_depth(
 def sliding_path(sliding_displacement: ArrayLike) -> float:
     """m, path of all sliding, there and back, of a simulation's or recording's sliding_displacement [m]; the
     elastic presliding at each turn is in it, which wears nothing."""
-    return float(np.sum(np.abs(np.diff(np.asarray(sliding_displacement, float)))))
+    return float(np.sum(np.abs(np.diff(array_si(sliding_displacement, "m", "sliding_displacement")))))

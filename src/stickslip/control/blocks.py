@@ -17,8 +17,13 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+<<<<<<< HEAD
 from ..records import Quantity, of_kind, record
 from ..units import QuantityError, to_si, with_prefix
+=======
+from ..records import Quantity, record
+from ..units import QuantityError, array_si, to_si, with_prefix
+>>>>>>> x7
 from .inverse import RATE as RATE
 from .inverse import PiezoInverse
 
@@ -206,7 +211,9 @@ class Regulator:
 
     def response(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
         """Voltage per error at frequencies [Hz], V/m, of their shape."""
-        z: NDArray[np.complex128] = np.exp(2j * math.pi / self.rate * np.asarray(frequencies, dtype=float))
+        z: NDArray[np.complex128] = np.exp(
+            2j * math.pi / self.rate * array_si(frequencies, "Hz", "frequencies")
+        )
         pid = self.pid
         slope = pid.derivative * self.rate * (1.0 - self.fading) * (1.0 - 1.0 / z) / (1.0 - self.fading / z)
         found: Any = pid.proportional + self.per_tick / (1.0 - 1.0 / z) + slope

@@ -26,8 +26,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import binom
 
+<<<<<<< HEAD
 from ..records import Quantity, of_kind
 from ..units import QuantityError
+=======
+from ..records import Quantity
+from ..units import QuantityError, array_si
+>>>>>>> x7
 from .blocks import Regulator, whole_number
 from .loops import Loop
 
@@ -117,7 +122,11 @@ class Learnt:
         offsets = np.arange(self._q.size) - self._q.size // 2
         q = np.cos(np.outer(angle, offsets)) @ self._q
         found = np.abs(q * (1.0 - self._gain * np.exp(1j * angle * self._lead) * inner))
-        return found if frequencies is None else np.interp(np.asarray(frequencies, float), known, found)
+        return (
+            found
+            if frequencies is None
+            else np.interp(array_si(frequencies, "Hz", "frequencies"), known, found)
+        )
 
 
 def _binomial(taps: int) -> Array:

@@ -21,6 +21,7 @@ from scipy.linalg import eigvals, expm
 
 from ..actuator import Actuator
 from ..simulation.sticking import sticking
+from ..units import array_si
 from .blocks import RATE, Regulator, whole_number
 
 Array = NDArray[np.float64]
@@ -54,7 +55,9 @@ class Loop(NamedTuple):
 
     def at(self, frequencies: ArrayLike) -> Complex:
         """The response [m/V] at frequencies [Hz] (n,)."""
-        return _response(self.poles, self.residues, np.asarray(frequencies, float), self.rate, self.delay)
+        return _response(
+            self.poles, self.residues, array_si(frequencies, "Hz", "frequencies"), self.rate, self.delay
+        )
 
 
 def _response(poles: Any, residues: Any, frequencies: Array, rate: float, delay: int) -> Complex:

@@ -12,7 +12,7 @@ from ..actuator import Actuator
 from ..records import Quantity
 from ..simulation.members import SCALES, checked_columns, labelled
 from ..simulation.varied import record_names
-from ..units import QuantityError
+from ..units import QuantityError, array_si
 from ..waveform.signal import Waveform
 from .drives import default_drive, drive_columns
 
@@ -78,9 +78,9 @@ def grid_of(
         if name in AXES or name in SCALES:
             hint = {"load": "a normal force is `normal_load`", "drive_scale": "use voltage"}
             raise QuantityError(f"{name!r} is no parameter of a map: {hint.get(name, 'it is an argument')}")
-        given = np.asarray(values)
         column = checked_columns(model, waveform, {name: values})[name]
-        found[name] = column.reshape(given.shape)
+        several = isinstance(values, list | tuple) or np.ndim(values) > 0
+        found[name] = column if several else column.reshape(())
         about[name] = labelled(model, waveform, {name: column})[name][2]
     dims = tuple(sorted((name for name, a in found.items() if a.ndim), key=lambda name: name != "frequency"))
     mesh = np.meshgrid(*(found[name] for name in dims), indexing="ij")
@@ -91,7 +91,7 @@ def grid_of(
 
 
 def _axis(name: str, quantity: Quantity, values: Any) -> Array:
-    given = np.asarray(values)
+    given = array_si(values, quantity.unit, name)
     if given.ndim > 1 or given.size == 0:
         raise QuantityError(f"{name} must be a number or a list of them ({quantity.unit or 'no unit'})")
     checked = np.array([quantity.check(v, name) for v in given.reshape(-1).tolist()]).reshape(given.shape)

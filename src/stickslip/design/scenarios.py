@@ -15,7 +15,7 @@ from ..estimate.result import Fit
 from ..records import Quantity, did_you_mean, quantities_within
 from ..simulation.members import SCALES
 from ..simulation.varied import element_of, free_names, law_of, with_values
-from ..study.drawn import NOT_OF_ACTUATOR
+from ..study.drawn import NOT_OF_ACTUATOR, draws_in_si
 from ..units import QuantityError, to_si
 
 Array = NDArray[np.float64]
@@ -160,7 +160,7 @@ def drawn(model: Actuator, source: Uncertainty, count: int, seed: int) -> list[d
     if isinstance(source, Posterior):
         source = {str(name): source.samples[name].values for name in source.samples.data_vars}
     if isinstance(source, Mapping):
-        flat = {name: np.ravel(np.asarray(values, float)) for name, values in source.items()}
+        flat = {name: draws_in_si(model, name, values) for name, values in source.items()}
         sizes = {values.size for values in flat.values()}
         if len(sizes) != 1 or 0 in sizes:
             raise QuantityError(

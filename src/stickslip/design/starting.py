@@ -26,6 +26,7 @@ from ..identify.walk.position_channel import CHANNEL, OBSERVED
 from ..identify.walk.walks import own_values
 from ..records import did_you_mean
 from ..simulation.varied import free_names, with_values
+from ..study.drawn import draws_in_si
 from ..units import QuantityError, optional_si, unit_for
 from .information import Space
 
@@ -205,7 +206,7 @@ def draws_of(
 
 
 def _given(begin: Start, samples: Mapping[str, Any]) -> list[Values]:
-    arrays = {name: np.atleast_1d(np.asarray(one, dtype=float)) for name, one in samples.items()}
+    arrays = {name: draws_in_si(begin.model, name, one) for name, one in samples.items()}
     known = free_names(begin.model)
     for name in arrays:
         if name not in known and name not in CHANNEL:

@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from ..units import QuantityError, to_si
+from ..units import QuantityError, array_si, to_si
 
 Array = NDArray[np.float64]
 _COLUMNS = ("net_step", "net_step_low", "net_step_high")
@@ -83,7 +83,7 @@ def step_table(step_map: xr.Dataset) -> StepTable:
 
 def step_at(table: StepTable, voltage: ArrayLike) -> tuple[Array, Array, Array]:
     """Step and both ends of its band at voltages [V], each of their shape; NaN beyond the table."""
-    volts = np.asarray(voltage, dtype=float)
+    volts = array_si(voltage, "V", "voltage")
     found = [
         np.interp(volts, table.voltages, column, left=np.nan, right=np.nan)
         for column in (table.steps, table.low, table.high)

@@ -81,7 +81,7 @@ def simulate_ensemble(
         waveform: the drive, V.
         duration: s; left out, that of the waveform, if it ends (of each member's own, where no samples are
             asked for).
-        parameters: one array per name, all [members], in SI or as strings. Names are the fields of the law,
+        parameters: one array per name, all [members], in SI or with units. Names are the fields of the law,
             of the actuator, of its piezo ("piezo_weight_2", "piezo_capacitance") and of the waveform
             ("amplitude", "frequency"; "value_3" and "time_2" of a list), "stiction_ratio",
             "breakaway_share" (see `identify_friction`), "drive_scale" (a factor on the waveform), and "load"

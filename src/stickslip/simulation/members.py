@@ -16,8 +16,8 @@ from ..actuator import Actuator
 from ..piezo.model import Piezo
 from ..plant.generated import with_values as plant_with
 from ..plant.system import Plant, values_of
-from ..records import Quantity, did_you_mean, quantities, quantities_within
-from ..units import QuantityError, to_si
+from ..records import did_you_mean, quantities, quantities_within
+from ..units import QuantityError, array_si
 from ..waveform.drive import Drive
 from ..waveform.members import Drives, stacked
 from ..waveform.members import common as common_drive
@@ -86,21 +86,14 @@ def checked_columns(
             raise QuantityError(
                 f"{name!r} cannot vary: it may be the field of {type(waveform).__name__} or that of the model"
             )
-        columns[name] = _column(values, quantity_of(model, waveform, name), name)
+        quantity = quantity_of(model, waveform, name)
+        columns[name] = np.atleast_1d(array_si(values, quantity.unit if quantity else "", name))
         if columns[name].ndim != 1 or columns[name].size == 0:
             raise QuantityError(f"{name} must be a list of values, one per member")
     sizes = {name: column.size for name, column in columns.items()}
     if len(set(sizes.values())) != 1:
         raise QuantityError(f"parameters must be arrays of one length; there are {sizes or 'none'}")
     return columns
-
-
-def _column(values: ArrayLike, quantity: Quantity | None, name: str) -> NDArray[np.float64]:
-    """Values of one parameter; strings have their units."""
-    given = np.atleast_1d(np.asarray(values))
-    if given.dtype.kind in "UO":
-        return np.array([to_si(value, quantity.unit if quantity else "", name) for value in given.tolist()])
-    return given.astype(float)
 
 
 def labelled(model: Actuator, waveform: Waveform, columns: Columns) -> dict[str, Any]:

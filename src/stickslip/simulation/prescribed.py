@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from ..friction import NormalForce, elements, is_law
 from ..recording import make_recording
 from ..solve.prescribed import follow_position
-from ..units import QuantityError, to_si, with_prefix
+from ..units import QuantityError, array_si, to_si, with_prefix
 from .errors import SimulationError
 from .strain import strained
 
@@ -63,7 +63,7 @@ def friction_response(
     tolerance = to_si(tolerance, "m", "tolerance")
     if not is_law(law):
         raise QuantityError(f"{law!r} is no friction law")
-    t, x = (np.ascontiguousarray(a, dtype=float) for a in (time, position))
+    t, x = array_si(time, "s", "time"), array_si(position, "m", "position")
     if t.ndim != 1 or t.shape != x.shape or t.size < 2 or not np.all(np.diff(t) > 0.0):
         raise QuantityError("time [s] and position [m] must be of one length, at least 2, and time ascending")
     ratio = np.ones(t.size)
@@ -73,7 +73,7 @@ def friction_response(
             raise QuantityError(f"NormalForce.stiffness_exponent = {q:g}: a prescribed motion knows 1 only")
         ratio = normal_force.factor(x)
     elif normal_force is not None:
-        ratio = np.ascontiguousarray(normal_force, dtype=float) / reference
+        ratio = array_si(normal_force, "N", "normal_force") / reference
         if ratio.shape != t.shape:
             raise QuantityError("normal_force [N] must have one value per time")
     z = np.zeros(max(elements(law), 1))

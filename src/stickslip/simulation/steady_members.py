@@ -79,7 +79,7 @@ def steady_steps(
     Args:
         model: the actuator that the members vary.
         waveform: periodic (one with a `period`), V.
-        parameters: one array per name, all [members], SI, as for `simulate_ensemble`.
+        parameters: one array per name, all [members], as for `simulate_ensemble`.
         tolerance: m, on the net step.
         load: normal force over its reference, for all members: a number, or a waveform as for `steady_orbit`;
             members into whose own period it does not fit are refused.

@@ -18,7 +18,7 @@ from ..solve.log import TERMS
 from ..solve.outcome import DONE, STEP_TOO_SMALL
 from ..solve.periods import integrate
 from ..solve.resume import row_size
-from ..units import QuantityError, labelled_for, optional_si, to_si, unit_for, with_prefix
+from ..units import QuantityError, array_si, labelled_for, optional_si, to_si, unit_for, with_prefix
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
 from .channels import energy_account, of_stack, variables_of
@@ -61,7 +61,8 @@ def simulate(
         duration: s, or with a unit ("200 ms"); left out, that of the waveform, if it ends.
         sample_rate: samples per second of the output. The solution does not depend on it, but ends with the
             last sample within the duration.
-        times: sample times instead, s (or a list such as "5 ms"), ascending, from 0 or later.
+        times: sample times instead, s (or with units: strings such as "5 ms", an array of xarray or pint),
+            ascending, from 0 or later.
         tolerance: m, on the end-effector's position over the whole trajectory. The error is estimated by a
             second run with smaller steps; where it is larger, the steps are refined.
         load: normal force over the reference normal force at which the friction parameters hold: a number,
@@ -305,9 +306,7 @@ def sample_times(
         QuantityError: see `simulate`.
     """
     if times is not None:
-        given: Any = times
-        said = [to_si(one, "s", "times") for one in given] if isinstance(given, list | tuple) else given
-        made = np.ascontiguousarray(said, dtype=float)
+        made = array_si(times, "s", "times")
         if made.ndim != 1 or made.size < 2 or made[0] < 0.0 or not np.all(np.diff(made) > 0.0):
             raise QuantityError("times [s] must be at least two numbers, ascending, from 0 s or later")
         return made

@@ -13,6 +13,7 @@ import numpy as np
 from .. import _jit
 from .._version import __version__
 from ..registry import origin
+from ..units import own_unit
 from .own import OwnFunction, content_hash
 from .points import Grid, Part, Random
 
@@ -86,6 +87,8 @@ def _plain(value: Any) -> Any:
         return _listed(value)
     if isinstance(value, np.generic):
         return value.item()
+    if hasattr(value, "__array__"):  # of xarray, pandas or pint
+        return {"units": own_unit(value), "values": _listed(np.asarray(getattr(value, "magnitude", value)))}
     if value is None or isinstance(value, bool | int | float | str):
         return value
     if isinstance(value, Callable):

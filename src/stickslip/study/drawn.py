@@ -13,13 +13,13 @@ from ..actuator import Actuator
 from ..estimate.posterior import Posterior
 from ..estimate.result import Fit
 from ..records import did_you_mean
-from ..simulation.varied import RATIOS, changed_fields, free_names
-from ..units import QuantityError
+from ..simulation.varied import RATIOS, changed_fields, free_names, quantity_of
+from ..units import QuantityError, array_si, unit_for
 
 Array = NDArray[np.float64]
 
 # Of samples and fits, what belongs to the sensor's channel or to the sampler, not to the actuator.
-NOT_OF_ACTUATOR = ("delay", "offset", "log_posterior")
+NOT_OF_ACTUATOR = {"delay": "s", "offset": "m", "log_posterior": ""}
 # How far the model may be from the estimate of the fit, relative: it is meant to be that of the fit.
 SAME = 1e-6
 
@@ -62,11 +62,15 @@ def _arrays(source: Mapping[str, ArrayLike], model: Actuator) -> dict[str, Array
     for name, one in source.items():
         if name not in known:
             raise QuantityError(f"draws of {name!r}{did_you_mean(name, known)}: there are {', '.join(known)}")
-        try:
-            found[name] = np.ravel(np.asarray(one, dtype=float))
-        except (TypeError, ValueError):
-            raise QuantityError(f"draws of {name} must be numbers, in SI: {one!r:.60}") from None
+        found[name] = draws_in_si(model, name, one)
     return found
+
+
+def draws_in_si(model: Actuator, name: str, values: ArrayLike) -> Array:
+    """Values [n] of a parameter of the model, or of what a posterior has besides; raises QuantityError."""
+    quantity = quantity_of(model, None, name)
+    unit = quantity.unit if quantity else unit_for(model, NOT_OF_ACTUATOR.get(name, ""))
+    return np.ravel(array_si(values, unit, f"draws of {name}"))
 
 
 def _sampled(source: Posterior, count: int, random: np.random.Generator) -> dict[str, Array]:

@@ -16,7 +16,7 @@ from ..simulation.ensemble import simulate_ensemble
 from ..simulation.errors import SimulationWarning
 from ..simulation.members import checked_columns, labelled
 from ..simulation.steady_members import steady_steps
-from ..units import QuantityError, optional_si, to_si, unit_for
+from ..units import QuantityError, array_si, optional_si, to_si, unit_for
 from ..waveform.signal import Waveform
 from .own import OwnFunction, own_function
 
@@ -121,7 +121,7 @@ class Own:
     def read(self, name: str, values: ArrayLike) -> tuple[Array, dict[str, str]]:
         """As of `SteadySteps`; a string has the unit of the name."""
         unit = self.units.get(name, "")
-        column = np.array([to_si(v, unit, name) for v in np.atleast_1d(np.asarray(values)).tolist()])
+        column = np.atleast_1d(array_si(values, unit, name))
         return column, {"units": unit} if unit else {}
 
     def computed(self, columns: Columns) -> xr.Dataset:

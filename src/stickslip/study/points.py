@@ -33,7 +33,7 @@ class Grid:
     """All combinations of values: each name becomes a dimension.
 
     Args:
-        values: by name, SI or strings with units; no value twice.
+        values: by name, in SI or with units; no value twice.
     """
 
     values: Mapping[str, ArrayLike]
@@ -71,7 +71,7 @@ class Draws:
     `drawn_parameters`), or a list of one's own.
 
     Args:
-        values: by name, arrays of one length, SI or strings with units.
+        values: by name, arrays of one length, in SI or with units.
         dim: name of the dimension.
     """
 

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from ...estimate.problem import FitError
 from ...estimate.result import Fit
 from ...piezo.creep import Lags, before_creep
-from ...units import QuantityError, optional_si
+from ...units import QuantityError, array_si, optional_si
 from ...waveform import Sampled
 from .columns import Observed, Timing, at_piezo
 from .prediction import PiezoPrediction, warn_beyond
@@ -54,8 +54,8 @@ def inverse_drive(
         RecordingWarning: the drive leaves the voltages that the fit is from.
     """
     rest = optional_si(rest_voltage, "V", "rest_voltage")
+    t, y = array_si(times, "s", "times"), array_si(positions, "m", "positions")
     prediction = _prediction(fit)
-    t, y = np.array(times, dtype=float), np.array(positions, dtype=float)
     if t.ndim != 1 or t.shape != y.shape or t.size < 2 or np.any(np.diff(t) <= 0.0) or t[0] < 0.0:
         raise QuantityError(
             f"times [s] of shape {t.shape} must ascend from 0 s or later, with as many positions [m], "
@@ -96,7 +96,7 @@ def inverse_residual(fit: Fit, drive: Sampled, positions: ArrayLike) -> float:
         FitError: the fit is not one of `identify_piezo`.
         QuantityError: there are not as many positions as the drive has samples.
     """
-    prediction, wanted = _prediction(fit), np.asarray(positions, dtype=float)
+    wanted, prediction = array_si(positions, "m", "positions"), _prediction(fit)
     t, u = np.array(drive.times), np.array(drive.values)
     if wanted.shape != t.shape:
         raise QuantityError(f"positions [m] have the shape {wanted.shape}, and the drive {t.size} samples")
