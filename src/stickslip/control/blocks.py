@@ -17,13 +17,8 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-<<<<<<< HEAD
 from ..records import Quantity, of_kind, record
-from ..units import QuantityError, to_si, with_prefix
-=======
-from ..records import Quantity, record
 from ..units import QuantityError, array_si, to_si, with_prefix
->>>>>>> x7
 from .inverse import RATE as RATE
 from .inverse import PiezoInverse
 

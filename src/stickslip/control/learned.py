@@ -26,13 +26,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import binom
 
-<<<<<<< HEAD
 from ..records import Quantity, of_kind
-from ..units import QuantityError
-=======
-from ..records import Quantity
 from ..units import QuantityError, array_si
->>>>>>> x7
 from .blocks import Regulator, whole_number
 from .loops import Loop
 
