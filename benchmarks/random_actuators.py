@@ -84,7 +84,8 @@ def _stiction(d: _Dice, c: dict[str, float]) -> Any:
 
 
 def _stribeck(d: _Dice, c: dict[str, float]) -> Any:
-    return ss.Stribeck(c["force"], c["stiction"], c["stribeck"], c["viscous"], d.one_of(2.0, 2.0, 1.0))
+    exponent = d.one_of(2.0, 1.0, d.log(0.3, 3.0))
+    return ss.Stribeck(c["force"], c["stiction"], c["stribeck"], c["viscous"], exponent)
 
 
 def _dahl(d: _Dice, c: dict[str, float]) -> Any:

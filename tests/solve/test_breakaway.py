@@ -11,10 +11,11 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from stickslip.actuator import Actuator, load_actuator
+from stickslip.actuator import Actuator, PulledSlider, load_actuator
 from stickslip.friction import Stribeck
 from stickslip.simulation import simulate, simulate_ensemble, steady_step
 from stickslip.waveform.periodic import ReverseSawtooth, Sawtooth
+from stickslip.waveform.shapes import Ramp
 
 Array = NDArray[np.float64]
 KANG = load_actuator("kang2007")
@@ -142,3 +143,21 @@ def test_all_calls_see_the_slips_of_any_exponent(exponent: float) -> None:
     assert members["net_displacement"].values[0] == pytest.approx(end, abs=1e-9)
     later = simulate(a, saw, times=[0.38, 0.4])["end_effector_position"].values
     assert steady_step(a, saw) == pytest.approx(later[1] - later[0], abs=2e-9)
+
+
+@pytest.mark.parametrize("exponent", [0.2, 0.3, 0.4])
+def test_speed_grows_as_a_power_of_time(exponent: float) -> None:
+    r"""Of a slow pull, :math:`\dot v = k v^\delta`, k = (F_S - F_C)/(m v_s^δ), from the instant of breakaway:
+    v = ((1 - δ) k t)^(1/(1 - δ)), where v << v_s."""
+    mass, spring, speed = 0.1, 2000.0, 1e-7
+    law = Stribeck(0.5, 0.8, 100.0, 0.0, exponent)
+    slider = PulledSlider(mass=mass, spring_stiffness=spring, damping=0.0, friction=law)
+    since = np.array([3e-5, 1e-4, 3e-4])
+    times = np.append(0.0, 0.8 / (spring * speed) + since)
+    found = simulate(slider, Ramp(speed, unit="m"), times=times, tolerance=1e-11)
+    growth = 0.3 / (mass * law.stribeck_velocity**exponent)
+    expected = ((1.0 - exponent) * growth * since) ** (1.0 / (1.0 - exponent))
+    off = 0.5 * (expected / law.stribeck_velocity) ** exponent  # of the law's own power
+    assert np.all(off < 0.07)
+    ratio = found["end_effector_velocity"].values[1:] / expected
+    np.testing.assert_allclose(ratio, 1.0, rtol=0.0, atol=1.2 * off.max() + 2e-3)

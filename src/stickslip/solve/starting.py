@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
-from .._jit import compiled, fused
+from .._jit import FUSED, compiled, fused, overload_with
 from ..friction.static import RESOLVED
 from ..plant.generated import (
     breakaways,
@@ -18,6 +19,7 @@ from ..plant.generated import (
     statics,
     unrest,
 )
+from ..plant.system import layout_of
 from . import channels
 
 # Slower is rounding in the slopes of the drive, and no sliding, m/s.
@@ -90,7 +92,7 @@ def _falls_from_rest(plant, sides, e, q, u, n):
 
 
 @compiled
-def launched(plant, drive, i, load, j, t, sides, e, q, moment, longest):
+def _launched(plant, drive, i, load, j, t, sides, e, q, moment, longest):
     r"""The state a moment after contact e lets go, and how long that is, s, at most `longest`; 0 where a step
     can begin at rest.
 
@@ -126,3 +128,41 @@ def launched(plant, drive, i, load, j, t, sides, e, q, moment, longest):
                 break
             moment, v = 4.0 * moment, v * 4.0**p
     return end, moment
+
+
+def launched(
+    plant: Any,
+    drive: Any,
+    i: Any,
+    load: Any,
+    j: Any,
+    t: Any,
+    sides: Any,
+    e: Any,
+    q: Any,
+    moment: Any,
+    longest: Any,
+) -> Any:
+    """See `_launched`; compiled only into plants with a set-valued contact."""
+    return _launched(plant, drive, i, load, j, t, sides, e, q, moment, longest)
+
+
+@overload_with(launched, FUSED)
+def _chosen(
+    plant: Any,
+    drive: Any,
+    i: Any,
+    load: Any,
+    j: Any,
+    t: Any,
+    sides: Any,
+    e: Any,
+    q: Any,
+    moment: Any,
+    longest: Any,
+) -> Any:
+    if any(shape.static for shape in layout_of(plant).elements):
+        return lambda plant, drive, i, load, j, t, sides, e, q, moment, longest: _launched(
+            plant, drive, i, load, j, t, sides, e, q, moment, longest
+        )
+    return lambda plant, drive, i, load, j, t, sides, e, q, moment, longest: (q, 0.0)
