@@ -105,6 +105,7 @@ TARGETS = (
     Target("friction/reset_integrator.py", BRANCHES),
     Target("friction/normal_force.py", ("tests/friction/test_normal_force.py",)),
     Target("friction/fields_read.py", ("tests/friction/test_law.py",)),
+    Target("friction/static.py", ("tests/friction/test_static.py",)),
     Target("friction/*.py", LAWS),
     Target("mechanism.py", MOTION),
     Target("simulation/models.py", MOTION, ("mechanism", "system", "resting_state", "_resting", "_held")),
