@@ -22,7 +22,7 @@ from ..waveform.drive import Drive
 from ..waveform.members import Drives, stacked
 from ..waveform.members import common as common_drive
 from ..waveform.signal import Waveform
-from .load import refuse_other_period
+from .load import refuse_other_periods
 from .models import System, contact_load, drive_table, out_of_range, refuse_jumps
 from .two_port import driven_by_voltage
 from .varied import (
@@ -224,7 +224,7 @@ def prepared(
         ends = np.full(count, _end(waveform, periodic) if end is None else end)
     contact = contact_load(load, float(np.nanmax(ends, initial=0.0)))
     if periodic:
-        _refuse_loads(load, ends, reasons)
+        refuse_other_periods(load, ends, reasons)
     own_load = contact._replace(normal=contact.normal * columns.get("load", 1.0))
     of = contact.system(model)
     with np.errstate(all="ignore"):  # those that are refused have numbers, too
@@ -239,14 +239,6 @@ def prepared(
 
 def _end(waveform: Any, periodic: bool) -> float:
     return waveform.period if periodic else waveform.duration
-
-
-def _refuse_loads(load: Waveform | float, periods: NDArray[np.float64], reasons: list[str]) -> None:
-    for m in (m for m, reason in enumerate(reasons) if not reason):
-        try:
-            refuse_other_period(load, float(periods[m]))
-        except QuantityError as error:
-            reasons[m] = str(error)
 
 
 def _piezos(model: Actuator, columns: Columns, count: int) -> list[Piezo | None]:
