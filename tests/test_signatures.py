@@ -315,6 +315,35 @@ def test_an_array_in_another_unit_is_refused(name: str) -> None:
             call(given)
 
 
+IN_METRES: dict[str, Callable[[Any], Any]] = {
+    "simulate": lambda v: ss.simulate(KANG, SAW, 0.02, tolerance=v),
+    "simulate_ensemble": lambda v: ss.simulate_ensemble(
+        KANG, SAW, 0.02, parameters={"load": [1]}, tolerance=v
+    ),
+    "sensitivities": lambda v: ss.sensitivities(KANG, SAW, 0.02, parameters=["sigma_0"], tolerance=v),
+    "steady_step": lambda v: ss.steady_step(KANG, SAW, tolerance=v),
+    "steady_orbit": lambda v: ss.simulation.steady_orbit(KANG, SAW, tolerance=v),
+    "steady_steps": lambda v: ss.steady_steps(KANG, SAW, parameters={"load": [1]}, tolerance=v),
+    "steady_step_derivatives": lambda v: ss.simulation.steady_step_derivatives(
+        KANG, SAW, parameters=["sigma_0"], tolerance=v
+    ),
+    "step_map": lambda v: ss.step_map(KANG, SAW, load=0.0, tolerance=v),
+    "friction_response": lambda v: ss.simulation.friction_response(
+        KANG.friction, [0, 1], [0, 1e-6], tolerance=v
+    ),
+    "Motion": lambda v: ss.simulation.Motion(KANG, tolerance=v),
+    "VirtualRig": lambda v: ss.rig.VirtualRig(KANG, ss.rig.load_bench("kang2007-bench"), tolerance=v),
+}
+
+
+@pytest.mark.parametrize("name", IN_METRES)
+def test_a_tolerance_that_says_nothing_is_refused(name: str) -> None:
+    """With an infinite one a walk of 21 um ended at 0.30 m, by its own account without an error."""
+    for given in (np.inf, np.nan, 0.0, -1e-9, 0.01, "2 mm", "inf m"):
+        with pytest.raises(ss.units.QuantityError, match=r"^tolerance = .*must be > 0 and <= 0.001 m"):
+            IN_METRES[name](given)
+
+
 # What counts in units that are given beside, or in those of its results; and what is made with the kernels.
 COUNTS_OTHERWISE = (
     "estimate.",

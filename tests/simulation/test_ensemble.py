@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import warnings
+from typing import Any
 
 import numpy as np
 import pytest
 
 from stickslip.actuator import Actuator, load_actuator
+from stickslip.design import step_map
 from stickslip.friction import Coulomb, Dahl, Elastoplastic, LuGre, MaxwellSlip, ResetIntegrator
 from stickslip.piezo import BoucWen, Creep, Piezo, PrandtlIshlinskii
 from stickslip.simulation import simulate, simulate_ensemble, steady_step, steady_steps
@@ -207,3 +209,16 @@ def test_threads_and_blocks_do_not_change_a_number_and_progress_is_told() -> Non
 def test_parameters_that_make_no_ensemble_are_refused(parameters: dict, message: str) -> None:
     with pytest.raises(QuantityError, match=message):
         simulate_ensemble(MODEL, DRIVE, 0.1, parameters=parameters)
+
+
+@pytest.mark.parametrize("wrong", [None, 3, "sigma_0", [1e6], np.array([1.0, 2.0]), {3: [1.0]}])
+def test_parameters_that_are_not_by_name(wrong: Any) -> None:
+    for call in (simulate_ensemble, steady_steps, step_map):
+        if wrong is not None or call is not step_map:
+            with pytest.raises(QuantityError, match="parameters are values by name"):
+                call(MODEL, Sawtooth(65.0, 50.0, periods=1), parameters=wrong)
+    with pytest.raises(QuantityError, match="an Actuator, not of a"):
+        simulate_ensemble(wrong, Sawtooth(65.0, 50.0, periods=1), parameters={"sigma_0": [1e6]})
+    if wrong is not None:
+        with pytest.raises(QuantityError, match="initial_state is a State or a trajectory"):
+            simulate(MODEL, Sawtooth(65.0, 50.0, periods=1), initial_state=wrong)

@@ -172,7 +172,7 @@ def test_what_cannot_be_asked() -> None:
         steady_steps(KANG, Step(5.0), parameters={"amplitude": [1.0]})
     with pytest.raises(QuantityError, match=r"'rise_fractoin' cannot vary.*did you mean 'rise_fraction'"):
         steady_steps(KANG, Sawtooth(65.0, 50.0), parameters={"rise_fractoin": [1.0]})
-    with pytest.raises(QuantityError, match="must be > 0 m"):
+    with pytest.raises(QuantityError, match=r"must be > 0 and <= 0.001 m"):
         steady_steps(KANG, Sawtooth(65.0, 50.0), parameters={"amplitude": [1.0]}, tolerance=0.0)
     drive = Sampled([0, 0.19], [0, 65], period=0.2)
     found = steady_steps(KANG, drive, parameters={"end_effector_mass": [0.1, 0.2]})
@@ -219,3 +219,24 @@ def test_what_a_period_does_not_change_stays() -> None:
     np.testing.assert_allclose(rest @ x, defect, rtol=1e-9)
     assert np.count_nonzero(x) == 3
     assert np.all(x[:2] != 0.0)
+
+
+@pytest.mark.compiled
+@pytest.mark.filterwarnings("error")
+def test_what_is_refused_brings_no_warnings_of_numpy() -> None:
+    """Numbers that no record takes reach the arithmetic of all members."""
+    rng = np.random.default_rng(4)
+    saw, knots = Sawtooth(65.0, 50.0), PeriodicKnots([0.0, 0.01], [0.0, 60.0], 0.02)
+    cases = [
+        (saw, "end_effector_mass", 0.1),
+        (saw, "stage_mass", 1.0),
+        (saw, "frequency", 50.0),
+        (saw, "drive_scale", 1.0),
+        (knots, "period", 0.02),
+        (knots, "time_2", 0.01),
+    ]
+    for waveform, name, right in cases:
+        wrong = rng.permutation([-1.0, np.nan, np.inf, 0.0 if name != "drive_scale" else -0.5])
+        found = steady_steps(KANG, waveform, parameters={name: [*wrong, right]})
+        assert found["status"].values.tolist() == [4, 4, 4, 4, 0]
+        assert all(name.split("_")[0] in str(reason) for reason in found["reason"].values[:4])

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..actuator import Actuator
 from ..records import Quantity
-from ..simulation.members import SCALES, checked_columns, labelled
+from ..simulation.members import SCALES, by_name, checked_columns, labelled
 from ..simulation.varied import record_names
 from ..units import QuantityError, array_si
 from ..waveform.signal import Waveform
@@ -74,7 +74,7 @@ def grid_of(
     if waveform is None:
         waveform = default_drive(model, "voltage" in found, "frequency" in found)
     about = {name: {"units": q.unit, "long_name": q.meaning} for name, q in meant.items() if name in found}
-    for name, values in (parameters or {}).items():
+    for name, values in by_name({} if parameters is None else parameters).items():
         if name in AXES or name in SCALES:
             hint = {"load": "a normal force is `normal_load`", "drive_scale": "use voltage"}
             raise QuantityError(f"{name!r} is no parameter of a map: {hint.get(name, 'it is an argument')}")

@@ -20,8 +20,9 @@ from ..progress import Progress, unheard
 from ..simulation.demand import UNITS, electrical_demand
 from ..simulation.errors import SimulationWarning
 from ..simulation.steady_members import CONVERGED
+from ..simulation.trajectory import checked_tolerance
 from ..study.drawn import drawn_parameters
-from ..units import QuantityError, labelled_for, to_si, unit_for
+from ..units import QuantityError, labelled_for
 from ..waveform.signal import Waveform
 from .grid import AXES, Grid, grid_of
 from .solving import NOT_COMPUTED, STATUS, Solved, ends, intervals, solved
@@ -119,7 +120,7 @@ def step_map(
         QuantityError: a value, or a name, that cannot be; see also `steady_orbit`.
         StudyDiffers, StudyError: of the store; see `run_study`.
     """
-    tolerance = to_si(tolerance, unit_for(model, "m"), "tolerance")
+    tolerance = checked_tolerance(model, tolerance)
     extras = _extras(quantities)
     given = dict(zip(AXES, (voltage, frequency, load, direction), strict=True))
     grid = grid_of(model, waveform, given, parameters)

@@ -14,8 +14,8 @@ from ..actuator import Actuator
 from ..electronics import adc_output, amplifier_output, dac_output, filtered
 from ..simulation.errors import SimulationError
 from ..simulation.models import SLIDER, STAGE
-from ..simulation.trajectory import COMPLETE, follow_model
-from ..units import QuantityError, to_si, unit_for
+from ..simulation.trajectory import COMPLETE, checked_tolerance, follow_model
+from ..units import QuantityError
 from ..waveform.sampled import Sampled
 from ..waveform.signal import Waveform
 from .bench import Bench, Mounted
@@ -70,7 +70,7 @@ class VirtualRig:
         real_time: bool = False,
         tolerance: float | str = 1e-9,
     ) -> None:
-        tolerance = to_si(tolerance, unit_for(actuator, "m"), "tolerance")
+        tolerance = checked_tolerance(actuator, tolerance)
         for value, kind in ((actuator, Actuator), (bench, Bench)):
             if not isinstance(value, kind):
                 raise QuantityError(

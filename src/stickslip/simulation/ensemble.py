@@ -16,7 +16,7 @@ from ..electronics.stack import Stack
 from ..progress import Progress, unheard
 from ..solve.outcome import DONE, STEP_TOO_SMALL, TOO_MANY_STEPS
 from ..solve.periods import integrate_members
-from ..units import QuantityError, labelled_for, optional_si, to_si, unit_for
+from ..units import QuantityError, labelled_for, optional_si
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
 from .demand import labelled_demand
@@ -33,7 +33,7 @@ from .members import (
 )
 from .models import checked_drive, contact_load
 from .refinement import FINER, LOOSE, MOST_STEPS, PER_DIFFERENCE, PER_NUMBER, ROUNDS
-from .trajectory import sample_times
+from .trajectory import checked_tolerance, sample_times
 
 REFUSED = 4
 OUTCOMES = {
@@ -109,7 +109,7 @@ def simulate_ensemble(
     Raises:
         QuantityError: an unknown name, arrays of different length, or see `simulate`.
     """
-    tolerance = to_si(tolerance, unit_for(model, "m"), "tolerance")
+    tolerance = checked_tolerance(model, tolerance)
     duration = optional_si(duration, "s", "duration")
     sample_rate = optional_si(sample_rate, "Hz", "sample_rate")
     varied = checked_columns(model, waveform, parameters)
@@ -121,8 +121,6 @@ def simulate_ensemble(
     end = waveform.duration if duration is None else duration
     if not (math.isfinite(end) and end > 0.0):
         raise QuantityError(f"duration = {end} s must be finite and > 0 s")
-    if not tolerance > 0.0:
-        raise QuantityError(f"tolerance = {tolerance} m must be > 0 m")
     task = _Task(
         model,
         waveform,

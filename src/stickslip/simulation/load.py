@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from numbers import Real
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..units import QuantityError, with_prefix
 from ..waveform.signal import Waveform
 
@@ -50,3 +53,12 @@ def refuse_other_period(load: Waveform | float, period: float | None) -> None:
             f"load: the period of this {name}, {with_prefix(own, 's', 9)}, is no whole part of {drive}, so "
             f"that no step is as the one before: give it that period, a half, a third, ..., or {instead}"
         )
+
+
+def refuse_other_periods(load: Waveform | float, periods: NDArray[np.float64], reasons: list[str]) -> None:
+    """The same of members, whose drives have these periods [s]: adds what is refused to the reasons."""
+    for m in (m for m, reason in enumerate(reasons) if not reason):
+        try:
+            refuse_other_period(load, float(periods[m]))
+        except QuantityError as error:
+            reasons[m] = str(error)

@@ -22,7 +22,7 @@ from ..waveform.drive import Drive
 from ..waveform.members import Drives, stacked
 from ..waveform.members import common as common_drive
 from ..waveform.signal import Waveform
-from .load import refuse_other_period
+from .load import refuse_other_periods
 from .models import System, contact_load, drive_table, out_of_range, refuse_jumps
 from .two_port import driven_by_voltage
 from .varied import (
@@ -73,11 +73,14 @@ def checked_columns(
     """The parameters as arrays of one length.
 
     Raises:
-        QuantityError: an unknown name, one that model and waveform share, or arrays of different length.
+        QuantityError: an unknown name, one that model and waveform share, arrays of different length, or no
+            arrays by name; another model than an actuator.
     """
+    if not isinstance(model, Actuator):
+        raise QuantityError(f"members are of an Actuator, not of a {type(model).__name__}")
     of_model, of_waveform = [*model_names(model), *SCALES], record_names(waveform)
     known, columns = [*of_model, *of_waveform], {}
-    for name, values in parameters.items():
+    for name, values in by_name(parameters).items():
         if name not in known:
             raise QuantityError(
                 f"{name!r} cannot vary{did_you_mean(name, known)}: there are {', '.join(known)}"
@@ -94,6 +97,13 @@ def checked_columns(
     if len(set(sizes.values())) != 1:
         raise QuantityError(f"parameters must be arrays of one length; there are {sizes or 'none'}")
     return columns
+
+
+def by_name(parameters: Any) -> Mapping[str, Any]:
+    """What is given; raises QuantityError where that is not by name."""
+    if not (isinstance(parameters, Mapping) and all(isinstance(name, str) for name in parameters)):
+        raise QuantityError(f"parameters are values by name, not {parameters!r:.60}")
+    return parameters
 
 
 def labelled(model: Actuator, waveform: Waveform, columns: Columns) -> dict[str, Any]:
@@ -169,9 +179,9 @@ def block_size(model: Actuator, waveform: Waveform, columns: Columns, end: float
     if not varied and not {*columns} & {"drive_scale", *drive_names(model)}:
         return most
     segments = waveform.drive(end).start.size
-    per_period = [c / getattr(waveform, "frequency", 1.0) for n, c in varied.items() if n == "frequency"]
-    per_period += [getattr(waveform, "period", 1.0) / c for n, c in varied.items() if n == "period"]
     with np.errstate(all="ignore"):
+        per_period = [c / getattr(waveform, "frequency", 1.0) for n, c in varied.items() if n == "frequency"]
+        per_period += [getattr(waveform, "period", 1.0) / c for n, c in varied.items() if n == "period"]
         quicker = max([1.0, *(float(np.nanmax(c[np.isfinite(c)], initial=1.0)) for c in per_period)])
     return int(np.clip(LARGEST_TABLES / (5.0 * segments * quicker), 1, most))
 
@@ -214,12 +224,13 @@ def prepared(
         ends = np.full(count, _end(waveform, periodic) if end is None else end)
     contact = contact_load(load, float(np.nanmax(ends, initial=0.0)))
     if periodic:
-        _refuse_loads(load, ends, reasons)
+        refuse_other_periods(load, ends, reasons)
     own_load = contact._replace(normal=contact.normal * columns.get("load", 1.0))
     of = contact.system(model)
-    table = _values(own_load.system(members), scale, count)
+    with np.errstate(all="ignore"):  # those that are refused have numbers, too
+        table, pulled = _values(own_load.system(members), scale, count), np.any(members.axial_force)
     states = np.zeros((count, of.states))
-    if np.any(drives.before) or np.any(members.axial_force):
+    if np.any(drives.before) or pulled:
         for m in (m for m, reason in enumerate(reasons) if not reason):
             one = of._replace(plant=plant_with(of.plant, table[m]))
             states[m] = contact.rest(one, float(drives.before[which[m]]))
@@ -228,14 +239,6 @@ def prepared(
 
 def _end(waveform: Any, periodic: bool) -> float:
     return waveform.period if periodic else waveform.duration
-
-
-def _refuse_loads(load: Waveform | float, periods: NDArray[np.float64], reasons: list[str]) -> None:
-    for m in (m for m, reason in enumerate(reasons) if not reason):
-        try:
-            refuse_other_period(load, float(periods[m]))
-        except QuantityError as error:
-            reasons[m] = str(error)
 
 
 def _piezos(model: Actuator, columns: Columns, count: int) -> list[Piezo | None]:

@@ -14,6 +14,7 @@ from ..solve.prescribed import follow_position
 from ..units import QuantityError, array_si, to_si, with_prefix
 from .errors import SimulationError
 from .strain import strained
+from .trajectory import checked_tolerance
 
 
 def friction_response(
@@ -60,7 +61,7 @@ def friction_response(
     reference = to_si(reference_normal_force, "N", "reference_normal_force")
     initial_force = to_si(initial_force, "N", "initial_force")
     initial_velocity = to_si(initial_velocity, "m/s", "initial_velocity")
-    tolerance = to_si(tolerance, "m", "tolerance")
+    tolerance = checked_tolerance(law, tolerance)
     if not is_law(law):
         raise QuantityError(f"{law!r} is no friction law")
     t, x = array_si(time, "s", "time"), array_si(position, "m", "position")

@@ -29,7 +29,7 @@ from .errors import SimulationError, SimulationWarning
 from .models import Contact, System, checked_drive, contact_load
 from .neighbour_drives import DIFFERENCE, Driven, beside, breaks_apart
 from .state import row_of
-from .trajectory import sample_times
+from .trajectory import checked_tolerance, sample_times
 from .varied import (
     changed_fields,
     drive_names,
@@ -265,7 +265,7 @@ def sensitivities(
             change of a field, or see `simulate`.
         SimulationError: the motion could not be followed to the end.
     """
-    tolerance = to_si(tolerance, unit_for(model, "m"), "tolerance")
+    tolerance = checked_tolerance(model, tolerance)
     sample_rate = to_si(sample_rate, "Hz", "sample_rate")
     duration = optional_si(duration, "s", "duration")
     wanted = sample_times(waveform, duration, sample_rate, times)

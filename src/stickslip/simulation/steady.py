@@ -10,13 +10,13 @@ import numpy as np
 
 from ..actuator import Actuator
 from ..solve.periodic import STABLE, Orbit, find_orbit
-from ..units import QuantityError, to_si, unit_for, with_prefix
+from ..units import QuantityError, with_prefix
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
 from .errors import NotPeriodicError, SimulationError, SimulationWarning
 from .load import refuse_other_period
 from .models import checked_drive, contact_load
-from .trajectory import not_within
+from .trajectory import checked_tolerance, not_within
 
 MAX_PERIODS = 2000
 NOT_FOLLOWED = "the motion could not be followed over one period"
@@ -38,7 +38,7 @@ def steady_orbit(
         QuantityError: the waveform has no period, the load another one, or see `simulate`.
         SimulationError: the motion could not be followed over one period.
     """
-    tolerance = to_si(tolerance, unit_for(model, "m"), "tolerance")
+    tolerance = checked_tolerance(model, tolerance)
     period, table = periodic_drive(model, waveform)
     contact = contact_load(load, period)
     refuse_other_period(load, period)
@@ -105,7 +105,7 @@ def steady_step(
         NotPeriodicError: no orbit of the drive's period was found, or it is unstable.
         QuantityError: see `steady_orbit`.
     """
-    tolerance = to_si(tolerance, unit_for(model, "m"), "tolerance")
+    tolerance = checked_tolerance(model, tolerance)
     orbit = steady_orbit(model, waveform, tolerance=tolerance, load=load)
     largest = float(np.max(np.abs(orbit.multipliers), initial=0.0))
     if not orbit.converged:

@@ -11,7 +11,7 @@ from ..actuator import Actuator
 from ..friction.law import project
 from ..plant.generated import speeds
 from ..solve.periodic import has_neighbours
-from ..units import QuantityError, to_si, unit_for
+from ..units import QuantityError
 from ..waveform.drive import Drive, value_slope_curvature
 from ..waveform.signal import Waveform
 from .errors import NotPeriodicError
@@ -28,6 +28,7 @@ from .sensitivity import (
     warn_unsettled,
 )
 from .steady import endless, periodic_drive, steady_orbit
+from .trajectory import checked_tolerance
 from .varied import value_of
 
 Array = NDArray[np.float64]
@@ -60,7 +61,7 @@ def steady_step_derivatives(
     """
     if set(parameters) & set(INITIAL):
         raise QuantityError("the steady step does not depend on the initial state")
-    tolerance = to_si(tolerance, unit_for(model, "m"), "tolerance")
+    tolerance = checked_tolerance(model, tolerance)
     refuse_law(model)
     orbit = steady_orbit(model, waveform, tolerance=tolerance, load=load)
     period, drive = periodic_drive(model, waveform)

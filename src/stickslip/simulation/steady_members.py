@@ -15,7 +15,7 @@ from ..electronics.stack import Stack
 from ..progress import Progress, unheard
 from ..solve.outcome import DONE
 from ..solve.periodic import NOT_FOUND, Found, has_neighbours, orbits, room_for
-from ..units import QuantityError, labelled_for, to_si, unit_for
+from ..units import labelled_for
 from ..waveform.drive import Drive
 from ..waveform.signal import Waveform
 from .demand import labelled_demand
@@ -33,6 +33,7 @@ from .members import (
 )
 from .models import checked_drive, contact_load, refuse_places
 from .steady import MAX_PERIODS, NOT_FOLLOWED, endless, not_found, period_of, stable, unstable
+from .trajectory import checked_tolerance
 
 CONVERGED, STOPPED, MISSED, UNSTABLE, REFUSED = range(5)
 STATUS = ("converged", "not_followed", "not_found", "unstable", "refused")
@@ -96,7 +97,7 @@ def steady_steps(
     Raises:
         QuantityError: an unknown name, arrays of different length, or see `steady_orbit`.
     """
-    tolerance = to_si(tolerance, unit_for(model, "m"), "tolerance")
+    tolerance = checked_tolerance(model, tolerance)
     columns = checked_columns(model, waveform, parameters)
     count, blocks = next(iter(columns.values())).size, []
     demand = labelled_demand(model, waveform, columns, stack, count)
@@ -134,8 +135,7 @@ def orbit_blocks(
         QuantityError: see `steady_orbit`.
     """
     period, waveform = period_of(waveform), endless(waveform)
-    if not tolerance > 0.0:
-        raise QuantityError(f"tolerance = {tolerance} m must be > 0 m")
+    tolerance = checked_tolerance(model, tolerance)
     contact_load(load, period)  # what is wrong with it is said at once
     refuse_other_period(load, _common_period(period, columns))
     refuse_places(model)

@@ -23,6 +23,7 @@ from ..units import QuantityError, to_si
 from ..waveform.drive import Drive
 from .errors import SimulationError
 from .models import contact_load
+from .trajectory import checked_tolerance
 
 Array = NDArray[np.float64]
 
@@ -55,11 +56,9 @@ class Motion:
         tolerance: float | str = 1e-9,
         remanence: tuple[Array, Array] | None = None,
     ) -> None:
-        rest, self._tolerance = to_si(voltage, "V", "voltage"), to_si(tolerance, "m", "tolerance")
+        rest, self._tolerance = to_si(voltage, "V", "voltage"), checked_tolerance(None, tolerance)
         if not isinstance(model, Actuator):
             raise QuantityError(f"a motion from tick to tick is that of an Actuator, not {model!r:.60}")
-        if not self._tolerance > 0.0:
-            raise QuantityError(f"tolerance = {self._tolerance:g} m is out of range: it must be > 0 m")
         self._jumps_along = model.static and not model.clamped
         contact = contact_load(load, 1.0)
         self._of, self._load = contact.system(model), contact.drive

@@ -14,6 +14,7 @@ from ..actuator import Actuator, PulledSlider
 from ..electronics.stack import Stack
 from ..recording import make_recording
 from ..recording.drive import drive_text
+from ..records import Quantity
 from ..solve.log import TERMS
 from ..solve.outcome import DONE, STEP_TOO_SMALL
 from ..solve.periods import integrate
@@ -36,6 +37,8 @@ from .refinement import refined
 from .state import REST, State, as_text, maker, placed, taken_up
 
 COMPLETE = "complete"
+# Of a position: far beyond a step, an error says nothing of the motion.
+TOLERANCE = Quantity("m", "ε", "error that is allowed", above=0, maximum=1e-3)
 _OUTCOMES = {STEP_TOO_SMALL: "the step size fell below what floating point can resolve"}
 
 
@@ -97,7 +100,7 @@ def simulate(
             a stack under a drive that jumps, or beside a piezo that has a charge of its own.
         SimulationError: not even two samples could be computed.
     """
-    tolerance = to_si(tolerance, unit_for(model, "m"), "tolerance")
+    tolerance = checked_tolerance(model, tolerance)
     sample_rate = to_si(sample_rate, "Hz", "sample_rate")
     duration = optional_si(duration, "s", "duration")
     begin = taken_up(initial_state, model, waveform)
@@ -256,8 +259,7 @@ def follow_model(
     contact = contact_load(load, end)
     of = contact.system(model)
     table = checked_drive(model, waveform, end, periodic=False)
-    if not tolerance > 0.0:
-        raise QuantityError(f"tolerance = {tolerance} m must be > 0 m")
+    tolerance = checked_tolerance(model, tolerance)
     if energy and not (isinstance(model, Actuator) and len(of.stages) < 2 and model.two_port is None):
         raise QuantityError(
             "the energy account is kept for an Actuator whose stage has one mode, without a MaxwellCapacitor"
@@ -291,6 +293,11 @@ def _final(of: System, run: Followed, by: str) -> State:
     y, w, x, s = last[:4]
     bristles, further = tuple(last[5:law]), tuple(last[law:])
     return State(float(run.times[-1]), y, w, x, s, bristles, run.error, resume, by, further)
+
+
+def checked_tolerance(model: Any, tolerance: float | str) -> float:
+    """A tolerance of a position, m (rad where the model turns); raises QuantityError."""
+    return TOLERANCE._replace(unit=unit_for(model, "m")).check(tolerance, "tolerance")
 
 
 def sample_times(
