@@ -11,6 +11,7 @@ import pytest
 import stickslip as ss
 from export.building import C, compiled, output
 from friction.samples import ALL, name
+from stickslip.electronics import Amplifier
 from stickslip.export import ExportError, export_c, gain
 from stickslip.export.gain import observer_gain
 from stickslip.export.linear import Contact, Method, contacts
@@ -95,6 +96,17 @@ def test_a_lost_estimate_is_said_and_begun_again(real: str, jump: str, tmp_path:
     _, _, lost, last = observing(folder, "-O2", real, jump=jump)
     assert lost == 1
     assert abs(last) < 30e-9
+
+
+@pytest.mark.parametrize("jump", ["nan", "1e-3"])
+def test_it_is_begun_again_under_the_last_input_of_an_amplifier(jump: str, tmp_path: Any) -> None:
+    """Which is not the voltage at the piezo: 15 times as much, and 5 V."""
+    amplifier = Amplifier(15.0, 5.0, 8e3, 1e6, 2.0, 0.0, 110.0)
+    drive = ss.Sine(2.0, 20.0, offset=3.0, periods=4)
+    folder = export_c(KANG, tmp_path / "c", waveform=drive, amplifier=amplifier, piezo_capacitance=5e-7)
+    estimate, raw, lost, _ = observing(folder, jump=jump)
+    assert lost == 1
+    assert estimate < 0.5 * raw
 
 
 @pytest.mark.parametrize("h", [20e-6, 200e-6, 5e-3])

@@ -798,7 +798,12 @@ stickslip_outputs stickslip_read(const stickslip_plant *plant, const stickslip_s
 /* Begin the estimate again: at rest under the last input, where the end-effector was measured. */
 static void begin_again(const stickslip_plant *plant, stickslip_state *state, real_t measured)
 {
-    stickslip_rest(plant, state, r_isfinite(state->input) ? state->input : R(0.0));
+#if STICKSLIP_HAS_AMPLIFIER
+    const real_t last = state->asked;
+#else
+    const real_t last = state->input;
+#endif
+    stickslip_rest(plant, state, r_isfinite(last) ? last : R(0.0));
     state->end_effector_position = measured;
     state->sensor = measured;
 #if STICKSLIP_LATE
