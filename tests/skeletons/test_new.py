@@ -18,8 +18,8 @@ import stickslip as ss
 from stickslip.analysis.walk import changed
 from stickslip.campaign.file import read_campaign
 from stickslip.cli import app
+from stickslip.readers.shown_drive import shown_drive
 from stickslip.skeletons import KINDS, new_file
-from stickslip.skeletons.drives import shown_drive
 from stickslip.skeletons.writing import _FILLED
 from stickslip.units import to_si
 

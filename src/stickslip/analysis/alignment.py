@@ -13,9 +13,9 @@ from ..actuator import Actuator
 from ..estimate.drift import Drift, drift_seen, said_drift
 from ..identify.recorded.channels import channel, refuse_clipped
 from ..identify.recorded.drives import Slewed, begin_of, refuse_sampling
+from ..readers.shown_drive import Drive, flow, shown_drive
 from ..recording import RecordingError
 from ..simulation.models import Contact, checked_drive
-from ..skeletons.drives import Drive, flow, shown_drive
 from ..units import with_prefix
 from ..waveform.sequence import Sequence
 from ..waveform.shapes import Rest

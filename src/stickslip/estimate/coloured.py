@@ -146,6 +146,11 @@ def scores(jacobians: Sequence[Array], noise: Coloured) -> Array:
     return 0.5 * (total + total.T)
 
 
+def with_own_noise(fit: Fit) -> Fit:
+    """See `with_coloured_noise`, of the noise that it shows."""
+    return with_coloured_noise(fit, noise_of(fit))
+
+
 def with_coloured_noise(fit: Fit, noise: Coloured) -> Fit:
     """The fit with the covariance that the noise gives it, the noise having been seen in what the fit left.
 

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 
 from ..readers import inspect_file
 from ..readers.inspection import Inspection
+from ..readers.shown_drive import Drive, shown_drive
 from ..recording import RecordingError
 from ..units import with_prefix
-from .drives import Drive, shown_drive
 
 MOVED, DRIVE = "end_effector_position", "drive_voltage"
 

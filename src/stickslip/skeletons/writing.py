@@ -10,11 +10,11 @@ from pathlib import Path
 from string import Template
 from typing import Any, NamedTuple
 
+from ..readers.shown_drive import flow
 from ..recording.replacing import replaced_whole
 from ..records import did_you_mean
 from ..units import QuantityError
 from ..waveform.shapes import Step
-from .drives import flow
 from .entries import MOVED, Inspected, angles, entry_of, listed, looked_at, shown_value
 from .examples import example_files, write_examples
 from .measured import LOOPS, PIEZO, STAGE, WALK, loops, measured_kind, piezo

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
-from .._jit import FUSED, compiled, fused, overload_with
+from .._jit import compiled, fused, overload
 from ..friction.static import RESOLVED
 from ..plant.generated import (
     breakaways,
@@ -91,8 +90,7 @@ def _falls_from_rest(plant, sides, e, q, u, n):
     return gains[0] > max(STEEPER * gains[1], plant.rate)
 
 
-@compiled
-def _launched(plant, drive, i, load, j, t, sides, e, q, moment, longest):
+def launched(plant, drive, i, load, j, t, sides, e, q, moment, longest):
     r"""The state a moment after contact e lets go, and how long that is, s, at most `longest`; 0 where a step
     can begin at rest.
 
@@ -130,39 +128,9 @@ def _launched(plant, drive, i, load, j, t, sides, e, q, moment, longest):
     return end, moment
 
 
-def launched(
-    plant: Any,
-    drive: Any,
-    i: Any,
-    load: Any,
-    j: Any,
-    t: Any,
-    sides: Any,
-    e: Any,
-    q: Any,
-    moment: Any,
-    longest: Any,
-) -> Any:
-    """See `_launched`; compiled only into plants with a set-valued contact."""
-    return _launched(plant, drive, i, load, j, t, sides, e, q, moment, longest)
-
-
-@overload_with(launched, FUSED)
-def _chosen(
-    plant: Any,
-    drive: Any,
-    i: Any,
-    load: Any,
-    j: Any,
-    t: Any,
-    sides: Any,
-    e: Any,
-    q: Any,
-    moment: Any,
-    longest: Any,
-) -> Any:
+@overload(launched)
+def _chosen(plant, drive, i, load, j, t, sides, e, q, moment, longest):
+    """Compiled only into plants with a set-valued contact."""
     if any(shape.static for shape in layout_of(plant).elements):
-        return lambda plant, drive, i, load, j, t, sides, e, q, moment, longest: _launched(
-            plant, drive, i, load, j, t, sides, e, q, moment, longest
-        )
+        return launched
     return lambda plant, drive, i, load, j, t, sides, e, q, moment, longest: (q, 0.0)

@@ -24,7 +24,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ...estimate.coloured import noise_of, with_coloured_noise
+from ...estimate.coloured import with_own_noise
 from ...estimate.fit import fit_least_squares
 from ...estimate.parameter import Parameter, Values
 from ...estimate.problem import Problem, Residuals
@@ -173,8 +173,7 @@ def identify_loops(
     fit = _searched(
         problem, [{p.name: p.start for p in parameters}, *begins], starts, seed, max_evaluations, progress
     )
-    if correlated and noise is None:
-        fit = with_coloured_noise(fit, noise_of(fit))
+    fit = with_own_noise(fit) if correlated and noise is None else fit
     fit, left_by = _with_inexact(fit, found, measured, model, settings)
     asked = _unasked({*free, *tied})
     beside_it = [Slope(name, reach[name], _slope(fit, name, responses, model, reach)) for name in asked]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...actuator import Actuator
-from ...estimate.coloured import noise_of, with_coloured_noise, with_inherited
+from ...estimate.coloured import with_inherited, with_own_noise
 from ...estimate.fit import fit_least_squares
 from ...estimate.lack import KnownNoise
 from ...estimate.parameter import Parameter, Values
@@ -174,7 +174,7 @@ class Walks:
 
     def _with_noise(self, fit: Fit) -> Fit:
         if self.correlated is None and self.noise is None and self.loss == "linear":
-            fit = with_coloured_noise(fit, noise_of(fit))
+            fit = with_own_noise(fit)
         return fit
 
     def _with_stage(self, fit: Fit) -> Fit:

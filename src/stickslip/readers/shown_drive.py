@@ -6,9 +6,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from ..readers.inspection import drive_begins
 from ..waveform.periodic import ReverseSawtooth, Sawtooth, Sine, Triangle
 from ..waveform.shapes import Step
+from .inspection import drive_begins
 
 Array = NDArray[np.float64]
 Drive = Step | Sawtooth | ReverseSawtooth | Triangle | Sine
