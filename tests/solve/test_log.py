@@ -11,9 +11,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import quad
 
-from plants import input_of, motion, riding
+from plants import input_of, load_of, motion, riding, states_of
 from stickslip._jit import compiled
-from stickslip.friction import Coulomb, LuGre
+from stickslip.friction import Coulomb, LuGre, ResetIntegrator
 from stickslip.plant.system import Element, Mode, Plant
 from stickslip.solve import log as reading
 from stickslip.solve.log import TERMS
@@ -271,6 +271,65 @@ def test_samples_are_states_moved_on_and_outputs(case: Case) -> None:
         np.testing.assert_allclose(found[:n] - np.arange(n), q, rtol=1e-6, atol=1e-14)
         np.testing.assert_allclose(found[n:], forces, rtol=1e-9)
     assert np.all(np.isnan(samples[[0, -1]]))
+
+
+def begun_at(case: Case, q: Array, u: Any, n: Any, held: tuple[bool, ...]) -> tuple[float, ...]:
+    """Sides after a break: those of the speeds; who was held and does not slide, slides as it is pushed if
+    that is more than it bears."""
+    outputs, bodies = [0.0] * len(held), q[: 2 * len(case.plant.modes)]
+    speeds = np.array([input_of(e, bodies, u, outputs[:i]) for i, e in enumerate(case.plant.elements)])
+    sides = np.where(np.array(held) & (np.abs(speeds) < 1e-12), 0.0, np.sign(speeds))
+    while True:
+        forces = motion(case.plant, tuple(sides), q, u, n)[1]
+        bears = [load_of(e, bodies, n)[0] * getattr(e.law, "coulomb_force", 0.0) for e in case.plant.elements]
+        over = np.where(sides == 0.0, np.abs(forces) - bears, 0.0)
+        if not np.any(over > 0.0):
+            return tuple(sides)
+        sides[np.argmax(over)] = np.sign(forces[np.argmax(over)])
+
+
+def after_break(case: Case, row: int) -> tuple[Array, Array]:
+    """State and outputs where a step ends at a break: a load that grew presses on contact without force."""
+    t, n = BREAKS[row], case.states.shape[1]
+    q, sides = state_of(case, t)
+    u_begun = derivatives_at(DRIVE, row, (BEGIN, *ENDS)[row] + MOVED)
+    q = riding(case.plant, sides, q, derivatives_at(DRIVE, row, t), case.states[row], u_begun)
+    before, after = (derivatives_at(NORMAL, one, t) for one in (row, row + 1))
+    entry = 2 * len(case.plant.modes)
+    for element in case.plant.elements:
+        inside = slice(entry, entry := entry + states_of(element.law))
+        q[inside] *= min(before[0] / after[0], 1.0) if element.loaded is not None else 1.0
+    u = derivatives_at(DRIVE, row + 1, t)
+    held = tuple(side == 0.0 for side in sides)
+    assert entry == n
+    return q, motion(case.plant, begun_at(case, q, u, after, held), q, u, after)[1]
+
+
+# One bristle that slides until new load presses on it.
+LET_GO = Case(
+    Plant((SLIDER,), (Element(ResetIntegrator(1e6, 9e-7, 0.3, 20.0), (-1.0,), (7.7,), 1.2, 1.0),), RATE),
+    np.array(
+        [
+            [1.7e-6, -2.1e-3, 9e-7],
+            [1.2e-6, -3.2e-3, 9e-7],
+            [1.3e-6, -1.9e-3, 9e-7],
+            [1.8e-6, -1.5e-3, 9e-7],
+        ]
+    ),
+    ((2.0,),) * 3,
+    np.array([-2e-7, 1e-4, 0.0]),
+)
+
+
+@pytest.mark.parametrize("row", [0, 1])
+@pytest.mark.parametrize("which", NAMES if len(NAMES) == 1 else (*NAMES, "let go"))
+def test_a_sample_at_a_break_is_after_it(which: str, row: int) -> None:
+    case = CASES.get(which, LET_GO)
+    n = case.states.shape[1]
+    state, outputs = after_break(case, row)
+    samples = read(case, np.array([BREAKS[row]]), 0, LAST)[1][0]
+    np.testing.assert_allclose(samples[:n] - np.arange(n), state, rtol=1e-6, atol=1e-14)
+    np.testing.assert_allclose(samples[n:], outputs, rtol=1e-9)
 
 
 def test_no_samples_ask_for_none(case: Case) -> None:
