@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from ..estimate.coloured import with_inherited
 from ..estimate.result import Fit
 from ..units import with_prefix
+from .recorded.known_noise import LEAST_STEP, SIMULATED
 from .recorded.levels import converter_step
 from .recorded.recorded_drive import noise_level
 
@@ -78,8 +79,10 @@ def with_moved(fit: Fit, moved: Array | None, said: str) -> Fit:
 
 
 def said_steps(what: str, known: Sequence[Inexact], unit: str) -> str:
-    """A sentence on steps, or noise, that intervals allow for."""
+    """A sentence on steps, of a converter or of simulations, or on noise, that intervals allow for."""
     step, noise = (max(getattr(one, name) for one in known) for name in ("step", "noise"))
+    if step == LEAST_STEP:
+        return f"{what} is simulated to within {with_prefix(SIMULATED, unit, 3)}; the intervals allow for it"
     if step > 0.0:
         return f"{what} stands at steps of {with_prefix(step, unit, 3)}; the intervals allow for it"
     return f"{what} has a noise of {with_prefix(noise, unit, 3)}; the intervals allow for it"

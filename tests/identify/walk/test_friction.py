@@ -60,6 +60,8 @@ def test_a_simulation_without_noise_is_explained(tolerance: float) -> None:
     fit = identify_friction([recording], model, ["sigma_0", "sigma_1"], drive=DRIVE, hops=0)
     assert fit.r_squared > 0.999999
     assert not fit.failures
+    assert not any("stands at steps" in said for said in fit.remarks)
+    assert any("is simulated to within 100 pm" in said for said in fit.remarks)
     assert not verify(fit, [recording], drive=DRIVE).statements
     wrong = model.replace(friction=model.friction._replace(coulomb_force=0.53))
     assert identify_friction([recording], wrong, ["sigma_0"], drive=DRIVE, hops=0).failures

@@ -22,6 +22,7 @@ RINGS = 0.25
 BEGUN = 0.02
 # m (rad), to which motions are simulated in fits and verifications: no less is a lack of the model.
 SIMULATED = 1e-10
+LEAST_STEP = math.sqrt(12.0) * SIMULATED
 # What a model leaves over the white noise of the samples, if that is all; over their range, if it is nothing.
 NOISY, NOTHING = 1.3, 1e-4
 
@@ -30,7 +31,7 @@ Array = NDArray[np.float64]
 
 def resolution(positions: Array) -> float:
     """The step of positions [n], in their unit: a converter's, or what simulations make of them."""
-    return max(converter_step(positions), math.sqrt(12.0) * SIMULATED)
+    return max(converter_step(positions), LEAST_STEP)
 
 
 def white_noise(values: Array) -> float:
