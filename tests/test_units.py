@@ -267,6 +267,7 @@ def test_prefixed_units_are_those_of_pint(unit: str) -> None:
         (2.5e5, "Hz", "250 kHz"),
         (0.05, "kg", "0.05 kg"),  # kg has its prefix already
         (3303.1, "rad/s", "3303 rad/s"),
+        (0.001308, "rad/s", "1.308 mrad/s"),
         (1e-12, "m^2", "1e-12 m^2"),  # a prefix would be squared
         (0.9979, "", "0.9979"),
         (0.0, "m", "0 m"),

@@ -200,18 +200,20 @@ def _shortened(value: Any) -> str:
 
 
 _PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
-_TAKES_PREFIX = re.compile(r"(?:m|s|V|A|N|Hz|W|J|C|rad(?!/s))(?:[ /]|$)")
+_TAKES_PREFIX = re.compile(r"(?:m|s|V|A|N|Hz|W|J|C|rad)(?:[ /]|$)")
 
 
 def with_prefix(value: float, unit: str, digits: int = 4) -> str:
     """The value for people to read: ``with_prefix(3.2e-7, "m")`` is "320 nm".
 
-    The prefix goes to the first unit ("105.7 nm/V", "1.399 MN/m"); kg, rad/s and powers get none.
+    The prefix goes to the first unit ("105.7 nm/V", "1.399 MN/m"); kg and powers get none, rad/s none of
+    thousands ("3303 rad/s", but "1.3 mrad/s").
     """
     if value == 0 or not math.isfinite(value) or _TAKES_PREFIX.match(unit) is None:
         return f"{value:.{digits}g} {unit}".strip()
     rounded = f"{value:.{digits - 1}e}"  # first round, then choose: 999.99 nm to four digits is 1 µm
-    exponent = min(max(3 * (int(rounded.partition("e")[2]) // 3), -12), 9)
+    most = 0 if unit == "rad/s" else 9
+    exponent = min(max(3 * (int(rounded.partition("e")[2]) // 3), -12), most)
     # At least the three digits before the point: "130 nm", never "1.3e+02 nm".
     return f"{float(rounded) / 10.0**exponent:.{max(digits, 3)}g} {_PREFIXES[exponent]}{unit}"
 

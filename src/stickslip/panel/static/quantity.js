@@ -2,7 +2,7 @@
 
 const PREFIXES = { p: -12, n: -9, u: -6, "µ": -6, "μ": -6, m: -3, c: -2, d: -1, k: 3, M: 6, G: 9 };
 const SHOWN = { "-12": "p", "-9": "n", "-6": "µ", "-3": "m", 0: "", 3: "k", 6: "M", 9: "G" };
-const PREFIXED = /^(?:m|s|V|A|N|Hz|W|J|C|F|rad(?!\/s))(?:[ /]|$)/;
+const PREFIXED = /^(?:m|s|V|A|N|Hz|W|J|C|F|rad)(?:[ /]|$)/;
 const EXAMPLE = { V: "65 V", m: "20 µm", s: "50 ms", Hz: "100 Hz", N: "0.5 N", F: "1.8 µF", kg: "5 g", rad: "1 mrad", "N m": "5 mN m", "kg m^2": "20 g cm^2", "V/s": "300 kV/s" }; // as they are met here
 const NUMBER = /^\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*$/;
 
@@ -44,7 +44,7 @@ const tidy = (value) => Number(value.toPrecision(15));
 export function prefixPower(value, unit) {
   if (!value || !Number.isFinite(value) || !PREFIXED.test(unit)) return 0;
   const exponent = Number(Math.abs(value).toExponential(5).split("e")[1]);
-  return Math.min(Math.max(3 * Math.floor(exponent / 3), -12), 9);
+  return Math.min(Math.max(3 * Math.floor(exponent / 3), -12), unit === "rad/s" ? 0 : 9); // 3303 rad/s
 }
 
 export const prefixed = (exponent, unit) => `${SHOWN[exponent]}${unit}`;
