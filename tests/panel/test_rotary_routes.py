@@ -179,6 +179,8 @@ def test_from_the_bench_to_a_fit(client: httpx.Client, folder: Path, choices: di
     assert not {*units.values()} & SLIDING_UNITS
     turned, straight = [one for one in client.get("/api/identify/recordings").json() if one["bench"]]
     assert (turned["unit"], straight["unit"]) == ("rad", "m")
+    assert (turned["set"], straight["set"]) == (SET, "kang2007")
+    assert turned["slew_rate"] == straight["slew_rate"] == pytest.approx(0.4 / 1.4e-6, rel=1e-3)
     ends = [
         float(ss.open_recording(folder / one["name"])["end_effector_position"][-1])
         for one in (turned, straight)
@@ -196,7 +198,7 @@ def test_from_the_bench_to_a_fit(client: httpx.Client, folder: Path, choices: di
     asked = model_of(choices, SET)
     asked["model"] = asked["model"] | {"stage_reaction": turned["stage_reaction"]}
     asked |= {"recordings": [turned["name"]], "free": ["coulomb_force", "offset", "delay"], "end": 1.0}
-    request = FitRequest.model_validate(asked | {"slew_rate": straight["slew_rate"]})
+    request = FitRequest.model_validate(asked | {"slew_rate": turned["slew_rate"]})
     fit_recordings(request, Folder(folder), "fits/one", lambda kind, fields, arrays: said.update(fields))
     assert said["unit"] == "rad"
     found = said["fit"]["parameters"]

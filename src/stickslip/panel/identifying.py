@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
-from collections.abc import Mapping
-from functools import lru_cache
+from collections.abc import Container, Mapping
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from ..input_file import Strict
 from ..parameters import ParameterSetError, available_sets
 from ..readers.process import Reader, ReaderBusy
 from ..recording import RecordingError
-from ..rig import load_bench
+from ..rig import available_benches, load_bench
 from ..units import QuantityError
 from .fits import RUNNING, Fitting
 from .fitting import FitRequest
@@ -47,7 +48,7 @@ def identify_routes(folder: Folder, fitting: Fitting, read: Reader, sets: Sets) 
     def described(path: Path, changed: float) -> dict[str, Any]:
         del changed  # part of the key
         try:
-            return read(path, _described)
+            return read(path, partial(_described, folder.root))
         except ReaderBusy:  # not to be kept
             raise
         except (RecordingError, OSError) as error:
@@ -107,8 +108,9 @@ def identify_routes(folder: Folder, fitting: Fitting, read: Reader, sets: Sets) 
     return routes
 
 
-def _described(recording: xr.Dataset) -> dict[str, Any]:
-    """What a recording holds, and whether a walk can be fitted to it ("problem" says why not)."""
+def _described(root: Path, recording: xr.Dataset) -> dict[str, Any]:
+    """What a recording in the panel's folder holds, and whether a walk can be fitted to it ("problem": why
+    not)."""
     time_ = recording["time"].values
     missing = [name for name in (OBSERVED, "drive_voltage") if name not in recording]
     return {
@@ -119,28 +121,37 @@ def _described(recording: xr.Dataset) -> dict[str, Any]:
         "unit": "" if OBSERVED in missing else str(recording[OBSERVED].attrs["units"]),
         "title": str(recording.attrs.get("title", "")),
         "problem": f"no channel {' and '.join(missing)}" if missing else "",
-        **_told_of_the_rig(recording.attrs),
+        **_told_of_the_rig(root, recording.attrs),
     }
 
 
-def _told_of_the_rig(attrs: Mapping[str, Any]) -> dict[str, Any]:
+def _told_of_the_rig(root: Path, attrs: Mapping[str, Any]) -> dict[str, Any]:
     """What a recording of the bench says of the set-up: "set", "clamped", "stage_reaction" of the actuator,
-    "slew_rate" [V/s] of the bench's amplifier into its piezo. Of somebody's own file, nothing."""
+    "slew_rate" [V/s] of the bench's amplifier into its piezo. Of somebody's own file, nothing; nor of sets
+    and benches that are neither the package's nor in the panel's folder."""
     actuator = str(attrs.get("actuator", ""))
     found: dict[str, Any] = {
         name: value == "True"
         for name, value in re.findall(r"\b(clamped|stage_reaction)=(True|False)", actuator)
     }
-    named = re.search(r"\bname='([\w.-]+)'", actuator)
-    if named and named[1] in available_sets():
-        found["set"] = named[1]
-    named = re.fullmatch(r"virtual rig ([\w-]+)", str(attrs.get("source", "")))
-    if named:
+    named = re.search(r"\bname='([^']+)'", actuator)
+    if named and (own := _own_name(root, named[1], available_sets())):
+        found["set"] = own
+    named = re.fullmatch(r"virtual rig (.+)", str(attrs.get("source", "")))
+    if named and (own := _own_name(root, named[1], available_benches())):
         try:
             bench = load_bench(named[1])
-        except ParameterSetError:  # of another version
+        except (ParameterSetError, OSError):  # of another version, or gone
             return found
         amplifier = bench.amplifier
         slew_rate = min(amplifier.slew_rate, amplifier.max_current / bench.piezo_capacitance)
         found["slew_rate"] = float(f"{slew_rate:.4g}")
     return found
+
+
+def _own_name(root: Path, name: str, known: Container[str]) -> str | None:
+    """A name that the package knows; that of a file in the panel's folder inside it; None for others."""
+    if name in known:
+        return name
+    path = Path(os.path.realpath(name))
+    return path.relative_to(root).as_posix() if path.is_relative_to(root) and path.is_file() else None
