@@ -39,6 +39,7 @@ from ...solve.prescribed import forces_at
 from ...units import optional_si, to_si, turned
 from ..free import (
     Bounds,
+    Squared,
     beside,
     check_names,
     check_priors,
@@ -328,7 +329,8 @@ def _own(values: Values) -> Values:
 def _of_channel(name: str, unit: str, start: float, reach: float, bounds: Bounds) -> Parameter:
     low, high = LOAD_EXPONENTS if name == "load_exponent" else (-reach, reach)
     low, high = given_bounds(bounds, name, unit) or (low, high)
-    return Parameter(name, min(max(start, low), high), low, high, unit, log=False)
+    start, square = min(max(start, low), high), Squared.are(bounds, name)
+    return Parameter(name, start, low, high, unit, log=False, square=square)
 
 
 def _response(
