@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -102,6 +103,10 @@ def test_a_value_that_hardly_matters_may_be_known_otherwise() -> None:
     ends = found.confidence_intervals(0.99)
     for name in ("sigma_0", "sigma_1", "coulomb_force"):
         assert ends[name][0] < getattr(truth.friction, name) < ends[name][1], name
+    # Its stage's values are free, and what was known of them together is not among its priors.
+    for what in (partial(ss.identify.profile_interval, name="sigma_0"), ss.posterior, ss.identify.bootstrap):
+        with pytest.raises(ss.estimate.FitError, match="does not know the covariance of the stage"):
+            what(found, [walk], drive=WALK)
 
 
 class TwoValleys(_Weighted):

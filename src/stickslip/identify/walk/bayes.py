@@ -31,6 +31,7 @@ from ...units import optional_si, to_si
 from ...waveform.signal import Waveform
 from ..recorded.channels import channel, drives_of, names_of, recordings_of
 from .displacement import Displacement
+from .intervals import refuse_joint
 from .likelihood import Members, eliminated, log_prior
 from .position_channel import CHANNEL, OBSERVED
 from .several import straightened
@@ -76,6 +77,7 @@ def posterior(
     tolerance = to_si(tolerance, "m", "tolerance")
     if not isinstance(fit.model, Actuator) or fit.jacobian is None or not math.isfinite(fit.log_likelihood):
         raise FitError("a posterior needs a fit of an actuator by identify_friction, without a robust loss")
+    refuse_joint(fit, "a posterior")
     found = recordings_of(recordings)
     names = names_of(found)
     motions = [
