@@ -100,7 +100,8 @@ def test_of_a_walk_that_is_nearly_linear_it_is_the_fit(rigid) -> None:
 def test_what_is_known_otherwise_is_of_the_values_themselves() -> None:
     """Noise that remembers, which makes a walk tell less than what is known of friction and offset before."""
     model, recording = walk(Coulomb(0.5), rate=5e4)
-    remembers = lfilter([1.0], [1.0, -0.9], np.random.default_rng(2).standard_normal(recording["time"].size))
+    white = np.random.default_rng(2).standard_normal(recording["time"].size)
+    remembers = np.asarray(lfilter([1.0], [1.0, -0.9], white))
     recording["end_effector_position"] += NOISE * remembers
     known = {"coulomb_force": (0.5, 1e-4), "offset": (0.0, 5e-9)}
     fit = identify_friction(
