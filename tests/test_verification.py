@@ -88,6 +88,16 @@ def test_what_cannot_be_verified_is_refused() -> None:
         verify(fitted(), line(2.0, 12, "same"), drive=[1.0, 2.0])
 
 
+def test_a_recording_in_another_unit_than_the_fits_is_refused() -> None:
+    fit = fitted()
+    (good,) = fit.recordings
+    fit = replace(fit, recordings=(good._replace(unit="m"),))
+    turning = line(1.0, 20, "turning")
+    turning["position"].attrs["units"] = "rad"
+    with pytest.raises(RecordingError, match="position of turning is in rad, but was in m for the fit"):
+        verify(fit, turning)
+
+
 def walk(step: float, n_periods: int = 4, rate: int = 50) -> xr.Dataset:
     """A sawtooth of a metre that moves on by `step` in each period of 1 s, after a second at rest."""
     t = np.arange((n_periods + 1) * rate) / rate

@@ -326,7 +326,8 @@ def verify(
         steps_of: waveform of each recording whose periods the net step is of; left out, `drive`.
 
     Raises:
-        RecordingError: a channel is missing, too short or not finite; numbers do not match.
+        RecordingError: a channel is missing, too short, not finite or in another unit than the fit's; numbers
+            do not match.
         ValueError: the fit has no model to predict with.
     """
     if not hasattr(fit, "predict"):
@@ -340,9 +341,12 @@ def verify(
     drives = drives_of(drive, found)
     repeating = drives if steps_of is None else same_number(steps_of, found, "waveforms")
     goods, predictions, steps, lacks = [], [], [], []
+    fitted = fit.recordings[0].unit if isinstance(fit, Fit) else ""
     for recording, waveform, repeated, name in zip(found, drives, repeating, names, strict=True):
         measured = channel(recording, fit.observed, name)
         unit = str(recording[fit.observed].attrs.get("units", ""))
+        if unit and fitted and unit != fitted:
+            raise RecordingError(f"{fit.observed} of {name} is in {unit}, but was in {fitted} for the fit")
         predicted = fit.predict(recording) if waveform is None else fit.predict(recording, waveform)
         if not np.all(np.isfinite(predicted)):
             raise RecordingError(f"the model cannot predict {fit.observed} [{unit}] of {name}")

@@ -249,6 +249,13 @@ def test_derivatives_of_the_steady_step() -> None:
         assert found[name] == pytest.approx((up - down) / (2e-3 * start), rel=2e-3)
 
 
+@pytest.mark.parametrize("of", [sensitivities, steady_step_derivatives])
+@pytest.mark.parametrize("given", ["sigma_0", ["sigma_0", ["sigma_1"]], [3], [None], None, 7])
+def test_what_is_no_list_of_names_is_refused(of, given) -> None:
+    with pytest.raises(QuantityError, match="must be a list of names"):
+        of(MODEL, DRIVE, parameters=given)
+
+
 def test_refusals_name_what_is_wrong() -> None:
     with pytest.raises(QuantityError, match="no derivative by 'sigma_9'"):
         sensitivities(MODEL, DRIVE, 0.1, parameters=["sigma_9"])

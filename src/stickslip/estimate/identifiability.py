@@ -23,12 +23,14 @@ INDISTINGUISHABLE = 0.99
 
 def loosest(fit: Fit, apart: Collection[str]) -> str | None:
     """The one parameter, of others than those `apart`, that the data hardly determine; None if there is none,
-    several are lost, or no other depends on it."""
+    several are lost, no other depends on it, or something is known of it otherwise: what it may be over its
+    bounds is then no question."""
     among = [p.name for p in fit.parameters if p.name not in apart]
+    known = {p.name for p in fit.parameters if p.prior is not None}
     loose = [name for name in _wider(fit, LOOSE_RATIO, LOOSE_SHARE) if name in among]
     lost = [name for name in _wider(fit, WIDE_RATIO, WIDE_SHARE) if name in among]
     one = lost or loose
-    return one[0] if len(one) == 1 and len(among) > 1 else None
+    return one[0] if len(one) == 1 and len(among) > 1 and one[0] not in known else None
 
 
 def _wider(fit: Fit, ratio: float, share: float) -> list[str]:

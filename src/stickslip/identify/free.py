@@ -26,6 +26,18 @@ class Linear(NamedTuple):
     upper: float = math.inf
 
 
+class Squared(NamedTuple):
+    """Bounds of a parameter that is searched for by its square."""
+
+    lower: float
+    upper: float
+
+    @classmethod
+    def are(cls, bounds: Bounds, name: str) -> bool:
+        """Whether those of a parameter are such."""
+        return isinstance(bounds.get(name), cls)
+
+
 def parameter(model: Any, name: str, bounds: Bounds, turns: bool = False) -> Parameter:
     """The parameter of that name (one of `free_names`), starting at the model's value; of a body that turns,
     in the units of that.
@@ -40,11 +52,14 @@ def parameter(model: Any, name: str, bounds: Bounds, turns: bool = False) -> Par
     if quantity is None:
         ratio = ratios_of(law_of(model))[name]
         low, high = given_bounds(bounds, name, "") or (ratio.lower, ratio.upper)
-        return Parameter(name, start, low, high, "", log=False)
+        return Parameter(name, start, low, high, "", log=False, square=Squared.are(bounds, name))
     unit = turned(quantity.unit) if turns else quantity.unit
     given, linear = given_bounds(bounds, name, unit), isinstance(bounds.get(name), Linear)
     if given is not None:
-        return Parameter(name, start, *given, unit, log=given[0] > 0 and not linear)
+        square = Squared.are(bounds, name)
+        return Parameter(
+            name, start, *given, unit, log=given[0] > 0 and not (linear or square), square=square
+        )
     if not (start > 0 and math.isfinite(start)):
         raise QuantityError(
             f"{name} starts at {start:g} {unit}".rstrip()
@@ -125,7 +140,7 @@ def _say(said: Said, p: Parameter, known: Known) -> None:
         said.free.append(p.name)
         said.values[p.name] = p.start
         if not p.log:
-            said.bounds[p.name] = Linear(p.lower, p.upper)
+            said.bounds[p.name] = (Squared if p.square else Linear)(p.lower, p.upper)
         elif math.isfinite(low):
             said.bounds[p.name] = (p.lower, p.upper)
         if p.prior is not None:

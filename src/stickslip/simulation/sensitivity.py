@@ -265,6 +265,7 @@ def sensitivities(
             change of a field, or see `simulate`.
         SimulationError: the motion could not be followed to the end.
     """
+    parameters = checked_names(parameters)
     tolerance = checked_tolerance(model, tolerance)
     sample_rate = to_si(sample_rate, "Hz", "sample_rate")
     duration = optional_si(duration, "s", "duration")
@@ -308,6 +309,14 @@ def sensitivities(
         },
     )
     return labelled_for(model, made)
+
+
+def checked_names(parameters: Any) -> list[str]:
+    """The names of parameters as a list; QuantityError where they are anything else."""
+    given = parameters if isinstance(parameters, Collection) and not isinstance(parameters, str) else [None]
+    if not all(isinstance(name, str) for name in given):
+        raise QuantityError(f"parameters = {parameters!r} must be a list of names")
+    return list(given)
 
 
 def until_settled(

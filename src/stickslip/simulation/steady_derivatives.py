@@ -20,6 +20,7 @@ from .sensitivity import (
     BY_ROW,
     INITIAL,
     Moved,
+    checked_names,
     follow_moved,
     internal,
     moved,
@@ -59,6 +60,7 @@ def steady_step_derivatives(
         QuantityError, NotPeriodicError: see `steady_step` and `sensitivities`; NotPeriodicError also where
             something never slips within a period, and keeps for ever how it began.
     """
+    parameters = checked_names(parameters)
     if set(parameters) & set(INITIAL):
         raise QuantityError("the steady step does not depend on the initial state")
     tolerance = checked_tolerance(model, tolerance)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from stickslip.actuator import load_actuator
 from stickslip.estimate.bent import straight
@@ -31,9 +32,9 @@ NOISE = 30e-9  # m
 LINE = [Parameter("a", 0.0, -9.0, 9.0, log=False), Parameter("b", 1.0, 0.01, 99.0)]
 
 
-def walk(law):
+def walk(law, rate=5e3):
     model = load_actuator("kang2007").replace(stage_reaction=False, friction=law)
-    found = simulate(model, DRIVE, 0.02, sample_rate=5e3, tolerance=1e-11)
+    found = simulate(model, DRIVE, 0.02, sample_rate=rate, tolerance=1e-11)
     found["end_effector_position"] += NOISE * np.random.default_rng(1).standard_normal(found["time"].size)
     return model, found
 
@@ -94,6 +95,36 @@ def test_of_a_walk_that_is_nearly_linear_it_is_the_fit(rigid) -> None:
     assert found.samples["coulomb_force"].attrs["units"] == "N"
     assert "coulomb_force" in found.report()
     assert found.to_arviz().posterior.sizes["chain"] == 4
+
+
+def test_what_is_known_otherwise_is_of_the_values_themselves() -> None:
+    """Noise that remembers, which makes a walk tell less than what is known of friction and offset before."""
+    model, recording = walk(Coulomb(0.5), rate=5e4)
+    white = np.random.default_rng(2).standard_normal(recording["time"].size)
+    remembers = np.asarray(lfilter([1.0], [1.0, -0.9], white))
+    recording["end_effector_position"] += NOISE * remembers
+    known = {"coulomb_force": (0.5, 1e-4), "offset": (0.0, 5e-9)}
+    fit = identify_friction(
+        recording,
+        model,
+        ["coulomb_force", "offset"],
+        drive=DRIVE,
+        hops=0,
+        noise=2.5 * NOISE,
+        correlated=True,
+        priors=known,
+    )
+    found = posterior(fit, recording, drive=DRIVE)
+    assert found.converged, found.message
+    assert fit.jacobian is not None
+    # Nearly linear: the precisions of the likelihood, once it is bent, and of the priors add up.
+    bend = np.linalg.inv(curvature_adjustment(fit, (2.5 * NOISE) ** 2))
+    by_noise = bend @ np.linalg.inv(fit.jacobian.T @ fit.jacobian) @ bend.T * (2.5 * NOISE) ** 2
+    spread = np.array([p.expected[1] for p in fit.parameters])
+    whole = np.linalg.inv(np.linalg.inv(by_noise) + np.diag(spread**-2.0))
+    assert np.all(np.diag(bend) > 2.0)
+    drawn = np.stack([np.log(found.samples["coulomb_force"]), found.samples["offset"]]).reshape(2, -1)
+    np.testing.assert_allclose(drawn.std(axis=1), np.sqrt(np.diag(whole)), rtol=0.1)
 
 
 def test_the_seed_makes_it_the_same_again_and_a_short_chain_says_so(rigid) -> None:

@@ -10,6 +10,7 @@ import pytest
 import xarray as xr
 
 from stickslip.actuator import Actuator, load_actuator
+from stickslip.estimate.parameter import Parameter
 from stickslip.friction import Coulomb, Elastoplastic, LuGre
 from stickslip.identify.free import parameter
 from stickslip.identify.walk.friction import identify_friction
@@ -272,6 +273,23 @@ def test_what_can_be_free() -> None:
     assert (mass.lower, mass.upper) == pytest.approx((0.1 / 30, 3.0))
     viscous = parameter(model, "sigma_2", {"sigma_2": (0.0, "2 N s/m")})
     assert (viscous.lower, viscous.upper, viscous.log) == (0.0, 2.0, False)
+
+
+def test_a_parameter_is_searched_for_by_its_square_where_it_says_so() -> None:
+    walk, model = reference(), actuator(1.4e6, 34.0, 0.54)
+    free = [Parameter("sigma_1", 20.0, 0.0, 200.0, "N s/m", log=False, square=True), "coulomb_force"]
+    free.append(Parameter("offset", 1e-9, 0.0, 1e-6, "m", log=False, square=True))
+    fit = identify_friction(walk, model, free, drive=DRIVE, hops=0)
+    assert [p.name for p in fit.parameters if p.square] == ["sigma_1", "offset"]
+    assert not any(p.log for p in fit.parameters if p.square)
+    plain = identify_friction(
+        walk,
+        model,
+        [p._replace(square=False) if isinstance(p, Parameter) else p for p in free],
+        drive=DRIVE,
+        hops=0,
+    )
+    assert fit.values["sigma_1"] == pytest.approx(plain.values["sigma_1"], rel=1e-2)
 
 
 def test_bounded_fields_keep_their_ratio() -> None:

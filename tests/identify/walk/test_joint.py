@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -82,6 +83,30 @@ def test_a_walk_mends_what_was_known_wrongly_of_the_stage_and_drift_is_no_fricti
         found.residuals[0],
         atol=1e-9,
     )
+
+
+def test_a_value_that_hardly_matters_may_be_known_otherwise() -> None:
+    """sigma_1 by samples each millisecond: what is known of it is all there is, and it is not averaged."""
+    truth = ss.load_actuator("kang2007").replace(stage_reaction=False)
+    random = np.random.default_rng(5)
+    walk = ss.simulate(truth, WALK, duration=WALK.duration, sample_rate=1e3, tolerance=1e-10)
+    x = walk["end_effector_position"]
+    walk["end_effector_position"] = x + 60.0 * NOISE * random.standard_normal(x.size)
+    stage = ss.identify_step([step_recording(60.0, NOISE, delay=0.0, lag=1e-9)], truth, lag=False)
+    known = {"sigma_1": (40.0, 20.0)}
+    alone = ss.identify_friction(
+        [walk], truth, FREE, drive=WALK, hops=0, priors=known, noise=60.0 * NOISE, correlated=False
+    )
+    found = jointly(alone, [walk], [WALK], stage, None, truth, 0)
+    assert "sigma_1, which is hardly determined" not in found.message
+    assert found.values["sigma_1"] == pytest.approx(alone.values["sigma_1"], rel=0.3)
+    ends = found.confidence_intervals(0.99)
+    for name in ("sigma_0", "sigma_1", "coulomb_force"):
+        assert ends[name][0] < getattr(truth.friction, name) < ends[name][1], name
+    # Its stage's values are free, and what was known of them together is not among its priors.
+    for what in (partial(ss.identify.profile_interval, name="sigma_0"), ss.posterior, ss.identify.bootstrap):
+        with pytest.raises(ss.estimate.FitError, match="does not know the covariance of the stage"):
+            what(found, [walk], drive=WALK)
 
 
 class TwoValleys(_Weighted):

@@ -115,6 +115,19 @@ def test_coarse_levels_are_not_taken_for_a_clipped_sensor(period: int) -> None:
                 refuse_clipped(cut, "end_effector_position", "walk")
 
 
+@pytest.mark.parametrize("rate", [1e-3, 1e-2, 5e-2])
+def test_what_settles_at_a_level_is_not_taken_for_a_clipped_sensor(rate: float) -> None:
+    n = np.arange(int(40.0 / rate))
+    for share in np.linspace(0.0, 1.0, 11):
+        for step in (1e-3, 1e-2, 5e-2):
+            settled = (1.0 + share * step) * (1.0 - np.exp(-rate * n))
+            refuse_clipped(step * np.round(settled / step), "end_effector_position", "step")
+            cut = np.clip(settled, None, 0.6)
+            if step < 2e-2:
+                with pytest.raises(RecordingError, match="step is clipped"):
+                    refuse_clipped(step * np.round(cut / step), "end_effector_position", "step")
+
+
 @pytest.mark.parametrize("limits", [(2e-6, 15e-6), (-1.0, 6.25e-6)])
 def test_a_converter_may_cut_the_last_change_too(limits: tuple[float, float]) -> None:
     cut = _with(walk(), np.clip(walk()["end_effector_position"].values, *limits))

@@ -39,6 +39,7 @@ from ...solve.prescribed import forces_at
 from ...units import optional_si, to_si, turned
 from ..free import (
     Bounds,
+    Squared,
     beside,
     check_names,
     check_priors,
@@ -50,7 +51,9 @@ from ..free import (
 )
 from ..quantised import Inexact, moved_by, said_steps, with_moved
 from ..recorded.channels import channel, names_of, recordings_of, refuse_clipped, unit_of
+from ..recorded.recorded_drive import noise_level
 from .missing import Slope, left_over, missing, viscous_slope
+from .sampled import with_sampling
 from .starts import loop_starts
 
 OBSERVED = "friction_force"
@@ -65,6 +68,8 @@ CHANNEL = {
 }
 # Of the reference, below which a normal force carries nothing: the contact begins relaxed.
 UNLOADED = 0.02
+# Deviations of a position's noise, within which it has not moved.
+SAME = 4.0
 # What is noticed where it is not free.
 NOTICED = ("drift", "asymmetry", "contact_offset")
 LOAD_EXPONENTS = (0.2, 2.0)
@@ -93,7 +98,8 @@ def identify_loops(
 
     Every recording is one free-running prediction from its first sample, where all elements of the law are
     taken as equally deflected, so that they carry the measured force, less what is viscous of it (their true
-    state is not known).
+    state is not known): that of the first sample, or the median while the position stays where it is. Begin
+    recordings at rest: the noise of a single first sample stays until the contact slips.
 
     Args:
         recordings: with position [m] and friction_force [N], positive when the driving body moves towards +x;
@@ -271,8 +277,8 @@ def _with_inexact(
     model: Any,
     settings: tuple[float | None, float, float],
 ) -> tuple[Fit, list[float]]:
-    """The fit with what steps and noise of the recorded position and normal force, and steps of the force,
-    leave open; and the root mean square of what the first two leave in each recording."""
+    """The fit with what steps and noise of the recorded position and normal force, their sampling, and steps
+    of the force leave open; and the root mean square of what all but the last leave in each recording."""
     names, squares, best = names_of(recordings), np.zeros(len(recordings)), fit.values
     ends = np.cumsum([force.size for force in measured])[:-1]
     for what in ("position",) if settings[0] is None else ("position", "normal_force"):
@@ -290,6 +296,8 @@ def _with_inexact(
         fit = with_moved(fit, moved, said_steps(what, known, unit_of(recordings, what)))
         if moved is not None:
             squares += [float(np.mean(part**2)) for part in np.split(moved, ends, axis=1)]
+    fit, more = with_sampling(fit, recordings, lambda r: _response(r, names[0], *settings)(model, best))
+    squares += more
     forces = [Inexact.seen(force, noisy=False) for force in measured]
     moved = moved_by(forces, lambda drawn: -np.concatenate(drawn))
     fit = with_moved(fit, moved, said_steps(OBSERVED, forces, unit_of(recordings, OBSERVED)))
@@ -328,7 +336,8 @@ def _own(values: Values) -> Values:
 def _of_channel(name: str, unit: str, start: float, reach: float, bounds: Bounds) -> Parameter:
     low, high = LOAD_EXPONENTS if name == "load_exponent" else (-reach, reach)
     low, high = given_bounds(bounds, name, unit) or (low, high)
-    return Parameter(name, min(max(start, low), high), low, high, unit, log=False)
+    start, square = min(max(start, low), high), Squared.are(bounds, name)
+    return Parameter(name, start, low, high, unit, log=False, square=square)
 
 
 def _response(
@@ -338,7 +347,7 @@ def _response(
     time = recording["time"].values
     position = channel(recording, "position", name, varies=True)
     velocity = np.gradient(position, time, edge_order=2)
-    first = float(channel(recording, OBSERVED, name)[0])
+    first = _first(channel(recording, OBSERVED, name), position)
     load = np.ones(time.size)
     if reference is not None:  # a measured one, with noise: no contact is pulled
         load = np.maximum(channel(recording, "normal_force", name) / reference, 0.0)
@@ -369,6 +378,12 @@ def _response(
         return bias + strength * (values.get("contact_offset", 0.0) + force + uneven)
 
     return response
+
+
+def _first(force: NDArray[np.float64], position: NDArray[np.float64]) -> float:
+    """The force before the motion: of all samples, while the position is within its noise of the first."""
+    gone = np.abs(position - position[0]) > SAME * noise_level(position)
+    return float(np.median(force[: np.argmax(gone)] if np.any(gone) else force))
 
 
 def _odd_part(shown: float, values: Values) -> float:

@@ -20,6 +20,9 @@ FEWEST_CLIPPED = 5
 # A channel that stands at its greatest level passed so many levels in as long a time before: a smooth turn
 # comes from nine, from up to twelve with noise, a sawtooth's from one or two.
 FEWEST_LEVELS = 12.5
+# A channel that settles to a level is as slow before it as dies away: by the time it passes the next one, in
+# this many times as long it passed more than twice as many of them. One that is cut off passed as many.
+BEFORE = 4
 # Steps of a channel that the drive passes unseen where it turns: two, as a piezo is half as steep after that.
 HIDDEN = 3.0
 # Of a drive's range, a change within one sample that is an edge.
@@ -172,12 +175,21 @@ def refuse_clipped(
             came_from = values[max(2 * first - last, 0) : first + 1]
             if not rests and np.ptp(came_from) < FEWEST_LEVELS * level:
                 continue
+            if not rests and level and _settles(np.abs(values[:first] - end) / level):
+                continue
             if _noisy(values) if rests else before >= 0.5 * np.median(moving):
                 raise RecordingError(
                     f"{name}{unit} of {where} is clipped: it stays at its {what} value, {end:g}, for "
                     f"{last - first} samples from sample {first} on; it must be recorded within the sensor's "
                     "and the converter's range"
                 )
+
+
+def _settles(away: NDArray[np.float64]) -> bool:
+    """Whether a channel, so many levels away from an end before it comes there, comes to rest at it."""
+    further = np.flatnonzero(away > 1.5)
+    last = away.size - 1 - int(further[-1]) if further.size else away.size
+    return last > 1 and bool(away[max(away.size - BEFORE * last, 0)] > 2.0 * BEFORE)
 
 
 def _noisy(values: NDArray[np.float64]) -> bool:

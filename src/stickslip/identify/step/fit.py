@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -18,8 +19,9 @@ from ...estimate.fit import fit_least_squares
 from ...estimate.lack import KnownNoise
 from ...estimate.outliers import said_outliers
 from ...estimate.parameter import Parameter, Values
-from ...estimate.problem import Residuals
+from ...estimate.problem import Problem, Residuals
 from ...estimate.result import Fit
+from ...estimate.several import lowest
 from ...piezo import Piezo
 from ...recording import RecordingError
 from ...units import optional_si, to_si, with_prefix
@@ -90,7 +92,9 @@ def identify_step(
     Returns:
         A fit of damping_ratio, natural_frequency [rad/s], gain [m/V], delay [s], lag [s] and the offset of
         each recording [m]; `predict(recording)` gives the position without its offset. The delay is how late
-        the sensor is in all, the lag included, counted from the sample after the step of drive_voltage. A
+        the sensor is in all, the lag included, counted from the sample after the step of drive_voltage. Where
+        the stage is overdamped, nothing tells its two poles from the lag's: the intervals hold all three
+        ways, and `other_minima` tells them; without a lag (``lag=False``) there is one. A
         drift that is seen before the step is taken off, and its error is in the intervals.
 
     Raises:
@@ -127,7 +131,8 @@ def identify_step(
         Residuals(residuals(test, i), test.position, None, test.name, unit, _known(one), test.time)
         for i, (test, one) in enumerate(zip(kept, shown, strict=True), start=1)
     ]
-    fit = fit_least_squares(parts, with_ties(_parameters(first, look, lag, unit), tied))
+    problem = Problem(parts, with_ties(_parameters(first, look, lag, unit), tied))
+    fit = _with_exchanged(problem, fit_least_squares(problem))
     # What is before the window says as much about the noise as what is in it.
     until = [_within(test, -np.inf, reach) for test in tests]
     left = [residuals(test, i)(fit.values) for i, test in enumerate(until, start=1)]
@@ -151,6 +156,28 @@ def identify_step(
         ),
         predict=StepPrediction(fit.values, filter, slew_rate, voltage, start, observed, piezo).predict,
     )
+
+
+def _with_exchanged(problem: Problem, fit: Fit) -> Fit:
+    """The fit of a step, and in its intervals what describes it as well: of three real poles any may be the
+    lag's, and the other two those of an overdamped stage."""
+    free, limits = {p.name for p in fit.parameters}, {p.name: (p.lower, p.upper) for p in fit.parameters}
+    zeta, omega, delay = (fit.values[name] for name in ("damping_ratio", "natural_frequency", "delay"))
+    lag = fit.values.get("lag", 0.0)
+    if not free >= {"damping_ratio", "natural_frequency", "delay", "lag"} or not (zeta > 1.0 and lag > 0.0):
+        return fit
+    ends, poles = [fit], [-p.real for p in second_order_poles(zeta, omega)]
+    for of_lag, kept in (poles, poles[::-1]):
+        root = math.sqrt(kept / lag)
+        other = {
+            "damping_ratio": 0.5 * (kept + 1.0 / lag) / root,
+            "natural_frequency": root,
+            "lag": 1.0 / of_lag,
+            "delay": delay - lag + 1.0 / of_lag,
+        }
+        if all(limits[name][0] < value < limits[name][1] for name, value in other.items()):
+            ends.append(fit_least_squares(problem, begin={**fit.values, **other}))
+    return lowest(ends)
 
 
 def _drift(test: StepTest) -> Drift | None:

@@ -4,7 +4,8 @@ The likelihood is that of Gaussian noise at the level that the fit found. Autoco
 by an effective variance in each direction: the curvature of the likelihood at the estimate is made that of
 the fit's own covariance [ribatet2012], by asking for it at :math:`\hat q + C (q - \hat q)` with
 :math:`C = H^{-1/2} (H^{1/2} V H^{1/2})^{-1/2} H^{1/2}`, H the curvature for white noise, V the covariance.
-Delay and offset of the channel are integrated out (see `likelihood`), and drawn beside the rest.
+Delay and offset of the channel are integrated out (see `likelihood`), and drawn beside the rest. What is
+known of the values otherwise is asked for at q itself.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from ...units import optional_si, to_si
 from ...waveform.signal import Waveform
 from ..recorded.channels import channel, drives_of, names_of, recordings_of
 from .displacement import Displacement
+from .intervals import refuse_joint
 from .likelihood import Members, eliminated, log_prior
 from .position_channel import CHANNEL, OBSERVED
 from .several import straightened
@@ -75,6 +77,7 @@ def posterior(
     tolerance = to_si(tolerance, "m", "tolerance")
     if not isinstance(fit.model, Actuator) or fit.jacobian is None or not math.isfinite(fit.log_likelihood):
         raise FitError("a posterior needs a fit of an actuator by identify_friction, without a robust loss")
+    refuse_joint(fit, "a posterior")
     found = recordings_of(recordings)
     names = names_of(found)
     motions = [
@@ -162,11 +165,12 @@ class _Density:
         for name, column in zip(CHANNEL, drawn, strict=True):
             if name in free:
                 at[there, self.channel[name]] = column
-        for i, column in zip(of.searched, q.T, strict=True):
-            found = found + log_prior(of.parameters[i], column)
+                found = found - log_prior(free[name], column)  # it is drawn with it where it is asked for
         beside = at[there, own:] - of.centre[own:]
         found -= 0.5 * np.einsum("mi,ij,mj->m", beside, self.precision, beside) + stretched.sum(axis=1)
         at[:, :own] = of.centre[:own] + (at[:, :own] - of.centre[:own]) @ self.unbend.T
+        for p, column in zip(of.parameters, at[there].T, strict=True):
+            found = found + log_prior(p, column)
         log[there] = np.where(np.isfinite(found), found, -np.inf)
         return np.where(np.all((at >= self.lower) & (at <= self.upper), axis=1), log, -np.inf), at
 

@@ -331,8 +331,7 @@ def _averaged(walks: Walks, fit: Fit, given: Values, max_evaluations: int) -> Fi
     """
     parameters = list(fit.parameters)
     name = loosest(fit, CHANNEL) if has_slopes(walks.model) and walks.loss == "linear" else None
-    # What a value may be over its bounds is no question where something is known of it otherwise.
-    if name is None or any(p.prior is not None for p in parameters if p.name == name):
+    if name is None:
         return fit
     settled = integrated(fit, name, partial(walks.hold, name, parameters, max_evaluations))
     if not isinstance(settled, Fit):

@@ -18,6 +18,7 @@ from ...estimate.problem import FitError
 from ...estimate.result import Fit
 from ..recorded.channels import recordings_of
 from .friction import identify_friction
+from .joint import SAID
 from .position_channel import OBSERVED
 from .prediction import Predictor
 
@@ -61,6 +62,7 @@ def profile_interval(
         raise FitError(
             f"a profile is of a free parameter, and {name!r} is none: there are {', '.join(names)}"
         )
+    refuse_joint(fit, "a profile")
     if fit.loss != "linear" or len(names) < 2:
         raise FitError("a profile needs a fit without a robust loss, with another value to fit again")
     place = names.index(name)
@@ -92,6 +94,15 @@ def profile_interval(
     for side, bound in ((-1.0, p.coordinate(p.lower)), (1.0, p.coordinate(p.upper))):
         ends.append(p.value(_end(q, side, reach, bound, t, distance, best)))
     return ends[0], ends[1]
+
+
+def refuse_joint(fit: Fit, what: str) -> None:
+    """Raise FitError for a fit of friction and stage at once: it has not what was known of the stage."""
+    if SAID in fit.remarks:
+        raise FitError(
+            f"{what} of a fit of friction and stage at once does not know the covariance of the stage: ask "
+            "for that of the fit by identify_friction before it"
+        )
 
 
 def _end(q: float, side: float, reach: float, bound: float, t: float, distance: Any, fit: Fit) -> float:
@@ -165,6 +176,7 @@ def bootstrap(
     Raises:
         FitError: the fit is not one of an actuator by `identify_friction`, or cannot be made again.
     """
+    refuse_joint(fit, "a bootstrap")
     found, settings = recordings_of(recordings), _settings(fit, options)
     random = np.random.default_rng(seed)
     lists: dict[str, list[float]] = {name: [] for name in fit.values}

@@ -15,7 +15,7 @@ from ...estimate.parameter import Parameter
 from ...recording import RecordingWarning
 from ...units import with_prefix
 from ...waveform.signal import Waveform
-from ..free import Bounds, given_bounds
+from ..free import Bounds, Squared, given_bounds
 from ..recorded.channels import channel, refuse_clipped, unit_of
 from ..recorded.drives import refuse_sampling
 
@@ -69,4 +69,5 @@ def of_channel(
 def linear(name: str, unit: str, start: float, reach: float, bounds: Bounds) -> Parameter:
     """A parameter of either sign, as far from 0 as it reaches, or within its bounds."""
     low, high = given_bounds(bounds, name, unit) or (-reach, reach)
-    return Parameter(name, min(max(start, low), high), low, high, unit, log=False)
+    start, square = min(max(start, low), high), Squared.are(bounds, name)
+    return Parameter(name, start, low, high, unit, log=False, square=square)

@@ -1,0 +1,53 @@
+"""What the sampling of a motion leaves open of its friction.
+
+Between samples a motion is taken as a line. Where it turns between two of them, or the friction changes
+within one interval, the force is off by an amount that falls as the square of that: what every second sample
+makes of the same motion is off by four times as much. A third of the difference counts as a standard error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ...estimate.coloured import with_inherited
+from ...estimate.result import Fit
+from ..recorded.channels import FEWEST_SAMPLES
+
+Array = NDArray[np.float64]
+
+# Of what the fit leaves, root mean square: where sampling may make so much, it is said.
+MUCH = 0.5
+
+
+def with_sampling(
+    fit: Fit, recordings: Sequence[xr.Dataset], response: Callable[[xr.Dataset], Array]
+) -> tuple[Fit, list[float]]:
+    """The fit with what the sampling leaves open, and the mean square of what it may make of each recording.
+
+    Args:
+        fit: of the recordings.
+        recordings: over "time".
+        response: from a recording to the force at its samples, by the values of the fit.
+    """
+    errors = []
+    for recording in recordings:
+        time, every = recording["time"].values, slice(None, None, 2)
+        error = np.zeros(time.size)
+        if time.size >= 2 * FEWEST_SAMPLES:
+            coarse = response(recording.isel(time=every))
+            error = np.interp(time, time[every], (response(recording)[every] - coarse) / 3.0)
+        errors.append(error)
+    squares = [float(np.mean(error**2)) for error in errors]
+    said = tuple(
+        f"{g.name} is sampled too coarsely where its force changes: what the samples do not show of the "
+        "motion is as much as the noise"
+        for g, square in zip(fit.recordings, squares, strict=True)
+        if square > (MUCH * g.rmse) ** 2
+    )
+    wider = with_inherited(fit, np.concatenate(errors)[:, None], np.eye(1))
+    return replace(wider, remarks=(*fit.remarks, *said)), squares

@@ -1,0 +1,47 @@
+"""Loops whose samples do not show all of the motion, and those that begin at rest."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from stickslip.friction import Dahl
+from stickslip.identify.loops.fit import identify_loops
+from stickslip.recording import make_recording
+from stickslip.simulation import friction_response
+
+FORCE, NOISE, BIAS = 1.0, 0.002, 0.1
+
+
+def loops(seed: int, law: Dahl, samples: int, rest: int = 0, noise: float = NOISE) -> xr.Dataset:
+    """Two sines of 4 and 11 periods over 0.2 mm, followed at 40 times the rate of the samples."""
+    random, finer = np.random.default_rng(seed), 40
+    fine = np.linspace(0.0, 1.0, (samples - 1) * finer + 1)
+    a, b = random.uniform(0.0, 2.0 * np.pi, 2)
+    x = 1e-4 * (np.sin(8.0 * np.pi * fine + a) - np.sin(a) + 0.5 * np.sin(22.0 * np.pi * fine + b))
+    x -= x[0]
+    force = friction_response(law, fine, x, tolerance=1e-11)["friction_force"].values[::finer]
+    time = np.linspace(0.0, 1.0, samples)
+    time = np.concatenate([np.arange(-rest, 0) * time[1], time])
+    still = np.zeros(rest)
+    force = np.concatenate([still, force]) + BIAS + noise * random.standard_normal(time.size)
+    return make_recording(time, {"position": np.append(still, x[::finer]), "friction_force": force})
+
+
+def test_the_intervals_allow_for_what_the_samples_do_not_show() -> None:
+    missed, truth = 0, {"sigma_0": 2e5, "coulomb_force": FORCE, "exponent": 1.5, "bias": BIAS}
+    for seed in range(8):
+        train = loops(seed, Dahl(2e5, FORCE, 1.5), 300)
+        ends = identify_loops(train, Dahl(1e5, 0.8, 1.2), list(truth), tolerance=1e-10).confidence_intervals()
+        missed += sum(not ends[name][0] <= value <= ends[name][1] for name, value in truth.items())
+    assert missed <= 3  # of 32
+
+
+@pytest.mark.parametrize("first", [0.05, 0.5])
+def test_a_first_sample_that_is_off_does_not_shift_what_begins_at_rest(first: float) -> None:
+    train = loops(3, Dahl(2e4, FORCE), 1500, rest=400, noise=0.02)
+    train["friction_force"][0] = first + BIAS
+    fit = identify_loops(train, Dahl(3e4, 0.8), ["sigma_0", "coulomb_force", "bias"])
+    assert np.std(fit.residuals[0][1:]) == pytest.approx(0.02, rel=0.05)
+    assert np.mean(fit.residuals[0][1:400]) == pytest.approx(0.0, abs=0.004)
