@@ -79,7 +79,7 @@ def least_acceleration(shapes: Polygons, gain: float, natural: float, damping: f
     """The least value of the stage's acceleration over a period, m/s^2, [n]; see the module."""
     root = np.emath.sqrt(damping**2 - 1.0)
     root = root if abs(root) > APART else APART
-    poles = natural * (-damping + np.array([root, -root], dtype=complex))
+    poles = natural * np.array([root - damping, -root - damping], dtype=complex)
     sides = np.diff(shapes.shares, append=1.0) * shapes.period[:, None]
     # Each corner sets both parts c exp(p t) going by as much, with opposite signs; those of all earlier
     # periods add up to what closes the period.
