@@ -85,15 +85,15 @@ def electrical(
             recording without drive_voltage, without two samples or with gaps; a number out of range; a
             temperature beyond those for which the dependence holds.
     """
-    if not isinstance(stack, Stack):
-        raise QuantityError(f"stack = {stack!r:.60} must be an electronics.Stack")
-    if not isinstance(dependence, TemperatureDependence | None):
-        raise QuantityError(f"dependence = {dependence!r:.60} must be an electronics.TemperatureDependence")
     seconds = optional_si(duration, "s", "duration")
     kelvin = TEMPERATURE.check(to_si(ambient, "K", "ambient"), "ambient")
     volts_off = to_si(tolerance, "V", "tolerance")
     if not volts_off > 0.0:
         raise QuantityError(f"tolerance = {volts_off:g} V is out of range: it must be > 0 V")
+    if not isinstance(stack, Stack):
+        raise QuantityError(f"stack = {stack!r:.60} must be an electronics.Stack")
+    if not isinstance(dependence, TemperatureDependence | None):
+        raise QuantityError(f"dependence = {dependence!r:.60} must be an electronics.TemperatureDependence")
     at, volts = _closer(*_points(source, seconds, volts_off), _WARMING * stack.time_constant)
     told = slice(None)
     if times is not None:
