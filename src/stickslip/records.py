@@ -244,6 +244,20 @@ def record(named_tuple: type[T]) -> type[T]:
     return type(named_tuple.__name__, (named_tuple,), namespace)  # type: ignore[return-value]
 
 
+def whole(value: Any, field: str, least: int, most: int) -> int:
+    """The value, a whole number of whatever type.
+
+    Raises:
+        QuantityError: it is none, or out of range; names the field.
+    """
+    number = math.nan if isinstance(value, str) else to_si(value, "", field)
+    if not least <= number <= most or number % 1:
+        raise QuantityError(
+            f"{field} = {value!r:.60} is out of range: it must be a whole number, {least} to {most:,}"
+        )
+    return int(number)
+
+
 def same(one: Any, other: Any) -> bool:
     """Whether two results hold the same: records, dictionaries, arrays and datasets by their values (NaN is
     NaN), and what predicts by what it is made with."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -167,3 +168,14 @@ def test_units_of_a_table(tmp_path: Path) -> None:
     assert (table.name, table.x_unit, table.y_unit, table.source) == ("own", "V", "m", "caliper")
     with pytest.raises(CalibrationError, match="kang2007-inductive"):
         read_table("kang2007")
+
+
+def test_readings_beyond_the_range_are_warned_of() -> None:
+    """A polynomial of the fifth order says nothing there; noise may leave the range a little."""
+    made = recording()
+    apply_calibration(made, {"sensor": CHAIN})
+    for reading, told in ((10.2, False), (11.5, True), (-2.0, True)):
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            apply_calibration(made.assign(sensor=made["sensor"] * 0.0 + reading), {"sensor": CHAIN[0]})
+        assert ["sensor goes from" in str(one.message) for one in caught] == [True] * told

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -135,3 +137,15 @@ def test_as_many_points_as_coefficients_say_nothing_of_the_error() -> None:
     assert (fitted.degrees_of_freedom, fitted.standard_errors) == (0, None)
     with pytest.raises(CalibrationError, match="uncertainty"):
         fitted.prediction_band(0.5)
+
+
+def test_an_order_or_a_level_that_is_none() -> None:
+    x = np.linspace(0.0, 10.0, 12)
+    wrong: Any
+    for wrong in (2.5, "2", None):
+        with pytest.raises(CalibrationError, match=r"order = .* whole number"):
+            fit_calibration(x, 1e-3 * x, wrong)
+    found = fit_calibration(x, 1e-3 * x + 1e-6 * np.sin(x), 2)
+    for wrong in (0.0, 1.0, 2.0, float("nan"), "95 %"):
+        with pytest.raises(CalibrationError, match="a probability"):
+            found.prediction_band(5.0, wrong)

@@ -21,6 +21,7 @@ from stickslip.contact import (
     PreloadMagnet,
     PreloadSpring,
     RunningIn,
+    backbone,
     maxwell_slip,
     of_backbone,
     of_loop,
@@ -131,6 +132,10 @@ def test_mindlins_loop_closes() -> None:
     area = abs(np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(x)))
     assert BALL.loss("240 mN") == pytest.approx(area, rel=1e-4)
     assert BALL.loss(0.02) / BALL.loss(0.01) == pytest.approx(8.0, rel=0.05)
+    small = 1e-6 * BALL.slip_force  # there rounding would be all of a difference of numbers near 1
+    leading = 4.0 / 27.0 * BALL.slip_force * BALL.presliding_distance
+    assert BALL.loss(small) == pytest.approx(1e-18 * leading, rel=1e-5)
+    assert BALL.loss(BALL.slip_force) == pytest.approx(0.8 * BALL.slip_force * BALL.presliding_distance)
     assert x[0] == pytest.approx(-BALL.displacement(0.24), rel=1e-9, abs=0.0)
     assert (x[399], x[400], force[400]) == (pytest.approx(BALL.displacement(0.24)), x[399], 0.24)
     assert BALL.stick_radius(0.0) == BALL.normal.contact_radius
@@ -259,6 +264,19 @@ def test_preload() -> None:
         (lambda: Hertz(-1.0, 1.0, 1.0), r"normal_force = -1 N .* \(a contact in tension carries nothing\)"),
         (lambda: summits(1e9), "these summits carry"),
         (lambda: summits(1.0, "uniform"), "'gaussian' or 'exponential'"),
+        # Without a column SciPy's nnls ends the process.
+        (
+            lambda: of_loop(np.sin(np.arange(40.0)), np.cos(np.arange(40.0)), 0),
+            "elements = 0 .* whole number, 2",
+        ),
+        (lambda: of_loop(np.sin(np.arange(40.0)), np.cos(np.arange(40.0)), 1), "elements = 1 "),
+        (lambda: maxwell_slip(BALL, 2.5), "elements = 2.5"),
+        (lambda: BALL.loop(0.1, 1), "points = 1 "),
+        (lambda: AdhesiveBall(1.0, 1e-3, 1e11, 0.1).friction(-1e6), r"shear_strength = -1e\+06 Pa"),
+        (lambda: RunningIn(1.0, 2.0, 1.0).force(-1.0), r"slid \[m\]"),
+        (lambda: worn_depth(math.inf, 0.0, 1.0, 1.0), "wear_rate = inf"),
+        (lambda: sliding_path([0.0, math.nan, 1.0]), r"finite samples \[n\]"),
+        (lambda: backbone(np.abs, 1.0, [0.0], friction_coefficient=0, stiffness_ratio=1), "coefficient = 0 "),
     ],
 )
 def test_refusals(make, match: str) -> None:

@@ -26,6 +26,16 @@ from .half_space import rough
 UM = 1e-6
 
 
+def test_the_limit_of_the_hurst_exponent() -> None:
+    """A spectrum is as near to that of H = 1 as its exponent is."""
+    ends = {"longest": 1e-4, "shortest": 1e-8, "roll_off": 1e-5}
+    limit = self_affine(1e-6, 1.0, **ends).slope
+    for lacking in (1e-9, 1e-12, 1e-15):
+        assert self_affine(1e-6, 1.0 - lacking, **ends).slope == pytest.approx(
+            limit, rel=20.0 * lacking + 1e-13
+        )
+
+
 @pytest.mark.parametrize("hurst", [0.5, 0.8, 1.0])
 def test_spectrum(hurst: float) -> None:
     """The moments, by numerical integration of a spectrum with a plateau."""

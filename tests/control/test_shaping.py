@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from stickslip.actuator import load_actuator
 from stickslip.control import (
@@ -160,3 +161,12 @@ def test_an_edge_takes_the_time_that_a_current_takes() -> None:
             Slip.within(**wrong, capacitance=1e-6, voltage=10.0)
     with pytest.raises(QuantityError, match="whole number"):
         Slip(order=1.5)
+
+
+def test_samples_keep_their_unit_and_are_finite() -> None:
+    shaper = Shaper(100.0)
+    millimetres = xr.DataArray([1.0, 2.0, 2.0], dims="time", attrs={"units": "mm"})
+    np.testing.assert_array_equal(shaper.shaped(millimetres, RATE), shaper.shaped([1.0, 2.0, 2.0], RATE))
+    for wrong in ([1.0, np.nan], [np.inf], ["1 V"]):
+        with pytest.raises(QuantityError, match="values"):
+            shaper.shaped(wrong, RATE)

@@ -124,6 +124,10 @@ REFUSED = [
     ({"free": {"load": (0.5, 2.0)}, "holding_force": math.inf}, "holding_force = inf N is not finite"),
     ({"free": {"load": (0.5, 2.0)}, "holding_force": "-1 N"}, "holding_force = '-1 N' is out of range"),
     ({"free": {"load": (0.5, 2.0)}, "minimum_speed": math.nan}, "minimum_speed = nan m/s is not finite"),
+    (
+        {"free": {"load": (0.5, 2.0)}, "goal": design.Current(1e-6), "minimum_speed": "1 m/s", "budget": 50},
+        "minimum_speed = 1 m/s is not reached",
+    ),
     ({"free": {"load": (0.5, 2.0)}, "max_voltage": math.nan}, "max_voltage"),
     ({"free": {"load": (0.5, 2.0)}, "min_voltage": math.nan}, "voltage"),
     ({"free": {"load": (0.5, 2.0)}, "frequency": (1.0, math.nan)}, "frequency"),

@@ -84,6 +84,19 @@ def test_the_best_pair_for_one_parameter_is_found_among_many(seed: int) -> None:
     assert float(score(together(of, chosen(of, goal, "worst", 2)), goal, "worst")) == pytest.approx(least)
 
 
+def test_a_set_that_tells_together_what_none_tells_alone() -> None:
+    """Each candidate tells one combination of four coordinates: no pair, no three of them tell any."""
+    j = np.random.default_rng(3).standard_normal((2, 6, 1, 4))
+    a = np.swapaxes(j, -1, -2) @ j
+    of, goal = (
+        Seen(a, a, np.ones((2, 6)), np.zeros((2, 6)), np.zeros((2, 6))),
+        Goal("", np.ones(4, bool), None),
+    )
+    found = float(score(together(of, chosen(of, goal, "worst", 4)), goal, "worst"))
+    every = (score(together(of, one), goal, "worst") for one in itertools.combinations(range(6), 4))
+    assert found == pytest.approx(min(map(float, every)))
+
+
 def test_criterion_is_the_error_of_the_wanted_number() -> None:
     of = some(2, 3, 4, 5)
     spread = covariance(of)

@@ -216,6 +216,14 @@ def test_limits_hold_at_every_sample():
         ({"scenarios": [Scenario(load=0.0)]}, "must be > 0"),
         ({"scenarios": ["heavy"]}, "is no scenario"),
         ({"goal": design.Current("1 uF")}, "minimum_speed"),
+        ({"minimum_speed": math.nan}, "minimum_speed = nan m/s is not finite"),
+        ({"minimum_speed": "-1 mm/s"}, "minimum_speed = '-1 mm/s' is out of range"),
+        ({"minimum_speed": "1 m/s", "budget": 50}, r"minimum_speed = 1 m/s is not reached: .* at \d.* mm/s"),
+        (
+            {"goal": design.Current("1 uF"), "minimum_speed": "0.1 m/s", "budget": 50},
+            "minimum_speed = 100 mm/s is not reached",
+        ),
+        ({"scenarios": Scenario(load=2.0)}, "must be a list"),
     ],
 )
 def test_what_cannot_be_is_said(given, said):
@@ -230,6 +238,23 @@ def test_other_models_are_refused():
         ss.optimise_waveform(KANG.replace(clamped=True), goal="speed")
     with pytest.raises(ss.units.QuantityError, match="says what differs"):
         Scenario("nothing")
+    with pytest.raises(ss.units.QuantityError, match="factors"):
+        Scenario(factors=[1.1])  # type: ignore[arg-type]
+    with pytest.raises(ss.units.QuantityError, match=r"factors\['gain'\] = 'a'"):
+        Scenario(factors={"gain": "a"})  # type: ignore[dict-item]
+
+
+def test_a_least_speed_is_one_in_the_direction_of_the_goal():
+    """Towards +x it would stand in the way of a goal that goes towards -x."""
+    found = ss.optimise_waveform(
+        KANG, goal=Speed(-1), minimum_speed="1 mm/s", max_voltage=100.0, budget=100, knots=4
+    )
+    assert found.value < -1e-3
+    step = ss.optimise_waveform(
+        KANG, goal=design.StepSize("-1 um"), minimum_speed="0.1 mm/s", max_voltage=100.0, budget=100, knots=4
+    )
+    assert step.value < 1e-8
+    assert step.speeds[0] <= -0.1e-3 * (1.0 - 1e-3)
     with pytest.raises(ss.units.QuantityError, match="capacitance"):
         DriveLimits(current="1 A")
     with pytest.raises(ss.units.QuantityError, match="interpolation"):

@@ -263,3 +263,31 @@ def test_refused_calls() -> None:
     one = xr.Dataset({"drive_voltage": ("time", [1.0])}, {"time": [0.0]})
     with pytest.raises(QuantityError, match="two or more samples"):
         electrical(one, STACK)
+
+
+def test_a_recording_and_times_in_units_of_their_own() -> None:
+    volts = xr.DataArray(1e3 * np.array([0.0, 10.0, 0.0]), dims="time", attrs={"units": "mV"})
+    clock = xr.DataArray([0.0, 1.0, 2.0], dims="time", attrs={"units": "ms"})
+    found = electrical({"time": clock, "drive_voltage": volts}, STACK)
+    assert found["peak_current"] == pytest.approx(FARAD * 1e4)
+    told = electrical(ss.waveform.Triangle(100.0, 50.0), STACK, "20 ms", times=clock[1:])
+    np.testing.assert_allclose(told["time"], [1e-3, 2e-3])
+    assert STACK.cycle_loss("0.1 kV") == STACK.cycle_loss(100.0)
+    for wrong, said in (
+        ({"times": [1e-3, math.nan, 2e-3]}, "ascend"),
+        ({"stack": 3}, "stack = 3"),
+        ({"dependence": 3}, "dependence = 3"),
+        ({"source": 3}, "source = 3"),
+        ({"source": {"time": [0.0, math.nan, 1.0], "drive_voltage": [0.0, 1.0, 2.0]}}, r"time \[s\]"),
+        ({"source": {"time": clock, "drive_voltage": volts.assign_attrs(units="N")}}, "expected V"),
+    ):
+        call: dict[str, Any] = {"source": ss.waveform.Triangle(100.0, 50.0), "stack": STACK, "duration": 0.02}
+        with pytest.raises(QuantityError, match=said):
+            electrical(**(call | wrong))
+
+
+def test_temperatures_in_celsius() -> None:
+    dependence = TemperatureDependence(293.15, 0.001, 0.003, 250.0, 350.0)
+    celsius = xr.DataArray([20.0, 30.0], attrs={"units": "degC"})
+    np.testing.assert_allclose(dependence.gain_factor(celsius), [1.0, 1.01])
+    np.testing.assert_allclose(dependence.capacitance_factor(["20 degC", "303.15 K"]), [1.0, 1.03])

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
+import xarray as xr
 from scipy.integrate import solve_ivp
 
-from stickslip.electronics import Amplifier, amplifier_output
+from stickslip.electronics import Amplifier, amplifier_output, driven
 from stickslip.units import QuantityError
+from stickslip.waveform import Sawtooth
 
 AMPLIFIER = Amplifier(
     gain=15.0, offset=0.2, bandwidth="5 kHz", slew_rate=math.inf, max_current="0.4 A", low=-10.0, high=150.0
@@ -78,3 +81,18 @@ def test_refused() -> None:
     for volts in ([], [0.0, math.nan, 1.0], [[0.0, 1.0]], [math.inf]):
         with pytest.raises(QuantityError, match=r"volts \[V\] must be one row of finite values"):
             amplifier_output(AMPLIFIER, volts, 1e3, CAPACITANCE)
+
+
+def test_an_input_in_millivolts_and_what_is_no_amplifier() -> None:
+    millivolts = xr.DataArray([100.0, 200.0], dims="time", attrs={"units": "mV"})
+    expected = amplifier_output(AMPLIFIER, [0.1, 0.2], 20e3, CAPACITANCE)
+    for given in (millivolts, ["100 mV", 0.2]):
+        for found, one in zip(amplifier_output(AMPLIFIER, given, 20e3, CAPACITANCE), expected, strict=True):
+            np.testing.assert_allclose(found, one)
+    with pytest.raises(QuantityError, match="expected V"):
+        amplifier_output(AMPLIFIER, ["1 N"], 20e3, CAPACITANCE)
+    wrong: Any = 3
+    with pytest.raises(QuantityError, match="amplifier = 3"):
+        driven(wrong, Sawtooth(65.0, 5.0), CAPACITANCE, 1.0)
+    with pytest.raises(QuantityError, match="waveform = 3"):
+        driven(AMPLIFIER, wrong, CAPACITANCE, 1.0)

@@ -55,3 +55,9 @@ def test_noise_of_quantisation_is_that_of_a_uniform_error() -> None:
 def test_refused(field: str, value: object) -> None:
     with pytest.raises(QuantityError, match=f"Dac.{field}"):
         DAC._replace(**{field: value})
+
+
+def test_volts_with_a_unit() -> None:
+    expected = adc_output(ADC, [0.1, 0.2])
+    np.testing.assert_array_equal(adc_output(ADC, ["100 mV", 0.2]), expected)
+    np.testing.assert_array_equal(dac_output(DAC, ["10 %", 0.2]), dac_output(DAC, [0.1, 0.2]))

@@ -6,6 +6,7 @@ import io
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -63,6 +64,10 @@ def test_what_exists_is_kept(tmp_path) -> None:
     for place in ("file", "folder"):
         with pytest.raises(ExportError, match="exists already"):
             export_c(KANG, tmp_path / place)
+    wrong: Any
+    for wrong in (None, 3):
+        with pytest.raises(ExportError, match=f"out = {wrong}"):
+            export_c(KANG, wrong)
     (tmp_path / "locked").write_text("")
     with pytest.raises(ExportError, match="cannot be written"):
         export_c(KANG, tmp_path / "locked" / "inside")

@@ -103,3 +103,19 @@ def test_a_part_in_the_place_of_the_other_is_refused() -> None:
     for wrong in ((creep, plays), (creep, None), (plays, plays)):
         with pytest.raises(QuantityError, match="hysteresis comes first and creep is a Creep"):
             Piezo(*wrong)
+
+
+def test_steps_far_shorter_than_a_time_constant_lose_nothing() -> None:
+    """1 - exp(-step/tau) of a millionth of a millionth."""
+    times, tau, shares = np.arange(40) * 1e-6, np.array([1e5, 1e6]), np.array([0.2, 0.1])
+    values, crept = np.sin(np.arange(40.0)), np.empty((40, 2))
+    relaxed(Lags(tau), times, values, np.array([30.0, -20.0]), crept)
+    found = np.empty(40)
+    before_creep(Lags(tau), times, values + crept @ shares, shares, np.array([30.0, -20.0]), found)
+    np.testing.assert_allclose(found, values, rtol=0.0, atol=1e-13)
+
+
+def test_creep_alone_and_without_an_end() -> None:
+    assert Piezo(None, Creep((1.0,), (0.25,))).resting_at(5.0) == 4.0
+    with pytest.raises(QuantityError, match="inf s is out of range"):
+        Creep.logarithmic(0.01, 0.1, np.inf)

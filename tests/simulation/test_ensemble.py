@@ -211,6 +211,16 @@ def test_parameters_that_make_no_ensemble_are_refused(parameters: dict, message:
         simulate_ensemble(MODEL, DRIVE, 0.1, parameters=parameters)
 
 
+def test_threads_and_drives_that_are_none() -> None:
+    wrong: Any
+    for wrong in (0, -1, 1.5, "2"):
+        with pytest.raises(QuantityError, match=f"threads = {wrong!r} is out of range"):
+            simulate_ensemble(MODEL, DRIVE, 0.1, parameters={"sigma_0": [1e6]}, threads=wrong)
+    for wrong in (3, None):
+        with pytest.raises(TypeError, match="the drive is a waveform"):
+            simulate_ensemble(MODEL, wrong, 0.1, parameters={"sigma_0": [1e6]})
+
+
 @pytest.mark.parametrize("wrong", [None, 3, "sigma_0", [1e6], np.array([1.0, 2.0]), {3: [1.0]}])
 def test_parameters_that_are_not_by_name(wrong: Any) -> None:
     for call in (simulate_ensemble, steady_steps, step_map):

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -183,3 +184,17 @@ def test_a_users_own_waveform_needs_no_registration() -> None:
     cut_off = Sequence((w, 0.25), Rest(1, 0.7, unit="m"))
     assert np.array_equal(cut_off.breaks(2), [0, 0.25, 1.25])
     np.testing.assert_allclose(cut_off.value([0.125, 0.25, 0.6]), [0.03125, 0.7, 0.7])
+
+
+def test_times_with_a_unit_and_what_are_none() -> None:
+    saw, milliseconds = Sawtooth(65.0, 5.0), xr.DataArray([1.0, 2.0], attrs={"units": "ms"})
+    for of, expected in ((saw.value, saw.value([1e-3, 2e-3])), (saw.slope, saw.slope([1e-3, 2e-3]))):
+        np.testing.assert_array_equal(of(milliseconds), expected)
+        np.testing.assert_array_equal(of(["1 ms", 2e-3]), expected)
+        with pytest.raises(QuantityError, match="expected s"):
+            of("1 N")
+    np.testing.assert_array_equal(saw.breaks("0.4 s"), saw.breaks(0.4))
+    for endless in (Step(3.0), saw):
+        for t in (np.inf, -np.inf, [0.0, np.nan]):
+            with pytest.raises(QuantityError, match=r"t \[s\] must be finite"):
+                endless.value(t)

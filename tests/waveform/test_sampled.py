@@ -104,7 +104,7 @@ def test_from_a_recording() -> None:
         (lambda: Sampled([0, 1], [[1, 2], [3, 4]]), r"shape \(2, 2\)"),
         (
             lambda: Sampled([0, 1], ["a", "b"]),
-            r"Sampled\.values holds something that is no number \(expected V\)",
+            r"Sampled\.values = 'a' does not begin with a number \(expected V\)",
         ),
         (lambda: Sampled([0, 1], [1, 2], unit="A"), r"Sampled\.unit = 'A'"),
         (lambda: Sampled([0, 1], [1, 2], "cubic"), r"'linear' or 'hold'"),
@@ -128,3 +128,11 @@ def test_units_that_come_with_the_arrays() -> None:
         Sampled([0.0, 1.0], xr.DataArray([0.0, 1.0], attrs={"units": "um"}))
     assert Sawtooth(xr.DataArray(65.0, attrs={"units": "mV"}), 5.0).amplitude == 0.065
     assert Sawtooth(quantity(0.065, "kV"), 5.0).amplitude == 65.0
+
+
+def test_a_recording_whose_clock_is_in_milliseconds() -> None:
+    made = recording("V")
+    slow = made.assign_coords(time=made["time"].assign_attrs(units="ms"))
+    found = Sampled.from_recording(slow, "drive_voltage")
+    assert found.duration == pytest.approx(1e-3 * Sampled.from_recording(made, "drive_voltage").duration)
+    assert Sampled(["0 ms", "1 ms"], ["0 V", "1 kV"]).range() == (0.0, 1000.0)

@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import json
 import os
+import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
-from ..recording import STANDARD_NAMES, RecordingError, fits_name, validate_recording
+from ..recording import STANDARD_NAMES, RecordingError, RecordingWarning, fits_name, validate_recording
 from .polynomial import Calibration, CalibrationError
 from .storage import load_calibration, to_text
 
 Part = Calibration | str | os.PathLike[str]
 Chain = Part | Sequence[Part]
+# Of the range of a calibration, by which noise may leave it.
+BEYOND = 0.05
 
 
 def calibration_chain(chain: Chain, unit: str) -> tuple[Calibration, ...]:
@@ -52,6 +57,10 @@ def apply_calibration(
     Raises:
         CalibrationError: a calibration cannot be loaded, or does not fit the variable's unit or new name.
         RecordingError: the recording has no such variable.
+
+    Warns:
+        RecordingWarning: a variable leaves the range for which a calibration was made: the polynomial says
+            nothing there.
     """
     made, applied = recording.copy(), dict[str, list[str]]()
     for name, chain in calibrations.items():
@@ -68,6 +77,7 @@ def apply_calibration(
             raise CalibrationError(f"{new} is a quantity in {standard.unit}, not {loaded[-1].y_unit}")
         values = recording[name].values
         for calibration in loaded:
+            _warn_beyond(name, calibration, values)
             values = calibration(values)
         attrs = {**recording[name].attrs, "units": loaded[-1].y_unit}
         if new != name:
@@ -80,6 +90,20 @@ def apply_calibration(
             raise CalibrationError(f"{name!r} is renamed but not calibrated")
     made.attrs["calibration"] = calibration_attribute(applied, str(recording.attrs.get("calibration", "")))
     return validate_recording(made)
+
+
+def _warn_beyond(name: str, calibration: Calibration, values: NDArray[np.float64]) -> None:
+    found = values[np.isfinite(values)]
+    low, high = calibration.low, calibration.high
+    room = BEYOND * (high - low)
+    if found.size and not (found.min() >= low - room and found.max() <= high + room):
+        unit = calibration.x_unit
+        warnings.warn(
+            f"{name} goes from {found.min():.4g} to {found.max():.4g} {unit}, and {calibration.name!r} was "
+            f"made for {low:.4g} to {high:.4g} {unit}: beyond, its polynomial is a guess",
+            RecordingWarning,
+            stacklevel=3,
+        )
 
 
 def calibration_attribute(applied: Mapping[str, Sequence[str]], before: str = "") -> str:

@@ -68,8 +68,11 @@ class Calibration:
         """Half the width of the band in which a new mean reading lies with the probability `level`.
 
         Raises:
-            CalibrationError: the covariance is not known, or no degrees of freedom are left.
+            CalibrationError: the covariance is not known, no degrees of freedom are left, or the level is no
+                probability.
         """
+        if isinstance(level, str) or not 0.0 < level < 1.0:
+            raise CalibrationError(f"level = {level!r} is out of range: a probability must be > 0 and < 1")
         if self.covariance is None or not self.degrees_of_freedom or self.residual_deviation is None:
             raise CalibrationError(f"the calibration {self.name!r} says nothing of its uncertainty")
         x = array_si(x, self.x_unit, "x")
@@ -212,8 +215,10 @@ def _checked(x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
 
 
 def _check_order(order: int, means: Array) -> None:
-    if not 1 <= order <= LARGEST_ORDER:
-        raise CalibrationError(f"order = {order} is out of range: 1 to {LARGEST_ORDER}")
+    if not isinstance(order, int | np.integer) or not 1 <= order <= LARGEST_ORDER:
+        raise CalibrationError(
+            f"order = {order!r} is out of range: it must be a whole number, 1 to {LARGEST_ORDER}"
+        )
     different = np.unique(means).size
     if different < order + 1:
         raise CalibrationError(f"{different} different points are too few for the order {order}")

@@ -73,8 +73,8 @@ class AdhesiveBall(NamedTuple):
         return (1.0 - self.softness) * math.cbrt(size * dmt) + self.softness * math.cbrt(size * jkr)
 
     def friction(self, shear_strength: float | str) -> float:
-        """Bowden and Tabor's friction force [N], for a shear strength [Pa] of the contact."""
-        return to_si(shear_strength, "Pa", "shear_strength") * math.pi * self.contact_radius**2
+        """Bowden and Tabor's friction force [N], for a shear strength [Pa] of the contact, above 0."""
+        return _positive(shear_strength, "shear_strength") * math.pi * self.contact_radius**2
 
 
 def plastic_coefficient(shear_strength: float | str, hardness: float | str) -> float:
@@ -88,8 +88,11 @@ def plastic_coefficient(shear_strength: float | str, hardness: float | str) -> f
     Raises:
         QuantityError: not positive.
     """
-    shear, hard = to_si(shear_strength, "Pa", "shear_strength"), to_si(hardness, "Pa", "hardness")
-    for name, value in (("shear_strength", shear), ("hardness", hard)):
-        if not 0.0 < value < math.inf:
-            raise QuantityError(f"{name} = {value:g} Pa is out of range: it must be > 0 Pa")
-    return shear / hard
+    return _positive(shear_strength, "shear_strength") / _positive(hardness, "hardness")
+
+
+def _positive(value: float | str, field: str) -> float:
+    number = to_si(value, "Pa", field)
+    if not 0.0 < number < math.inf:
+        raise QuantityError(f"{field} = {number:g} Pa is out of range: it must be > 0 Pa")
+    return number

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import nnls
 
 from ..friction import MaxwellSlip
+from ..records import whole
 from ..units import QuantityError, array_si, to_si
 from .mindlin import Mindlin
 from .partial_slip import ExponentialContact
@@ -61,9 +62,8 @@ def maxwell_slip(contact: Mindlin | ExponentialContact, elements: int = 8) -> Ma
     Raises:
         QuantityError: no elements, or too many.
     """
-    if isinstance(elements, bool) or not 1 <= elements <= 1000 or elements % 1:
-        raise QuantityError(f"elements = {elements!r} is out of range: it must be a whole number, 1 to 1000")
-    share = np.arange(1, int(elements) + 1) / elements
+    elements = whole(elements, "elements", 1, 1000)
+    share = np.arange(1, elements + 1) / elements
     if isinstance(contact, Mindlin):  # as dense as the root of k(x)
         nodes = contact.presliding_distance * (1.0 - (1.0 - share) ** (4.0 / 3.0))
     else:
@@ -131,8 +131,10 @@ def of_loop(position: ArrayLike, force: ArrayLike, elements: int = 12) -> LoopEl
             are left out.
 
     Raises:
-        QuantityError: too few samples, no turn, or no force that follows the position.
+        QuantityError: too few samples, no turn, no force that follows the position, or fewer than two
+            elements.
     """
+    elements = whole(elements, "elements", 2, 1000)
     x, q = array_si(position, "m", "position"), array_si(force, "N", "force")
     if x.shape != q.shape or x.ndim != 1 or not np.all(np.isfinite(x) & np.isfinite(q)):
         raise QuantityError("position [m] and force [N] must be one finite value each per sample")
@@ -140,7 +142,7 @@ def of_loop(position: ArrayLike, force: ArrayLike, elements: int = 12) -> LoopEl
     longest = float(moved.max(initial=0.0))
     if moved.size < FEWEST or not longest > 0.0:
         raise QuantityError(f"position [m] must turn, with at least {FEWEST} samples after a turn")
-    slides = np.geomspace(longest * 1e-2, longest, int(elements))
+    slides = np.geomspace(longest * 1e-2, longest, elements)
     weights = nnls(np.minimum(moved[:, None], slides), carried)[0]
     kept = weights > NOTHING * weights.sum()
     if not np.any(kept):

@@ -13,12 +13,13 @@ push: exact at ν = 0 [johnson1985, sec. 7.2].
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..records import Quantity, record
+from ..records import Quantity, record, whole
 from ..units import QuantityError, array_si, to_si
 from .hertz import Hertz, Load, Modulus, Radius
 
@@ -75,15 +76,17 @@ class Mindlin(NamedTuple):
     def loop(self, amplitude: float | str, points: int = 101) -> tuple[Array, Array]:
         """Displacement [m] and force [N] of a closed loop between forces of ± `amplitude` [N]."""
         most = to_si(amplitude, "N", "amplitude")
-        up = np.linspace(-most, most, points)
+        up = np.linspace(-most, most, whole(points, "points", 2, 1_000_000))
         half = 2.0 * self.displacement(0.5 * (up + most)) - self.displacement(most)
         return np.append(half, -half), np.append(up, -up)
 
     def loss(self, amplitude: float | str) -> float:
         """Energy per cycle between forces of ± `amplitude` [N], in J: the area of the loop."""
         q = float(np.abs(self._share(to_si(amplitude, "N", "amplitude"))))
-        shape = 1.0 - (1.0 - q) ** (5.0 / 3.0) - 5.0 / 6.0 * q * (1.0 + (1.0 - q) ** (2.0 / 3.0))
-        return 4.8 * self.slip_force * self.presliding_distance * shape
+        # Of 1 - (1 - q)^(5/3) - 5/6 q (1 + (1 - q)^(2/3)) the cube of q in front, which rounding would take.
+        stuck = math.cbrt(1.0 - q)
+        shape = (q / (1.0 + stuck + stuck**2)) ** 3 * (1.0 + 3.0 * stuck + stuck**2)
+        return 0.8 * self.slip_force * self.presliding_distance * shape
 
     def _share(self, force: ArrayLike) -> Array:
         q = array_si(force, "N", "force") / self.slip_force

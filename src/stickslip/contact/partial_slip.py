@@ -19,6 +19,7 @@ alike (see `material`), one coefficient of friction everywhere, and constant P.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Annotated, NamedTuple
 
@@ -26,7 +27,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..records import Quantity, record
-from ..units import array_si, to_si
+from ..units import QuantityError, array_si, to_si
 from .hertz import Load
 from .mindlin import Coefficient
 
@@ -51,11 +52,14 @@ def backbone(
         stiffness_ratio: k_t/k_n of the bodies.
 
     Raises:
-        QuantityError: a value of another dimension.
+        QuantityError: a value of another dimension, or a coefficient or ratio that is not above 0.
     """
     approach = to_si(approach, "m", "approach")
     coefficient = to_si(friction_coefficient, "", "friction_coefficient")
     ratio = to_si(stiffness_ratio, "", "stiffness_ratio")
+    for name, value in (("friction_coefficient", coefficient), ("stiffness_ratio", ratio)):
+        if not 0.0 < value < math.inf:
+            raise QuantityError(f"{name} = {value:g} is out of range: it must be > 0")
     back = approach - ratio * array_si(displacement, "m", "displacement") / coefficient
     return coefficient * (np.asarray(load(np.array([approach])), float) - np.asarray(load(back), float))
 

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from ..estimate import Fit
 from ..estimate.shown import preformatted
 from ..friction import LuGre, MaxwellSlip
-from ..records import Quantity, did_you_mean
+from ..records import Quantity, did_you_mean, whole
 from ..units import QuantityError, optional_si, to_si, with_prefix
 from .asperities import GreenwoodWilliamson
 from .catalogue import FrictionPair
@@ -94,9 +94,9 @@ class ContactPrior:
         `simulate_ensemble` and `steady_steps`.
 
         Raises:
-            QuantityError: the contact says nothing of a parameter.
+            QuantityError: the contact says nothing of a parameter, or no count of draws.
         """
-        random = np.random.default_rng(seed)
+        count, random = whole(count, "count", 1, 1_000_000), np.random.default_rng(seed)
         return {
             name: of.value * of.factor ** random.standard_normal(count)
             for name, of in ((name, self._of(name)) for name in names or self.known)
@@ -236,10 +236,7 @@ def ball_prior(
     radius = to_si(radius, "m", "radius")
     holder = optional_si(holder_stiffness, "N/m", "holder_stiffness")
     theory = _THEORY.check(theory, "theory")
-    if isinstance(contacts, bool | str) or not 1 <= contacts <= 10_000 or contacts % 1:
-        raise QuantityError(
-            f"contacts = {contacts!r} is out of range: it must be a whole number, 1 to 10,000"
-        )
+    contacts = whole(contacts, "contacts", 1, 10_000)
     # n balls, each with its share, are one of n times the moduli: its radius of contact is that of each.
     bodies = pair.bodies
     contact = Mindlin(

@@ -20,6 +20,7 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.special import exprel
 
 from ..records import Quantity, record
 from ..units import QuantityError, array_si, optional_si, to_si
@@ -98,8 +99,8 @@ def self_affine(
     roots = []
     for power in (1, 3, 5):  # of q^power over the spectrum, which is 1 on its plateau
         flat = (q_r ** (power + 1) - q_l ** (power + 1)) / (power + 1)
-        left = power - 1.0 - 2.0 * hurst
-        fall = math.log(q_s / q_r) if left == 0.0 else (q_s**left - q_r**left) / left
+        left, ends = power - 1.0 - 2.0 * hurst, math.log(q_s / q_r)
+        fall = q_r**left * ends * float(exprel(left * ends))  # (q_s^left - q_r^left)/left
         roots.append(math.sqrt(flat + q_r ** (2.0 + 2.0 * hurst) * fall))
     slope, curvature = (height * root / roots[0] for root in roots[1:])
     return Roughness(height, slope, curvature, longest, shortest)

@@ -28,8 +28,11 @@ class RunningIn(NamedTuple):
     path: Annotated[float, Quantity("m", "s_0", "path in which 63 % of it happen", above=0)]
 
     def force(self, slid: ArrayLike) -> NDArray[np.float64]:
-        """F [N] after a path [m] of sliding."""
-        return self.last + (self.first - self.last) * np.exp(-array_si(slid, "m", "slid") / self.path)
+        """F [N] after a path [m] of sliding; raises QuantityError for one below 0."""
+        path = array_si(slid, "m", "slid")
+        if not np.all(path >= 0.0):
+            raise QuantityError("slid [m] is out of range: it must be >= 0 m")
+        return self.last + (self.first - self.last) * np.exp(-path / self.path)
 
 
 def worn_depth(
@@ -54,12 +57,16 @@ def worn_depth(
     }
     found = {name: to_si(value, unit, name) for name, (value, unit) in given.items()}
     for name, value in found.items():
-        if not value >= 0.0 or (name == "area" and value == 0.0):
+        if not 0.0 <= value < np.inf or (name == "area" and value == 0.0):
             raise QuantityError(f"{name} = {value:g} {given[name][1]} is out of range: it must be positive")
     return found["wear_rate"] * found["normal_force"] * found["slid"] / found["area"]
 
 
 def sliding_path(sliding_displacement: ArrayLike) -> float:
     """m, path of all sliding, there and back, of a simulation's or recording's sliding_displacement [m]; the
-    elastic presliding at each turn is in it, which wears nothing."""
-    return float(np.sum(np.abs(np.diff(array_si(sliding_displacement, "m", "sliding_displacement")))))
+    elastic presliding at each turn is in it, which wears nothing. Raises QuantityError for what are no finite
+    samples [n]."""
+    x = array_si(sliding_displacement, "m", "sliding_displacement")
+    if x.ndim != 1 or not np.all(np.isfinite(x)):
+        raise QuantityError(f"sliding_displacement [m] of the shape {x.shape} must be finite samples [n]")
+    return float(np.sum(np.abs(np.diff(x))))

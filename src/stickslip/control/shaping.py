@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..records import Quantity, record
 from ..rig.protocols import Controller
-from ..units import QuantityError, to_si
+from ..units import QuantityError, array_si, own_unit, to_si
 from .blocks import RATE, below_half
 
 Array = NDArray[np.float64]
@@ -59,11 +59,11 @@ class Shaper(NamedTuple):
         return found[: np.flatnonzero(found)[-1] + 1]
 
     def shaped(self, values: ArrayLike, rate: float | str) -> Array:
-        """Samples [n] at a rate [Hz], shaped; before the first they were like it. Raises QuantityError for
-        what is no such list, and as `taps`."""
-        given, taps = np.asarray(values, dtype=float), self.taps(rate)
-        if given.ndim != 1 or not given.size:
-            raise QuantityError(f"values of the shape {given.shape} must be samples [n], one at least")
+        """Samples [n] at a rate [Hz], shaped, in their own unit; before the first they were like it. Raises
+        QuantityError for what is no such list of finite numbers, and as `taps`."""
+        given, taps = array_si(values, own_unit(values), "values"), self.taps(rate)
+        if given.ndim != 1 or not given.size or not np.all(np.isfinite(given)):
+            raise QuantityError(f"values of the shape {given.shape} must be finite samples [n], one at least")
         return np.convolve(np.append(np.full(taps.size - 1, given[0]), given), taps, mode="valid")
 
 

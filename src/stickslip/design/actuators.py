@@ -10,7 +10,6 @@ import numpy as np
 
 from ..actuator import Actuator
 from ..progress import Progress, unheard, within
-from ..records import Quantity
 from ..simulation.varied import free_names
 from ..units import QuantityError, optional_si, unit_for, with_prefix
 from .built import Built, OptimisedActuator
@@ -23,7 +22,7 @@ from .scenarios import Conditions, Scenario, Uncertainty, conditions_of, own
 from .search import SHORTFALL, Index, Judge, Task, robust
 from .searched import Searched
 from .space import Space, built, check_conditions, space_of
-from .waveforms import check_counts, check_model, check_moves
+from .waveforms import check_counts, check_model, check_moves, least_of
 
 # Of a candidate: rise, frequency and swing of its sawtooth come first.
 DRIVE = 3
@@ -80,8 +79,8 @@ def optimise_actuator(
     first, *others = models.values()
     if any(one.rotary != first.rotary for one in others):
         raise QuantityError("model: some turn (rotary = true) and some slide: search each kind alone")
-    speed = _least(minimum_speed, unit_for(first, "m/s"), "minimum_speed")
-    hold = _least(holding_force, unit_for(first, "N"), "holding_force")
+    speed = least_of(minimum_speed, unit_for(first, "m/s"), "minimum_speed")
+    hold = least_of(holding_force, unit_for(first, "N"), "holding_force")
     low, high = optional_si(min_voltage, "V", "min_voltage"), optional_si(max_voltage, "V", "max_voltage")
     hertz, aim = frequencies(frequency), goal_of(goal)
     check_counts(budget=budget, draws=draws)
@@ -108,11 +107,6 @@ def optimise_actuator(
             )
         )
     return OptimisedActuator.of(found, aim)
-
-
-def _least(value: float | str | None, unit: str, field: str) -> float:
-    """What must be reached at least; 0 where nothing is asked for."""
-    return 0.0 if value is None else Quantity(unit, "", "it", minimum=0).check(value, field)
 
 
 def _of(limits: Any, name: str, models: Mapping[str, Actuator]) -> DriveLimits | None:
@@ -173,6 +167,7 @@ class _Search(NamedTuple):
             hold = with_prefix(self.holding_force, unit_for(self.space.model, "N"))
             raise QuantityError(f"holding_force = {hold} is not reached within the ranges of free")
         values, speeds = of.exactly(best.x[:DRIVE], found)
+        given.refuse_slow(speeds, self.name)
         progress("searching for an actuator", 1.0)
         return Built(
             self.name,

@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .information import Seen, covariance
+from .information import Seen, covariance, untold
 
 Array = NDArray[np.float64]
 Over = Literal["worst", "mean"]
@@ -17,6 +17,8 @@ Over = Literal["worst", "mean"]
 MOST_ROUNDS = 20
 # Sets that are begun with one candidate each, at most.
 MOST_BEGINS = 64
+# In the place of an infinite logarithm, for each combination of coordinates that is not told.
+UNTOLD = 1e6
 
 
 class Goal(NamedTuple):
@@ -53,6 +55,8 @@ def criterion(of: Seen, goal: Goal) -> Array:
 def score(of: Seen, goal: Goal, over: Over) -> Array:
     """What a choice lowers: the `criterion` at equal time, over the draws [draws, ...]."""
     found = criterion(of, goal) + 0.5 * np.log(of.duration)
+    # Of sets that do not tell the goal, that is nearest which leaves the fewest combinations untold.
+    found = np.where(np.isinf(found), UNTOLD * (1.0 + untold(of)), found)
     return np.max(found, axis=0) if over == "worst" else np.mean(found, axis=0)
 
 

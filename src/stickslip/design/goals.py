@@ -67,6 +67,10 @@ class StepSize(NamedTuple):
 
     label, unit, sign, moves = "distance from the step", "m", -1.0, True
 
+    @property
+    def direction(self) -> float:
+        return -1.0 if self.size < 0.0 else 1.0
+
     def of(self, shapes: Polygons, moved: Moved) -> Array:
         return np.abs(moved.steps - self.size)
 
@@ -123,6 +127,11 @@ OTHERS = {
 def extras_of(*goals: Any) -> tuple[str, ...]:
     """What goals need to know beside the net step."""
     return tuple(dict.fromkeys(name for goal in goals for name in getattr(goal, "extras", ())))
+
+
+def direction_of(goal: Any) -> float:
+    """+1 or -1: where a goal wants to go; one that asks for no motion towards +x."""
+    return getattr(goal, "direction", 1.0)
 
 
 def swings_of(goal: Any) -> tuple[float, ...]:

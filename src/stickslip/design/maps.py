@@ -17,6 +17,7 @@ from ..electronics.stack import Stack
 from ..estimate.posterior import Posterior
 from ..estimate.result import Fit
 from ..progress import Progress, unheard
+from ..records import whole
 from ..simulation.demand import UNITS, electrical_demand
 from ..simulation.errors import SimulationWarning
 from ..simulation.steady_members import CONVERGED
@@ -189,9 +190,7 @@ def _stored(store: Any, scheduler: str | None, extras: tuple[str, ...]) -> Store
 
 
 def _drawn(fit: Any, model: Actuator, grid: Grid, draws: int, seed: int) -> dict[str, Array]:
-    if not 40 <= draws <= 100_000:
-        raise QuantityError(f"draws = {draws} is out of range: 95 % intervals need 40 to 100,000")
-    drawn = drawn_parameters(fit, model, draws, seed)
+    drawn = drawn_parameters(fit, model, whole(draws, "draws", 40, 100_000), seed)  # 95 % intervals
     for name in drawn:
         if name in grid.columns:
             raise QuantityError(f"{name!r} varies over the map, and over the draws of the fit: only one can")

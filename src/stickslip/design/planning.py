@@ -14,7 +14,7 @@ from ..estimate import Fit
 from ..estimate.posterior import Posterior
 from ..identify.walk.experiments import PlannedWalk
 from ..progress import Progress, unheard
-from ..records import Quantity, did_you_mean
+from ..records import Quantity, did_you_mean, whole
 from ..rig import Limits
 from ..simulation.steady import steady_step
 from ..simulation.steady_derivatives import steady_step_derivatives
@@ -114,10 +114,7 @@ def plan_experiment(
     limits = limits or _limits_of(model)
     duration = _DURATION.check(duration, "duration")
     sample_rate = None if sample_rate is None else _SAMPLE_RATE.check(sample_rate, "sample_rate")
-    if isinstance(recordings, bool) or not 1 <= recordings <= 1000 or recordings % 1:
-        raise QuantityError(
-            f"recordings = {recordings!r} is out of range: it must be a whole number, 1 to 1000"
-        )
+    recordings = whole(recordings, "recordings", 1, 1000)
     if over not in ("worst", "mean"):
         raise QuantityError(f"over = {over!r} is out of range: it must be 'worst' or 'mean'")
     begin = start(model, free, channel, chain, sample_rate, noise)

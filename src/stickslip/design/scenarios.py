@@ -46,13 +46,18 @@ class Scenario:
     ) -> None:
         if not isinstance(name, str):
             raise QuantityError(f"Scenario.name = {name!r} must be a text; what differs is given by keyword")
+        if not isinstance(factors, Mapping | None):
+            raise QuantityError(f"Scenario.factors = {factors!r:.60} must be numbers by name")
         if not values and not factors:
             raise QuantityError("a Scenario says what differs, such as external_force='-0.1 N'")
         if twice := {*values} & {*(factors or {})}:
             raise QuantityError(f"Scenario.{min(twice)} is given a value and a factor")
+        factors = {
+            key: to_si(value, "", f"Scenario.factors[{key!r}]") for key, value in dict(factors or {}).items()
+        }
         text = [f"{key} {value}" for key, value in values.items()]
-        text += [f"{key} x {value:g}" for key, value in (factors or {}).items()]
-        for key, value in (("name", name or ", ".join(text)), ("values", values), ("factors", factors or {})):
+        text += [f"{key} x {value:g}" for key, value in factors.items()]
+        for key, value in (("name", name or ", ".join(text)), ("values", values), ("factors", factors)):
             object.__setattr__(self, key, value)
 
     def __repr__(self) -> str:
@@ -81,6 +86,8 @@ def conditions_of(
     Raises:
         QuantityError: a name that the model does not have, a value out of range.
     """
+    if isinstance(scenarios, Scenario | Mapping | str):
+        raise QuantityError(f"scenarios = {scenarios!r:.60} must be a list of them")
     cases: list[Scenario | None] = [None, *map(_scenario, scenarios)]
     rows = [(NOMINAL, dict[str, float]())]
     if uncertainty is not None:

@@ -12,9 +12,9 @@ import numpy as np
 from ..actuator import Actuator
 from ..electronics import driven_period
 from ..progress import Progress, within
-from ..units import QuantityError
+from ..units import QuantityError, unit_for, with_prefix
 from ..waveform.signal import Waveform
-from .goals import extras_of, swings_of
+from .goals import direction_of, extras_of, swings_of
 from .limits import Allowed
 from .moving import Moved, exactly, moved
 from .optimised import OptimisedWaveform
@@ -26,6 +26,8 @@ from .search import DOING, SHORTFALL, Best, Index, Judge, Task, robust
 # Of the scale of the goal: what the search keeps above the sawtooth, for coarser steps and the generator; and
 # how far below it is called no worse.
 MARGIN, NO_WORSE = 1e-3, 1e-6
+# Of the least speed, by which what is found may miss it.
+NEAR = 1e-3
 # Sawtooths that tell the scale of a goal.
 SAMPLES = 48
 
@@ -102,9 +104,22 @@ class Searched(NamedTuple):
         """More is better; below the least speed they are worse than anything above it."""
         merits = self.goal.sign * self.goal.of(shapes, moved)
         if self.minimum_speed:
-            short = np.maximum(self.minimum_speed - moved.steps / shapes.period[:, None], 0.0)
+            speeds = direction_of(self.goal) * moved.steps / shapes.period[:, None]
+            short = np.maximum(self.minimum_speed - speeds, 0.0)
             merits = merits - SHORTFALL * self.scale * short / self.minimum_speed
         return merits
+
+    def refuse_slow(self, speeds: Array, name: str = "") -> None:
+        """Raises QuantityError where speeds [conditions], m/s, fall short of the least one; `name`: whose."""
+        if not self.minimum_speed:
+            return
+        reached = float(np.quantile(direction_of(self.goal) * speeds, self.quantile))
+        if not reached >= self.minimum_speed * (1.0 - NEAR):
+            unit = unit_for(self.model, "m/s")
+            raise QuantityError(
+                f"minimum_speed = {with_prefix(self.minimum_speed, unit)} is not reached"
+                f"{f' by {name}' if name else ''}: what comes nearest moves at {with_prefix(reached, unit)}"
+            )
 
     def chosen(self, best: Best, sawtooth: Polygons, spent: int) -> OptimisedWaveform:
         """The best as it is played, or the sawtooth, where that is better anywhere."""
@@ -176,6 +191,7 @@ class Searched(NamedTuple):
     ) -> OptimisedWaveform:
         values = [self.goal.of(shapes[i], found.of(i))[0] for i in (k, saw)]
         speeds = [found.steps[i] / shapes[i].period[0] for i in (k, saw)]
+        self.refuse_slow(speeds[0])
         judge, which = Judge(self.quantile, None, self.scale), np.arange(found.steps.shape[1])
         worst = [float(self.goal.sign * judge.score(self.goal.sign * v[None], which)[0]) for v in values]
         return OptimisedWaveform(

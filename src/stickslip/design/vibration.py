@@ -8,9 +8,12 @@ response G of the stage without friction,
           G(i\omega) = \frac{\omega_0^2}{\omega_0^2 - \omega^2 + 2 i \zeta \omega_0 \omega}, \qquad
           \omega_n = \frac{2\pi n}{T}
 
-They fall with the square of the frequency beyond that of the stage. The friction of the contact is left out:
-it adds at most the Coulomb force to the load on the tip. Both goals are of the stage as it is given, the same
-under all conditions.
+They fall with the square of the frequency beyond that of the stage. In time it swings freely between corners,
+
+.. math:: \ddot a + 2\zeta\omega_0 \dot a + \omega_0^2 a = \omega_0^2 C \sum_k \Delta s_k\, \delta(t - t_k)
+
+so that its extremes are in closed form. The friction of the contact is left out: it adds at most the Coulomb
+force to the load on the tip. Both goals are of the stage as it is given, the same under all conditions.
 """
 
 from __future__ import annotations
@@ -27,22 +30,77 @@ from .moving import Moved
 from .polygons import Polygons
 
 Array = NDArray[np.float64]
-HARMONICS = 256
+# Harmonics, at least and at most; Hz, up to which all of them are heard.
+HARMONICS, MOST, HEARD = 256, 2**17, 20e3
+# Of the natural frequency, by which the poles of the stage differ at least.
+APART = 1e-6
 
 Gain = Annotated[float, Quantity("m/V", "C", "displacement of the stage per volt")]
 Frequency = Annotated[float, Quantity("rad/s", "ω_0", "natural frequency of the stage", above=0)]
 Damping = Annotated[float, Quantity("", "ζ", "damping ratio of the stage", above=0)]
 
 
-def acceleration(shapes: Polygons, gain: float, natural: float, damping: float) -> NDArray[np.complex128]:
-    """Harmonics 1 to `HARMONICS` of the stage's acceleration, m/s^2, [n, harmonics]; see the module."""
+def _corners(shapes: Polygons) -> Array:
+    """By how much the slope changes at each corner, V/s, [n, k]."""
     slopes = shapes.slopes()
-    corners = slopes - np.roll(slopes, 1, axis=1)
-    n = np.arange(1, HARMONICS + 1)
-    turns = np.exp(-2j * math.pi * shapes.shares[:, :, None] * n)
+    return slopes - np.roll(slopes, 1, axis=1)
+
+
+def audible(shapes: Polygons) -> int:
+    """How many harmonics of all the polygons are heard.
+
+    Raises:
+        QuantityError: too many, of a slow drive.
+    """
+    slowest = 1.0 / float(shapes.period.max())
+    if not slowest * MOST >= HEARD:
+        raise QuantityError(
+            f"frequency = {slowest:.3g} Hz is out of range: what is heard is told of drives of at least "
+            f"{HEARD / MOST:.3g} Hz"
+        )
+    return max(HARMONICS, math.ceil(HEARD / slowest))
+
+
+def acceleration(
+    shapes: Polygons, gain: float, natural: float, damping: float, count: int = HARMONICS
+) -> NDArray[np.complex128]:
+    """Harmonics 1 to `count` of the stage's acceleration, m/s^2, [n, count]; see the module."""
+    n = np.arange(1, count + 1)
+    lines = [
+        jumps @ np.exp(-2j * math.pi * shares[:, None] * n)
+        for jumps, shares in zip(_corners(shapes), shapes.shares, strict=True)
+    ]
     omega = 2.0 * math.pi * n / shapes.period[:, None]
     response = natural**2 / (natural**2 - omega**2 + 2j * damping * natural * omega)
-    return gain * response * np.einsum("mk,mkn->mn", corners, turns) / shapes.period[:, None]
+    return gain * response * np.array(lines) / shapes.period[:, None]
+
+
+def least_acceleration(shapes: Polygons, gain: float, natural: float, damping: float) -> Array:
+    """The least value of the stage's acceleration over a period, m/s^2, [n]; see the module."""
+    root = np.emath.sqrt(damping**2 - 1.0)
+    root = root if abs(root) > APART else APART
+    poles = natural * np.array([root - damping, -root - damping], dtype=complex)
+    sides = np.diff(shapes.shares, append=1.0) * shapes.period[:, None]
+    # Each corner sets both parts c exp(p t) going by as much, with opposite signs; those of all earlier
+    # periods add up to what closes the period.
+    kick = natural**2 * gain / (poles[0] - poles[1]) * np.array([1.0, -1.0])
+    jumps, fades = _corners(shapes)[..., None] * kick, np.exp(sides[..., None] * poles)
+    parts = np.zeros((len(sides), 2), dtype=complex)
+    for k in range(sides.shape[1]):
+        parts = (parts + jumps[:, k]) * fades[:, k]
+    parts = parts / -np.expm1(shapes.period[:, None] * poles)
+    least = np.full(len(sides), math.inf)
+    swing = 2.0 * math.pi / abs((poles[0] - poles[1]).imag) if damping < 1.0 else math.inf
+    for k in range(sides.shape[1]):
+        parts = parts + jumps[:, k]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            turned = np.log(-parts[:, 1] * poles[1] / (parts[:, 0] * poles[0])) / (poles[0] - poles[1])
+            first = np.nan_to_num(np.mod(turned.real, swing))
+        for at in (np.zeros(len(sides)), first, first + swing):
+            at = np.minimum(at, sides[:, k])
+            least = np.minimum(least, (parts * np.exp(at[:, None] * poles)).sum(axis=1).real)
+        parts = parts * fades[:, k]
+    return least
 
 
 def a_weighting(frequency: Array) -> Array:
@@ -84,10 +142,8 @@ class TipLoad(NamedTuple):
         return cls(mass=model.stage_mass, **_stage_of(model))
 
     def of(self, shapes: Polygons, moved: Moved) -> Array:
-        harmonics = acceleration(shapes, self.gain, self.natural_frequency, self.damping_ratio)
-        spectrum = np.pad(harmonics, ((0, 0), (1, 0))) * 2.0 * HARMONICS
-        along = math.copysign(1.0, self.gain) * np.fft.irfft(spectrum, 2 * HARMONICS, axis=1)
-        tension = self.mass * np.maximum(-along.min(axis=1), 0.0)
+        along = least_acceleration(shapes, abs(self.gain), self.natural_frequency, self.damping_ratio)
+        tension = self.mass * np.maximum(-along, 0.0)
         return np.broadcast_to(tension[:, None], moved.steps.shape)
 
 
@@ -112,7 +168,8 @@ class Noise(NamedTuple):
         return cls(**_stage_of(model))
 
     def of(self, shapes: Polygons, moved: Moved) -> Array:
-        harmonics = acceleration(shapes, self.gain, self.natural_frequency, self.damping_ratio)
-        heard = a_weighting(np.arange(1, HARMONICS + 1) / shapes.period[:, None]) * np.abs(harmonics)
+        count = audible(shapes)
+        harmonics = acceleration(shapes, self.gain, self.natural_frequency, self.damping_ratio, count)
+        heard = a_weighting(np.arange(1, count + 1) / shapes.period[:, None]) * np.abs(harmonics)
         loud = np.sqrt(2.0 * np.sum(heard**2, axis=1))
         return np.broadcast_to(loud[:, None], moved.steps.shape)

@@ -9,6 +9,7 @@ from ..actuator import Actuator
 from ..estimate.posterior import Posterior
 from ..estimate.result import Fit
 from ..progress import Progress, unheard
+from ..records import Quantity
 from ..units import QuantityError, optional_si, to_si, unit_for
 from .goals import goal_of
 from .limits import DriveLimits, Generator, allowed, frequencies
@@ -63,7 +64,8 @@ def optimise_waveform(
         scenarios: loads, detunings; see `Scenario`.
         uncertainty: `draws` of the posterior, of the fit, or of arrays by name are conditions too.
         quantile: of the conditions, in place of the worst: 0.05, say.
-        minimum_speed: m/s, in every condition; needed by goals that would stand still.
+        minimum_speed: m/s, in every condition (at the quantile, where one is asked for), towards +x or where
+            the goal goes; needed by goals that would stand still.
         budget: candidates of the first search; later ones, with more conditions, take a sixth.
         seed: of search and draws: the same seed, the same drive.
         threads: how many; all processors if left out.
@@ -75,10 +77,11 @@ def optimise_waveform(
 
     Raises:
         QuantityError: no goal, limits that exclude every drive, an unknown name in a scenario or in the
-            uncertainty, a model or a number that will not do, or no drive with a steady motion.
+            uncertainty, a model or a number that will not do, no drive with a steady motion, or none that
+            reaches the least speed.
     """
     model, uncertainty = _model_of(model, uncertainty)
-    speed = optional_si(minimum_speed, unit_for(model, "m/s"), "minimum_speed") or 0.0
+    speed = least_of(minimum_speed, unit_for(model, "m/s"), "minimum_speed")
     low, high = optional_si(min_voltage, "V", "min_voltage"), optional_si(max_voltage, "V", "max_voltage")
     share, hertz = to_si(quantile, "", "quantile"), frequencies(frequency)
     aim = goal_of(goal)
@@ -112,6 +115,11 @@ def check_model(model: Any) -> None:
         raise QuantityError(f"model = {model!r:.60} must be an actuator, or the fit of one")
     if model.clamped:
         raise QuantityError("a clamped end-effector does not step: give a model with clamped=False")
+
+
+def least_of(value: float | str | None, unit: str, field: str) -> float:
+    """What must be reached at least; 0 where nothing is asked for."""
+    return 0.0 if value is None else Quantity(unit, "", "it", minimum=0).check(value, field)
 
 
 def check_moves(model: Actuator, goal: Any, speed: float) -> None:

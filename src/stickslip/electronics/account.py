@@ -18,7 +18,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from ..units import QuantityError, optional_si, to_si, with_prefix
+from ..units import QuantityError, array_si, optional_si, to_si, with_prefix
 from ..waveform.signal import Waveform
 from .cycles import lost_power
 from .lines import jumps, lines_of
@@ -90,10 +90,14 @@ def electrical(
     volts_off = to_si(tolerance, "V", "tolerance")
     if not volts_off > 0.0:
         raise QuantityError(f"tolerance = {volts_off:g} V is out of range: it must be > 0 V")
+    if not isinstance(stack, Stack):
+        raise QuantityError(f"stack = {stack!r:.60} must be an electronics.Stack")
+    if not isinstance(dependence, TemperatureDependence | None):
+        raise QuantityError(f"dependence = {dependence!r:.60} must be an electronics.TemperatureDependence")
     at, volts = _closer(*_points(source, seconds, volts_off), _WARMING * stack.time_constant)
     told = slice(None)
     if times is not None:
-        at, volts, told = _and_at(at, volts, np.asarray(times, dtype=float))
+        at, volts, told = _and_at(at, volts, array_si(times, "s", "times"))
     step = np.diff(at)
     cold = lost_power(at, volts, stack.cycle_loss)
     lasted = float(at[-1] - at[0])
@@ -142,6 +146,8 @@ def _points(source: Any, duration: float | None, tolerance: float) -> tuple[Arra
     """Times [s] and voltages of the run, joined by lines."""
     if isinstance(source, Mapping):
         return _samples(source)
+    if not hasattr(source, "drive"):
+        raise QuantityError(f"source = {source!r:.60} must be a waveform in V, or a recording")
     duration = source.duration if duration is None else duration
     if duration is None or not 0.0 < duration < math.inf:
         raise QuantityError(f"duration = {duration} s: of a waveform it must be said, > 0 s and finite")
@@ -172,7 +178,7 @@ def _closer(times: Array, volts: Array, farthest: float) -> tuple[Array, Array]:
 
 def _and_at(times: Array, volts: Array, wanted: Array) -> tuple[Array, Array, Any]:
     """The points, more on the lines at the times wanted, and where these stand."""
-    if wanted.ndim != 1 or not wanted.size or np.any(np.diff(wanted) <= 0.0):
+    if wanted.ndim != 1 or not wanted.size or not np.all(np.diff(wanted) > 0.0):
         raise QuantityError("times [s] must be a list of numbers that ascend")
     if not (times[0] <= wanted[0] and wanted[-1] <= times[-1]):
         raise QuantityError(
@@ -192,12 +198,12 @@ def _samples(recording: Any) -> tuple[Array, Array]:
             "the trajectory has the charge and current of its own piezo (a MaxwellCapacitor), which are not "
             "those of a stack: give its time and drive_voltage alone, trajectory[['drive_voltage']]"
         )
-    unit = getattr(recording["drive_voltage"], "attrs", {}).get("units", "V")
-    if unit != "V":
-        raise QuantityError(f"drive_voltage is in {unit}: it must be in V")
-    times, volts = (np.asarray(recording[name], dtype=float) for name in ("time", "drive_voltage"))
-    if times.ndim != 1 or times.shape != volts.shape or times.size < 2 or np.any(np.diff(times) <= 0.0):
+    times = array_si(recording["time"], "s", "time")
+    volts = array_si(recording["drive_voltage"], "V", "drive_voltage")
+    if times.ndim != 1 or times.shape != volts.shape or times.size < 2:
         raise QuantityError(f"time and drive_voltage must be two or more samples each, {times.size} came")
+    if not np.all(np.diff(times) > 0.0):
+        raise QuantityError("time [s] must ascend, and be finite")
     bad = np.flatnonzero(~np.isfinite(volts))
     if bad.size:
         raise QuantityError(

@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..records import Quantity, record
-from ..units import QuantityError, to_si
+from ..units import QuantityError, array_si, to_si
 from .charging import ChargingLimits, charged, rest
 
 CAPACITANCE = Quantity("F", "C_p", "capacitance of the piezo", above=0)
@@ -86,7 +86,10 @@ def small_signal_bandwidth(amplifier: Amplifier, capacitance: float | str) -> fl
 
 
 def limits(amplifier: Amplifier, farad: float) -> ChargingLimits:
-    """What the kernel needs to know of an amplifier and the capacitance [F] that it charges."""
+    """What the kernel needs to know of an amplifier and the capacitance [F] that it charges; raises
+    QuantityError for what is no amplifier."""
+    if not isinstance(amplifier, Amplifier):
+        raise QuantityError(f"amplifier = {amplifier!r:.60} must be an electronics.Amplifier")
     tau = 0.5 / (math.pi * amplifier.bandwidth) + amplifier.output_resistance * farad
     peak, steady = amplifier.max_current, min(amplifier.rms_current, amplifier.max_current)
     memory = math.inf
@@ -130,7 +133,7 @@ def amplifier_output(
     farad = CAPACITANCE.check(capacitance, "capacitance")
     rate = _RATE.check(sample_rate, "sample_rate")
     of = limits(amplifier, farad)
-    asked = np.asarray(volts, dtype=float)
+    asked = array_si(volts, "V", "volts")
     if asked.ndim != 1 or not asked.size or not np.all(np.isfinite(asked)):
         raise QuantityError(f"volts [V] must be one row of finite values, at least one: {volts!r:.60}")
     targets = np.clip(amplifier.gain * asked + amplifier.offset, amplifier.low, amplifier.high)

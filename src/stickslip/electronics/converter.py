@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..records import Quantity, record
-from ..units import QuantityError
+from ..units import QuantityError, array_si
 
 Bits = Annotated[float, Quantity("", "b", "number of bits", minimum=1, maximum=32)]
 Low = Annotated[float, Quantity("V", "u_low", "voltage of the lowest code")]
@@ -72,14 +72,14 @@ class Adc(NamedTuple):
 
 def dac_output(dac: Dac, numbers: ArrayLike) -> NDArray[np.float64]:
     """The voltages that come out for the numbers that a program writes, V, of the same shape."""
-    steps = (np.asarray(numbers, dtype=float) * dac.gain - dac.low) / dac.step
+    steps = (array_si(numbers, "", "numbers") * dac.gain - dac.low) / dac.step
     # A number computed for a step may fall short of it by rounding.
     return _at_steps(dac, np.floor(steps + 1e-6) if dac.truncates else np.rint(steps))
 
 
 def adc_output(adc: Adc, volts: ArrayLike) -> NDArray[np.float64]:
     """The voltages as the converter's codes stand for them, V, of the same shape."""
-    return _at_steps(adc, np.rint((np.asarray(volts, dtype=float) - adc.low) / adc.step))
+    return _at_steps(adc, np.rint((array_si(volts, "V", "volts") - adc.low) / adc.step))
 
 
 def _at_steps(converter: Dac | Adc, steps: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -68,10 +68,10 @@ def driven(
     if not 0.0 < duration < math.inf:
         raise QuantityError(f"duration = {duration:g} s is out of range: it must be > 0 s, and finite")
     of = limits(amplifier, farad)
+    period = _endless(waveform)
     if _follows(of, amplifier, waveform):
         return waveform
     tolerance = _for_lines(of, tolerance)
-    period = _endless(waveform)
     if period is None or duration < 2.0 * period:
         asked = _asked(of, amplifier, waveform, duration, tolerance)
         return Sampled(*_answer(of, asked, rest(asked.before), tolerance))
@@ -120,7 +120,9 @@ def _for_lines(of: ChargingLimits, tolerance: float) -> float:
 
 
 def _endless(waveform: Waveform) -> float | None:
-    """The period of a waveform that repeats for ever, s."""
+    """The period of a waveform that repeats for ever, s; raises QuantityError for what is no waveform."""
+    if not hasattr(waveform, "drive"):
+        raise QuantityError(f"waveform = {waveform!r:.60} must be a waveform in V")
     period = getattr(waveform, "period", None)
     return period if period is not None and math.isinf(waveform.duration) else None
 

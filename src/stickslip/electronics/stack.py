@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..records import Quantity, record
-from ..units import QuantityError, with_prefix
+from ..units import QuantityError, array_si, with_prefix
 
 Array = NDArray[np.float64]
 
@@ -59,7 +59,7 @@ class Stack(NamedTuple):
 
     def cycle_loss(self, swing: ArrayLike) -> Array:
         """What a closed cycle of this swing [V] loses, J, in an array of its shape."""
-        u = np.abs(np.asarray(swing, dtype=float))
+        u = np.abs(array_si(swing, "V", "swing"))
         more = 1.0 + (self.loss_factor - 1.0) * u / self.full_voltage
         return 0.25 * math.pi * self.capacitance * self.loss_tangent * more * u * u
 
@@ -100,10 +100,7 @@ class TemperatureDependence(NamedTuple):
 
     def _above(self, temperature: float | str | ArrayLike) -> Array:
         """K above the reference."""
-        one = isinstance(temperature, str | float | int)
-        kelvin = np.asarray(
-            TEMPERATURE.check(temperature, "temperature") if one else temperature, dtype=float
-        )
+        kelvin = array_si(temperature, "K", "temperature")
         if not np.all((kelvin >= self.low) & (kelvin <= self.high)):
             worst = float(kelvin.flat[np.argmax(np.abs(kelvin - 0.5 * (self.low + self.high)))])
             raise QuantityError(

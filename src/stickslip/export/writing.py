@@ -17,9 +17,11 @@ def whole(out: str | os.PathLike[str]) -> Iterator[Path]:
     """A new folder to write into, which becomes `out` at the end, or nothing if something goes wrong.
 
     Raises:
-        ExportError: `out` exists already, or cannot be made.
+        ExportError: `out` is no path, exists already, or cannot be made.
         OSError: something in it cannot be written; names `out`.
     """
+    if not isinstance(out, str | os.PathLike):
+        raise ExportError(f"out = {out!r:.60} must be the path of the folder to make")
     target = Path(out)
     if target.exists() or target.is_symlink():
         raise ExportError(f"{target} exists already; nothing was written")

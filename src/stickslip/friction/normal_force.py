@@ -33,7 +33,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._jit import inlined
 from ..records import Quantity, record
-from ..units import QuantityError
+from ..units import QuantityError, array_si
 
 
 @record
@@ -71,7 +71,7 @@ class NormalForce(NamedTuple):
         Raises:
             QuantityError: there the contact has lifted off.
         """
-        x = np.asarray(position, float)
+        x = array_si(position, "m", "position")
         found = np.array([_along(self, one)[0] for one in x.ravel().tolist()]).reshape(x.shape)
         if not np.all(found > 0.0):
             where = float(x[~(found > 0.0)].ravel()[0])

@@ -24,6 +24,7 @@ from .._jit import compiled, kernel
 from ..records import Quantity, record
 from ..units import QuantityError
 from .duhem import output, register, rested
+from .operators import REST, samples
 
 Array = NDArray[np.float64]
 
@@ -58,22 +59,25 @@ class BoucWen(NamedTuple):
 
     def at_rest(self, drive: float) -> float:
         """H [V] at a drive value [V] that was reached from 0 V, without turning back."""
-        return float(drive) - rested(self, drive)
+        return float(self.output([drive], drive)[0])
 
-    def output(self, drive: ArrayLike, rest: float = 0.0) -> Array:
+    def output(self, drive: ArrayLike, rest: float | str = 0.0) -> Array:
         """H[u] [V], shape (n,), of samples of a drive [V] between which it does not turn back.
 
         Args:
             drive: shape (n,).
             rest: V at which it rested before the first sample, reached from 0 V.
+
+        Raises:
+            QuantityError: a sample, or rest, is no finite voltage.
         """
         return output(self, drive, rest)
 
-    def inverse(self, wanted: ArrayLike, rest: float = 0.0) -> Array:
-        """The drive [V], shape (n,), for which `output` is as wanted [V]."""
-        w = np.ascontiguousarray(wanted, dtype=float)
+    def inverse(self, wanted: ArrayLike, rest: float | str = 0.0) -> Array:
+        """The drive [V], shape (n,), for which `output` is as wanted [V]. Raises QuantityError as that."""
+        w, at = samples(wanted, "wanted"), REST.check(rest, "rest")
         found = np.empty(w.size)
-        bouc_wen_inverse(self, w, float(rest), rested(self, rest), found)
+        bouc_wen_inverse(self, w, at, rested(self, at), found)
         return found
 
 

@@ -62,8 +62,8 @@ class Creep(NamedTuple):
 
 def spread(begin: float, end: float) -> Array:
     """Time constants [s], evenly over the decades between two times."""
-    if not 0.0 < begin < end:
-        raise QuantityError(f"creep from {begin:g} s to {end:g} s is out of range: 0 s < begin < end")
+    if not 0.0 < begin < end < math.inf:
+        raise QuantityError(f"creep from {begin:g} s to {end:g} s is out of range: 0 s < begin < end, finite")
     count = max(FEWEST, round(PER_DECADE * float(np.log10(end / begin))))
     return begin * 10 ** ((np.arange(count) + 0.5) * np.log10(end / begin) / count)
 
@@ -114,11 +114,10 @@ def before_creep(lags, times, values, shares, x, out):
         known, slope = 0.0, 1.0
         for i in range(lags.tau.size):
             tau = lags.tau[i]
-            decay = np.exp(-step / tau)
-            late = tau * (1.0 - decay) / step  # of a line from 0 to 1 within the step, what the lag is behind
-            x[i] = decay * x[i] + (late - decay) * out[k - 1]
+            along = lag_change(tau, step, 0.0, 0.0, 1.0)  # with a line from 0 to 1 within the step
+            x[i] += lag_change(tau, step, x[i], out[k - 1], 0.0)
             known += shares[i] * x[i]
-            slope += shares[i] * (1.0 - late)
+            slope += shares[i] * along
         out[k] = (values[k] - known) / slope
         for i in range(lags.tau.size):
-            x[i] += (1.0 - lags.tau[i] * (1.0 - np.exp(-step / lags.tau[i])) / step) * out[k]
+            x[i] += lag_change(lags.tau[i], step, 0.0, 0.0, 1.0) * out[k]

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import registry
 from .._jit import compiled, kernel, overload, record_class
-from ..units import to_si
+from .operators import REST, samples
 
 Array = NDArray[np.float64]
 
@@ -190,9 +190,9 @@ def output(model: Any, drive: ArrayLike, rest: float | str = 0.0) -> Array:
         rest: V at which it rested before the first sample, reached from 0 V.
 
     Raises:
-        QuantityError: rest is no voltage.
+        QuantityError: a sample, or rest, is no finite voltage.
     """
-    at, u = to_si(rest, "V", "rest"), np.ascontiguousarray(drive, dtype=float)
+    at, u = REST.check(rest, "rest"), samples(drive, "drive")
     found = np.empty(u.size)
     duhem_response(model, u, at, rested(model, at), found)
     return found

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from .. import registry
 from ..records import Quantity, record
-from ..units import QuantityError
+from ..units import QuantityError, to_si
 from .operators import Operators
 from .prandtl_ishlinskii import PrandtlIshlinskii
 
@@ -85,7 +85,11 @@ class MaxwellCapacitor(NamedTuple):
 
     @classmethod
     def of_plays(
-        cls, plays: PrandtlIshlinskii, capacitance: float, gain: float, stiffness: float
+        cls,
+        plays: PrandtlIshlinskii,
+        capacitance: float | str,
+        gain: float | str,
+        stiffness: float | str,
     ) -> MaxwellCapacitor:
         """The two-port whose unloaded stage follows a slow voltage as the plays say.
 
@@ -99,23 +103,26 @@ class MaxwellCapacitor(NamedTuple):
         Raises:
             QuantityError: such plays there are none, or the gain or stiffness is not above 0.
         """
+        if not isinstance(plays, PrandtlIshlinskii):
+            raise QuantityError(f"plays = {plays!r:.60} must be a PrandtlIshlinskii")
+        farad, gain = to_si(capacitance, "F", "capacitance"), to_si(gain, "m/V", "gain")
+        stiffness = to_si(stiffness, "N/m", "stiffness")
         r, w = np.array(plays.thresholds), np.array(plays.weights)
         if plays.dead_zones or r[0] != 0.0 or abs(w.sum() - 1.0) > 1e-9 or r.size < 2:
             raise QuantityError(
                 "a MaxwellCapacitor is made of plays [V] with one of threshold 0 and one above it, without "
                 f"dead zones, whose weights sum to 1; these sum to {w.sum():.6g}"
             )
-        if not (gain > 0.0 and stiffness > 0.0 and capacitance > 0.0):
+        if not (gain > 0.0 and stiffness > 0.0 and farad > 0.0):
             raise QuantityError(
-                f"capacitance = {capacitance} F, gain = {gain} m/V and stiffness = {stiffness} N/m "
-                "must be > 0"
+                f"capacitance = {farad} F, gain = {gain} m/V and stiffness = {stiffness} N/m must be > 0"
             )
         slope = np.cumsum(w)  # of the plays on their first way, between the thresholds
         wanted = np.cumsum(np.diff(r) * slope[:-1])  # their output where each is taken along
-        charge = capacitance + gain**2 * stiffness  # per volt of that output
+        charge = farad + gain**2 * stiffness  # per volt of that output
         lost = -np.diff(1.0 / slope)
         return cls(
-            capacitance,
+            farad,
             tuple((lost / charge)[lost > 0.0].tolist()),
             tuple((lost * wanted)[lost > 0.0].tolist()),
         )

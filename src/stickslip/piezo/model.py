@@ -38,4 +38,5 @@ class Piezo(NamedTuple):
     def resting_at(self, wanted: float) -> float:
         """The voltage [V], reached from 0 V, at which both give `wanted` [V] for ever."""
         share = 1.0 + (sum(self.creep.shares) if self.creep is not None else 0.0)
-        return float(self.hysteresis.inverse([wanted / share])[0])
+        level = wanted / share
+        return level if self.hysteresis is None else float(self.hysteresis.inverse([level])[0])

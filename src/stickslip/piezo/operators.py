@@ -18,12 +18,15 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from .._jit import compiled, kernel
+from ..records import Quantity
+from ..units import QuantityError, array_si
 
 Array = NDArray[np.float64]
 
+REST = Quantity("V", "u", "voltage at which it rested")
 # Relative; a play that is nearer to its edge than that is on it.
 ROUNDING = 1e-13
 # Corners on one way, each of which is passed once; against loops without an end.
@@ -39,6 +42,21 @@ class Operators(NamedTuple):
     zone: Array
     slope: Array
     skew: Array
+
+
+def samples(values: ArrayLike, field: str) -> Array:
+    """Samples [n] in V, numbers or what has units.
+
+    Raises:
+        QuantityError: another unit, no list of numbers, or one that is not finite.
+    """
+    volts = np.ascontiguousarray(array_si(values, "V", field))
+    if volts.ndim != 1:
+        raise QuantityError(f"{field} [V] of the shape {volts.shape} must be samples [n]")
+    bad = np.flatnonzero(~np.isfinite(volts))
+    if bad.size:
+        raise QuantityError(f"{field}[{bad[0]}] = {volts[bad[0]]} V is not finite")
+    return volts
 
 
 @compiled
@@ -116,14 +134,25 @@ def states(plays, drive, z, out):
 
 
 @compiled
+def lacking(plays, v, z, i, up):
+    """How far what the plays see has to go on from v, in the direction of `up`, until it takes play i along;
+    0 where it does: within the rounding of the greatest number that v is a sum of."""
+    r, count = plays.threshold[i], plays.zone.size
+    most = abs(v) + r
+    if count > 0:
+        most += max(abs(plays.zone[0]), abs(plays.zone[count - 1]))
+    way = up * (z[i] - v) + r
+    return way if way > ROUNDING * most else 0.0
+
+
+@compiled
 def next_corner(plays, u, z, up):
     """The next drive value beyond u, in the direction of `up` (1.0 or -1.0), at which H bends; infinite if
     there is none."""
-    corner = math.inf
+    corner, v = math.inf, skewed(plays, u)
     for i in range(z.size):
-        at = up * unskewed(plays, z[i] + up * plays.threshold[i])  # where this play is taken along
-        if at > up * u + ROUNDING * (abs(u) + plays.threshold[i]):
-            corner = min(corner, at)
+        if lacking(plays, v, z, i, up) > 0.0:
+            corner = min(corner, up * unskewed(plays, z[i] + up * plays.threshold[i]))
     for j in range(plays.zone.size):
         if up * plays.zone[j] > up * u:
             corner = min(corner, up * plays.zone[j])
@@ -136,7 +165,7 @@ def steepness(plays, u, z, up):
     along, beside, share = 0.0, 0.0, 1.0
     v = skewed(plays, u)
     for i in range(z.size):
-        if up * (v - z[i]) >= plays.threshold[i] - ROUNDING * (abs(u) + plays.threshold[i]):
+        if lacking(plays, v, z, i, up) == 0.0:
             along += plays.weight[i]
     for j in range(plays.zone.size):
         if u > plays.zone[j] or (up > 0.0 and u == plays.zone[j]):
@@ -159,13 +188,12 @@ def solved(plays, u, z, wanted):
             u += missing / slope
             missing = 0.0
         elif math.isinf(corner) or slope < 0.0:
-            u = math.nan
             break
         else:
             missing -= slope * (corner - u)
             u = corner
         taken_along(plays, u, z)
-    return u
+    return u if missing == 0.0 else math.nan
 
 
 @kernel

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from .. import registry
 from ..records import Quantity, record
 from ..units import QuantityError
-from .operators import Operators, inverse, response, skewed, unskewed
+from .operators import REST, Operators, inverse, response, samples, skewed, unskewed
 
 Array = NDArray[np.float64]
 
@@ -102,31 +102,34 @@ class PrandtlIshlinskii(NamedTuple):
         along = [unskewed(plays, v) for v in self.rested(drive) + up * plays.threshold]
         return np.append(along, plays.zone)
 
-    def output(self, drive: ArrayLike, rest: float = 0.0) -> Array:
+    def output(self, drive: ArrayLike, rest: float | str = 0.0) -> Array:
         """H[u] [V], shape (n,), of samples of a drive [V] between which it does not turn back.
 
         Args:
             drive: shape (n,).
             rest: V at which it rested before the first sample, reached from 0 V.
+
+        Raises:
+            QuantityError: a sample, or rest, is no finite voltage.
         """
-        u = np.ascontiguousarray(drive, dtype=float)
+        u, at = samples(drive, "drive"), REST.check(rest, "rest")
         found = np.empty(u.size)
-        response(self.operators, u, self.rested(rest), found)
+        response(self.operators, u, self.rested(at), found)
         return found
 
     def at_rest(self, drive: float) -> float:
         """H [V] at a drive value [V] that was reached from 0 V, without turning back."""
         return float(self.output([drive], drive)[0])
 
-    def inverse(self, wanted: ArrayLike, rest: float = 0.0) -> Array:
+    def inverse(self, wanted: ArrayLike, rest: float | str = 0.0) -> Array:
         """The drive [V], shape (n,), for which `output` is as wanted [V].
 
         Raises:
-            QuantityError: no drive gives it.
+            QuantityError: no drive gives it, or as `output`.
         """
-        w = np.ascontiguousarray(wanted, dtype=float)
+        w, at = samples(wanted, "wanted"), REST.check(rest, "rest")
         found = np.empty(w.size)
-        inverse(self.operators, w, float(rest), self.rested(rest), found)
+        inverse(self.operators, w, at, self.rested(at), found)
         if not np.all(np.isfinite(found)):
             k = int(np.argmin(np.isfinite(found)))
             raise QuantityError(f"no drive voltage gives the sample {k} of what is wanted, {w[k]:g} V")

@@ -31,7 +31,7 @@ from .members import (
     own_tables,
     prepared,
 )
-from .models import checked_drive, contact_load
+from .models import checked_drive, contact_load, refuse_no_waveform
 from .refinement import FINER, LOOSE, MOST_STEPS, PER_DIFFERENCE, PER_NUMBER, ROUNDS
 from .trajectory import checked_tolerance, sample_times
 
@@ -113,6 +113,7 @@ def simulate_ensemble(
     duration = optional_si(duration, "s", "duration")
     sample_rate = optional_si(sample_rate, "Hz", "sample_rate")
     varied = checked_columns(model, waveform, parameters)
+    refuse_no_waveform(waveform)
     count = next(iter(varied.values())).size
     wanted = np.zeros(0)
     if times is not None or sample_rate is not None:

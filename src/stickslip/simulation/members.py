@@ -16,7 +16,7 @@ from ..actuator import Actuator
 from ..piezo.model import Piezo
 from ..plant.generated import with_values as plant_with
 from ..plant.system import Plant, values_of
-from ..records import did_you_mean, quantities, quantities_within
+from ..records import did_you_mean, quantities, quantities_within, whole
 from ..units import QuantityError, array_si
 from ..waveform.drive import Drive
 from ..waveform.members import Drives, stacked
@@ -157,7 +157,8 @@ def in_blocks(
     work: Callable[[dict[str, NDArray[np.float64]]], T], columns: Columns, size: int, threads: int | None
 ) -> Iterator[tuple[int, T]]:
     """What `work` makes of blocks of members, in order, a bounded number of them at work."""
-    count, threads = next(iter(columns.values())).size, threads or os.cpu_count() or 1
+    count = next(iter(columns.values())).size
+    threads = (os.cpu_count() or 1) if threads is None else whole(threads, "threads", 1, 4096)
     # Of few members, each thread gets some.
     size = max(1, min(size, -(-count // threads)))
     starts = range(0, count, size)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import registry
 from ..records import Quantity
-from ..units import QuantityError, to_si
+from ..units import QuantityError, array_si
 from .drive import Drive
 from .pieces import cut, polynomials, repeat_table, wrapped
 from .signal import Unit, breaks_within, check_unit, slope_at, value_at
@@ -84,9 +84,9 @@ class Sampled:
         """
         if name not in recording:
             raise QuantityError(f"the recording has no {name!r}; it has {', '.join(map(str, recording))}")
-        times = np.asarray(recording["time"], dtype=float)
+        times = array_si(recording["time"], "s", "time")
         unit = recording[name].attrs.get("units", "no unit")
-        return cls(times - times[:1], np.asarray(recording[name]), interpolation, unit)
+        return cls(times - times[:1], recording[name], interpolation, unit)
 
     @property
     def duration(self) -> float:
@@ -114,13 +114,7 @@ class Sampled:
 
 
 def _samples(values: ArrayLike, field: str, unit: str) -> NDArray[np.float64]:
-    given: Any = values
-    own = getattr(given, "attrs", {}).get("units") or str(getattr(given, "units", ""))  # of xarray, of pint
-    factor = to_si(f"1 {own}", unit, field) if own else 1.0
-    try:
-        array = np.array(getattr(given, "magnitude", given), dtype=float) * factor
-    except (TypeError, ValueError):
-        raise QuantityError(f"{field} holds something that is no number (expected {unit})") from None
+    array = array_si(values, unit, field)
     if array.ndim != 1 or not len(array):
         raise QuantityError(f"{field} has the shape {array.shape}: one row of numbers in {unit} is expected")
     bad = np.flatnonzero(~np.isfinite(array))

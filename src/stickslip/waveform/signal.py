@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import registry
 from ..records import quantities, record
-from ..units import QuantityError, to_si, with_prefix
+from ..units import QuantityError, array_si, to_si, with_prefix
 from .drive import Drive, evaluate
 
 T = TypeVar("T")
@@ -42,22 +42,26 @@ class Waveform(Protocol):
 
 
 def value_at(waveform: Waveform, t: ArrayLike) -> NDArray[np.float64]:
-    """u at the times t [s], in an array of their shape; at a jump, the value after it."""
+    """u at the times t [s], in an array of their shape; at a jump, the value after it. Raises QuantityError
+    for what are no finite times."""
     return _evaluated(waveform, t, 0)
 
 
 def slope_at(waveform: Waveform, t: ArrayLike) -> NDArray[np.float64]:
-    """du/dt at the times t [s], in an array of their shape; at a kink, the one after it; a jump has none."""
+    """du/dt at the times t [s], in an array of their shape; at a kink, the one after it; a jump has none.
+    Raises QuantityError as `value_at`."""
     return _evaluated(waveform, t, 1)
 
 
-def breaks_within(waveform: Waveform, duration: float) -> NDArray[np.float64]:
-    """Times in [0, duration), 0 first, where a new formula begins: jumps and kinks are among them."""
-    return waveform.drive(duration).start.copy()
+def breaks_within(waveform: Waveform, duration: float | str) -> NDArray[np.float64]:
+    """Times [s] in [0, duration), 0 first, where a new formula begins: jumps and kinks are among them."""
+    return waveform.drive(to_si(duration, "s", "duration")).start.copy()
 
 
 def _evaluated(waveform: Waveform, t: ArrayLike, which: int) -> NDArray[np.float64]:
-    times = np.asarray(t, dtype=float)
+    times = array_si(t, "s", "t")
+    if not np.all(np.isfinite(times)):
+        raise QuantityError("t [s] must be finite times")
     last = max(float(times.max(initial=0.0)), 0.0)
     table = waveform.drive(last * (1 + 1e-9))  # a little further, for a jump at the last time is wanted too
     return evaluate(table, times)[which].reshape(times.shape)[()]
