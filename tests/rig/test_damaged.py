@@ -94,7 +94,6 @@ def test_where_a_damaged_file_says_that_a_process_is_there_is_none(tmp_path: Pat
     assert _greeted(tmp_path, "a test") is None
 
 
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes have names")
 def test_a_pipe_holds_nobody_up(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "rig.json")
     asked = threading.Thread(target=_greeted, args=(tmp_path, "a test"), daemon=True)
